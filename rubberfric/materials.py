@@ -1,0 +1,134 @@
+"""Materials: the complex Young's modulus E(omega) = E' + i E'' with E'' > 0 for omega > 0.
+
+Contact mechanics uses the reduced modulus E_r = E / (1 - poisson^2).
+"""
+
+import jax.numpy as jnp
+
+from rubberfric._pytree import (
+    NONNEGATIVE,
+    POSITIVE,
+    between,
+    check_increasing,
+    check_lengths,
+    check_values,
+    child,
+    is_concrete,
+    leaf,
+    physical,
+    static,
+)
+
+POISSON = between(0.0, 0.5)
+SHIFTS = ("WLF", "Arrhenius", "TabulatedShift")
+
+
+@physical
+class Rigid:
+    """A solid that does not deform: compliance M = 0, and nothing of it is traced."""
+
+
+@physical
+class Elastic:
+    """Elastic solid, E(omega) = young.
+
+    Parameters
+    ----------
+    young : Young's modulus [Pa], > 0
+    poisson : Poisson's ratio [-], 0 ... 0.5
+    """
+
+    young: float = leaf(POSITIVE)
+    poisson: float = leaf(POISSON)
+
+
+@physical
+class Prony:
+    r"""Viscoelastic solid as a Prony series (generalised Maxwell model).
+
+    .. math:: E(\omega) = E_\infty + \sum_i E_i \frac{i\omega\tau_i}{1 + i\omega\tau_i}
+
+    Parameters
+    ----------
+    E_inf : relaxed modulus [Pa], >= 0 (0: a liquid)
+    E : relaxing moduli [Pa], >= 0, shape (n,), n >= 1
+    tau : relaxation times [s], > 0, any order, equal ones allowed, shape (n,)
+    poisson : Poisson's ratio [-], 0 ... 0.5
+    shift : WLF, Arrhenius, TabulatedShift or None
+        how the relaxation times move with temperature: E(omega, T) = E(a_T omega).
+    """
+
+    E_inf: float = leaf(NONNEGATIVE)
+    E: object = leaf(NONNEGATIVE, ndim=1)
+    tau: object = leaf(POSITIVE, ndim=1)
+    poisson: float = leaf(POISSON, default=0.5)
+    shift: object = child(SHIFTS, default=None)
+
+    def _check(self):
+        check_lengths("Prony", E=self.E, tau=self.tau)
+        if self.E.shape[0] < 1:
+            raise ValueError("Prony.E is empty: must have at least 1 term (use Elastic for none)")
+        if is_concrete(self.E_inf) and is_concrete(self.E):
+            rule = ("with all E = 0 the solid has no stiffness; must be > 0 then", lambda x: x > 0)
+            check_values("Prony.E_inf", self.E_inf + jnp.sum(self.E), rule)
+
+
+@physical
+class TabulatedModulus:
+    r"""Viscoelastic solid from a master curve.
+
+    Between the entries ln E' and ln E'' are linear in ln omega. Below the table E'
+    holds its first value, which is E(0) and sets every static term, and E'' falls like
+    omega; above it E' holds its last value and E'' falls like 1/omega.
+
+    Parameters
+    ----------
+    omega : angular frequencies, strictly increasing [rad/s], shape (n,), n >= 2
+    storage, loss : E' and E'' [Pa], > 0, shape (n,)
+    poisson : Poisson's ratio [-], 0 ... 0.5
+    shift : WLF, Arrhenius, TabulatedShift or None
+    outside : "fall" or "hold"
+        "hold" keeps E'' at its end values outside the table, as some programs do; then
+        the friction does not vanish at v = 0+.
+
+    Limits: the angular integrals are done by quadrature (no closed form), and so are
+    slower and good to about 1e-6 instead of rounding.
+    """
+
+    omega: object = leaf(POSITIVE, ndim=1)
+    storage: object = leaf(POSITIVE, ndim=1)
+    loss: object = leaf(POSITIVE, ndim=1)
+    poisson: float = leaf(POISSON, default=0.5)
+    shift: object = child(SHIFTS, default=None)
+    outside: str = static(("fall", "hold"), default="fall")
+
+    def _check(self):
+        check_lengths("TabulatedModulus", omega=self.omega, storage=self.storage, loss=self.loss)
+        if self.omega.shape[0] < 2:
+            raise ValueError(f"TabulatedModulus.omega has {self.omega.shape[0]} entries: must have at least 2")
+        check_increasing("TabulatedModulus.omega", self.omega)
+
+
+VISCOELASTIC = (Prony, TabulatedModulus)
+
+
+def static_modulus(material):
+    """E(omega = 0) [Pa], real."""
+    if isinstance(material, Elastic):
+        return material.young
+    if isinstance(material, Prony):
+        return material.E_inf
+    return material.storage[0]
+
+
+def plane_strain(material):
+    """1 / (1 - poisson^2), written so that poisson -> 1 would keep its digits [-]."""
+    return 1.0 / ((1.0 - material.poisson) * (1.0 + material.poisson))
+
+
+def complex_modulus(material, omega, temperature=None):
+    r"""E(omega, T) [Pa], complex, for omega >= 0 [rad/s]; the definition behind every angular integral.
+
+    For plots, fits of master curves and tests; the contact integrals use closed forms.
+    """
+    raise NotImplementedError
