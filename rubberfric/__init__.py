@@ -1,7 +1,10 @@
 """rubberfric: differentiable rubber friction after Scaraggi and Persson."""
 
+from rubberfric.files import load_scene, save_scene
 from rubberfric.layers import Slab
 from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus, complex_modulus
+from rubberfric.model import Solution, contact_area, friction, separation, solve
+from rubberfric.quadrature import Quadrature
 from rubberfric.scene import Body, Scene
 from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
 from rubberfric.spectra import SelfAffine, TabulatedSpectrum, moment, power_spectrum, rms_slope
@@ -12,15 +15,23 @@ __all__ = [
     "Body",
     "Elastic",
     "Prony",
+    "Quadrature",
     "Rigid",
     "Scene",
     "SelfAffine",
     "Slab",
+    "Solution",
     "TabulatedModulus",
     "TabulatedShift",
     "TabulatedSpectrum",
     "complex_modulus",
+    "contact_area",
+    "friction",
+    "load_scene",
     "moment",
     "power_spectrum",
     "rms_slope",
+    "save_scene",
+    "separation",
+    "solve",
 ]

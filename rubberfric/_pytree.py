@@ -102,8 +102,10 @@ def physical(cls):
             name, value = f"{cls.__name__}.{field.name}", getattr(self, field.name)
             meta = field.metadata
             if "static" in meta:
-                if meta["choices"] is not None and value not in meta["choices"]:
-                    allowed = ", ".join(repr(c) for c in meta["choices"])
+                choices = meta["choices"]
+                # 1 == True, but a static field keeps the type it was declared with.
+                if choices is not None and not any(type(value) is type(c) and value == c for c in choices):
+                    allowed = ", ".join(repr(c) for c in choices)
                     raise ValueError(f"{name} = {_shown(value)}: must be one of {allowed}")
             elif "child" in meta:
                 _check_child(name, value, meta)

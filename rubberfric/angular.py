@@ -1,0 +1,114 @@
+r"""Angular integrals of the series stiffness over the direction of sliding.
+
+For F(omega), omega = q v cos(phi), three means over phi:
+
+    power       <|F|^2>            enters G
+    dissipation <cos(phi) Im F>    enters mu
+    storage     <Re F>             enters u_bar
+
+In closed form for Prony series, by the residues at s = i omega = 1/tau_i: with
+a_i = q v tau_i and r_i = sqrt(1 + a_i^2),
+
+.. math:: \langle|F|^2\rangle = F_\infty^2 + 2\sum_i F_i F(s = 1/\tau_i)\,(1 - 1/r_i)
+.. math:: \langle\cos\varphi\,\mathrm{Im} F\rangle = \sum_i F_i \frac{a_i}{r_i (1 + r_i)},\qquad
+          \langle\mathrm{Re} F\rangle = F_\infty + \sum_i F_i (1 - 1/r_i)
+
+One square root and one division for each node, term and velocity: no angular grid.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from rubberfric.stiffness import Relaxing
+from rubberfric.tabulated import tabulated_means
+
+
+class Means(NamedTuple):
+    """Angular means of F; those not asked for, and a dissipation that is zero, are None."""
+
+    power: jax.Array | None
+    dissipation: jax.Array | None
+    storage: jax.Array | None
+
+
+def angular_means(F, qv, wanted, quadrature):
+    """Means of F for roughness passing at q v.
+
+    Parameters
+    ----------
+    F : Relaxing or Tabulated
+    qv : q v a_T [1/s], shape (points, nodes); negative for reversed sliding
+    wanted : set of "power", "dissipation", "storage"
+    quadrature : Quadrature
+
+    Returns
+    -------
+    Means, arrays of the shape of qv.
+    """
+    if isinstance(F, Relaxing):
+        return _closed_form(F, qv, wanted)
+    return Means(*tabulated_means(F, qv, wanted, quadrature.angle))
+
+
+def static_means(F, wanted):
+    """The same for a stiffness that does not relax (Static): no dissipation."""
+    return Means(F.value**2 if "power" in wanted else None, None, F.value if "storage" in wanted else None)
+
+
+def _closed_form(F, qv, wanted):
+    if F.tau.ndim == 1:
+        # Points and nodes in one long row, terms in front: the sums are matrix products.
+        one, sine = _relaxation(F.tau[:, None] * qv.reshape(-1))
+
+        def total(values, weight):
+            return (weight @ values).reshape(qv.shape)
+    else:
+        one, sine = _relaxation(F.tau.T[:, None, :] * qv)
+
+        def total(values, weight):
+            return jnp.sum(weight.T[:, None, :] * values, 0)
+
+    power = dissipation = storage = None
+    if "power" in wanted:
+        power = F.rest**2 + total(one, 2 * F.weight * _at_own_rates(F))
+    if "dissipation" in wanted:
+        dissipation = total(sine, F.weight)
+    if "storage" in wanted:
+        storage = F.rest + total(one, F.weight)
+    return Means(power, dissipation, storage)
+
+
+@jax.custom_jvp
+def _relaxation(a):
+    """1 - 1/r and a / (r (1 + r)) for r = sqrt(1 + a^2), the first without cancellation."""
+    return _relaxation_parts(a)[:2]
+
+
+@_relaxation.defjvp
+def _relaxation_jvp(primals, tangents):
+    # d(1 - 1/r) = a/r^3 da and d sine = (1/r^3 - 1/(r (1 + r))) da: products only, where
+    # differentiating the expressions themselves would divide and take roots again.
+    one, sine, r, inverse = _relaxation_parts(*primals)
+    cube = (inverse * (1 + r)) ** 3
+    return (one, sine), (primals[0] * cube * tangents[0], (cube - inverse) * tangents[0])
+
+
+def _relaxation_parts(a):
+    # a^2 must not overflow; beyond the bound 1 - 1/r is 1 to the last bit anyway.
+    bound = 1e150 if a.dtype == jnp.float64 else 1e18
+    a = jnp.clip(a, -bound, bound)
+    r = jnp.sqrt(1 + a * a)
+    inverse = 1 / (r * (1 + r))
+    sine = a * inverse
+    return a * sine, sine, r, inverse
+
+
+def _at_own_rates(F):
+    """F(s = 1/tau_i) = F_inf + sum_j F_j tau_j / (tau_i + tau_j), shape of the weights."""
+    tau = F.tau
+    # Ratio first: the product F_j tau_j leaves float32 at relaxation times of 1e30 s.
+    share = 1 / (1 + tau[..., :, None] / tau[..., None, :])
+    rest = F.rest if tau.ndim == 1 else F.rest[:, None]
+    return rest + jnp.sum(share * F.weight[..., None, :], -1)

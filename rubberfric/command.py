@@ -1,0 +1,129 @@
+"""The command `rubberfric`.
+
+Exit status: 0 done; 2 bad input, with one line on stderr and nothing written; 1 the work failed.
+"""
+
+import argparse
+import importlib.metadata
+import importlib.util
+import os
+import sys
+
+import jax
+import numpy as np
+
+from rubberfric._atomic import check_writable
+from rubberfric.files import read_scene_file
+from rubberfric.model import Solution, solve
+from rubberfric.quadrature import Quadrature
+from rubberfric.results import Result, result_shape, save_result
+
+
+def main(argv=None):
+    """Run the command with arguments `argv` (default: those of the process); returns the exit status."""
+    arguments = _parser().parse_args(argv)
+    # The library never does this: the precision of a program is its own choice.
+    jax.config.update("jax_enable_x64", True)
+    try:
+        return arguments.run(arguments)
+    except BrokenPipeError:
+        # The reader of the table went away (| head). Python would complain again at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except ValueError as error:
+        return _complain(error, 2)
+    except (OSError, FloatingPointError) as error:
+        return _complain(error, 1)
+
+
+def run(arguments):
+    """`rubberfric run`: compute a scene file at its conditions."""
+    if arguments.out is not None:
+        check_writable(arguments.out, (".h5",))
+    if arguments.plot is not None:
+        check_writable(arguments.plot, (".png", ".pdf", ".svg"))
+        if importlib.util.find_spec("matplotlib") is None:
+            raise ValueError("--plot needs matplotlib; install it with: pip install 'rubberfric[plot]'")
+    scene, conditions, title = read_scene_file(arguments.scene)
+    if conditions is None:
+        raise ValueError(f"{arguments.scene}: run: is missing; must hold velocity and pressure to compute at")
+    result = Result(scene, conditions, compute(scene, conditions), Quadrature(), title)
+    if arguments.out is not None:
+        save_result(arguments.out, result)
+    if arguments.plot is not None:
+        from rubberfric.plot import save_plot
+
+        save_plot(arguments.plot, result)
+    for line in table(result):
+        print(line)
+    sys.stdout.flush()
+    return 0
+
+
+def compute(scene, conditions):
+    """All quantities at all conditions, NumPy arrays of shape [temperature, pressure, velocity].
+
+    FloatingPointError if one of them is not finite.
+    """
+    velocity, pressure = conditions.velocity[None, None, :], conditions.pressure[None, :, None]
+    temperature = None if conditions.temperature is None else conditions.temperature[:, None, None]
+    solution = jax.jit(solve)(scene, velocity, pressure, temperature)
+    shape = result_shape(conditions)
+    solution = Solution(*(np.broadcast_to(np.asarray(values), shape) for values in solution))
+    for name, values in solution._asdict().items():
+        bad = np.argwhere(~np.isfinite(values))
+        if bad.size:
+            _, j, k = bad[0]
+            v, p = conditions.velocity[k], conditions.pressure[j]
+            raise FloatingPointError(
+                f"{name} = {values[tuple(bad[0])]} at v = {v:g} m/s, p = {p:g} Pa: not finite"
+            )
+    return solution
+
+
+def table(result):
+    """Lines of the printed table: a block for every temperature and pressure."""
+    if result.title:
+        yield result.title
+    for i, j in np.ndindex(result_shape(result.conditions)[:2]):
+        T = result.conditions.temperature
+        at = "" if T is None else f", temperature {T[i]:.6g} K ({T[i] - 273.15:.4g} °C)"
+        yield ""
+        yield f"pressure {result.conditions.pressure[j] / 1e6:.6g} MPa{at}"
+        yield f"{'v [m/s]':>12}  {'A/A0 [-]':>12}  {'mu [-]':>12}  {'u_bar [um]':>12}"
+        columns = (values[i, j] for values in result.solution)
+        for v, area, friction, separation in zip(result.conditions.velocity, *columns, strict=True):
+            yield f"{v:12.4e}  {area:12.5e}  {friction:12.5e}  {1e6 * separation:12.5e}"
+
+
+class _Parser(argparse.ArgumentParser):
+    def error(self, message):
+        """One line, without the usage that argparse puts before it."""
+        self.exit(2, f"{self.prog}: {message}\n")
+
+
+def _parser():
+    parser = _Parser(
+        prog="rubberfric", description="Rubber friction and contact of rough viscoelastic solids."
+    )
+    version = importlib.metadata.version("rubberfric")
+    parser.add_argument("--version", action="version", version=f"rubberfric {version}")
+    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    one = commands.add_parser(
+        "run",
+        help="compute a scene at the conditions in its file",
+        description="Print contact area, friction coefficient and mean separation over velocity.",
+    )
+    one.add_argument(
+        "scene", metavar="SCENE", help="scene file (.toml), or result file (.h5) to compute again"
+    )
+    one.add_argument("--out", metavar="FILE.h5", help="write the result and the scene that made it")
+    one.add_argument("--plot", metavar="FILE.png", help="draw the curves (.png, .pdf or .svg)")
+    one.set_defaults(run=run)
+    return parser
+
+
+def _complain(error, status):
+    text = " ".join(str(error).split())
+    print(f"rubberfric: {text}", file=sys.stderr)
+    return status

@@ -1,0 +1,55 @@
+"""Scene files of either kind: TOML written by hand, HDF5 written by the library."""
+
+from pathlib import Path
+
+from rubberfric._atomic import check_writable
+from rubberfric.results import read_scene_hdf5, write_scene_hdf5
+from rubberfric.scene_toml import read_scene_toml
+
+READERS = {".toml": read_scene_toml, ".h5": read_scene_hdf5}
+
+
+def read_scene_file(path):
+    """Scene, conditions and title of a scene file; see `load_scene`."""
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in READERS:
+        raise ValueError(f"{path}: suffix {suffix!r}: must be {' or '.join(READERS)}")
+    return READERS[suffix](path)
+
+
+def load_scene(path):
+    """Scene of a file, its curves resolved.
+
+    Parameters
+    ----------
+    path : path of a .toml file (see `rubberfric.scene_toml`), or of an .h5 file that
+        `save_scene` or the command wrote: a result file gives the scene that made it.
+
+    Returns
+    -------
+    Scene. From .h5 to the last bit and with the precision it was saved with (float64
+    becomes float32 unless JAX's x64 mode is on).
+
+    Raises
+    ------
+    ValueError
+        one line naming the file, what in it is wrong, and the rule.
+    """
+    return read_scene_file(path).scene
+
+
+def save_scene(path, scene):
+    """Write a scene as an HDF5 file (.h5), whole or not at all; `load_scene` reads it back.
+
+    Raises
+    ------
+    ValueError
+        one line: the suffix is not .h5, the folder is missing, or the scene holds
+        values that its constructors refuse.
+    """
+    check_writable(path, (".h5",))
+    try:
+        write_scene_hdf5(path, scene)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None

@@ -1,0 +1,174 @@
+r"""Radial meshes: where the integrals over t = ln(q / q_start) are evaluated.
+
+Two kinds of nodes. The angular integrals of the stiffness are analytic in ln q, with no
+singularity nearer than i pi/2, whatever the spectra do: they are evaluated at a few
+*angular nodes* and interpolated. The spectra have kinks, and the contact factors P, S,
+Psi fall within ln(q/q0) ~ 1e-18 ... 1 of the wavevector where roughness begins: they are
+evaluated at *contact nodes*, on panels with borders at every kink (the borders move with
+q0, q_r and q1, so gradients are right) and graded towards every beginning, with the map
+t ~ s^2 that removes the t^(-1/2) there. C is exact at the contact nodes: a table with
+many knots costs no evaluation of the stiffness.
+
+Nothing here depends on velocity or pressure: one mesh serves all points of a call.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rubberfric.quadrature import gauss, legendre_transform
+
+
+class Mesh(NamedTuple):
+    """Nodes, spectra at the nodes, and the way from angular to contact nodes."""
+
+    angular_q: jax.Array  # wavevectors of the angular nodes [1/m], (panels, angular_order)
+    q: jax.Array  # of the contact nodes [1/m], (contact panels, order)
+    measure: jax.Array  # dt / d(node coordinate), same shape
+    roughness: tuple  # q^4 C_j at the contact nodes, one array for each spectrum
+    select: jax.Array  # which angular panel serves a contact panel, (contact panels, panels)
+    interpolate: jax.Array  # (contact panels, order, angular_order)
+
+
+def build_mesh(laws, quadrature, graded=True):
+    """Mesh for one or two broken power laws.
+
+    Parameters
+    ----------
+    laws : sequence of BrokenPowerLaw
+    quadrature : Quadrature
+    graded : bool
+        False leaves out the panels graded towards the beginnings; enough for integrals
+        of the spectrum itself, as the contact area needs.
+    """
+    start = jax.lax.stop_gradient(_reduce(jnp.minimum, [law.log_q[0] for law in laws]))
+    kinks = [law.log_q - start for law in laws]
+    # Only kinks carry gradients: the integral does not depend on where the other borders are.
+    fixed_kinks = jax.lax.stop_gradient(kinks)
+    width, uniform = _uniform_borders(laws, fixed_kinks, quadrature.panels)
+    borders = [*kinks, uniform]
+    if graded:
+        fractions = quadrature.ratio ** (-2.0 * np.arange(1, quadrature.graded + 1))
+        total = _reduce(jnp.maximum, [k[-1] for k in fixed_kinks])
+        borders += [jnp.minimum(k[0] + width(k[0]) * fractions, total) for k in fixed_kinks]
+    t = jnp.concatenate(borders)
+    order = jnp.argsort(jax.lax.stop_gradient(t))
+    t = t[order]
+    left, right = t[:-1], t[1:]
+
+    # Position in the sorted list, not comparison of values, says what lies inside what:
+    # borders that coincide (two spectra with equal q1) keep their one-sided derivatives.
+    def passed(begin, end):
+        return jnp.cumsum((order >= begin) & (order < end))[:-1]
+
+    offsets = np.cumsum([0] + [k.shape[0] for k in kinks])
+    pieces = [passed(int(a), int(b)) - 1 for a, b in zip(offsets[:-1], offsets[1:], strict=True)]
+    origin = _origin(fixed_kinks, pieces)
+    relative, stretch = _node_map(left, right, origin, quadrature.order)
+    nodes = left[:, None] + (right - left)[:, None] * relative
+    measure = (right - left)[:, None] * stretch
+
+    first_uniform = int(offsets[-1])
+    group = quadrature.group
+    is_angular = jnp.zeros(t.shape[0], bool)
+    positions = np.arange(group - 1, quadrature.panels - 1, group)
+    for position in positions:
+        is_angular = is_angular | (order == first_uniform + int(position))
+    panel = jnp.cumsum(is_angular)[:-1]
+    end = jax.lax.stop_gradient(t[-1:])
+    edges = jnp.concatenate([jnp.zeros_like(end), uniform[positions], end])
+    angular_nodes = edges[:-1, None] + jnp.diff(edges)[:, None] * gauss(quadrature.angular_order)[0]
+
+    return Mesh(
+        angular_q=jnp.exp(start + angular_nodes),
+        q=jnp.exp(start + nodes),
+        measure=measure,
+        roughness=tuple(
+            _roughness(law, kink, piece, nodes, start)
+            for law, kink, piece in zip(laws, kinks, pieces, strict=True)
+        ),
+        select=(panel[:, None] == np.arange(len(positions) + 1)).astype(t.dtype),
+        interpolate=_interpolation(nodes, edges[panel], edges[panel + 1], quadrature.angular_order),
+    )
+
+
+def _reduce(function, values):
+    result = values[0]
+    for value in values[1:]:
+        result = function(result, value)
+    return result
+
+
+def _uniform_borders(laws, kinks, panels):
+    """Borders that share out the range, closer where the roughness rises steeply.
+
+    On the plateau G ~ q^4, so that P may switch within a quarter of e-fold; a piece
+    counts 1 + 3/4 of its exponent of q^2 C (2 on the plateau), at most 2.5.
+    """
+    knots = jnp.sort(jnp.concatenate(kinks))
+    middle = 0.5 * (knots[:-1] + knots[1:])
+    weight = jnp.ones_like(middle)
+    for law, kink in zip(laws, kinks, strict=True):
+        piece = jnp.searchsorted(kink, middle, side="right") - 1
+        inside = (piece >= 0) & (piece < law.exponent.shape[0])
+        exponent = jax.lax.stop_gradient(law.exponent)[jnp.clip(piece, 0, law.exponent.shape[0] - 1)]
+        weight = weight + jnp.where(inside, 0.75 * jnp.clip(exponent, 0.0, 2.0), 0.0)
+    share = jnp.concatenate([jnp.zeros_like(knots[:1]), jnp.cumsum(weight * jnp.diff(knots))])
+    step = share[-1] / panels
+    uniform = jnp.interp(step * np.arange(1, panels), share, knots)
+
+    def width(begin):
+        return jnp.interp(jnp.interp(begin, knots, share) + step, share, knots) - begin
+
+    return width, uniform
+
+
+def _origin(kinks, pieces):
+    """Where the roughness that matters in a panel began (the later spectrum, once it has)."""
+    if len(kinks) == 1:
+        return kinks[0][0]
+    later = jnp.maximum(kinks[0][0], kinks[1][0])
+    both = (pieces[0] >= 0) & (pieces[1] >= 0)
+    return jnp.where(both, later, 0.0)
+
+
+def _node_map(left, right, origin, order):
+    """Nodes in a panel as fractions of its width, and d fraction / d node coordinate.
+
+    Uniform in s = sqrt(t - origin), in which the integrands are smooth; in the panel at
+    the origin, where u_bar goes like s ln s, uniform in sqrt(s).
+    """
+    node = gauss(order)[0]
+    left, right = jax.lax.stop_gradient((left, right))
+    span = right - origin
+    # A panel of no width at the origin has 0/0 here; any map will do for it.
+    ratio = jnp.sqrt(jnp.maximum(left - origin, 0.0) / jnp.where(span > 0, span, 1.0))[:, None]
+    first = (left <= origin)[:, None]
+    relative = jnp.where(first, node**4, node * (2 * ratio + (1 - ratio) * node) / (1 + ratio))
+    stretch = jnp.where(first, 4 * node**3, 2 * (ratio + (1 - ratio) * node) / (1 + ratio))
+    return relative, stretch
+
+
+def _roughness(law, kink, piece, nodes, start):
+    """q^4 C at the contact nodes; zero in panels outside the spectrum."""
+    count = law.exponent.shape[0]
+    inside = (piece >= 0) & (piece < count)
+    piece = jnp.clip(piece, 0, count - 1)
+    distance = nodes - kink[piece][:, None]
+    # Outside, the distance is set to zero first: a power law continued far may overflow.
+    distance = jnp.where(inside[:, None], distance, 0.0)
+    log_value = law.log_value[piece][:, None] + law.exponent[piece][:, None] * distance
+    value = law.height2 * jnp.exp(log_value + 2 * (start + nodes))
+    return jnp.where(inside[:, None], value, 0.0)
+
+
+def _interpolation(nodes, left, right, order):
+    """Lagrange basis of the angular nodes at the contact nodes, through Legendre polynomials."""
+    width = (right - left)[:, None]
+    x = 2 * (nodes - left[:, None]) / jnp.where(width > 0, width, 1.0) - 1
+    basis = [jnp.ones_like(x), x]
+    for n in range(1, order - 1):
+        basis.append(((2 * n + 1) * x * basis[n] - n * basis[n - 1]) / (n + 1))
+    return jnp.stack(basis, -1) @ jnp.asarray(legendre_transform(order), x.dtype)

@@ -1,0 +1,93 @@
+"""Accuracy settings, and node tables built once on the host in float64 NumPy."""
+
+import dataclasses
+import functools
+
+import jax
+import numpy as np
+from numpy.polynomial import chebyshev, legendre
+
+
+@jax.tree_util.register_static
+@dataclasses.dataclass(frozen=True)
+class Quadrature:
+    """Accuracy knobs of the forward model; static: each new setting compiles anew.
+
+    The defaults meet 1e-9 for area, friction and separation.
+
+    Parameters
+    ----------
+    order : int, 4 ... 64
+        Gauss nodes of a contact panel, where P, S and Psi are evaluated.
+    panels : int, 2 ... 200
+        contact panels over ln(q1/q0), before those added at kinks and at the grading.
+    graded : int, 0 ... 40
+        extra panels towards every wavevector where roughness begins: P falls from 1
+        there within ln(q/q0) ~ 1e-4 at tyre pressures and 1e-18 at light loads.
+    ratio : float, > 1
+        neighbouring graded panels shrink by ratio^2 in ln(q/q0).
+    angular_order : int, 4 ... 64
+        nodes of an angular panel, where the angular integrals of the stiffness are evaluated.
+    group : int, >= 1
+        contact panels that share one angular panel.
+    angle : int, 24 ... 1200
+        nodes of the angular integral over a TabulatedModulus (Prony solids need none).
+    """
+
+    order: int = 12
+    panels: int = 12
+    graded: int = 8
+    ratio: float = 4.5
+    angular_order: int = 14
+    group: int = 1
+    angle: int = 192
+
+    def __post_init__(self):
+        limits = {
+            "order": (4, 64),
+            "panels": (2, 200),
+            "graded": (0, 40),
+            "angular_order": (4, 64),
+            "group": (1, 200),
+            "angle": (24, 1200),
+        }
+        for name, (low, high) in limits.items():
+            value = getattr(self, name)
+            if not isinstance(value, int) or isinstance(value, bool) or not low <= value <= high:
+                raise ValueError(f"Quadrature.{name} = {value!r}: must be an integer, {low} to {high}")
+        if not (isinstance(self.ratio, int | float) and 1 < self.ratio < 1e6):
+            raise ValueError(f"Quadrature.ratio = {self.ratio!r}: must be between 1 and 1e6")
+
+
+@functools.cache
+def gauss(order):
+    """Gauss-Legendre nodes and weights on [0, 1]; read-only arrays, shape (order,)."""
+    x, w = legendre.leggauss(order)
+    return _frozen(0.5 * (x + 1)), _frozen(0.5 * w)
+
+
+@functools.cache
+def legendre_transform(order):
+    """Matrix from values at the Gauss nodes to Legendre coefficients, exact to degree order - 1."""
+    x, w = legendre.leggauss(order)
+    basis = legendre.legvander(x, order - 1)
+    return _frozen((2 * np.arange(order)[:, None] + 1) / 2 * basis.T * w)
+
+
+@functools.cache
+def cumulative(order):
+    """Matrix B with int_0^x_k f = sum_i B[k, i] f(x_i) on [0, 1] at the Gauss nodes."""
+    x, _ = legendre.leggauss(order)
+    integrals = np.stack([legendre.legval(x, legendre.legint(unit, lbnd=-1)) for unit in np.eye(order)], -1)
+    return _frozen(0.5 * integrals @ legendre_transform(order))
+
+
+def chebyshev_fit(function, low, high, degree):
+    """Monomial coefficients (ascending, in u on [-1, 1]) of the interpolant on [low, high]."""
+    coefficients = chebyshev.chebinterpolate(lambda u: function(0.5 * (high - low) * (u + 1) + low), degree)
+    return _frozen(chebyshev.cheb2poly(coefficients))
+
+
+def _frozen(array):
+    array.setflags(write=False)
+    return array

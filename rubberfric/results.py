@@ -1,0 +1,135 @@
+"""Results in HDF5: what came out, at what conditions, and the whole scene that made it.
+
+A result file is a scene file (`rubberfric.scene_hdf5`) with these datasets beside /scene,
+each with the attribute units:
+
+    velocity [m/s]  pressure [Pa]  temperature [K]      one-dimensional; temperature may be missing
+    area [-]  friction [-]  separation [m]              shape [temperature, pressure, velocity]
+
+the group /quadrature, whose attributes are the accuracy settings, and the attribute title.
+"""
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+
+from rubberfric._atomic import replacing
+from rubberfric.conditions import Conditions, SceneFile, check_conditions
+from rubberfric.model import Solution
+from rubberfric.quadrature import Quadrature
+from rubberfric.scene import Scene
+from rubberfric.scene_hdf5 import (
+    check_names,
+    creating,
+    plain,
+    read_object,
+    read_values,
+    reading,
+    write_object,
+    write_values,
+)
+
+CONDITIONS = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}
+QUANTITIES = {"area": "-", "friction": "-", "separation": "m"}
+DIMENSIONS = ("temperature", "pressure", "velocity")
+
+
+class Result(NamedTuple):
+    """Everything a result file holds."""
+
+    scene: Scene
+    conditions: Conditions
+    solution: Solution
+    quadrature: Quadrature
+    title: str = ""
+
+
+def save_result(path, result):
+    """Write a result file, whole or not at all."""
+    with replacing(path) as temporary, creating(temporary) as file:
+        file.attrs["title"] = result.title
+        write_object(file, "scene", result.scene)
+        for name, units in CONDITIONS.items():
+            values = getattr(result.conditions, name)
+            if values is not None:
+                write_values(file, name, values, units)
+        shape = result_shape(result.conditions)
+        for name, units in QUANTITIES.items():
+            values = getattr(result.solution, name)
+            if values is not None:
+                data = write_values(file, name, np.broadcast_to(values, shape), units)
+                for axis, dimension in enumerate(DIMENSIONS):
+                    data.dims[axis].label = dimension
+        group = file.create_group("quadrature")
+        for field in dataclasses.fields(Quadrature):
+            group.attrs[field.name] = getattr(result.quadrature, field.name)
+
+
+def load_result(path):
+    """What a result file holds: a `Result`, its arrays NumPy arrays. ValueError if it is none."""
+    with reading(path) as file:
+        scene, conditions, title = _read_scene(file)
+        if conditions is None:
+            raise ValueError("has a scene but no results; must be a result file")
+        shape = result_shape(conditions)
+        values = {name: read_values(file, name, QUANTITIES[name]) for name in QUANTITIES if name in file}
+        for name, array in values.items():
+            if np.shape(array) != shape:
+                raise ValueError(
+                    f"/{name} has shape {np.shape(array)}: must be {shape}, [{', '.join(DIMENSIONS)}]"
+                )
+        if "quadrature" not in file:
+            raise ValueError("/quadrature: is missing; must be a group")
+        quadrature = _read_quadrature(file["quadrature"])
+    return Result(scene, conditions, Solution(**values), quadrature, title)
+
+
+def read_scene_hdf5(path):
+    """Scene, conditions and title of a scene file or a result file."""
+    with reading(path) as file:
+        return _read_scene(file)
+
+
+def write_scene_hdf5(path, scene):
+    """Write a scene file, whole or not at all."""
+    with replacing(path) as temporary, creating(temporary) as file:
+        write_object(file, "scene", scene)
+
+
+def result_shape(conditions):
+    """Shape of the results: [temperature, pressure, velocity], one temperature if there is none."""
+    temperatures = 1 if conditions.temperature is None else conditions.temperature.size
+    return temperatures, conditions.pressure.size, conditions.velocity.size
+
+
+def _read_quadrature(group):
+    names = [field.name for field in dataclasses.fields(Quadrature)]
+    check_names(group, (), names)
+    for name in names:
+        if name not in group.attrs:
+            raise ValueError(f"{group.name}: attribute {name} is missing; must be given")
+    return Quadrature(**{name: plain(group.attrs[name]) for name in names})
+
+
+def _read_scene(file):
+    check_names(
+        file,
+        ("scene", *CONDITIONS, *QUANTITIES, "quadrature"),
+        ("format", "format_version", "rubberfric_version", "title"),
+    )
+    if "scene" not in file:
+        raise ValueError("/scene: is missing; must be a group")
+    scene = read_object(file["scene"])
+    if not isinstance(scene, Scene):
+        raise ValueError(f"/scene: kind = {type(scene).__name__!r}: must be 'Scene'")
+    title = str(file.attrs.get("title", ""))
+    if not any(name in file for name in CONDITIONS):
+        return SceneFile(scene, None, title)
+    values = {name: read_values(file, name, units) for name, units in CONDITIONS.items() if name in file}
+    conditions = Conditions(**dict.fromkeys(CONDITIONS) | values)
+    for name in ("velocity", "pressure"):
+        if name not in values:
+            raise ValueError(f"/{name}: is missing; must be given")
+    check_conditions("/", conditions, scene)
+    return SceneFile(scene, conditions, title)

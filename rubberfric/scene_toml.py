@@ -1,0 +1,159 @@
+"""Scene files written by hand: TOML, SI units, curves as CSV files beside it.
+
+::
+
+    title = "..."                       # optional
+    gamma = 0.5                         # optional, as area_correction
+
+    [lower]                             # solid 1
+    material = { kind = "rigid" }
+    [lower.spectrum]
+    kind = "self_affine"                # q0, qr, q1 [1/m], hurst, and h_rms [m] or C0 [m^4]
+    ...
+
+    [upper]                             # solid 2, slides over solid 1
+    [upper.material]
+    kind = "tabulated"                  # or "elastic", "prony": the fields of the class
+    file = "master_curve.csv"           # omega or f, E_stor, E_loss; relative to this file
+    shift = { kind = "wlf", C1 = 8.86, C2 = 101.6, T_ref = 293.15 }
+    [upper.layer]                       # optional: thickness [m], base
+    ...
+
+    [run]                               # for the command, see `rubberfric.conditions`
+
+Keys are the fields of the classes, except those of `CURVES`, which come from a CSV file.
+"""
+
+import dataclasses
+import math
+from pathlib import Path
+
+from rubberfric._toml import check_keys, join, number, read_toml, shown
+from rubberfric.conditions import SceneFile, read_conditions
+from rubberfric.layers import Slab
+from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus
+from rubberfric.scene import Body, Scene
+from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
+from rubberfric.spectra import SelfAffine, TabulatedSpectrum
+from rubberfric.tables import closest, read_table
+
+# Class of the object that a field holds: by its key `kind`, or without one if there is no choice.
+KINDS = {
+    "lower": Body,
+    "upper": Body,
+    "material": {"rigid": Rigid, "elastic": Elastic, "prony": Prony, "tabulated": TabulatedModulus},
+    "shift": {"wlf": WLF, "arrhenius": Arrhenius, "table": TabulatedShift},
+    "spectrum": {"self_affine": SelfAffine, "tabulated": TabulatedSpectrum},
+    "layer": Slab,
+}
+
+# Fields that come from columns of a CSV file, named by the key `file`.
+CURVES = {
+    TabulatedModulus: {"omega": "omega", "storage": "E_stor", "loss": "E_loss"},
+    TabulatedShift: {"T": "T", "aT": "aT"},
+    TabulatedSpectrum: {"q": "q", "C": "C"},
+}
+
+# Keys that are no fields.
+EXTRA = {
+    SelfAffine: ("C0",),
+    TabulatedModulus: ("file",),
+    TabulatedShift: ("file",),
+    TabulatedSpectrum: ("file", "normalisation"),
+}
+
+# What the column C of a file is multiplied by.
+NORMALISATIONS = {"C": 1.0, "C_iso": 1 / (4 * math.pi**2)}
+_NORMALISATION_RULE = (
+    'must be "C" (h_rms^2 = 2 pi int q C dq) or "C_iso" (contact.engineering, 4 pi^2 times that); '
+    "one-dimensional spectra are not converted"
+)
+
+
+def read_scene_toml(path):
+    """Scene, conditions and title of a TOML file.
+
+    Raises
+    ------
+    ValueError
+        one line naming the file, the key, its value and the rule it breaks.
+    """
+    path = Path(path)
+    content = read_toml(path)
+    check_keys(path, "", content, ("title", *_fields(Scene), "run"))
+    title = content.pop("title", "")
+    if not isinstance(title, str) or not title.isprintable():
+        raise ValueError(f"{path}: title = {shown(title)}: must be one line of text")
+    run = content.pop("run", None)
+    scene = _build(path, "", Scene, content)
+    return SceneFile(scene, None if run is None else read_conditions(path, run, scene), title)
+
+
+def _fields(cls):
+    return {field.name: field for field in dataclasses.fields(cls)}
+
+
+def _build(path, key, cls, content):
+    """An object of class `cls` from the TOML table at `key`, "" being the file."""
+    fields, curves, extra = _fields(cls), CURVES.get(cls, {}), EXTRA.get(cls, ())
+    from_C0 = cls is SelfAffine and "C0" in content
+    if from_C0 and "h_rms" in content:
+        raise ValueError(f"{path}: {key}.C0 = {shown(content['C0'])}: must not stand beside h_rms")
+    given = {name for name in extra if name != "C0"} | set(curves) | ({"h_rms"} if from_C0 else set())
+    needed = [n for n, f in fields.items() if f.default is dataclasses.MISSING and n not in given]
+    check_keys(path, key, content, (*(n for n in fields if n not in curves), *extra), needed)
+    values = _read_curves(path, key, content, curves) if curves else {}
+    for name, value in content.items():
+        below = join(key, name)
+        if name == "C0":
+            values[name] = number(path, below, value)
+        elif name in extra:
+            continue
+        elif "child" in fields[name].metadata:
+            values[name] = _build_child(path, below, name, value)
+        elif "static" in fields[name].metadata:
+            values[name] = value
+        else:
+            values[name] = number(path, below, value)
+    try:
+        return (SelfAffine.from_C0 if from_C0 else cls)(**values)
+    except ValueError as error:
+        raise ValueError(f"{path}: {f'{key}: ' if key else ''}{error}") from None
+
+
+def _build_child(path, key, name, content):
+    """The object that field `name` holds, of the class that its `kind` says."""
+    kinds = KINDS.get(name)
+    if kinds is None:
+        raise ValueError(f"{path}: {key} = {shown(content)}: is reserved; must be absent")
+    if not isinstance(kinds, dict):
+        check_keys(path, key, content, content)
+        return _build(path, key, kinds, content)
+    check_keys(path, key, content, content, needed=("kind",))
+    kind = content["kind"]
+    if not isinstance(kind, str) or kind not in kinds:
+        raise ValueError(f"{path}: {key}.kind = {shown(kind)}: {closest(kind, tuple(kinds))}")
+    return _build(path, key, kinds[kind], {k: v for k, v in content.items() if k != "kind"})
+
+
+def _read_curves(path, key, content, curves):
+    """Fields of a tabulated class from its CSV file."""
+    name = content.get("file")
+    if not isinstance(name, str):
+        value = "is missing" if name is None else f"= {shown(name)}"
+        raise ValueError(f"{path}: {key}.file {value}: must be the name of a CSV file")
+    scale = 1.0
+    if "C" in curves:
+        normalisation = content.get("normalisation")
+        if not isinstance(normalisation, str) or normalisation not in NORMALISATIONS:
+            value = "is missing" if normalisation is None else f"= {shown(normalisation)}"
+            raise ValueError(f"{path}: {key}.normalisation {value}: {_NORMALISATION_RULE}")
+        scale = NORMALISATIONS[normalisation]
+    file = path.parent / name
+    try:
+        table = read_table(file, tuple(curves.values()))
+    except ValueError as error:
+        raise ValueError(
+            str(error) if file.is_file() else f"{path}: {key}.file = {name!r}: {error}"
+        ) from None
+    return {field: table[column] * (scale if column == "C" else 1.0) for field, column in curves.items()}

@@ -1,0 +1,118 @@
+r"""Series stiffness K_j of the two solids, as roughness on solid j sees it.
+
+Roughness on solid j excites the other solid o at omega = q v cos(phi) and its own solid
+statically, so that [Scaraggi & Persson, (A6), (A8)]
+
+.. math:: K_j(q, \omega) = \frac{1}{M_o(q, \omega) + M_j(q, 0)},\qquad M = \frac{2}{q E_r \bar S}
+
+Everything here is about two bodies and wavevectors; velocity enters later. K_j is kept
+as (q/2) * scale * factor * F with a modulus scale common to the scene [Pa], a real
+factor (a layer's Sbar) known at every q, and F of order one: a constant, a Prony series
+(a Prony solid in series with a spring is one again) or a tabulated modulus.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from rubberfric.layers import stiffening
+from rubberfric.materials import VISCOELASTIC, Elastic, Prony, Rigid, plane_strain, static_modulus
+from rubberfric.series import in_series
+
+
+class Static(NamedTuple):
+    """F constant in omega: nothing relaxes."""
+
+    value: jax.Array  # [-]
+
+
+class Relaxing(NamedTuple):
+    """F(s) = rest + sum_i weight_i s tau_i / (1 + s tau_i), per angular node or for all of them."""
+
+    rest: jax.Array  # [-], shape () or (nodes,)
+    weight: jax.Array  # [-], shape (n,) or (nodes, n)
+    tau: jax.Array  # [s], same shape
+
+
+class Tabulated(NamedTuple):
+    """F = f k / (f + k) with the tabulated f(omega) = scaled E_r and a spring k (None: rigid)."""
+
+    material: object
+    scale: jax.Array  # f = scale * E [1/Pa]
+    spring: jax.Array | None  # [-], shape () or (nodes,)
+
+
+def modulus_scale(scene):
+    """A modulus that makes every F of order one or less [Pa]: the softer solid's stiffest value.
+
+    A unit only: results do not depend on it, so no gradient goes through it.
+    """
+    highest = [_highest(body.material) for body in (scene.lower, scene.upper)]
+    highest = [h for h in highest if h is not None]
+    scale = highest[0] if len(highest) == 1 else jnp.minimum(*highest)
+    # All moduli can be zero under jit, past the constructor's check: then nothing is stiff.
+    return jax.lax.stop_gradient(jnp.where(scale > 0, scale, 1.0))
+
+
+def _highest(material):
+    if isinstance(material, Rigid):
+        return None
+    if isinstance(material, Elastic):
+        glassy = material.young
+    elif isinstance(material, Prony):
+        glassy = material.E_inf + jnp.sum(material.E)
+    else:
+        glassy = jnp.max(material.storage)
+    return glassy * plane_strain(material)
+
+
+def series_stiffness(rough, other, scale, q):
+    """F and factor of K_j for roughness on `rough`, facing `other`.
+
+    Parameters
+    ----------
+    rough, other : Body
+    scale : modulus scale [Pa]
+    q : (angular nodes, contact nodes) [1/m], any shapes
+
+    Returns
+    -------
+    (F, factor) : F is Static, Relaxing or Tabulated; factor is None (1) or Sbar at the contact nodes.
+    """
+    angular_q, contact_q = q
+    if not isinstance(other.material, VISCOELASTIC):
+        return _static(rough, other, scale, contact_q), None
+    factor = None
+    if other.layer is not None:
+        factor = stiffening(other.layer, other.material.poisson, contact_q)
+    spring = None
+    if not isinstance(rough.material, Rigid):
+        spring = static_modulus(rough.material) * plane_strain(rough.material) / scale
+        if rough.layer is not None or other.layer is not None:
+            spring = spring * _layer(rough, angular_q) / _layer(other, angular_q)
+    unit = plane_strain(other.material) / scale
+    if not isinstance(other.material, Prony):
+        return Tabulated(other.material, unit, spring), factor
+    series = Relaxing(other.material.E_inf * unit, other.material.E * unit, other.material.tau)
+    if spring is not None:
+        series = Relaxing(*in_series(*series, spring))
+    return series, factor
+
+
+def _layer(body, q):
+    return 1.0 if body.layer is None else stiffening(body.layer, body.material.poisson, q)
+
+
+def _static(rough, other, scale, q):
+    """Two springs in series: neither solid's relaxation is excited."""
+    springs = [
+        static_modulus(body.material) * plane_strain(body.material) / scale * _layer(body, q)
+        for body in (rough, other)
+        if not isinstance(body.material, Rigid)
+    ]
+    if len(springs) == 1:
+        return Static(springs[0])
+    soft, hard = jnp.minimum(*springs), jnp.maximum(*springs)
+    # Written as soft / (1 + soft/hard): no product that overflows, and 0 for two liquids.
+    return Static(soft / (1 + soft / jnp.where(hard > 0, hard, 1.0)))

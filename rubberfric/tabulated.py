@@ -1,0 +1,112 @@
+r"""Tabulated moduli: E(omega) between and beyond the entries, and its angular means.
+
+No closed form here. With cos(phi) = sin(psi), psi = (pi/2) e^-y the structure of E at
+cos(phi) ~ omega_i / (q v), whatever decade that is in, becomes structure in y, and
+
+.. math:: \langle h\rangle = \frac{2}{\pi}\int_0^\infty h(q v \sin\psi)\,\psi\,dy
+
+is done by Gauss panels in y. For a half-space the means depend on q v alone: they are
+tabulated once over ln(q v) and interpolated for every node and velocity.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rubberfric.quadrature import gauss
+
+# Panels in y; short ones first, where the weight psi is: e^-25 of the circle is left out.
+_EDGES = np.array([0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0, 11.0, 25.0])
+
+# Entries of the table over ln(q v), for one node of the angular integral.
+_ENTRIES_PER_NODE = 4
+
+
+def interpolated_modulus(material, log_omega):
+    """E' and E'' [Pa] at ln omega, by the rules in TabulatedModulus's docstring."""
+    knots = jnp.log(material.omega)
+    inside = jnp.clip(log_omega, knots[0], knots[-1])
+    piece = jnp.clip(jnp.searchsorted(knots, inside, side="right") - 1, 0, knots.shape[0] - 2)
+    share = (inside - knots[piece]) / (knots[piece + 1] - knots[piece])
+
+    def between(values):
+        log = jnp.log(values)
+        return log[piece] + share * (log[piece + 1] - log[piece])
+
+    log_loss = between(material.loss)
+    beyond = jnp.abs(log_omega - inside)
+    if material.outside == "fall":
+        log_loss = log_loss - beyond
+    loss = jnp.exp(log_loss)
+    if material.outside == "none":
+        loss = jnp.where(beyond > 0, 0.0, loss)
+    return jnp.exp(between(material.storage)), loss
+
+
+def tabulated_means(F, qv, wanted, angle):
+    """(power, dissipation, storage) of a Tabulated stiffness, as `angular.angular_means`."""
+    # Far below the table F is its static value and Im F is linear in q v: the means are
+    # taken at the floor and the dissipation scaled, so that v = 0 keeps its derivative.
+    floor = jnp.log(F.material.omega[0]) - np.log(1e9)
+    tiny = jnp.finfo(qv.dtype).tiny
+    log_qv = jnp.maximum(jnp.log(jnp.maximum(jnp.abs(qv), tiny)), floor)
+    if F.spring is not None and F.spring.ndim:
+        means = _direct(F, log_qv, wanted, angle)
+    else:
+        means = _by_table(F, log_qv, wanted, angle)
+    power, dissipation, storage = means
+    if dissipation is not None:
+        dissipation = dissipation * (qv * jnp.exp(-log_qv))
+        if F.material.outside == "hold":  # E'' does not vanish at v = 0+: only the sign is left
+            dissipation = means[1] * jnp.sign(qv)
+    return power, dissipation, storage
+
+
+def _direct(F, log_qv, wanted, angle):
+    """Means at every node by its own angular integral; spring of shape () or (nodes,)."""
+    order = max(2, angle // (len(_EDGES) - 1))
+    node, weight = gauss(order)
+    y = (_EDGES[:-1, None] + np.diff(_EDGES)[:, None] * node).ravel()
+    psi = 0.5 * np.pi * np.exp(-y)
+    weight = (np.diff(_EDGES)[:, None] * weight).ravel() * psi * (2 / np.pi)
+    weight, sine = (jnp.asarray(x, log_qv.dtype) for x in (weight / weight.sum(), np.sin(psi)))
+    storage, loss = interpolated_modulus(F.material, log_qv[..., None] + jnp.log(sine))
+    storage, loss = F.scale * storage, F.scale * loss
+    power = storage**2 + loss**2
+    if F.spring is not None:
+        # F = f k / (f + k), by parts.
+        spring = F.spring[..., None]
+        ratio = spring**2 / ((storage + spring) ** 2 + loss**2)
+        storage = ratio * (storage + power / spring)
+        power, loss = ratio * power, ratio * loss
+    return (
+        power @ weight if "power" in wanted else None,
+        (loss * sine) @ weight if "dissipation" in wanted else None,
+        storage @ weight if "storage" in wanted else None,
+    )
+
+
+def _by_table(F, log_qv, wanted, angle):
+    """Means over a uniform grid of ln(q v), cubic between its entries."""
+    count = _ENTRIES_PER_NODE * angle
+    low, high = (jax.lax.stop_gradient(f(log_qv)) for f in (jnp.min, jnp.max))
+    step = jnp.maximum(high - low, 1e-3) / (count - 3)
+    grid = low + step * (np.arange(count) - 1)
+    table = _direct(F, grid, wanted, angle)
+    position = (log_qv - grid[0]) / step
+    index = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)).astype(int), 1, count - 3)
+    t = position - index
+    # Lagrange weights of the entries at -1, 0, 1, 2.
+    weights = (
+        -t * (t - 1) * (t - 2) / 6,
+        (t + 1) * (t - 1) * (t - 2) / 2,
+        -(t + 1) * t * (t - 2) / 2,
+        (t + 1) * t * (t - 1) / 6,
+    )
+
+    def interpolate(values):
+        if values is None:
+            return None
+        return sum(w * values[index + k - 1] for k, w in enumerate(weights))
+
+    return tuple(interpolate(values) for values in table)

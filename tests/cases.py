@@ -1,0 +1,106 @@
+"""Reference scenes as library objects, and the jitted functions that the test modules share."""
+
+import functools
+import json
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import rubberfric as rf
+
+FOLDER = Path(__file__).parent / "reference"
+QUANTITIES = ("area", "friction", "separation")
+
+
+@functools.cache
+def reference(name):
+    """The scenes of reference/<name>.json by their names."""
+    scenes = json.loads((FOLDER / f"{name}.json").read_text())
+    return {scene["name"]: scene for scene in scenes}
+
+
+def scene(case):
+    """The rf.Scene of a case."""
+    lower, upper = (
+        rf.Body(_material(case[solid]), _spectrum(case[psd]), _layer(case[solid]))
+        for solid, psd in (("solid1", "psd1"), ("solid2", "psd2"))
+    )
+    return rf.Scene(lower, upper, case["gamma"], area_correction=case.get("area_correction", False))
+
+
+def as_arrays(tree, dtype=float):
+    return jax.tree.map(lambda x: jnp.asarray(x, dtype), tree)
+
+
+def arguments(case, dtype=float):
+    """Arguments of `rf.solve` for a case, all leaves arrays."""
+    temperature = case.get("temperature")
+    rest = (
+        (case["v"], case["pressure"]) if temperature is None else (case["v"], case["pressure"], temperature)
+    )
+    return as_arrays((scene(case), *rest), dtype)
+
+
+def quantities(arguments):
+    """Area, friction and separation as one array."""
+    return jnp.stack(rf.solve(*arguments))
+
+
+# Compiled once for every structure of scene that the test modules share.
+value = jax.jit(quantities)
+
+
+@jax.jit
+def reverse(arguments):
+    """Values, and their Jacobian by reverse mode."""
+    return quantities(arguments), jax.jacrev(quantities)(arguments)
+
+
+def h_rms(case):
+    """Root of the summed squares of both rms heights: the length a separation is small against."""
+    total = 0.0
+    for psd in (case["psd1"], case["psd2"]):
+        if psd is not None and "h_rms" in psd:
+            total += psd["h_rms"] ** 2
+        elif psd is not None:
+            total += float(rf.moment(_spectrum(psd), 0))
+    return np.sqrt(total)
+
+
+def paths(tree):
+    """Names of the leaves, in the order of flattening."""
+    return [jax.tree_util.keystr(path) for path, _ in jax.tree_util.tree_flatten_with_path(tree)[0]]
+
+
+def _material(data):
+    kind, shift = data["kind"], _shift(data.get("shift"))
+    if kind == "rigid":
+        return rf.Rigid()
+    if kind == "elastic":
+        return rf.Elastic(data["E"], data["nu"])
+    if kind == "prony":
+        return rf.Prony(data["E_inf"], data["E"], data["tau"], data["nu"], shift)
+    table = (np.array(data[name]) for name in ("omega", "storage", "loss"))
+    return rf.TabulatedModulus(*table, data["nu"], shift, data.get("outside", "fall"))
+
+
+def _shift(data):
+    if data is None:
+        return None
+    kinds = {"wlf": rf.WLF, "arrhenius": rf.Arrhenius, "table": rf.TabulatedShift}
+    return kinds[data["kind"]](**{name: value for name, value in data.items() if name != "kind"})
+
+
+def _spectrum(data):
+    if data is None:
+        return None
+    if "C" in data:
+        return rf.TabulatedSpectrum(np.array(data["q"]), np.array(data["C"]))
+    return rf.SelfAffine(data["q0"], data["qr"], data["q1"], data["H"], data["h_rms"])
+
+
+def _layer(data):
+    thickness = data.get("thickness")
+    return None if thickness is None else rf.Slab(thickness, data.get("base", "bonded"))

@@ -1,0 +1,5 @@
+"""Settings of all tests: double precision."""
+
+import jax
+
+jax.config.update("jax_enable_x64", True)
