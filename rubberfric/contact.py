@@ -8,6 +8,7 @@ At wavevector q everything depends on load and roughness through
 """
 
 import functools
+import itertools
 import math
 
 import jax
@@ -73,7 +74,8 @@ def separation_weight(x, gamma):
 
     .. math:: \int_{\sigma_0}^\infty \frac{dp}{2p} \frac{\partial (SP)}{\partial p}
               = \frac{x}{2\sigma_0}\Psi(x), \qquad
-              \Psi = \int_x^\infty \frac{s'(t)}{t} dt,\quad s = \gamma\,\mathrm{erf} + (1-\gamma)\,\mathrm{erf}^3
+              \Psi = \int_x^\infty \frac{s'(t)}{t} dt,\quad
+              s = \gamma\,\mathrm{erf} + (1-\gamma)\,\mathrm{erf}^3
 
     good to 1e-11 relative to Psi(1); 0 < x <= 27.
     """
@@ -134,7 +136,7 @@ def _psi_tables():
     def tail(z, f):  # int_0^inf e^-y f(z + y) dy / (2 (z + y)), panels halving towards y = 0
         total = np.zeros_like(z)
         edges = np.concatenate([[0.0], 2.0 ** np.arange(-6, 6), [45.0]])
-        for a, b in zip(edges[:-1], edges[1:], strict=True):
+        for a, b in itertools.pairwise(edges):
             y = a + (b - a) * node
             total += np.sum((b - a) * weight * np.exp(-y) * f(z[..., None], y) / (2 * (z[..., None] + y)), -1)
         return total

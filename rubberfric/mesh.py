@@ -24,11 +24,11 @@ from rubberfric.quadrature import gauss, legendre_transform
 class Mesh(NamedTuple):
     """Nodes, spectra at the nodes, and the way from angular to contact nodes."""
 
-    angular_q: jax.Array  # wavevectors of the angular nodes [1/m], (panels, angular_order)
+    angular_q: jax.Array  # wavevectors of the angular nodes [1/m], (angular panels, angular_order)
     q: jax.Array  # of the contact nodes [1/m], (contact panels, order)
     measure: jax.Array  # dt / d(node coordinate), same shape
     roughness: tuple  # q^4 C_j at the contact nodes, one array for each spectrum
-    select: jax.Array  # which angular panel serves a contact panel, (contact panels, panels)
+    select: jax.Array  # which angular panel serves a contact panel, (contact panels, angular panels)
     interpolate: jax.Array  # (contact panels, order, angular_order)
 
 
@@ -47,49 +47,39 @@ def build_mesh(laws, quadrature, graded=True):
     kinks = [law.log_q - start for law in laws]
     # Only kinks carry gradients: the integral does not depend on where the other borders are.
     fixed_kinks = jax.lax.stop_gradient(kinks)
+    end = _reduce(jnp.maximum, [kink[-1] for kink in fixed_kinks])
     width, uniform = _uniform_borders(laws, fixed_kinks, quadrature.panels)
-    borders = [*kinks, uniform]
+    borders = [uniform, *kinks]
     if graded:
         fractions = quadrature.ratio ** (-2.0 * np.arange(1, quadrature.graded + 1))
-        total = _reduce(jnp.maximum, [k[-1] for k in fixed_kinks])
-        borders += [jnp.minimum(k[0] + width(k[0]) * fractions, total) for k in fixed_kinks]
+        borders += [jnp.minimum(kink[0] + width(kink[0]) * fractions, end) for kink in fixed_kinks]
     t = jnp.concatenate(borders)
-    order = jnp.argsort(jax.lax.stop_gradient(t))
-    t = t[order]
+    rank = _ranks(jax.lax.stop_gradient(t))
+    t = jnp.sort(t)
     left, right = t[:-1], t[1:]
 
-    # Position in the sorted list, not comparison of values, says what lies inside what:
+    # Rank in the sorted list, not comparison of values, says what lies inside what:
     # borders that coincide (two spectra with equal q1) keep their one-sided derivatives.
-    def passed(begin, end):
-        return jnp.cumsum((order >= begin) & (order < end))[:-1]
+    def passed(begin, count):
+        return jnp.sum(rank[begin : begin + count] <= np.arange(t.shape[0] - 1)[:, None], -1)
 
-    offsets = np.cumsum([0] + [k.shape[0] for k in kinks])
-    pieces = [passed(int(a), int(b)) - 1 for a, b in zip(offsets[:-1], offsets[1:], strict=True)]
-    origin = _origin(fixed_kinks, pieces)
-    relative, stretch = _node_map(left, right, origin, quadrature.order)
+    panel = passed(0, uniform.shape[0])
+    begins = uniform.shape[0] + np.cumsum([0] + [kink.shape[0] for kink in kinks])
+    pieces = [passed(int(begin), kink.shape[0]) - 1 for begin, kink in zip(begins, kinks, strict=False)]
+    relative, stretch = _node_map(left, right, _origin(fixed_kinks, pieces), quadrature.order)
     nodes = left[:, None] + (right - left)[:, None] * relative
-    measure = (right - left)[:, None] * stretch
-
-    first_uniform = int(offsets[-1])
-    group = quadrature.group
-    is_angular = jnp.zeros(t.shape[0], bool)
-    positions = np.arange(group - 1, quadrature.panels - 1, group)
-    for position in positions:
-        is_angular = is_angular | (order == first_uniform + int(position))
-    panel = jnp.cumsum(is_angular)[:-1]
-    end = jax.lax.stop_gradient(t[-1:])
-    edges = jnp.concatenate([jnp.zeros_like(end), uniform[positions], end])
+    edges = jnp.concatenate([jnp.zeros_like(end)[None], uniform, end[None]])
     angular_nodes = edges[:-1, None] + jnp.diff(edges)[:, None] * gauss(quadrature.angular_order)[0]
 
     return Mesh(
         angular_q=jnp.exp(start + angular_nodes),
         q=jnp.exp(start + nodes),
-        measure=measure,
+        measure=(right - left)[:, None] * stretch,
         roughness=tuple(
             _roughness(law, kink, piece, nodes, start)
             for law, kink, piece in zip(laws, kinks, pieces, strict=True)
         ),
-        select=(panel[:, None] == np.arange(len(positions) + 1)).astype(t.dtype),
+        select=(panel[:, None] == np.arange(quadrature.panels)).astype(t.dtype),
         interpolate=_interpolation(nodes, edges[panel], edges[panel + 1], quadrature.angular_order),
     )
 
@@ -101,28 +91,48 @@ def _reduce(function, values):
     return result
 
 
+def _ranks(values):
+    """Position of every value in the sorted list, equal ones in the order given."""
+    index = np.arange(values.shape[0])
+    before = (values < values[:, None]) | ((values == values[:, None]) & (index < index[:, None]))
+    return jnp.sum(before, -1)
+
+
 def _uniform_borders(laws, kinks, panels):
     """Borders that share out the range, closer where the roughness rises steeply.
 
-    On the plateau G ~ q^4, so that P may switch within a quarter of e-fold; a piece
-    counts 1 + 3/4 of its exponent of q^2 C (2 on the plateau), at most 2.5.
+    On the plateau G ~ q^4, so that P may switch within a quarter of e-fold: there a
+    piece counts 1 + 3/4 of its exponent of q^2 C (2 on the plateau), elsewhere 1.
+
+    Returns
+    -------
+    width : function, width of one share that begins at t
+    uniform : the borders between `panels` equal shares, shape (panels - 1,)
     """
-    knots = jnp.sort(jnp.concatenate(kinks))
-    middle = 0.5 * (knots[:-1] + knots[1:])
-    weight = jnp.ones_like(middle)
-    for law, kink in zip(laws, kinks, strict=True):
-        piece = jnp.searchsorted(kink, middle, side="right") - 1
-        inside = (piece >= 0) & (piece < law.exponent.shape[0])
-        exponent = jax.lax.stop_gradient(law.exponent)[jnp.clip(piece, 0, law.exponent.shape[0] - 1)]
-        weight = weight + jnp.where(inside, 0.75 * jnp.clip(exponent, 0.0, 2.0), 0.0)
-    share = jnp.concatenate([jnp.zeros_like(knots[:1]), jnp.cumsum(weight * jnp.diff(knots))])
-    step = share[-1] / panels
-    uniform = jnp.interp(step * np.arange(1, panels), share, knots)
+    slopes = [0.75 * jnp.clip(jax.lax.stop_gradient(law.exponent), 0.0, 2.0) for law in laws]
+
+    def share(t):
+        steep = [_ramps(t, kink, slope) for kink, slope in zip(kinks, slopes, strict=True)]
+        return t + _reduce(jnp.add, steep)
+
+    knots = kinks[0] if len(kinks) == 1 else jnp.sort(jnp.concatenate(kinks))
+    shares = share(knots)
+    rise = jnp.diff(shares)
+    back = jnp.diff(knots) / jnp.where(rise > 0, rise, 1.0)
+    step = shares[-1] / panels
 
     def width(begin):
-        return jnp.interp(jnp.interp(begin, knots, share) + step, share, knots) - begin
+        return _ramps(jnp.minimum(share(begin) + step, shares[-1]), shares, back) - begin
 
-    return width, uniform
+    return width, _ramps(step * np.arange(1, panels), shares, back)
+
+
+def _ramps(t, knots, slopes):
+    """Continuous piecewise linear function, 0 at the first knot, with given slopes.
+
+    A sum over pieces: for the few knots of a spectrum quicker than a search.
+    """
+    return jnp.sum(slopes * jnp.clip(t[..., None] - knots[:-1], 0.0, jnp.diff(knots)), -1)
 
 
 def _origin(kinks, pieces):

@@ -3,9 +3,11 @@ r"""The forward model: contact area, friction and separation of a sliding scene.
 Scaraggi & Persson's general case in three lines, for roughness on either solid and
 series stiffness K_j (see `rubberfric.stiffness`):
 
-.. math:: G(q) = \frac{1}{2\sigma_0^2}\int_{q_0}^{q} d^2q \sum_j C_j |K_j|^2,\qquad P = \mathrm{erf}\frac{1}{2\sqrt G}
+.. math:: G(q) = \frac{1}{2\sigma_0^2}\int_{q_0}^{q} d^2q \sum_j C_j |K_j|^2,\qquad
+          P = \mathrm{erf}\frac{1}{2\sqrt G}
 .. math:: \mu = \frac{1}{\sigma_0}\int d^2q\, S P \sum_j C_j\, q\cos\varphi\,\mathrm{Im} K_j
-.. math:: \bar u = \int d^2q \sum_j C_j\,\mathrm{Re} K_j \int_{\sigma_0}^\infty \frac{dp}{2p}\frac{\partial[SP]}{\partial p}
+.. math:: \bar u = \int d^2q \sum_j C_j\,\mathrm{Re} K_j
+          \int_{\sigma_0}^\infty \frac{dp}{2p}\frac{\partial[SP]}{\partial p}
 """
 
 import functools
@@ -70,7 +72,8 @@ def contact_area(scene, velocity, pressure, temperature=None, *, quadrature=_DEF
 def friction(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT):
     r"""Friction coefficient of steady sliding [Scaraggi & Persson, eq. (A17) over v sigma_0].
 
-    .. math:: \mu = \frac{1}{\sigma_0} \int d^2q\, S P \sum_j C_j\, q \cos\varphi\, \mathrm{Im} K_j(q v \cos\varphi)
+    .. math:: \mu = \frac{1}{\sigma_0} \int d^2q\, S P \sum_j C_j\, q \cos\varphi\,
+              \mathrm{Im} K_j(q v \cos\varphi)
 
     Parameters
     ----------
@@ -98,7 +101,8 @@ def friction(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT
 def separation(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT):
     r"""Mean interfacial separation [Scaraggi & Persson, eq. (A18)].
 
-    .. math:: \bar u = \int d^2q \sum_j C_j\,\mathrm{Re} K_j\, \frac{x}{2\sigma_0}\Psi(x),\qquad x = \frac{1}{2\sqrt{G(q)}}
+    .. math:: \bar u = \int d^2q \sum_j C_j\,\mathrm{Re} K_j\, \frac{x}{2\sigma_0}\Psi(x),\qquad
+              x = \frac{1}{2\sqrt{G(q)}}
 
     with the pressure integral in closed form (`rubberfric.contact.separation_weight`).
 

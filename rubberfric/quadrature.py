@@ -20,7 +20,8 @@ class Quadrature:
     order : int, 4 ... 64
         Gauss nodes of a contact panel, where P, S and Psi are evaluated.
     panels : int, 2 ... 200
-        contact panels over ln(q1/q0), before those added at kinks and at the grading.
+        panels over ln(q1/q0): angular panels, and contact panels before those added at
+        kinks and at the grading.
     graded : int, 0 ... 40
         extra panels towards every wavevector where roughness begins: P falls from 1
         there within ln(q/q0) ~ 1e-4 at tyre pressures and 1e-18 at light loads.
@@ -28,8 +29,6 @@ class Quadrature:
         neighbouring graded panels shrink by ratio^2 in ln(q/q0).
     angular_order : int, 4 ... 64
         nodes of an angular panel, where the angular integrals of the stiffness are evaluated.
-    group : int, >= 1
-        contact panels that share one angular panel.
     angle : int, 24 ... 1200
         nodes of the angular integral over a TabulatedModulus (Prony solids need none).
     """
@@ -39,7 +38,6 @@ class Quadrature:
     graded: int = 8
     ratio: float = 4.5
     angular_order: int = 14
-    group: int = 1
     angle: int = 192
 
     def __post_init__(self):
@@ -48,7 +46,6 @@ class Quadrature:
             "panels": (2, 200),
             "graded": (0, 40),
             "angular_order": (4, 64),
-            "group": (1, 200),
             "angle": (24, 1200),
         }
         for name, (low, high) in limits.items():

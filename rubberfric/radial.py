@@ -5,14 +5,17 @@ temperature. With d^2q = q^2 d ln q dphi and K_j = (q/2) scale factor_j F_j,
 
 .. math:: G(q) = \left(\frac{scale}{\sigma_0}\right)^2 g(q),\qquad
           g = \frac{\pi}{4}\int d\ln q \sum_j q^4 C_j\, factor_j^2 \langle|F_j|^2\rangle
-.. math:: \mu = \pi\frac{scale}{\sigma_0}\int d\ln q\; S P \sum_j q^4 C_j\, factor_j \langle\cos\varphi\,\mathrm{Im}F_j\rangle
-.. math:: \bar u = \frac{\pi}{2}\frac{scale}{\sigma_0}\int d\ln q\; x\Psi(x)\sum_j q^3 C_j\, factor_j\langle\mathrm{Re}F_j\rangle
+.. math:: \mu = \pi\frac{scale}{\sigma_0}\int d\ln q\; S P
+          \sum_j q^4 C_j\, factor_j \langle\cos\varphi\,\mathrm{Im}F_j\rangle
+.. math:: \bar u = \frac{\pi}{2}\frac{scale}{\sigma_0}\int d\ln q\; x\Psi(x)
+          \sum_j q^3 C_j\, factor_j\langle\mathrm{Re}F_j\rangle
 """
 
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from rubberfric.angular import Means, angular_means, static_means
 from rubberfric.contact import contact_argument, contact_fraction, friction_weight, separation_weight
@@ -86,60 +89,48 @@ def evaluate(prepared, velocity, pressure, temperature=None):
     -------
     dict from the names in prepared.quantities to arrays.
     """
-    quantities = prepared.quantities
+    quantities, channels = prepared.quantities, prepared.channels
     if prepared.mesh is None:
         constants = {"area": 1.0, "friction": 0.0, "separation": 0.0}
         return {name: jnp.full_like(pressure, constants[name]) for name in quantities}
 
-    relaxing = any(not isinstance(channel.stiffness, Static) for channel in prepared.channels)
-    profile = "separation" in quantities or ("friction" in quantities and relaxing)
+    relaxing = any(not isinstance(channel.stiffness, Static) for channel in channels)
+    friction = "friction" in quantities and relaxing
     wanted = {"power"}
-    wanted |= {"dissipation"} if "friction" in quantities and relaxing else set()
+    wanted |= {"dissipation"} if friction else set()
     wanted |= {"storage"} if "separation" in quantities else set()
-    means = [_means(prepared, channel, velocity, temperature, wanted) for channel in prepared.channels]
-    channels = prepared.channels
-    scaled = prepared.scale / pressure
+    means = [_means(prepared, channel, velocity, temperature, wanted) for channel in channels]
+    stiffness = prepared.scale / pressure
 
     order = prepared.quadrature.order
     density = _add(c.power * m.power for c, m in zip(channels, means, strict=True))
     panels = density @ jnp.asarray(gauss(order)[1], density.dtype)
-    results = {}
+    results = {"friction": jnp.zeros_like(pressure)}
     if "area" in quantities:
-        results["area"] = contact_fraction(
-            _argument(prepared, jnp.pi / 4 * jnp.sum(panels, -1), scaled, corrected=True)
-        )
-    if profile:
-        # Sums of what came before, not running sums less the last: a spectrum that
-        # starts 1e20 times stronger would leave nothing of the difference.
-        before = _exclusive_sum(panels)
+        x = contact_argument(jnp.pi / 4 * jnp.sum(panels, -1), stiffness)
+        results["area"] = contact_fraction(_corrected(prepared, x))
+    if friction or "separation" in quantities:
         within = density @ jnp.asarray(cumulative(order), density.dtype).T
-        g = jnp.pi / 4 * (before[..., None] + within)
-        scaled_here = scaled[:, None, None]
-    if "friction" in quantities:
-        if relaxing:
-            x = _argument(prepared, g, scaled_here, corrected=True)
-            density = _add(
-                c.dissipation * m.dissipation
-                for c, m in zip(channels, means, strict=True)
-                if m.dissipation is not None
-            )
-            total = jnp.sum(friction_weight(x, prepared.gamma) * density, (-2, -1))
-            results["friction"] = jnp.pi * scaled * total
-        else:
-            results["friction"] = jnp.zeros_like(pressure)
+        g = jnp.pi / 4 * (_sum_before(panels)[..., None] + within)
+        x = contact_argument(g, stiffness[:, None, None])
+    if friction:
+        density = _add(
+            c.dissipation * m.dissipation
+            for c, m in zip(channels, means, strict=True)
+            if m.dissipation is not None
+        )
+        weight = friction_weight(_corrected(prepared, x), prepared.gamma)
+        results["friction"] = jnp.pi * stiffness * jnp.sum(weight * density, (-2, -1))
     if "separation" in quantities:
-        x = _argument(prepared, g, scaled_here, corrected=False)
         density = _add(c.storage * m.storage for c, m in zip(channels, means, strict=True))
-        total = jnp.sum(separation_weight(x, prepared.gamma) * density, (-2, -1))
-        results["separation"] = jnp.pi / 2 * scaled * total
+        weight = separation_weight(x, prepared.gamma)
+        results["separation"] = jnp.pi / 2 * stiffness * jnp.sum(weight * density, (-2, -1))
     return {name: results[name] for name in quantities}
 
 
-def _argument(prepared, g, scaled, corrected):
-    x = contact_argument(g, scaled)
-    if corrected and prepared.correction is not None:
-        x = correct_argument(prepared.correction, x)
-    return x
+def _corrected(prepared, x):
+    """S in G, where the scene asks for it."""
+    return x if prepared.correction is None else correct_argument(prepared.correction, x)
 
 
 def _means(prepared, channel, velocity, temperature, wanted):
@@ -162,10 +153,9 @@ def _means(prepared, channel, velocity, temperature, wanted):
     return Means(*(to_contact(values) for values in means))
 
 
-def _exclusive_sum(panels):
-    """Sum over the panels before each one."""
-    running = jnp.cumsum(panels[..., :-1], -1)
-    return jnp.concatenate([jnp.zeros_like(panels[..., :1]), running], -1)
+def _sum_before(panels):
+    """Sum over the panels before each one, without subtracting: a panel 1e20 times larger loses nothing."""
+    return panels @ np.triu(np.ones((panels.shape[-1],) * 2, panels.dtype), 1)
 
 
 def _add(terms):

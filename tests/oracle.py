@@ -55,7 +55,8 @@ def solve(case, halvings=150, order=12):
         g_contact, g_contact_end = corrected[:-1].reshape(g.shape), corrected[-1]
     else:
         g_contact, g_contact_end = g, g_end
-    P = erf(sigma / (2 * np.sqrt(g_contact)))
+    with np.errstate(divide="ignore"):  # where a spectrum of no height comes first, g = 0 and P = 1
+        P = erf(sigma / (2 * np.sqrt(g_contact)))
     S = gamma + (1 - gamma) * P**2
     friction = np.sum(weight * area_element * q * S * P * odd) / sigma
     separation = np.sum(weight * area_element * real * pressure_integral(sigma, g, gamma))
@@ -80,7 +81,8 @@ def pressure_integral(sigma, g, gamma):
     w01 = np.tile(0.5 * node_weight / panels, panels)
     flat = g.ravel()
     for start in range(0, flat.size, 2000):
-        root = 2 * np.sqrt(flat[start : start + 2000, None])
+        # No roughness yet, no separation: as with a roughness so small that all underflows.
+        root = 2 * np.sqrt(np.maximum(flat[start : start + 2000, None], 1e-20 * sigma**2))
         with np.errstate(over="ignore", under="ignore"):
             top = 0.5 * np.log1p(60 / (sigma / root) ** 2)
             p = sigma * np.exp(top * u01)

@@ -132,7 +132,8 @@ def test_in_bounds(name):
 def test_right(name):
     case, found, _ = prepared(name)
     exact = oracle.solve(case, halvings=160)
-    floor = {"area": 0.0, "friction": 0.0, "separation": 1e-6 * h_rms(case)}
+    # Zero weights stand for 1e-30 of the stiffness, which may relax.
+    floor = {"area": 0.0, "friction": 1e-18, "separation": 1e-6 * h_rms(case)}
     for quantity, result in zip(QUANTITIES, found, strict=True):
         error = abs(result - exact[quantity])
         assert error <= 1e-9 * (abs(exact[quantity]) + floor[quantity]), (quantity, result, exact[quantity])
