@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.quadrature import gauss, legendre_transform
+from rubberfric.quadrature import between, gauss, legendre_transform
 
 
 class Mesh(NamedTuple):
@@ -28,6 +28,8 @@ class Mesh(NamedTuple):
     q: jax.Array  # of the contact nodes [1/m], (contact panels, order)
     measure: jax.Array  # dt / d(node coordinate), same shape
     roughness: tuple  # q^4 C_j at the contact nodes, one array for each spectrum
+    between_q: jax.Array | None  # nodes between the contact nodes [1/m], for cumulative integrals
+    between_roughness: tuple | None  # q^4 C_j dt / d(node coordinate) there
     select: jax.Array  # which angular panel serves a contact panel, (contact panels, angular panels)
     interpolate: jax.Array  # (contact panels, order, angular_order)
 
@@ -40,8 +42,8 @@ def build_mesh(laws, quadrature, graded=True):
     laws : sequence of BrokenPowerLaw
     quadrature : Quadrature
     graded : bool
-        False leaves out the panels graded towards the beginnings; enough for integrals
-        of the spectrum itself, as the contact area needs.
+        False leaves out the panels graded towards the beginnings and the nodes for
+        cumulative integrals; enough for G(q1), as the contact area needs.
     """
     start = jax.lax.stop_gradient(_reduce(jnp.minimum, [law.log_q[0] for law in laws]))
     kinks = [law.log_q - start for law in laws]
@@ -66,19 +68,32 @@ def build_mesh(laws, quadrature, graded=True):
     panel = passed(0, uniform.shape[0])
     begins = uniform.shape[0] + np.cumsum([0] + [kink.shape[0] for kink in kinks])
     pieces = [passed(int(begin), kink.shape[0]) - 1 for begin, kink in zip(begins, kinks, strict=False)]
-    relative, stretch = _node_map(left, right, _origin(fixed_kinks, pieces), quadrature.order)
-    nodes = left[:, None] + (right - left)[:, None] * relative
+    origin = _origin(fixed_kinks, pieces)
+
+    def at(coordinate):
+        """t, dt / d coordinate and q^4 C_j at the same coordinates in [0, 1] of every panel."""
+        relative, stretch = _node_map(left, right, origin, coordinate)
+        nodes = left[:, None] + (right - left)[:, None] * relative
+        spectra = zip(laws, kinks, pieces, strict=True)
+        roughness = tuple(_roughness(law, kink, piece, nodes, start) for law, kink, piece in spectra)
+        return nodes, (right - left)[:, None] * stretch, roughness
+
+    nodes, measure, roughness = at(gauss(quadrature.order)[0])
+    between_q = between_roughness = None
+    if graded:
+        inner, inner_measure, inner_roughness = at(between(quadrature.order))
+        between_q = jnp.exp(start + inner)
+        between_roughness = tuple(values * inner_measure for values in inner_roughness)
     edges = jnp.concatenate([jnp.zeros_like(end)[None], uniform, end[None]])
     angular_nodes = edges[:-1, None] + jnp.diff(edges)[:, None] * gauss(quadrature.angular_order)[0]
 
     return Mesh(
         angular_q=jnp.exp(start + angular_nodes),
         q=jnp.exp(start + nodes),
-        measure=(right - left)[:, None] * stretch,
-        roughness=tuple(
-            _roughness(law, kink, piece, nodes, start)
-            for law, kink, piece in zip(laws, kinks, pieces, strict=True)
-        ),
+        measure=measure,
+        roughness=roughness,
+        between_q=between_q,
+        between_roughness=between_roughness,
         select=(panel[:, None] == np.arange(quadrature.panels)).astype(t.dtype),
         interpolate=_interpolation(nodes, edges[panel], edges[panel + 1], quadrature.angular_order),
     )
@@ -144,13 +159,12 @@ def _origin(kinks, pieces):
     return jnp.where(both, later, 0.0)
 
 
-def _node_map(left, right, origin, order):
+def _node_map(left, right, origin, node):
     """Nodes in a panel as fractions of its width, and d fraction / d node coordinate.
 
     Uniform in s = sqrt(t - origin), in which the integrands are smooth; in the panel at
     the origin, where u_bar goes like s ln s, uniform in sqrt(s).
     """
-    node = gauss(order)[0]
     left, right = jax.lax.stop_gradient((left, right))
     span = right - origin
     # A panel of no width at the origin has 0/0 here; any map will do for it.

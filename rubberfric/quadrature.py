@@ -7,6 +7,10 @@ import jax
 import numpy as np
 from numpy.polynomial import chebyshev, legendre
 
+# Nodes between neighbouring Gauss nodes: exact to rounding for power laws of exponent 6
+# over panels of an e-fold, to 1e-7 over the widest, ten decades of plateau in 12 panels.
+_IN_A_GAP = 5
+
 
 @jax.tree_util.register_static
 @dataclasses.dataclass(frozen=True)
@@ -72,11 +76,26 @@ def legendre_transform(order):
 
 
 @functools.cache
+def between(order):
+    """Nodes on [0, 1] for integrals from 0 to every Gauss node: a few in each gap between neighbours."""
+    borders = np.concatenate([[0.0], gauss(order)[0]])
+    return _frozen((borders[:-1, None] + np.diff(borders)[:, None] * gauss(_IN_A_GAP)[0]).ravel())
+
+
+@functools.cache
 def cumulative(order):
-    """Matrix B with int_0^x_k f = sum_i B[k, i] f(x_i) on [0, 1] at the Gauss nodes."""
-    x, _ = legendre.leggauss(order)
-    integrals = np.stack([legendre.legval(x, legendre.legint(unit, lbnd=-1)) for unit in np.eye(order)], -1)
-    return _frozen(0.5 * integrals @ legendre_transform(order))
+    """Array T with int_0^x_k w f = sum_si w(y_s) T[s, k, i] f(x_i) on [0, 1].
+
+    x are the Gauss nodes, y those of `between`; f is smooth and known at x only, w known
+    anywhere: a rule for each w that stays accurate, and so positive, where w grows by 1e6
+    within the panel. Shape (nodes of between, order, order).
+    """
+    x, y = gauss(order)[0], between(order)
+    gap = np.diff(np.concatenate([[0.0], x]))
+    weight = (gap[:, None] * gauss(_IN_A_GAP)[1]).ravel()
+    basis = legendre.legvander(2 * y - 1, order - 1) @ legendre_transform(order)
+    before = np.repeat(np.arange(order), _IN_A_GAP)[:, None] <= np.arange(order)
+    return _frozen((weight[:, None] * before)[:, :, None] * basis[:, None, :])
 
 
 def chebyshev_fit(function, low, high, degree):

@@ -32,7 +32,10 @@ class Channel(NamedTuple):
 
     stiffness: object  # Static, Relaxing or Tabulated
     shift: object  # time-temperature shift of the solid it excites, or None
-    power: jax.Array  # q^4 C factor^2 dt/dnode, (contact panels, order)
+    power: jax.Array  # q^4 C factor^2 dt, (contact panels, order)
+    # From <|F|^2> to its integral up to every node, (panels, order, order); the integral
+    # itself, (panels, order), if F is Static; None where only the whole is asked for.
+    cumulative: jax.Array | None
     dissipation: jax.Array  # q^4 C factor dt
     storage: jax.Array  # q^3 C factor dt [m]
 
@@ -65,15 +68,35 @@ def prepare(scene, quantities, quadrature):
     scale = modulus_scale(scene)
     weight = mesh.measure * jnp.asarray(gauss(quadrature.order)[1], mesh.measure.dtype)
     channels = []
-    for (rough, other), roughness in zip(pairs, mesh.roughness, strict=True):
+    for j, (rough, other) in enumerate(pairs):
         F, factor = series_stiffness(rough, other, scale, (mesh.angular_q.reshape(-1), mesh.q))
-        once = roughness if factor is None else roughness * factor
+        once = mesh.roughness[j] if factor is None else mesh.roughness[j] * factor
         twice = once if factor is None else once * factor
+        rule = _cumulative_rule(mesh, j, rough, other, scale, quadrature) if needs_profile else None
         shift = getattr(other.material, "shift", None)
-        channels.append(Channel(F, shift, twice * mesh.measure, once * weight, once / mesh.q * weight))
+        channels.append(Channel(F, shift, twice * weight, rule, once * weight, once / mesh.q * weight))
     corrected = scene.area_correction and ("area" in quantities or ("friction" in quantities and dissipates))
     table = correction_table(scene.gamma) if corrected else None
     return Prepared(mesh, tuple(channels), scale, scene.gamma, table, quantities, quadrature)
+
+
+def _cumulative_rule(mesh, j, rough, other, scale, quadrature):
+    """Weights of <|F|^2> in g at every contact node, exact in the roughness and the layer.
+
+    Both may change by 1e6 within a panel, and g, where it matters most, is what the
+    small end adds up to: a rule for the product of all would lose it, or make it < 0.
+    A stiffness that does not relax is known at every q and goes into the rule as well.
+    """
+    F, factor = series_stiffness(rough, other, scale, (mesh.angular_q.reshape(-1)[:1], mesh.between_q))
+    density = mesh.between_roughness[j]
+    if isinstance(F, Static):
+        density = density * F.value**2
+    elif factor is not None:
+        density = density * factor**2
+    table = jnp.asarray(cumulative(quadrature.order), density.dtype)
+    if isinstance(F, Static):
+        return density @ table.sum(-1)
+    return jnp.tensordot(density, table, 1)
 
 
 def evaluate(prepared, velocity, pressure, temperature=None):
@@ -102,15 +125,13 @@ def evaluate(prepared, velocity, pressure, temperature=None):
     means = [_means(prepared, channel, velocity, temperature, wanted) for channel in channels]
     stiffness = prepared.scale / pressure
 
-    order = prepared.quadrature.order
-    density = _add(c.power * m.power for c, m in zip(channels, means, strict=True))
-    panels = density @ jnp.asarray(gauss(order)[1], density.dtype)
+    panels = _add(jnp.sum(c.power * m.power, -1) for c, m in zip(channels, means, strict=True))
     results = {"friction": jnp.zeros_like(pressure)}
     if "area" in quantities:
         x = contact_argument(jnp.pi / 4 * jnp.sum(panels, -1), stiffness)
         results["area"] = contact_fraction(_corrected(prepared, x))
     if friction or "separation" in quantities:
-        within = density @ jnp.asarray(cumulative(order), density.dtype).T
+        within = _add(_within(c, m) for c, m in zip(channels, means, strict=True))
         g = jnp.pi / 4 * (_sum_before(panels)[..., None] + within)
         x = contact_argument(g, stiffness[:, None, None])
     if friction:
@@ -126,6 +147,13 @@ def evaluate(prepared, velocity, pressure, temperature=None):
         weight = separation_weight(x, prepared.gamma)
         results["separation"] = jnp.pi / 2 * stiffness * jnp.sum(weight * density, (-2, -1))
     return {name: results[name] for name in quantities}
+
+
+def _within(channel, means):
+    """g at the contact nodes from the left border of their panel on."""
+    if isinstance(channel.stiffness, Static):
+        return channel.cumulative
+    return jnp.einsum("kci,vki->vkc", channel.cumulative, means.power)
 
 
 def _corrected(prepared, x):
