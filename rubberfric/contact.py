@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import erf
 
-from rubberfric.quadrature import chebyshev_fit, gauss
+from rubberfric.quadrature import chebyshev_fit, gauss, typed
 
 TWO_OVER_ROOT_PI = 2 / math.sqrt(math.pi)
 EULER = 0.57721566490153286
@@ -79,7 +79,7 @@ def separation_weight(x, gamma):
 
     good to 1e-11 relative to Psi(1); 0 < x <= 27.
     """
-    tables = _psi_tables()
+    tables = {name: typed(table, x) for name, table in _psi_tables().items()}
     z = x * x
     # Each branch is evaluated inside its own range only, so that neither overflows.
     low = jnp.minimum(z, 2.0)
@@ -114,7 +114,7 @@ def _to_unit(value, low, high):
 
 def _polynomial(coefficients, u):
     result = jnp.zeros_like(u)
-    for k in range(len(coefficients) - 1, -1, -1):
+    for k in range(coefficients.shape[0] - 1, -1, -1):
         result = result * u + coefficients[k]
     return result
 

@@ -10,6 +10,7 @@ by Gauss panels in ln G, inverted by Newton's method at uniform ln g, and quinti
 the entries with the exact first and second derivatives (dG/dg = S).
 """
 
+import math
 from typing import NamedTuple
 
 import jax
@@ -20,7 +21,7 @@ from jax.scipy.special import erf
 from rubberfric.quadrature import gauss
 
 # P = 1 to the last bit below the first (x > 6), P < 1e-8 above the last: G = gamma g + const.
-_LOWEST, _HIGHEST = np.log(1 / 144), np.log(1e16)
+_LOWEST, _HIGHEST = math.log(1 / 144), math.log(1e16)
 _PANELS, _ORDER, _ENTRIES = 60, 10, 513
 
 
@@ -38,18 +39,17 @@ def correction_table(gamma):
     """Table of the corrected G for one gamma in 0 ... 1."""
     dtype = jnp.result_type(gamma)
     node, weight = (jnp.asarray(x, dtype) for x in gauss(_ORDER))
-    edges = np.linspace(_LOWEST, _HIGHEST, _PANELS + 1)
-    width = edges[1] - edges[0]
-    nodes = edges[:-1, None] + width * np.asarray(gauss(_ORDER)[0])
-    panels = width * (jnp.exp(jnp.asarray(nodes, dtype)) / _energy(nodes, gamma)[0]) @ weight
+    edges = jnp.asarray(np.linspace(_LOWEST, _HIGHEST, _PANELS + 1), dtype)
+    width = (_HIGHEST - _LOWEST) / _PANELS
+    nodes = edges[:-1, None] + width * node
+    panels = width * (jnp.exp(nodes) / _energy(nodes, gamma)[0]) @ weight
     # Plain G at the panel borders; S = 1 below the first.
-    plain = jnp.exp(jnp.asarray(_LOWEST, dtype)) + jnp.concatenate([jnp.zeros(1, dtype), jnp.cumsum(panels)])
+    plain = math.exp(_LOWEST) + jnp.concatenate([jnp.zeros(1, dtype), jnp.cumsum(panels)])
     log_plain = jnp.log(plain)
     start, end = log_plain[0], log_plain[-1]
     step = (end - start) / (_ENTRIES - 1)
     target = start + step * np.arange(_ENTRIES)
 
-    edges = jnp.asarray(edges, dtype)
     value = jnp.interp(target, log_plain, edges)
     panel = jnp.clip(jnp.searchsorted(edges, value, side="right") - 1, 0, _PANELS - 1)
     # From an error of 1e-2, squared each time; derivatives need the last two steps only.
@@ -94,7 +94,7 @@ def _energy(log_G, gamma):
     """S at ln G, and dS / d ln G."""
     x = 0.5 * jnp.exp(-0.5 * log_G)
     P = erf(x)
-    return gamma + (1 - gamma) * P * P, -2 * (1 - gamma) * P * x * jnp.exp(-x * x) / np.sqrt(np.pi)
+    return gamma + (1 - gamma) * P * P, -2 * (1 - gamma) * P * x * jnp.exp(-x * x) / math.sqrt(math.pi)
 
 
 def _derivatives(value, target, gamma):

@@ -60,6 +60,6 @@ def _sinh_minus_linear(x, decay):
     y = (2 * small) ** 2
     series = jnp.zeros_like(x)
     for coefficient in _SINH_SERIES[::-1]:
-        series = series * y + coefficient
+        series = series * y + float(coefficient)
     near = 2 * small * y * series * jnp.exp(-2 * small)
     return jnp.where(x < 1, near, 0.5 * (1 - decay**2) - 2 * x * decay)

@@ -18,7 +18,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.quadrature import between, gauss, legendre_transform
+from rubberfric.quadrature import between, gauss, legendre_transform, typed
+from rubberfric.spectra import log_ratio
 
 
 class Mesh(NamedTuple):
@@ -45,15 +46,16 @@ def build_mesh(laws, quadrature, graded=True):
         False leaves out the panels graded towards the beginnings and the nodes for
         cumulative integrals; enough for G(q1), as the contact area needs.
     """
-    start = jax.lax.stop_gradient(_reduce(jnp.minimum, [law.log_q[0] for law in laws]))
-    kinks = [law.log_q - start for law in laws]
+    first = jax.lax.stop_gradient(_reduce(jnp.minimum, [law.q[0] for law in laws]))
+    kinks = [log_ratio(law.q, first) for law in laws]
+    start = jnp.log(first)
     # Only kinks carry gradients: the integral does not depend on where the other borders are.
     fixed_kinks = jax.lax.stop_gradient(kinks)
     end = _reduce(jnp.maximum, [kink[-1] for kink in fixed_kinks])
     width, uniform = _uniform_borders(laws, fixed_kinks, quadrature.panels)
     borders = [uniform, *kinks]
     if graded:
-        fractions = quadrature.ratio ** (-2.0 * np.arange(1, quadrature.graded + 1))
+        fractions = typed(quadrature.ratio ** (-2.0 * np.arange(1, quadrature.graded + 1)), end)
         borders += [jnp.minimum(kink[0] + width(kink[0]) * fractions, end) for kink in fixed_kinks]
     t = jnp.concatenate(borders)
     rank = _ranks(jax.lax.stop_gradient(t))
@@ -78,14 +80,15 @@ def build_mesh(laws, quadrature, graded=True):
         roughness = tuple(_roughness(law, kink, piece, nodes, start) for law, kink, piece in spectra)
         return nodes, (right - left)[:, None] * stretch, roughness
 
-    nodes, measure, roughness = at(gauss(quadrature.order)[0])
+    nodes, measure, roughness = at(typed(gauss(quadrature.order)[0], t))
     between_q = between_roughness = None
     if graded:
-        inner, inner_measure, inner_roughness = at(between(quadrature.order))
+        inner, inner_measure, inner_roughness = at(typed(between(quadrature.order), t))
         between_q = jnp.exp(start + inner)
         between_roughness = tuple(values * inner_measure for values in inner_roughness)
     edges = jnp.concatenate([jnp.zeros_like(end)[None], uniform, end[None]])
-    angular_nodes = edges[:-1, None] + jnp.diff(edges)[:, None] * gauss(quadrature.angular_order)[0]
+    angular_node = typed(gauss(quadrature.angular_order)[0], t)
+    angular_nodes = edges[:-1, None] + jnp.diff(edges)[:, None] * angular_node
 
     return Mesh(
         angular_q=jnp.exp(start + angular_nodes),
@@ -195,4 +198,4 @@ def _interpolation(nodes, left, right, order):
     basis = [jnp.ones_like(x), x]
     for n in range(1, order - 1):
         basis.append(((2 * n + 1) * x * basis[n] - n * basis[n - 1]) / (n + 1))
-    return jnp.stack(basis, -1) @ jnp.asarray(legendre_transform(order), x.dtype)
+    return jnp.stack(basis, -1) @ typed(legendre_transform(order), x)

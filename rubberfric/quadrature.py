@@ -4,6 +4,7 @@ import dataclasses
 import functools
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from numpy.polynomial import chebyshev, legendre
 
@@ -58,6 +59,11 @@ class Quadrature:
                 raise ValueError(f"Quadrature.{name} = {value!r}: must be an integer, {low} to {high}")
         if not (isinstance(self.ratio, int | float) and 1 < self.ratio < 1e6):
             raise ValueError(f"Quadrature.ratio = {self.ratio!r}: must be between 1 and 1e6")
+
+
+def typed(table, values):
+    """A host table with the dtype of `values`: NumPy's float64 would widen a float32 scene."""
+    return jnp.asarray(table, jnp.result_type(values))
 
 
 @functools.cache

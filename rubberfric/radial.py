@@ -22,9 +22,16 @@ from rubberfric.contact import contact_argument, contact_fraction, friction_weig
 from rubberfric.correction import correct_argument, correction_table
 from rubberfric.materials import VISCOELASTIC
 from rubberfric.mesh import Mesh, build_mesh
-from rubberfric.quadrature import Quadrature, cumulative, gauss
+from rubberfric.quadrature import Quadrature, cumulative, gauss, typed
 from rubberfric.spectra import broken_power_law
-from rubberfric.stiffness import Static, modulus_scale, series_stiffness
+from rubberfric.stiffness import (
+    Static,
+    by_node,
+    layer_factor,
+    modulus_scale,
+    series_stiffness,
+    static_series,
+)
 
 
 class Channel(NamedTuple):
@@ -32,6 +39,7 @@ class Channel(NamedTuple):
 
     stiffness: object  # Static, Relaxing or Tabulated
     shift: object  # time-temperature shift of the solid it excites, or None
+    logarithmic: bool  # interpolate <|F|^2> in the logarithm
     power: jax.Array  # q^4 C factor^2 dt, (contact panels, order)
     # From <|F|^2> to its integral up to every node, (panels, order, order); the integral
     # itself, (panels, order), if F is Static; None where only the whole is asked for.
@@ -66,37 +74,39 @@ def prepare(scene, quantities, quadrature):
         [broken_power_law(rough.spectrum) for rough, _ in pairs], quadrature, graded=needs_profile
     )
     scale = modulus_scale(scene)
-    weight = mesh.measure * jnp.asarray(gauss(quadrature.order)[1], mesh.measure.dtype)
+    weight = mesh.measure * typed(gauss(quadrature.order)[1], mesh.measure)
     channels = []
     for j, (rough, other) in enumerate(pairs):
-        F, factor = series_stiffness(rough, other, scale, (mesh.angular_q.reshape(-1), mesh.q))
+        F = series_stiffness(rough, other, scale, (mesh.angular_q.reshape(-1), mesh.q))
+        factor = None if isinstance(F, Static) else layer_factor(rough, other, mesh.q)
         once = mesh.roughness[j] if factor is None else mesh.roughness[j] * factor
         twice = once if factor is None else once * factor
-        rule = _cumulative_rule(mesh, j, rough, other, scale, quadrature) if needs_profile else None
+        rule = None
+        if needs_profile:
+            rule = _cumulative_rule(mesh, j, F, rough, other, scale, quadrature.order)
         shift = getattr(other.material, "shift", None)
-        channels.append(Channel(F, shift, twice * weight, rule, once * weight, once / mesh.q * weight))
+        logarithmic = by_node(rough, other) and not isinstance(F, Static)
+        channels.append(
+            Channel(F, shift, logarithmic, twice * weight, rule, once * weight, once / mesh.q * weight)
+        )
     corrected = scene.area_correction and ("area" in quantities or ("friction" in quantities and dissipates))
     table = correction_table(scene.gamma) if corrected else None
     return Prepared(mesh, tuple(channels), scale, scene.gamma, table, quantities, quadrature)
 
 
-def _cumulative_rule(mesh, j, rough, other, scale, quadrature):
+def _cumulative_rule(mesh, j, F, rough, other, scale, order):
     """Weights of <|F|^2> in g at every contact node, exact in the roughness and the layer.
 
     Both may change by 1e6 within a panel, and g, where it matters most, is what the
     small end adds up to: a rule for the product of all would lose it, or make it < 0.
     A stiffness that does not relax is known at every q and goes into the rule as well.
     """
-    F, factor = series_stiffness(rough, other, scale, (mesh.angular_q.reshape(-1)[:1], mesh.between_q))
     density = mesh.between_roughness[j]
+    table = typed(cumulative(order), density)
     if isinstance(F, Static):
-        density = density * F.value**2
-    elif factor is not None:
-        density = density * factor**2
-    table = jnp.asarray(cumulative(quadrature.order), density.dtype)
-    if isinstance(F, Static):
-        return density @ table.sum(-1)
-    return jnp.tensordot(density, table, 1)
+        return (density * static_series(rough, other, scale, mesh.between_q) ** 2) @ table.sum(-1)
+    factor = layer_factor(rough, other, mesh.between_q)
+    return jnp.tensordot(density if factor is None else density * factor**2, table, 1)
 
 
 def evaluate(prepared, velocity, pressure, temperature=None):
@@ -178,7 +188,14 @@ def _means(prepared, channel, velocity, temperature, wanted):
         chosen = jnp.einsum("vai,ka->vki", values, mesh.select)
         return jnp.einsum("vki,kci->vkc", chosen, mesh.interpolate)
 
-    return Means(*(to_contact(values) for values in means))
+    power, dissipation, storage = (to_contact(values) for values in means)
+    if channel.logarithmic:
+        # Two deformable solids with a layer: F follows Sbar, and may change by 1e9 within
+        # a panel; in the logarithm its small end keeps its digits, and G stays positive.
+        # The floor is for F = 0 (two liquids at rest), where G need only be as good as 0.
+        floor = float(jnp.finfo(means.power.dtype).tiny) ** 0.8
+        power = jnp.exp(to_contact(jnp.log(jnp.maximum(means.power, floor))))
+    return Means(power, dissipation, storage)
 
 
 def _sum_before(panels):

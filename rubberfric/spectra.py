@@ -97,7 +97,7 @@ class TabulatedSpectrum:
 class BrokenPowerLaw(NamedTuple):
     """q^2 C(q) = height2 * exp(log_value) at the kinks, a power of q between them."""
 
-    log_q: jax.Array  # ln q at the kinks, ascending, shape (n,)
+    q: jax.Array  # wavevectors of the kinks [1/m], ascending, shape (n,)
     log_value: jax.Array  # ln(q^2 C / height2) at the kinks, shape (n,)
     exponent: jax.Array  # d ln(q^2 C) / d ln q of the pieces, shape (n - 1,)
     height2: jax.Array  # scale [m^2]; may be 0, so it stays out of the logarithm
@@ -106,27 +106,30 @@ class BrokenPowerLaw(NamedTuple):
 def broken_power_law(spectrum):
     """The spectrum as kinks and exponents (see the module's docstring)."""
     if isinstance(spectrum, SelfAffine):
-        log_q = jnp.log(jnp.stack([spectrum.q0, spectrum.qr, spectrum.q1]))
-        to_rolloff, beyond = log_q[1] - log_q[0], log_q[2] - log_q[1]
+        q = jnp.stack([jnp.asarray(x) for x in (spectrum.q0, spectrum.qr, spectrum.q1)])
+        to_rolloff, beyond = log_ratio(q[1], q[0]), log_ratio(q[2], q[1])
         top = _log_plateau(spectrum)
         exponent = jnp.stack([jnp.full_like(top, 2.0), -2.0 * spectrum.hurst + 0 * top])
         log_value = jnp.stack([top - 2 * to_rolloff, top, top + exponent[1] * beyond])
-        return BrokenPowerLaw(log_q, log_value, exponent, spectrum.h_rms**2)
-    log_q = jnp.log(spectrum.q)
-    # ln C + 2 ln q cancels nothing that matters: both are exact to rounding.
-    log_value = jnp.log(spectrum.C) + 2 * log_q
-    exponent = jnp.diff(log_value) / jnp.diff(log_q)
-    return BrokenPowerLaw(log_q, log_value, exponent, jnp.ones_like(log_q[0]))
+        return BrokenPowerLaw(q, log_value, exponent, spectrum.h_rms**2)
+    q, log_C = spectrum.q, jnp.log(spectrum.C)
+    exponent = jnp.diff(log_C) / log_ratio(q[1:], q[:-1]) + 2
+    return BrokenPowerLaw(q, log_C + 2 * jnp.log(q), exponent, jnp.ones_like(q[0]))
+
+
+def log_ratio(q, start):
+    """ln(q / start), with all digits when q is close to start."""
+    return jnp.log1p((q - start) / start)
 
 
 def power_spectrum(spectrum, q):
     """C(q) [m^4] at q [1/m], zero outside the spectrum's range; for plots and moments."""
     law = broken_power_law(spectrum)
-    log_q = jnp.log(q)
-    piece = jnp.clip(jnp.searchsorted(law.log_q, log_q, side="right") - 1, 0, law.exponent.shape[0] - 1)
-    log_value = law.log_value[piece] + law.exponent[piece] * (log_q - law.log_q[piece])
-    inside = (log_q >= law.log_q[0]) & (log_q <= law.log_q[-1])
-    return jnp.where(inside, law.height2 * jnp.exp(log_value - 2 * log_q), 0.0)
+    q = jnp.asarray(q)
+    piece = jnp.clip(jnp.searchsorted(law.q, q, side="right") - 1, 0, law.exponent.shape[0] - 1)
+    log_value = law.log_value[piece] + law.exponent[piece] * log_ratio(q, law.q[piece])
+    inside = (q >= law.q[0]) & (q <= law.q[-1])
+    return jnp.where(inside, law.height2 * jnp.exp(log_value - 2 * jnp.log(q)), 0.0)
 
 
 def moment(spectrum, order):
@@ -135,9 +138,9 @@ def moment(spectrum, order):
     order 0: h_rms^2 [m^2]; 2: mean square slope [-]; 4: mean square curvature [1/m^2].
     """
     law = broken_power_law(spectrum)
-    width = jnp.diff(law.log_q)
+    width = log_ratio(law.q[1:], law.q[:-1])
     growth = (law.exponent + order) * width
-    left = jnp.exp(law.log_value[:-1] + order * law.log_q[:-1])
+    left = jnp.exp(law.log_value[:-1] + order * jnp.log(law.q[:-1]))
     return 2 * jnp.pi * law.height2 * jnp.sum(left * width * _mean_growth(growth))
 
 
@@ -151,8 +154,8 @@ def _log_plateau(spectrum):
 
     .. math:: \frac{h^2}{\pi C_0 q_r^2} = 1 - (q_0/q_r)^2 + \frac{1 - (q_1/q_r)^{-2H}}{H}
     """
-    plateau = jnp.log(spectrum.qr / spectrum.q0)
-    tail = jnp.log(spectrum.q1 / spectrum.qr)
+    plateau = log_ratio(spectrum.qr, spectrum.q0)
+    tail = log_ratio(spectrum.q1, spectrum.qr)
     area = -jnp.expm1(-2 * plateau) + 2 * tail * _mean_growth(-2 * spectrum.hurst * tail)
     return -jnp.log(jnp.pi * area)
 

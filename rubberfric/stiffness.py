@@ -17,7 +17,15 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.layers import stiffening
-from rubberfric.materials import VISCOELASTIC, Elastic, Prony, Rigid, plane_strain, static_modulus
+from rubberfric.materials import (
+    VISCOELASTIC,
+    Elastic,
+    Prony,
+    Rigid,
+    TabulatedModulus,
+    plane_strain,
+    static_modulus,
+)
 from rubberfric.series import in_series
 
 
@@ -39,7 +47,7 @@ class Tabulated(NamedTuple):
     """F = f k / (f + k) with the tabulated f(omega) = scaled E_r and a spring k (None: rigid)."""
 
     material: object
-    scale: jax.Array  # f = scale * E [1/Pa]
+    scale: jax.Array  # f = scale * E [1/Pa], shape () or (nodes,)
     spring: jax.Array | None  # [-], shape () or (nodes,)
 
 
@@ -68,51 +76,67 @@ def _highest(material):
 
 
 def series_stiffness(rough, other, scale, q):
-    """F and factor of K_j for roughness on `rough`, facing `other`.
+    """F of K_j for roughness on `rough`, facing `other`, without the factor of `layer_factor`.
 
     Parameters
     ----------
     rough, other : Body
     scale : modulus scale [Pa]
     q : (angular nodes, contact nodes) [1/m], any shapes
+        A Static F is given at the contact nodes, any other at the angular nodes.
 
     Returns
     -------
-    (F, factor) : F is Static, Relaxing or Tabulated; factor is None (1) or Sbar at the contact nodes.
+    Static, Relaxing or Tabulated
     """
     angular_q, contact_q = q
     if not isinstance(other.material, VISCOELASTIC):
-        return _static(rough, other, scale, contact_q), None
-    factor = None
-    if other.layer is not None:
-        factor = stiffening(other.layer, other.material.poisson, contact_q)
+        return Static(static_series(rough, other, scale, contact_q))
+    unit = plane_strain(other.material) / scale
     spring = None
     if not isinstance(rough.material, Rigid):
         spring = static_modulus(rough.material) * plane_strain(rough.material) / scale
-        if rough.layer is not None or other.layer is not None:
-            spring = spring * _layer(rough, angular_q) / _layer(other, angular_q)
-    unit = plane_strain(other.material) / scale
-    if not isinstance(other.material, Prony):
-        return Tabulated(other.material, unit, spring), factor
+        if by_node(rough, other):
+            spring, own = spring * _layer(rough, angular_q), _layer(other, angular_q)
+    if isinstance(other.material, TabulatedModulus):
+        return Tabulated(other.material, unit * own if by_node(rough, other) else unit, spring)
     series = Relaxing(other.material.E_inf * unit, other.material.E * unit, other.material.tau)
-    if spring is not None:
-        series = Relaxing(*in_series(*series, spring))
-    return series, factor
+    if spring is None:
+        return series
+    if not by_node(rough, other):
+        return Relaxing(*in_series(*series, spring))
+    # Sbar_o f in series with k is Sbar_o times f in series with k / Sbar_o.
+    rest, weight, tau = in_series(*series, spring / own)
+    return Relaxing(own * rest, own[:, None] * weight, tau)
 
 
-def _layer(body, q):
-    return 1.0 if body.layer is None else stiffening(body.layer, body.material.poisson, q)
+def by_node(rough, other):
+    """Whether F depends on q: two deformable solids, at least one of them a layer."""
+    layered = rough.layer is not None or other.layer is not None
+    return layered and not isinstance(rough.material, Rigid)
 
 
-def _static(rough, other, scale, q):
-    """Two springs in series: neither solid's relaxation is excited."""
+def layer_factor(rough, other, q):
+    """Sbar at q where it multiplies all of a relaxing K_j (the rough solid is rigid); else None."""
+    if other.layer is None or not isinstance(rough.material, Rigid):
+        return None
+    return stiffening(other.layer, other.material.poisson, q)
+
+
+def static_series(rough, other, scale, q):
+    """K_j / (q/2 scale) where neither solid's relaxation is excited: two springs in series."""
     springs = [
         static_modulus(body.material) * plane_strain(body.material) / scale * _layer(body, q)
         for body in (rough, other)
         if not isinstance(body.material, Rigid)
     ]
     if len(springs) == 1:
-        return Static(springs[0])
+        return springs[0]
     soft, hard = jnp.minimum(*springs), jnp.maximum(*springs)
     # Written as soft / (1 + soft/hard): no product that overflows, and 0 for two liquids.
-    return Static(soft / (1 + soft / jnp.where(hard > 0, hard, 1.0)))
+    return soft / (1 + soft / jnp.where(hard > 0, hard, 1.0))
+
+
+def _layer(body, q):
+    """Sbar of a body, 1 for a half-space."""
+    return jnp.ones_like(q) if body.layer is None else stiffening(body.layer, body.material.poisson, q)

@@ -9,6 +9,8 @@ is done by Gauss panels in y. For a half-space the means depend on q v alone: th
 tabulated once over ln(q v) and interpolated for every node and velocity.
 """
 
+import math
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -47,7 +49,7 @@ def tabulated_means(F, qv, wanted, angle):
     """(power, dissipation, storage) of a Tabulated stiffness, as `angular.angular_means`."""
     # Far below the table F is its static value and Im F is linear in q v: the means are
     # taken at the floor and the dissipation scaled, so that v = 0 keeps its derivative.
-    floor = jnp.log(F.material.omega[0]) - np.log(1e9)
+    floor = jnp.log(F.material.omega[0]) - math.log(1e9)
     tiny = jnp.finfo(qv.dtype).tiny
     log_qv = jnp.maximum(jnp.log(jnp.maximum(jnp.abs(qv), tiny)), floor)
     if F.spring is not None and F.spring.ndim:
@@ -63,7 +65,7 @@ def tabulated_means(F, qv, wanted, angle):
 
 
 def _direct(F, log_qv, wanted, angle):
-    """Means at every node by its own angular integral; spring of shape () or (nodes,)."""
+    """Means at every node by its own angular integral; scale and spring of shape () or (nodes,)."""
     order = max(2, angle // (len(_EDGES) - 1))
     node, weight = gauss(order)
     y = (_EDGES[:-1, None] + np.diff(_EDGES)[:, None] * node).ravel()
@@ -71,7 +73,8 @@ def _direct(F, log_qv, wanted, angle):
     weight = (np.diff(_EDGES)[:, None] * weight).ravel() * psi * (2 / np.pi)
     weight, sine = (jnp.asarray(x, log_qv.dtype) for x in (weight / weight.sum(), np.sin(psi)))
     storage, loss = interpolated_modulus(F.material, log_qv[..., None] + jnp.log(sine))
-    storage, loss = F.scale * storage, F.scale * loss
+    scale = F.scale[..., None] if F.scale.ndim else F.scale
+    storage, loss = scale * storage, scale * loss
     power = storage**2 + loss**2
     if F.spring is not None:
         # F = f k / (f + k), by parts.

@@ -11,7 +11,7 @@ A scene is a plain dictionary, as in `reference/*.json`:
     solid1, solid2   {"kind": "rigid"}
                      {"kind": "elastic", "E", "nu"}
                      {"kind": "prony", "E_inf", "E", "tau", "nu"}
-                     {"kind": "table", "omega", "storage", "loss", "nu", "outside" ("fall", "hold")}
+                     {"kind": "table", "omega", "storage", "loss", "nu", "outside" ("fall", "hold", "none")}
                      the last three also with "thickness" (null: half-space),
                      "base" ("bonded", "frictionless") and "shift", one of
                      {"kind": "wlf", "C1", "C2", "T_ref"}, {"kind": "arrhenius",
@@ -177,9 +177,12 @@ def table_modulus(data, omega):
     safe = np.where(omega > 0, omega, omega_k[0])
     E1 = np.exp(np.interp(np.log(safe), np.log(omega_k), np.log(storage)))
     E2 = np.exp(np.interp(np.log(safe), np.log(omega_k), np.log(loss)))
-    if data.get("outside", "fall") == "hold":
-        return E1 + 1j * E2
+    outside = data.get("outside", "fall")
     low, high = omega < omega_k[0], omega > omega_k[-1]
+    if outside == "hold":
+        return E1 + 1j * E2
+    if outside == "none":
+        return E1 + 1j * np.where(low | high, 0.0, E2)
     E2 = np.where(low, loss[0] * omega / omega_k[0], E2)
     E2 = np.where(high, loss[-1] * omega_k[-1] / safe, E2)
     return E1 + 1j * E2

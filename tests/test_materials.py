@@ -46,7 +46,7 @@ def test_elastic_and_static():
         assert modulus.real == pytest.approx(float(static_modulus(material)), rel=1e-14)
 
 
-@pytest.mark.parametrize("outside", ["fall", "hold"])
+@pytest.mark.parametrize("outside", ["fall", "hold", "none"])
 def test_table(outside):
     material = rf.TabulatedModulus(**TABLE, outside=outside)
     omega = OMEGA[1:]

@@ -3,6 +3,7 @@
 import functools
 
 import jax
+import numpy as np
 import pytest
 from cases import QUANTITIES, arguments, h_rms, reference, value
 
@@ -42,6 +43,16 @@ def test_option(name, quantity):
     # A tabulated modulus is integrated over the angle across its kinks.
     rel = 1e-5 if "table-modulus" in name else 1e-9
     assert_close(quantity, solution(name)[quantity], OPTIONS[name], rel)
+
+
+@pytest.mark.parametrize("name", ["table-modulus", "table-modulus-on-elastic", "table-modulus-wlf"])
+def test_tabulated_modulus_at_many_velocities(name):
+    """The means over the angle are shared by all velocities of a call: 20 decades cost no accuracy."""
+    case = OPTIONS[name]
+    at, _, *rest = arguments(case)
+    found = jax.jit(rf.solve)(at, np.array([1e-12, 1e-6, case["v"], 1e3, 1e9]), *rest)
+    for quantity in QUANTITIES:
+        assert_close(quantity, float(getattr(found, quantity)[2]), case, 1e-5)
 
 
 @pytest.mark.parametrize("name", ["layer-on-rough-rigid-1", "elastic-elastic-0"])
