@@ -108,7 +108,9 @@ def _relaxation_parts(a):
 def _at_own_rates(F):
     """F(s = 1/tau_i) = F_inf + sum_j F_j tau_j / (tau_i + tau_j), shape of the weights."""
     tau = F.tau
-    # Ratio first: the product F_j tau_j leaves float32 at relaxation times of 1e30 s.
-    share = 1 / (1 + tau[..., :, None] / tau[..., None, :])
+    # tau_j / (tau_i + tau_j) through logarithms: 40 decades of tau leave float32 otherwise,
+    # in the value or in the derivative.
+    log_tau = jnp.log(tau)
+    share = jax.nn.sigmoid(log_tau[..., None, :] - log_tau[..., :, None])
     rest = F.rest if tau.ndim == 1 else F.rest[:, None]
     return rest + jnp.sum(share * F.weight[..., None, :], -1)

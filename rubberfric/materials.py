@@ -150,8 +150,13 @@ def complex_modulus(material, omega, temperature=None):
     if temperature is not None and material.shift is not None:
         omega = omega * jnp.exp(material.shift.log_factor(temperature))
     if isinstance(material, TabulatedModulus):
-        storage, loss = interpolated_modulus(material, jnp.log(omega))
+        # ln 0 has no finite derivative; below the smallest number E' is held and E'' is 0.
+        storage, loss = interpolated_modulus(
+            material, jnp.log(jnp.maximum(omega, jnp.finfo(omega.dtype).tiny))
+        )
         return storage + 1j * loss
-    a = omega[..., None] * material.tau
+    # a^2 must not overflow; beyond the bound E is the glassy modulus to the last bit.
+    bound = 1e150 if omega.dtype == jnp.float64 else 1e18
+    a = jnp.clip(omega[..., None] * material.tau, -bound, bound)
     terms = material.E * (a * a + 1j * a) / (1 + a * a)
     return material.E_inf + jnp.sum(terms, -1)

@@ -49,14 +49,19 @@ def build_mesh(laws, quadrature, graded=True):
     first = jax.lax.stop_gradient(_reduce(jnp.minimum, [law.q[0] for law in laws]))
     kinks = [log_ratio(law.q, first) for law in laws]
     start = jnp.log(first)
-    # Only kinks carry gradients: the integral does not depend on where the other borders are.
+    # Only beginnings and kinks carry gradients: where the other borders are does not matter.
     fixed_kinks = jax.lax.stop_gradient(kinks)
     end = _reduce(jnp.maximum, [kink[-1] for kink in fixed_kinks])
     width, uniform = _uniform_borders(laws, fixed_kinks, quadrature.panels)
     borders = [uniform, *kinks]
     if graded:
         fractions = typed(quadrature.ratio ** (-2.0 * np.arange(1, quadrature.graded + 1)), end)
-        borders += [jnp.minimum(kink[0] + width(kink[0]) * fractions, end) for kink in fixed_kinks]
+        # These hang on the beginning and move with it: held, the innermost panel, 1e-10
+        # wide, would stretch with q0, and its quadrature error with it.
+        borders += [
+            jnp.minimum(kink[0] + width(fixed[0]) * fractions, end)
+            for kink, fixed in zip(kinks, fixed_kinks, strict=True)
+        ]
     t = jnp.concatenate(borders)
     rank = _ranks(jax.lax.stop_gradient(t))
     t = jnp.sort(t)

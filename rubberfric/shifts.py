@@ -74,6 +74,8 @@ class Arrhenius:
 
     def log_factor(self, temperature):
         """ln a_T at temperature [K]."""
+        # Below 1 K the factor is beyond all numbers; held there, it has a finite derivative at 0.
+        temperature = jnp.maximum(temperature, 1.0)
         ratio = (self.T_ref - temperature) / (temperature * self.T_ref)
         return _saturate(self.energy / BOLTZMANN_EV * ratio)
 
