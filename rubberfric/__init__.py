@@ -3,7 +3,7 @@
 from rubberfric.files import load_scene, save_scene
 from rubberfric.layers import Slab
 from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus, complex_modulus
-from rubberfric.model import Solution, contact_area, friction, separation, solve
+from rubberfric.model import Solution, contact_area, friction, friction_outside_table, separation, solve
 from rubberfric.quadrature import Quadrature
 from rubberfric.scene import Body, Scene
 from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
@@ -27,6 +27,7 @@ __all__ = [
     "complex_modulus",
     "contact_area",
     "friction",
+    "friction_outside_table",
     "load_scene",
     "moment",
     "power_spectrum",

@@ -154,9 +154,9 @@ def complex_modulus(material, omega, temperature=None):
         storage, loss = interpolated_modulus(
             material, jnp.log(jnp.maximum(omega, jnp.finfo(omega.dtype).tiny))
         )
-        return storage + 1j * loss
+        return storage + 1j * jnp.where(omega > 0, loss, 0.0)
     # a^2 must not overflow; beyond the bound E is the glassy modulus to the last bit.
     bound = 1e150 if omega.dtype == jnp.float64 else 1e18
     a = jnp.clip(omega[..., None] * material.tau, -bound, bound)
-    terms = material.E * (a * a + 1j * a) / (1 + a * a)
+    terms = material.E * ((a * a + 1j * a) / (1 + a * a))
     return material.E_inf + jnp.sum(terms, -1)

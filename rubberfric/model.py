@@ -10,6 +10,7 @@ series stiffness K_j (see `rubberfric.stiffness`):
           \int_{\sigma_0}^\infty \frac{dp}{2p}\frac{\partial[SP]}{\partial p}
 """
 
+import dataclasses
 import functools
 from typing import NamedTuple
 
@@ -17,7 +18,7 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric._pytree import FINITE, POSITIVE, as_leaf, check_values
-from rubberfric.materials import VISCOELASTIC
+from rubberfric.materials import VISCOELASTIC, TabulatedModulus
 from rubberfric.quadrature import Quadrature
 from rubberfric.radial import evaluate, prepare
 from rubberfric.scene import Scene, cast, result_dtype
@@ -153,13 +154,23 @@ def solve(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT, q
     for name in quantities:
         if name not in QUANTITIES:
             raise ValueError(f"quantities has {name!r}: must be out of {', '.join(QUANTITIES)}")
-    if not isinstance(scene, Scene):
-        raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
+    for name, value, cls in (("scene", scene, Scene), ("quadrature", quadrature, Quadrature)):
+        if not isinstance(value, cls):
+            raise ValueError(f"{name} is a {type(value).__name__}: must be a {cls.__name__}")
     velocity = _condition("velocity", velocity, FINITE)
     pressure = _condition("pressure", pressure, POSITIVE)
     if temperature is not None:
         temperature = _condition("temperature", temperature, POSITIVE)
         _check_temperature(scene, temperature)
+
+    shapes = {"velocity": jnp.shape(velocity), "pressure": jnp.shape(pressure)}
+    if temperature is not None:
+        shapes["temperature"] = jnp.shape(temperature)
+    try:
+        jnp.broadcast_shapes(*shapes.values())
+    except ValueError:
+        shown = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+        raise ValueError(f"shapes differ ({shown}): must broadcast against each other") from None
 
     dtype = result_dtype(scene, velocity, pressure, temperature)
     conditions = cast((velocity, pressure, temperature), dtype)
@@ -188,6 +199,42 @@ def _solve(scene, velocity, pressure, temperature, *, quadrature, quantities):
         stacked = [jnp.pad(x, padding, mode="edge").reshape(blocks, BLOCK) for x in points]
         results = jax.lax.map(jax.checkpoint(block), stacked)
     return Solution(**{name: value.reshape(-1)[:count].reshape(shape) for name, value in results.items()})
+
+
+def friction_outside_table(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT):
+    r"""Share of the friction that comes from frequencies outside the tabulated moduli.
+
+    .. math:: 1 - \mu_\mathrm{none} / \mu
+
+    with :math:`\mu_\mathrm{none}` the friction when E'' is zero outside the tables
+    (`TabulatedModulus.outside` = "none"). Near 1, the result says more about the
+    extrapolation than about the material.
+
+    Parameters
+    ----------
+    scene : Scene with at least one TabulatedModulus
+    velocity, pressure, temperature, quadrature : as for `friction`
+
+    Returns
+    -------
+    array, broadcast shape [-]; 0 where there is no friction
+
+    Raises
+    ------
+    ValueError : as `contact_area`, or a scene without a tabulated modulus.
+    """
+    bodies = {"lower": scene.lower, "upper": scene.upper}
+    tabulated = {name: body for name, body in bodies.items() if isinstance(body.material, TabulatedModulus)}
+    if not tabulated:
+        raise ValueError("scene: no material is a TabulatedModulus; one must be")
+    cut = {
+        name: dataclasses.replace(body, material=dataclasses.replace(body.material, outside="none"))
+        for name, body in tabulated.items()
+    }
+    conditions = (velocity, pressure, temperature)
+    whole = friction(scene, *conditions, quadrature=quadrature)
+    inside = friction(dataclasses.replace(scene, **cut), *conditions, quadrature=quadrature)
+    return jnp.where(whole != 0, 1 - inside / jnp.where(whole != 0, whole, 1.0), 0.0)
 
 
 def _condition(name, value, rule):

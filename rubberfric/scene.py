@@ -37,7 +37,9 @@ class Scene:
     Parameters
     ----------
     lower, upper : Body
-    gamma : elastic-energy factor in S = gamma + (1 - gamma) P^2 [-], 0 ... 1
+    gamma : elastic-energy factor in S = gamma + (1 - gamma) P^2 [-], 0 ... 1, about 1/2
+        (at 0 with area_correction and light load the default quadrature is 4e-8 off;
+        Quadrature(graded=16) is not)
     area_correction : bool (static)
         False: G(q) as in the paper. True: S also inside G, dG = S dG_plain, as the
         established program has it; boundary-element runs agree with it within 4-7 % of

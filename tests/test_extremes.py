@@ -88,6 +88,9 @@ EXTREMES = {
     ),
 }  # fmt: skip
 SLOW = {"one-term", "many-terms"}  # structures of their own
+# Without gamma, S P falls like (q/q0 - 1)^(-3/4) at light load instead of ^(-1/2): the
+# default is 4e-8 off there, and needs more graded panels.
+FINER = {"gamma-0-light-corrected": rf.Quadrature(graded=16)}
 
 CASES = {
     f"{name}-{base}": (base, changes) for name, (bases, changes) in EXTREMES.items() for base in bases.split()
@@ -131,6 +134,8 @@ def test_in_bounds(name):
 @every_case
 def test_right(name):
     case, found, _ = prepared(name)
+    if name in FINER:
+        found = jax.jit(functools.partial(rf.solve, quadrature=FINER[name]))(*arguments(case))
     exact = oracle.solve(case, halvings=160)
     # Zero weights stand for 1e-30 of the stiffness, which may relax.
     floor = {"area": 0.0, "friction": 1e-18, "separation": 1e-6 * h_rms(case)}

@@ -69,3 +69,9 @@ def test_shift_tables_of_all_compounds_are_accepted(compound):
         rf.Scene(rf.Body(rubber), rf.Body(rf.Rigid(), road())), 1e-3, PRESSURE, np.array([283.15, 313.15])
     )
     assert np.isfinite(cold) and np.isfinite(warm) and cold != warm
+
+
+def test_little_of_the_friction_comes_from_outside_the_table():
+    slow, middle, fast = rf.friction_outside_table(scene(), np.array([1e-5, 1e-2, 1e6]), PRESSURE)
+    assert abs(slow) < 0.02 and abs(middle) < 0.02
+    assert fast > 0.5
