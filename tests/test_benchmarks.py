@@ -39,7 +39,7 @@ REFERENCE = rf.Quadrature(order=20, panels=24, graded=12, ratio=4.0, angular_ord
 
 def numpy_friction(nodes_q=200, nodes_phi=64):
     """Uniform trapezoids in ln q and phi, all velocities at once."""
-    q = np.logspace(np.log10(100.0), np.log10(3.1e4), nodes_q)
+    q = np.geomspace(100.0, 3.1e4, nodes_q)
     phi = np.linspace(0, 2 * np.pi, nodes_phi, endpoint=False)
     omega = q[None, :, None] * VELOCITY[:, None, None] * np.cos(phi)
     modulus = np.full(omega.shape, 3.6e6, complex)
