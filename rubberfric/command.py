@@ -14,7 +14,8 @@ import numpy as np
 
 from rubberfric._atomic import check_writable
 from rubberfric.files import read_scene_file
-from rubberfric.model import Solution, solve
+from rubberfric.materials import TabulatedModulus
+from rubberfric.model import Solution, friction_outside_table, solve
 from rubberfric.quadrature import Quadrature
 from rubberfric.results import Result, result_shape, save_result
 
@@ -56,6 +57,9 @@ def run(arguments):
         save_plot(arguments.plot, result)
     for line in table(result):
         print(line)
+    note = outside_note(result)
+    if note:
+        print(f"\n{note}")
     sys.stdout.flush()
     return 0
 
@@ -65,9 +69,7 @@ def compute(scene, conditions):
 
     FloatingPointError if one of them is not finite.
     """
-    velocity, pressure = conditions.velocity[None, None, :], conditions.pressure[None, :, None]
-    temperature = None if conditions.temperature is None else conditions.temperature[:, None, None]
-    solution = jax.jit(solve)(scene, velocity, pressure, temperature)
+    solution = solve(scene, *_grid(conditions))
     shape = result_shape(conditions)
     solution = Solution(*(np.broadcast_to(np.asarray(values), shape) for values in solution))
     for name, values in solution._asdict().items():
@@ -79,6 +81,25 @@ def compute(scene, conditions):
                 f"{name} = {values[tuple(bad[0])]} at v = {v:g} m/s, p = {p:g} Pa: not finite"
             )
     return solution
+
+
+def _grid(conditions):
+    """Velocity, pressure and temperature that broadcast to [temperature, pressure, velocity]."""
+    T = conditions.temperature
+    return (
+        conditions.velocity[None, None, :],
+        conditions.pressure[None, :, None],
+        None if T is None else T[:, None, None],
+    )
+
+
+def outside_note(result):
+    """One line saying how far the result rests on extrapolated moduli; "" if no modulus is tabulated."""
+    bodies = (result.scene.lower, result.scene.upper)
+    if not any(isinstance(body.material, TabulatedModulus) for body in bodies):
+        return ""
+    share = np.max(np.abs(friction_outside_table(result.scene, *_grid(result.conditions))))
+    return f"at most {100 * share:.2g} % of mu comes from frequencies outside the tabulated moduli"
 
 
 def table(result):

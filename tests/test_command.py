@@ -192,7 +192,7 @@ def test_failed_work(call, scene_file, tmp_path, monkeypatch, failure):
     """Status 1, and no half-written file."""
 
     def solve(scene, velocity, pressure, temperature):
-        good = velocity + pressure + temperature
+        good = jax.numpy.asarray(velocity + pressure + temperature)
         return rf.Solution(good, good / (velocity - 1e-3 if failure == "not finite" else 1.0), good)
 
     def full(*arguments):
@@ -308,3 +308,11 @@ def test_roughness_of_the_rubber_costs_area_but_hardly_any_friction_at_high_spee
     assert np.all(area < 1)
     assert np.all(np.diff(area) > 0)
     assert np.all(np.diff(abs(friction - 1)) < 0)
+
+
+def test_a_tabulated_scene_says_how_much_lies_outside_its_table(call):
+    status, printed, _ = call("run", DATA / "tabulated_tread.toml")
+    last = printed.splitlines()[-1]
+    assert status == 0
+    assert last.startswith("at most ") and last.endswith("outside the tabulated moduli")
+    assert "outside" not in call("run", DATA / "thin_layer.toml")[1]
