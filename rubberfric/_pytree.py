@@ -60,7 +60,8 @@ def check_values(name, value, rule):
     if not good.all():
         where = np.unravel_index(np.argmin(good), good.shape)
         index = "".join(f"[{i}]" for i in where)
-        text = text if np.isfinite(array[where]) else f"must be finite, and {text}"
+        if not np.isfinite(array[where]) and text != FINITE[0]:
+            text = f"must be finite, and {text}"
         raise ValueError(f"{name}{index} = {_shown(array[where])}: {text}")
 
 
@@ -74,7 +75,10 @@ def as_leaf(name, value, ndim):
         kind = "a number" if ndim == 0 else "a sequence of numbers"
         raise ValueError(f"{name} = {_shown(value)}: must be {kind}")
     if isinstance(value, int | float) and ndim == 0:
-        return float(value)
+        try:
+            return float(value)
+        except OverflowError:
+            raise ValueError(f"{name} = {_shown(value)}: must be within floating-point range") from None
     try:
         array = value if isinstance(value, jax.Array) else np.asarray(value)
         if not jnp.issubdtype(array.dtype, jnp.floating):
@@ -145,7 +149,7 @@ def _check_child(name, value, meta):
         return
     kinds = meta["child"]
     if type(value).__name__ not in kinds:
-        allowed = ", ".join(kinds) + (" or None" if meta["optional"] else "")
+        allowed = " or ".join([", ".join(kinds)] * bool(kinds) + ["None"] * meta["optional"])
         raise ValueError(f"{name} = {_shown(value)}: must be {allowed}")
 
 

@@ -64,11 +64,11 @@ class SelfAffine:
 
 def _check_order(q0, qr, q1):
     if not q0 <= qr:
-        raise ValueError(f"SelfAffine.qr = {qr:g}: must be >= q0 = {q0:g}")
+        raise ValueError(f"SelfAffine.qr = {qr!r}: must be >= q0 = {q0!r}")
     if not qr <= q1:
-        raise ValueError(f"SelfAffine.q1 = {q1:g}: must be >= qr = {qr:g}")
+        raise ValueError(f"SelfAffine.q1 = {q1!r}: must be >= qr = {qr!r}")
     if not q0 < q1:
-        raise ValueError(f"SelfAffine.q1 = {q1:g}: must be > q0 = {q0:g}")
+        raise ValueError(f"SelfAffine.q1 = {q1!r}: must be > q0 = {q0!r}")
 
 
 @physical
