@@ -235,9 +235,9 @@ def tread(**changes):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: rf.SelfAffine(1e2, 1e3, 9e2, 0.8, 1e-4), r"SelfAffine\.q1 = 900: must be >= qr = 1000"),
-        (lambda: rf.SelfAffine(1e2, 99.0, 1e5, 0.8, 1e-4), r"SelfAffine\.qr = 99: must be >= q0 = 100"),
-        (lambda: rf.SelfAffine(1e2, 1e2, 1e2, 0.8, 1e-4), r"SelfAffine\.q1 = 100: must be > q0 = 100"),
+        (lambda: rf.SelfAffine(1e2, 1e3, 9e2, 0.8, 1e-4), r"SelfAffine\.q1 = 900.0: must be >= qr = 1000.0"),
+        (lambda: rf.SelfAffine(1e2, 99.0, 1e5, 0.8, 1e-4), r"SelfAffine\.qr = 99.0: must be >= q0 = 100.0"),
+        (lambda: rf.SelfAffine(1e2, 1e2, 1e2, 0.8, 1e-4), r"SelfAffine\.q1 = 100.0: must be > q0 = 100.0"),
         (lambda: rf.SelfAffine(1e2, 1e3, 1e5, 1.01, 1e-4), r"SelfAffine\.hurst = 1\.01: must be between"),
         (lambda: rf.SelfAffine.from_C0(1e2, 1e3, 1e5, 0.8, -1.0), r"SelfAffine\.C0 = -1\.0: must be >= 0"),
         (lambda: rf.SelfAffine.from_C0(1e2, 1e3, 1e5, 0.8, np.nan), r"SelfAffine\.C0 = nan: must be"),
