@@ -18,7 +18,9 @@ _IN_A_GAP = 5
 class Quadrature:
     """Accuracy knobs of the forward model; static: each new setting compiles anew.
 
-    The defaults meet 1e-9 for area, friction and separation.
+    The defaults meet 1e-9 for area, friction and separation over ten decades of roughness.
+    Over two or three decades Quadrature(order=10, panels=6, graded=3, ratio=6.0) is good to
+    1e-8 at tyre pressures, in about half the time.
 
     Parameters
     ----------

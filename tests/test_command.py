@@ -117,7 +117,7 @@ def test_no_viscoelastic_solid_no_friction(call, scene_file):
         (
             "qr = 1000",
             "qr = 1e5",
-            "scene.toml: lower.spectrum: SelfAffine.q1 = 10000: must be >= qr = 100000",
+            "scene.toml: lower.spectrum: SelfAffine.q1 = 10000.0: must be >= qr = 100000.0",
         ),
         (
             "E_inf",
