@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rubberfric._toml import check_keys, number, shown
-from rubberfric.scene import Scene
+from rubberfric.scene import Scene, shifts
 
 
 class Conditions(NamedTuple):
@@ -51,13 +51,11 @@ def check_conditions(where, conditions, scene):
             raise ValueError(f"{where}{name}[{bad[0]}] = {values[bad[0]]}: {rule}")
     if conditions.temperature is None:
         return
-    shifts = [getattr(body.material, "shift", None) for body in (scene.lower, scene.upper)]
-    shifts = [shift for shift in shifts if shift is not None]
-    if not shifts:
+    if not shifts(scene):
         raise ValueError(
             f"{where}temperature = {conditions.temperature[0]}: must be absent, for no material has a shift"
         )
-    for shift in shifts:
+    for shift in shifts(scene):
         try:
             shift.check_temperature(conditions.temperature)
         except ValueError as error:

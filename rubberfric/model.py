@@ -18,10 +18,10 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric._pytree import FINITE, POSITIVE, as_leaf, check_values
-from rubberfric.materials import VISCOELASTIC, TabulatedModulus
+from rubberfric.materials import TabulatedModulus
 from rubberfric.quadrature import Quadrature
 from rubberfric.radial import evaluate, prepare
-from rubberfric.scene import Scene, cast, result_dtype
+from rubberfric.scene import Scene, cast, result_dtype, shifts
 
 QUANTITIES = ("area", "friction", "separation")
 
@@ -246,12 +246,7 @@ def _condition(name, value, rule):
 
 
 def _check_temperature(scene, temperature):
-    shifts = [
-        body.material.shift
-        for body in (scene.lower, scene.upper)
-        if isinstance(body.material, VISCOELASTIC) and body.material.shift is not None
-    ]
-    if not shifts:
+    if not shifts(scene):
         raise ValueError("temperature is given, but no material of the scene has a shift: must be None")
-    for shift in shifts:
+    for shift in shifts(scene):
         shift.check_temperature(temperature)

@@ -188,14 +188,15 @@ def _means(prepared, channel, velocity, temperature, wanted):
         chosen = jnp.einsum("vai,ka->vki", values, mesh.select)
         return jnp.einsum("vki,kci->vkc", chosen, mesh.interpolate)
 
-    power, dissipation, storage = (to_contact(values) for values in means)
     if channel.logarithmic:
         # Two deformable solids with a layer: F follows Sbar, and may change by 1e9 within
         # a panel; in the logarithm its small end keeps its digits, and G stays positive.
         # The floor is for F = 0 (two liquids at rest), where G need only be as good as 0.
         floor = float(jnp.finfo(means.power.dtype).tiny) ** 0.8
         power = jnp.exp(to_contact(jnp.log(jnp.maximum(means.power, floor))))
-    return Means(power, dissipation, storage)
+    else:
+        power = to_contact(means.power)
+    return Means(power, to_contact(means.dissipation), to_contact(means.storage))
 
 
 def _sum_before(panels):

@@ -67,6 +67,12 @@ class Scene:
             )
 
 
+def shifts(scene):
+    """Time-temperature shifts of the scene's materials, lower first; those that have none are left out."""
+    found = (getattr(body.material, "shift", None) for body in (scene.lower, scene.upper))
+    return [shift for shift in found if shift is not None]
+
+
 def result_dtype(*values):
     """The one dtype a call computes in: of all leaves, Python scalars yielding."""
     leaves = jax.tree_util.tree_leaves(values)
