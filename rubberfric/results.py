@@ -15,20 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from rubberfric._atomic import replacing
+from rubberfric._hdf5 import check_names, creating, plain, read_values, reading, write_values
 from rubberfric.conditions import Conditions, SceneFile, check_conditions
 from rubberfric.model import Solution
 from rubberfric.quadrature import Quadrature
 from rubberfric.scene import Scene
-from rubberfric.scene_hdf5 import (
-    check_names,
-    creating,
-    plain,
-    read_object,
-    read_values,
-    reading,
-    write_object,
-    write_values,
-)
+from rubberfric.scene_hdf5 import FORMAT, read_object, write_object
 
 CONDITIONS = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}
 QUANTITIES = {"area": "-", "friction": "-", "separation": "m"}
@@ -47,7 +39,7 @@ class Result(NamedTuple):
 
 def save_result(path, result):
     """Write a result file, whole or not at all."""
-    with replacing(path) as temporary, creating(temporary) as file:
+    with replacing(path) as temporary, creating(temporary, FORMAT) as file:
         file.attrs["title"] = result.title
         write_object(file, "scene", result.scene)
         for name, units in CONDITIONS.items():
@@ -68,7 +60,7 @@ def save_result(path, result):
 
 def load_result(path):
     """What a result file holds: a `Result`, its arrays NumPy arrays. ValueError if it is none."""
-    with reading(path) as file:
+    with reading(path, FORMAT) as file:
         scene, conditions, title = _read_scene(file)
         if conditions is None:
             raise ValueError("has a scene but no results; must be a result file")
@@ -87,13 +79,13 @@ def load_result(path):
 
 def read_scene_hdf5(path):
     """Scene, conditions and title of a scene file or a result file."""
-    with reading(path) as file:
+    with reading(path, FORMAT) as file:
         return _read_scene(file)
 
 
 def write_scene_hdf5(path, scene):
     """Write a scene file, whole or not at all."""
-    with replacing(path) as temporary, creating(temporary) as file:
+    with replacing(path) as temporary, creating(temporary, FORMAT) as file:
         write_object(file, "scene", scene)
 
 

@@ -1,0 +1,1 @@
+"""fitting: inverse fits of scenes to measurements."""
