@@ -40,6 +40,7 @@ def _scaled(**factors):
 _ONE = {"-": (1.0, 0.0)}
 _PRESSURE = _scaled(Pa=1.0, kPa=1e3, MPa=1e6, GPa=1e9)
 _SPEED = {"m/s": (1.0, 0.0), "mm/s": (1e-3, 0.0), "um/s": (1e-6, 0.0)}
+_SPECTRUM = {"m^4": (1.0, 0.0), "mm^4": (1e-12, 0.0), "um^4": (1e-24, 0.0)}
 
 # Names a file may use. The first unit of each is SI, in which tables are written.
 COLUMNS = {
@@ -48,13 +49,19 @@ COLUMNS = {
     "E_stor": Column("E_stor", _PRESSURE),
     "E_loss": Column("E_loss", _PRESSURE),
     "q": Column("q", {"1/m": (1.0, 0.0), "1/mm": (1e3, 0.0), "1/um": (1e6, 0.0)}),
-    "C": Column("C", {"m^4": (1.0, 0.0), "mm^4": (1e-12, 0.0), "um^4": (1e-24, 0.0)}),
+    "C": Column("C", _SPECTRUM),
     "T": Column("T", {"K": (1.0, 0.0), "C": (1.0, 273.15)}),
     "aT": Column("aT", _ONE),
     "v": Column("v", _SPEED, positive=False),
     "log10_v": Column("v", {f"log10({unit})": how for unit, how in _SPEED.items()}, log10=True),
+    "p": Column("p", _PRESSURE),
     "mu": Column("mu", _ONE, positive=False),
+    "A_over_A0": Column("A_over_A0", _ONE),
     "sigma": Column("sigma", _ONE),
+    "sigma_stor": Column("sigma_stor", _PRESSURE),
+    "sigma_loss": Column("sigma_loss", _PRESSURE),
+    "sigma_C": Column("sigma_C", _SPECTRUM),
+    "relative_sigma": Column("relative_sigma", {"-": (1.0, 0.0), "%": (1e-2, 0.0)}),
 }
 
 
@@ -82,8 +89,6 @@ def read_table(path, wanted, optional=(), increasing=True):
         wrong sign or out of order.
     """
     rows = _rows(path)
-    if len(rows) < 3:
-        raise ValueError(f"{path}: has {len(rows)} rows: must have a name row, a unit row and data")
     (name_line, names), (unit_line, units), *data = rows
     columns = _columns(f"{path}: line {name_line}", names, wanted, optional)
     for line, row in rows[1:]:
@@ -111,11 +116,17 @@ def read_table(path, wanted, optional=(), increasing=True):
     return table
 
 
+def read_names(path):
+    """Names of the columns of a CSV file as they stand there, known or not; ValueError if it is no table."""
+    return _rows(path)[0][1]
+
+
 def write_table(path, table, comment=""):
     """Write columns in SI (a dict of name -> sequence, names as in `COLUMNS`) as a CSV file.
 
     Numbers have as many digits as it takes to read the same ones back. `comment` goes to
-    the top, each line behind a #. ValueError if a name is not known in SI or if lengths differ.
+    the top, each line behind a #. ValueError if a name is not known in SI, if lengths differ
+    or if a value is one that `read_table` refuses.
     """
     for name in table:
         if name not in COLUMNS or COLUMNS[name].name != name:
@@ -125,6 +136,9 @@ def write_table(path, table, comment=""):
     lengths = {name: values.shape for name, values in columns.items()}
     if len(set(lengths.values())) != 1 or any(len(shape) != 1 for shape in lengths.values()):
         raise ValueError(f"{path}: shapes of columns {lengths}: must be one-dimensional and equal")
+    for name, values in columns.items():
+        for i, value in enumerate(values.tolist()):
+            _check(f"{path}: {name}[{i}] = {value!r}", value, COLUMNS[name])
     with replacing(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
         file.writelines(f"# {line}\n" for line in comment.splitlines())
         writer = csv.writer(file, lineterminator="\n")
@@ -161,6 +175,8 @@ def _rows(path):
             except csv.Error as error:
                 raise ValueError(f"{path}: line {line}: is not CSV: {error}") from None
             rows.append((line, [field.strip() for field in fields]))
+    if len(rows) < 3:
+        raise ValueError(f"{path}: has {len(rows)} rows: must have a name row, a unit row and data")
     return rows
 
 
@@ -196,8 +212,13 @@ def _value(where, text, unit, column):
         value = factor * (10.0**value if column.log10 else value) + offset
     except OverflowError:
         value = math.inf
+    _check(where, value, column)
+    return value
+
+
+def _check(where, value, column):
+    """ValueError unless a column may hold the value, which is in SI."""
     if not math.isfinite(value):
         raise ValueError(f"{where}: must be finite in SI units")
     if column.positive and not value > 0:
         raise ValueError(f"{where}: must be > 0{' K' if column.name == 'T' else ''}")
-    return value

@@ -1,0 +1,190 @@
+"""Files of measured data: CSV tables and HDF5.
+
+A CSV table has two header rows, names and units (`rubberfric.tables`); the column of the
+measured values says what kind of data it is:
+
+    friction   v | log10_v, mu, and if known  sigma | relative_sigma, p, T
+    area       v | log10_v, A_over_A0,        sigma | relative_sigma, p, T
+    modulus    omega | f, E_stor, E_loss,     sigma_stor, sigma_loss | relative_sigma, T
+    spectrum   q, C,                          sigma_C | relative_sigma
+
+An HDF5 file holds one group /data with the attributes kind, name and body, and a dataset
+with units for each field that is not None.
+"""
+
+import dataclasses
+import difflib
+from pathlib import Path
+
+import h5py
+
+from fitting.data import AreaData, FrictionData, ModulusData, SpectrumData
+from fitting.measured import FIELDS, one_line
+from rubberfric._atomic import check_writable, replacing
+from rubberfric._hdf5 import check_names, creating, plain, read_values, reading, write_values
+from rubberfric.tables import COLUMNS, closest, read_names, read_table, write_table
+
+FORMAT = "rubberfric data"
+SUFFIXES = (".csv", ".h5")
+
+_CONDITIONS = {"pressure": "p", "temperature": "T", "relative": "relative_sigma"}
+
+# Column of every numeric field; one row makes a kind of data storable.
+COLUMN = {
+    FrictionData: {"velocity": "v", "friction": "mu", "sigma": "sigma", **_CONDITIONS},
+    AreaData: {"velocity": "v", "area": "A_over_A0", "sigma": "sigma", **_CONDITIONS},
+    ModulusData: {
+        "omega": "omega",
+        "storage": "E_stor",
+        "loss": "E_loss",
+        "sigma_storage": "sigma_stor",
+        "sigma_loss": "sigma_loss",
+        "temperature": "T",
+        "relative": "relative_sigma",
+    },
+    SpectrumData: {"q": "q", "C": "C", "sigma": "sigma_C", "relative": "relative_sigma"},
+}
+KINDS = {cls.quantity: cls for cls in COLUMN}
+
+
+def read(path, *, pressure=None, temperature=None, body=None, relative=None, check_units=True):
+    """Measured data of a .csv or an .h5 file.
+
+    Parameters
+    ----------
+    path : path of the file
+    pressure, temperature, body, relative : as in the constructors
+        what the file lacks: pressure [Pa] must be in one of both places for friction and
+        area, and body never is in a CSV file.
+    check_units : bool
+        whether values of a CSV file that look like ones in another unit are errors.
+
+    Returns
+    -------
+    FrictionData, AreaData, ModulusData or SpectrumData, as the columns of a CSV file or the
+    kind in an HDF5 file say. From a file that `write` made the numbers are equal to the
+    last bit; `name` is kept by .h5 only.
+
+    Raises
+    ------
+    ValueError
+        one line naming the file, what in it is wrong, and the rule; also if something is
+        given that the file has, or that data of its kind do not have.
+    """
+    path = Path(path)
+    given = {"pressure": pressure, "temperature": temperature, "body": body, "relative": relative}
+    given = {name: value for name, value in given.items() if value is not None}
+    suffix = path.suffix.lower()
+    if suffix not in SUFFIXES:
+        raise ValueError(f"{path}: suffix {path.suffix!r}: must be {' or '.join(SUFFIXES)}")
+    if suffix == ".h5":
+        with reading(path, FORMAT) as file:
+            check_names(file, ("data",), ("format", "format_version", "rubberfric_version"))
+            if "data" not in file:
+                raise ValueError("/data: is missing; must be a group")
+            return read_group(file["data"], **given)
+    cls = _kind(path)
+    columns = COLUMN[cls]
+    needed = tuple(columns[name] for name in columns if FIELDS[name].needed and name != "pressure")
+    optional = tuple(column for column in columns.values() if column not in needed)
+    table = read_table(path, needed, optional, increasing=False)
+    values = {name: table[column] for name, column in columns.items() if column in table}
+    try:
+        if "pressure" in columns and "pressure" not in {*values, *given}:
+            raise ValueError("no column p: the table must have one, or pressure=... be given [Pa]")
+        return _made(cls, values, given, check_units)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def write(path, data):
+    """Write measured data as a .csv or an .h5 file, whole or not at all; `read` reads it back.
+
+    A CSV file has no place for `name` and `body`: they go to comment lines, and the body
+    must be given to `read` again.
+
+    Raises
+    ------
+    ValueError
+        one line: the suffix is neither, the folder is missing, `data` is of no kind, or has
+        values <= 0 of noise that a CSV table must not hold.
+    """
+    if type(data) not in COLUMN:
+        kinds = ", ".join(cls.__name__ for cls in COLUMN)
+        raise ValueError(f"{path}: data = {one_line(data)}: must be one of {kinds}")
+    check_writable(path, SUFFIXES)
+    if Path(path).suffix.lower() == ".h5":
+        with replacing(path) as temporary, creating(temporary, FORMAT) as file:
+            write_group(file.create_group("data"), data)
+        return
+    body = getattr(data, "body", None)
+    comment = [data.name] * bool(data.name) + [f"of the {body} body"] * (body is not None)
+    table = {column: getattr(data, name) for name, column in COLUMN[type(data)].items()}
+    table = {column: values for column, values in table.items() if values is not None}
+    write_table(path, table, "\n".join(comment))
+
+
+def write_group(group, data):
+    """Store measured data in an open, empty HDF5 group."""
+    group.attrs["kind"] = data.quantity
+    group.attrs["name"] = data.name
+    if getattr(data, "body", None) is not None:
+        group.attrs["body"] = data.body
+    for name in COLUMN[type(data)]:
+        if getattr(data, name) is not None:
+            write_values(group, name, getattr(data, name), data.unit(name))
+
+
+def read_group(group, **given):
+    """Measured data that `write_group` stored, with what they lack `given` as to `read`.
+
+    ValueError in one line if the group holds no such data.
+    """
+    if not isinstance(group, h5py.Group):
+        raise ValueError(f"{group.name}: is a dataset: must be a group")
+    kind = plain(group.attrs.get("kind"))
+    if not isinstance(kind, str) or kind not in KINDS:
+        raise ValueError(f"{group.name}: kind = {kind!r}: {closest(kind, tuple(KINDS))}")
+    cls = KINDS[kind]
+    texts = _fields(cls) & {"name", "body"}
+    check_names(group, COLUMN[cls], ("kind", *sorted(texts)))
+    values = {name: plain(group.attrs[name]) for name in texts if name in group.attrs}
+    for name in COLUMN[cls]:
+        if name in group or FIELDS[name].needed:
+            values[name] = read_values(group, name, cls.unit(name))
+    try:
+        return _made(cls, values, given, check_units=False)
+    except ValueError as error:
+        raise ValueError(f"{group.name}: {error}") from None
+
+
+def _fields(cls):
+    return {field.name for field in dataclasses.fields(cls)}
+
+
+def _made(cls, values, given, check_units):
+    """Data from the fields of a file and what is given beside it."""
+    for name, value in given.items():
+        if name not in _fields(cls):
+            raise ValueError(f"{name} = {one_line(value)}: must not be given; {cls.quantity} data have none")
+        if name in values:
+            raise ValueError(f"{name} = {one_line(value)}: must not be given; the file has it")
+    return cls(**values, **given, check_units=check_units)
+
+
+def _kind(path):
+    """The class of data in a CSV file, by its column of measured values."""
+    names = read_names(path)
+    marks = {columns[cls.values[0]]: cls for cls, columns in COLUMN.items()}
+    found = [mark for mark in marks if mark in names]
+    if len(found) == 1:
+        return marks[found[0]]
+    needs = []
+    for cls, columns in COLUMN.items():
+        needed = [columns[name] for name in columns if FIELDS[name].needed]
+        spelled = (" or ".join(n for n in COLUMNS if COLUMNS[n].name == column) for column in needed)
+        needs.append(f"{cls.quantity} has {', '.join(spelled)}")
+    near = [(name, mark) for name in names for mark in difflib.get_close_matches(name, marks, n=1)]
+    hint = f"{near[0][0]!r}: did you mean {near[0][1]!r}? " if near and not found else ""
+    columns, kinds = ", ".join(names), "; ".join(needs)
+    raise ValueError(f"{path}: columns {columns}: {hint}must be those of one kind of data: {kinds}")
