@@ -6,6 +6,7 @@ from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus, comple
 from rubberfric.model import Solution, contact_area, friction, friction_outside_table, separation, solve
 from rubberfric.quadrature import Quadrature
 from rubberfric.scene import Body, Scene
+from rubberfric.shear import ContactShear
 from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
 from rubberfric.spectra import SelfAffine, TabulatedSpectrum, moment, power_spectrum, rms_slope
 
@@ -13,6 +14,7 @@ __all__ = [
     "WLF",
     "Arrhenius",
     "Body",
+    "ContactShear",
     "Elastic",
     "Prony",
     "Quadrature",

@@ -15,7 +15,7 @@ import numpy as np
 from rubberfric._atomic import check_writable
 from rubberfric.files import read_scene_file
 from rubberfric.materials import TabulatedModulus
-from rubberfric.model import Solution, friction_outside_table, solve
+from rubberfric.model import QUANTITIES, Solution, friction_outside_table, solve
 from rubberfric.quadrature import Quadrature
 from rubberfric.results import Result, result_shape, save_result
 
@@ -67,12 +67,14 @@ def run(arguments):
 def compute(scene, conditions):
     """All quantities at all conditions, NumPy arrays of shape [temperature, pressure, velocity].
 
+    The parts of the friction are among them if the scene has contact shear.
     FloatingPointError if one of them is not finite.
     """
-    solution = solve(scene, *_grid(conditions))
+    quantities = QUANTITIES if scene.shear is None else Solution._fields
+    solution = solve(scene, *_grid(conditions), quantities=quantities)
     shape = result_shape(conditions)
-    solution = Solution(*(np.broadcast_to(np.asarray(values), shape) for values in solution))
-    for name, values in solution._asdict().items():
+    found = {name: np.broadcast_to(np.asarray(getattr(solution, name)), shape) for name in quantities}
+    for name, values in found.items():
         bad = np.argwhere(~np.isfinite(values))
         if bad.size:
             _, j, k = bad[0]
@@ -80,7 +82,7 @@ def compute(scene, conditions):
             raise FloatingPointError(
                 f"{name} = {values[tuple(bad[0])]} at v = {v:g} m/s, p = {p:g} Pa: not finite"
             )
-    return solution
+    return Solution(**found)
 
 
 def _grid(conditions):
@@ -94,16 +96,30 @@ def _grid(conditions):
 
 
 def outside_note(result):
-    """One line saying how far the result rests on extrapolated moduli; "" if no modulus is tabulated."""
+    """One line saying how far the friction rests on extrapolated moduli; "" if no modulus is tabulated."""
     bodies = (result.scene.lower, result.scene.upper)
     if not any(isinstance(body.material, TabulatedModulus) for body in bodies):
         return ""
     share = np.max(np.abs(friction_outside_table(result.scene, *_grid(result.conditions))))
-    return f"at most {100 * share:.2g} % of mu comes from frequencies outside the tabulated moduli"
+    mu = "mu" if result.scene.shear is None else "the viscoelastic mu"
+    return f"at most {100 * share:.2g} % of {mu} comes from frequencies outside the tabulated moduli"
+
+
+# Columns of the printed table: heading and scale.
+COLUMNS = {
+    "area": ("A/A0 [-]", 1.0),
+    "friction": ("mu [-]", 1.0),
+    "separation": ("u_bar [um]", 1e6),
+    "viscoelastic_friction": ("mu_visc [-]", 1.0),
+    "shear_friction": ("mu_shear [-]", 1.0),
+}
 
 
 def table(result):
     """Lines of the printed table: a block for every temperature and pressure."""
+    columns = {name: values for name, values in result.solution._asdict().items() if values is not None}
+    # Six columns of 12 leave no more than one space between them on a line of 80.
+    gap = " " if len(columns) > 4 else "  "
     if result.title:
         yield result.title
     for i, j in np.ndindex(result_shape(result.conditions)[:2]):
@@ -111,10 +127,10 @@ def table(result):
         at = "" if T is None else f", temperature {T[i]:.6g} K ({T[i] - 273.15:.4g} °C)"
         yield ""
         yield f"pressure {result.conditions.pressure[j] / 1e6:.6g} MPa{at}"
-        yield f"{'v [m/s]':>12}  {'A/A0 [-]':>12}  {'mu [-]':>12}  {'u_bar [um]':>12}"
-        columns = (values[i, j] for values in result.solution)
-        for v, area, friction, separation in zip(result.conditions.velocity, *columns, strict=True):
-            yield f"{v:12.4e}  {area:12.5e}  {friction:12.5e}  {1e6 * separation:12.5e}"
+        yield gap.join(f"{heading:>12}" for heading in ("v [m/s]", *(COLUMNS[name][0] for name in columns)))
+        for k, v in enumerate(result.conditions.velocity):
+            row = (f"{COLUMNS[name][1] * values[i, j, k]:12.5e}" for name, values in columns.items())
+            yield gap.join((f"{v:12.4e}", *row))
 
 
 class _Parser(argparse.ArgumentParser):
@@ -133,7 +149,8 @@ def _parser():
     one = commands.add_parser(
         "run",
         help="compute a scene at the conditions in its file",
-        description="Print contact area, friction coefficient and mean separation over velocity.",
+        description="Print contact area, friction coefficient and mean separation over velocity, and the "
+        "parts of the friction if the scene has contact shear.",
     )
     one.add_argument(
         "scene", metavar="SCENE", help="scene file (.toml), or result file (.h5) to compute again"

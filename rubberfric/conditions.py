@@ -53,7 +53,8 @@ def check_conditions(where, conditions, scene):
         return
     if not shifts(scene):
         raise ValueError(
-            f"{where}temperature = {conditions.temperature[0]}: must be absent, for no material has a shift"
+            f"{where}temperature = {conditions.temperature[0]}: "
+            "must be absent, for nothing in the scene has a shift"
         )
     for shift in shifts(scene):
         try:

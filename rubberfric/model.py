@@ -8,6 +8,8 @@ series stiffness K_j (see `rubberfric.stiffness`):
 .. math:: \mu = \frac{1}{\sigma_0}\int d^2q\, S P \sum_j C_j\, q\cos\varphi\,\mathrm{Im} K_j
 .. math:: \bar u = \int d^2q \sum_j C_j\,\mathrm{Re} K_j
           \int_{\sigma_0}^\infty \frac{dp}{2p}\frac{\partial[SP]}{\partial p}
+
+mu is the viscoelastic friction; contact shear (`rubberfric.shear`) adds to it where the scene has it.
 """
 
 import dataclasses
@@ -22,6 +24,7 @@ from rubberfric.materials import TabulatedModulus
 from rubberfric.quadrature import Quadrature
 from rubberfric.radial import evaluate, prepare
 from rubberfric.scene import Scene, cast, result_dtype, shifts
+from rubberfric.shear import shear_friction
 
 QUANTITIES = ("area", "friction", "separation")
 
@@ -34,8 +37,10 @@ class Solution(NamedTuple):
     """Results of `solve`; quantities not asked for are None."""
 
     area: jax.Array | None = None  # A/A0 [-]
-    friction: jax.Array | None = None  # mu [-]
+    friction: jax.Array | None = None  # mu, the sum of its two parts below [-]
     separation: jax.Array | None = None  # u_bar [m]
+    viscoelastic_friction: jax.Array | None = None  # [-]
+    shear_friction: jax.Array | None = None  # mu_con; 0 in a scene without contact shear [-]
 
 
 _DEFAULT = Quadrature()
@@ -51,7 +56,7 @@ def contact_area(scene, velocity, pressure, temperature=None, *, quadrature=_DEF
     ----------
     scene : Scene
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
-        temperature None: every material at its reference temperature.
+        temperature None: every shift at its reference temperature.
     quadrature : Quadrature, static
 
     Returns
@@ -61,7 +66,7 @@ def contact_area(scene, velocity, pressure, temperature=None, *, quadrature=_DEF
     Raises
     ------
     ValueError : concrete pressure <= 0, any NaN, a temperature outside a shift's range,
-        or a temperature although no material has a shift.
+        or a temperature although nothing in the scene has a shift.
 
     Notes
     -----
@@ -74,7 +79,7 @@ def friction(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT
     r"""Friction coefficient of steady sliding [Scaraggi & Persson, eq. (A17) over v sigma_0].
 
     .. math:: \mu = \frac{1}{\sigma_0} \int d^2q\, S P \sum_j C_j\, q \cos\varphi\,
-              \mathrm{Im} K_j(q v \cos\varphi)
+              \mathrm{Im} K_j(q v \cos\varphi) \;[\,+\,\mu_\mathrm{con}\,]
 
     Parameters
     ----------
@@ -84,7 +89,8 @@ def friction(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT
 
     Returns
     -------
-    array, broadcast shape [-]; odd in the velocity. Viscoelastic part.
+    array, broadcast shape [-]; odd in the velocity. Viscoelastic part, plus contact shear if
+    `scene.shear` is set; `solve` gives the parts.
 
     Raises
     ------
@@ -92,7 +98,8 @@ def friction(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT
 
     Notes
     -----
-    Zero, not computed, when no rough solid faces a viscoelastic one (Cases II, III).
+    The viscoelastic part is zero, not computed, when no rough solid faces a viscoelastic one
+    (Cases II, III).
     """
     return solve(
         scene, velocity, pressure, temperature, quadrature=quadrature, quantities=("friction",)
@@ -139,12 +146,13 @@ def solve(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT, q
     scene : Scene
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
     quadrature : Quadrature, static
-    quantities : names out of "area", "friction", "separation"
-        only these are computed.
+    quantities : names out of "area", "friction", "separation", and for the parts of the friction
+        "viscoelastic_friction", "shear_friction"
+        only these are computed. The contact shear needs no more than the area.
 
     Returns
     -------
-    Solution, fields of the broadcast shape, None for what was not asked for.
+    Solution, fields of the broadcast shape, None for what was not asked for: take the fields by name.
 
     Raises
     ------
@@ -152,8 +160,8 @@ def solve(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT, q
     """
     quantities = (quantities,) if isinstance(quantities, str) else tuple(quantities)
     for name in quantities:
-        if name not in QUANTITIES:
-            raise ValueError(f"quantities has {name!r}: must be out of {', '.join(QUANTITIES)}")
+        if name not in Solution._fields:
+            raise ValueError(f"quantities has {name!r}: must be out of {', '.join(Solution._fields)}")
     for name, value, cls in (("scene", scene, Scene), ("quadrature", quadrature, Quadrature)):
         if not isinstance(value, cls):
             raise ValueError(f"{name} is a {type(value).__name__}: must be a {cls.__name__}")
@@ -185,11 +193,11 @@ def _solve(scene, velocity, pressure, temperature, *, quadrature, quantities):
     shape = jnp.broadcast_shapes(*(x.shape for x in conditions))
     points = [jnp.broadcast_to(x, shape).reshape(-1) for x in conditions]
     count = points[0].shape[0]
-    prepared = prepare(scene, quantities, quadrature)
+    prepared = prepare(scene, _integrals(scene, quantities), quadrature)
 
     def block(points):
-        results = evaluate(prepared, *points)
-        return {name: jnp.broadcast_to(value, points[0].shape) for name, value in results.items()}
+        results = _with_shear(scene.shear, evaluate(prepared, *points), quantities, points)
+        return {name: jnp.broadcast_to(results[name], points[0].shape) for name in quantities}
 
     if count <= BLOCK:
         results = block(points)
@@ -201,12 +209,38 @@ def _solve(scene, velocity, pressure, temperature, *, quadrature, quantities):
     return Solution(**{name: value.reshape(-1)[:count].reshape(shape) for name, value in results.items()})
 
 
+def _integrals(scene, quantities):
+    """The radial integrals that the quantities are made of."""
+    sheared = scene.shear is not None and {"friction", "shear_friction"} & set(quantities)
+    needed = {
+        "area": "area" in quantities or sheared,
+        "friction": "friction" in quantities or "viscoelastic_friction" in quantities,
+        "separation": "separation" in quantities,
+    }
+    return tuple(name for name in needed if needed[name])
+
+
+def _with_shear(shear, integrals, quantities, points):
+    """All quantities at points from the radial integrals, of which the friction is viscoelastic."""
+    results = dict(integrals)
+    if "viscoelastic_friction" in quantities:
+        results["viscoelastic_friction"] = integrals["friction"]
+    if shear is None and "shear_friction" in quantities:
+        results["shear_friction"] = jnp.zeros_like(points[0])
+    if shear is not None and {"friction", "shear_friction"} & set(quantities):
+        results["shear_friction"] = shear_friction(shear, integrals["area"], *points)
+    if shear is not None and "friction" in quantities:
+        results["friction"] = integrals["friction"] + results["shear_friction"]
+    return results
+
+
 def friction_outside_table(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT):
-    r"""Share of the friction that comes from frequencies outside the tabulated moduli.
+    r"""Share of the viscoelastic friction that comes from frequencies outside the tabulated moduli.
 
     .. math:: 1 - \mu_\mathrm{none} / \mu
 
-    with :math:`\mu_\mathrm{none}` the friction when E'' is zero outside the tables
+    with :math:`\mu` the viscoelastic friction, without contact shear, and
+    :math:`\mu_\mathrm{none}` the same when E'' is zero outside the tables
     (`TabulatedModulus.outside` = "none"). Near 1, the result says more about the
     extrapolation than about the material.
 
@@ -217,7 +251,7 @@ def friction_outside_table(scene, velocity, pressure, temperature=None, *, quadr
 
     Returns
     -------
-    array, broadcast shape [-]; 0 where there is no friction
+    array, broadcast shape [-]; 0 where there is no viscoelastic friction
 
     Raises
     ------
@@ -232,8 +266,11 @@ def friction_outside_table(scene, velocity, pressure, temperature=None, *, quadr
         for name, body in tabulated.items()
     }
     conditions = (velocity, pressure, temperature)
-    whole = friction(scene, *conditions, quadrature=quadrature)
-    inside = friction(dataclasses.replace(scene, **cut), *conditions, quadrature=quadrature)
+    part = "viscoelastic_friction"
+    whole, inside = (
+        getattr(solve(s, *conditions, quadrature=quadrature, quantities=(part,)), part)
+        for s in (scene, dataclasses.replace(scene, **cut))
+    )
     return jnp.where(whole != 0, 1 - inside / jnp.where(whole != 0, whole, 1.0), 0.0)
 
 
@@ -247,6 +284,6 @@ def _condition(name, value, rule):
 
 def _check_temperature(scene, temperature):
     if not shifts(scene):
-        raise ValueError("temperature is given, but no material of the scene has a shift: must be None")
+        raise ValueError("temperature is given, but nothing in the scene has a shift: must be None")
     for shift in shifts(scene):
         shift.check_temperature(temperature)

@@ -9,16 +9,23 @@ PANELS = {
     "friction": (1.0, "friction coefficient\n$\\mu$ [-]"),
     "separation": (1e6, "mean separation\n$\\bar u$ [µm]"),
 }
+# Parts of the friction: line style, marker of a single point, and name.
+PARTS = {
+    "viscoelastic_friction": ("--", "s", "viscoelastic"),
+    "shear_friction": (":", "^", "contact shear"),
+}
 
 
 def plot_result(result, ax=None):
     """Draw A/A0, mu and mean separation over log10 v: one panel each, one line per temperature and pressure.
 
+    The parts of the friction, where the solution has them, are thin dashed and dotted lines in its panel.
+
     Parameters
     ----------
     result : Result
         see `rubberfric.results`. Velocities <= 0 have no logarithm and are left out.
-    ax : sequence of as many matplotlib axes as the solution has quantities, or None
+    ax : sequence of as many matplotlib axes as the solution has of these three quantities, or None
         None: axes of a new figure of its own, `ax[0].figure`, which pyplot does not know.
 
     Returns
@@ -48,7 +55,29 @@ def plot_result(result, ax=None):
     ax[-1].set_xlabel("$\\log_{10}(v\\;/\\;\\mathrm{m\\,s^{-1}})$")
     if len(curve_labels(result.conditions)) > 1:
         ax[0].legend(fontsize="small")
+    if "friction" in names:
+        _draw_parts(ax[names.index("friction")], result, shown)
     return ax
+
+
+def _draw_parts(axes, result, shown):
+    """Parts of the friction in the colours of the curves already drawn, and a legend of the line styles."""
+    from matplotlib.lines import Line2D
+
+    parts = {name: look for name, look in PARTS.items() if getattr(result.solution, name) is not None}
+    if not parts:
+        return
+    log_v = np.log10(np.asarray(result.conditions.velocity)[shown])
+    above = axes.get_legend()
+    handles, labels = axes.get_legend_handles_labels() if above else ([], [])
+    colours = [line.get_color() for line in axes.lines[-len(curve_labels(result.conditions)) :]]
+    for name, (style, marker, label) in parts.items():
+        look = {"linestyle": style, "linewidth": 1.0, "marker": marker if shown.size < 2 else None}
+        for (i, j), colour in zip(curve_labels(result.conditions), colours, strict=True):
+            axes.plot(log_v, np.asarray(getattr(result.solution, name))[i, j, shown], color=colour, **look)
+        handles.append(Line2D([], [], color="0.3", **look))
+        labels.append(label)
+    axes.legend(handles, labels, fontsize="small")
 
 
 def curve_labels(conditions):

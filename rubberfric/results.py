@@ -5,6 +5,7 @@ each with the attribute units:
 
     velocity [m/s]  pressure [Pa]  temperature [K]      one-dimensional; temperature may be missing
     area [-]  friction [-]  separation [m]              shape [temperature, pressure, velocity]
+    viscoelastic_friction [-]  shear_friction [-]       the same; parts of the friction, may be missing
 
 the group /quadrature, whose attributes are the accuracy settings, and the attribute title.
 """
@@ -23,7 +24,13 @@ from rubberfric.scene import Scene
 from rubberfric.scene_hdf5 import FORMAT, read_object, write_object
 
 CONDITIONS = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}
-QUANTITIES = {"area": "-", "friction": "-", "separation": "m"}
+QUANTITIES = {
+    "area": "-",
+    "friction": "-",
+    "separation": "m",
+    "viscoelastic_friction": "-",
+    "shear_friction": "-",
+}
 DIMENSIONS = ("temperature", "pressure", "velocity")
 
 

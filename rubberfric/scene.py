@@ -46,7 +46,9 @@ class Scene:
         the area and leave the paper's 30 % low at light load. The separation always
         uses the plain G: S in G makes it worse (physics: -9 % instead of -1 % in the
         ratio of separations at two loads).
-    shear, heating, softening : None
+    shear : ContactShear or None
+        shear stress in the area of contact; adds to the friction only.
+    heating, softening : None
         reserved; anything else is a ValueError.
 
     Two rigid bodies raise ValueError: nothing would deform.
@@ -56,7 +58,7 @@ class Scene:
     upper: object = child(("Body",), optional=False)
     gamma: float = leaf(between(0.0, 1.0), default=0.5)
     area_correction: bool = static((False, True), default=False)
-    shear: object = child((), default=None)
+    shear: object = child(("ContactShear",), default=None)
     heating: object = child((), default=None)
     softening: object = child((), default=None)
 
@@ -68,8 +70,13 @@ class Scene:
 
 
 def shifts(scene):
-    """Time-temperature shifts of the scene's materials, lower first; those that have none are left out."""
-    found = (getattr(body.material, "shift", None) for body in (scene.lower, scene.upper))
+    """Time-temperature shifts in the scene: of the lower and upper material and of the contact shear.
+
+    What has none is left out.
+    """
+    found = (
+        getattr(part, "shift", None) for part in (scene.lower.material, scene.upper.material, scene.shear)
+    )
     return [shift for shift in found if shift is not None]
 
 

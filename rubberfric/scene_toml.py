@@ -19,6 +19,10 @@
     [upper.layer]                       # optional: thickness [m], base
     ...
 
+    [shear]                             # optional: tau_f0 [Pa], c [-], v0 [m/s], and a shift of its own
+    shift = { kind = "arrhenius", energy = 0.97, T_ref = 293.15 }
+    ...
+
     [run]                               # for the command, see `rubberfric.conditions`
 
 Keys are the fields of the classes, except those of `CURVES`, which come from a CSV file.
@@ -33,6 +37,7 @@ from rubberfric.conditions import SceneFile, read_conditions
 from rubberfric.layers import Slab
 from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus
 from rubberfric.scene import Body, Scene
+from rubberfric.shear import ContactShear
 from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
 from rubberfric.spectra import SelfAffine, TabulatedSpectrum
 from rubberfric.tables import closest, read_table
@@ -45,6 +50,7 @@ KINDS = {
     "shift": {"wlf": WLF, "arrhenius": Arrhenius, "table": TabulatedShift},
     "spectrum": {"self_affine": SelfAffine, "tabulated": TabulatedSpectrum},
     "layer": Slab,
+    "shear": ContactShear,
 }
 
 # Fields that come from columns of a CSV file, named by the key `file`.

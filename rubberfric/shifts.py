@@ -4,6 +4,8 @@ Each class is one law for ln a_T. All are callable: `shift.log_factor(T)` gives 
 finite for every finite T.
 """
 
+import math
+
 import jax.numpy as jnp
 import numpy as np
 
@@ -52,7 +54,7 @@ class WLF:
         # Below the pole the formula changes sign; the glass is taken as saturated there.
         safe = jnp.where(distance > 0, distance, 1.0)
         log10 = jnp.where(distance > 0, -self.C1 * above / safe, jnp.inf)
-        return _saturate(log10 * np.log(10.0))
+        return _saturate(log10 * math.log(10.0))  # a NumPy scalar would widen float32
 
 
 @physical

@@ -126,10 +126,19 @@ def power_spectrum(spectrum, q):
     """C(q) [m^4] at q [1/m], zero outside the spectrum's range; for plots and moments."""
     law = broken_power_law(spectrum)
     q = jnp.asarray(q)
-    piece = jnp.clip(jnp.searchsorted(law.q, q, side="right") - 1, 0, law.exponent.shape[0] - 1)
-    log_value = law.log_value[piece] + law.exponent[piece] * log_ratio(q, law.q[piece])
     inside = (q >= law.q[0]) & (q <= law.q[-1])
-    return jnp.where(inside, law.height2 * jnp.exp(log_value - 2 * jnp.log(q)), 0.0)
+    return jnp.where(inside, law.height2 * jnp.exp(_log_shape(law, q)), 0.0)
+
+
+def log_power_spectrum(law, q):
+    """ln C at q, its first and last piece continued beyond the ends; for fits of C."""
+    return jnp.log(law.height2) + _log_shape(law, q)
+
+
+def _log_shape(law, q):
+    """ln(C / height2) at q."""
+    piece = jnp.clip(jnp.searchsorted(law.q, q, side="right") - 1, 0, law.exponent.shape[0] - 1)
+    return law.log_value[piece] + law.exponent[piece] * log_ratio(q, law.q[piece]) - 2 * jnp.log(q)
 
 
 def moment(spectrum, order):

@@ -43,9 +43,14 @@ def arguments(case, dtype=float):
     return as_arrays((scene(case), *rest), dtype)
 
 
+def three(solution):
+    """Area, friction and separation of a solution."""
+    return [getattr(solution, quantity) for quantity in QUANTITIES]
+
+
 def quantities(arguments):
     """Area, friction and separation as one array."""
-    return jnp.stack(rf.solve(*arguments))
+    return jnp.stack(three(rf.solve(*arguments)))
 
 
 # Compiled once for every structure of scene that the test modules share.

@@ -135,7 +135,7 @@ def test_memory_of_a_hundred_thousand_points(scene):
         f"from test_benchmarks import {scene} as scene\n"
         "rng = np.random.default_rng(0)\n"
         "v, p = 10.0 ** rng.uniform(-6, 1, 100_000), 10.0 ** rng.uniform(4, 6, 100_000)\n"
-        "total = lambda s, v, p: sum(jnp.sum(x) for x in rf.solve(s, v, p))\n"
+        "total = lambda s, v, p: sum(jnp.sum(x) for x in jax.tree.leaves(rf.solve(s, v, p)))\n"
         "f = jax.jit(jax.value_and_grad(total, (0, 1, 2)))\n"
         "jax.block_until_ready(f(scene, v, p))\n"
         "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20)\n"

@@ -10,6 +10,7 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
+from cases import three
 
 import rubberfric as rf
 from rubberfric import command
@@ -72,9 +73,11 @@ def test_table_result_and_plot_agree_with_solve(call, scene_file, tmp_path):
     scene, v = rf.load_scene(scene_file), np.logspace(-3, 1, 5)[None, None]
     T, p = np.array([283.15, 293.15, 303.15])[:, None, None], np.array([1e5, 3e5])[None, :, None]
     expected = jax.jit(rf.solve)(scene, v, p, T)
-    for got, want in zip(result.solution, expected, strict=True):
+    for got, want in zip(three(result.solution), three(expected), strict=True):
         assert got.shape == (3, 2, 5)
         np.testing.assert_allclose(got, want, rtol=1e-12)
+    assert result.solution.viscoelastic_friction is None
+    assert result.solution.shear_friction is None
     assert result.title == "Small scene"
     assert result.quadrature == rf.Quadrature()
 
@@ -85,7 +88,7 @@ def test_table_result_and_plot_agree_with_solve(call, scene_file, tmp_path):
     assert lines[3].split() == ["v", "[m/s]", "A/A0", "[-]", "mu", "[-]", "u_bar", "[um]"]
     table = numbers(printed).reshape(3, 2, 5, 4)
     np.testing.assert_allclose(table[..., 0], np.broadcast_to(v, (3, 2, 5)), rtol=1e-4)
-    for column, scale, values in zip((1, 2, 3), (1, 1, 1e6), expected, strict=True):
+    for column, scale, values in zip((1, 2, 3), (1, 1, 1e6), three(expected), strict=True):
         np.testing.assert_allclose(table[..., column], scale * values, rtol=1e-5)
 
     # the result file is a scene file that gives the same result to the last bit
@@ -93,6 +96,38 @@ def test_table_result_and_plot_agree_with_solve(call, scene_file, tmp_path):
     assert (status, printed_again) == (0, printed)
     for x, y in zip(result.solution, load_result(tmp_path / "again.h5").solution, strict=True):
         np.testing.assert_array_equal(x, y)
+
+
+SHEAR = (
+    "[shear]\ntau_f0 = 6.5e6\nc = 0.1\nv0 = 6e-3\nshift = { kind = 'arrhenius', energy = 1, T_ref = 293 }\n"
+)
+
+
+def test_contact_shear_shows_in_table_result_and_plot(call, scene_file, tmp_path):
+    out, picture = tmp_path / "r.h5", tmp_path / "r.png"
+    scene_file.write_text(SCENE.replace("[run]", SHEAR + "[run]"))
+    status, printed, complaint = call("run", scene_file, "--out", out, "--plot", picture)
+    assert (status, complaint) == (0, "")
+    solution = load_result(out).solution
+    assert all(values.shape == (3, 2, 5) for values in solution)
+    total = solution.viscoelastic_friction + solution.shear_friction
+    np.testing.assert_allclose(solution.friction, total, rtol=1e-15)
+    assert np.all(solution.shear_friction > 0.1)
+
+    lines = printed.splitlines()
+    assert max(map(len, lines)) <= 80
+    heading = "     v [m/s]     A/A0 [-]       mu [-]   u_bar [um]  mu_visc [-] mu_shear [-]"
+    assert lines[3] == heading
+    table = numbers(printed).reshape(3, 2, 5, 6)
+    for column, (scale, values) in enumerate(zip((1, 1, 1e6, 1, 1), solution, strict=True), start=1):
+        np.testing.assert_allclose(table[..., column], scale * values, rtol=1e-5)
+
+    # run again from the result, and without the shear: what is left is as ever
+    assert call("run", out) == (0, printed, "")
+    scene_file.write_text(SCENE)
+    plain = numbers(call("run", scene_file)[1]).reshape(3, 2, 5, 4)
+    np.testing.assert_allclose(plain[..., [0, 1, 3]], table[..., [0, 1, 3]], rtol=2e-5)
+    np.testing.assert_allclose(plain[..., 2], table[..., 4], rtol=2e-5)
 
 
 def test_no_viscoelastic_solid_no_friction(call, scene_file):
@@ -191,7 +226,7 @@ def test_plot_without_matplotlib(call, scene_file, tmp_path, monkeypatch):
 def test_failed_work(call, scene_file, tmp_path, monkeypatch, failure):
     """Status 1, and no half-written file."""
 
-    def solve(scene, velocity, pressure, temperature):
+    def solve(scene, velocity, pressure, temperature, *, quantities):
         good = jax.numpy.asarray(velocity + pressure + temperature)
         return rf.Solution(good, good / (velocity - 1e-3 if failure == "not finite" else 1.0), good)
 
@@ -271,6 +306,39 @@ def test_plot_draws_the_curves_over_log10_v():
     assert axes[0].figure.get_suptitle() == "Title"
 
 
+def test_plot_draws_the_parts_of_the_friction_as_thin_lines():
+    values = np.arange(1.0, 9.0).reshape(2, 1, 4)
+    parts = {"viscoelastic_friction": 0.25 * values, "shear_friction": 0.75 * values}
+    result = some_result([1e-2, 1e-1, 1.0, 10.0], [283.15, 293.15], area=values, friction=values, **parts)
+    area, friction = plot_result(result)
+    assert [len(area.lines), len(friction.lines)] == [2, 6]
+    cold, warm = friction.lines[:2]
+    for line, total, style, part in zip(
+        friction.lines[2:],
+        (cold, warm, cold, warm),
+        ("--", "--", ":", ":"),
+        (0.25, 0.25, 0.75, 0.75),
+        strict=True,
+    ):
+        assert (line.get_linestyle(), line.get_color()) == (style, total.get_color())
+        assert line.get_linewidth() < total.get_linewidth()
+        np.testing.assert_allclose(line.get_ydata(), part * total.get_ydata())
+    assert legend(area) == ["0.1 MPa, 10 °C", "0.1 MPa, 20 °C"]
+    assert legend(friction) == ["viscoelastic", "contact shear"]
+
+    # alone in its figure, its one legend says both; a single velocity is drawn as points
+    (friction,) = plot_result(result._replace(solution=result.solution._replace(area=None)))
+    assert legend(friction) == ["0.1 MPa, 10 °C", "0.1 MPa, 20 °C", "viscoelastic", "contact shear"]
+    one = some_result([1.0], friction=np.ones((1, 1, 1)), shear_friction=np.ones((1, 1, 1)))
+    (friction,) = plot_result(one)
+    assert [line.get_marker() for line in friction.lines] == ["o", "^"]
+    assert legend(friction) == ["contact shear"]
+
+
+def legend(axes):
+    return [text.get_text() for text in axes.get_legend().get_texts()]
+
+
 def test_plot_into_given_axes_without_legend():
     from matplotlib.figure import Figure
 
@@ -315,4 +383,12 @@ def test_a_tabulated_scene_says_how_much_lies_outside_its_table(call):
     last = printed.splitlines()[-1]
     assert status == 0
     assert last.startswith("at most ") and last.endswith("outside the tabulated moduli")
+    assert "% of mu comes" in last
     assert "outside" not in call("run", DATA / "thin_layer.toml")[1]
+    scene = rf.load_scene(DATA / "tabulated_tread.toml")
+    sheared = rf.Scene(scene.lower, scene.upper, shear=rf.ContactShear(6.5e6, 0.1, 6e-3))
+    conditions = Conditions(np.array([1e-3]), np.array([1e5]), None)
+    notes = [
+        command.outside_note(Result(s, conditions, rf.Solution(), rf.Quadrature())) for s in (scene, sheared)
+    ]
+    assert notes[1] == notes[0].replace("of mu", "of the viscoelastic mu")

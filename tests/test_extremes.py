@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import oracle
 import pytest
-from cases import QUANTITIES, arguments, as_arrays, h_rms, paths, reverse, scene
+from cases import QUANTITIES, arguments, as_arrays, h_rms, paths, reverse, scene, three
 
 import rubberfric as rf
 
@@ -135,7 +135,7 @@ def test_in_bounds(name):
 def test_right(name):
     case, found, _ = prepared(name)
     if name in FINER:
-        found = jax.jit(functools.partial(rf.solve, quadrature=FINER[name]))(*arguments(case))
+        found = three(jax.jit(functools.partial(rf.solve, quadrature=FINER[name]))(*arguments(case)))
     exact = oracle.solve(case, halvings=160)
     # Zero weights stand for 1e-30 of the stiffness, which may relax.
     floor = {"area": 0.0, "friction": 1e-18, "separation": 1e-6 * h_rms(case)}
@@ -220,5 +220,5 @@ def test_single_precision_is_finite_at_extremes(name):
 def test_single_precision_with_python_scalars():
     """Python numbers do not promote a float32 scene."""
     single = as_arrays(scene(changed("one", {})), jnp.float32)
-    for result in jax.eval_shape(rf.solve, single, 0.1, 3e5):
+    for result in three(jax.eval_shape(rf.solve, single, 0.1, 3e5)):
         assert result.dtype == jnp.float32

@@ -166,6 +166,7 @@ def test_written_tables_read_back_to_the_last_bit(tmp_path):
 def full_scene():
     """A scene file with every class and every key, as Python tables."""
     wlf = {"kind": "wlf", "C1": 8.0, "C2": 100.0, "T_ref": 293.15}
+    arrhenius = {"kind": "arrhenius", "energy": 0.97, "T_ref": 293.15}
     prony = {"kind": "prony", "E_inf": 1e6, "E": [1e6, 2e6], "tau": [1e-3, 1.0], "poisson": 0.5, "shift": wlf}
     road = {"kind": "self_affine", "q0": 1e2, "qr": 1e3, "q1": 1e5, "hurst": 0.8, "h_rms": 1e-4}
     table = {"kind": "table", "file": "shift.csv", "T_ref": 293.15}
@@ -177,6 +178,7 @@ def full_scene():
         "area_correction": True,
         "lower": {"material": prony, "spectrum": road, "layer": {"thickness": 1e-3, "base": "frictionless"}},
         "upper": {"material": modulus, "spectrum": spectrum},
+        "shear": {"tau_f0": 6.5e6, "c": 0.1, "v0": 6e-3, "shift": arrhenius},
         "run": {"velocity": [1e-3, 1.0], "pressure": 1e5, "temperature": [283.15, 293.15]},
     }
 
@@ -243,6 +245,7 @@ def test_every_key_of_a_scene_file(folder):
         ),
         gamma=0.45,
         area_correction=True,
+        shear=rf.ContactShear(6.5e6, 0.1, 6e-3, rf.Arrhenius(0.97, 293.15)),
     )
     same(scene, expected)
     assert title == "Everything"
@@ -253,12 +256,13 @@ def test_every_key_of_a_scene_file(folder):
 
 def test_defaults_are_those_of_the_classes(folder):
     content = full_scene()
-    for key in ("title", "gamma", "area_correction", "run", "upper.spectrum", "lower.layer.base"):
+    for key in ("title", "gamma", "area_correction", "run", "upper.spectrum", "lower.layer.base", "shear"):
         content = put(content, key, ...)
     content = put(content, "upper.material", {"kind": "elastic", "young": 1_000_000, "poisson": 0})
     scene, conditions, title = read_scene_file(write_scene(folder, content))
     assert (scene.gamma, scene.area_correction, scene.lower.layer.base) == (0.5, False, "bonded")
     assert (scene.upper.material.young, scene.upper.spectrum, conditions, title) == (1e6, None, None, "")
+    assert scene.shear is None
 
 
 def test_other_ways_to_say_it(folder):
@@ -283,7 +287,7 @@ def key_paths(content, above=""):
 
 
 OPTIONAL = {"title", "gamma", "area_correction", "run", "poisson", "shift", "spectrum", "layer", "base"}
-OPTIONAL |= {"outside", "temperature"}
+OPTIONAL |= {"outside", "temperature", "shear"}
 
 
 @pytest.mark.parametrize("key", list(key_paths(full_scene())))
@@ -340,7 +344,10 @@ def test_every_key_refuses_wrong_values(folder, key):
             500.0,
             "upper.material.shift: TabulatedShift.T_ref = 500.0: must be inside",
         ),
-        ("shear", {}, "shear = {}: is reserved; must be absent"),
+        ("heating", {}, "heating = {}: is reserved; must be absent"),
+        ("shear", {}, "shear.tau_f0: is missing; must be given"),
+        ("shear.v0", 0, "shear: ContactShear.v0 = 0.0: must be > 0"),
+        ("shear.kind", "bell", "shear.kind: unknown key; must be one of tau_f0, c, v0, shift"),
         ("run.velocity", {"from": 0, "to": 1, "points": 2}, "run.velocity.from = 0.0: must be > 0"),
         ("run.velocity", {"from": 1, "to": 1, "points": 2}, "run.velocity.to = 1.0: must be > from = 1"),
         ("run.velocity", {"from": 1, "to": 2, "points": 1}, "run.velocity.points = 1: must be an integer"),
@@ -365,7 +372,8 @@ def test_two_rigid_bodies_and_useless_temperature(folder):
     content = put(full_scene(), "upper.material", {"kind": "rigid"})
     path = write_scene(folder, put(content, "lower", {"material": {"kind": "rigid"}}))
     assert "both Rigid; one of the solids must deform" in refused(path, lambda: rf.load_scene(path))
-    path = write_scene(folder, put(content, "lower.material.shift", ...))
+    content = put(put(content, "lower.material.shift", ...), "shear.shift", ...)
+    path = write_scene(folder, content)
     assert "run.temperature = 283.15: must be absent" in refused(path, lambda: rf.load_scene(path))
 
 
@@ -570,7 +578,7 @@ def test_truncated_hdf5(tmp_path):
 
 def result():
     conditions = Conditions(np.array([1e-3, 0.1, 1.0]), np.array([1e5, 2e5]), np.array([283.0]))
-    values = np.random.default_rng(0).uniform(size=(3, 1, 2, 3))
+    values = np.random.default_rng(0).uniform(size=(5, 1, 2, 3))
     return Result(EXAMPLES["Scene"], conditions, rf.Solution(*values), rf.Quadrature(order=20), "Title µ")
 
 
@@ -587,7 +595,14 @@ def test_result_file_says_what_made_it(tmp_path):
         units = {name: file[name].attrs["units"] for name in file if name not in ("scene", "quadrature")}
         assert [dim.label for dim in file["friction"].dims] == ["temperature", "pressure", "velocity"]
     assert units.pop("velocity") == "m/s"
-    assert units == {"pressure": "Pa", "temperature": "K", "area": "-", "friction": "-", "separation": "m"}
+    parts = {"viscoelastic_friction": "-", "shear_friction": "-"}
+    assert units == parts | {
+        "pressure": "Pa",
+        "temperature": "K",
+        "area": "-",
+        "friction": "-",
+        "separation": "m",
+    }
 
 
 def test_result_without_temperature_and_with_one_quantity(tmp_path):
@@ -598,6 +613,7 @@ def test_result_without_temperature_and_with_one_quantity(tmp_path):
     again = load_result(tmp_path / "r.h5")
     assert again.conditions.temperature is None
     assert again.solution.area is None
+    assert again.solution.shear_friction is None
     assert again.solution.friction.shape == (1, 1, 1)
 
 
@@ -612,6 +628,7 @@ def test_result_without_temperature_and_with_one_quantity(tmp_path):
         (replace("pressure", [1e5, -1.0]), "/pressure[1] = -1.0: must be > 0"),
         (replace("temperature", [100.0]), "/temperature[0] = 100.0: must be"),
         (replace("friction", np.ones(3)), "/friction has shape (3,): must be (1, 2, 3)"),
+        (replace("shear_friction", np.ones((1, 2))), "/shear_friction has shape (1, 2): must be (1, 2, 3)"),
         (replace("area", np.ones((1, 2, 3)), units="m^2"), "/area: units = 'm^2': must be '-'"),
     ],
 )

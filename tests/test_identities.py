@@ -1,5 +1,6 @@
 """Exact relations of the theory that need no reference values."""
 
+import collections
 import dataclasses
 
 import jax
@@ -7,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import oracle
 import pytest
-from cases import as_arrays
+from cases import QUANTITIES, as_arrays, three
 
 import rubberfric as rf
 
@@ -21,6 +22,7 @@ SLAB = rf.Slab(1e-3)
 
 replace = dataclasses.replace
 _solve = jax.jit(rf.solve)
+Values = collections.namedtuple("Values", QUANTITIES)
 
 
 def solve(s, v, p, *temperature):
@@ -28,7 +30,7 @@ def solve(s, v, p, *temperature):
     v, p = np.broadcast_arrays(v, p)
     points = [np.resize(x.ravel().astype(float), 16) for x in (v, p)]
     found = _solve(*as_arrays((s, *points, *temperature)))
-    return rf.Solution(*(np.array(x)[: v.size].reshape(v.shape) for x in found))
+    return Values(*(np.array(x)[: v.size].reshape(v.shape) for x in three(found)))
 
 
 def scene(lower, upper, gamma=0.5, **options):
@@ -377,10 +379,11 @@ def test_vmap_is_loop_is_broadcast(name):
     s = SCENES[name]
     v, p = np.array([1e-3, 0.1, 10.0]), np.array([1e4, 3e5, 2e6])
     loop = np.array([solve(s, *point) for point in zip(v, p, strict=True)]).T
-    np.testing.assert_allclose(np.array(jax.jit(jax.vmap(rf.solve, (None, 0, 0)))(s, v, p)), loop, rtol=1e-13)
+    mapped = jax.jit(jax.vmap(rf.solve, (None, 0, 0)))(s, v, p)
+    np.testing.assert_allclose(np.array(three(mapped)), loop, rtol=1e-13)
     grid = jax.jit(rf.solve)(s, v[:, None], p)
     assert grid.area.shape == (3, 3)
-    np.testing.assert_allclose(np.array(grid)[:, [0, 1, 2], [0, 1, 2]], loop, rtol=1e-13)
+    np.testing.assert_allclose(np.array(three(grid))[:, [0, 1, 2], [0, 1, 2]], loop, rtol=1e-13)
 
 
 def test_vmap_over_scenes():
@@ -388,9 +391,11 @@ def test_vmap_over_scenes():
     scenes = [replace(s, gamma=jnp.asarray(gamma)) for gamma in (0.3, 0.6)]
     stacked = jax.tree.map(lambda *x: jnp.stack(x), *scenes)
     both = jax.jit(jax.vmap(rf.solve, (0, None, None)))(stacked, 0.1, 3e5)
-    np.testing.assert_allclose(np.array(both), np.array([solve(x, 0.1, 3e5) for x in scenes]).T, rtol=1e-13)
+    np.testing.assert_allclose(
+        np.array(three(both)), np.array([solve(x, 0.1, 3e5) for x in scenes]).T, rtol=1e-13
+    )
 
 
 @pytest.mark.parametrize("name", ["elastic", pytest.param("two-slabs", marks=pytest.mark.slow)])
 def test_jit_is_eager(name):
-    assert_same(solve(SCENES[name], 0.1, 3e5), rf.solve(SCENES[name], 0.1, 3e5), 1e-13)
+    assert_same(solve(SCENES[name], 0.1, 3e5), three(rf.solve(SCENES[name], 0.1, 3e5)), 1e-13)

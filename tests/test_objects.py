@@ -39,9 +39,10 @@ def examples(number=float, vector=np.array):
     spectrum = rf.TabulatedSpectrum(q=vector([1e2, 1e3, 1e5]), C=vector([1e-9, 1e-12, 1e-19]))
     slab = rf.Slab(thickness=number(1e-3), base="frictionless")
     body = rf.Body(prony, road, slab)
-    scene = rf.Scene(body, rf.Body(modulus, spectrum), gamma=number(0.45), area_correction=True)
-    objects = [rf.Rigid(), elastic, prony, modulus, wlf, arrhenius, table, road, spectrum, slab, body, scene]
-    return {type(x).__name__: x for x in objects}
+    shear = rf.ContactShear(tau_f0=number(6.5e6), c=number(0.1), v0=number(6e-3), shift=arrhenius)
+    scene = rf.Scene(body, rf.Body(modulus, spectrum), gamma=number(0.45), area_correction=True, shear=shear)
+    objects = [rf.Rigid(), elastic, prony, modulus, wlf, arrhenius, table, road, spectrum, slab, shear]
+    return {type(x).__name__: x for x in (*objects, body, scene)}
 
 
 EXAMPLES = examples()
@@ -260,6 +261,9 @@ def tread(**changes):
             r"TabulatedShift\.T_ref = 2\.5: must be inside",
         ),
         (lambda: rf.TabulatedShift([1.0], [1.0], 1.0), r"TabulatedShift\.T has 1 entries"),
+        (lambda: rf.ContactShear(-1.0, 0.1, 6e-3), r"ContactShear\.tau_f0 = -1\.0: must be >= 0"),
+        (lambda: rf.ContactShear(6.5e6, -0.1, 6e-3), r"ContactShear\.c = -0\.1: must be >= 0"),
+        (lambda: rf.ContactShear(6.5e6, 0.1, 0.0), r"ContactShear\.v0 = 0\.0: must be > 0"),
         (lambda: tread(tau=[0.0]), r"Prony\.tau\[0\] = 0\.0: must be > 0"),
         (lambda: tread(tau=[1.0, 2.0]), r"Prony: lengths differ \(E has 1, tau has 2\)"),
         (lambda: tread(E=[], tau=[]), r"Prony\.E is empty"),
