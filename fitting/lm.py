@@ -1,0 +1,138 @@
+r"""Levenberg-Marquardt: nonlinear least squares by damped Gauss-Newton steps.
+
+.. math:: dx = -V \, \mathrm{diag}\frac{s}{s^2 + \lambda} \, U^T r, \qquad J = U \, \mathrm{diag}(s) \, V^T
+
+with geodesic acceleration [Transtrum & Sethna, arXiv:1201.5885], which halves the number
+of steps in the curved valleys of relaxation spectra. A pair of pure functions, `init` and
+`step`, that jit and vmap go through. One singular value decomposition of the Jacobian
+serves several dampings, which are tried side by side: residuals cost a small part of the
+Jacobian, and the best of them is taken. Directions that the data do not see (s = 0) are
+left where they are.
+"""
+
+import dataclasses
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from fitting.losses import weighted
+from fitting.problem import cost_of, data_rows, residuals
+from fitting.status import CONVERGED, NOT_FINITE, PERFECT, RUNNING, STALLED
+
+TRIALS = (0.1, 1.0, 10.0, 1000.0)  # times the damping of the last step
+SOFTEST, STIFFEST = 1e-30, 1e9  # damping over the largest singular value squared
+LONGEST = 3.0  # of a step in any x: a factor 20 in a Positive parameter
+
+
+class State(NamedTuple):
+    """Where a fit stands; a pytree."""
+
+    x: jax.Array
+    cost: jax.Array
+    status: jax.Array  # of `fitting.status`
+    nfev: jax.Array  # evaluations of the residuals
+    njev: jax.Array  # and of their Jacobian
+    damping: jax.Array  # lambda / (largest singular value)^2
+
+
+@dataclasses.dataclass(frozen=True)
+class LevenbergMarquardt:
+    """The solver; hashable.
+
+    Parameters
+    ----------
+    tolerance : float
+        done when the linear model promises, and the step brings, a lower cost by less than
+        this part of it.
+    """
+
+    tolerance: float = 1e-9
+    max_steps = 200
+
+    def init(self, structure, numbers, targets, x):
+        """The state at a start vector x."""
+        cost = cost_of(structure, numbers, residuals(structure, numbers, targets, x))
+        status = jnp.where(jnp.isfinite(cost), RUNNING, NOT_FINITE)
+        count = jnp.asarray(0)
+        return State(x, cost, status, count + 1, count, jnp.asarray(1e-3, x.dtype))
+
+    def step(self, structure, numbers, targets, state):
+        """The state after one step; one that is done stays as it is."""
+        x, at = state.x, (structure, numbers, targets)
+        rows, jacobian = rows_and_jacobian(*at, x)
+        finite = jnp.all(jnp.isfinite(jacobian))
+        # LAPACK may not return from a matrix with NaN in it.
+        jacobian = jnp.where(finite, jacobian, 0.0)
+        U, s, V = jnp.linalg.svd(jacobian, full_matrices=False)
+        along = U.T @ rows
+        dampings = jnp.clip(state.damping * np.asarray(TRIALS, x.dtype), SOFTEST, STIFFEST)
+        # s = 0 throughout: nothing to gain, and no step.
+        factors = s / (s**2 + dampings[:, None] * jnp.where(s[0] > 0, s[0], 1.0) ** 2)
+        velocities = -(factors * along) @ V
+        # exp and the tails of the logit leave the range where the linear model means anything.
+        velocities = velocities * _limited(velocities, LONGEST)
+        bends = jax.vmap(lambda move: _second_derivative(*at, x, move))(velocities)
+        accelerations = -0.5 * (factors * (bends @ U)) @ V
+        # Beyond half the step the expansion means nothing; inf * 0 where the model breaks down.
+        half = 0.5 * jnp.max(jnp.abs(velocities), 1, keepdims=True)
+        accelerations = jnp.where(jnp.isfinite(accelerations), accelerations, 0.0)
+        moves = velocities + accelerations * _limited(accelerations, half)
+
+        costs = jax.vmap(lambda move: cost_of(structure, numbers, residuals(*at, x + move)))(moves)
+        costs = jnp.where(jnp.isfinite(costs), costs, jnp.inf)
+        best = jnp.argmin(costs)
+        cost, accepted = costs[best], costs[best] < state.cost
+        # What the linear model promises of a full step: all of the cost along the columns of J.
+        seen = s > float(jnp.finfo(x.dtype).eps) * s[0]
+        promised = 0.5 * jnp.sum(jnp.where(seen, along, 0.0) ** 2)
+        little = self.tolerance * state.cost
+        converged = (promised <= little) & (state.cost - jnp.minimum(cost, state.cost) <= little)
+        stalled = ~accepted & (state.damping >= STIFFEST)
+        perfect = jnp.minimum(cost, state.cost) <= rows.size * float(jnp.finfo(x.dtype).eps) ** 2
+        status = jnp.select(
+            [~finite, perfect, converged, stalled], [NOT_FINITE, PERFECT, CONVERGED, STALLED], RUNNING
+        )
+        new = State(
+            jnp.where(accepted, x + moves[best], x),
+            jnp.where(accepted, cost, state.cost),
+            status,
+            state.nfev + 3 * len(TRIALS),
+            state.njev + 1,
+            jnp.where(accepted, dampings[best], jnp.minimum(state.damping * 1e4, STIFFEST)),
+        )
+        running = state.status == RUNNING
+        return jax.tree.map(lambda after, before: jnp.where(running, after, before), new, state)
+
+
+def _limited(moves, longest):
+    """Factors <= 1 that keep every element of every move below `longest`."""
+    length = jnp.max(jnp.abs(moves), 1, keepdims=True)
+    return jnp.minimum(1.0, longest / jnp.where(length > 0, length, 1.0))
+
+
+def _second_derivative(structure, numbers, targets, x, move):
+    """Second derivative of the residuals along a move, weighted as the loss has it."""
+
+    def slope(x):
+        return jax.jvp(lambda x: residuals(structure, numbers, targets, x), (x,), (move,))
+
+    (rows, _), (_, bend) = jax.jvp(slope, (x,), (move,))
+    count = data_rows(structure)
+    weight = weighted(structure.loss, numbers.width, rows[:count], jnp.ones((count, 1), x.dtype))[1]
+    return jnp.concatenate([bend[:count] * weight[:, 0], bend[count:]])
+
+
+def rows_and_jacobian(structure, numbers, targets, x):
+    """Residuals and Jacobian at x, weighted as the loss has it."""
+
+    def twice(x):
+        rows = residuals(structure, numbers, targets, x)
+        return rows, rows
+
+    jacobian, rows = jax.jacfwd(twice, has_aux=True)(x)
+    jacobian = jacobian * targets.held
+    count = data_rows(structure)
+    data, data_jacobian = weighted(structure.loss, numbers.width, rows[:count], jacobian[:count])
+    return jnp.concatenate([data, rows[count:]]), jnp.concatenate([data_jacobian, jacobian[count:]])

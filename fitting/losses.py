@@ -1,0 +1,49 @@
+r"""Robust losses: how much a residual counts, as half the sum of rho(r^2).
+
+============  =============================  =====================================
+loss          rho(z), z = (r / width)^2      influence of an outlier
+============  =============================  =====================================
+"linear"      z                              grows without bound (least squares)
+"huber"       z; 2 sqrt z - 1 beyond z = 1   constant
+"soft_l1"     2 (sqrt(1 + z) - 1)            constant
+"cauchy"      ln(1 + z)                      falls off like 1 / r
+============  =============================  =====================================
+
+Residuals are in units of their standard errors, so that `width` is a number of those.
+rho is scaled by width^2: small residuals count as in least squares.
+"""
+
+import jax.numpy as jnp
+
+LOSSES = ("linear", "huber", "soft_l1", "cauchy")
+
+
+def rho(loss, width, residual):
+    """rho of every residual, and its first and second derivative with respect to r^2."""
+    z = (residual / width) ** 2
+    if loss == "linear":
+        return residual**2, jnp.ones_like(z), jnp.zeros_like(z)
+    if loss == "huber":
+        beyond = z > 1
+        root = jnp.sqrt(jnp.where(beyond, z, 1.0))
+        value = jnp.where(beyond, 2 * root - 1, z)
+        return width**2 * value, 1 / root, jnp.where(beyond, -0.5 / root**3, 0.0) / width**2
+    if loss == "soft_l1":
+        root = jnp.sqrt(1 + z)
+        # sqrt(1 + z) - 1 without cancellation: a perfect fit has cost 0 to all digits.
+        return width**2 * 2 * z / (1 + root), 1 / root, -0.5 / root**3 / width**2
+    return width**2 * jnp.log1p(z), 1 / (1 + z), -1 / (1 + z) ** 2 / width**2
+
+
+def weighted(loss, width, residual, jacobian):
+    """Residuals and Jacobian whose least-squares step is the step for the robust cost.
+
+    The gradient is exact; the curvature rho' + 2 r^2 rho'' is kept positive, as Triggs et
+    al. (Bundle adjustment, 2000, sec. 4.3) do, so that the step goes downhill.
+    """
+    if loss == "linear":
+        return residual, jacobian
+    _, first, second = rho(loss, width, residual)
+    # A tenth of rho' at least: beyond it an outlier's curvature turns negative.
+    curvature = jnp.sqrt(jnp.maximum(first + 2 * residual**2 * second, 0.1 * first))
+    return residual * first / curvature, jacobian * curvature[:, None]

@@ -1,0 +1,215 @@
+r"""A fit as a least-squares problem: residuals of data and priors over the free parameters.
+
+.. math:: r_i = \frac{\ln(model_i / measured_i)}{relative_i} \quad\text{or}\quad
+          r_i = \frac{model_i - measured_i}{sigma_i}
+
+the first for data with relative errors. A problem is split into its structure, which is
+hashable and decides what is compiled, and its numbers: a second fit of the same kind, a
+bootstrap or a profile compiles nothing new.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import rubberfric as rf
+from fitting.losses import LOSSES, rho
+from fitting.parameters import Constants, Layout, free_parameters, to_scene
+from fitting.priors import PriorLayout, PriorNumbers, prior_residuals, prior_size, read_priors
+from rubberfric.scene import cast, result_dtype, shifts
+from rubberfric.spectra import broken_power_law, log_power_spectrum
+
+BODIES = ("lower", "upper")
+
+# Relative error that data without errors begin with, and keep if they are too few to say.
+ASSUMED = 0.1
+
+
+class Block(NamedTuple):
+    """Rows that one call of the model predicts; hashable."""
+
+    quantity: str  # "friction", "area", "modulus", "spectrum"
+    body: str | None  # whose modulus or spectrum
+    logarithmic: bool
+    rows: tuple  # (first, last + 1)
+
+
+class Structure(NamedTuple):
+    """All about a problem that is not a number; hashable."""
+
+    layout: Layout
+    blocks: tuple
+    prior: PriorLayout
+    loss: str
+    quadrature: rf.Quadrature
+
+
+class Numbers(NamedTuple):
+    """The numbers of a problem that every start and every resampled data set share; a pytree."""
+
+    constants: Constants
+    conditions: tuple  # of every block: (velocity, pressure, temperature or None), (omega, T), (q,)
+    prior: PriorNumbers
+    width: float  # of the robust loss
+
+
+class Targets(NamedTuple):
+    """What the model is compared with; a pytree, one for every resampled data set."""
+
+    measured: jax.Array  # shape (rows,); the logarithm where the block is logarithmic
+    error: jax.Array  # shape (rows,)
+    held: jax.Array  # shape (size,), 0 where x is held at its start (profiles), else 1
+
+
+class Problem(NamedTuple):
+    """A fit to be solved."""
+
+    structure: Structure
+    numbers: Numbers
+    targets: Targets
+    start: np.ndarray  # x, shape (size,)
+    order: tuple  # for every data set, its rows: arrays of indices
+
+
+def make_problem(scene, data, free, prior=None, loss="linear", width=1.0, quadrature=None):
+    """The problem of fitting `free` of `scene` to `data`; see `fitting.fit` for the arguments.
+
+    Data sets without errors get the relative error `ASSUMED`.
+    """
+    if not isinstance(scene, rf.Scene):
+        raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
+    if loss not in LOSSES:
+        raise ValueError(f"loss = {loss!r}: must be one of {', '.join(LOSSES)}")
+    if not width > 0:
+        raise ValueError(f"loss_width = {width!r}: must be > 0")
+    dtype = result_dtype(scene, 1.0)
+    scene = cast(scene, dtype)
+    layout, constants, start = free_parameters(scene, free)
+    prior_layout, prior_numbers = read_priors(scene, layout, constants, prior)
+
+    keys = [_block_key(scene, one) for one in data]
+    blocks, conditions, order = [], [], [None] * len(data)
+    first = 0
+    for key in dict.fromkeys(keys):
+        members = [i for i, other in enumerate(keys) if other == key]
+        begin = first
+        # The model gives all storage moduli of a block first, then all loss moduli.
+        halves = 2 if key[0] == "modulus" else 1
+        sizes = [len(data[i].measured) // halves for i in members]
+        for i, size, before in zip(members, sizes, np.cumsum([0, *sizes]), strict=False):
+            rows = begin + before + np.arange(size)
+            order[i] = np.concatenate([rows + half * sum(sizes) for half in range(halves)])
+        first = begin + halves * sum(sizes)
+        quantity, body, logarithmic, _ = key
+        columns = [_conditions(data[i]) for i in members]
+        conditions.append(
+            tuple(None if parts[0] is None else np.concatenate(parts) for parts in zip(*columns, strict=True))
+        )
+        blocks.append(Block(quantity, body, logarithmic, (begin, first)))
+    measured, error = np.empty(first), np.empty(first)
+    for one, rows in zip(data, order, strict=True):
+        measured[rows] = np.log(one.measured) if one.logarithmic else one.measured
+        error[rows] = ASSUMED if one.error is None else one.error
+    known = prior_size(prior_layout)
+    if first + known < layout.size:
+        raise ValueError(
+            f"{layout.size} free parameters, but only {first} measured values and {known} rows of priors:"
+            " free fewer, tie some, or add a prior"
+        )
+    structure = Structure(layout, tuple(blocks), prior_layout, loss, quadrature or rf.Quadrature())
+    numbers = cast(Numbers(constants, tuple(conditions), prior_numbers, float(width)), dtype)
+    targets = Targets(*(a.astype(dtype) for a in (measured, error, np.ones(layout.size))))
+    return Problem(structure, numbers, targets, start, tuple(order))
+
+
+def _block_key(scene, data):
+    """What data sets must share to be predicted by one call; ValueError if the scene cannot."""
+    quantity, body, temperature = (
+        data.quantity,
+        getattr(data, "body", None),
+        getattr(data, "temperature", None),
+    )
+    if quantity in ("friction", "area"):
+        if temperature is not None:
+            if not shifts(scene):
+                raise ValueError(
+                    f"data {data.label!r}: have a temperature, but no part of the scene has a shift:"
+                    " give the scene one, or the data no temperature"
+                )
+            for shift in shifts(scene):
+                try:
+                    shift.check_temperature(temperature)
+                except ValueError as error:
+                    raise ValueError(f"data {data.label!r}: {error}") from None
+        return quantity, None, data.logarithmic, temperature is not None
+    bodies = {name: getattr(scene, name) for name in BODIES}
+    if quantity == "modulus":
+        bodies = {
+            name: b for name, b in bodies.items() if isinstance(b.material, rf.Prony | rf.TabulatedModulus)
+        }
+        kind = "viscoelastic solid"
+    else:
+        bodies = {name: b for name, b in bodies.items() if b.spectrum is not None}
+        kind = "solid with a spectrum"
+    if body is None and len(bodies) == 1:
+        body = next(iter(bodies))
+    if body not in bodies:
+        given = f"body = {body!r}" if body is not None else "no body is given"
+        choice = " or ".join(repr(name) for name in bodies) or f"but the scene has no {kind}"
+        raise ValueError(f"data {data.label!r}: {given}: must be a {kind}, {choice}")
+    if quantity == "modulus" and temperature is not None:
+        shift = bodies[body].material.shift
+        if shift is None:
+            raise ValueError(f"data {data.label!r}: have a temperature, but {body}.material has no shift")
+        shift.check_temperature(temperature)
+    return quantity, body, data.logarithmic, temperature is not None
+
+
+def _conditions(data):
+    if data.quantity in ("friction", "area"):
+        return data.velocity, data.pressure, data.temperature
+    return (data.omega, data.temperature) if data.quantity == "modulus" else (data.q,)
+
+
+def predictions(structure, numbers, x):
+    """What the model says in place of every measured value, shape (rows,), and the scene."""
+    scene = to_scene(structure.layout, numbers.constants, x)
+    parts = []
+    for block, conditions in zip(structure.blocks, numbers.conditions, strict=True):
+        if block.quantity in ("friction", "area"):
+            solution = rf.solve(
+                scene, *conditions, quadrature=structure.quadrature, quantities=(block.quantity,)
+            )
+            values = getattr(solution, block.quantity)
+        elif block.quantity == "modulus":
+            modulus = rf.complex_modulus(getattr(scene, block.body).material, *conditions)
+            values = jnp.concatenate([modulus.real, modulus.imag])
+        else:
+            # Continued beyond the ends, which may move past a measured wavevector on the way.
+            law = broken_power_law(getattr(scene, block.body).spectrum)
+            log_C = log_power_spectrum(law, *conditions)
+            parts.append(log_C if block.logarithmic else jnp.exp(log_C))
+            continue
+        parts.append(jnp.log(values) if block.logarithmic else values)
+    return jnp.concatenate(parts), scene
+
+
+def residuals(structure, numbers, targets, x):
+    """Rows of the data, then of the priors, in units of their errors."""
+    model, scene = predictions(structure, numbers, x)
+    rows = (model - targets.measured) / targets.error
+    return jnp.concatenate([rows, prior_residuals(structure.prior, numbers.prior, scene, x)])
+
+
+def data_rows(structure):
+    """Number of rows that are data."""
+    return structure.blocks[-1].rows[1]
+
+
+def cost_of(structure, numbers, rows):
+    """Half the sum of rho over the data and of squares over the priors."""
+    count = data_rows(structure)
+    robust = rho(structure.loss, numbers.width, rows[:count])[0]
+    return 0.5 * (jnp.sum(robust) + jnp.sum(rows[count:] ** 2))

@@ -1,0 +1,165 @@
+r"""What the data say about the free parameters, and what they do not.
+
+With the Jacobian at the minimum, J = U diag(s) V^T (rows in units of their errors, priors
+included), the covariance of x is V diag(1/s^2) V^T. A direction V_k whose deviation 1/s_k
+exceeds one - a factor e in Positive parameters - is not identified: linear error bars
+along it would be an invention. Parameters that it leaves open by more than that get none.
+
+For robust losses the covariance is the sandwich A^-1 B A^-1 of M-estimators, A = J^T J with
+the curvature of the loss, B from the squared slopes.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from fitting.lm import rows_and_jacobian
+from fitting.losses import rho
+from fitting.parameters import element_names, slopes, to_values
+from fitting.problem import data_rows, predictions, residuals
+from fitting.words import direction_in_words
+
+# Deviation in x beyond which nothing is called known: a factor e, or a bounded parameter's
+# whole middle range.
+KNOWN = 1.0
+# An unidentified direction counts as this long: a parameter with a thousandth of a part in
+# it is known still.
+OPEN = 100.0
+# Of a Bounded parameter's range: closer to a bound than this, it is at it.
+AT_BOUND = 1e-3
+# A Positive parameter that fell by more than this factor was driven towards zero.
+VANISHED = 1e6
+
+
+class Direction(NamedTuple):
+    """A combination of parameters that the data do not determine."""
+
+    loadings: np.ndarray  # unit vector in x, shape (size,)
+    deviation: float  # standard deviation of x along it; inf if the data do not change at all
+    text: str
+
+
+class Uncertainty(NamedTuple):
+    """See the module's docstring; arrays over the free elements."""
+
+    deviation: np.ndarray  # of x; NaN where withheld
+    covariance: np.ndarray  # of the values; NaN rows and columns where withheld
+    correlation: np.ndarray  # of x; NaN rows and columns where withheld
+    withheld: dict  # name -> why it has no error bar
+    unidentified: tuple  # of Direction
+    rank: int  # directions that the data see at all
+    condition: float  # largest over smallest singular value
+    directions: np.ndarray  # V, columns, shape (size, size)
+    deviations: np.ndarray  # along them, shape (size,); inf where the data see nothing
+    spread: np.ndarray  # covariance of x with all directions, OPEN for those beyond, (size, size)
+    parameters: float  # effective number that the data determine
+    chisqr: float  # sum of squares of the data's residuals
+
+
+def residual_rows(problem, x):
+    """Residuals of the data, then of the priors, in units of their errors."""
+    return np.asarray(_residuals(problem.structure, problem.numbers, problem.targets, x))
+
+
+def model_rows(problem, x):
+    """What the model predicts in place of the measured values (their logarithms, where relative)."""
+    return np.asarray(_predictions(problem.structure, problem.numbers, x))
+
+
+def uncertainty(problem, x):
+    """Uncertainty of a problem's solution x."""
+    structure, numbers = problem.structure, problem.numbers
+    jacobian = np.asarray(_rows(structure, numbers, problem.targets, x)[1])
+    plain = residual_rows(problem, x)
+    count, names = data_rows(structure), element_names(structure.layout)
+    U, s, Vt = np.linalg.svd(jacobian, full_matrices=True)
+    V = Vt.T
+    s = np.concatenate([s, np.zeros(V.shape[0] - s.size)])
+    # Below this a singular value is the rounding of the Jacobian.
+    noise = s[0] * np.finfo(jacobian.dtype).eps * max(jacobian.shape)
+    seen = s > noise
+    deviations = np.where(seen, 1 / np.where(seen, s, 1.0), np.inf)
+
+    spread, along = _spread(structure, numbers, jacobian, plain, V, deviations)
+    deviation = np.sqrt(np.diag(spread))
+    unidentified = tuple(
+        Direction(V[:, k], float(deviations[k]), direction_in_words(structure.layout, V[:, k], deviations[k]))
+        for k in np.flatnonzero(along > KNOWN)
+    )
+    withheld = _at_bounds(structure, numbers, x)
+    for i in np.flatnonzero(deviation > KNOWN):
+        which = int(np.argmax([abs(d.loadings[i]) * min(d.deviation, OPEN) for d in unidentified]))
+        withheld.setdefault(names[i], f"not identified, see direction {which + 1}")
+    hidden = np.array([name in withheld for name in names])
+    slope = np.asarray(slopes(structure.layout, numbers.constants, jnp.asarray(x)))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlation = spread / np.outer(deviation, deviation)
+    covariance = spread * np.outer(slope, slope)
+    for array in (covariance, correlation):
+        array[hidden, :] = array[:, hidden] = np.nan
+    return Uncertainty(
+        deviation=np.where(hidden, np.nan, deviation),
+        covariance=covariance,
+        correlation=correlation,
+        withheld=withheld,
+        unidentified=unidentified,
+        rank=int(seen.sum()),
+        condition=float(s[0] / s[-1]) if s[-1] > 0 else np.inf,
+        directions=V,
+        deviations=deviations,
+        spread=spread,
+        parameters=float(np.sum(U[:count, : s.size][:, seen[: U.shape[1]]] ** 2)),
+        chisqr=float(np.sum(plain[:count] ** 2)),
+    )
+
+
+_rows = jax.jit(rows_and_jacobian, static_argnums=0)
+_residuals = jax.jit(residuals, static_argnums=0)
+_predictions = jax.jit(lambda structure, numbers, x: predictions(structure, numbers, x)[0], static_argnums=0)
+_values = jax.jit(lambda layout, constants, x: to_values(layout, constants, x), static_argnums=0)
+
+
+def _spread(structure, numbers, jacobian, plain, V, deviations):
+    """Covariance of x, no direction longer than OPEN, and the deviations along the directions."""
+    length = np.minimum(deviations, OPEN)
+    if structure.loss == "linear":
+        return (V * length**2) @ V.T, deviations
+    count = data_rows(structure)
+    _, first, second = (np.asarray(a) for a in rho(structure.loss, numbers.width, plain[:count]))
+    curvature = np.sqrt(np.maximum(first + 2 * plain[:count] ** 2 * second, 0.1 * first))
+    # jacobian holds curvature times the plain one: back to it, times the slope of the loss.
+    influence = jacobian.copy()
+    influence[:count] *= (plain[:count] * first / curvature)[:, None]
+    middle = V.T @ (influence.T @ influence) @ V
+    inner = middle * np.outer(length**2, length**2)
+    beyond = deviations > OPEN
+    inner[beyond, :] = inner[:, beyond] = 0.0
+    inner[beyond, beyond] = OPEN**2
+    return V @ inner @ V.T, np.sqrt(np.where(beyond, OPEN**2, np.diag(inner)))
+
+
+def _at_bounds(structure, numbers, x):
+    """Name -> reason, for parameters at a bound: the linear error bar ends there."""
+    layout, constants = structure.layout, numbers.constants
+    values = np.asarray(_values(layout, constants, jnp.asarray(x)))
+    reasons = {}
+    names = iter(zip(element_names(layout), values, np.asarray(x), strict=True))
+    for group in layout.groups:
+        if group.kind == "Tied":
+            continue
+        for i in range(*group.slot):
+            name, value, here = next(names)
+            if group.kind == "Bounded":
+                place = (value - float(constants.low[i])) / float(constants.width[i])
+                if place < AT_BOUND:
+                    reasons[name] = f"at its lower bound {float(constants.low[i]):g}"
+                elif place > 1 - AT_BOUND:
+                    reasons[name] = f"at its upper bound {float(constants.low[i] + constants.width[i]):g}"
+            elif group.kind == "Positive":
+                leaf = np.asarray(constants.leaves[group.leaf])
+                start = leaf if group.elements is None else leaf[group.elements[i - group.slot[0]]]
+                if here < np.log(float(start)) - np.log(VANISHED):
+                    reasons[name] = "driven towards zero: the data want it absent"
+    return reasons

@@ -1,0 +1,81 @@
+"""Directions in words: what may change together without the data noticing."""
+
+import numpy as np
+
+from fitting.parameters import element_names
+
+# Of a direction's largest part: what is smaller is not worth a word.
+WORTH = 0.1
+# Parts of one array that differ by less than this are said in one word.
+ALIKE = 0.15
+
+MODULI = ("E", "E_inf", "young", "storage", "loss")
+HEIGHTS = ("h_rms", "C", "gamma", "q1", "qr", "q0", "hurst")
+
+HINTS = (
+    (
+        lambda leaves, same: leaves <= set(MODULI) and same,
+        "at light load friction depends on ratios of moduli only: add a measured modulus"
+        " (one point is enough), an area curve, or a known modulus",
+    ),
+    (
+        lambda leaves, same: leaves <= set(HEIGHTS) and len(leaves) > 1,
+        "at light load friction depends on gamma sqrt(C0) and the cut-off together: add a measured"
+        " spectrum, or hold gamma or the cut-off",
+    ),
+    (
+        lambda leaves, same: leaves <= {"tau", "v0"} and same,
+        "velocity only enters times a relaxation time: hold one of them",
+    ),
+    (
+        lambda leaves, same: "tau_f0" in leaves and leaves & set(MODULI),
+        "contact shear only sees tau_f0 times the contact area: add an area curve or a measured modulus",
+    ),
+)
+
+
+def direction_in_words(layout, loadings, deviation):
+    """One line saying what a direction changes, by how much unnoticed, and what would help."""
+    parts = _parts(layout, loadings)
+    leaves = {name.split("[")[0].rsplit(".", 1)[-1] for name, _, _ in parts}
+    same = all(loading > 0 for _, loading, _ in parts) or all(loading < 0 for _, loading, _ in parts)
+    factor = np.exp(min(deviation * abs(_largest(parts)), 700.0))
+    reach = "without any effect" if deviation > 1e6 else f"within one standard error up to λ = {factor:.2g}"
+    said = ", ".join(_change(*part, parts) for part in parts)
+    hint = next((text for test, text in HINTS if test(leaves, same)), None)
+    if hint is None and len(parts) == 1:
+        hint = "the data do not reach it: hold it, or give it a prior"
+    return f"{said}: {reach}" + (f"; {hint}" if hint else "")
+
+
+def _parts(layout, loadings):
+    """(name, loading, kind) of what matters in a direction; arrays that move as one have one entry."""
+    names, largest, parts = element_names(layout), np.max(np.abs(loadings)), []
+    for group in layout.groups:
+        if group.kind == "Tied":
+            continue
+        slot = range(*group.slot)
+        here = loadings[list(slot)]
+        if (
+            len(slot) > 1
+            and np.ptp(here) <= ALIKE * np.max(np.abs(here)) >= 0
+            and np.max(np.abs(here)) >= WORTH * largest
+        ):
+            parts.append((f"{group.path} (all {len(slot)} elements)", float(here.mean()), group.kind))
+            continue
+        parts += [
+            (names[i], float(loadings[i]), group.kind) for i in slot if abs(loadings[i]) >= WORTH * largest
+        ]
+    return parts
+
+
+def _largest(parts):
+    return max((loading for _, loading, _ in parts), key=abs)
+
+
+def _change(name, loading, kind, parts):
+    """How one parameter moves, as a power of the factor λ that the leading one moves by."""
+    power = loading / _largest(parts)
+    if kind == "Positive":
+        return f"{name} * λ" if abs(power - 1) < 0.05 else f"{name} * λ^{power:.2g}"
+    return f"{name} {'up' if power > 0 else 'down'}"
