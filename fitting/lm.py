@@ -17,12 +17,13 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from fitting.losses import weighted
-from fitting.problem import cost_of, data_rows, residuals
+from fitting.losses import factors
+from fitting.problem import cost_of, data_rows, residuals, residuals_and_jacobian
 from fitting.status import CONVERGED, NOT_FINITE, PERFECT, RUNNING, STALLED
 
 TRIALS = (0.1, 1.0, 10.0, 1000.0)  # times the damping of the last step
 SOFTEST, STIFFEST = 1e-30, 1e9  # damping over the largest singular value squared
+PROBE = 0.1  # part of a step at which its curvature is measured
 LONGEST = 3.0  # of a step in any x: a factor 20 in a Positive parameter
 
 
@@ -61,7 +62,8 @@ class LevenbergMarquardt:
     def step(self, structure, numbers, targets, state):
         """The state after one step; one that is done stays as it is."""
         x, at = state.x, (structure, numbers, targets)
-        rows, jacobian = rows_and_jacobian(*at, x)
+        plain, weights, jacobian = linearised(*at, x)
+        rows = plain * weights[0]
         finite = jnp.all(jnp.isfinite(jacobian))
         # LAPACK may not return from a matrix with NaN in it.
         jacobian = jnp.where(finite, jacobian, 0.0)
@@ -69,12 +71,14 @@ class LevenbergMarquardt:
         along = U.T @ rows
         dampings = jnp.clip(state.damping * np.asarray(TRIALS, x.dtype), SOFTEST, STIFFEST)
         # s = 0 throughout: nothing to gain, and no step.
-        factors = s / (s**2 + dampings[:, None] * jnp.where(s[0] > 0, s[0], 1.0) ** 2)
-        velocities = -(factors * along) @ V
+        gains = s / (s**2 + dampings[:, None] * jnp.where(s[0] > 0, s[0], 1.0) ** 2)
+        velocities = -(gains * along) @ V
         # exp and the tails of the logit leave the range where the linear model means anything.
         velocities = velocities * _limited(velocities, LONGEST)
-        bends = jax.vmap(lambda move: _second_derivative(*at, x, move))(velocities)
-        accelerations = -0.5 * (factors * (bends @ U)) @ V
+        # How the residuals bend along the steps, from their values a little way along.
+        ahead = jax.vmap(lambda move: residuals(*at, x + PROBE * move))(velocities)
+        bends = 2 / PROBE * (weights[1] * (ahead - plain) / PROBE - velocities @ jacobian.T)
+        accelerations = -0.5 * (gains * (bends @ U)) @ V
         # Beyond half the step the expansion means nothing; inf * 0 where the model breaks down.
         half = 0.5 * jnp.max(jnp.abs(velocities), 1, keepdims=True)
         accelerations = jnp.where(jnp.isfinite(accelerations), accelerations, 0.0)
@@ -98,7 +102,7 @@ class LevenbergMarquardt:
             jnp.where(accepted, x + moves[best], x),
             jnp.where(accepted, cost, state.cost),
             status,
-            state.nfev + 3 * len(TRIALS),
+            state.nfev + 2 * len(TRIALS),
             state.njev + 1,
             jnp.where(accepted, dampings[best], jnp.minimum(state.damping * 1e4, STIFFEST)),
         )
@@ -112,27 +116,13 @@ def _limited(moves, longest):
     return jnp.minimum(1.0, longest / jnp.where(length > 0, length, 1.0))
 
 
-def _second_derivative(structure, numbers, targets, x, move):
-    """Second derivative of the residuals along a move, weighted as the loss has it."""
+def linearised(structure, numbers, targets, x):
+    """Residuals at x, their factors and those of the Jacobian's rows as the loss has it, and the Jacobian.
 
-    def slope(x):
-        return jax.jvp(lambda x: residuals(structure, numbers, targets, x), (x,), (move,))
-
-    (rows, _), (_, bend) = jax.jvp(slope, (x,), (move,))
+    The last has its factors in it; the residuals do not.
+    """
+    rows, jacobian = residuals_and_jacobian(structure, numbers, targets, x)
     count = data_rows(structure)
-    weight = weighted(structure.loss, numbers.width, rows[:count], jnp.ones((count, 1), x.dtype))[1]
-    return jnp.concatenate([bend[:count] * weight[:, 0], bend[count:]])
-
-
-def rows_and_jacobian(structure, numbers, targets, x):
-    """Residuals and Jacobian at x, weighted as the loss has it."""
-
-    def twice(x):
-        rows = residuals(structure, numbers, targets, x)
-        return rows, rows
-
-    jacobian, rows = jax.jacfwd(twice, has_aux=True)(x)
-    jacobian = jacobian * targets.held
-    count = data_rows(structure)
-    data, data_jacobian = weighted(structure.loss, numbers.width, rows[:count], jacobian[:count])
-    return jnp.concatenate([data, rows[count:]]), jnp.concatenate([data_jacobian, jacobian[count:]])
+    ones = jnp.ones(rows.size - count, x.dtype)
+    weights = [jnp.concatenate([part, ones]) for part in factors(structure.loss, numbers.width, rows[:count])]
+    return rows, weights, jacobian * weights[1][:, None] * targets.held

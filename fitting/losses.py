@@ -35,15 +35,13 @@ def rho(loss, width, residual):
     return width**2 * jnp.log1p(z), 1 / (1 + z), -1 / (1 + z) ** 2 / width**2
 
 
-def weighted(loss, width, residual, jacobian):
-    """Residuals and Jacobian whose least-squares step is the step for the robust cost.
+def factors(loss, width, residual):
+    """What to multiply residuals and rows of their Jacobian with, for the step of the robust cost.
 
     The gradient is exact; the curvature rho' + 2 r^2 rho'' is kept positive, as Triggs et
     al. (Bundle adjustment, 2000, sec. 4.3) do, so that the step goes downhill.
     """
-    if loss == "linear":
-        return residual, jacobian
     _, first, second = rho(loss, width, residual)
     # A tenth of rho' at least: beyond it an outlier's curvature turns negative.
     curvature = jnp.sqrt(jnp.maximum(first + 2 * residual**2 * second, 0.1 * first))
-    return residual * first / curvature, jacobian * curvature[:, None]
+    return first / curvature, curvature

@@ -18,10 +18,12 @@ import rubberfric as rf
 from fitting.losses import LOSSES, rho
 from fitting.parameters import Constants, Layout, free_parameters, to_scene
 from fitting.priors import PriorLayout, PriorNumbers, prior_residuals, prior_size, read_priors
+from rubberfric.pointwise import value_and_jacobian
 from rubberfric.scene import cast, result_dtype, shifts
 from rubberfric.spectra import broken_power_law, log_power_spectrum
 
 BODIES = ("lower", "upper")
+CURVES = ("friction", "area")  # measured over velocity, pressure and temperature
 
 # Relative error that data without errors begin with, and keep if they are too few to say.
 ASSUMED = 0.1
@@ -131,7 +133,7 @@ def _block_key(scene, data):
         getattr(data, "body", None),
         getattr(data, "temperature", None),
     )
-    if quantity in ("friction", "area"):
+    if quantity in CURVES:
         if temperature is not None:
             if not shifts(scene):
                 raise ValueError(
@@ -168,7 +170,7 @@ def _block_key(scene, data):
 
 
 def _conditions(data):
-    if data.quantity in ("friction", "area"):
+    if data.quantity in CURVES:
         return data.velocity, data.pressure, data.temperature
     return (data.omega, data.temperature) if data.quantity == "modulus" else (data.q,)
 
@@ -176,24 +178,24 @@ def _conditions(data):
 def predictions(structure, numbers, x):
     """What the model says in place of every measured value, shape (rows,), and the scene."""
     scene = to_scene(structure.layout, numbers.constants, x)
-    parts = []
-    for block, conditions in zip(structure.blocks, numbers.conditions, strict=True):
-        if block.quantity in ("friction", "area"):
-            solution = rf.solve(
-                scene, *conditions, quadrature=structure.quadrature, quantities=(block.quantity,)
-            )
-            values = getattr(solution, block.quantity)
-        elif block.quantity == "modulus":
-            modulus = rf.complex_modulus(getattr(scene, block.body).material, *conditions)
-            values = jnp.concatenate([modulus.real, modulus.imag])
-        else:
-            # Continued beyond the ends, which may move past a measured wavevector on the way.
-            law = broken_power_law(getattr(scene, block.body).spectrum)
-            log_C = log_power_spectrum(law, *conditions)
-            parts.append(log_C if block.logarithmic else jnp.exp(log_C))
-            continue
-        parts.append(jnp.log(values) if block.logarithmic else values)
-    return jnp.concatenate(parts), scene
+    pairs = zip(structure.blocks, numbers.conditions, strict=True)
+    return jnp.concatenate([_predicted(structure, block, at, scene) for block, at in pairs]), scene
+
+
+def _predicted(structure, block, conditions, scene):
+    """Rows of one block; their logarithm where it is logarithmic."""
+    if block.quantity in CURVES:
+        solution = rf.solve(scene, *conditions, quadrature=structure.quadrature, quantities=(block.quantity,))
+        values = getattr(solution, block.quantity)
+    elif block.quantity == "modulus":
+        modulus = rf.complex_modulus(getattr(scene, block.body).material, *conditions)
+        values = jnp.concatenate([modulus.real, modulus.imag])
+    else:
+        # Continued beyond the ends, which may move past a measured wavevector on the way.
+        law = broken_power_law(getattr(scene, block.body).spectrum)
+        log_C = log_power_spectrum(law, *conditions)
+        return log_C if block.logarithmic else jnp.exp(log_C)
+    return jnp.log(values) if block.logarithmic else values
 
 
 def residuals(structure, numbers, targets, x):
@@ -201,6 +203,37 @@ def residuals(structure, numbers, targets, x):
     model, scene = predictions(structure, numbers, x)
     rows = (model - targets.measured) / targets.error
     return jnp.concatenate([rows, prior_residuals(structure.prior, numbers.prior, scene, x)])
+
+
+def residuals_and_jacobian(structure, numbers, targets, x):
+    """The same rows, and their derivatives with respect to x, shape (rows, size)."""
+
+    def scene_of(x):
+        return to_scene(structure.layout, numbers.constants, x)
+
+    parts = []
+    for block, conditions in zip(structure.blocks, numbers.conditions, strict=True):
+        if block.quantity in CURVES:
+            values, slopes = value_and_jacobian(scene_of, x, conditions, block.quantity, structure.quadrature)
+            if block.logarithmic:
+                values, slopes = jnp.log(values), slopes / values[:, None]
+        else:
+            values, slopes = _forward(
+                lambda x, b=block, c=conditions: _predicted(structure, b, c, scene_of(x)), x
+            )
+        parts.append((values, slopes))
+    model, slopes = (jnp.concatenate(part) for part in zip(*parts, strict=True))
+    prior, prior_slopes = _forward(
+        lambda x: prior_residuals(structure.prior, numbers.prior, scene_of(x), x), x
+    )
+    rows = jnp.concatenate([(model - targets.measured) / targets.error, prior])
+    return rows, jnp.concatenate([slopes / targets.error[:, None], prior_slopes])
+
+
+def _forward(function, x):
+    """Value and Jacobian by forward mode."""
+    jacobian, value = jax.jacfwd(lambda x: (function(x),) * 2, has_aux=True)(x)
+    return value, jacobian
 
 
 def data_rows(structure):

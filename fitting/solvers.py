@@ -15,7 +15,7 @@ import numpy as np
 
 from fitting.status import INTERRUPTED, OUT_OF_STEPS, RUNNING
 
-LANES = 8
+LANES = 4
 
 
 class Runs(NamedTuple):

@@ -15,8 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from fitting.lm import rows_and_jacobian
-from fitting.losses import rho
+from fitting.lm import linearised
 from fitting.parameters import element_names, slopes, to_values
 from fitting.problem import data_rows, predictions, residuals
 from fitting.words import direction_in_words
@@ -71,8 +70,9 @@ def model_rows(problem, x):
 def uncertainty(problem, x):
     """Uncertainty of a problem's solution x."""
     structure, numbers = problem.structure, problem.numbers
-    jacobian = np.asarray(_rows(structure, numbers, problem.targets, x)[1])
-    plain = residual_rows(problem, x)
+    plain, weights, jacobian = jax.tree.map(
+        np.asarray, _linearised(structure, numbers, problem.targets, jnp.asarray(x))
+    )
     count, names = data_rows(structure), element_names(structure.layout)
     U, s, Vt = np.linalg.svd(jacobian, full_matrices=True)
     V = Vt.T
@@ -82,7 +82,7 @@ def uncertainty(problem, x):
     seen = s > noise
     deviations = np.where(seen, 1 / np.where(seen, s, 1.0), np.inf)
 
-    spread, along = _spread(structure, numbers, jacobian, plain, V, deviations)
+    spread, along = _spread(structure, jacobian, plain, weights, V, deviations)
     deviation = np.sqrt(np.diag(spread))
     unidentified = tuple(
         Direction(V[:, k], float(deviations[k]), direction_in_words(structure.layout, V[:, k], deviations[k]))
@@ -115,23 +115,21 @@ def uncertainty(problem, x):
     )
 
 
-_rows = jax.jit(rows_and_jacobian, static_argnums=0)
+_linearised = jax.jit(linearised, static_argnums=0)
 _residuals = jax.jit(residuals, static_argnums=0)
 _predictions = jax.jit(lambda structure, numbers, x: predictions(structure, numbers, x)[0], static_argnums=0)
 _values = jax.jit(lambda layout, constants, x: to_values(layout, constants, x), static_argnums=0)
 
 
-def _spread(structure, numbers, jacobian, plain, V, deviations):
+def _spread(structure, jacobian, plain, weights, V, deviations):
     """Covariance of x, no direction longer than OPEN, and the deviations along the directions."""
     length = np.minimum(deviations, OPEN)
     if structure.loss == "linear":
         return (V * length**2) @ V.T, deviations
-    count = data_rows(structure)
-    _, first, second = (np.asarray(a) for a in rho(structure.loss, numbers.width, plain[:count]))
-    curvature = np.sqrt(np.maximum(first + 2 * plain[:count] ** 2 * second, 0.1 * first))
-    # jacobian holds curvature times the plain one: back to it, times the slope of the loss.
+    # The product of both factors is the slope of the loss; the Jacobian has the second in it.
     influence = jacobian.copy()
-    influence[:count] *= (plain[:count] * first / curvature)[:, None]
+    count = data_rows(structure)
+    influence[:count] *= (plain * weights[0])[:count, None]
     middle = V.T @ (influence.T @ influence) @ V
     inner = middle * np.outer(length**2, length**2)
     beyond = deviations > OPEN

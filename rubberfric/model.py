@@ -193,12 +193,8 @@ def _solve(scene, velocity, pressure, temperature, *, quadrature, quantities):
     shape = jnp.broadcast_shapes(*(x.shape for x in conditions))
     points = [jnp.broadcast_to(x, shape).reshape(-1) for x in conditions]
     count = points[0].shape[0]
-    prepared = prepare(scene, _integrals(scene, quantities), quadrature)
-
-    def block(points):
-        results = _with_shear(scene.shear, evaluate(prepared, *points), quantities, points)
-        return {name: jnp.broadcast_to(results[name], points[0].shape) for name in quantities}
-
+    ready = prepare_quantities(scene, quantities, quadrature)
+    block = functools.partial(evaluate_quantities, ready, quantities)
     if count <= BLOCK:
         results = block(points)
     else:
@@ -207,6 +203,18 @@ def _solve(scene, velocity, pressure, temperature, *, quadrature, quantities):
         stacked = [jnp.pad(x, padding, mode="edge").reshape(blocks, BLOCK) for x in points]
         results = jax.lax.map(jax.checkpoint(block), stacked)
     return Solution(**{name: value.reshape(-1)[:count].reshape(shape) for name, value in results.items()})
+
+
+def prepare_quantities(scene, quantities, quadrature):
+    """All that no velocity, pressure or temperature changes, for `evaluate_quantities`."""
+    return prepare(scene, _integrals(scene, quantities), quadrature), scene.shear
+
+
+def evaluate_quantities(ready, quantities, points):
+    """Quantities at points [velocity, pressure(, temperature)] of shape (n,): dict of arrays (n,)."""
+    prepared, shear = ready
+    results = _with_shear(shear, evaluate(prepared, *points), quantities, points)
+    return {name: jnp.broadcast_to(results[name], points[0].shape) for name in quantities}
 
 
 def _integrals(scene, quantities):
