@@ -1,0 +1,175 @@
+"""The command `rubberfric-fit`.
+
+Exit status: 0 fitted; 1 not converged, interrupted, or the work failed; 2 bad input, with one
+line on stderr and nothing written. A fit that was interrupted (Ctrl-C or SIGTERM) is reported
+and written as far as it came, as is one that did not converge; a second interrupt does not
+wait for that.
+"""
+
+import contextlib
+import importlib.metadata
+import importlib.util
+import os
+import signal
+import sys
+import threading
+
+import jax
+import numpy as np
+
+from fitting.fit import fit
+from fitting.job import read_job
+from fitting.plot import save_plot
+from fitting.result_hdf5 import save
+from rubberfric._atomic import check_writable
+from rubberfric.command import _Parser
+
+PROGRAM = "rubberfric-fit"
+
+
+def main(argv=None):
+    """Run the command with arguments `argv` (default: those of the process); returns the exit status."""
+    arguments = _parser().parse_args(argv)
+    # The library never does this: the precision of a program is its own choice.
+    jax.config.update("jax_enable_x64", True)
+    try:
+        with Interrupts() as interrupts:
+            return run(arguments, interrupts)
+    except KeyboardInterrupt:
+        return _complain("interrupted; what was not yet complete is not written", 1)
+    except BrokenPipeError:
+        # The reader of the report went away (| head). Python would complain again at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 1
+    except (OSError, FloatingPointError, np.linalg.LinAlgError) as error:
+        return _complain(error, 1)
+    except ValueError as error:
+        return _complain(error, 2)
+
+
+def run(arguments, interrupts):
+    """Fit a job file, write what was asked for, print the report."""
+    if arguments.out is not None:
+        check_writable(arguments.out, (".h5",))
+    if arguments.plot is not None:
+        check_writable(arguments.plot, (".png", ".pdf", ".svg"))
+        if importlib.util.find_spec("matplotlib") is None:
+            raise ValueError("--plot needs matplotlib; install it with: pip install 'rubberfric[plot]'")
+    job, failures = read_job(arguments.job), []
+    with interrupts.held():
+        result = _fit(arguments.job, job, interrupts)
+        for writer, path in ((save, arguments.out), (save_plot, arguments.plot)):
+            try:
+                if path is not None:
+                    writer(path, result, job.title)
+            except OSError as error:  # a full disk must not cost the report
+                failures.append(error)
+    print(job.title + "\n" * bool(job.title) + result.report(), end="", flush=True)
+    if failures:
+        raise failures[0]
+    if not result.success:
+        return _complain(result.message, 1)
+    if interrupts.stopped:
+        return _complain("interrupted: a start had converged, others had not", 1)
+    return 0
+
+
+def _fit(path, job, interrupts):
+    """The fit of a job, with its progress on a terminal."""
+    with _progress() as show:
+
+        def callback(step, cost):
+            show(f"step {step}, cost {cost:.6g}")
+            interrupts.check()
+
+        show("compiling ...")
+        try:
+            return fit(job.scene, job.data, job.free, prior=job.prior, callback=callback, **job.options)
+        except np.linalg.LinAlgError:  # a ValueError, but not one of the input
+            raise
+        except ValueError as error:
+            raise ValueError(f"{path}: {error}") from None
+
+
+class Interrupts:
+    """SIGINT and SIGTERM as KeyboardInterrupt; the first one can be held back until `check`.
+
+    So a fit ends between two steps, and a file that is being written is completed. A second
+    signal is never held back.
+    """
+
+    def __init__(self):
+        self.asked = self.stopped = False
+        self._held = False
+        self._before = {}
+
+    def __enter__(self):
+        if threading.current_thread() is threading.main_thread():  # others cannot
+            for which in (signal.SIGINT, signal.SIGTERM):
+                self._before[which] = signal.signal(which, self._arrived)
+        return self
+
+    def __exit__(self, *error):
+        for which, handler in self._before.items():
+            signal.signal(which, handler)
+
+    def _arrived(self, which, frame):
+        first, self.asked = not self.asked, True
+        if not (self._held and first):
+            raise KeyboardInterrupt
+
+    @contextlib.contextmanager
+    def held(self):
+        """Hold the first signal back."""
+        self._held = True
+        try:
+            yield
+        finally:
+            self._held = False
+
+    def check(self):
+        """KeyboardInterrupt if a signal was held back."""
+        if self.asked:
+            self.stopped = True
+            raise KeyboardInterrupt
+
+
+@contextlib.contextmanager
+def _progress():
+    """A function that shows a line on stderr in place of the last one; nothing unless it is a terminal."""
+    if not sys.stderr.isatty():
+        yield lambda line: None
+        return
+    width = 0
+
+    def show(line):
+        nonlocal width
+        print(f"\r{line:<{width}}", end="", file=sys.stderr, flush=True)
+        width = len(line)
+
+    try:
+        yield show
+    finally:
+        show("")
+        print("\r", end="", file=sys.stderr, flush=True)
+
+
+def _parser():
+    parser = _Parser(
+        prog=PROGRAM,
+        description="Fit parameters of a rubber friction scene to measurements; print values and errors.",
+    )
+    version = importlib.metadata.version("rubberfric")
+    parser.add_argument("--version", action="version", version=f"{PROGRAM} {version}")
+    parser.add_argument("job", metavar="JOB", help="job file (.toml): scene, data, what is free")
+    parser.add_argument("--out", metavar="FILE.h5", help="write the fit; fitting.FitResult.load reads it")
+    parser.add_argument(
+        "--plot", metavar="FILE.png", help="draw data, fit and residuals (.png, .pdf or .svg)"
+    )
+    return parser
+
+
+def _complain(error, status):
+    text = " ".join(str(error).split())
+    print(f"{PROGRAM}: {text}", file=sys.stderr)
+    return status
