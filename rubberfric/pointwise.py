@@ -15,7 +15,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.model import evaluate_quantities, prepare_quantities
+from rubberfric.materials import TabulatedModulus
+from rubberfric.model import evaluate_quantities, prepare_quantities, solve
 
 # Points at once: each keeps the derivatives with respect to all that was prepared, about 0.1 MB.
 BLOCK = 256
@@ -36,6 +37,10 @@ def value_and_jacobian(scene_of, x, conditions, quantity, quadrature):
     -------
     (values, jacobian), shapes (points,) and (points, size)
     """
+    scene = scene_of(x)
+    if any(isinstance(body.material, TabulatedModulus) for body in (scene.lower, scene.upper)):
+        # One table of means serves all points of a call; point by point each would make its own.
+        return _forward(scene_of, x, conditions, quantity, quadrature)
     points = [jnp.asarray(c, x.dtype) for c in conditions if c is not None]
     shape = {}
 
@@ -75,6 +80,18 @@ def value_and_jacobian(scene_of, x, conditions, quantity, quadrature):
     stacked = [jnp.pad(c, padding, mode="edge").reshape(blocks, BLOCK) for c in points]
     values, jacobian = jax.lax.map(block, stacked)
     return values.reshape(-1)[:count], jacobian.reshape(-1, x.size)[:count]
+
+
+def _forward(scene_of, x, conditions, quantity, quadrature):
+    """The same by forward mode."""
+
+    def twice(x):
+        solution = solve(scene_of(x), *conditions, quadrature=quadrature, quantities=(quantity,))
+        values = getattr(solution, quantity)
+        return values, values
+
+    jacobian, values = jax.jacfwd(twice, has_aux=True)(x)
+    return values, jacobian
 
 
 def _dependent(function, x):
