@@ -4,8 +4,11 @@ from fitting.data import AreaData, FrictionData, ModulusData, SpectrumData
 from fitting.data_files import read, write
 from fitting.fit import fit
 from fitting.priors import Gaussian, Smooth
+from fitting.prony import fit_prony
+from fitting.prony_result import PronyFit
 from fitting.result import FitResult
 from fitting.rules import Bounded, Free, Positive, Tied
+from fitting.sensitivity import sensitivity, sensitivity_names
 
 __all__ = [
     "AreaData",
@@ -16,10 +19,14 @@ __all__ = [
     "Gaussian",
     "ModulusData",
     "Positive",
+    "PronyFit",
     "Smooth",
     "SpectrumData",
     "Tied",
     "fit",
+    "fit_prony",
     "read",
+    "sensitivity",
+    "sensitivity_names",
     "write",
 ]

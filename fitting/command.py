@@ -8,8 +8,6 @@ wait for that.
 
 import contextlib
 import importlib.metadata
-import importlib.util
-import os
 import signal
 import sys
 import threading
@@ -22,7 +20,7 @@ from fitting.job import read_job
 from fitting.plot import save_plot
 from fitting.result_hdf5 import save
 from rubberfric._atomic import check_writable
-from rubberfric.command import _Parser
+from rubberfric.command import Parser, check_plot, complain, reader_left
 
 PROGRAM = "rubberfric-fit"
 
@@ -36,15 +34,13 @@ def main(argv=None):
         with Interrupts() as interrupts:
             return run(arguments, interrupts)
     except KeyboardInterrupt:
-        return _complain("interrupted; what was not yet complete is not written", 1)
+        return complain(PROGRAM, "interrupted; what was not yet complete is not written", 1)
     except BrokenPipeError:
-        # The reader of the report went away (| head). Python would complain again at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
+        return reader_left()
     except (OSError, FloatingPointError, np.linalg.LinAlgError) as error:
-        return _complain(error, 1)
+        return complain(PROGRAM, error, 1)
     except ValueError as error:
-        return _complain(error, 2)
+        return complain(PROGRAM, error, 2)
 
 
 def run(arguments, interrupts):
@@ -52,9 +48,7 @@ def run(arguments, interrupts):
     if arguments.out is not None:
         check_writable(arguments.out, (".h5",))
     if arguments.plot is not None:
-        check_writable(arguments.plot, (".png", ".pdf", ".svg"))
-        if importlib.util.find_spec("matplotlib") is None:
-            raise ValueError("--plot needs matplotlib; install it with: pip install 'rubberfric[plot]'")
+        check_plot(arguments.plot)
     job, failures = read_job(arguments.job), []
     with interrupts.held():
         result = _fit(arguments.job, job, interrupts)
@@ -68,9 +62,9 @@ def run(arguments, interrupts):
     if failures:
         raise failures[0]
     if not result.success:
-        return _complain(result.message, 1)
+        return complain(PROGRAM, result.message, 1)
     if interrupts.stopped:
-        return _complain("interrupted: a start had converged, others had not", 1)
+        return complain(PROGRAM, "interrupted: a start had converged, others had not", 1)
     return 0
 
 
@@ -155,7 +149,7 @@ def _progress():
 
 
 def _parser():
-    parser = _Parser(
+    parser = Parser(
         prog=PROGRAM,
         description="Fit parameters of a rubber friction scene to measurements; print values and errors.",
     )
@@ -167,9 +161,3 @@ def _parser():
         "--plot", metavar="FILE.png", help="draw data, fit and residuals (.png, .pdf or .svg)"
     )
     return parser
-
-
-def _complain(error, status):
-    text = " ".join(str(error).split())
-    print(f"{PROGRAM}: {text}", file=sys.stderr)
-    return status

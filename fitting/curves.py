@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from fitting.intervals import Band, _quantile
+from fitting.intervals import Band, widened
 from fitting.problem import Block, predictions
 from fitting.uncertainty import model_rows, residual_rows
 
@@ -147,13 +147,4 @@ def _band(result, blocks, conditions, level):
         return rows, rows
 
     slope, value = map(np.asarray, jax.jit(jax.jacfwd(predicted, has_aux=True))(jnp.asarray(result.x)))
-    reach = _quantile(result, level) * np.sqrt(
-        np.einsum("ki,ij,kj->k", slope, result.uncertainty.spread, slope)
-    )
-    positive = value > 0
-    factor = np.exp(np.minimum(reach / np.where(positive, value, 1.0), 700.0))
-    return Band(
-        value,
-        np.where(positive, value / factor, value - reach),
-        np.where(positive, value * factor, value + reach),
-    )
+    return widened(result, value, slope, level)

@@ -100,7 +100,11 @@ def band(result, velocity, pressure, temperature=None, quantity="friction", leve
         return value, value
 
     slope, value = jax.jit(jax.jacfwd(predicted, has_aux=True))(jnp.asarray(result.x))
-    value, slope = np.asarray(value), np.asarray(slope)
+    return widened(result, np.asarray(value), np.asarray(slope), level)
+
+
+def widened(result, value, slope, level):
+    """Band of predictions whose derivatives with respect to x are `slope`, one axis more."""
     reach = _quantile(result, level) * np.sqrt(
         np.einsum("...i,ij,...j->...", slope, result.uncertainty.spread, slope)
     )

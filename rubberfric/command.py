@@ -19,6 +19,8 @@ from rubberfric.model import QUANTITIES, Solution, friction_outside_table, solve
 from rubberfric.quadrature import Quadrature
 from rubberfric.results import Result, result_shape, save_result
 
+PROGRAM = "rubberfric"
+
 
 def main(argv=None):
     """Run the command with arguments `argv` (default: those of the process); returns the exit status."""
@@ -28,13 +30,11 @@ def main(argv=None):
     try:
         return arguments.run(arguments)
     except BrokenPipeError:
-        # The reader of the table went away (| head). Python would complain again at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 1
+        return reader_left()
     except ValueError as error:
-        return _complain(error, 2)
+        return complain(PROGRAM, error, 2)
     except (OSError, FloatingPointError) as error:
-        return _complain(error, 1)
+        return complain(PROGRAM, error, 1)
 
 
 def run(arguments):
@@ -42,9 +42,7 @@ def run(arguments):
     if arguments.out is not None:
         check_writable(arguments.out, (".h5",))
     if arguments.plot is not None:
-        check_writable(arguments.plot, (".png", ".pdf", ".svg"))
-        if importlib.util.find_spec("matplotlib") is None:
-            raise ValueError("--plot needs matplotlib; install it with: pip install 'rubberfric[plot]'")
+        check_plot(arguments.plot)
     scene, conditions, title = read_scene_file(arguments.scene)
     if conditions is None:
         raise ValueError(f"{arguments.scene}: run: is missing; must hold velocity and pressure to compute at")
@@ -133,14 +131,16 @@ def table(result):
             yield gap.join((f"{v:12.4e}", *row))
 
 
-class _Parser(argparse.ArgumentParser):
+class Parser(argparse.ArgumentParser):
+    """A parser whose complaint is one line."""
+
     def error(self, message):
         """One line, without the usage that argparse puts before it."""
         self.exit(2, f"{self.prog}: {message}\n")
 
 
 def _parser():
-    parser = _Parser(
+    parser = Parser(
         prog="rubberfric", description="Rubber friction and contact of rough viscoelastic solids."
     )
     version = importlib.metadata.version("rubberfric")
@@ -161,7 +161,20 @@ def _parser():
     return parser
 
 
-def _complain(error, status):
-    text = " ".join(str(error).split())
-    print(f"rubberfric: {text}", file=sys.stderr)
+def complain(program, error, status):
+    """Say on one line what was wrong; returns the exit status."""
+    print(f"{program}: {' '.join(str(error).split())}", file=sys.stderr)
     return status
+
+
+def check_plot(path):
+    """ValueError unless a plot could be drawn to `path`."""
+    check_writable(path, (".png", ".pdf", ".svg"))
+    if importlib.util.find_spec("matplotlib") is None:
+        raise ValueError("--plot needs matplotlib; install it with: pip install 'rubberfric[plot]'")
+
+
+def reader_left():
+    """Exit status where the reader of the output went away (| head), of which Python would complain again."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return 1

@@ -18,6 +18,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from rubberfric._pytree import FINITE, POSITIVE, as_leaf, check_values
 from rubberfric.materials import TabulatedModulus
@@ -285,7 +286,8 @@ def friction_outside_table(scene, velocity, pressure, temperature=None, *, quadr
 def _condition(name, value, rule):
     """A velocity, pressure or temperature as an array, its concrete values checked."""
     if not isinstance(value, int | float):
-        value = as_leaf(name, value, jnp.ndim(value))
+        ndim = np.ndim(value) if isinstance(value, list | tuple) else jnp.ndim(value)
+        value = as_leaf(name, value, ndim)
     check_values(name, value, rule)
     return value
 

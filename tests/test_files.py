@@ -19,6 +19,7 @@ from rubberfric.scene_hdf5 import UNITS
 from rubberfric.tables import read_table, write_table
 
 DATA = Path(__file__).parent.parent / "data"
+SCENE_FILES = sorted(path for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
 
 
 def refused(path, call):
@@ -397,7 +398,7 @@ def test_files_that_are_no_scenes(tmp_path):
     assert "suffix ''" in refused(tmp_path, lambda: rf.load_scene(str(tmp_path)))
 
 
-@pytest.mark.parametrize("path", sorted(DATA.glob("*.toml")), ids=lambda path: path.stem)
+@pytest.mark.parametrize("path", SCENE_FILES, ids=lambda path: path.stem)
 def test_scenes_of_the_data_folder(path, tmp_path):
     scene, conditions, title = read_scene_file(path)
     assert conditions.velocity.size > 1
