@@ -5,13 +5,13 @@ import time
 import jax
 import numpy as np
 
-import rubberfric as rf
 from fitting.gradient import LBFGS, Adam
 from fitting.lm import LevenbergMarquardt
-from fitting.measured import Measured
+from fitting.options import check_friction, check_options, data_sets, not_finite
 from fitting.parameters import random_starts, to_values
 from fitting.problem import ASSUMED, make_problem
 from fitting.result import FitResult, Minimum
+from fitting.search import search
 from fitting.solvers import run_problem
 from fitting.status import CONVERGED, PERFECT
 from fitting.uncertainty import residual_rows, uncertainty
@@ -35,7 +35,7 @@ def fit(
     callback=None,
     *,
     loss="linear",
-    loss_width=1.0,
+    loss_width=None,
     decades=1.0,
     max_steps=None,
     tolerance=None,
@@ -61,7 +61,8 @@ def fit(
     key : jax.random.key for random starts, or None for key(0)
     prior : dict of key path -> Gaussian or Smooth, or None
     callback : called as callback(step, cost) after every step, or None
-    loss, loss_width : "linear", "huber", "soft_l1", "cauchy", and its width in standard errors
+    loss, loss_width : "linear", "huber", "soft_l1" or "cauchy", and its width in standard errors
+        None: the width at which Gaussian data lose 5 % of their weight (`fitting.losses`).
     decades : random starts of Positive parameters lie within a factor 10^decades
     max_steps, tolerance : of the method; None: its own
     quadrature : Quadrature of the forward model, or None for the default
@@ -87,22 +88,31 @@ def fit(
     report says so.
     """
     begin = time.perf_counter()
-    data = _as_list(data)
-    if method not in METHODS:
-        raise ValueError(f"method = {method!r}: must be one of {', '.join(METHODS)}")
-    if not isinstance(starts, int) or isinstance(starts, bool) or starts < 1:
-        raise ValueError(f"starts = {starts!r}: must be an integer >= 1")
-    quadrature = quadrature or rf.Quadrature()
+    check_options(
+        method,
+        METHODS,
+        loss,
+        starts,
+        key,
+        prior,
+        callback,
+        loss_width,
+        decades,
+        max_steps,
+        tolerance,
+        quadrature,
+    )
+    data = data_sets(data)
     problem = make_problem(scene, data, free, prior, loss, loss_width, quadrature)
+    check_friction(scene, data)
     solver = METHODS[method](**({} if tolerance is None else {"tolerance": tolerance}))
     key = jax.random.key(0) if key is None else key
     x = random_starts(problem.structure.layout, problem.start, key, starts, decades)
-    runs = run_problem(solver, problem, x, max_steps, callback)
-    best = int(np.argmin(runs.cost))
+    runs = search(solver, problem, x, max_steps, callback)
+    # argmin would take a NaN for the least.
+    best = int(np.argmin(np.where(np.isfinite(runs.cost), runs.cost, np.inf)))
     if not np.isfinite(runs.cost[best]):
-        raise FloatingPointError(
-            "the model is not finite at any start: check the start values of the free parameters"
-        )
+        raise FloatingPointError(not_finite(problem, data))
     minima = _minima(problem, runs)
     end, evaluations = runs.row(best), np.array([runs.nfev.sum(), runs.njev.sum()])
     known = uncertainty(problem, end.x)
@@ -132,19 +142,6 @@ def fit(
         uncertainty=known,
         seconds=time.perf_counter() - begin,
     )
-
-
-def _as_list(data):
-    data = [data] if isinstance(data, Measured) else list(data)
-    if not data:
-        raise ValueError("data: must hold at least one data set")
-    for i, one in enumerate(data):
-        if not isinstance(one, Measured):
-            raise ValueError(
-                f"data[{i}] is a {type(one).__name__}: must be FrictionData, AreaData, ModulusData"
-                " or SpectrumData"
-            )
-    return data
 
 
 def _minima(problem, runs):

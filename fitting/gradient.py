@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import optax
 
-from fitting.problem import cost_of, data_rows, residuals
+from fitting.problem import cost_of, residuals, rounding_cost
 from fitting.status import CONVERGED, NOT_FINITE, PERFECT, RUNNING
 
 
@@ -53,8 +53,7 @@ class _Gradient:
         better = cost < state.cost
         gained = jnp.where(better, state.cost - cost, 0.0)
         quiet = jnp.where(gained > self.tolerance * state.cost, 0, state.quiet + 1)
-        rounding = float(jnp.finfo(state.x.dtype).eps)
-        perfect = jnp.minimum(cost, state.cost) <= data_rows(structure) * rounding**2
+        perfect = jnp.minimum(cost, state.cost) <= rounding_cost(structure, targets)
         status = jnp.select(
             [~finite, perfect, quiet >= self.patience], [NOT_FINITE, PERFECT, CONVERGED], RUNNING
         )

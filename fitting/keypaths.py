@@ -8,7 +8,7 @@ import numpy as np
 
 from rubberfric.tables import closest
 
-_PATH = re.compile(r"([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)(?:\[\s*(-?\d*)\s*(:?)\s*(-?\d*)\s*\])?")
+_PATH = re.compile(r"([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)(?:\[\s*(-?\d+|)\s*(:?)\s*(-?\d+|)\s*\])?")
 
 
 def scene_paths(scene):

@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from fitting.losses import factors
-from fitting.problem import cost_of, data_rows, residuals, residuals_and_jacobian
+from fitting.problem import cost_of, data_rows, residuals, residuals_and_jacobian, rounding_cost
 from fitting.status import CONVERGED, NOT_FINITE, PERFECT, RUNNING, STALLED
 
 TRIALS = (0.1, 1.0, 10.0, 1000.0)  # times the damping of the last step
@@ -88,13 +88,15 @@ class LevenbergMarquardt:
         costs = jnp.where(jnp.isfinite(costs), costs, jnp.inf)
         best = jnp.argmin(costs)
         cost, accepted = costs[best], costs[best] < state.cost
-        # What the linear model promises of a full step: all of the cost along the columns of J.
-        seen = s > float(jnp.finfo(x.dtype).eps) * s[0]
-        promised = 0.5 * jnp.sum(jnp.where(seen, along, 0.0) ** 2)
-        little = self.tolerance * state.cost
+        # What the linear model promises: all of the cost along the columns of J, but for those so
+        # flat that it would take a longer step.
+        promised = jnp.sum(jnp.minimum(0.5 * along**2, jnp.abs(along) * s * LONGEST))
+        # The second part is the rounding of the cost itself, all there is to gain in float32.
+        rounding = rounding_cost(structure, targets)
+        little = self.tolerance * state.cost + 0.02 * jnp.sqrt(rounding * state.cost)
         converged = (promised <= little) & (state.cost - jnp.minimum(cost, state.cost) <= little)
         stalled = ~accepted & (state.damping >= STIFFEST)
-        perfect = jnp.minimum(cost, state.cost) <= rows.size * float(jnp.finfo(x.dtype).eps) ** 2
+        perfect = jnp.minimum(cost, state.cost) <= rounding
         status = jnp.select(
             [~finite, perfect, converged, stalled], [NOT_FINITE, PERFECT, CONVERGED, STALLED], RUNNING
         )

@@ -15,7 +15,8 @@ rho is scaled by width^2: small residuals count as in least squares.
 
 import jax.numpy as jnp
 
-LOSSES = ("linear", "huber", "soft_l1", "cauchy")
+# Losses, and the width at which the estimate from Gaussian data is 95 % efficient.
+WIDTHS = {"linear": 1.0, "huber": 1.345, "soft_l1": 1.287, "cauchy": 2.385}
 
 
 def rho(loss, width, residual):

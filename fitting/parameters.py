@@ -14,6 +14,7 @@ Free           scale x                                   value / scale
 =============  ========================================  =======================
 """
 
+import math
 from typing import NamedTuple
 
 import jax
@@ -231,8 +232,8 @@ def random_starts(layout, x, key, count, decades=1.0):
     Positive elements are drawn from within `decades` of x, evenly in the logarithm;
     Bounded ones from the middle 98 % between their bounds; Free ones from x +- their scale.
     """
-    draws = jax.random.uniform(key, (count, layout.size), minval=-1.0, maxval=1.0)
     x = jnp.asarray(x)
+    draws = jax.random.uniform(key, (count, layout.size), x.dtype, minval=-1.0, maxval=1.0)
     starts = []
     for group in layout.groups:
         if group.kind == "Tied":
@@ -240,7 +241,7 @@ def random_starts(layout, x, key, count, decades=1.0):
         part = slice(*group.slot)
         drawn = draws[:, part]
         if group.kind == "Positive":
-            starts.append(x[part] + decades * np.log(10.0) * drawn)
+            starts.append(x[part] + decades * math.log(10.0) * drawn)
         elif group.kind == "Bounded":
             place = 0.5 + 0.49 * drawn
             starts.append(jnp.log(place / (1 - place)))

@@ -1,7 +1,6 @@
 """What is known before the data: rows that stand beside the residuals."""
 
 import dataclasses
-import math
 from typing import NamedTuple
 
 import jax
@@ -10,6 +9,7 @@ import numpy as np
 
 from fitting.keypaths import find
 from fitting.parameters import slopes
+from fitting.rules import is_number
 
 
 @dataclasses.dataclass(frozen=True)
@@ -29,10 +29,10 @@ class Gaussian:
     sigma: float
 
     def __post_init__(self):
-        if not math.isfinite(self.mean):
-            raise ValueError(f"Gaussian: mean = {self.mean!r}: must be finite")
-        if not (math.isfinite(self.sigma) and self.sigma > 0):
-            raise ValueError(f"Gaussian: sigma = {self.sigma!r}: must be > 0 and finite")
+        if not is_number(self.mean):
+            raise ValueError(f"Gaussian: mean = {self.mean!r}: must be a finite number")
+        if not (is_number(self.sigma) and self.sigma > 0):
+            raise ValueError(f"Gaussian: sigma = {self.sigma!r}: must be a finite number > 0")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,8 +50,8 @@ class Smooth:
     sigma: float = 1.0
 
     def __post_init__(self):
-        if not (math.isfinite(self.sigma) and self.sigma > 0):
-            raise ValueError(f"Smooth: sigma = {self.sigma!r}: must be > 0 and finite")
+        if not (is_number(self.sigma) and self.sigma > 0):
+            raise ValueError(f"Smooth: sigma = {self.sigma!r}: must be a finite number > 0")
 
 
 class PriorLayout(NamedTuple):

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import rubberfric as rf
-from fitting.losses import LOSSES, rho
+from fitting.losses import WIDTHS, rho
 from fitting.parameters import Constants, Layout, free_parameters, to_scene
 from fitting.priors import PriorLayout, PriorNumbers, prior_residuals, prior_size, read_priors
 from rubberfric.pointwise import value_and_jacobian
@@ -75,15 +75,16 @@ class Problem(NamedTuple):
     order: tuple  # for every data set, its rows: arrays of indices
 
 
-def make_problem(scene, data, free, prior=None, loss="linear", width=1.0, quadrature=None):
+def make_problem(scene, data, free, prior=None, loss="linear", width=None, quadrature=None):
     """The problem of fitting `free` of `scene` to `data`; see `fitting.fit` for the arguments.
 
     Data sets without errors get the relative error `ASSUMED`.
     """
     if not isinstance(scene, rf.Scene):
         raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
-    if loss not in LOSSES:
-        raise ValueError(f"loss = {loss!r}: must be one of {', '.join(LOSSES)}")
+    if loss not in WIDTHS:
+        raise ValueError(f"loss = {loss!r}: must be one of {', '.join(WIDTHS)}")
+    width = WIDTHS[loss] if width is None else width
     if not width > 0:
         raise ValueError(f"loss_width = {width!r}: must be > 0")
     dtype = result_dtype(scene, 1.0)
@@ -123,7 +124,7 @@ def make_problem(scene, data, free, prior=None, loss="linear", width=1.0, quadra
     structure = Structure(layout, tuple(blocks), prior_layout, loss, quadrature or rf.Quadrature())
     numbers = cast(Numbers(constants, tuple(conditions), prior_numbers, float(width)), dtype)
     targets = Targets(*(a.astype(dtype) for a in (measured, error, np.ones(layout.size))))
-    return Problem(structure, numbers, targets, start, tuple(order))
+    return Problem(structure, numbers, targets, start.astype(dtype), tuple(order))
 
 
 def _block_key(scene, data):
@@ -246,3 +247,13 @@ def cost_of(structure, numbers, rows):
     count = data_rows(structure)
     robust = rho(structure.loss, numbers.width, rows[:count])[0]
     return 0.5 * (jnp.sum(robust) + jnp.sum(rows[count:] ** 2))
+
+
+def rounding_cost(structure, targets):
+    """The cost that rounding leaves when the data are met exactly: nothing below it means anything."""
+    error = 100 * float(jnp.finfo(targets.measured.dtype).eps)  # of a prediction, relative
+    offset = np.zeros(data_rows(structure))
+    for block in structure.blocks:
+        offset[slice(*block.rows)] = block.logarithmic  # ln 1 = 0 is no better known than ln 2
+    scale = jnp.abs(targets.measured) + offset.astype(targets.measured.dtype)
+    return 0.5 * jnp.sum((error * scale / targets.error) ** 2)

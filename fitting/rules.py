@@ -4,6 +4,14 @@ import dataclasses
 import math
 
 
+def is_number(value):
+    """Whether a value is one finite real number."""
+    try:
+        return math.isfinite(value)
+    except (TypeError, ValueError, OverflowError):
+        return False
+
+
 @dataclasses.dataclass(frozen=True)
 class Positive:
     """A value > 0, fitted in its logarithm.
@@ -32,8 +40,8 @@ class Bounded:
     start: object = None
 
     def __post_init__(self):
-        if not (math.isfinite(self.low) and math.isfinite(self.high) and self.low < self.high):
-            raise ValueError(f"Bounded({self.low!r}, {self.high!r}): must be finite, low < high")
+        if not (is_number(self.low) and is_number(self.high) and self.low < self.high):
+            raise ValueError(f"Bounded({self.low!r}, {self.high!r}): must be finite numbers, low < high")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,8 +52,8 @@ class Free:
     scale: float | None = None
 
     def __post_init__(self):
-        if self.scale is not None and not (math.isfinite(self.scale) and self.scale > 0):
-            raise ValueError(f"Free: scale = {self.scale!r}: must be > 0")
+        if self.scale is not None and not (is_number(self.scale) and self.scale > 0):
+            raise ValueError(f"Free: scale = {self.scale!r}: must be a number > 0")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -62,5 +70,5 @@ class Tied:
     ratio: float | None = None
 
     def __post_init__(self):
-        if self.ratio is not None and not math.isfinite(self.ratio):
-            raise ValueError(f"Tied: ratio = {self.ratio!r}: must be finite")
+        if self.ratio is not None and not is_number(self.ratio):
+            raise ValueError(f"Tied: ratio = {self.ratio!r}: must be a finite number")

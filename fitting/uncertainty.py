@@ -84,9 +84,13 @@ def uncertainty(problem, x):
 
     spread, along = _spread(structure, jacobian, plain, weights, V, deviations)
     deviation = np.sqrt(np.diag(spread))
+    far = along > KNOWN
+    # Of a sandwich the directions are no principal axes: all may be short, and a parameter not.
+    if np.any(deviation > KNOWN) and not far.any():
+        far[np.argmax(along)] = True
     unidentified = tuple(
         Direction(V[:, k], float(deviations[k]), direction_in_words(structure.layout, V[:, k], deviations[k]))
-        for k in np.flatnonzero(along > KNOWN)
+        for k in np.flatnonzero(far)
     )
     withheld = _at_bounds(structure, numbers, x)
     for i in np.flatnonzero(deviation > KNOWN):

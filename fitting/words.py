@@ -1,5 +1,7 @@
 """Directions in words: what may change together without the data noticing."""
 
+import re
+
 import numpy as np
 
 from fitting.parameters import element_names
@@ -8,6 +10,7 @@ from fitting.parameters import element_names
 WORTH = 0.1
 # Parts of one array that differ by less than this are said in one word.
 ALIKE = 0.15
+ALL = " elements)"
 
 MODULI = ("E", "E_inf", "young", "storage", "loss")
 HEIGHTS = ("h_rms", "C", "gamma", "q1", "qr", "q0", "hurst")
@@ -37,12 +40,14 @@ HINTS = (
 def direction_in_words(layout, loadings, deviation):
     """One line saying what a direction changes, by how much unnoticed, and what would help."""
     parts = _parts(layout, loadings)
-    leaves = {name.split("[")[0].rsplit(".", 1)[-1] for name, _, _ in parts}
+    leaves = {re.split(r"[\[ ]", name)[0].rsplit(".", 1)[-1] for name, _, _ in parts}
+    # One number alone trades with nothing, whatever it is.
+    several = len(parts) > 1 or parts[0][0].endswith(ALL)
     same = all(loading > 0 for _, loading, _ in parts) or all(loading < 0 for _, loading, _ in parts)
     factor = np.exp(min(deviation * abs(_largest(parts)), 700.0))
     reach = "without any effect" if deviation > 1e6 else f"within one standard error up to λ = {factor:.2g}"
     said = ", ".join(_change(*part, parts) for part in parts)
-    hint = next((text for test, text in HINTS if test(leaves, same)), None)
+    hint = next((text for test, text in HINTS if several and test(leaves, same)), None)
     if hint is None and len(parts) == 1:
         hint = "the data do not reach it: hold it, or give it a prior"
     return f"{said}: {reach}" + (f"; {hint}" if hint else "")
@@ -61,7 +66,7 @@ def _parts(layout, loadings):
             and np.ptp(here) <= ALIKE * np.max(np.abs(here)) >= 0
             and np.max(np.abs(here)) >= WORTH * largest
         ):
-            parts.append((f"{group.path} (all {len(slot)} elements)", float(here.mean()), group.kind))
+            parts.append((f"{group.path} (all {len(slot)}{ALL}", float(here.mean()), group.kind))
             continue
         parts += [
             (names[i], float(loadings[i]), group.kind) for i in slot if abs(loadings[i]) >= WORTH * largest
