@@ -146,5 +146,7 @@ def _band(result, blocks, conditions, level):
         rows = predictions(structure, numbers, x)[0]
         return rows, rows
 
-    slope, value = map(np.asarray, jax.jit(jax.jacfwd(predicted, has_aux=True))(jnp.asarray(result.x)))
+    slope, value = map(
+        np.asarray, jax.jit(jax.jacfwd(predicted, has_aux=True))(jnp.asarray(result.uncertainty.x))
+    )
     return widened(result, value, slope, level)

@@ -1,5 +1,6 @@
 """The inverse fit: free parameters of a scene from measured data."""
 
+import dataclasses
 import time
 
 import jax
@@ -106,6 +107,8 @@ def fit(
     problem = make_problem(scene, data, free, prior, loss, loss_width, quadrature)
     check_friction(scene, data)
     solver = METHODS[method](**({} if tolerance is None else {"tolerance": tolerance}))
+    if method == "adam" and max_steps is not None:
+        solver = dataclasses.replace(solver, max_steps=max_steps)  # its rate falls until then
     key = jax.random.key(0) if key is None else key
     x = random_starts(problem.structure.layout, problem.start, key, starts, decades)
     runs = search(solver, problem, x, max_steps, callback)

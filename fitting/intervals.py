@@ -99,12 +99,13 @@ def band(result, velocity, pressure, temperature=None, quantity="friction", leve
         value = getattr(solution, quantity)
         return value, value
 
-    slope, value = jax.jit(jax.jacfwd(predicted, has_aux=True))(jnp.asarray(result.x))
+    slope, value = jax.jit(jax.jacfwd(predicted, has_aux=True))(jnp.asarray(result.uncertainty.x))
     return widened(result, np.asarray(value), np.asarray(slope), level)
 
 
 def widened(result, value, slope, level):
-    """Band of predictions whose derivatives with respect to x are `slope`, one axis more."""
+    """Band of predictions whose derivatives at `uncertainty.x` are `slope`, one axis more."""
+    slope = slope * result.uncertainty.stretch
     reach = _quantile(result, level) * np.sqrt(
         np.einsum("...i,ij,...j->...", slope, result.uncertainty.spread, slope)
     )
@@ -137,10 +138,12 @@ def profile(result, name, level=0.95, points=8, callback=None):
         raise ValueError(f"name = {name!r}: must be one of {', '.join(names)}")
     i, known = names.index(name), result.uncertainty
     q = _quantile(result, level)
-    reach = 1.6 * q * min(np.sqrt(known.spread[i, i]), OPEN / (1.6 * q) / 10)
+    deviation = np.sqrt(known.spread[i, i]) if known.stretch[i] == 1 else np.inf
+    reach = min(1.6 * q * deviation, OPEN / 10)
     offsets = reach * np.linspace(-1, 1, 2 * points + 1)
-    # The others start where the covariance expects them.
-    toward = known.spread[i] / known.spread[i, i]
+    # The others start where the covariance expects them, but for those at a bound.
+    toward = np.where(known.stretch == 1, known.spread[i] / known.spread[i, i], 0.0)
+    toward[i] = 1.0
     starts = result.x + offsets[:, None] * toward
     held = np.ones(result.layout.size)
     held[i] = 0.0

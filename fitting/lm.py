@@ -5,8 +5,8 @@ r"""Levenberg-Marquardt: nonlinear least squares by damped Gauss-Newton steps.
 with geodesic acceleration [Transtrum & Sethna, arXiv:1201.5885], which halves the number
 of steps in the curved valleys of relaxation spectra. A pair of pure functions, `init` and
 `step`, that jit and vmap go through. One singular value decomposition of the Jacobian
-serves several dampings, which are tried side by side: residuals cost a small part of the
-Jacobian, and the best of them is taken. Directions that the data do not see (s = 0) are
+serves two dampings, which are tried side by side: residuals cost a small part of the
+Jacobian, and the better of them is taken. Directions that the data do not see (s = 0) are
 left where they are.
 """
 
@@ -21,7 +21,7 @@ from fitting.losses import factors
 from fitting.problem import cost_of, data_rows, residuals, residuals_and_jacobian, rounding_cost
 from fitting.status import CONVERGED, NOT_FINITE, PERFECT, RUNNING, STALLED
 
-TRIALS = (0.1, 1.0, 10.0, 1000.0)  # times the damping of the last step
+TRIALS = (0.1, 3.0)  # times the damping of the last step
 SOFTEST, STIFFEST = 1e-30, 1e9  # damping over the largest singular value squared
 PROBE = 0.1  # part of a step at which its curvature is measured
 LONGEST = 3.0  # of a step in any x: a factor 20 in a Positive parameter

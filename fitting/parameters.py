@@ -233,6 +233,9 @@ def random_starts(layout, x, key, count, decades=1.0):
     Bounded ones from the middle 98 % between their bounds; Free ones from x +- their scale.
     """
     x = jnp.asarray(x)
+    x = jnp.asarray(x)
+    if count == 1:
+        return x[None]
     draws = jax.random.uniform(key, (count, layout.size), x.dtype, minval=-1.0, maxval=1.0)
     starts = []
     for group in layout.groups:

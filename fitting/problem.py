@@ -55,6 +55,7 @@ class Numbers(NamedTuple):
     conditions: tuple  # of every block: (velocity, pressure, temperature or None), (omega, T), (q,)
     prior: PriorNumbers
     width: float  # of the robust loss
+    leash: float  # pull on neighbouring elements of an array, 0 in the end; see `fitting.search`
 
 
 class Targets(NamedTuple):
@@ -122,7 +123,8 @@ def make_problem(scene, data, free, prior=None, loss="linear", width=None, quadr
             " free fewer, tie some, or add a prior"
         )
     structure = Structure(layout, tuple(blocks), prior_layout, loss, quadrature or rf.Quadrature())
-    numbers = cast(Numbers(constants, tuple(conditions), prior_numbers, float(width)), dtype)
+    numbers = Numbers(constants, tuple(conditions), prior_numbers, float(width), 0.0)
+    numbers = cast(numbers, dtype)
     targets = Targets(*(a.astype(dtype) for a in (measured, error, np.ones(layout.size))))
     return Problem(structure, numbers, targets, start.astype(dtype), tuple(order))
 
@@ -141,11 +143,7 @@ def _block_key(scene, data):
                     f"data {data.label!r}: have a temperature, but no part of the scene has a shift:"
                     " give the scene one, or the data no temperature"
                 )
-            for shift in shifts(scene):
-                try:
-                    shift.check_temperature(temperature)
-                except ValueError as error:
-                    raise ValueError(f"data {data.label!r}: {error}") from None
+            _check_temperature(data, shifts(scene))
         return quantity, None, data.logarithmic, temperature is not None
     bodies = {name: getattr(scene, name) for name in BODIES}
     if quantity == "modulus":
@@ -166,8 +164,16 @@ def _block_key(scene, data):
         shift = bodies[body].material.shift
         if shift is None:
             raise ValueError(f"data {data.label!r}: have a temperature, but {body}.material has no shift")
-        shift.check_temperature(temperature)
+        _check_temperature(data, [shift])
     return quantity, body, data.logarithmic, temperature is not None
+
+
+def _check_temperature(data, shifts):
+    for shift in shifts:
+        try:
+            shift.check_temperature(data.temperature)
+        except ValueError as error:
+            raise ValueError(f"data {data.label!r}: {error}") from None
 
 
 def _conditions(data):
@@ -200,10 +206,11 @@ def _predicted(structure, block, conditions, scene):
 
 
 def residuals(structure, numbers, targets, x):
-    """Rows of the data, then of the priors, in units of their errors."""
+    """Rows of the data, of the priors, and of the leash, in units of their errors."""
     model, scene = predictions(structure, numbers, x)
     rows = (model - targets.measured) / targets.error
-    return jnp.concatenate([rows, prior_residuals(structure.prior, numbers.prior, scene, x)])
+    prior = prior_residuals(structure.prior, numbers.prior, scene, x)
+    return jnp.concatenate([rows, prior, numbers.leash * (_bends(structure.layout) @ x)])
 
 
 def residuals_and_jacobian(structure, numbers, targets, x):
@@ -227,8 +234,20 @@ def residuals_and_jacobian(structure, numbers, targets, x):
     prior, prior_slopes = _forward(
         lambda x: prior_residuals(structure.prior, numbers.prior, scene_of(x), x), x
     )
-    rows = jnp.concatenate([(model - targets.measured) / targets.error, prior])
-    return rows, jnp.concatenate([slopes / targets.error[:, None], prior_slopes])
+    bends = numbers.leash * _bends(structure.layout)
+    rows = [(model - targets.measured) / targets.error, prior, bends @ x]
+    slopes = [slopes / targets.error[:, None], prior_slopes, bends]
+    return jnp.concatenate(rows), jnp.concatenate(slopes)
+
+
+def _bends(layout):
+    """Second differences of x along the arrays of Positive elements, shape (rows, size)."""
+    rows = [np.zeros((0, layout.size))]
+    for group in layout.groups:
+        first, last = group.slot
+        if group.kind == "Positive" and last - first >= 3:
+            rows.append(np.diff(np.eye(layout.size)[first:last], 2, axis=0))
+    return np.concatenate(rows)
 
 
 def _forward(function, x):

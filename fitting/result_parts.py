@@ -24,6 +24,8 @@ ARRAYS = {
     "directions": "-",
     "deviations": "-",
     "spread": "-",
+    "x": "-",
+    "stretch": "-",
 }
 NUMBERS = {"rank": int, "condition": float, "parameters": float, "chisqr": float}
 
@@ -80,7 +82,7 @@ def write_uncertainty(group, known):
 
 def read_uncertainty(group, parameters, size):
     check_names(group, (*ARRAYS, "unidentified"), tuple(NUMBERS))
-    vectors = ("deviation", "deviations")
+    vectors = ("deviation", "deviations", "x", "stretch")
     arrays = {
         name: read_array(group, name, units, (size,) if name in vectors else (size, size))
         for name, units in ARRAYS.items()

@@ -73,7 +73,7 @@ def run(solver, structure, numbers, targets, starts, max_steps=None, callback=No
     waiting, done, steps = lanes, np.zeros(lanes, bool), np.zeros(lanes, int)
     ends = Runs(starts.copy(), np.full(fits, np.inf), *(np.full(fits, RUNNING, int) for _ in range(3)))
 
-    def loaded():
+    def loaded(at):
         return jax.tree.map(lambda a: jnp.asarray(a[at]), (targets, starts))
 
     def keep(state, which, status=None):
@@ -83,7 +83,7 @@ def run(solver, structure, numbers, targets, starts, max_steps=None, callback=No
         if status is not None:
             ends.status[at[which]] = status
 
-    here, x = loaded()
+    here, x = loaded(at)
     state = _init(solver, structure, numbers, here, x)
     total = 0
     try:
@@ -96,12 +96,14 @@ def run(solver, structure, numbers, targets, starts, max_steps=None, callback=No
             done |= finished | late
             free = np.flatnonzero(done)[: fits - waiting]
             if free.size:
-                at[free] = waiting + np.arange(free.size)
-                waiting += free.size
-                done[free], steps[free] = False, 0
-                here, x = loaded()
+                following = at.copy()
+                following[free] = waiting + np.arange(free.size)
+                here, x = loaded(following)
                 fresh = _init(solver, structure, numbers, here, x)
                 state = _choose(fresh, np.isin(np.arange(lanes), free), state)
+                # Last, so that an interrupt before it finds the lanes as they were.
+                at, waiting = following, waiting + free.size
+                done[free], steps[free] = False, 0
                 continue
             if done.all():
                 return ends

@@ -5,6 +5,10 @@ included), the covariance of x is V diag(1/s^2) V^T. A direction V_k whose devia
 exceeds one - a factor e in Positive parameters - is not identified: linear error bars
 along it would be an invention. Parameters that it leaves open by more than that get none.
 
+A parameter that ended at a bound, or was driven to zero, hardly moves with its x: there the
+rows would not see it, and what trades with it would look known. Its column is the one for a
+change of its value by a quarter of its range, or by its start value.
+
 For robust losses the covariance is the sandwich A^-1 B A^-1 of M-estimators, A = J^T J with
 the curvature of the loss, B from the squared slopes.
 """
@@ -16,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from fitting.lm import linearised
-from fitting.parameters import element_names, slopes, to_values
+from fitting.parameters import element_names, slopes
 from fitting.problem import data_rows, predictions, residuals
 from fitting.words import direction_in_words
 
@@ -28,6 +32,8 @@ KNOWN = 1.0
 OPEN = 100.0
 # Of a Bounded parameter's range: closer to a bound than this, it is at it.
 AT_BOUND = 1e-3
+# Rows are linearised no closer to a bound than this, where the slope still has digits.
+EDGE = 1e-6
 # A Positive parameter that fell by more than this factor was driven towards zero.
 VANISHED = 1e6
 
@@ -52,7 +58,9 @@ class Uncertainty(NamedTuple):
     condition: float  # largest over smallest singular value
     directions: np.ndarray  # V, columns, shape (size, size)
     deviations: np.ndarray  # along them, shape (size,); inf where the data see nothing
-    spread: np.ndarray  # covariance of x with all directions, OPEN for those beyond, (size, size)
+    spread: np.ndarray  # covariance of y = x / stretch, all directions, OPEN for those beyond, (size, size)
+    x: np.ndarray  # where the rows are linearised: the solution, a little inside its bounds
+    stretch: np.ndarray  # 1; more for parameters at a bound or zero, see the module's docstring
     parameters: float  # effective number that the data determine
     chisqr: float  # sum of squares of the data's residuals
 
@@ -70,9 +78,11 @@ def model_rows(problem, x):
 def uncertainty(problem, x):
     """Uncertainty of a problem's solution x."""
     structure, numbers = problem.structure, problem.numbers
+    withheld, inside, stretch = _at_bounds(structure, numbers, x)
     plain, weights, jacobian = jax.tree.map(
-        np.asarray, _linearised(structure, numbers, problem.targets, jnp.asarray(x))
+        np.asarray, _linearised(structure, numbers, problem.targets, jnp.asarray(inside))
     )
+    jacobian = jacobian * stretch
     count, names = data_rows(structure), element_names(structure.layout)
     U, s, Vt = np.linalg.svd(jacobian, full_matrices=True)
     V = Vt.T
@@ -82,7 +92,8 @@ def uncertainty(problem, x):
     seen = s > noise
     deviations = np.where(seen, 1 / np.where(seen, s, 1.0), np.inf)
 
-    spread, along = _spread(structure, jacobian, plain, weights, V, deviations)
+    determined = float(np.sum(U[:count, : s.size][:, seen[: U.shape[1]]] ** 2))
+    spread, along = _spread(structure, jacobian, plain, weights, V, deviations, determined)
     deviation = np.sqrt(np.diag(spread))
     far = along > KNOWN
     # Of a sandwich the directions are no principal axes: all may be short, and a parameter not.
@@ -92,12 +103,11 @@ def uncertainty(problem, x):
         Direction(V[:, k], float(deviations[k]), direction_in_words(structure.layout, V[:, k], deviations[k]))
         for k in np.flatnonzero(far)
     )
-    withheld = _at_bounds(structure, numbers, x)
     for i in np.flatnonzero(deviation > KNOWN):
         which = int(np.argmax([abs(d.loadings[i]) * min(d.deviation, OPEN) for d in unidentified]))
         withheld.setdefault(names[i], f"not identified, see direction {which + 1}")
     hidden = np.array([name in withheld for name in names])
-    slope = np.asarray(slopes(structure.layout, numbers.constants, jnp.asarray(x)))
+    slope = stretch * np.asarray(slopes(structure.layout, numbers.constants, jnp.asarray(inside)))
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = spread / np.outer(deviation, deviation)
     covariance = spread * np.outer(slope, slope)
@@ -114,18 +124,19 @@ def uncertainty(problem, x):
         directions=V,
         deviations=deviations,
         spread=spread,
-        parameters=float(np.sum(U[:count, : s.size][:, seen[: U.shape[1]]] ** 2)),
-        chisqr=float(np.sum(plain[:count] ** 2)),
+        x=inside,
+        stretch=stretch,
+        parameters=determined,
+        chisqr=float(np.sum(residual_rows(problem, x)[:count] ** 2)),
     )
 
 
 _linearised = jax.jit(linearised, static_argnums=0)
 _residuals = jax.jit(residuals, static_argnums=0)
 _predictions = jax.jit(lambda structure, numbers, x: predictions(structure, numbers, x)[0], static_argnums=0)
-_values = jax.jit(lambda layout, constants, x: to_values(layout, constants, x), static_argnums=0)
 
 
-def _spread(structure, jacobian, plain, weights, V, deviations):
+def _spread(structure, jacobian, plain, weights, V, deviations, parameters):
     """Covariance of x, no direction longer than OPEN, and the deviations along the directions."""
     length = np.minimum(deviations, OPEN)
     if structure.loss == "linear":
@@ -134,6 +145,8 @@ def _spread(structure, jacobian, plain, weights, V, deviations):
     influence = jacobian.copy()
     count = data_rows(structure)
     influence[:count] *= (plain * weights[0])[:count, None]
+    # Residuals of a fit are smaller than errors, by as many as it has parameters.
+    influence[:count] *= np.sqrt(count / max(count - parameters, 1.0))
     middle = V.T @ (influence.T @ influence) @ V
     inner = middle * np.outer(length**2, length**2)
     beyond = deviations > OPEN
@@ -143,25 +156,27 @@ def _spread(structure, jacobian, plain, weights, V, deviations):
 
 
 def _at_bounds(structure, numbers, x):
-    """Name -> reason, for parameters at a bound: the linear error bar ends there."""
+    """(name -> reason, x a little inside, stretch) for parameters at a bound or driven to zero."""
     layout, constants = structure.layout, numbers.constants
-    values = np.asarray(_values(layout, constants, jnp.asarray(x)))
-    reasons = {}
-    names = iter(zip(element_names(layout), values, np.asarray(x), strict=True))
+    names, reasons = element_names(layout), {}
+    inside, stretch = np.array(x), np.ones(layout.size, np.asarray(x).dtype)
+    edge = np.log(1 / EDGE - 1)
     for group in layout.groups:
-        if group.kind == "Tied":
-            continue
-        for i in range(*group.slot):
-            name, value, here = next(names)
+        for i in range(*group.slot) if group.kind != "Tied" else ():
             if group.kind == "Bounded":
-                place = (value - float(constants.low[i])) / float(constants.width[i])
-                if place < AT_BOUND:
-                    reasons[name] = f"at its lower bound {float(constants.low[i]):g}"
-                elif place > 1 - AT_BOUND:
-                    reasons[name] = f"at its upper bound {float(constants.low[i] + constants.width[i]):g}"
+                place = 1 / (1 + np.exp(-np.clip(x[i], -edge, edge)))
+                if AT_BOUND <= place <= 1 - AT_BOUND:
+                    continue
+                low, width = float(constants.low[i]), float(constants.width[i])
+                side, bound = ("lower", low) if place < 0.5 else ("upper", low + width)
+                reasons[names[i]] = f"at its {side} bound {bound:g}"
+                inside[i], stretch[i] = np.clip(x[i], -edge, edge), 0.25 / (place * (1 - place))
             elif group.kind == "Positive":
                 leaf = np.asarray(constants.leaves[group.leaf])
-                start = leaf if group.elements is None else leaf[group.elements[i - group.slot[0]]]
-                if here < np.log(float(start)) - np.log(VANISHED):
-                    reasons[name] = "driven towards zero: the data want it absent"
-    return reasons
+                start = np.log(
+                    float(leaf if group.elements is None else leaf[group.elements[i - group.slot[0]]])
+                )
+                if x[i] < start - np.log(VANISHED):
+                    reasons[names[i]] = "driven towards zero: the data want it absent"
+                    inside[i], stretch[i] = start - np.log(VANISHED), VANISHED
+    return reasons, inside, stretch

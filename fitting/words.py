@@ -44,8 +44,15 @@ def direction_in_words(layout, loadings, deviation):
     # One number alone trades with nothing, whatever it is.
     several = len(parts) > 1 or parts[0][0].endswith(ALL)
     same = all(loading > 0 for _, loading, _ in parts) or all(loading < 0 for _, loading, _ in parts)
-    factor = np.exp(min(deviation * abs(_largest(parts)), 700.0))
-    reach = "without any effect" if deviation > 1e6 else f"within one standard error up to λ = {factor:.2g}"
+    # λ is the factor of Positive parameters; others have none to name.
+    far = deviation * abs(_largest(parts))
+    scaled = any(kind == "Positive" for _, _, kind in parts)
+    if deviation > 1e6:
+        reach = "without any effect"
+    elif scaled and far < 100:
+        reach = f"within one standard error up to λ = {np.exp(far):.2g}"
+    else:
+        reach = "by far within one standard error"
     said = ", ".join(_change(*part, parts) for part in parts)
     hint = next((text for test, text in HINTS if several and test(leaves, same)), None)
     if hint is None and len(parts) == 1:

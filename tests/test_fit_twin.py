@@ -11,9 +11,10 @@ from twin import DATA, FREE, GUESS, TRUTH, conditions, make_twin, true_values, t
 import fitting
 import rubberfric as rf
 from fitting.lm import LevenbergMarquardt
-from fitting.parameters import to_values
+from fitting.parameters import element_names, to_values
 from fitting.problem import make_problem
-from fitting.solvers import run, run_problem
+from fitting.search import search
+from fitting.solvers import run
 from fitting.status import CONVERGED, PERFECT
 from fitting.uncertainty import uncertainty
 
@@ -123,12 +124,9 @@ def test_coverage_of_the_intervals():
         inside.append(np.where(np.isnan(z), np.nan, z < 1.959964))
         chisqr.append(known.chisqr / (velocity.size - known.parameters))
     inside = np.array(inside)
-    names = list(FREE)
     first, all_of_them = np.nanmean(inside[:200], 0), np.nanmean(inside, 0)
     print(f"\nconverged {np.isin(runs.status, (CONVERGED, PERFECT)).sum()} of {seeds}, ", end="")
     print(f"withheld {np.isnan(inside).sum()} of {inside.size}, redchi {np.mean(chisqr):.3f}")
-    from fitting.parameters import element_names
-
     names = element_names(problem.structure.layout)
     for name, a, b in zip(names, first, all_of_them, strict=True):
         print(f"  {name:28s} {100 * a:5.1f} % of 200, {100 * b:5.1f} % of {seeds}")
@@ -150,7 +148,7 @@ def test_starts_far_off_reach_the_same_minimum():
         pytest.approx(10.0),
         pytest.approx(0.1),
     )
-    runs = run_problem(LevenbergMarquardt(), problem, starts)
+    runs = search(LevenbergMarquardt(), problem, starts)
     reached = runs.cost < runs.cost.min() * (1 + 1e-6)
     print(f"\n{reached.sum()} of 100 reach cost {runs.cost.min():.6f} in {np.median(runs.njev):.0f} steps")
     assert np.all(np.isfinite(runs.cost)) and reached.mean() >= 0.95

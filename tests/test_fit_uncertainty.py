@@ -319,6 +319,20 @@ def test_a_number_that_no_data_see_at_all():
     every_gap_is_explained(result)
 
 
+def test_a_bound_does_not_hide_what_trades_with_it():
+    """With noise, gamma runs along its trade with h_rms to a bound, where its x hardly counts."""
+    free = {"gamma": Bounded(0.1, 1.0), "lower.spectrum.h_rms": Positive()}
+    result = fit(SCENE, light(), free, quadrature=QUADRATURE)
+    assert "bound" in result.withheld["gamma"]
+    assert result.withheld["lower.spectrum.h_rms"] == "not identified, see direction 1"
+    (direction,) = result.unidentified
+    assert "gamma" in direction.text and "lower.spectrum.h_rms * λ" in direction.text
+    every_gap_is_explained(result)
+    # The friction itself is known.
+    band = result.band(light().velocity, 1e3)
+    assert np.all(np.log(band.high / band.low) < 0.3)
+
+
 @pytest.mark.parametrize(("low", "high", "side"), [(1e6, 2e6, "upper"), (4e6, 9e6, "lower")])
 def test_at_a_bound(low, high, side):
     free = {E: Positive(), E_INF: Bounded(low, high, start=0.5 * (low + high))}
