@@ -13,7 +13,7 @@ from fitting.parameters import random_starts, to_values
 from fitting.problem import ASSUMED, make_problem
 from fitting.result import FitResult, Minimum
 from fitting.search import search
-from fitting.solvers import run_problem
+from fitting.solvers import LANES, run_problem
 from fitting.status import CONVERGED, PERFECT
 from fitting.uncertainty import residual_rows, uncertainty
 
@@ -124,7 +124,7 @@ def fit(
         if problem.targets.measured.size - known.parameters < 0.5 or end.status not in (CONVERGED, PERFECT):
             break
         problem, scales = _estimated(problem, data, scales, known, end.x)
-        again = run_problem(solver, problem, end.x[None], max_steps, callback)
+        again = run_problem(solver, problem, end.x[None], max_steps, callback, min(LANES, starts))
         end = again.row(0)
         evaluations += np.array([again.nfev[0], again.njev[0]])
         known = uncertainty(problem, end.x)

@@ -11,7 +11,7 @@ the lower of both minima is kept.
 import jax.numpy as jnp
 import numpy as np
 
-from fitting.solvers import run_problem
+from fitting.solvers import LANES, run_problem
 from fitting.status import CONVERGED, INTERRUPTED, PERFECT, STALLED
 from fitting.uncertainty import VANISHED
 
@@ -28,15 +28,16 @@ def search(solver, problem, starts, max_steps=None, callback=None):
         runs = run_problem(solver, stage, x, max_steps, callback)
         spent += np.stack([runs.nfev, runs.njev])
         escaped = _escaped(problem, runs.x, starts).any(1)
-        for i in np.flatnonzero(escaped & np.isin(runs.status, (CONVERGED, PERFECT, STALLED))):
-            second = _on_a_leash(solver, stage, starts[i], max_steps, callback)
-            spent[:, i] += second.nfev, second.njev
-            if second.status == INTERRUPTED:
-                runs.status[i] = INTERRUPTED
-                break
-            if second.cost < runs.cost[i]:
+        again = np.flatnonzero(escaped & np.isin(runs.status, (CONVERGED, PERFECT, STALLED)))
+        if again.size:
+            second = _on_a_leash(solver, stage, starts[again], max_steps, callback, min(LANES, len(starts)))
+            spent[:, again] += np.stack([second.nfev, second.njev])
+            if INTERRUPTED in second.status:
+                runs.status[again] = INTERRUPTED
+            else:
+                lower = second.cost < runs.cost[again]
                 for kept, new in zip(runs, second, strict=True):
-                    kept[i] = new
+                    kept[again[lower]] = new[lower]
         if INTERRUPTED in runs.status:
             break
         # Outliers may drive least squares where the data do not want to be.
@@ -44,16 +45,16 @@ def search(solver, problem, starts, max_steps=None, callback=None):
     return runs._replace(nfev=spent[0], njev=spent[1])
 
 
-def _on_a_leash(solver, problem, start, max_steps, callback):
-    """One fit whose arrays are kept smooth, ever less."""
-    x, spent = start, np.zeros(2, int)
+def _on_a_leash(solver, problem, starts, max_steps, callback, lanes):
+    """Fits whose arrays are kept smooth, ever less; in as many lanes as there are compiled."""
+    x, spent = starts, np.zeros((2, len(starts)), int)
     for pull in PULLS:
         numbers = problem.numbers._replace(leash=jnp.asarray(pull, problem.numbers.leash.dtype))
-        end = run_problem(solver, problem._replace(numbers=numbers), x[None], max_steps, callback).row(0)
-        x, spent = end.x, spent + np.array([end.nfev, end.njev])
-        if end.status == INTERRUPTED:
+        ends = run_problem(solver, problem._replace(numbers=numbers), x, max_steps, callback, lanes)
+        x, spent = ends.x, spent + np.stack([ends.nfev, ends.njev])
+        if INTERRUPTED in ends.status:
             break
-    return end._replace(nfev=spent[0], njev=spent[1])
+    return ends._replace(nfev=spent[0], njev=spent[1])
 
 
 def _escaped(problem, x, start):

@@ -48,7 +48,7 @@ def _choose(new, mask, old):
     return jax.tree.map(lambda n, o: jnp.where(mask.reshape(-1, *[1] * (n.ndim - 1)), n, o), new, old)
 
 
-def run(solver, structure, numbers, targets, starts, max_steps=None, callback=None, lanes=LANES):
+def run(solver, structure, numbers, targets, starts, max_steps=None, callback=None, lanes=None):
     """Run one fit for every row of `starts`.
 
     Parameters
@@ -60,6 +60,8 @@ def run(solver, structure, numbers, targets, starts, max_steps=None, callback=No
     max_steps : of a fit; None: the solver's own
     callback : called as callback(step, lowest cost) after every step of the lanes, or None
         KeyboardInterrupt, from it or the keyboard, ends the run with the values reached.
+    lanes : how many fits run side by side; None: `LANES`, or as many as there are
+        Another number is another program to compile.
 
     Returns
     -------
@@ -68,9 +70,9 @@ def run(solver, structure, numbers, targets, starts, max_steps=None, callback=No
     starts = np.asarray(starts)
     fits, max_steps = len(starts), max_steps or solver.max_steps
     targets = jax.tree.map(lambda a: np.broadcast_to(a, (fits, *a.shape[1:])), targets)
-    lanes = min(lanes, fits)
-    at = np.arange(lanes)  # which fit a lane holds
-    waiting, done, steps = lanes, np.zeros(lanes, bool), np.zeros(lanes, int)
+    lanes = lanes or min(LANES, fits)
+    at = np.arange(lanes) % fits  # which fit a lane holds
+    waiting, done, steps = min(lanes, fits), np.arange(lanes) >= fits, np.zeros(lanes, int)
     ends = Runs(starts.copy(), np.full(fits, np.inf), *(np.full(fits, RUNNING, int) for _ in range(3)))
 
     def loaded(at):
@@ -118,7 +120,7 @@ def run(solver, structure, numbers, targets, starts, max_steps=None, callback=No
         return ends
 
 
-def run_problem(solver, problem, starts, max_steps=None, callback=None):
+def run_problem(solver, problem, starts, max_steps=None, callback=None, lanes=None):
     """`run` for one problem from several starts."""
     targets = jax.tree.map(lambda a: a[None], problem.targets)
-    return run(solver, problem.structure, problem.numbers, targets, starts, max_steps, callback)
+    return run(solver, problem.structure, problem.numbers, targets, starts, max_steps, callback, lanes)

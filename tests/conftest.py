@@ -22,3 +22,17 @@ def few_memory_maps():
     yield
     if next(_tests) % 5 == 0 and MAPS.exists() and MAPS.read_bytes().count(b"\n") > 30_000:
         jax.clear_caches()
+
+
+@pytest.fixture
+def call_main(capsys):
+    """Run a command's `main` in this process: exit status, stdout, stderr."""
+
+    def call(main, *arguments):
+        try:
+            status = main([str(argument) for argument in arguments])
+        except SystemExit as stop:
+            status = stop.code
+        return status, *capsys.readouterr()
+
+    return call

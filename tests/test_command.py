@@ -1,5 +1,6 @@
 """The command: what it prints, writes and draws; one line and status 2 for every bad input."""
 
+import functools
 import importlib.metadata
 import os
 import re
@@ -44,17 +45,9 @@ def scene_file(tmp_path):
 
 
 @pytest.fixture
-def call(capsys):
+def call(call_main):
     """Run the command in this process: exit status, stdout, stderr."""
-
-    def call(*arguments):
-        try:
-            status = command.main([str(argument) for argument in arguments])
-        except SystemExit as stop:
-            status = stop.code
-        return status, *capsys.readouterr()
-
-    return call
+    return functools.partial(call_main, command.main)
 
 
 def numbers(text):

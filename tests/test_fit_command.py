@@ -1,5 +1,6 @@
 """The command rubberfric-fit and its job files: what they accept, print and write, and how they end."""
 
+import functools
 import importlib.metadata
 import os
 import re
@@ -65,17 +66,9 @@ INPUTS = ["friction.csv", "friction.h5", "job.toml", "modulus.csv", "scene.toml"
 
 
 @pytest.fixture
-def call(capsys):
+def call(call_main):
     """Run the command in this process: exit status, stdout, stderr."""
-
-    def call(*arguments):
-        try:
-            status = command.main([str(argument) for argument in arguments])
-        except SystemExit as stop:
-            status = stop.code
-        return status, *capsys.readouterr()
-
-    return call
+    return functools.partial(call_main, command.main)
 
 
 def test_report_file_and_picture(call, job, tmp_path):

@@ -198,14 +198,16 @@ def test_values_and_slopes_are_those_of_the_formulas(x):
     np.testing.assert_allclose(slopes(layout, constants, at), derivatives, rtol=1e-13, atol=2e-16)
 
 
+EVERY_RULE = {
+    E: Positive(),
+    "lower.spectrum.hurst": Bounded(0.3, 1.0),
+    "gamma": Tied("lower.spectrum.hurst"),
+    "upper.material.E_inf": Free(),
+}
+
+
 def test_slopes_are_the_diagonal_of_the_jacobian():
-    free = {
-        E: Positive(),
-        "lower.spectrum.hurst": Bounded(0.3, 1.0),
-        "gamma": Tied("lower.spectrum.hurst"),
-        "upper.material.E_inf": Free(),
-    }
-    layout, constants, x = free_parameters(SCENE, free)
+    layout, constants, x = free_parameters(SCENE, EVERY_RULE)
     jacobian = jax.jacfwd(lambda x: to_values(layout, constants, x))(jnp.asarray(x))
     np.testing.assert_allclose(jacobian, np.diag(slopes(layout, constants, jnp.asarray(x))), rtol=1e-15)
 
@@ -465,13 +467,7 @@ def test_layouts_of_one_structure_are_equal_and_hash_alike():
 
 
 def test_random_starts_lie_where_the_docstring_says():
-    free = {
-        E: Positive(),
-        "lower.spectrum.hurst": Bounded(0.3, 1.0),
-        "gamma": Tied("lower.spectrum.hurst"),
-        "upper.material.E_inf": Free(),
-    }
-    layout, constants, x = free_parameters(SCENE, free)
+    layout, constants, x = free_parameters(SCENE, EVERY_RULE)
     starts = random_starts(layout, x, jax.random.key(3), 2000, decades=2.0)
     np.testing.assert_array_equal(starts[0], x)
     values = np.asarray(jax.vmap(lambda x: to_values(layout, constants, x))(starts))[1:]
