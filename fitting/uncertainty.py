@@ -84,7 +84,8 @@ def uncertainty(problem, x):
     )
     jacobian = jacobian * stretch
     count, names = data_rows(structure), element_names(structure.layout)
-    U, s, Vt = np.linalg.svd(jacobian, full_matrices=True)
+    # All of V is needed, also where there are fewer rows than columns; all of U never.
+    U, s, Vt = np.linalg.svd(jacobian, full_matrices=jacobian.shape[0] < jacobian.shape[1])
     V = Vt.T
     s = np.concatenate([s, np.zeros(V.shape[0] - s.size)])
     # Below this a singular value is the rounding of the Jacobian.

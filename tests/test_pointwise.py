@@ -62,6 +62,10 @@ CASES = [
 ]
 
 
+def compiled(scene_of, x, conditions, quantity):
+    return jax.jit(lambda x: value_and_jacobian(scene_of, x, conditions, quantity, COARSE))(x)
+
+
 @pytest.mark.parametrize(("name", "quantity"), CASES)
 def test_equals_forward_mode(name, quantity):
     scene_of, x, conditions = arguments(SCENES[name], 5)
@@ -70,7 +74,7 @@ def test_equals_forward_mode(name, quantity):
         solution = rf.solve(scene_of(x), *conditions, quadrature=COARSE, quantities=(quantity,))
         return getattr(solution, quantity)
 
-    values, jacobian = jax.jit(lambda x: value_and_jacobian(scene_of, x, conditions, quantity, COARSE))(x)
+    values, jacobian = compiled(scene_of, x, conditions, quantity)
     np.testing.assert_allclose(values, plain(x), rtol=1e-13)
     expected = np.asarray(jax.jit(jax.jacfwd(plain))(x))
     scale = np.abs(expected).max(1, keepdims=True) + np.abs(np.asarray(values))[:, None]
@@ -80,11 +84,11 @@ def test_equals_forward_mode(name, quantity):
 
 def test_more_points_than_a_block():
     scene_of, x, conditions = arguments(SCENES["sheared"], 2 * BLOCK + 7)
-    values, jacobian = value_and_jacobian(scene_of, x, conditions, "area", COARSE)
+    values, jacobian = compiled(scene_of, x, conditions, "area")
     assert values.shape == (2 * BLOCK + 7,) and jacobian.shape == (2 * BLOCK + 7, x.size)
     for part in (slice(BLOCK - 1, BLOCK + 2), slice(-3, None)):
         here = tuple(c[part] for c in conditions)
-        few, slopes = value_and_jacobian(scene_of, x, here, "area", COARSE)
+        few, slopes = compiled(scene_of, x, here, "area")
         np.testing.assert_allclose(few, values[part], rtol=1e-13)
         np.testing.assert_allclose(slopes, jacobian[part], rtol=1e-9, atol=1e-12)
 
@@ -92,7 +96,7 @@ def test_more_points_than_a_block():
 def test_nothing_depends_on_the_parameters():
     scene_of, x, conditions = arguments(SCENES["smooth rubber"], 4)
     fixed = scene_of(x)
-    values, jacobian = value_and_jacobian(lambda x: fixed, x, conditions, "friction", COARSE)
+    values, jacobian = compiled(lambda x: fixed, x, conditions, "friction")
     assert np.all(values > 0) and np.all(np.asarray(jacobian) == 0)
 
 
@@ -104,6 +108,6 @@ def test_float32_stays():
         return jax.tree.map(lambda leaf: leaf * jnp.exp(y[0]), single)
 
     at = tuple(np.asarray(c, np.float32) for c in conditions)
-    values, jacobian = value_and_jacobian(scaled, jnp.zeros(1, jnp.float32), at, "area", COARSE)
+    values, jacobian = compiled(scaled, jnp.zeros(1, jnp.float32), at, "area")
     assert values.dtype == jacobian.dtype == jnp.float32
     assert np.all(np.isfinite(jacobian))
