@@ -1,6 +1,6 @@
 """Make the twin measurements: friction of a known scene, with noise, for trying fits.
 
-    python data/make_twin.py            # writes data/twin_friction.csv
+python data/make_twin.py            # writes data/twin_friction.csv
 """
 
 from pathlib import Path

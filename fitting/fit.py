@@ -89,20 +89,7 @@ def fit(
     report says so.
     """
     begin = time.perf_counter()
-    check_options(
-        method,
-        METHODS,
-        loss,
-        starts,
-        key,
-        prior,
-        callback,
-        loss_width,
-        decades,
-        max_steps,
-        tolerance,
-        quadrature,
-    )
+    check_options(method, METHODS, starts, key, prior, callback, decades, max_steps, tolerance, quadrature)
     data = data_sets(data)
     problem = make_problem(scene, data, free, prior, loss, loss_width, quadrature)
     check_friction(scene, data)

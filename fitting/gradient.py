@@ -5,13 +5,14 @@ problems with more parameters than residuals; for curves, Levenberg-Marquardt is
 """
 
 import dataclasses
+import functools
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import optax
 
-from fitting.problem import cost_of, residuals, rounding_cost
+from fitting.problem import cost_at, rounding_cost
 from fitting.status import CONVERGED, NOT_FINITE, PERFECT, RUNNING
 
 
@@ -28,16 +29,12 @@ class State(NamedTuple):
     quiet: jax.Array  # steps since the cost last fell by more than the tolerance
 
 
-def _cost(structure, numbers, targets, x):
-    return cost_of(structure, numbers, residuals(structure, numbers, targets, x))
-
-
 class _Gradient:
     """What both solvers share; they add `optimiser()` and `update(...)`."""
 
     def init(self, structure, numbers, targets, x):
         """The state at a start vector x."""
-        cost = _cost(structure, numbers, targets, x)
+        cost = cost_at(structure, numbers, targets, x)
         status = jnp.where(jnp.isfinite(cost), RUNNING, NOT_FINITE)
         zero = jnp.asarray(0)
         return State(x, cost, status, zero + 1, zero, x, self.optimiser().init(x), zero)
@@ -45,11 +42,9 @@ class _Gradient:
     def step(self, structure, numbers, targets, state):
         """The state after one step; one that is done stays as it is."""
 
-        def cost_at(x):
-            return _cost(structure, numbers, targets, x)
-
-        here, inner, evaluations, finite = self.update(cost_at, state, targets.held)
-        cost = cost_at(here)
+        function = functools.partial(cost_at, structure, numbers, targets)
+        here, inner, evaluations, finite = self.update(function, state, targets.held)
+        cost = function(here)
         better = cost < state.cost
         gained = jnp.where(better, state.cost - cost, 0.0)
         quiet = jnp.where(gained > self.tolerance * state.cost, 0, state.quiet + 1)
@@ -89,11 +84,11 @@ class LBFGS(_Gradient):
     def optimiser(self):
         return optax.lbfgs(memory_size=self.memory)
 
-    def update(self, cost_at, state, held):
-        value, gradient = optax.value_and_grad_from_state(cost_at)(state.here, state=state.inner)
+    def update(self, function, state, held):
+        value, gradient = optax.value_and_grad_from_state(function)(state.here, state=state.inner)
         gradient = gradient * held
         updates, inner = self.optimiser().update(
-            gradient, state.inner, state.here, value=value, grad=gradient, value_fn=cost_at
+            gradient, state.inner, state.here, value=value, grad=gradient, value_fn=function
         )
         evaluations = jnp.asarray(1) + optax.tree.get(inner, "num_linesearch_steps", default=0)
         finite = jnp.all(jnp.isfinite(gradient)) & jnp.all(jnp.isfinite(updates))
@@ -118,8 +113,8 @@ class Adam(_Gradient):
     def optimiser(self):
         return optax.adam(optax.cosine_decay_schedule(self.rate, self.max_steps))
 
-    def update(self, cost_at, state, held):
-        gradient = jax.grad(cost_at)(state.here) * held
+    def update(self, function, state, held):
+        gradient = jax.grad(function)(state.here) * held
         updates, inner = self.optimiser().update(gradient, state.inner, state.here)
         return (
             optax.apply_updates(state.here, updates),

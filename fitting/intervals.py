@@ -14,6 +14,7 @@ import numpy as np
 import rubberfric as rf
 from fitting.lm import LevenbergMarquardt
 from fitting.parameters import to_scene, to_values
+from fitting.problem import forward
 from fitting.solvers import run
 from fitting.status import CONVERGED, PERFECT
 from fitting.uncertainty import OPEN, model_rows
@@ -96,16 +97,15 @@ def band(result, velocity, pressure, temperature=None, quantity="friction", leve
         solution = rf.solve(
             scene, velocity, pressure, temperature, quadrature=structure.quadrature, quantities=(quantity,)
         )
-        value = getattr(solution, quantity)
-        return value, value
+        return getattr(solution, quantity)
 
-    slope, value = jax.jit(jax.jacfwd(predicted, has_aux=True))(jnp.asarray(result.uncertainty.x))
-    return widened(result, np.asarray(value), np.asarray(slope), level)
+    return widened(result, predicted, level)
 
 
-def widened(result, value, slope, level):
-    """Band of predictions whose derivatives at `uncertainty.x` are `slope`, one axis more."""
-    slope = slope * result.uncertainty.stretch
+def widened(result, predicted, level):
+    """Band of what a function of x predicts."""
+    value, slope = jax.jit(lambda x: forward(predicted, x))(jnp.asarray(result.uncertainty.x))
+    value, slope = np.asarray(value), np.asarray(slope) * result.uncertainty.stretch
     reach = _quantile(result, level) * np.sqrt(
         np.einsum("...i,ij,...j->...", slope, result.uncertainty.spread, slope)
     )
@@ -152,14 +152,10 @@ def profile(result, name, level=0.95, points=8, callback=None):
     runs = run(LevenbergMarquardt(), problem.structure, problem.numbers, targets, starts, callback=callback)
     good = np.isin(runs.status, (CONVERGED, PERFECT))
     rise = np.where(good, 2 * (runs.cost - min(result.cost, runs.cost[good].min(initial=np.inf))), np.nan)
-    values = np.asarray(
-        jax.vmap(lambda x: to_values(problem.structure.layout, problem.numbers.constants, x))(starts)
-    )[:, i]
-    ends = []
-    for side in (np.arange(points, -1, -1), np.arange(points, 2 * points + 1)):
-        ends.append(_crossing(starts[side, i], np.sqrt(np.maximum(rise[side], 0.0)), q))
-    ends = [np.sign(end) * np.inf if not np.isfinite(end) else end for end in ends]
     layout, constants = problem.structure.layout, problem.numbers.constants
+    values = np.asarray(jax.vmap(lambda x: to_values(layout, constants, x))(starts))[:, i]
+    sides = np.arange(points, -1, -1), np.arange(points, 2 * points + 1)
+    ends = [_crossing(starts[side, i], np.sqrt(np.maximum(rise[side], 0.0)), q) for side in sides]
     at = [np.where(np.arange(layout.size) == i, end, result.x) for end in ends]
     low, high = (float(np.asarray(to_values(layout, constants, x))[i]) for x in at)
     return Profile(name, values, rise, low, high, q**2)

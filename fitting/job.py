@@ -37,12 +37,12 @@ from fitting.data_files import read
 from fitting.fit import METHODS
 from fitting.losses import WIDTHS
 from fitting.priors import Gaussian, Smooth
-from fitting.rules import Bounded, Free, Positive, Tied
+from fitting.rules import RULES as CLASSES
 from rubberfric._toml import check_keys, number, read_toml, shown
 from rubberfric.files import read_scene_file
 from rubberfric.tables import closest
 
-RULES = {"positive": Positive, "bounded": Bounded, "free": Free, "tied": Tied}
+RULES = {name.lower(): cls for name, cls in CLASSES.items()}
 RULE_KEYS = ("rule", *dict.fromkeys(f.name for cls in RULES.values() for f in dataclasses.fields(cls)))
 PRIOR_KEYS = ("mean", "sigma", "smooth")
 CONDITIONS = ("pressure", "temperature", "relative")

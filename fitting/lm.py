@@ -18,7 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from fitting.losses import factors
-from fitting.problem import cost_of, data_rows, residuals, residuals_and_jacobian, rounding_cost
+from fitting.problem import cost_at, data_rows, residuals, residuals_and_jacobian, rounding_cost
 from fitting.status import CONVERGED, NOT_FINITE, PERFECT, RUNNING, STALLED
 
 TRIALS = (0.1, 3.0)  # times the damping of the last step
@@ -54,7 +54,7 @@ class LevenbergMarquardt:
 
     def init(self, structure, numbers, targets, x):
         """The state at a start vector x."""
-        cost = cost_of(structure, numbers, residuals(structure, numbers, targets, x))
+        cost = cost_at(structure, numbers, targets, x)
         status = jnp.where(jnp.isfinite(cost), RUNNING, NOT_FINITE)
         count = jnp.asarray(0)
         return State(x, cost, status, count + 1, count, jnp.asarray(1e-3, x.dtype))
@@ -84,7 +84,7 @@ class LevenbergMarquardt:
         accelerations = jnp.where(jnp.isfinite(accelerations), accelerations, 0.0)
         moves = velocities + accelerations * _limited(accelerations, half)
 
-        costs = jax.vmap(lambda move: cost_of(structure, numbers, residuals(*at, x + move)))(moves)
+        costs = jax.vmap(lambda move: cost_at(*at, x + move))(moves)
         costs = jnp.where(jnp.isfinite(costs), costs, jnp.inf)
         best = jnp.argmin(costs)
         cost, accepted = costs[best], costs[best] < state.cost

@@ -6,20 +6,19 @@ import jax
 import numpy as np
 
 import rubberfric as rf
-from fitting.losses import WIDTHS
 from fitting.measured import Measured, one_line
 from fitting.rules import is_number
 from fitting.uncertainty import residual_rows
+from rubberfric.scene import dissipates
 
 
-def check_options(
-    method, methods, loss, starts, key, prior, callback, loss_width, decades, max_steps, tolerance, quadrature
-):
-    """ValueError naming the option that is wrong; see `fitting.fit` for what they are."""
+def check_options(method, methods, starts, key, prior, callback, decades, max_steps, tolerance, quadrature):
+    """ValueError naming the option that is wrong; see `fitting.fit` for what they are.
+
+    The loss is checked where a problem is made, which a fit read from a file comes to as well.
+    """
     if not isinstance(method, str) or method not in methods:
         raise ValueError(f"method = {one_line(method)}: must be one of {', '.join(methods)}")
-    if not isinstance(loss, str) or loss not in WIDTHS:
-        raise ValueError(f"loss = {one_line(loss)}: must be one of {', '.join(WIDTHS)}")
     for name, value in {"starts": starts, "max_steps": max_steps}.items():
         if name == "max_steps" and value is None:
             continue
@@ -33,7 +32,7 @@ def check_options(
         )
     if callback is not None and not callable(callback):
         raise ValueError(f"callback = {one_line(callback)}: must be a function of (step, cost), or None")
-    for name, value in {"loss_width": loss_width, "decades": decades, "tolerance": tolerance}.items():
+    for name, value in {"decades": decades, "tolerance": tolerance}.items():
         if name != "decades" and value is None:
             continue
         if not (is_number(value) and value > 0):
@@ -84,11 +83,7 @@ def not_finite(problem, data):
 
 def check_friction(scene, data):
     """ValueError for measured friction that the scene cannot have: nothing could be learned from it."""
-    pairs = ((scene.lower, scene.upper), (scene.upper, scene.lower))
-    if scene.shear is not None or any(
-        rough.spectrum is not None and isinstance(other.material, rf.Prony | rf.TabulatedModulus)
-        for rough, other in pairs
-    ):
+    if scene.shear is not None or dissipates(scene):
         return
     for one in data:
         if one.quantity == "friction":

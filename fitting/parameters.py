@@ -22,9 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from fitting.keypaths import find, leaf_names
-from fitting.rules import Bounded, Free, Positive, Tied
-
-RULES = (Positive, Bounded, Free, Tied)
+from fitting.rules import RULES, Bounded, Positive, Tied
 
 
 class Group(NamedTuple):
@@ -43,6 +41,11 @@ class Layout(NamedTuple):
     tree: object  # tree structure of the scene
     groups: tuple
     size: int  # number of free elements
+
+    @property
+    def own(self):
+        """Groups with elements of their own in x: all but the tied ones."""
+        return [group for group in self.groups if group.kind != "Tied"]
 
 
 class Constants(NamedTuple):
@@ -78,7 +81,7 @@ def free_parameters(scene, free):
     leaves = [np.array(leaf, float) for leaf in leaves]
     groups, low, width, x, taken, size = [], [], [], [], {}, 0
     for path, rule in free.items():
-        if not isinstance(rule, RULES):
+        if not isinstance(rule, tuple(RULES.values())):
             raise ValueError(f"free[{path!r}] = {rule!r}: must be Positive, Bounded, Free or Tied")
         leaf, elements = find(scene, path)
         for element in elements or (None,):
@@ -91,10 +94,10 @@ def free_parameters(scene, free):
             groups.append(Group(path, "Tied", leaf, elements, (0, 0)))
             continue
         values = _start(path, rule, leaves[leaf][list(elements)] if elements else leaves[leaf][None])
-        here_low, here_width, here_x = _to_x(path, rule, values)
+        here_low, here_width = _range(path, rule, values)
         low.append(here_low)
         width.append(here_width)
-        x.append(here_x)
+        x.append(to_x(type(rule).__name__, here_low, here_width, values))
         groups.append(Group(path, type(rule).__name__, leaf, elements, (size, size + values.size)))
         size += values.size
         if elements:
@@ -124,26 +127,33 @@ def _start(path, rule, values):
     return values
 
 
-def _to_x(path, rule, values):
-    """(low, width, x) of a group at its start values."""
+def _range(path, rule, values):
+    """(low, width) of a group, its start values checked."""
     zero, one = np.zeros(values.shape), np.ones(values.shape)
     if isinstance(rule, Positive):
         if not (values > 0).all():
             raise ValueError(
                 f"free[{path!r}]: starts at {values.min():g}: a Positive one must start > 0; give start="
             )
-        return zero, one, np.log(values)
+        return zero, one
     if isinstance(rule, Bounded):
-        place = (values - rule.low) / (rule.high - rule.low)
-        if not ((place > 0) & (place < 1)).all():
-            worst = values[np.argmin(np.minimum(place, 1 - place))]
+        inside = np.minimum(values - rule.low, rule.high - values)
+        if not (inside > 0).all():
+            worst = values[np.argmin(inside)]
             raise ValueError(
                 f"free[{path!r}]: starts at {worst:g}: must start inside the bounds"
                 f" {rule.low:g} ... {rule.high:g}, not on them; give start="
             )
-        return rule.low * one, (rule.high - rule.low) * one, np.log(place / (1 - place))
-    scale = rule.scale or np.where(values != 0, np.abs(values), 1.0)
-    return zero, scale * one, values / scale
+        return rule.low * one, (rule.high - rule.low) * one
+    return zero, one * (rule.scale or np.where(values != 0, np.abs(values), 1.0))
+
+
+def to_x(kind, low, width, values):
+    """x of elements of one kind at their values: `to_values` undone, on the host."""
+    if kind == "Positive":
+        return np.log(values)
+    place = (values - low) / width
+    return np.log(place / (1 - place)) if kind == "Bounded" else place
 
 
 def _tie(free, groups, leaves):
@@ -180,9 +190,7 @@ def _tie(free, groups, leaves):
 def to_values(layout, constants, x):
     """Values of the free elements at x, shape (size,)."""
     parts = []
-    for group in layout.groups:
-        if group.kind == "Tied":
-            continue
+    for group in layout.own:
         part = slice(*group.slot)
         low, width, here = constants.low[part], constants.width[part], x[part]
         if group.kind == "Positive":
@@ -205,7 +213,7 @@ def to_scene(layout, constants, x):
         leaf = jnp.asarray(leaves[group.leaf], values.dtype)
         if group.elements is None:
             leaves[group.leaf] = here[0]
-        elif len(group.elements) == leaf.shape[0] and group.elements == tuple(range(leaf.shape[0])):
+        elif group.elements == tuple(range(leaf.shape[0])):
             leaves[group.leaf] = here
         else:
             leaves[group.leaf] = leaf.at[np.array(group.elements)].set(here)
@@ -219,11 +227,7 @@ def slopes(layout, constants, x):
 
 def element_names(layout):
     """Key path of every free element, in the order of x."""
-    names = []
-    for group in layout.groups:
-        if group.kind != "Tied":
-            names += leaf_names(group.path, group.elements)
-    return names
+    return [name for group in layout.own for name in leaf_names(group.path, group.elements)]
 
 
 def random_starts(layout, x, key, count, decades=1.0):
@@ -233,14 +237,11 @@ def random_starts(layout, x, key, count, decades=1.0):
     Bounded ones from the middle 98 % between their bounds; Free ones from x +- their scale.
     """
     x = jnp.asarray(x)
-    x = jnp.asarray(x)
     if count == 1:
         return x[None]
     draws = jax.random.uniform(key, (count, layout.size), x.dtype, minval=-1.0, maxval=1.0)
     starts = []
-    for group in layout.groups:
-        if group.kind == "Tied":
-            continue
+    for group in layout.own:
         part = slice(*group.slot)
         drawn = draws[:, part]
         if group.kind == "Positive":

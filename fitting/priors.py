@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from fitting.keypaths import find
-from fitting.parameters import slopes
+from fitting.parameters import slopes, to_x
 from fitting.rules import is_number
 
 
@@ -54,6 +54,9 @@ class Smooth:
             raise ValueError(f"Smooth: sigma = {self.sigma!r}: must be a finite number > 0")
 
 
+PRIORS = {cls.__name__: cls for cls in (Gaussian, Smooth)}
+
+
 class PriorLayout(NamedTuple):
     """Structure of the priors; hashable."""
 
@@ -91,10 +94,10 @@ def read_priors(scene, layout, constants, prior):
         elif isinstance(rule, Gaussian):
             group = groups.get(path)
             if group is None or group.kind == "Tied":
-                known = ", ".join(g.path for g in layout.groups if g.kind != "Tied")
+                known = ", ".join(g.path for g in layout.own)
                 raise ValueError(f"{where}: must be a free parameter: {known}")
             part = np.arange(*group.slot)
-            at = _x_of(where, group, rule.mean, constants.low[part], constants.width[part])
+            at = _x_of_mean(where, group, rule.mean, constants.low[part], constants.width[part])
             x = np.zeros(layout.size)
             x[part] = at
             elements += part.tolist()
@@ -107,18 +110,13 @@ def read_priors(scene, layout, constants, prior):
     )
 
 
-def _x_of(where, group, mean, low, width):
-    """x at a value of a group, one number for each of its elements."""
-    if group.kind == "Positive":
-        if not mean > 0:
-            raise ValueError(f"{where}: mean = {mean:g}: must be > 0, for the parameter is Positive")
-        return np.full(low.shape, np.log(mean))
-    place = (mean - low) / width
-    if group.kind == "Bounded":
-        if not ((place > 0) & (place < 1)).all():
-            raise ValueError(f"{where}: mean = {mean:g}: must be inside the parameter's bounds")
-        return np.log(place / (1 - place))
-    return place
+def _x_of_mean(where, group, mean, low, width):
+    """x at the mean of a group, one number for each of its elements."""
+    if group.kind == "Positive" and not mean > 0:
+        raise ValueError(f"{where}: mean = {mean:g}: must be > 0, for the parameter is Positive")
+    if group.kind == "Bounded" and not ((low < mean) & (mean < low + width)).all():
+        raise ValueError(f"{where}: mean = {mean:g}: must be inside the parameter's bounds")
+    return to_x(group.kind, low, width, np.full(low.shape, mean))
 
 
 def prior_residuals(layout, numbers, scene, x):

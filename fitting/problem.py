@@ -16,8 +16,11 @@ import numpy as np
 
 import rubberfric as rf
 from fitting.losses import WIDTHS, rho
+from fitting.measured import one_line
 from fitting.parameters import Constants, Layout, free_parameters, to_scene
 from fitting.priors import PriorLayout, PriorNumbers, prior_residuals, prior_size, read_priors
+from fitting.rules import is_number
+from rubberfric.materials import VISCOELASTIC
 from rubberfric.pointwise import value_and_jacobian
 from rubberfric.scene import cast, result_dtype, shifts
 from rubberfric.spectra import broken_power_law, log_power_spectrum
@@ -83,11 +86,11 @@ def make_problem(scene, data, free, prior=None, loss="linear", width=None, quadr
     """
     if not isinstance(scene, rf.Scene):
         raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
-    if loss not in WIDTHS:
-        raise ValueError(f"loss = {loss!r}: must be one of {', '.join(WIDTHS)}")
+    if not isinstance(loss, str) or loss not in WIDTHS:
+        raise ValueError(f"loss = {one_line(loss)}: must be one of {', '.join(WIDTHS)}")
     width = WIDTHS[loss] if width is None else width
-    if not width > 0:
-        raise ValueError(f"loss_width = {width!r}: must be > 0")
+    if not (is_number(width) and width > 0):
+        raise ValueError(f"loss_width = {one_line(width)}: must be a finite number > 0")
     dtype = result_dtype(scene, 1.0)
     scene = cast(scene, dtype)
     layout, constants, start = free_parameters(scene, free)
@@ -147,9 +150,7 @@ def _block_key(scene, data):
         return quantity, None, data.logarithmic, temperature is not None
     bodies = {name: getattr(scene, name) for name in BODIES}
     if quantity == "modulus":
-        bodies = {
-            name: b for name, b in bodies.items() if isinstance(b.material, rf.Prony | rf.TabulatedModulus)
-        }
+        bodies = {name: b for name, b in bodies.items() if isinstance(b.material, VISCOELASTIC)}
         kind = "viscoelastic solid"
     else:
         bodies = {name: b for name, b in bodies.items() if b.spectrum is not None}
@@ -226,12 +227,12 @@ def residuals_and_jacobian(structure, numbers, targets, x):
             if block.logarithmic:
                 values, slopes = jnp.log(values), slopes / values[:, None]
         else:
-            values, slopes = _forward(
+            values, slopes = forward(
                 lambda x, b=block, c=conditions: _predicted(structure, b, c, scene_of(x)), x
             )
         parts.append((values, slopes))
     model, slopes = (jnp.concatenate(part) for part in zip(*parts, strict=True))
-    prior, prior_slopes = _forward(
+    prior, prior_slopes = forward(
         lambda x: prior_residuals(structure.prior, numbers.prior, scene_of(x), x), x
     )
     bends = numbers.leash * _bends(structure.layout)
@@ -250,8 +251,8 @@ def _bends(layout):
     return np.concatenate(rows)
 
 
-def _forward(function, x):
-    """Value and Jacobian by forward mode."""
+def forward(function, x):
+    """Value of a function and its derivatives with respect to x, the last axis, by forward mode."""
     jacobian, value = jax.jacfwd(lambda x: (function(x),) * 2, has_aux=True)(x)
     return value, jacobian
 
@@ -266,6 +267,11 @@ def cost_of(structure, numbers, rows):
     count = data_rows(structure)
     robust = rho(structure.loss, numbers.width, rows[:count])[0]
     return 0.5 * (jnp.sum(robust) + jnp.sum(rows[count:] ** 2))
+
+
+def cost_at(structure, numbers, targets, x):
+    """The cost at x."""
+    return cost_of(structure, numbers, residuals(structure, numbers, targets, x))
 
 
 def rounding_cost(structure, targets):

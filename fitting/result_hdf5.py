@@ -22,19 +22,15 @@ The uncertainty is stored, not computed again: reading compiles nothing, and giv
 numbers to the last bit on any machine.
 """
 
-import dataclasses
-
 import h5py
 import numpy as np
 
-import rubberfric as rf
 from fitting.data_files import read_group, write_group
+from fitting.priors import PRIORS
 from fitting.problem import make_problem
 from fitting.report import report
 from fitting.result import FitResult
 from fitting.result_parts import (
-    PRIORS,
-    RULES,
     attributes,
     numbered,
     read_array,
@@ -47,9 +43,11 @@ from fitting.result_parts import (
     write_rules,
     write_uncertainty,
 )
+from fitting.rules import RULES
 from fitting.status import MESSAGES
 from rubberfric._atomic import check_writable, replacing
 from rubberfric._hdf5 import check_names, creating, reading, write_values
+from rubberfric.results import read_quadrature, write_quadrature
 from rubberfric.scene_hdf5 import read_object, write_object
 
 FORMAT = "rubberfric fit"
@@ -58,7 +56,6 @@ FORMAT = "rubberfric fit"
 FIELDS = {"method": str, "status": int, "cost": float, "nfev": int, "njev": int, "seconds": float}
 # Of its problem.
 OPTIONS = {"loss": str, "loss_width": float}
-QUADRATURE = {field.name: type(field.default) for field in dataclasses.fields(rf.Quadrature)}
 ATTRIBUTES = ("format", "format_version", "rubberfric_version", "title", "message", *FIELDS, *OPTIONS)
 GROUPS = ("scene_at_start", "data", "free", "prior", "quadrature", "parameters", "uncertainty", "minima")
 
@@ -91,9 +88,7 @@ def save(path, result, title=""):
             write_group(group.create_group(str(i)), one)
         write_rules(file.create_group("free"), result.free)
         write_rules(file.create_group("prior"), result.prior)
-        group = file.create_group("quadrature")
-        for name, kind in QUADRATURE.items():
-            group.attrs[name] = kind(getattr(structure.quadrature, name))
+        write_quadrature(file, structure.quadrature)
         estimated = [np.nan if scale is None else scale for scale in result.estimated]
         write_values(file, "estimated", np.array(estimated), "-")
         write_parameters(file.create_group("parameters"), result)
@@ -127,8 +122,7 @@ def _read(file):
     scene = read_object(file["scene_at_start"])
     data = tuple(read_group(group) for group in numbered(file["data"]))
     free, prior = read_rules(file["free"], RULES), read_rules(file["prior"], PRIORS)
-    check_names(file["quadrature"], (), tuple(QUADRATURE))
-    quadrature = rf.Quadrature(**attributes(file["quadrature"], QUADRATURE))
+    quadrature = read_quadrature(file)
     problem = make_problem(scene, data, free, prior, options["loss"], options["loss_width"], quadrature)
     scales = read_array(file, "estimated", "-", (len(data),)).tolist()
     estimated = tuple(None if np.isnan(scale) else scale for scale in scales)

@@ -5,16 +5,11 @@ import dataclasses
 import h5py
 import numpy as np
 
-from fitting.priors import Gaussian, Smooth
 from fitting.report import unit
 from fitting.result import Minimum
-from fitting.rules import Bounded, Free, Positive, Tied
 from fitting.uncertainty import Direction, Uncertainty
 from rubberfric._hdf5 import check_names, plain, read_values, write_values
 from rubberfric.tables import closest
-
-RULES = {cls.__name__: cls for cls in (Positive, Bounded, Free, Tied)}
-PRIORS = {cls.__name__: cls for cls in (Gaussian, Smooth)}
 
 # Arrays and numbers of the uncertainty that are stored as they are.
 ARRAYS = {
@@ -42,6 +37,7 @@ def write_rules(group, rules):
 
 
 def read_rules(group, classes):
+    """dict of key path -> rule or prior that `write_rules` wrote, or ValueError naming the wrong group."""
     rules = {}
     for one in numbered(group):
         found = {name: _python(value) for name, value in one.attrs.items()}
@@ -58,9 +54,11 @@ def read_rules(group, classes):
 
 
 def write_parameters(group, result):
+    """Names, values, units and x of the free elements."""
     write_values(group, "x", result.x, "-")
-    owners = [free for free in result.layout.groups if free.kind != "Tied"]
-    units = [unit(result.scene_at_start, free.path) or "-" for free in owners for _ in range(*free.slot)]
+    units = [
+        unit(result.scene_at_start, free.path) or "-" for free in result.layout.own for _ in range(*free.slot)
+    ]
     _write_texts(group, "names", result.names)
     _write_texts(group, "units", units)
     _write_texts(group, "withheld", [result.withheld.get(name, "") for name in result.names])
@@ -69,6 +67,7 @@ def write_parameters(group, result):
 
 
 def write_uncertainty(group, known):
+    """What `fitting.uncertainty` found; why an error bar is withheld stands with the parameters."""
     for name, units in ARRAYS.items():
         write_values(group, name, getattr(known, name), units)
     for name, kind in NUMBERS.items():
@@ -81,6 +80,7 @@ def write_uncertainty(group, known):
 
 
 def read_uncertainty(group, parameters, size):
+    """The `Uncertainty` that `write_uncertainty` and `write_parameters` wrote."""
     check_names(group, (*ARRAYS, "unidentified"), tuple(NUMBERS))
     vectors = ("deviation", "deviations", "x", "stretch")
     arrays = {
@@ -103,6 +103,7 @@ def read_uncertainty(group, parameters, size):
 
 
 def write_minima(group, minima, size):
+    """Cost, values and number of starts of every minimum, one row each."""
     write_values(group, "cost", np.array([minimum.cost for minimum in minima], float), "-")
     write_values(
         group, "values", np.array([m.values for m in minima], float).reshape(-1, size), "as in units"
@@ -111,6 +112,7 @@ def write_minima(group, minima, size):
 
 
 def read_minima(group, size):
+    """The tuple of `Minimum` that `write_minima` wrote."""
     cost = read_values(group, "cost", "-")
     values = read_array(group, "values", "as in units", (cost.size, size))
     count = np.asarray(group["count"][()])
@@ -132,6 +134,7 @@ def _write_texts(group, name, texts):
 
 
 def read_texts(group, name):
+    """A list of texts; ValueError if the dataset is none of texts."""
     if name not in group or h5py.check_string_dtype(group[name].dtype) is None:
         raise ValueError(f"{group.name}/{name}: is missing; must be a dataset of texts")
     return group[name].asstr()[()].tolist()

@@ -72,3 +72,6 @@ class Tied:
     def __post_init__(self):
         if self.ratio is not None and not is_number(self.ratio):
             raise ValueError(f"Tied: ratio = {self.ratio!r}: must be a finite number")
+
+
+RULES = {cls.__name__: cls for cls in (Positive, Bounded, Free, Tied)}

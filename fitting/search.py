@@ -60,8 +60,7 @@ def _on_a_leash(solver, problem, starts, max_steps, callback, lanes):
 def _escaped(problem, x, start):
     """Which elements went to where their value hardly depends on x any more, shape of x."""
     kinds = np.empty(x.shape[1], object)
-    for group in problem.structure.layout.groups:
-        if group.kind != "Tied":
-            kinds[slice(*group.slot)] = group.kind
+    for group in problem.structure.layout.own:
+        kinds[slice(*group.slot)] = group.kind
     far = np.log(VANISHED)
     return ((kinds == "Positive") & (x < start - far)) | ((kinds == "Bounded") & (np.abs(x - start) > far))

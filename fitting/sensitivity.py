@@ -65,7 +65,7 @@ def sensitivity(
         raise ValueError(f"quantity = {quantity!r}: must be one of {', '.join(rf.Solution._fields)}")
     names = ("velocity", "pressure", "temperature")
     conditions = tuple(
-        None if value is None else as_leaf(name, value, jnp.ndim(value))
+        None if value is None else as_leaf(name, value, np.ndim(value))
         for name, value in zip(names, (velocity, pressure, temperature), strict=True)
     )
     # `solve` refuses what is wrong before it computes anything, and here it computes nothing.
@@ -128,28 +128,9 @@ def _sensitivity(scene, velocity, pressure, temperature, *, rows, quantity, quad
         None if c is None else jnp.broadcast_to(c, shape).reshape(-1)
         for c in (velocity, pressure, temperature)
     ]
-    differentiate = _row_by_row if _tabulated(scene) else value_and_jacobian
-    value, slope = differentiate(moved, jnp.zeros(len(rows), given[0].dtype), points, quantity, quadrature)
+    x = jnp.zeros(len(rows), given[0].dtype)
+    value, slope = value_and_jacobian(moved, x, points, quantity, quadrature)
     nothing = value == 0
     # Divided by one where Q = 0: the quotient not taken must have no NaN, nor have its derivatives.
     ratio = jnp.where(nothing[:, None], 0.0, slope / jnp.where(nothing, 1.0, value)[:, None])
     return ratio.T.reshape(len(rows), *shape)
-
-
-def _tabulated(scene):
-    return any(isinstance(body.material, rf.TabulatedModulus) for body in (scene.lower, scene.upper))
-
-
-def _row_by_row(scene_of, x, conditions, quantity, quadrature):
-    """What `value_and_jacobian` returns, in forward mode and one number after the other.
-
-    All points share the angular integrals of a tabulated modulus; point by point each would
-    need its own, at 15 MB.
-    """
-
-    def values(x):
-        solution = rf.solve(scene_of(x), *conditions, quadrature=quadrature, quantities=(quantity,))
-        return getattr(solution, quantity)
-
-    value, push = jax.linearize(values, x)
-    return value, jax.lax.map(push, jnp.eye(x.size, dtype=x.dtype)).T

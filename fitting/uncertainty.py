@@ -162,8 +162,8 @@ def _at_bounds(structure, numbers, x):
     names, reasons = element_names(layout), {}
     inside, stretch = np.array(x), np.ones(layout.size, np.asarray(x).dtype)
     edge = np.log(1 / EDGE - 1)
-    for group in layout.groups:
-        for i in range(*group.slot) if group.kind != "Tied" else ():
+    for group in layout.own:
+        for i in range(*group.slot):
             if group.kind == "Bounded":
                 place = 1 / (1 + np.exp(-np.clip(x[i], -edge, edge)))
                 if AT_BOUND <= place <= 1 - AT_BOUND:

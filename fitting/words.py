@@ -1,6 +1,6 @@
 """Directions in words: what may change together without the data noticing."""
 
-import re
+from typing import NamedTuple
 
 import numpy as np
 
@@ -10,7 +10,6 @@ from fitting.parameters import element_names
 WORTH = 0.1
 # Parts of one array that differ by less than this are said in one word.
 ALIKE = 0.15
-ALL = " elements)"
 
 MODULI = ("E", "E_inf", "young", "storage", "loss")
 HEIGHTS = ("h_rms", "C", "gamma", "q1", "qr", "q0", "hurst")
@@ -37,23 +36,34 @@ HINTS = (
 )
 
 
+class Part(NamedTuple):
+    """What one parameter, or an array that moves as one, does in a direction."""
+
+    name: str
+    leaf: str  # the last step of its key path
+    kind: str
+    loading: float
+    several: bool  # an array
+
+
 def direction_in_words(layout, loadings, deviation):
     """One line saying what a direction changes, by how much unnoticed, and what would help."""
     parts = _parts(layout, loadings)
-    leaves = {re.split(r"[\[ ]", name)[0].rsplit(".", 1)[-1] for name, _, _ in parts}
+    leaves = {part.leaf for part in parts}
     # One number alone trades with nothing, whatever it is.
-    several = len(parts) > 1 or parts[0][0].endswith(ALL)
-    same = all(loading > 0 for _, loading, _ in parts) or all(loading < 0 for _, loading, _ in parts)
+    several = len(parts) > 1 or parts[0].several
+    same = len({part.loading > 0 for part in parts}) == 1
+    leading = max((part.loading for part in parts), key=abs)
     # λ is the factor of Positive parameters; others have none to name.
-    far = deviation * abs(_largest(parts))
-    scaled = any(kind == "Positive" for _, _, kind in parts)
+    far = deviation * abs(leading)
+    scaled = any(part.kind == "Positive" for part in parts)
     if deviation > 1e6:
         reach = "without any effect"
     elif scaled and far < 100:
         reach = f"within one standard error up to λ = {np.exp(far):.2g}"
     else:
         reach = "by far within one standard error"
-    said = ", ".join(_change(*part, parts) for part in parts)
+    said = ", ".join(_change(part, part.loading / leading) for part in parts)
     hint = next((text for test, text in HINTS if several and test(leaves, same)), None)
     if hint is None and len(parts) == 1:
         hint = "the data do not reach it: hold it, or give it a prior"
@@ -61,33 +71,26 @@ def direction_in_words(layout, loadings, deviation):
 
 
 def _parts(layout, loadings):
-    """(name, loading, kind) of what matters in a direction; arrays that move as one have one entry."""
+    """What matters in a direction; arrays that move as one have one entry."""
     names, largest, parts = element_names(layout), np.max(np.abs(loadings)), []
-    for group in layout.groups:
-        if group.kind == "Tied":
-            continue
-        slot = range(*group.slot)
-        here = loadings[list(slot)]
-        if (
-            len(slot) > 1
-            and np.ptp(here) <= ALIKE * np.max(np.abs(here)) >= 0
-            and np.max(np.abs(here)) >= WORTH * largest
-        ):
-            parts.append((f"{group.path} (all {len(slot)}{ALL}", float(here.mean()), group.kind))
+    for group in layout.own:
+        leaf = group.path.split("[")[0].rsplit(".", 1)[-1]
+        here = loadings[slice(*group.slot)]
+        size = np.max(np.abs(here))
+        if here.size > 1 and np.ptp(here) <= ALIKE * size and size >= WORTH * largest:
+            name = f"{group.path} (all {here.size} elements)"
+            parts.append(Part(name, leaf, group.kind, float(here.mean()), True))
             continue
         parts += [
-            (names[i], float(loadings[i]), group.kind) for i in slot if abs(loadings[i]) >= WORTH * largest
+            Part(names[i], leaf, group.kind, float(loadings[i]), False)
+            for i in range(*group.slot)
+            if abs(loadings[i]) >= WORTH * largest
         ]
     return parts
 
 
-def _largest(parts):
-    return max((loading for _, loading, _ in parts), key=abs)
-
-
-def _change(name, loading, kind, parts):
+def _change(part, power):
     """How one parameter moves, as a power of the factor λ that the leading one moves by."""
-    power = loading / _largest(parts)
-    if kind == "Positive":
-        return f"{name} * λ" if abs(power - 1) < 0.05 else f"{name} * λ^{power:.2g}"
-    return f"{name} {'up' if power > 0 else 'down'}"
+    if part.kind == "Positive":
+        return f"{part.name} * λ" if abs(power - 1) < 0.05 else f"{part.name} * λ^{power:.2g}"
+    return f"{part.name} {'up' if power > 0 else 'down'}"

@@ -286,8 +286,7 @@ def friction_outside_table(scene, velocity, pressure, temperature=None, *, quadr
 def _condition(name, value, rule):
     """A velocity, pressure or temperature as an array, its concrete values checked."""
     if not isinstance(value, int | float):
-        ndim = np.ndim(value) if isinstance(value, list | tuple) else jnp.ndim(value)
-        value = as_leaf(name, value, ndim)
+        value = as_leaf(name, value, np.ndim(value))
     check_values(name, value, rule)
     return value
 

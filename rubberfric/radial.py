@@ -20,9 +20,9 @@ import numpy as np
 from rubberfric.angular import Means, angular_means, static_means
 from rubberfric.contact import contact_argument, contact_fraction, friction_weight, separation_weight
 from rubberfric.correction import correct_argument, correction_table
-from rubberfric.materials import VISCOELASTIC
 from rubberfric.mesh import Mesh, build_mesh
 from rubberfric.quadrature import Quadrature, cumulative, gauss, typed
+from rubberfric.scene import dissipates, rough_pairs
 from rubberfric.spectra import broken_power_law
 from rubberfric.stiffness import (
     Static,
@@ -62,11 +62,9 @@ class Prepared(NamedTuple):
 
 def prepare(scene, quantities, quadrature):
     """Mesh, spectra and series stiffness of a scene: all that no velocity changes."""
-    pairs = [(scene.lower, scene.upper), (scene.upper, scene.lower)]
-    pairs = [(rough, other) for rough, other in pairs if rough.spectrum is not None]
-    dissipates = any(isinstance(other.material, VISCOELASTIC) for _, other in pairs)
+    pairs, friction = rough_pairs(scene), "friction" in quantities and dissipates(scene)
     # What is zero or constant by the structure of the scene is settled here, untraced.
-    needs_profile = bool(pairs) and ("separation" in quantities or ("friction" in quantities and dissipates))
+    needs_profile = bool(pairs) and ("separation" in quantities or friction)
     needs_mesh = needs_profile or (bool(pairs) and "area" in quantities)
     if not needs_mesh:
         return Prepared(None, (), jnp.asarray(1.0), scene.gamma, None, quantities, quadrature)
@@ -89,7 +87,7 @@ def prepare(scene, quantities, quadrature):
         channels.append(
             Channel(F, shift, logarithmic, twice * weight, rule, once * weight, once / mesh.q * weight)
         )
-    corrected = scene.area_correction and ("area" in quantities or ("friction" in quantities and dissipates))
+    corrected = scene.area_correction and ("area" in quantities or friction)
     table = correction_table(scene.gamma) if corrected else None
     return Prepared(mesh, tuple(channels), scale, scene.gamma, table, quantities, quadrature)
 

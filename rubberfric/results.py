@@ -60,9 +60,7 @@ def save_result(path, result):
                 data = write_values(file, name, np.broadcast_to(values, shape), units)
                 for axis, dimension in enumerate(DIMENSIONS):
                     data.dims[axis].label = dimension
-        group = file.create_group("quadrature")
-        for field in dataclasses.fields(Quadrature):
-            group.attrs[field.name] = getattr(result.quadrature, field.name)
+        write_quadrature(file, result.quadrature)
 
 
 def load_result(path):
@@ -78,9 +76,7 @@ def load_result(path):
                 raise ValueError(
                     f"/{name} has shape {np.shape(array)}: must be {shape}, [{', '.join(DIMENSIONS)}]"
                 )
-        if "quadrature" not in file:
-            raise ValueError("/quadrature: is missing; must be a group")
-        quadrature = _read_quadrature(file["quadrature"])
+        quadrature = read_quadrature(file)
     return Result(scene, conditions, Solution(**values), quadrature, title)
 
 
@@ -102,7 +98,18 @@ def result_shape(conditions):
     return temperatures, conditions.pressure.size, conditions.velocity.size
 
 
-def _read_quadrature(group):
+def write_quadrature(file, quadrature):
+    """The accuracy settings as attributes of the group /quadrature."""
+    group = file.create_group("quadrature")
+    for field in dataclasses.fields(Quadrature):
+        group.attrs[field.name] = getattr(quadrature, field.name)
+
+
+def read_quadrature(file):
+    """The Quadrature that `write_quadrature` wrote; ValueError naming what is wrong."""
+    if "quadrature" not in file:
+        raise ValueError("/quadrature: is missing; must be a group")
+    group = file["quadrature"]
     names = [field.name for field in dataclasses.fields(Quadrature)]
     check_names(group, (), names)
     for name in names:

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric._pytree import between, child, leaf, physical, static
-from rubberfric.materials import Rigid
+from rubberfric.materials import VISCOELASTIC, Rigid
 
 MATERIALS = ("Rigid", "Elastic", "Prony", "TabulatedModulus")
 SPECTRA = ("SelfAffine", "TabulatedSpectrum")
@@ -78,6 +78,17 @@ def shifts(scene):
         getattr(part, "shift", None) for part in (scene.lower.material, scene.upper.material, scene.shear)
     )
     return [shift for shift in found if shift is not None]
+
+
+def rough_pairs(scene):
+    """(rough body, body facing it) for every body that has roughness, lower first."""
+    pairs = [(scene.lower, scene.upper), (scene.upper, scene.lower)]
+    return [(rough, other) for rough, other in pairs if rough.spectrum is not None]
+
+
+def dissipates(scene):
+    """Whether roughness excites a viscoelastic solid: else there is no viscoelastic friction."""
+    return any(isinstance(other.material, VISCOELASTIC) for _, other in rough_pairs(scene))
 
 
 def result_dtype(*values):
