@@ -58,26 +58,48 @@ def static_means(F, wanted):
 
 
 def _closed_form(F, qv, wanted):
+    weights = {
+        "power": 2 * F.weight * _at_own_rates(F) if "power" in wanted else None,
+        "dissipation": F.weight if "dissipation" in wanted else None,
+        "storage": F.weight if "storage" in wanted else None,
+    }
     if F.tau.ndim == 1:
-        # Points and nodes in one long row, terms in front: the sums are matrix products.
-        one, sine = _relaxation(F.tau[:, None] * qv.reshape(-1))
-
-        def total(values, weight):
-            return (weight @ values).reshape(qv.shape)
+        sums = _sums(weights, F.tau, qv)
     else:
-        one, sine = _relaxation(F.tau.T[:, None, :] * qv)
+        weights = {name: None if w is None else w.T[:, None, :] for name, w in weights.items()}
+        sums = _sums_of_rows(weights, F.tau.T[:, None, :] * qv)
+    return Means(
+        None if sums["power"] is None else F.rest**2 + sums["power"],
+        sums["dissipation"],
+        None if sums["storage"] is None else F.rest + sums["storage"],
+    )
 
-        def total(values, weight):
-            return jnp.sum(weight.T[:, None, :] * values, 0)
 
-    power = dissipation = storage = None
-    if "power" in wanted:
-        power = F.rest**2 + total(one, 2 * F.weight * _at_own_rates(F))
-    if "dissipation" in wanted:
-        dissipation = total(sine, F.weight)
-    if "storage" in wanted:
-        storage = F.rest + total(one, F.weight)
-    return Means(power, dissipation, storage)
+@jax.custom_jvp
+def _sums(weights, tau, qv):
+    """Sums over the terms at every q v, in one pass: nothing of the size terms x points is stored."""
+    front = (slice(None), *(None,) * qv.ndim)
+    weights = {name: None if w is None else w[front] for name, w in weights.items()}
+    return _sums_of_rows(weights, tau[front] * qv)
+
+
+@_sums.defjvp
+def _sums_jvp(primals, tangents):
+    return jax.jvp(_sums_as_products, primals, tangents)
+
+
+def _sums_as_products(weights, tau, qv):
+    """The same as matrix products over one long row of points: slower, but its derivative is quicker."""
+    one, sine = _relaxation(tau[:, None] * qv.reshape(-1))
+    parts = {"power": one, "dissipation": sine, "storage": one}
+    return {name: None if w is None else (w @ parts[name]).reshape(qv.shape) for name, w in weights.items()}
+
+
+def _sums_of_rows(weights, a):
+    """Sums over the first axis."""
+    one, sine = _relaxation(a)
+    parts = {"power": one, "dissipation": sine, "storage": one}
+    return {name: None if w is None else jnp.sum(w * parts[name], 0) for name, w in weights.items()}
 
 
 @jax.custom_jvp

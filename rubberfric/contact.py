@@ -59,12 +59,13 @@ def energy_factor(P, gamma):
 
 def contact_fraction(x):
     """P = erf(x): share of the nominal area in contact at the resolution q."""
-    return erf(x)
+    # JAX's erf reaches 1 + 2e-7 in float32.
+    return jnp.minimum(erf(x), 1.0)
 
 
 def friction_weight(x, gamma):
     """S P."""
-    P = erf(x)
+    P = contact_fraction(x)
     return energy_factor(P, gamma) * P
 
 
@@ -84,7 +85,9 @@ def separation_weight(x, gamma):
     # Each branch is evaluated inside its own range only, so that neither overflows.
     low = jnp.minimum(z, 2.0)
     small = _polynomial((1 - gamma) * tables["Q"] + gamma * tables["Ein"], low - 1)
-    small = small - gamma / math.sqrt(math.pi) * (EULER + jnp.log(low))
+    # Of x, whose square leaves float32.
+    log_low = 2 * jnp.log(jnp.minimum(x, math.sqrt(2)))
+    small = small - gamma / math.sqrt(math.pi) * (EULER + log_low)
     high = jnp.maximum(z, 2.0)
     decay = jnp.exp(-high)
     u = _to_unit((high - 2) / (high + 2), *tables["h1_range"])

@@ -7,7 +7,8 @@ solved once for the gamma at hand, as a table of ln G over ln g, exact to about 
 .. math:: g(G) = \int_0^G \frac{dG'}{S(P(G'))}
 
 by Gauss panels in ln G, inverted by Newton's method at uniform ln g, and quintic between
-the entries with the exact first and second derivatives (dG/dg = S).
+the entries with the exact first and second derivatives (dG/dg = S). What is kept is ln(G/g):
+ln g itself, 60 at light loads, has no digits to spare in float32.
 """
 
 import math
@@ -26,12 +27,12 @@ _PANELS, _ORDER, _ENTRIES = 60, 10, 513
 
 
 class CorrectionTable(NamedTuple):
-    """ln G and its derivatives at uniform ln g."""
+    """ln(G/g), which stays small, and its derivatives by ln g, at uniform ln g."""
 
     start: jax.Array
     step: jax.Array
     value: jax.Array
-    slope: jax.Array  # d ln G / d ln g
+    slope: jax.Array
     curvature: jax.Array
 
 
@@ -46,23 +47,28 @@ def correction_table(gamma):
     # Plain G at the panel borders; S = 1 below the first.
     plain = math.exp(_LOWEST) + jnp.concatenate([jnp.zeros(1, dtype), jnp.cumsum(panels)])
     log_plain = jnp.log(plain)
-    start, end = log_plain[0], log_plain[-1]
+    # Where the entries are does not matter; moving with gamma, the last would at gamma = 0 do so
+    # by 1e16, and the derivatives drown in it.
+    start, end = jax.lax.stop_gradient((log_plain[0], log_plain[-1]))
     step = (end - start) / (_ENTRIES - 1)
     target = start + step * np.arange(_ENTRIES)
 
     value = jnp.interp(target, log_plain, edges)
     panel = jnp.clip(jnp.searchsorted(edges, value, side="right") - 1, 0, _PANELS - 1)
+
+    def plain_at(value):
+        reach = (value - edges[panel])[:, None]
+        inner = edges[panel][:, None] + reach * node
+        return plain[panel] + (reach * jnp.exp(inner) / _energy(inner, gamma)[0]) @ weight
+
     # From an error of 1e-2, squared each time; derivatives need the last two steps only.
     value = jax.lax.stop_gradient(value)
     for iteration in range(5):
         if iteration == 3:
             value = jax.lax.stop_gradient(value)
-        reach = (value - edges[panel])[:, None]
-        inner = edges[panel][:, None] + reach * node
-        here = plain[panel] + (reach * jnp.exp(inner) / _energy(inner, gamma)[0]) @ weight
-        residual = jnp.log(here) - target
-        value = value - residual * _energy(value, gamma)[0] * here / jnp.exp(value)
-    return CorrectionTable(start, step, value, *_derivatives(value, target, gamma))
+        here = plain_at(value)
+        value = value - (jnp.log(here) - target) * _energy(value, gamma)[0] * here / jnp.exp(value)
+    return CorrectionTable(start, step, *_derivatives(value, plain_at(value), gamma))
 
 
 def correct_argument(table, x):
@@ -87,7 +93,7 @@ def correct_argument(table, x):
     value = f0 + t * (d0 + t * (0.5 * c0 + t * (a3 + t * (a4 + t * a5))))
     value = value + jnp.minimum(position, 0.0) * h * table.slope[0]
     value = value + jnp.maximum(position - (last + 1), 0.0) * h * table.slope[-1]
-    return 0.5 * jnp.exp(-0.5 * value)
+    return x * jnp.exp(-0.5 * value)
 
 
 def _energy(log_G, gamma):
@@ -97,7 +103,9 @@ def _energy(log_G, gamma):
     return gamma + (1 - gamma) * P * P, -2 * (1 - gamma) * P * x * jnp.exp(-x * x) / math.sqrt(math.pi)
 
 
-def _derivatives(value, target, gamma):
-    S, dS = _energy(value, gamma)
-    slope = S * jnp.exp(target - value)
-    return slope, slope * (slope * dS / S + 1 - slope)
+def _derivatives(log_G, g, gamma):
+    """ln(G/g) and its first and second derivative by ln g."""
+    S, dS = _energy(log_G, gamma)
+    ratio = jnp.exp(log_G) / g
+    slope = S / ratio
+    return jnp.log(ratio), slope - 1, slope * (slope * dS / S + 1 - slope)

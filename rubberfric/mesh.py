@@ -31,11 +31,13 @@ class Mesh(NamedTuple):
     roughness: tuple  # q^4 C_j at the contact nodes, one array for each spectrum
     between_q: jax.Array | None  # nodes between the contact nodes [1/m], for cumulative integrals
     between_roughness: tuple | None  # q^4 C_j dt / d(node coordinate) there
-    select: jax.Array  # which angular panel serves a contact panel, (contact panels, angular panels)
-    interpolate: jax.Array  # (contact panels, order, angular_order)
+    panel: jax.Array  # the angular panel that serves each contact panel, (contact panels,)
+    select: jax.Array | None  # 1 where it does, (contact panels, angular panels); if not graded
+    interpolate: jax.Array  # from angular to contact nodes, (contact panels, order, angular_order)
+    between_interpolate: jax.Array | None  # to the nodes between, if asked for
 
 
-def build_mesh(laws, quadrature, graded=True):
+def build_mesh(laws, quadrature, graded=True, logarithmic=False):
     """Mesh for one or two broken power laws.
 
     Parameters
@@ -45,6 +47,8 @@ def build_mesh(laws, quadrature, graded=True):
     graded : bool
         False leaves out the panels graded towards the beginnings and the nodes for
         cumulative integrals; enough for G(q1), as the contact area needs.
+    logarithmic : bool
+        True adds the interpolation to the nodes for cumulative integrals.
     """
     first = jax.lax.stop_gradient(_reduce(jnp.minimum, [law.q[0] for law in laws]))
     kinks = [log_ratio(law.q, first) for law in laws]
@@ -86,12 +90,19 @@ def build_mesh(laws, quadrature, graded=True):
         return nodes, (right - left)[:, None] * stretch, roughness
 
     nodes, measure, roughness = at(typed(gauss(quadrature.order)[0], t))
-    between_q = between_roughness = None
+    between_q = between_roughness = between_interpolate = None
     if graded:
         inner, inner_measure, inner_roughness = at(typed(between(quadrature.order), t))
         between_q = jnp.exp(start + inner)
         between_roughness = tuple(values * inner_measure for values in inner_roughness)
-    edges = jnp.concatenate([jnp.zeros_like(end)[None], uniform, end[None]])
+    # The outer angular nodes move with the ends of the roughness: held, the contact nodes there
+    # would move along the interpolant, whose slope is 1e3 times less accurate than its values.
+    begin = _reduce(jnp.minimum, [kink[0] for kink in kinks])
+    last = _reduce(jnp.maximum, [kink[-1] for kink in kinks])
+    edges = jnp.concatenate([begin[None], uniform, last[None]])
+    serving = edges[panel], edges[panel + 1], quadrature.angular_order
+    if graded and logarithmic:
+        between_interpolate = _interpolation(inner, *serving)
     angular_node = typed(gauss(quadrature.angular_order)[0], t)
     angular_nodes = edges[:-1, None] + jnp.diff(edges)[:, None] * angular_node
 
@@ -102,8 +113,10 @@ def build_mesh(laws, quadrature, graded=True):
         roughness=roughness,
         between_q=between_q,
         between_roughness=between_roughness,
-        select=(panel[:, None] == np.arange(quadrature.panels)).astype(t.dtype),
-        interpolate=_interpolation(nodes, edges[panel], edges[panel + 1], quadrature.angular_order),
+        panel=panel,
+        select=None if graded else (panel[:, None] == np.arange(quadrature.panels)).astype(t.dtype),
+        interpolate=_interpolation(nodes, *serving),
+        between_interpolate=between_interpolate,
     )
 
 

@@ -26,6 +26,7 @@ from rubberfric.quadrature import Quadrature
 from rubberfric.radial import evaluate, prepare
 from rubberfric.scene import Scene, cast, result_dtype, shifts
 from rubberfric.shear import shear_friction
+from rubberfric.single import check_single
 
 QUANTITIES = ("area", "friction", "separation")
 
@@ -67,7 +68,8 @@ def contact_area(scene, velocity, pressure, temperature=None, *, quadrature=_DEF
     Raises
     ------
     ValueError : concrete pressure <= 0, any NaN, a temperature outside a shift's range,
-        or a temperature although nothing in the scene has a shift.
+        or a temperature although nothing in the scene has a shift; in float32 also what
+        single precision cannot hold (`rubberfric.single`).
 
     Notes
     -----
@@ -183,7 +185,10 @@ def solve(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT, q
 
     dtype = result_dtype(scene, velocity, pressure, temperature)
     conditions = cast((velocity, pressure, temperature), dtype)
-    return _solve(cast(scene, dtype), *conditions, quadrature=quadrature, quantities=quantities)
+    scene = cast(scene, dtype)
+    if dtype == jnp.float32:
+        check_single(scene, conditions[2])
+    return _solve(scene, *conditions, quadrature=quadrature, quantities=quantities)
 
 
 # Jitted so that a plain call compiles once for its structure instead of operation by

@@ -43,27 +43,34 @@ def value_and_jacobian(scene_of, x, conditions, quantity, quadrature):
         # at 15 MB.
         return _forward(scene_of, x, conditions, quantity, quadrature)
     points = [jnp.asarray(c, x.dtype) for c in conditions if c is not None]
-    shape = {}
+    shape = {}  # of the tree of the prepared scene, and its leaves that are no arrays
 
     def prepared(x):
-        """The arrays of the prepared scene; what is no array stays behind in `shape`."""
+        """Arrays of the prepared scene, reals and integers; what is no array stays behind in `shape`."""
         leaves, shape["tree"] = jax.tree_util.tree_flatten(
             prepare_quantities(scene_of(x), (quantity,), quadrature)
         )
-        shape["rest"] = [None if isinstance(leaf, jax.Array) else leaf for leaf in leaves]
-        return [leaf for leaf in leaves if isinstance(leaf, jax.Array)]
+        shape["kind"] = [_kind(leaf) for leaf in leaves]
+        shape["objects"] = [leaf for leaf in leaves if _kind(leaf) == "object"]
+        return (
+            [leaf for leaf in leaves if _kind(leaf) == "real"],
+            [leaf for leaf in leaves if _kind(leaf) == "integer"],
+        )
 
-    arrays, push = jax.linearize(prepared, x)
-    moving = _dependent(prepared, x)
+    arrays, push, integers = jax.linearize(prepared, x, has_aux=True)
+    moving = _dependent(lambda x: prepared(x)[0], x)
     tangents = jax.vmap(push)(jnp.eye(x.size, dtype=x.dtype))
     tangents = [t.reshape(x.size, -1) for t, moves in zip(tangents, moving, strict=True) if moves]
     tangents = jnp.concatenate([jnp.zeros((x.size, 0), x.dtype), *tangents], 1)
 
     def at(chosen, point):
         chosen = iter(chosen)
-        filled = iter([next(chosen) if moves else a for a, moves in zip(arrays, moving, strict=True)])
-        leaves = [next(filled) if leaf is None else leaf for leaf in shape["rest"]]
-        ready = jax.tree_util.tree_unflatten(shape["tree"], leaves)
+        parts = {
+            "real": iter([next(chosen) if moves else a for a, moves in zip(arrays, moving, strict=True)]),
+            "integer": iter(integers),
+            "object": iter(shape["objects"]),
+        }
+        ready = jax.tree_util.tree_unflatten(shape["tree"], [next(parts[kind]) for kind in shape["kind"]])
         return evaluate_quantities(ready, (quantity,), [c[None] for c in point])[quantity][0]
 
     chosen = [a for a, moves in zip(arrays, moving, strict=True) if moves]
@@ -93,6 +100,12 @@ def _forward(scene_of, x, conditions, quantity, quadrature):
 
     value, push = jax.linearize(values, x)
     return value, jax.lax.map(push, jnp.eye(x.size, dtype=x.dtype)).T
+
+
+def _kind(leaf):
+    if not isinstance(leaf, jax.Array):
+        return "object"
+    return "real" if jnp.issubdtype(leaf.dtype, jnp.floating) else "integer"
 
 
 def _dependent(function, x):

@@ -6,9 +6,14 @@ For f(s) = f_rest + sum_i f_i s/(s + l_i), rates l_i = 1/tau_i, and a spring k,
 
 with one new rate l' in every interval between neighbouring old ones (the first between 0
 and l_1): the roots of k + f(-l') = 0. The weights are f_i' = k^2 / (l_i' F_i) with
-F_i = sum_j f_j l_j / (l_j - l_i')^2. Each root is found in the logarithm of its distance
-to the nearer end of its interval, as LAPACK's laed4 does: the rate itself loses all
-digits of that distance once k >> f, and of the first rate once k << f.
+F_i = sum_j f_j l_j / (l_j - l_i')^2. Each root is l' = own (anchor + distance) with own the
+rate at the nearer end of its interval and anchor 1, as LAPACK's laed4 does, or anchor 0 for a
+first root near 0: the rate itself loses all digits of that distance once k >> f, and of the
+first rate once k << f.
+
+Rates enter by their logarithms and quotients alone, and terms at distance zero from the
+anchor are kept apart: squares of rates or of distances, of which 40 decades of times and a
+spring 1e12 times stiffer than the solid have many, leave float32.
 """
 
 import functools
@@ -17,7 +22,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-BISECTIONS = 64
+# First of the logarithm of the distance, then of the distance itself, to the last digit.
+HALVINGS = (32, 28)
 
 
 class _Roots(NamedTuple):
@@ -26,6 +32,16 @@ class _Roots(NamedTuple):
     pole: jax.Array
     anchor: jax.Array  # 1: measured from a rate; 0: from 0 (the first root only)
     distance: jax.Array  # negative to the left of the anchor
+
+
+class _Rates(NamedTuple):
+    """All rates l_j as a root (rows) sees them, in units of m = max(l_j, own)."""
+
+    at_anchor: jax.Array  # whether l_j is the rate that the root is measured from
+    ahead: jax.Array  # ln(l_j / own) of another rate at the anchor, 0 but for its derivative
+    below: jax.Array  # own / m
+    above: jax.Array  # l_j / m
+    apart: jax.Array  # (l_j - anchor own) / m, all its digits kept
 
 
 def in_series(rest, weight, tau, spring):
@@ -41,94 +57,137 @@ def in_series(rest, weight, tau, spring):
     Returns
     -------
     rest, weight, tau of the series solid: the spring's shape, and (n,) after it.
+
+    Limits: in float32 neighbouring times at most 30 decades apart, spring over solid 1e-30 ... 1e16.
     """
     order = jnp.argsort(-tau)
-    # A unit of time in the middle of the spectrum: rates of 1e25/s squared leave float32.
-    unit = jax.lax.stop_gradient(tau[order[tau.shape[0] // 2]])
-    rate = unit / tau[order]
+    weight, tau = weight[order], tau[order]
+    # In the middle of the spectrum, so that logarithms of the rates keep their digits.
+    middle = jax.lax.stop_gradient(jnp.sqrt(tau[0]) * jnp.sqrt(tau[-1]))
+    log_rate = -jnp.log(tau / middle)
     # A term or spring of no stiffness would put a root on a pole, 0/0, and with it a
-    # spurious mode. A part of 1e-30 (float32: 1e-10) of the stiffest is as good as none,
-    # and the derivative with respect to it stays that of the original.
-    stiffest = jax.lax.stop_gradient(jnp.maximum(rest + jnp.sum(weight), jnp.max(spring)))
-    tiny = stiffest * (1e-30 if tau.dtype == jnp.float64 else 1e-10)
-    weight, spring = weight[order] + tiny, spring + tiny
+    # spurious mode. A term of 1e-30 of the solid, a spring of 1e-60 (float32: 1e-16, 1e-30) is
+    # as good as none, and the derivative with respect to it stays that of the original.
+    solid = jax.lax.stop_gradient(rest + jnp.sum(weight))
+    stiffest = jax.lax.stop_gradient(jnp.max(spring))
+    unit = jnp.where(solid > 0, solid, jnp.where(stiffest > 0, stiffest, 1.0))
+    single = tau.dtype != jnp.float64
+    weight = weight + unit * (1e-16 if single else 1e-30)
+    spring = spring + unit * (1e-30 if single else 1e-60)
 
-    solve = functools.partial(_one_spring, rest, weight, rate)
-    rest, weight, tau = jax.vmap(solve)(spring) if spring.ndim else solve(spring)
-    return rest, weight, unit * tau
-
-
-def _one_spring(rest, weight, rate, spring):
-    roots = _roots(rest / spring, weight / spring, rate)
-    own = rate[roots.pole]
-    relative = roots.anchor + roots.distance
-    # F_i * own, so that rates need not be squared; 1/gap first, for the derivative of
-    # 1/gap^2 holds a fourth power that leaves float32.
-    curvature = jnp.sum(weight * (rate / own[:, None]) * (1 / _gaps(rate, roots)) ** 2, -1)
-    new_weight = jnp.where(_empty(rate), 0.0, spring * (spring / curvature) / relative)
-    return rest / (1 + rest / spring), new_weight, 1 / (own * relative)
+    solve = functools.partial(_one_spring, rest, weight, log_rate, tau)
+    return jax.vmap(solve)(spring) if spring.ndim else solve(spring)
 
 
-def _empty(rate):
-    """Intervals between two equal rates: one mode fewer, so that of the interval has no weight."""
-    return jnp.concatenate([jnp.zeros(1, bool), rate[1:] == rate[:-1]])
-
-
-def _gaps(rate, roots):
-    """(l_j - l') / own for all roots and rates, without cancellation at the anchor."""
-    # Difference before quotient: XLA may multiply by 1/own, and own/own is not 1 then.
-    own = rate[roots.pole][:, None]
-    return (rate - roots.anchor[:, None] * own) / own - roots.distance[:, None]
-
-
-def _function(rest, weight, rate, roots):
-    """1 + f(-l'), shape (roots,); it falls from +inf to -inf between two rates."""
-    relative = (roots.anchor + roots.distance)[:, None]
-    return 1 + rest - jnp.sum(weight * relative / _gaps(rate, roots), -1)
+def _one_spring(rest, weight, log_rate, tau, spring):
+    # In units of the stiffer of the two: of a spring of 1e-30 no reciprocal must be squared.
+    unit = jax.lax.stop_gradient(jnp.maximum(spring, rest + jnp.sum(weight)))
+    rest, weight, spring = rest / unit, weight / unit, spring / unit
+    roots = _roots(rest, weight, spring, log_rate)
+    rates = _seen_from(roots, log_rate)
+    size, relative = jnp.abs(roots.distance), roots.anchor + roots.distance
+    split = rates.ahead + 2 * _quotient(rates.ahead, roots.distance[:, None])
+    own = jnp.sum(jnp.where(rates.at_anchor, weight * (1 + split), 0.0), -1)
+    others = weight * rates.below * rates.above / _gap(rates, roots) ** 2
+    others = jnp.sum(jnp.where(rates.at_anchor, 0.0, others), -1)
+    # F_i own distance^2 = own + distance^2 others: by parts, since neither square is in float32.
+    per_size = _quotient(own, size) + size * others
+    new_weight = spring * _quotient(spring, per_size) * _quotient(size, relative)
+    new_weight = jnp.where(_empty(log_rate), 0.0, new_weight)
+    soft, hard = jnp.minimum(spring, rest), jnp.maximum(spring, rest)
+    return unit * (soft / (1 + soft / hard)), unit * new_weight, tau[roots.pole] / relative
 
 
 @jax.custom_jvp
-def _roots(rest, weight, rate):
-    """Roots of 1 + f(-l') = 0 for ascending rates."""
-    n = rate.shape[0]
-    index = jnp.arange(n)
-    left = jnp.maximum(index - 1, 0)
-    below = jnp.where(index == 0, 0.0, rate[left])
+def _quotient(x, y):
+    """x / y, whose derivative does not square y."""
+    return x / y
+
+
+@_quotient.defjvp
+def _quotient_jvp(primals, tangents):
+    (x, y), (dx, dy) = primals, tangents
+    return x / y, (dx - x / y * dy) / y
+
+
+def _empty(log_rate):
+    """Intervals between two equal rates: one mode fewer, so that of the interval has no weight."""
+    return jnp.concatenate([jnp.zeros(1, bool), log_rate[1:] == log_rate[:-1]])
+
+
+def _seen_from(roots, log_rate):
+    """`_Rates` for every root."""
+    anchored = roots.anchor[:, None] > 0
+    ahead = log_rate - log_rate[roots.pole][:, None]
+    at_anchor = anchored & (ahead == 0)
+    # Equal times have a derivative each; the anchor's own would be 0 to rounding only.
+    tied = at_anchor & (jnp.arange(log_rate.shape[0]) != roots.pole[:, None])
+    above = jnp.exp(jnp.minimum(ahead, 0.0))
+    return _Rates(
+        at_anchor,
+        jnp.where(tied, ahead, 0.0),
+        jnp.exp(-jnp.maximum(ahead, 0.0)),
+        above,
+        jnp.where(anchored, jnp.sign(ahead) * -jnp.expm1(-jnp.abs(ahead)), above),
+    )
+
+
+def _gap(rates, roots):
+    """(l_j - l') / m without cancellation; 1 at the anchor, whose terms are kept apart."""
+    return jnp.where(rates.at_anchor, 1.0, rates.apart - roots.distance[:, None] * rates.below)
+
+
+def _balance(rest, weight, spring, rates, roots):
+    """k + f(-l'), shape (roots,), times the distance from a rate: finite where a root meets its anchor."""
+    relative = roots.anchor + roots.distance
+    split = _quotient(rates.ahead, roots.distance[:, None])
+    own = jnp.sum(jnp.where(rates.at_anchor, weight * (1 + split), 0.0), -1)
+    others = jnp.sum(jnp.where(rates.at_anchor, 0.0, weight * rates.below / _gap(rates, roots)), -1)
+    away = jnp.where(roots.anchor > 0, roots.distance, 1.0)
+    return away * (spring + rest - relative * others) + relative * own
+
+
+@jax.custom_jvp
+def _roots(rest, weight, spring, log_rate):
+    """Roots of k + f(-l') = 0, which falls from +inf to -inf between two rates; rates ascending."""
+    index = jnp.arange(log_rate.shape[0])
+    left, first = jnp.maximum(index - 1, 0), index == 0
+    width = log_rate - log_rate[left]
     # The sign in the middle of the interval says which end is nearer.
-    half = 0.5 * (rate - below)
-    at_middle = _Roots(index, jnp.ones_like(rate), -half / rate)
-    right = _function(rest, weight, rate, at_middle) > 0
-    pole = jnp.where(right, index, left)
-    anchor = jnp.where(right | (index > 0), 1.0, 0.0).astype(rate.dtype)
-    sign = jnp.where(right, -1.0, 1.0).astype(rate.dtype)
-    # Far below the distances of the smallest weights, and its inverse cube still finite.
-    tiny = 1e-60 if rate.dtype == jnp.float64 else 1e-11
-    high = jnp.log(jnp.maximum(half / rate[pole], 2 * tiny))
-    low = jnp.full_like(high, jnp.log(tiny))
+    half = 0.5 * jnp.where(first, 1.0, -jnp.expm1(-width))
+    middle = _Roots(index, jnp.ones_like(half), -half)
+    # Of a negative distance times the function.
+    right = _balance(rest, weight, spring, _seen_from(middle, log_rate), middle) < 0
+    sign = jnp.where(right, -1.0, 1.0).astype(half.dtype)
+    anchor = jnp.where(right | ~first, 1.0, 0.0).astype(half.dtype)
+    roots = _Roots(jnp.where(right, index, left), anchor, sign)
+    rates = _seen_from(roots, log_rate)
+    # Below the distances of the smallest weights.
+    low = jnp.full_like(half, 1e-100 if half.dtype == jnp.float64 else 1e-36)
+    high = half * jnp.where(right | first, 1.0, jnp.exp(width))
 
-    def halve(_, bounds):
+    def halve(step, bounds):
         low, high = bounds
-        trial = 0.5 * (low + high)
-        value = _function(rest, weight, rate, _Roots(pole, anchor, sign * jnp.exp(trial)))
+        middle = jnp.where(step < HALVINGS[0], jnp.sqrt(low) * jnp.sqrt(high), 0.5 * (low + high))
+        value = sign * _balance(rest, weight, spring, rates, roots._replace(distance=sign * middle))
         further = jnp.where(right, value < 0, value > 0)
-        return jnp.where(further, trial, low), jnp.where(further, high, trial)
+        return jnp.where(further, middle, low), jnp.where(further, high, middle)
 
-    low, high = jax.lax.fori_loop(0, BISECTIONS, halve, (low, high))
+    low, high = jax.lax.fori_loop(0, sum(HALVINGS), halve, (low, high))
     # An empty interval has no root: any point will do that is far from every pole.
-    distance = jnp.where(_empty(rate), -0.5, sign * jnp.exp(0.5 * (low + high)))
-    return _Roots(pole, anchor, distance)
+    return roots._replace(distance=jnp.where(_empty(log_rate), -0.5, sign * 0.5 * (low + high)))
 
 
 @_roots.defjvp
 def _roots_jvp(primals, tangents):
     roots = _roots(*primals)
 
-    # The equation times the distance, which is finite where the root meets its pole.
-    def balance(rest, weight, rate, distance):
-        return distance * _function(rest, weight, rate, roots._replace(distance=distance))
+    def at(rest, weight, spring, log_rate, distance):
+        moved = roots._replace(distance=distance)
+        return _balance(rest, weight, spring, _seen_from(roots, log_rate), moved)
 
-    distance = roots.distance
-    _, by_parameters = jax.jvp(lambda *p: balance(*p, distance), primals, tangents)
-    _, by_distance = jax.jvp(lambda d: balance(*primals, d), (distance,), (jnp.ones_like(distance),))
+    still, one = jnp.zeros_like(roots.distance), jnp.ones_like(roots.distance)
+    _, by_parameters = jax.jvp(at, (*primals, roots.distance), (*tangents, still))
+    _, by_distance = jax.jvp(lambda d: at(*primals, d), (roots.distance,), (one,))
     fixed = jnp.zeros(roots.pole.shape, jax.dtypes.float0)
     return roots, _Roots(fixed, jnp.zeros_like(roots.anchor), -by_parameters / by_distance)

@@ -128,10 +128,13 @@ class TabulatedShift:
         return _saturate(here - jnp.interp(self.T_ref, self.T, log_aT))
 
 
+def largest_log_factor(dtype):
+    """Where |ln a_T| saturates, so that a_T and its products with q v tau stay finite: 177 (float32: 22)."""
+    return 0.25 * float(np.log(float(jnp.finfo(dtype).max)))
+
+
 def _saturate(log_factor):
-    """Keep a_T and its products with q v tau finite: a quarter of the exponent range each."""
-    dtype = jnp.result_type(log_factor)
-    limit = 0.25 * float(np.log(float(jnp.finfo(dtype).max)))
+    limit = largest_log_factor(jnp.result_type(log_factor))
     return jnp.clip(log_factor, -limit, limit)
 
 

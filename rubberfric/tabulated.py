@@ -77,11 +77,11 @@ def _direct(F, log_qv, wanted, angle):
     storage, loss = scale * storage, scale * loss
     power = storage**2 + loss**2
     if F.spring is not None:
-        # F = f k / (f + k), by parts.
+        # F = f k / (f + k), by parts; a liquid at rest is a spring of k = 0.
         spring = F.spring[..., None]
-        ratio = spring**2 / ((storage + spring) ** 2 + loss**2)
-        storage = ratio * (storage + power / spring)
-        power, loss = ratio * power, ratio * loss
+        share = spring / ((storage + spring) ** 2 + loss**2)
+        storage = share * (spring * storage + power)
+        power, loss = share * spring * power, share * spring * loss
     return (
         power @ weight if "power" in wanted else None,
         (loss * sine) @ weight if "dissipation" in wanted else None,
@@ -90,7 +90,10 @@ def _direct(F, log_qv, wanted, angle):
 
 
 def _by_table(F, log_qv, wanted, angle):
-    """Means over a uniform grid of ln(q v), cubic between its entries."""
+    """Means over a uniform grid of ln(q v), cubic between its entries; <|F|^2> in the logarithm.
+
+    Where E' steps up, a cubic of <|F|^2> itself would swing below 0.
+    """
     count = _ENTRIES_PER_NODE * angle
     low, high = (jax.lax.stop_gradient(f(log_qv)) for f in (jnp.min, jnp.max))
     step = jnp.maximum(high - low, 1e-3) / (count - 3)
@@ -112,4 +115,12 @@ def _by_table(F, log_qv, wanted, angle):
             return None
         return sum(w * values[index + k - 1] for k, w in enumerate(weights))
 
-    return tuple(interpolate(values) for values in table)
+    power, dissipation, storage = table
+    if power is not None:
+        power = jnp.exp(interpolate(log_power(power)))
+    return power, interpolate(dissipation), interpolate(storage)
+
+
+def log_power(power):
+    """ln <|F|^2>; the floor is for F = 0 (two liquids at rest), where G need only be as good as 0."""
+    return jnp.log(jnp.maximum(power, float(jnp.finfo(power.dtype).tiny) ** 0.8))

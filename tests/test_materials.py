@@ -119,3 +119,26 @@ def test_single_precision():
     modulus = rf.complex_modulus(single, jnp.asarray(OMEGA, jnp.float32))
     assert modulus.dtype == jnp.complex64
     np.testing.assert_allclose(modulus, rf.complex_modulus(PRONY, OMEGA), rtol=1e-5)
+
+
+STEP = rf.TabulatedModulus([1e-3, 1e3, 2e3], [1e4, 1e4, 1e8], [1e2, 1e2, 1e7])
+
+
+@pytest.mark.parametrize("angle", [24, 192])
+def test_a_modulus_that_steps_up_leaves_g_positive(angle):
+    """Interpolated as they are, the means would swing below 0 before the step."""
+    road = rf.SelfAffine(100.0, 1e3, 1e5, 0.8, 1e-4)
+    scene = rf.Scene(rf.Body(STEP), rf.Body(rf.Rigid(), road))
+    result = rf.solve(scene, np.logspace(-6, 2, 17), 1e5, quadrature=rf.Quadrature(angle=angle))
+    assert (result.area > 0).all() and (result.friction > 0).all()
+    assert np.isfinite(result.separation).all() and (result.separation >= 0).all()  # 0 in full contact
+
+
+def test_a_table_on_a_liquid_at_rest():
+    """A spring of no stiffness: no contact stress, full contact."""
+    liquid = rf.Body(rf.Prony(0.0, [1e6], [1.0]), rf.SelfAffine(100.0, 1e3, 1e5, 0.8, 1e-4))
+    scene = rf.Scene(rf.Body(STEP), liquid)
+    result = rf.solve(scene, 0.1, 1e5)
+    assert (result.area, result.friction, result.separation) == (1.0, 0.0, 0.0)
+    slopes = jax.grad(lambda s: rf.separation(s, 0.1, 1e5))(scene)
+    assert all(np.isfinite(x).all() for x in jax.tree.leaves(slopes))

@@ -1,10 +1,13 @@
 """What a scene does not contain is not traced; counted on the jaxpr."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 from cases import QUANTITIES
+from operations import costly, equations, operations, per_point, primitives
 
 import rubberfric as rf
 
@@ -18,32 +21,30 @@ def scene(lower, upper, **options):
     return rf.Scene(rf.Body(*lower), rf.Body(*upper), **options)
 
 
-def equations(jaxpr):
-    for equation in jaxpr.eqns:
-        inner = [p for v in equation.params.values() for p in (v if isinstance(v, tuple | list) else [v])]
-        inner = [getattr(p, "jaxpr", p) for p in inner if hasattr(p, "eqns") or hasattr(p, "jaxpr")]
-        if inner:
-            for sub in inner:
-                yield from equations(sub)
-        else:
-            yield equation
-
-
-def primitives(function, *arguments):
-    return [e.primitive.name for e in equations(jax.make_jaxpr(function)(*arguments).jaxpr)]
-
-
 def work(function, *arguments):
-    """Elements written by transcendental operations: what a point costs."""
-    costly = {"exp", "log", "sqrt", "erf", "div", "rsqrt", "tanh", "log1p", "expm1"}
-    return sum(
-        int(np.prod(e.outvars[0].aval.shape))
-        for e in equations(jax.make_jaxpr(function)(*arguments).jaxpr)
-        if e.primitive.name in costly
-    )
+    """Elements written by operations that cost more than an addition."""
+    return costly(operations(function, *arguments))
 
 
 VELOCITY = jnp.logspace(-6, 1, 50)
+QUADRATURE = rf.Quadrature()
+TERMS = 3
+ANGULAR = QUADRATURE.panels * QUADRATURE.angular_order  # nodes where the stiffness is evaluated
+
+
+def contact_nodes(spectra, graded=True):
+    """Nodes of all panels: between shares, kinks (3 for a self-affine spectrum) and graded borders."""
+    borders = QUADRATURE.panels - 1 + spectra * (3 + (QUADRATURE.graded if graded else 0))
+    return (borders - 1) * QUADRATURE.order
+
+
+def added(scene, quantity, *conditions):
+    """Operations that one more velocity adds to a quantity."""
+
+    def function(scene, velocity):
+        return getattr(rf.solve(scene, velocity, 1e5, *conditions, quantities=(quantity,)), quantity)
+
+    return per_point(function, VELOCITY, scene)[0]
 
 
 @pytest.mark.parametrize("upper", [(RIGID,), (rf.Elastic(1e9, 0.3),)], ids=["case II", "case III"])
@@ -61,12 +62,62 @@ def test_smooth_solids_compute_nothing():
     assert not {"erf", "exp", "sqrt", "sort"} & set(primitives(lambda s, v: rf.solve(s, v, 1e5), s, VELOCITY))
 
 
-def test_area_alone_needs_neither_graded_panels_nor_friction():
+def test_work_of_a_point_is_a_square_root_and_a_division_for_each_node_and_term():
+    """The closed form's bound, and what contact adds: a root, an erf and a division for each contact node."""
+    count = added(scene((TREAD,), (RIGID, ROAD)), "friction")
+    nodes = contact_nodes(1)
+    assert count["sqrt"] == ANGULAR * TERMS + nodes
+    assert count["erf"] == nodes
+    assert count["div"] == ANGULAR * TERMS + nodes + 1  # and modulus over pressure
+    assert not count["exp"] and not count["log"]
+
+
+def test_area_alone_needs_the_whole_integral_only():
+    """Neither graded panels, nor the integral up to every node, nor contact nodes for each velocity."""
     s = scene((TREAD,), (RIGID, ROAD))
-    area = work(lambda s, v: rf.contact_area(s, v, 1e5), s, VELOCITY)
-    friction = work(lambda s, v: rf.friction(s, v, 1e5), s, VELOCITY)
-    everything = work(lambda s, v: rf.solve(s, v, 1e5), s, VELOCITY)
-    assert area < 0.75 * friction < 0.75 * everything
+    count = added(s, "area")
+    assert count["sqrt"] == ANGULAR * TERMS + 1
+    assert count["erf"] == 1
+    assert count["div"] <= ANGULAR * TERMS + 2
+    assert count["multiply-add"] == ANGULAR  # from angular nodes to the integral
+
+    def sizes(function):
+        jaxpr = jax.make_jaxpr(function)(s, VELOCITY)
+        return {v.aval.shape for e in equations(jaxpr.jaxpr) for v in e.outvars}
+
+    panels, between = contact_nodes(1, graded=False) // QUADRATURE.order, 5 * QUADRATURE.order
+    assert (panels, QUADRATURE.order) in sizes(lambda s, v: rf.contact_area(s, v, 1e5))
+    assert (panels + QUADRATURE.graded, between) in sizes(lambda s, v: rf.friction(s, v, 1e5))
+    for shape in sizes(lambda s, v: rf.contact_area(s, v, 1e5)):
+        assert between not in shape and panels + QUADRATURE.graded not in shape
+
+
+def test_what_a_scene_lacks_adds_nothing_to_a_point():
+    plain = added(scene((TREAD,), (RIGID, ROAD)), "friction")
+    # The layer is real: it belongs to the scene, not to the velocity.
+    assert added(scene((TREAD, None, rf.Slab(1e-3)), (RIGID, ROAD)), "friction") == plain
+    # Rough rubber on a rigid solid excites nothing of its own: a static term of G.
+    rough = added(scene((TREAD, WORN), (RIGID, ROAD)), "friction")
+    assert rough["sqrt"] - plain["sqrt"] == rough["erf"] - plain["erf"] == contact_nodes(2) - contact_nodes(1)
+    # An elastic block in series is a Prony solid of as many terms.
+    assert added(scene((TREAD,), (rf.Elastic(1e9, 0.3), ROAD)), "friction") == plain
+    two = added(scene((TREAD, WORN), (TREAD, ROAD)), "friction")
+    assert two["sqrt"] == 2 * ANGULAR * TERMS + contact_nodes(2)
+    # Contact shear needs the area and one bell; temperature one shift factor.
+    sheared = added(scene((TREAD,), (RIGID, ROAD), shear=rf.ContactShear(6e6, 0.1, 1e-2)), "friction")
+    assert costly(sheared) - costly(plain) <= 8
+    shifted = dataclasses.replace(TREAD, shift=rf.WLF(8.0, 100.0, 293.0))
+    warm = scene((shifted,), (RIGID, ROAD))
+    assert added(warm, "friction") == plain
+    assert costly(added(warm, "friction", 300.0)) - costly(plain) <= 4
+
+
+def test_shear_alone_needs_the_area_only():
+    s = scene((TREAD, WORN), (TREAD, ROAD), shear=rf.ContactShear(6e6, 0.1, 1e-2))
+    assert added(s, "shear_friction")["erf"] == 1
+    assert "erf" not in primitives(
+        lambda v: rf.solve(scene((TREAD,), (RIGID, ROAD)), v, 1e5, quantities=("shear_friction",)), VELOCITY
+    )
 
 
 def test_quantities_share_the_stiffness():

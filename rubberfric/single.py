@@ -1,0 +1,107 @@
+"""What single precision cannot hold: scenes refused in float32 that float64 computes.
+
+Inside these limits, tried over extreme scenes, float32 is good to 1e-5 or better. Values that
+are known only at run time (under jit) pass unchecked.
+"""
+
+import jax.numpy as jnp
+import numpy as np
+
+from rubberfric._pytree import is_concrete
+from rubberfric.layers import stiffening
+from rubberfric.materials import Prony, Rigid
+from rubberfric.shifts import largest_log_factor
+from rubberfric.spectra import SelfAffine, TabulatedSpectrum
+
+# Sbar^2 must not overflow.
+STIFFEST_LAYER = 1e18
+# Relaxation times and a solid's moduli in the series of two deformable solids.
+DECADES = 30
+
+
+def check_single(scene, temperature):
+    """ValueError naming what in a scene of float32 numbers needs float64."""
+    for name in ("lower", "upper"):
+        body = getattr(scene, name)
+        if isinstance(body.spectrum, TabulatedSpectrum):
+            _check_table(f"{name}.spectrum.C", body.spectrum.C)
+        if isinstance(body.material, Rigid):
+            continue
+        if body.layer is not None:
+            _check_layer(f"{name}.layer", body, _first_wavevectors(scene))
+        if isinstance(body.material, Prony) and _two_deform(scene):
+            _check_times(f"{name}.material.tau", body.material.tau)
+    if _two_deform(scene) and all(_liquid(body) for body in (scene.lower, scene.upper)):
+        raise ValueError(
+            "lower.material.E_inf and upper.material.E_inf are 0: one must be > 0 in float32; use float64"
+        )
+    if temperature is not None:
+        for name in ("lower.material", "upper.material", "shear"):
+            shift = getattr(_part(scene, name), "shift", None)
+            if shift is not None:
+                _check_shift(name, shift, temperature)
+
+
+def _part(scene, name):
+    first, _, second = name.partition(".")
+    return getattr(getattr(scene, first), second) if second else getattr(scene, first)
+
+
+def _two_deform(scene):
+    return not any(isinstance(body.material, Rigid) for body in (scene.lower, scene.upper))
+
+
+def _liquid(body):
+    material = body.material
+    return isinstance(material, Prony) and is_concrete(material.E_inf) and not np.any(material.E_inf)
+
+
+def _first_wavevectors(scene):
+    spectra = [body.spectrum for body in (scene.lower, scene.upper) if body.spectrum is not None]
+    return [s.q0 if isinstance(s, SelfAffine) else s.q[0] for s in spectra]
+
+
+def _check_layer(name, body, wavevectors):
+    for q in wavevectors:
+        if not all(map(is_concrete, (q, body.layer.thickness, body.material.poisson))):
+            continue
+        stiffer = float(jnp.max(stiffening(body.layer, body.material.poisson, q)))
+        if not stiffer < STIFFEST_LAYER:
+            raise ValueError(
+                f"{name}.thickness = {float(body.layer.thickness):g}: so thin, it is {stiffer:.2g} times "
+                f"as stiff as a half-space at q = {float(q):g} 1/m, and must be below {STIFFEST_LAYER:g} "
+                "times in float32; use float64"
+            )
+
+
+def _check_table(name, C):
+    smallest = float(jnp.finfo(jnp.float32).tiny)
+    if is_concrete(C) and np.min(C) < smallest:
+        raise ValueError(
+            f"{name} has values below {smallest:.2g} m^4, the least that float32 holds; use float64"
+        )
+
+
+def _check_times(name, tau):
+    if not is_concrete(tau):
+        return
+    gaps = np.diff(np.sort(np.log10(np.asarray(tau, float))))
+    if gaps.size and gaps.max() > DECADES:
+        raise ValueError(
+            f"{name} has neighbours {gaps.max():.3g} decades apart: must be at most {DECADES} in float32 "
+            "where both solids deform; use float64"
+        )
+
+
+def _check_shift(name, shift, temperature):
+    log_factor = shift.log_factor(temperature)
+    limit = largest_log_factor(log_factor.dtype)
+    if not is_concrete(log_factor):
+        return
+    saturated = np.abs(np.asarray(log_factor)) >= limit
+    if saturated.any():
+        T = np.broadcast_to(np.asarray(temperature), saturated.shape)[saturated].flat[0]
+        raise ValueError(
+            f"temperature = {float(T):g} K: ln a_T of {name}.shift must be within {limit:.3g} in float32; "
+            "use float64"
+        )
