@@ -20,7 +20,8 @@ from fitting.job import read_job
 from fitting.plot import save_plot
 from fitting.result_hdf5 import save
 from rubberfric._atomic import check_writable
-from rubberfric.command import Parser, check_plot, complain, reader_left
+from rubberfric.command import Parser, complain, reader_left
+from rubberfric.plot import check_plot
 
 PROGRAM = "rubberfric-fit"
 

@@ -9,6 +9,7 @@ from rubberfric.scene import Body, Scene
 from rubberfric.shear import ContactShear
 from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
 from rubberfric.spectra import SelfAffine, TabulatedSpectrum, moment, power_spectrum, rms_slope
+from rubberfric.sweep import accuracy
 
 __all__ = [
     "WLF",
@@ -26,6 +27,7 @@ __all__ = [
     "TabulatedModulus",
     "TabulatedShift",
     "TabulatedSpectrum",
+    "accuracy",
     "complex_modulus",
     "contact_area",
     "friction",

@@ -5,17 +5,18 @@ Exit status: 0 done; 2 bad input, with one line on stderr and nothing written; 1
 
 import argparse
 import importlib.metadata
-import importlib.util
 import os
 import sys
 
 import jax
 import numpy as np
 
+from rubberfric import accuracy_command
 from rubberfric._atomic import check_writable
 from rubberfric.files import read_scene_file
 from rubberfric.materials import TabulatedModulus
 from rubberfric.model import QUANTITIES, Solution, friction_outside_table, solve
+from rubberfric.plot import check_plot, save_plot
 from rubberfric.quadrature import Quadrature
 from rubberfric.results import Result, result_shape, save_result
 
@@ -50,8 +51,6 @@ def run(arguments):
     if arguments.out is not None:
         save_result(arguments.out, result)
     if arguments.plot is not None:
-        from rubberfric.plot import save_plot
-
         save_plot(arguments.plot, result)
     for line in table(result):
         print(line)
@@ -158,6 +157,7 @@ def _parser():
     one.add_argument("--out", metavar="FILE.h5", help="write the result and the scene that made it")
     one.add_argument("--plot", metavar="FILE.png", help="draw the curves (.png, .pdf or .svg)")
     one.set_defaults(run=run)
+    accuracy_command.add(commands)
     return parser
 
 
@@ -165,13 +165,6 @@ def complain(program, error, status):
     """Say on one line what was wrong; returns the exit status."""
     print(f"{program}: {' '.join(str(error).split())}", file=sys.stderr)
     return status
-
-
-def check_plot(path):
-    """ValueError unless a plot could be drawn to `path`."""
-    check_writable(path, (".png", ".pdf", ".svg"))
-    if importlib.util.find_spec("matplotlib") is None:
-        raise ValueError("--plot needs matplotlib; install it with: pip install 'rubberfric[plot]'")
 
 
 def reader_left():

@@ -1,8 +1,10 @@
-"""Curves of a result over the sliding velocity. Needs matplotlib: pip install 'rubberfric[plot]'."""
+"""Pictures of results and of accuracy. They need matplotlib: pip install 'rubberfric[plot]'."""
+
+import importlib.util
 
 import numpy as np
 
-from rubberfric._atomic import replacing
+from rubberfric._atomic import check_writable, replacing
 
 PANELS = {
     "area": (1.0, "contact area\n$A/A_0$ [-]"),
@@ -95,3 +97,68 @@ def save_plot(path, result):
     figure = plot_result(result)[0].figure
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=150)
+
+
+# What is drawn of a sweep: method, precision, attribute of errors and times; line style, marker,
+# filled or open, colour, and name.
+SWEEPS = {
+    ("panels", "float64", "value"): ("-", "o", True, "C0", "values, float64"),
+    ("panels", "float64", "gradient"): ("-", "s", True, "C3", "gradients, float64"),
+    ("panels", "float32", "value"): ("--", "o", False, "C0", "values, float32"),
+    ("panels", "float32", "gradient"): ("--", "s", False, "C3", "gradients, float32"),
+    ("textbook", "float64", "value"): (":", "D", True, "0.5", "values, textbook method in NumPy"),
+}
+
+
+def plot_accuracy(accuracy, ax=None, *, unit=None):
+    """Draw error over run time: the largest over area, friction and separation, a line for each use.
+
+    A gradient is drawn over the time for values and gradients. Errors that the reference cannot tell
+    from less are drawn at what it can, those that are not finite are left out.
+
+    Parameters
+    ----------
+    accuracy : Accuracy
+    ax : matplotlib axes, or None
+        None: axes of a new figure of its own, `ax.figure`, which pyplot does not know.
+    unit : a row of `accuracy` whose forward run time is the unit of time, or None
+        None: milliseconds.
+
+    Returns
+    -------
+    the axes
+    """
+    if ax is None:
+        from matplotlib.figure import Figure
+
+        ax = Figure(figsize=(6.4, 4.4), layout="constrained").subplots()
+    second = 1e3 if unit is None else 1 / unit.forward
+    for (method, dtype, what), (line, marker, filled, colour, label) in SWEEPS.items():
+        rows = [row for row in accuracy.rows if (row.method, row.dtype) == (method, dtype)]
+        time = "forward" if what == "value" else "gradient"
+        drawn = [(second * getattr(row, time), getattr(accuracy.known(row), what)) for row in rows]
+        drawn = [point for point in drawn if np.isfinite(point[1]) and point[1] > 0]
+        if drawn:
+            look = {"linestyle": line, "marker": marker, "color": colour, "markersize": 5}
+            ax.loglog(*zip(*drawn, strict=True), **look, mfc=colour if filled else "white", label=label)
+    ax.axhline(accuracy.error, color="0.6", linewidth=0.8, label="wanted")
+    ax.set_xlabel("run time [ms]" if unit is None else f"run time / that of the {unit.method} method")
+    ax.set_ylabel("largest relative error [-]")
+    ax.grid(alpha=0.3)
+    ax.legend(fontsize="small")
+    return ax
+
+
+def save_accuracy_plot(path, accuracy, title=""):
+    """Draw a sweep to a file, whole or not at all."""
+    ax = plot_accuracy(accuracy)
+    ax.set_title(title, fontsize="medium", wrap=True)
+    with replacing(path) as temporary:
+        ax.figure.savefig(temporary, dpi=150)
+
+
+def check_plot(path):
+    """ValueError unless a plot could be drawn to `path`."""
+    check_writable(path, (".png", ".pdf", ".svg"))
+    if importlib.util.find_spec("matplotlib") is None:
+        raise ValueError("--plot needs matplotlib; install it with: pip install 'rubberfric[plot]'")

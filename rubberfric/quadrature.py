@@ -19,8 +19,8 @@ class Quadrature:
     """Accuracy knobs of the forward model; static: each new setting compiles anew.
 
     The defaults meet 1e-9 for area, friction and separation over ten decades of roughness.
-    Over two or three decades Quadrature(order=10, panels=6, graded=3, ratio=6.0) is good to
-    1e-8 at tyre pressures, in about half the time.
+    Over two or three decades Quadrature(order=10, panels=7, graded=2, ratio=4.5, angular_order=10)
+    is good to 1e-8 at tyre pressures, in about half the time; `for_error` finds what a scene needs.
 
     Parameters
     ----------
@@ -62,6 +62,40 @@ class Quadrature:
         if not (isinstance(self.ratio, int | float) and 1 < self.ratio < 1e6):
             raise ValueError(f"Quadrature.ratio = {self.ratio!r}: must be between 1 and 1e6")
 
+    @classmethod
+    def for_error(cls, scene, error, velocity=None, pressure=None, temperature=None, *, gradients=True):
+        """The setting of least work that meets a relative error on a scene.
+
+        Out of `rubberfric.ladder.LADDER`, in double precision, against a reference that validates
+        itself (`rubberfric.reference`): 10 ... 30 s, most of them spent compiling.
+
+        Parameters
+        ----------
+        scene : Scene
+        error : largest relative error of area, friction, separation [-], 0 ... 1
+        velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
+            where the error must be met: every condition of use or its extremes. None: velocities
+            1e-8 ... 1e2 m/s and pressures 1e3 ... 1e7 Pa, one a decade; every shift at its
+            reference temperature.
+        gradients : bool
+            whether the gradients of the three must meet it as well.
+
+        Returns
+        -------
+        Quadrature
+
+        Raises
+        ------
+        ValueError : as `solve`; none meets the error, or there is no reference that could tell;
+            double precision is switched off.
+        """
+        # The ladder is made of objects of this class, which is at the bottom of the library.
+        from rubberfric.ladder import cheapest
+
+        velocity = np.logspace(-8, 2, 11)[:, None] if velocity is None else velocity
+        pressure = np.logspace(3, 7, 5) if pressure is None else pressure
+        return cheapest(scene, error, velocity, pressure, temperature, gradients=gradients)
+
 
 def typed(table, values):
     """A host table with the dtype of `values`: NumPy's float64 would widen a float32 scene."""
@@ -91,6 +125,13 @@ def between(order):
 
 
 @functools.cache
+def between_weights(order):
+    """Weights of the nodes of `between`, each for the gap it lies in; shape (order, nodes in a gap)."""
+    gap = np.diff(np.concatenate([[0.0], gauss(order)[0]]))
+    return _frozen(gap[:, None] * gauss(_IN_A_GAP)[1])
+
+
+@functools.cache
 def cumulative(order):
     """Array T with int_0^x_k w f = sum_si w(y_s) T[s, k, i] f(x_i) on [0, 1].
 
@@ -98,9 +139,8 @@ def cumulative(order):
     anywhere: a rule for each w that stays accurate, and so positive, where w grows by 1e6
     within the panel. Shape (nodes of between, order, order).
     """
-    x, y = gauss(order)[0], between(order)
-    gap = np.diff(np.concatenate([[0.0], x]))
-    weight = (gap[:, None] * gauss(_IN_A_GAP)[1]).ravel()
+    y = between(order)
+    weight = between_weights(order).ravel()
     basis = legendre.legvander(2 * y - 1, order - 1) @ legendre_transform(order)
     before = np.repeat(np.arange(order), _IN_A_GAP)[:, None] <= np.arange(order)
     return _frozen((weight[:, None] * before)[:, :, None] * basis[:, None, :])
