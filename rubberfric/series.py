@@ -49,8 +49,8 @@ def in_series(rest, weight, tau, spring):
 
     Parameters
     ----------
-    rest : f_inf >= 0, shape ()
-    weight : f_i >= 0, shape (n,)
+    rest : f_inf >= 0, shape () or (nodes,)
+    weight : f_i >= 0, shape (n,) or (nodes, n)
     tau : [s], shape (n,), any order
     spring : k >= 0, same unit as the moduli, shape () or (nodes,)
 
@@ -61,27 +61,27 @@ def in_series(rest, weight, tau, spring):
     Limits: in float32 neighbouring times at most 30 decades apart, spring over solid 1e-30 ... 1e16.
     """
     order = jnp.argsort(-tau)
-    weight, tau = weight[order], tau[order]
+    weight, tau = weight[..., order], tau[order]
     # In the middle of the spectrum, so that logarithms of the rates keep their digits.
     middle = jax.lax.stop_gradient(jnp.sqrt(tau[0]) * jnp.sqrt(tau[-1]))
-    log_rate = -jnp.log(tau / middle)
+    solve = functools.partial(_one_spring, log_rate=-jnp.log(tau / middle), tau=tau)
+    return jax.vmap(solve)(rest, weight, spring) if spring.ndim else solve(rest, weight, spring)
+
+
+def _one_spring(rest, weight, spring, log_rate, tau):
     # A term or spring of no stiffness would put a root on a pole, 0/0, and with it a
     # spurious mode. A term of 1e-30 of the solid, a spring of 1e-60 (float32: 1e-16, 1e-30) is
     # as good as none, and the derivative with respect to it stays that of the original.
     solid = jax.lax.stop_gradient(rest + jnp.sum(weight))
-    stiffest = jax.lax.stop_gradient(jnp.max(spring))
-    unit = jnp.where(solid > 0, solid, jnp.where(stiffest > 0, stiffest, 1.0))
+    unit = jnp.where(solid > 0, solid, jnp.where(spring > 0, spring, 1.0))
+    unit = jax.lax.stop_gradient(jnp.maximum(unit, spring))
     single = tau.dtype != jnp.float64
-    weight = weight + unit * (1e-16 if single else 1e-30)
-    spring = spring + unit * (1e-30 if single else 1e-60)
-
-    solve = functools.partial(_one_spring, rest, weight, log_rate, tau)
-    return jax.vmap(solve)(spring) if spring.ndim else solve(spring)
-
-
-def _one_spring(rest, weight, log_rate, tau, spring):
+    floor = jnp.where(solid > 0, solid, unit)
+    weight = weight + floor * (1e-16 if single else 1e-30)
+    # The share is 0 for no spring at all, where a solid softer than the floor would be left.
+    floored = spring + floor * (1e-30 if single else 1e-60)
+    share, spring = _quotient(spring, floored), floored
     # In units of the stiffer of the two: of a spring of 1e-30 no reciprocal must be squared.
-    unit = jax.lax.stop_gradient(jnp.maximum(spring, rest + jnp.sum(weight)))
     rest, weight, spring = rest / unit, weight / unit, spring / unit
     roots = _roots(rest, weight, spring, log_rate)
     rates = _seen_from(roots, log_rate)
@@ -95,6 +95,7 @@ def _one_spring(rest, weight, log_rate, tau, spring):
     new_weight = spring * _quotient(spring, per_size) * _quotient(size, relative)
     new_weight = jnp.where(_empty(log_rate), 0.0, new_weight)
     soft, hard = jnp.minimum(spring, rest), jnp.maximum(spring, rest)
+    unit = unit * share
     return unit * (soft / (1 + soft / hard)), unit * new_weight, tau[roots.pole] / relative
 
 

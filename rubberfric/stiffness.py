@@ -105,9 +105,7 @@ def series_stiffness(rough, other, scale, q):
         return series
     if not by_node(rough, other):
         return Relaxing(*in_series(*series, spring))
-    # Sbar_o f in series with k is Sbar_o times f in series with k / Sbar_o.
-    rest, weight, tau = in_series(*series, spring / own)
-    return Relaxing(own * rest, own[:, None] * weight, tau)
+    return Relaxing(*in_series(own * series.rest, own[:, None] * series.weight, series.tau, spring))
 
 
 def by_node(rough, other):

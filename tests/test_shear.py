@@ -10,7 +10,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 from cases import arguments, paths, reference
-from test_extremes import changed
+from extremes import changed
 from test_gradients import leaf_value
 from test_shifts import ARRHENIUS, TABLE, WLF
 from test_structure import primitives, work
