@@ -19,8 +19,8 @@ class Quadrature:
     """Accuracy knobs of the forward model; static: each new setting compiles anew.
 
     The defaults meet 1e-9 for area, friction and separation over ten decades of roughness.
-    Over two or three decades Quadrature(order=10, panels=7, graded=2, ratio=4.5, angular_order=10)
-    is good to 1e-8 at tyre pressures, in about half the time; `for_error` finds what a scene needs.
+    Over two or three decades Quadrature(order=10, panels=6, graded=3, ratio=6.0) is good to about
+    1e-8 at tyre pressures, in half the time; `for_error` finds what a scene needs.
 
     Parameters
     ----------

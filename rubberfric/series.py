@@ -22,8 +22,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-# First of the logarithm of the distance, then of the distance itself, to the last digit.
-HALVINGS = (32, 28)
+# Halvings of the logarithm of a distance leave 5e-8 of it, which Newton's steps square.
+HALVINGS, NEWTON_STEPS = 32, 2
 
 
 class _Roots(NamedTuple):
@@ -163,20 +163,42 @@ def _roots(rest, weight, spring, log_rate):
     anchor = jnp.where(right | ~first, 1.0, 0.0).astype(half.dtype)
     roots = _Roots(jnp.where(right, index, left), anchor, sign)
     rates = _seen_from(roots, log_rate)
-    # Below the distances of the smallest weights.
-    low = jnp.full_like(half, 1e-100 if half.dtype == jnp.float64 else 1e-36)
-    high = half * jnp.where(right | first, 1.0, jnp.exp(width))
+    # `_balance` again, with what does not change from step to step taken out.
+    own = jnp.sum(jnp.where(rates.at_anchor, weight, 0.0), -1)
+    apart = jnp.where(rates.at_anchor, 1.0, rates.apart)
+    below = jnp.where(rates.at_anchor, 0.0, rates.below)
 
-    def halve(step, bounds):
+    def terms(distance):
+        gap = apart - distance[:, None] * below
+        return gap, jnp.sum(weight * below / gap, -1)
+
+    def balance(distance, others):
+        relative, away = anchor + distance, jnp.where(anchor > 0, distance, 1.0)
+        return away * (spring + rest - relative * others) + relative * own
+
+    def halve(_, bounds):
         low, high = bounds
-        middle = jnp.where(step < HALVINGS[0], jnp.sqrt(low) * jnp.sqrt(high), 0.5 * (low + high))
-        value = sign * _balance(rest, weight, spring, rates, roots._replace(distance=sign * middle))
+        middle = jnp.sqrt(low) * jnp.sqrt(high)
+        distance = sign * middle
+        value = sign * balance(distance, terms(distance)[1])
         further = jnp.where(right, value < 0, value > 0)
         return jnp.where(further, middle, low), jnp.where(further, high, middle)
 
-    low, high = jax.lax.fori_loop(0, sum(HALVINGS), halve, (low, high))
+    # Below the distances of the smallest weights.
+    low = jnp.full_like(half, 1e-100 if half.dtype == jnp.float64 else 1e-36)
+    high = half * jnp.where(right | first, 1.0, jnp.exp(width))
+    low, high = jax.lax.fori_loop(0, HALVINGS, halve, (low, high))
+    distance = sign * jnp.sqrt(low) * jnp.sqrt(high)
     # An empty interval has no root: any point will do that is far from every pole.
-    return roots._replace(distance=jnp.where(_empty(log_rate), -0.5, sign * 0.5 * (low + high)))
+    distance = jnp.where(_empty(log_rate), -0.5, distance)
+    for _ in range(NEWTON_STEPS):
+        gap, others = terms(distance)
+        relative, steeper = anchor + distance, jnp.sum(weight * (below / gap) ** 2, -1)
+        inner = -others - relative * steeper
+        slope = jnp.where(anchor > 0, spring + rest - relative * others + distance * inner + own, inner)
+        step = jnp.where(_empty(log_rate), 0.0, balance(distance, others) / slope)
+        distance = distance - step
+    return roots._replace(distance=distance)
 
 
 @_roots.defjvp

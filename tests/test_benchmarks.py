@@ -32,7 +32,7 @@ PRESSURE = 0.15e6
 
 SETTINGS = {
     "default": rf.Quadrature(),
-    "error 1e-8": rf.Quadrature(order=10, panels=7, graded=2, ratio=4.5, angular_order=10),
+    "error 1e-8": rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0),
 }
 REFERENCE = rf.Quadrature(order=20, panels=24, graded=12, ratio=4.0, angular_order=24)
 

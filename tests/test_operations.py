@@ -29,9 +29,9 @@ HEADER = """# What a scene costs
 
 What a scene does not contain is not traced. Counted on the jaxpr, for the default `rf.Quadrature()`:
 *roots* are all operations that cost more than an addition (square roots, divisions, exp, log, erf),
-element by element; *products* the multiply-adds of matrix products. Both once for a scene, whatever the
-number of velocities, and for each velocity. The bound of the closed form is one square root and one
-division for each angular node (168) and Prony term.
+element by element, the body of a loop once; *products* the multiply-adds of matrix products. Both once for
+a scene, whatever the number of velocities, and for each velocity. The bound of the closed form is one
+square root and one division for each angular node (168) and Prony term.
 
 *First call* is what a new process waits for a curve of 50 velocities, and *gradient* for its gradient
 with respect to every number of the scene: tracing, compilation and evaluation, without the import
@@ -76,12 +76,13 @@ def scenes():
         T = read.conditions.temperature
         found[name] = read.scene, None if T is None else float(T[0])
     plain = found["smooth rubber on a rigid road"][0]
-    found["smooth on smooth"] = rf.Scene(plain.lower, rf.Body(rf.Rigid())), None
-    worn = rf.Body(plain.lower.material, plain.upper.spectrum)
-    found["rough rubber on a smooth rigid solid (case II)"] = rf.Scene(worn, rf.Body(rf.Rigid())), None
-    elastic = rf.Body(rf.Elastic(1e7, 0.4))
-    found["elastic block on a rigid road"] = rf.Scene(elastic, plain.upper), None
-    found["S in G"] = rf.Scene(plain.lower, plain.upper, area_correction=True), None
+    road, rubber = sorted((plain.lower, plain.upper), key=lambda body: body.spectrum is None)
+    rigid = rf.Body(rf.Rigid())
+    found["smooth on smooth"] = rf.Scene(rubber, rigid), None
+    worn = rf.Body(rubber.material, road.spectrum)
+    found["rough rubber on a smooth rigid solid (case II)"] = rf.Scene(worn, rigid), None
+    found["elastic block on a rigid road"] = rf.Scene(rf.Body(rf.Elastic(1e7, 0.4)), road), None
+    found["S in G"] = rf.Scene(rubber, road, area_correction=True), None
     return found
 
 
