@@ -130,7 +130,9 @@ def parts(channel, mesh, velocity, temperature, wanted, quadrature):
         power = means.power if channel.cumulative is None else serving(means.power)
         panels, within = jnp.einsum("kvi,ki->kv", power, channel.power), None
         if channel.cumulative is not None:
-            within = jnp.einsum("kvi,kci->kvc", power, channel.cumulative)
+            # Over a panel of five e-folds and more, where <|F|^2> rises by 1e5, its interpolant may
+            # swing below 0 at the small end: there G is that of the panels before.
+            within = jnp.maximum(jnp.einsum("kvi,kci->kvc", power, channel.cumulative), 0.0)
     return Parts(
         panels,
         within,

@@ -194,6 +194,15 @@ def test_derivatives(name):
     assert not wrong
 
 
+def test_wide_panels_leave_g_positive():
+    """Eleven decades, eight of them plateau, a liquid in series: <|F|^2> rises by 1e5 within a panel."""
+    liquid = rf.Prony(0.0, [1.0] * 3, [1.0] * 3)
+    rough = [rf.SelfAffine(q0, qr, 1e11, 0.8, h) for q0, qr, h in ((10.0, 1.8e7, 0.0), (1.0, 1.8e8, 1.0))]
+    scene = rf.Scene(rf.Body(liquid, rough[0]), rf.Body(rf.Elastic(1.0, 0.5), rough[1]))
+    for v in (1e-12, 1e-11, 1e-9):
+        assert np.isfinite(three(rf.solve(scene, v, 1.0))).all()
+
+
 @pytest.mark.parametrize("T", [191.551, 200.0, 293.15, 1e3])
 def test_near_the_pole_of_the_shift(T):
     """Down to 0.001 K above the pole at 191.55 K, where a_T is 1e900000: rubber is glass there."""

@@ -57,8 +57,9 @@ BOTH_MODES = (ROUGH_ROAD, ON_ELASTIC)
 EPS = np.finfo(float).eps
 # Of forward less reverse mode, for all leaves but the wavevectors and for these: the contact
 # begins within t = ln(q/q0) ~ 1e-10 at light loads, and a derivative with respect to where t = 0
-# is, d/dt ~ 1/t, has the rounding of t in it.
-TOLERANCE = np.array([[1e-9], [1e-5]])
+# is, d/dt ~ 1/t, has the rounding of t in it. Of equal times in series with a stiff spring each has
+# a derivative whose rounding is 1e-16 of spring over solid.
+TOLERANCE = np.array([[1e-6], [1e-5]])
 # What area, friction and separation count from: a separation underflows, ~ e^(-x^2), in full
 # contact, and zero weights stand for 1e-30 of the solid, which may relax.
 FLOOR = np.array([1e-280, 1e-12, 1e-280])
