@@ -76,6 +76,7 @@ def test_data_without_noise_are_met_to_rounding():
     np.testing.assert_allclose(result.values, true_values(result.names), rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_second_fit_compiles_nothing():
     with compilations() as compiled:
         fitting.fit(TRUTH, twin(), FREE)

@@ -24,9 +24,8 @@ ORDINARY = (
     "smooth-rubber-rough-rigid-1",
     "extreme-light-1",
     "extreme-heavy-1",
-    "edge-equal-tau-series",
 )
-BOTH_MODES = ("smooth-rubber-rough-rigid-1", "extreme-light-1", "extreme-heavy-1", "edge-equal-tau-series")
+BOTH_MODES = ("smooth-rubber-rough-rigid-1", "extreme-light-1", "extreme-heavy-1")
 
 BATCH = 32
 forward = jax.jit(jax.jacfwd(quantities))
@@ -199,7 +198,17 @@ def leaf_value(tree, path, solid_kind):
 
 
 # Kinds of scene that test_extremes holds against references of more digits.
-IN_EXTREMES = ("two-rubbers", "two-slabs", "rubber-on-elastic", "corrected", "table-spectrum")
+IN_EXTREMES = (
+    "one-rubber",
+    "two-rubbers",
+    "slab",
+    "two-slabs",
+    "frictionless-slab",
+    "rubber-on-elastic",
+    "light",
+    "corrected",
+    "table-spectrum",
+)
 
 
 @pytest.mark.parametrize(

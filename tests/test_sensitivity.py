@@ -114,7 +114,12 @@ def key_path(parameter):
 
 @pytest.mark.parametrize(
     ("name", "quantity"),
-    [("two-slabs", "friction"), ("two-slabs", "separation"), ("wlf-hot", "friction"), ("corrected", "area")],
+    [
+        pytest.param("two-slabs", "friction", marks=pytest.mark.slow),
+        pytest.param("two-slabs", "separation", marks=pytest.mark.slow),
+        ("wlf-hot", "friction"),
+        ("corrected", "area"),
+    ],
 )
 def test_equal_to_the_oracle(name, quantity):
     """Derivatives of brute-force values, of every number with one."""
