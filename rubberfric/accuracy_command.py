@@ -1,11 +1,10 @@
 """The command `rubberfric accuracy`: error against run time of a scene file at its conditions."""
 
-import sys
-
 import numpy as np
 
 from rubberfric._atomic import check_writable
-from rubberfric.files import read_scene_file
+from rubberfric._terminal import progress
+from rubberfric.files import read_computable
 from rubberfric.ladder import check_error
 from rubberfric.plot import check_plot, save_accuracy_plot
 from rubberfric.sweep import accuracy
@@ -37,14 +36,11 @@ def run(arguments):
         check_writable(arguments.out, (".csv",))
     if arguments.plot is not None:
         check_plot(arguments.plot)
-    scene, conditions, title = read_scene_file(arguments.scene)
-    if conditions is None:
-        raise ValueError(f"{arguments.scene}: run: is missing; must hold velocity and pressure to compute at")
+    scene, conditions, title = read_computable(arguments.scene)
     velocity = thinned(conditions)
-    T = conditions.temperature
-    at = (velocity, conditions.pressure[:, None], None if T is None else T[:, None, None])
-    with Progress() as progress:
-        found = accuracy(scene, *at, error=arguments.error, progress=progress)
+    with progress() as tell:
+        at = conditions._replace(velocity=velocity).grid()
+        found = accuracy(scene, *at, error=arguments.error, progress=tell)
     if arguments.out is not None:
         found.write(arguments.out)
     if arguments.plot is not None:
@@ -65,19 +61,3 @@ def thinned(conditions):
     if velocity.size <= count:
         return velocity
     return velocity[np.linspace(0, velocity.size - 1, count).round().astype(int)]
-
-
-class Progress:
-    """One line on a terminal that says what is being done; nothing elsewhere."""
-
-    def __enter__(self):
-        self.shown = sys.stderr.isatty()
-        return self
-
-    def __call__(self, text):
-        """Show a line in place of the last one."""
-        if self.shown:
-            print(f"\r\033[K{text[:79]}", end="", file=sys.stderr, flush=True)
-
-    def __exit__(self, *_):
-        self("")

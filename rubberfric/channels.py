@@ -71,7 +71,7 @@ def make_channel(mesh, j, rough, other, scale, wanted, order):
         rule = _cumulative_rule(mesh, j, F, rough, other, scale, order, logarithmic)
     elif not static and not logarithmic:
         # Only the whole integral is wanted: the contact nodes have done their part.
-        power = mesh.select.T @ power
+        power = jnp.zeros_like(mesh.angular_q).at[mesh.panel].add(power)
     return Channel(
         F,
         getattr(other.material, "shift", None),

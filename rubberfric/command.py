@@ -13,7 +13,7 @@ import numpy as np
 
 from rubberfric import accuracy_command
 from rubberfric._atomic import check_writable
-from rubberfric.files import read_scene_file
+from rubberfric.files import read_computable
 from rubberfric.materials import TabulatedModulus
 from rubberfric.model import QUANTITIES, Solution, friction_outside_table, solve
 from rubberfric.plot import check_plot, save_plot
@@ -44,9 +44,7 @@ def run(arguments):
         check_writable(arguments.out, (".h5",))
     if arguments.plot is not None:
         check_plot(arguments.plot)
-    scene, conditions, title = read_scene_file(arguments.scene)
-    if conditions is None:
-        raise ValueError(f"{arguments.scene}: run: is missing; must hold velocity and pressure to compute at")
+    scene, conditions, title = read_computable(arguments.scene)
     result = Result(scene, conditions, compute(scene, conditions), Quadrature(), title)
     if arguments.out is not None:
         save_result(arguments.out, result)
@@ -68,7 +66,7 @@ def compute(scene, conditions):
     FloatingPointError if one of them is not finite.
     """
     quantities = QUANTITIES if scene.shear is None else Solution._fields
-    solution = solve(scene, *_grid(conditions), quantities=quantities)
+    solution = solve(scene, *conditions.grid(), quantities=quantities)
     shape = result_shape(conditions)
     found = {name: np.broadcast_to(np.asarray(getattr(solution, name)), shape) for name in quantities}
     for name, values in found.items():
@@ -82,22 +80,12 @@ def compute(scene, conditions):
     return Solution(**found)
 
 
-def _grid(conditions):
-    """Velocity, pressure and temperature that broadcast to [temperature, pressure, velocity]."""
-    T = conditions.temperature
-    return (
-        conditions.velocity[None, None, :],
-        conditions.pressure[None, :, None],
-        None if T is None else T[:, None, None],
-    )
-
-
 def outside_note(result):
     """One line saying how far the friction rests on extrapolated moduli; "" if no modulus is tabulated."""
     bodies = (result.scene.lower, result.scene.upper)
     if not any(isinstance(body.material, TabulatedModulus) for body in bodies):
         return ""
-    share = np.max(np.abs(friction_outside_table(result.scene, *_grid(result.conditions))))
+    share = np.max(np.abs(friction_outside_table(result.scene, *result.conditions.grid())))
     mu = "mu" if result.scene.shear is None else "the viscoelastic mu"
     return f"at most {100 * share:.2g} % of {mu} comes from frequencies outside the tabulated moduli"
 

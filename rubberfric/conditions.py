@@ -24,6 +24,11 @@ class Conditions(NamedTuple):
     pressure: np.ndarray  # [Pa], shape (m,)
     temperature: np.ndarray | None  # [K], shape (k,); None where nothing depends on it
 
+    def grid(self):
+        """Velocity, pressure and temperature that broadcast to [temperature, pressure, velocity]."""
+        T = self.temperature
+        return self.velocity, self.pressure[:, None], None if T is None else T[:, None, None]
+
 
 class SceneFile(NamedTuple):
     """What a scene file says: the scene, and conditions and title if it has them."""

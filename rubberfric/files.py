@@ -18,6 +18,14 @@ def read_scene_file(path):
     return READERS[suffix](path)
 
 
+def read_computable(path):
+    """The same of a file that says at what conditions to compute, or ValueError."""
+    found = read_scene_file(path)
+    if found.conditions is None:
+        raise ValueError(f"{path}: run: is missing; must hold velocity and pressure to compute at")
+    return found
+
+
 def load_scene(path):
     """Scene of a file, its curves resolved.
 

@@ -32,7 +32,6 @@ class Mesh(NamedTuple):
     between_q: jax.Array | None  # nodes between the contact nodes [1/m], for cumulative integrals
     between_roughness: tuple | None  # q^4 C_j dt / d(node coordinate) there
     panel: jax.Array  # the angular panel that serves each contact panel, (contact panels,)
-    select: jax.Array | None  # 1 where it does, (contact panels, angular panels); if not graded
     interpolate: jax.Array  # from angular to contact nodes, (contact panels, order, angular_order)
     between_interpolate: jax.Array | None  # to the nodes between, if asked for
 
@@ -114,7 +113,6 @@ def build_mesh(laws, quadrature, graded=True, logarithmic=False):
         between_q=between_q,
         between_roughness=between_roughness,
         panel=panel,
-        select=None if graded else (panel[:, None] == np.arange(quadrature.panels)).astype(t.dtype),
         interpolate=_interpolation(nodes, *serving),
         between_interpolate=between_interpolate,
     )

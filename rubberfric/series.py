@@ -72,14 +72,13 @@ def _one_spring(rest, weight, spring, log_rate, tau):
     # A term or spring of no stiffness would put a root on a pole, 0/0, and with it a
     # spurious mode. A term of 1e-30 of the solid, a spring of 1e-60 (float32: 1e-16, 1e-30) is
     # as good as none, and the derivative with respect to it stays that of the original.
-    solid = jax.lax.stop_gradient(rest + jnp.sum(weight))
-    unit = jnp.where(solid > 0, solid, jnp.where(spring > 0, spring, 1.0))
-    unit = jax.lax.stop_gradient(jnp.maximum(unit, spring))
+    solid = rest + jnp.sum(weight)
+    solid = jax.lax.stop_gradient(jnp.where(solid > 0, solid, jnp.where(spring > 0, spring, 1.0)))
+    unit = jax.lax.stop_gradient(jnp.maximum(solid, spring))
     single = tau.dtype != jnp.float64
-    floor = jnp.where(solid > 0, solid, unit)
-    weight = weight + floor * (1e-16 if single else 1e-30)
+    weight = weight + solid * (1e-16 if single else 1e-30)
     # The share is 0 for no spring at all, where a solid softer than the floor would be left.
-    floored = spring + floor * (1e-30 if single else 1e-60)
+    floored = spring + solid * (1e-30 if single else 1e-60)
     share, spring = _quotient(spring, floored), floored
     # In units of the stiffer of the two: of a spring of 1e-30 no reciprocal must be squared.
     rest, weight, spring = rest / unit, weight / unit, spring / unit

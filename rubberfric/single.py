@@ -15,7 +15,7 @@ from rubberfric.spectra import SelfAffine, TabulatedSpectrum
 
 # Sbar^2 must not overflow.
 STIFFEST_LAYER = 1e18
-# Relaxation times and a solid's moduli in the series of two deformable solids.
+# Between neighbouring relaxation times where both solids deform: see `rubberfric.series`.
 DECADES = 30
 
 

@@ -414,8 +414,8 @@ def test_progress_is_one_line_on_a_terminal(monkeypatch):
 
     for stream, shown in ((Terminal(), "\r\033[Kreference\r\033[K"), (io.StringIO(), "")):
         monkeypatch.setattr(sys, "stderr", stream)
-        with accuracy_command.Progress() as progress:
-            progress("reference")
+        with accuracy_command.progress() as tell:
+            tell("reference")
         assert stream.getvalue() == shown
 
 
