@@ -34,9 +34,10 @@ class Mesh(NamedTuple):
     panel: jax.Array  # the angular panel that serves each contact panel, (contact panels,)
     interpolate: jax.Array  # from angular to contact nodes, (contact panels, order, angular_order)
     between_interpolate: jax.Array | None  # to the nodes between, if asked for
+    marks: jax.Array | None  # how many contact panels lie before each mark, if there are marks
 
 
-def build_mesh(laws, quadrature, graded=True, logarithmic=False):
+def build_mesh(laws, quadrature, graded=True, logarithmic=False, marks=None):
     """Mesh for one or two broken power laws.
 
     Parameters
@@ -48,6 +49,9 @@ def build_mesh(laws, quadrature, graded=True, logarithmic=False):
         cumulative integrals; enough for G(q1), as the contact area needs.
     logarithmic : bool
         True adds the interpolation to the nodes for cumulative integrals.
+    marks : wavevectors that must be borders of contact panels [1/m], shape (n,), or None
+        Integrals up to a mark are then sums over whole panels. One outside the roughness counts as
+        its nearer end.
     """
     first = jax.lax.stop_gradient(_reduce(jnp.minimum, [law.q[0] for law in laws]))
     kinks = [log_ratio(law.q, first) for law in laws]
@@ -65,6 +69,8 @@ def build_mesh(laws, quadrature, graded=True, logarithmic=False):
             jnp.minimum(kink[0] + width(fixed[0]) * fractions, end)
             for kink, fixed in zip(kinks, fixed_kinks, strict=True)
         ]
+    if marks is not None:
+        borders.append(jnp.clip(log_ratio(marks, first), 0.0, end))
     t = jnp.concatenate(borders)
     rank = _ranks(jax.lax.stop_gradient(t))
     t = jnp.sort(t)
@@ -115,6 +121,7 @@ def build_mesh(laws, quadrature, graded=True, logarithmic=False):
         panel=panel,
         interpolate=_interpolation(nodes, *serving),
         between_interpolate=between_interpolate,
+        marks=None if marks is None else rank[-marks.shape[0] :],
     )
 
 
