@@ -8,6 +8,7 @@ from rubberfric.quadrature import Quadrature
 from rubberfric.scene import Body, Scene
 from rubberfric.shear import ContactShear
 from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
+from rubberfric.softening import Softening
 from rubberfric.spectra import SelfAffine, TabulatedSpectrum, moment, power_spectrum, rms_slope
 from rubberfric.sweep import accuracy
 
@@ -23,6 +24,7 @@ __all__ = [
     "Scene",
     "SelfAffine",
     "Slab",
+    "Softening",
     "Solution",
     "TabulatedModulus",
     "TabulatedShift",

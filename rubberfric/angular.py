@@ -26,14 +26,17 @@ from rubberfric.tabulated import tabulated_means
 
 
 class Means(NamedTuple):
-    """Angular means of F; those not asked for, and a dissipation that is zero, are None."""
+    """Angular means of F; those not asked for, and a dissipation that is zero, are None.
 
-    power: jax.Array | None
-    dissipation: jax.Array | None
-    storage: jax.Array | None
+    Each is a tuple: one array, but of the power two, <F'^2> and <F''^2>, if they are asked for apart.
+    """
+
+    power: tuple | None
+    dissipation: tuple | None
+    storage: tuple | None
 
 
-def angular_means(F, qv, wanted, quadrature):
+def angular_means(F, qv, wanted, quadrature, split=False):
     """Means of F for roughness passing at q v.
 
     Parameters
@@ -42,19 +45,23 @@ def angular_means(F, qv, wanted, quadrature):
     qv : q v a_T [1/s], shape (points, nodes); negative for reversed sliding
     wanted : set of "power", "dissipation", "storage"
     quadrature : Quadrature
+    split : bool
+        whether <F'^2> and <F''^2> are wanted apart.
 
     Returns
     -------
     Means, arrays of the shape of qv.
     """
     if isinstance(F, Relaxing):
-        return _closed_form(F, qv, wanted)
-    return Means(*tabulated_means(F, qv, wanted, quadrature.angle))
+        return _split_form(F, qv, wanted) if split else _closed_form(F, qv, wanted)
+    return Means(*tabulated_means(F, qv, wanted, quadrature.angle, split))
 
 
 def static_means(F, wanted):
     """The same for a stiffness that does not relax (Static): no dissipation."""
-    return Means(F.value**2 if "power" in wanted else None, None, F.value if "storage" in wanted else None)
+    return Means(
+        (F.value**2,) if "power" in wanted else None, None, (F.value,) if "storage" in wanted else None
+    )
 
 
 def _closed_form(F, qv, wanted):
@@ -69,10 +76,52 @@ def _closed_form(F, qv, wanted):
         weights = {name: None if w is None else w.T[:, None, :] for name, w in weights.items()}
         sums = _sums_of_rows(weights, F.tau.T[:, None, :] * qv)
     return Means(
-        None if sums["power"] is None else F.rest**2 + sums["power"],
-        sums["dissipation"],
-        None if sums["storage"] is None else F.rest + sums["storage"],
+        None if sums["power"] is None else (F.rest**2 + sums["power"],),
+        None if sums["dissipation"] is None else (sums["dissipation"],),
+        None if sums["storage"] is None else (F.rest + sums["storage"],),
     )
+
+
+def _split_form(F, qv, wanted):
+    r"""The same with the power in two, sums over pairs of terms, all positive.
+
+    .. math:: \langle F''^2\rangle = \sum_{ij} \frac{F_i F_j s_i s_j}{r_i + r_j},\quad s = \frac{a}{r},\qquad
+              \langle F'^2\rangle = \Big(F_\infty + \sum_i F_i o_i\Big)^2
+              + \sum_{ij} \frac{F_i F_j o_i o_j}{r_i + r_j},\quad o = 1 - \frac{1}{r}
+    """
+    front = (slice(None), *(None,) * qv.ndim)
+    weight = F.weight[front]
+    one, sine, r, _ = _relaxation_parts(F.tau[front] * qv)
+    ones, sines = weight * one, weight * (sine * (1 + r))
+    storage = F.rest + jnp.sum(ones, 0)
+    power = None
+    if "power" in wanted:
+        power = storage**2 + _pairs(ones, r), _pairs(sines, r)
+    return Means(
+        power,
+        (jnp.sum(weight * sine, 0),) if "dissipation" in wanted else None,
+        (storage,) if "storage" in wanted else None,
+    )
+
+
+@jax.custom_jvp
+def _pairs(x, r):
+    """sum_ij x_i x_j / (r_i + r_j)."""
+    total = 0.0
+    for i in range(r.shape[0]):
+        # The pairs i < j twice.
+        total = total + x[i] * (2 * jnp.sum(x[i:] / (r[i] + r[i:]), 0) - x[i] / (2 * r[i]))
+    return total
+
+
+@_pairs.defjvp
+def _pairs_jvp(primals, tangents):
+    # Row by row, so that reverse mode keeps two numbers for each term instead of one for each pair.
+    (x, r), (dx, dr) = primals, tangents
+    rows = [1 / (r[i] + r) for i in range(r.shape[0])]
+    first = jnp.stack([jnp.sum(x * share, 0) for share in rows])
+    second = jnp.stack([jnp.sum(x * share * share, 0) for share in rows])
+    return jnp.sum(x * first, 0), 2 * jnp.sum(first * dx - x * second * dr, 0)
 
 
 @jax.custom_jvp

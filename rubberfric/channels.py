@@ -12,9 +12,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.angular import angular_means, static_means
+from rubberfric.factors import Modes, modes_of, node_factors
 from rubberfric.materials import VISCOELASTIC, TabulatedModulus
 from rubberfric.quadrature import between_weights, cumulative, gauss, typed
-from rubberfric.stiffness import Static, by_node, layer_factor, series_stiffness, static_series
+from rubberfric.stiffness import Static, by_node, series_stiffness, static_series
 from rubberfric.tabulated import log_power
 
 
@@ -23,16 +24,18 @@ class Channel(NamedTuple):
 
     `power` and `cumulative` are weights of <|F|^2> at the angular nodes i. If F is Static they are the
     integrals. If it is `logarithmic` they are weights at the contact nodes, and at the nodes between.
+    A tuple has an entry for each of the `angular.Means` of its kind.
     """
 
     stiffness: object  # Static, Relaxing or Tabulated
+    modes: Modes  # which angular means there are
     shift: object  # time-temperature shift of the solid it excites, or None
     by_node: bool  # F depends on q itself, not on q v alone
     logarithmic: bool  # <|F|^2> may change by 1e9 within a panel: see `_logarithmic`
-    power: jax.Array  # to the integral over a panel, (panels, i)
-    cumulative: jax.Array | None  # to the integral up to every contact node, (panels, order, i)
-    dissipation: jax.Array | None  # q^4 C factor dt at the contact nodes, (panels, order)
-    storage: jax.Array | None  # q^3 C factor dt [m], same shape
+    power: tuple  # to the integral over a panel, (panels, i)
+    cumulative: tuple | None  # to the integral up to every contact node, (panels, order, i)
+    dissipation: tuple | None  # q^4 C factor dt at the contact nodes, (panels, order)
+    storage: tuple | None  # q^3 C factor dt [m], same shape
 
 
 class Parts(NamedTuple):
@@ -51,97 +54,134 @@ def is_logarithmic(rough, other):
     return isinstance(other.material, VISCOELASTIC) and by_node(rough, other)
 
 
-def make_channel(mesh, j, rough, other, scale, wanted, order):
-    """Channel of the roughness j of a mesh, for the angular means `wanted`."""
-    F = series_stiffness(rough, other, scale, (mesh.angular_q.reshape(-1), mesh.q))
+def make_channel(mesh, j, pair, softened, scale, wanted, order):
+    """Channel of the roughness j of a mesh, for the angular means `wanted`.
+
+    Parameters
+    ----------
+    mesh : Mesh
+    j : which of its spectra
+    pair : (rough body, body facing it)
+    softened : `softening.Softened` or None
+    scale : modulus scale [Pa]
+    wanted : set of "power", "dissipation", "storage"
+    order : contact nodes of a panel
+    """
+    rough, other = pair
+    F = series_stiffness(rough, other, scale, (mesh.angular_q.reshape(-1), mesh.q), softened)
     static = isinstance(F, Static)
-    nodewise = by_node(rough, other) and not static
     logarithmic = is_logarithmic(rough, other)
-    factor = None if static else layer_factor(rough, other, mesh.q)
-    weight = mesh.measure * typed(gauss(order)[1], mesh.measure)
-    once = mesh.roughness[j] * weight
-    once = once if factor is None else once * factor
-    power = once if factor is None else once * factor
-    if static:
-        power = jnp.sum(power * F.value**2, -1)
-    elif not logarithmic:
-        power = jnp.einsum("kc,kci->ki", power, mesh.interpolate)
+    once = mesh.roughness[j] * (mesh.measure * typed(gauss(order)[1], mesh.measure))
+    factors = None if static else node_factors(rough, other, softened, mesh.q)
     rule = None
+    if static:
+        power = (jnp.sum(once * F.value**2, -1),)
+    else:
+        power = tuple(once if f is None else once * f for f in factors.power)
+    if not static and not logarithmic:
+        power = tuple(jnp.einsum("kc,kci->ki", weights, mesh.interpolate) for weights in power)
     if mesh.between_q is not None:
-        rule = _cumulative_rule(mesh, j, F, rough, other, scale, order, logarithmic)
+        rule = _cumulative_rule(mesh, j, pair, softened, scale, static, logarithmic, order)
     elif not static and not logarithmic:
         # Only the whole integral is wanted: the contact nodes have done their part.
-        power = jnp.zeros_like(mesh.angular_q).at[mesh.panel].add(power)
+        power = tuple(jnp.zeros_like(mesh.angular_q).at[mesh.panel].add(weights) for weights in power)
+
+    def weights_of(name, base):
+        if name not in wanted or (static and name == "dissipation"):
+            return None
+        return (base,) if static else tuple(base if f is None else base * f for f in getattr(factors, name))
+
     return Channel(
-        F,
-        getattr(other.material, "shift", None),
-        nodewise,
-        logarithmic,
-        power,
-        rule,
-        once if "dissipation" in wanted and not static else None,
-        once / mesh.q if "storage" in wanted else None,
+        stiffness=F,
+        modes=modes_of(rough, other, softened),
+        shift=getattr(other.material, "shift", None),
+        by_node=by_node(rough, other) and not static,
+        logarithmic=logarithmic,
+        power=power,
+        cumulative=rule,
+        dissipation=weights_of("dissipation", once),
+        storage=weights_of("storage", once / mesh.q),
     )
 
 
-def _cumulative_rule(mesh, j, F, rough, other, scale, order, logarithmic):
-    """Weights of <|F|^2> in g at the contact nodes, exact in the roughness and the layer.
+def _cumulative_rule(mesh, j, pair, softened, scale, static, logarithmic, order):
+    """Weights of <|F|^2> in g at the contact nodes, exact in the roughness and in all its factors.
 
-    Both may change by 1e6 within a panel, and g, where it matters most, is what the
+    They may change by 1e6 within a panel, and g, where it matters most, is what the
     small end adds up to: a rule for the product of all would lose it, or make it < 0.
     A stiffness that does not relax is known at every q and goes into the rule as well.
     """
     density = mesh.between_roughness[j]
-    if isinstance(F, Static):
-        density = density * static_series(rough, other, scale, mesh.between_q) ** 2
-        return density @ typed(cumulative(order), density).sum(-1)
-    factor = layer_factor(rough, other, mesh.between_q)
-    density = density if factor is None else density * factor**2
+    rule = typed(cumulative(order), density)
+    if static:
+        return ((density * static_series(*pair, scale, mesh.between_q, softened) ** 2) @ rule.sum(-1),)
+    factors = node_factors(*pair, softened, mesh.between_q).power
+    densities = (density if f is None else density * f for f in factors)
     if logarithmic:
-        return density * typed(between_weights(order), density).reshape(-1)
-    return jnp.tensordot(density, typed(cumulative(order), density), 1) @ mesh.interpolate
+        gaps = typed(between_weights(order), density).reshape(-1)
+        return tuple(density * gaps for density in densities)
+    return tuple(jnp.tensordot(density, rule, 1) @ mesh.interpolate for density in densities)
 
 
-def parts(channel, mesh, velocity, temperature, wanted, quadrature):
-    """`Parts` of a channel at points (velocity and temperature of shape (points,))."""
+def parts(channel, mesh, speed, wanted, quadrature):
+    """`Parts` of a channel at points.
+
+    Parameters
+    ----------
+    channel : Channel
+    mesh : Mesh
+    speed : v a_T [m/s], shape (points,), or (angular panels, points, angular order) if the temperature
+        differs from scale to scale
+    wanted : set of "power", "dissipation", "storage"
+    quadrature : Quadrature
+    """
     if isinstance(channel.stiffness, Static):
-        within = None if channel.cumulative is None else channel.cumulative[:, None]
-        means = static_means(channel.stiffness, wanted)
+        within = None if channel.cumulative is None else channel.cumulative[0][:, None]
         storage = None
         if "storage" in wanted:
-            storage = (channel.storage * means.storage)[:, None]
-        return Parts(channel.power[:, None], within, None, storage)
-
-    if temperature is not None and channel.shift is not None:
-        velocity = velocity * jnp.exp(channel.shift.log_factor(temperature))
-    means = _means_by_panel(channel, mesh, velocity, wanted, quadrature)
+            storage = (channel.storage[0] * static_means(channel.stiffness, wanted).storage[0])[:, None]
+        return Parts(channel.power[0][:, None], within, None, storage)
+    means = _means_by_panel(channel, mesh, speed, wanted, quadrature)
 
     def serving(values):
         """Means of the angular panel that serves each contact panel."""
         return values.at[mesh.panel].get(mode="promise_in_bounds")
 
-    def to_contact(values):
-        return jnp.einsum("kvi,kci->kvc", serving(values), mesh.interpolate)
+    def at_contact(weights, values):
+        interpolated = (jnp.einsum("kvi,kci->kvc", serving(mean), mesh.interpolate) for mean in values)
+        return _sum(w[:, None] * mean for w, mean in zip(weights, interpolated, strict=True))
 
     if channel.logarithmic:
-        panels, within = _logarithmic(channel, mesh, serving(log_power(means.power)))
+        pairs = [
+            _logarithmic(channel, k, mesh, serving(log_power(mean))) for k, mean in enumerate(means.power)
+        ]
+        panels, within = (None if x[0] is None else _sum(x) for x in zip(*pairs, strict=True))
     else:
         # Without nodes between, the weights are those of the angular panels themselves.
-        power = means.power if channel.cumulative is None else serving(means.power)
-        panels, within = jnp.einsum("kvi,ki->kv", power, channel.power), None
+        power = means.power if channel.cumulative is None else [serving(mean) for mean in means.power]
+        panels = _sum(map(lambda w, mean: jnp.einsum("kvi,ki->kv", mean, w), channel.power, power))
+        within = None
         if channel.cumulative is not None:
             # Over a panel of five e-folds and more, where <|F|^2> rises by 1e5, its interpolant may
             # swing below 0 at the small end: there G is that of the panels before.
-            within = jnp.maximum(jnp.einsum("kvi,kci->kvc", power, channel.cumulative), 0.0)
+            within = _sum(map(lambda w, mean: jnp.einsum("kvi,kci->kvc", mean, w), channel.cumulative, power))
+            within = jnp.maximum(within, 0.0)
     return Parts(
         panels,
         within,
-        channel.dissipation[:, None] * to_contact(means.dissipation) if "dissipation" in wanted else None,
-        channel.storage[:, None] * to_contact(means.storage) if "storage" in wanted else None,
+        at_contact(channel.dissipation, means.dissipation) if "dissipation" in wanted else None,
+        at_contact(channel.storage, means.storage) if "storage" in wanted else None,
     )
 
 
-def _logarithmic(channel, mesh, log_means):
+def _sum(terms):
+    total = None
+    for term in terms:
+        total = term if total is None else total + term
+    return total
+
+
+def _logarithmic(channel, k, mesh, log_means):
     """Integrals of g where <|F|^2> may change by 1e9 within a panel, of its logarithm at angular nodes.
 
     So it may with two deformable solids and a layer, as F follows Sbar, and with a tabulated
@@ -149,19 +189,25 @@ def _logarithmic(channel, mesh, log_means):
     small end keeps its digits and G stays positive.
     """
     power = jnp.exp(jnp.einsum("kvi,kci->kvc", log_means, mesh.interpolate))
-    panels = jnp.einsum("kvc,kc->kv", power, channel.power)
+    panels = jnp.einsum("kvc,kc->kv", power, channel.power[k])
     if channel.cumulative is None:
         return panels, None
     between = jnp.exp(jnp.einsum("kvi,ksi->kvs", log_means, mesh.between_interpolate))
     order = mesh.q.shape[1]
-    gaps = (channel.cumulative[:, None] * between).reshape(*between.shape[:2], order, -1).sum(-1)
+    gaps = (channel.cumulative[k][:, None] * between).reshape(*between.shape[:2], order, -1).sum(-1)
     return panels, gaps @ np.triu(np.ones((order, order), gaps.dtype))
 
 
-def _means_by_panel(channel, mesh, velocity, wanted, quadrature):
+def _means_by_panel(channel, mesh, speed, wanted, quadrature):
     """Angular means at the angular nodes, (angular panels, points, angular order)."""
-    F, q = channel.stiffness, mesh.angular_q
+    F, q, split = channel.stiffness, mesh.angular_q, channel.modes.split
     if not channel.by_node:
-        return angular_means(F, velocity[:, None] * q[:, None], wanted, quadrature)
-    means = angular_means(F, velocity[:, None] * q.reshape(-1), wanted, quadrature)
+        speed = speed[:, None] if speed.ndim == 1 else speed
+        return angular_means(F, speed * q[:, None], wanted, quadrature, split)
+    flat = q.reshape(-1)
+    if speed.ndim == 1:
+        qv = speed[:, None] * flat
+    else:
+        qv = jnp.swapaxes(speed, 0, 1).reshape(-1, flat.size) * flat
+    means = angular_means(F, qv, wanted, quadrature, split)
     return jax.tree.map(lambda x: jnp.swapaxes(x.reshape(-1, *q.shape), 0, 1), means)

@@ -23,6 +23,7 @@ from rubberfric.correction import correct_argument, correction_table
 from rubberfric.mesh import Mesh, build_mesh
 from rubberfric.quadrature import Quadrature
 from rubberfric.scene import dissipates, rough_pairs
+from rubberfric.softening import Softened, knots
 from rubberfric.spectra import broken_power_law
 from rubberfric.stiffness import modulus_scale
 
@@ -53,12 +54,13 @@ def prepare(scene, quantities, quadrature):
     if not wanted:
         return Prepared(None, (), None, None, None, quantities, wanted, quadrature)
     logarithmic = any(is_logarithmic(*pair) for pair in pairs)
-    laws = [broken_power_law(rough.spectrum) for rough, _ in pairs]
-    mesh = build_mesh(laws, quadrature, graded=wanted != {"power"}, logarithmic=logarithmic)
+    laws = tuple(broken_power_law(rough.spectrum) for rough, _ in pairs)
+    softened = None if scene.softening is None else Softened(scene.softening, laws)
+    marks = None if softened is None else knots(softened)
+    mesh = build_mesh(laws, quadrature, graded=wanted != {"power"}, logarithmic=logarithmic, marks=marks)
     scale = modulus_scale(scene)
     channels = tuple(
-        make_channel(mesh, j, rough, other, scale, wanted, quadrature.order)
-        for j, (rough, other) in enumerate(pairs)
+        make_channel(mesh, j, pair, softened, scale, wanted, quadrature.order) for j, pair in enumerate(pairs)
     )
     corrected = scene.area_correction and ("area" in quantities or "dissipation" in wanted)
     table = correction_table(scene.gamma) if corrected else None
@@ -91,7 +93,7 @@ def _integrals(prepared, velocity, pressure, temperature):
     """What does not follow from the structure of the scene alone."""
     wanted, results = prepared.wanted, {}
     found = [
-        parts(channel, prepared.mesh, velocity, temperature, wanted, prepared.quadrature)
+        parts(channel, prepared.mesh, _speed(channel, velocity, temperature), wanted, prepared.quadrature)
         for channel in prepared.channels
     ]
     stiffness = prepared.scale / pressure
@@ -113,6 +115,13 @@ def _integrals(prepared, velocity, pressure, temperature):
         weight = separation_weight(x, prepared.gamma)
         results["separation"] = jnp.pi / 2 * stiffness * jnp.sum(weight * density, (0, 2))
     return results
+
+
+def _speed(channel, velocity, temperature):
+    """v a_T [m/s]."""
+    if temperature is None or channel.shift is None:
+        return velocity
+    return velocity * jnp.exp(channel.shift.log_factor(temperature))
 
 
 def _corrected(prepared, x):

@@ -48,8 +48,10 @@ class Scene:
         ratio of separations at two loads).
     shear : ContactShear or None
         shear stress in the area of contact; adds to the friction only.
-    heating, softening : None
+    heating : None
         reserved; anything else is a ValueError.
+    softening : Softening or None
+        E' and E'' of viscoelastic solids fall with the strain of each length scale.
 
     Two rigid bodies raise ValueError: nothing would deform.
     """
@@ -60,7 +62,7 @@ class Scene:
     area_correction: bool = static((False, True), default=False)
     shear: object = child(("ContactShear",), default=None)
     heating: object = child((), default=None)
-    softening: object = child((), default=None)
+    softening: object = child(("Softening",), default=None)
 
     def _check(self):
         if isinstance(self.lower.material, Rigid) and isinstance(self.upper.material, Rigid):

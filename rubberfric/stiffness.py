@@ -27,6 +27,7 @@ from rubberfric.materials import (
     static_modulus,
 )
 from rubberfric.series import in_series
+from rubberfric.softening import softening_factors
 
 
 class Static(NamedTuple):
@@ -75,7 +76,7 @@ def _highest(material):
     return glassy * plane_strain(material)
 
 
-def series_stiffness(rough, other, scale, q):
+def series_stiffness(rough, other, scale, q, softened=None):
     """F of K_j for roughness on `rough`, facing `other`, without the factor of `layer_factor`.
 
     Parameters
@@ -84,6 +85,7 @@ def series_stiffness(rough, other, scale, q):
     scale : modulus scale [Pa]
     q : (angular nodes, contact nodes) [1/m], any shapes
         A Static F is given at the contact nodes, any other at the angular nodes.
+    softened : `softening.Softened` or None
 
     Returns
     -------
@@ -91,7 +93,7 @@ def series_stiffness(rough, other, scale, q):
     """
     angular_q, contact_q = q
     if not isinstance(other.material, VISCOELASTIC):
-        return Static(static_series(rough, other, scale, contact_q))
+        return Static(static_series(rough, other, scale, contact_q, softened))
     unit = plane_strain(other.material) / scale
     spring = None
     if not isinstance(rough.material, Rigid):
@@ -121,13 +123,20 @@ def layer_factor(rough, other, q):
     return stiffening(other.layer, other.material.poisson, q)
 
 
-def static_series(rough, other, scale, q):
+def static_series(rough, other, scale, q, softened=None):
     """K_j / (q/2 scale) where neither solid's relaxation is excited: two springs in series."""
     springs = [
         static_modulus(body.material) * plane_strain(body.material) / scale * _layer(body, q)
         for body in (rough, other)
         if not isinstance(body.material, Rigid)
     ]
+    if softened is not None:
+        soft = softening_factors(softened, q)[0]
+        deformable = [body for body in (rough, other) if not isinstance(body.material, Rigid)]
+        springs = [
+            spring * soft if isinstance(body.material, VISCOELASTIC) else spring
+            for body, spring in zip(deformable, springs, strict=True)
+        ]
     if len(springs) == 1:
         return springs[0]
     soft, hard = jnp.minimum(*springs), jnp.maximum(*springs)

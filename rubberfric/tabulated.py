@@ -45,7 +45,7 @@ def interpolated_modulus(material, log_omega):
     return jnp.exp(between(material.storage)), loss
 
 
-def tabulated_means(F, qv, wanted, angle):
+def tabulated_means(F, qv, wanted, angle, split=False):
     """(power, dissipation, storage) of a Tabulated stiffness, as `angular.angular_means`."""
     # Far below the table F is its static value and Im F is linear in q v: the means are
     # taken at the floor and the dissipation scaled, so that v = 0 keeps its derivative.
@@ -53,18 +53,18 @@ def tabulated_means(F, qv, wanted, angle):
     tiny = jnp.finfo(qv.dtype).tiny
     log_qv = jnp.maximum(jnp.log(jnp.maximum(jnp.abs(qv), tiny)), floor)
     if F.spring is not None and F.spring.ndim:
-        means = _direct(F, log_qv, wanted, angle)
+        means = _direct(F, log_qv, wanted, angle, split)
     else:
-        means = _by_table(F, log_qv, wanted, angle)
+        means = _by_table(F, log_qv, wanted, angle, split)
     power, dissipation, storage = means
     if dissipation is not None:
-        dissipation = dissipation * (qv * jnp.exp(-log_qv))
-        if F.material.outside == "hold":  # E'' does not vanish at v = 0+: only the sign is left
-            dissipation = means[1] * jnp.sign(qv)
+        # If E'' does not vanish at v = 0+, only the sign is left.
+        sign = jnp.sign(qv) if F.material.outside == "hold" else qv * jnp.exp(-log_qv)
+        dissipation = tuple(mean * sign for mean in dissipation)
     return power, dissipation, storage
 
 
-def _direct(F, log_qv, wanted, angle):
+def _direct(F, log_qv, wanted, angle, split):
     """Means at every node by its own angular integral; scale and spring of shape () or (nodes,)."""
     order = max(2, angle // (len(_EDGES) - 1))
     node, weight = gauss(order)
@@ -82,14 +82,15 @@ def _direct(F, log_qv, wanted, angle):
         share = spring / ((storage + spring) ** 2 + loss**2)
         storage = share * (spring * storage + power)
         power, loss = share * spring * power, share * spring * loss
+    powers = (storage**2, loss**2) if split else (power,)
     return (
-        power @ weight if "power" in wanted else None,
-        (loss * sine) @ weight if "dissipation" in wanted else None,
-        storage @ weight if "storage" in wanted else None,
+        tuple(power @ weight for power in powers) if "power" in wanted else None,
+        ((loss * sine) @ weight,) if "dissipation" in wanted else None,
+        (storage @ weight,) if "storage" in wanted else None,
     )
 
 
-def _by_table(F, log_qv, wanted, angle):
+def _by_table(F, log_qv, wanted, angle, split):
     """Means over a uniform grid of ln(q v), cubic between its entries; <|F|^2> in the logarithm.
 
     Where E' steps up, a cubic of <|F|^2> itself would swing below 0.
@@ -98,7 +99,7 @@ def _by_table(F, log_qv, wanted, angle):
     low, high = (jax.lax.stop_gradient(f(log_qv)) for f in (jnp.min, jnp.max))
     step = jnp.maximum(high - low, 1e-3) / (count - 3)
     grid = low + step * (np.arange(count) - 1)
-    table = _direct(F, grid, wanted, angle)
+    table = _direct(F, grid, wanted, angle, split)
     position = (log_qv - grid[0]) / step
     index = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)).astype(int), 1, count - 3)
     t = position - index
@@ -111,14 +112,12 @@ def _by_table(F, log_qv, wanted, angle):
     )
 
     def interpolate(values):
-        if values is None:
-            return None
         return sum(w * values[index + k - 1] for k, w in enumerate(weights))
 
-    power, dissipation, storage = table
+    power, *others = table
     if power is not None:
-        power = jnp.exp(interpolate(log_power(power)))
-    return power, interpolate(dissipation), interpolate(storage)
+        power = tuple(jnp.exp(interpolate(log_power(mean))) for mean in power)
+    return power, *(None if means is None else tuple(map(interpolate, means)) for means in others)
 
 
 def log_power(power):

@@ -1,0 +1,53 @@
+"""What multiplies q^4 C at a wavevector: layer, softening, and the harmonics of anisotropic roughness.
+
+The angular means of the stiffness are smooth in ln q and interpolated between the angular
+nodes; the factors here are not, and are exact at every contact node. A quantity is the sum
+over its means of factor times mean, one of each for a plain scene.
+"""
+
+from typing import NamedTuple
+
+from rubberfric.materials import VISCOELASTIC, Rigid
+from rubberfric.softening import softening_factors
+from rubberfric.stiffness import layer_factor
+
+
+class Modes(NamedTuple):
+    """Which angular means a channel needs."""
+
+    split: bool = False  # <F'^2> and <F''^2> apart, for softening changes them differently
+    harmonics: int = 0  # highest m of cos(2 m phi) in the roughness
+
+
+class Factors(NamedTuple):
+    """Factors of the means of each kind, tuples in the order of `angular.Means`; None is 1."""
+
+    power: tuple
+    dissipation: tuple
+    storage: tuple
+
+
+def modes_of(rough, other, softened):
+    """`Modes` of roughness on `rough` facing `other`."""
+    soft = softened is not None and isinstance(other.material, VISCOELASTIC)
+    return Modes(soft and isinstance(rough.material, Rigid))
+
+
+def node_factors(rough, other, softened, q):
+    """`Factors` at wavevectors q [1/m], for a stiffness that relaxes.
+
+    Parameters
+    ----------
+    rough, other : Body
+    softened : `softening.Softened` or None
+    q : any shape
+    """
+    layer = layer_factor(rough, other, q)
+    if not modes_of(rough, other, softened).split:
+        return Factors((_times(layer, layer),), (layer,), (layer,))
+    storage, loss = (_times(layer, x) for x in softening_factors(softened, q))
+    return Factors((storage**2, loss**2), (loss,), (storage,))
+
+
+def _times(a, b):
+    return b if a is None else a if b is None else a * b
