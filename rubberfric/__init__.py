@@ -4,12 +4,13 @@ from rubberfric.files import load_scene, save_scene
 from rubberfric.layers import Slab
 from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus, complex_modulus
 from rubberfric.model import Solution, contact_area, friction, friction_outside_table, separation, solve
+from rubberfric.moments import cutoff, moment, rms_height, rms_slope, with_cutoff
 from rubberfric.quadrature import Quadrature
 from rubberfric.scene import Body, Scene
 from rubberfric.shear import ContactShear
 from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
 from rubberfric.softening import Softening
-from rubberfric.spectra import SelfAffine, TabulatedSpectrum, moment, power_spectrum, rms_slope
+from rubberfric.spectra import SelfAffine, TabulatedSpectrum, power_spectrum
 from rubberfric.sweep import accuracy
 
 __all__ = [
@@ -32,13 +33,16 @@ __all__ = [
     "accuracy",
     "complex_modulus",
     "contact_area",
+    "cutoff",
     "friction",
     "friction_outside_table",
     "load_scene",
     "moment",
     "power_spectrum",
+    "rms_height",
     "rms_slope",
     "save_scene",
     "separation",
     "solve",
+    "with_cutoff",
 ]

@@ -20,9 +20,9 @@ import numpy as np
 
 from rubberfric.materials import TabulatedModulus
 from rubberfric.model import QUANTITIES, solve
+from rubberfric.moments import moment
 from rubberfric.quadrature import Quadrature
 from rubberfric.scene import cast, rough_pairs
-from rubberfric.spectra import moment
 
 REFINED = (
     Quadrature(order=16, panels=40, graded=20, ratio=3.0, angular_order=18, angle=900),

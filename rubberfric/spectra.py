@@ -141,23 +141,6 @@ def _log_shape(law, q):
     return law.log_value[piece] + law.exponent[piece] * log_ratio(q, law.q[piece]) - 2 * jnp.log(q)
 
 
-def moment(spectrum, order):
-    r"""Spectral moment 2 pi int q^(1 + order) C dq, exact piece by piece.
-
-    order 0: h_rms^2 [m^2]; 2: mean square slope [-]; 4: mean square curvature [1/m^2].
-    """
-    law = broken_power_law(spectrum)
-    width = log_ratio(law.q[1:], law.q[:-1])
-    growth = (law.exponent + order) * width
-    left = jnp.exp(law.log_value[:-1] + order * jnp.log(law.q[:-1]))
-    return 2 * jnp.pi * law.height2 * jnp.sum(left * width * _mean_growth(growth))
-
-
-def rms_slope(spectrum):
-    """Root-mean-square slope [-]."""
-    return jnp.sqrt(moment(spectrum, 2))
-
-
 def _log_plateau(spectrum):
     r"""ln(q_r^2 C_0 / h_rms^2), from h_rms^2 = 2 pi int q C dq.
 
