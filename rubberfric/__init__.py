@@ -1,6 +1,7 @@
 """rubberfric: differentiable rubber friction after Scaraggi and Persson."""
 
 from rubberfric.files import load_scene, save_scene
+from rubberfric.heating import Heating
 from rubberfric.layers import Slab
 from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus, complex_modulus
 from rubberfric.model import Solution, contact_area, friction, friction_outside_table, separation, solve
@@ -19,6 +20,7 @@ __all__ = [
     "Body",
     "ContactShear",
     "Elastic",
+    "Heating",
     "Prony",
     "Quadrature",
     "Rigid",

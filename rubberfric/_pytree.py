@@ -22,9 +22,9 @@ def between(low, high):
     return (f"must be between {low} and {high}", lambda x: (x >= low) & (x <= high))
 
 
-def leaf(rule=FINITE, ndim=0, **options):
-    """Field that gradients go through: a float scalar, or a float vector if ndim = 1."""
-    return dataclasses.field(metadata={"rule": rule, "ndim": ndim}, **options)
+def leaf(rule=FINITE, ndim=0, optional=False, **options):
+    """Field that gradients go through: a float scalar, or a float vector if ndim = 1; None if optional."""
+    return dataclasses.field(metadata={"rule": rule, "ndim": ndim, "optional": optional}, **options)
 
 
 def static(choices=None, **options):
@@ -113,7 +113,7 @@ def physical(cls):
                     raise ValueError(f"{name} = {_shown(value)}: must be one of {allowed}")
             elif "child" in meta:
                 _check_child(name, value, meta)
-            else:
+            elif value is not None or not meta["optional"]:
                 value = as_leaf(name, value, meta["ndim"])
                 check_values(name, value, meta["rule"])
                 object.__setattr__(self, field.name, value)

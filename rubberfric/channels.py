@@ -149,22 +149,22 @@ def parts(channel, mesh, speed, wanted, quadrature):
 
     def at_contact(weights, values):
         interpolated = (jnp.einsum("kvi,kci->kvc", serving(mean), mesh.interpolate) for mean in values)
-        return _sum(w[:, None] * mean for w, mean in zip(weights, interpolated, strict=True))
+        return total(w[:, None] * mean for w, mean in zip(weights, interpolated, strict=True))
 
     if channel.logarithmic:
         pairs = [
             _logarithmic(channel, k, mesh, serving(log_power(mean))) for k, mean in enumerate(means.power)
         ]
-        panels, within = (None if x[0] is None else _sum(x) for x in zip(*pairs, strict=True))
+        panels, within = (None if x[0] is None else total(x) for x in zip(*pairs, strict=True))
     else:
         # Without nodes between, the weights are those of the angular panels themselves.
         power = means.power if channel.cumulative is None else [serving(mean) for mean in means.power]
-        panels = _sum(map(lambda w, mean: jnp.einsum("kvi,ki->kv", mean, w), channel.power, power))
+        panels = total(map(lambda w, mean: jnp.einsum("kvi,ki->kv", mean, w), channel.power, power))
         within = None
         if channel.cumulative is not None:
             # Over a panel of five e-folds and more, where <|F|^2> rises by 1e5, its interpolant may
             # swing below 0 at the small end: there G is that of the panels before.
-            within = _sum(map(lambda w, mean: jnp.einsum("kvi,kci->kvc", mean, w), channel.cumulative, power))
+            within = total(map(lambda w, mean: jnp.einsum("kvi,kci->kvc", mean, w), channel.cumulative, power))
             within = jnp.maximum(within, 0.0)
     return Parts(
         panels,
@@ -174,11 +174,10 @@ def parts(channel, mesh, speed, wanted, quadrature):
     )
 
 
-def _sum(terms):
-    total = None
-    for term in terms:
-        total = term if total is None else total + term
-    return total
+def total(terms):
+    """Sum of arrays, without a zero to begin with."""
+    first, *others = terms
+    return sum(others, first)
 
 
 def _logarithmic(channel, k, mesh, log_means):

@@ -34,6 +34,7 @@ class Mesh(NamedTuple):
     panel: jax.Array  # the angular panel that serves each contact panel, (contact panels,)
     interpolate: jax.Array  # from angular to contact nodes, (contact panels, order, angular_order)
     between_interpolate: jax.Array | None  # to the nodes between, if asked for
+    last: jax.Array  # largest wavevector of the roughness [1/m]
     marks: jax.Array | None  # how many contact panels lie before each mark, if there are marks
 
 
@@ -121,6 +122,7 @@ def build_mesh(laws, quadrature, graded=True, logarithmic=False, marks=None):
         panel=panel,
         interpolate=_interpolation(nodes, *serving),
         between_interpolate=between_interpolate,
+        last=jnp.exp(start + last),
         marks=None if marks is None else rank[-marks.shape[0] :],
     )
 

@@ -10,6 +10,7 @@ series stiffness K_j (see `rubberfric.stiffness`):
           \int_{\sigma_0}^\infty \frac{dp}{2p}\frac{\partial[SP]}{\partial p}
 
 mu is the viscoelastic friction; contact shear (`rubberfric.shear`) adds to it where the scene has it.
+Strain softening (`rubberfric.softening`) and frictional heating (`rubberfric.heating`) change K_j.
 """
 
 import dataclasses
@@ -24,9 +25,10 @@ from rubberfric._pytree import FINITE, POSITIVE, as_leaf, check_values
 from rubberfric.materials import TabulatedModulus
 from rubberfric.quadrature import Quadrature
 from rubberfric.radial import evaluate, prepare
-from rubberfric.scene import Scene, cast, result_dtype, shifts
+from rubberfric.scene import Scene, cast, result_dtype, shifts, takes_temperature
 from rubberfric.shear import shear_friction
 from rubberfric.single import check_single
+from rubberfric.thermal import shear_temperature
 
 QUANTITIES = ("area", "friction", "separation")
 
@@ -43,6 +45,8 @@ class Solution(NamedTuple):
     separation: jax.Array | None = None  # u_bar [m]
     viscoelastic_friction: jax.Array | None = None  # [-]
     shear_friction: jax.Array | None = None  # mu_con; 0 in a scene without contact shear [-]
+    flash_temperature: jax.Array | None = None  # of the contact, of two deformable solids the mean [K]
+    converged: jax.Array | None = None  # whether the temperatures of a heated scene did, bool
 
 
 _DEFAULT = Quadrature()
@@ -58,7 +62,8 @@ def contact_area(scene, velocity, pressure, temperature=None, *, quadrature=_DEF
     ----------
     scene : Scene
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
-        temperature None: every shift at its reference temperature.
+        temperature None: every shift at its reference temperature. A heated scene needs one: that
+        far from the contact.
     quadrature : Quadrature, static
 
     Returns
@@ -68,8 +73,8 @@ def contact_area(scene, velocity, pressure, temperature=None, *, quadrature=_DEF
     Raises
     ------
     ValueError : concrete pressure <= 0, any NaN, a temperature outside a shift's range,
-        or a temperature although nothing in the scene has a shift; in float32 also what
-        single precision cannot hold (`rubberfric.single`).
+        a temperature although nothing in the scene depends on it, or none although the scene is
+        heated; in float32 also what single precision cannot hold (`rubberfric.single`).
 
     Notes
     -----
@@ -150,8 +155,9 @@ def solve(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT, q
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
     quadrature : Quadrature, static
     quantities : names out of "area", "friction", "separation", and for the parts of the friction
-        "viscoelastic_friction", "shear_friction"
-        only these are computed. The contact shear needs no more than the area.
+        "viscoelastic_friction", "shear_friction"; of a heated scene "flash_temperature" (at the largest
+        wavevector) and "converged": False where the temperatures are a last iterate, not a solution.
+        Only these are computed. The contact shear needs no more than the area.
 
     Returns
     -------
@@ -159,7 +165,7 @@ def solve(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT, q
 
     Raises
     ------
-    ValueError : as `contact_area`, or an unknown quantity.
+    ValueError : as `contact_area`, an unknown quantity, or one of heating although the scene has none.
     """
     quantities = (quantities,) if isinstance(quantities, str) else tuple(quantities)
     for name in quantities:
@@ -168,11 +174,15 @@ def solve(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT, q
     for name, value, cls in (("scene", scene, Scene), ("quadrature", quadrature, Quadrature)):
         if not isinstance(value, cls):
             raise ValueError(f"{name} is a {type(value).__name__}: must be a {cls.__name__}")
+    if scene.heating is None and {"flash_temperature", "converged"} & set(quantities):
+        raise ValueError("quantities has 'flash_temperature' or 'converged': the scene must have heating")
     velocity = _condition("velocity", velocity, FINITE)
     pressure = _condition("pressure", pressure, POSITIVE)
     if temperature is not None:
         temperature = _condition("temperature", temperature, POSITIVE)
         _check_temperature(scene, temperature)
+    elif scene.heating is not None:
+        raise ValueError("temperature is missing: a scene with heating needs that far from the contact [K]")
 
     shapes = {"velocity": jnp.shape(velocity), "pressure": jnp.shape(pressure)}
     if temperature is not None:
@@ -219,7 +229,7 @@ def prepare_quantities(scene, quantities, quadrature):
 def evaluate_quantities(ready, quantities, points):
     """Quantities at points [velocity, pressure(, temperature)] of shape (n,): dict of arrays (n,)."""
     prepared, shear = ready
-    results = _with_shear(shear, evaluate(prepared, *points), quantities, points)
+    results = _with_shear(shear, prepared.thermal, evaluate(prepared, *points), quantities, points)
     return {name: jnp.broadcast_to(results[name], points[0].shape) for name in quantities}
 
 
@@ -230,11 +240,13 @@ def _integrals(scene, quantities):
         "area": "area" in quantities or sheared,
         "friction": "friction" in quantities or "viscoelastic_friction" in quantities,
         "separation": "separation" in quantities,
+        "flash_temperature": "flash_temperature" in quantities,
+        "converged": "converged" in quantities,
     }
     return tuple(name for name in needed if needed[name])
 
 
-def _with_shear(shear, integrals, quantities, points):
+def _with_shear(shear, thermal, integrals, quantities, points):
     """All quantities at points from the radial integrals, of which the friction is viscoelastic."""
     results = dict(integrals)
     if "viscoelastic_friction" in quantities:
@@ -242,6 +254,10 @@ def _with_shear(shear, integrals, quantities, points):
     if shear is None and "shear_friction" in quantities:
         results["shear_friction"] = jnp.zeros_like(points[0])
     if shear is not None and {"friction", "shear_friction"} & set(quantities):
+        if thermal is not None:
+            *others, background = points
+            surface = shear_temperature(thermal.heating, integrals["flash_temperature"], background)
+            points = (*others, surface)
         results["shear_friction"] = shear_friction(shear, integrals["area"], *points)
     if shear is not None and "friction" in quantities:
         results["friction"] = integrals["friction"] + results["shear_friction"]
@@ -297,7 +313,7 @@ def _condition(name, value, rule):
 
 
 def _check_temperature(scene, temperature):
-    if not shifts(scene):
+    if not takes_temperature(scene):
         raise ValueError("temperature is given, but nothing in the scene has a shift: must be None")
     for shift in shifts(scene):
         shift.check_temperature(temperature)

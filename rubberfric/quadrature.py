@@ -38,6 +38,8 @@ class Quadrature:
         nodes of an angular panel, where the angular integrals of the stiffness are evaluated.
     angle : int, 24 ... 1200
         nodes of the angular integral over a TabulatedModulus (Prony solids need none).
+    heat : int, 40 ... 2000
+        nodes of the sum over ln k of the temperatures of a heated scene.
     """
 
     order: int = 12
@@ -46,6 +48,7 @@ class Quadrature:
     ratio: float = 4.5
     angular_order: int = 14
     angle: int = 192
+    heat: int = 160
 
     def __post_init__(self):
         limits = {
@@ -54,6 +57,7 @@ class Quadrature:
             "graded": (0, 40),
             "angular_order": (4, 64),
             "angle": (24, 1200),
+            "heat": (40, 2000),
         }
         for name, (low, high) in limits.items():
             value = getattr(self, name)

@@ -15,17 +15,18 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
-from rubberfric.channels import is_logarithmic, make_channel, parts
-from rubberfric.contact import contact_argument, contact_fraction, friction_weight, separation_weight
-from rubberfric.correction import correct_argument, correction_table
+from rubberfric.channels import is_logarithmic, make_channel, total
+from rubberfric.contact import separation_weight
+from rubberfric.correction import correction_table
 from rubberfric.mesh import Mesh, build_mesh
 from rubberfric.quadrature import Quadrature
 from rubberfric.scene import dissipates, rough_pairs
 from rubberfric.softening import Softened, knots
 from rubberfric.spectra import broken_power_law
+from rubberfric.state import contact, contact_area, friction_terms
 from rubberfric.stiffness import modulus_scale
+from rubberfric.thermal import Thermal, macroasperity, prepare_thermal, temperatures
 
 
 class Prepared(NamedTuple):
@@ -36,6 +37,7 @@ class Prepared(NamedTuple):
     scale: jax.Array | None  # unit of all moduli [Pa]
     gamma: jax.Array | None
     correction: object  # table of S in G, or None
+    thermal: Thermal | None
     quantities: tuple
     wanted: frozenset  # angular means: "power", "dissipation", "storage"
     quadrature: Quadrature
@@ -50,21 +52,36 @@ def prepare(scene, quantities, quadrature):
         wanted |= {"power", "dissipation"}
     if pairs and "separation" in quantities:
         wanted |= {"power", "storage"}
+    if pairs and scene.heating is not None and quantities:
+        wanted |= {"power", "dissipation"} if dissipates(scene) else {"power"}
     wanted = frozenset(wanted)
     if not wanted:
-        return Prepared(None, (), None, None, None, quantities, wanted, quadrature)
+        return Prepared(None, (), None, None, None, None, quantities, wanted, quadrature)
     logarithmic = any(is_logarithmic(*pair) for pair in pairs)
     laws = tuple(broken_power_law(rough.spectrum) for rough, _ in pairs)
     softened = None if scene.softening is None else Softened(scene.softening, laws)
-    marks = None if softened is None else knots(softened)
-    mesh = build_mesh(laws, quadrature, graded=wanted != {"power"}, logarithmic=logarithmic, marks=marks)
+    mesh = build_mesh(
+        laws,
+        quadrature,
+        graded=wanted != {"power"} or scene.heating is not None,
+        logarithmic=logarithmic,
+        marks=_marks(scene, softened),
+    )
     scale = modulus_scale(scene)
     channels = tuple(
         make_channel(mesh, j, pair, softened, scale, wanted, quadrature.order) for j, pair in enumerate(pairs)
     )
     corrected = scene.area_correction and ("area" in quantities or "dissipation" in wanted)
     table = correction_table(scene.gamma) if corrected else None
-    return Prepared(mesh, channels, scale, scene.gamma, table, quantities, wanted, quadrature)
+    thermal = None if scene.heating is None else prepare_thermal(scene, mesh, quadrature)
+    return Prepared(mesh, channels, scale, scene.gamma, table, thermal, quantities, wanted, quadrature)
+
+
+def _marks(scene, softened):
+    """Wavevectors that must be borders of panels: the macroasperities' comes first."""
+    marks = [] if scene.heating is None else [macroasperity(scene.heating)[None]]
+    marks += [] if softened is None else [knots(softened)]
+    return jnp.concatenate(marks) if marks else None
 
 
 def evaluate(prepared, velocity, pressure, temperature=None):
@@ -78,64 +95,33 @@ def evaluate(prepared, velocity, pressure, temperature=None):
 
     Returns
     -------
-    dict from the names in prepared.quantities to arrays.
+    dict from the names in prepared.quantities to arrays; of a heated scene also "flash_temperature"
+    and "converged".
     """
     quantities, wanted = prepared.quantities, prepared.wanted
     results = _integrals(prepared, velocity, pressure, temperature) if wanted else {}
-    constants = {"area": 1.0, "friction": 0.0, "separation": 0.0}
-    return {
-        name: results[name] if name in results else jnp.full_like(pressure, constants[name])
-        for name in quantities
+    constants = {"area": 1.0, "friction": 0.0, "separation": 0.0, "converged": True}
+    if not wanted and temperature is not None:
+        results = {"flash_temperature": temperature}  # without roughness there is no scale to be hot
+    return results | {
+        name: jnp.full_like(pressure, constants[name]) for name in quantities if name not in results
     }
 
 
 def _integrals(prepared, velocity, pressure, temperature):
     """What does not follow from the structure of the scene alone."""
     wanted, results = prepared.wanted, {}
-    found = [
-        parts(channel, prepared.mesh, _speed(channel, velocity, temperature), wanted, prepared.quadrature)
-        for channel in prepared.channels
-    ]
-    stiffness = prepared.scale / pressure
+    warm = [temperature] * len(prepared.channels)
+    if prepared.thermal is not None:
+        warm, flash, converged = temperatures(prepared, velocity, pressure, temperature)
+        results |= {"flash_temperature": flash, "converged": converged}
+    state = contact(prepared, velocity, pressure, warm)
     if "area" in prepared.quantities:
-        whole = _sum(jnp.sum(part.panels, 0) for part in found)
-        x = contact_argument(jnp.pi / 4 * whole, stiffness)
-        results["area"] = contact_fraction(_corrected(prepared, x))
-    if wanted == {"power"}:
-        return results
-    panels = _sum(part.panels for part in found)
-    g = jnp.pi / 4 * (_sum_before(panels)[..., None] + _sum(part.within for part in found))
-    x = contact_argument(g, stiffness[:, None])
-    if "dissipation" in wanted:
-        density = _sum(part.dissipation for part in found if part.dissipation is not None)
-        weight = friction_weight(_corrected(prepared, x), prepared.gamma)
-        results["friction"] = jnp.pi * stiffness * jnp.sum(weight * density, (0, 2))
+        results["area"] = contact_area(prepared, state)
+    if "dissipation" in wanted and "friction" in prepared.quantities:
+        results["friction"] = sum(jnp.sum(terms, (0, 2)) for terms in friction_terms(prepared, state).values())
     if "storage" in wanted:
-        density = _sum(part.storage for part in found)
-        weight = separation_weight(x, prepared.gamma)
-        results["separation"] = jnp.pi / 2 * stiffness * jnp.sum(weight * density, (0, 2))
+        density = total(part.storage for part in state.parts)
+        weight = separation_weight(state.x, prepared.gamma)
+        results["separation"] = jnp.pi / 2 * state.stiffness * jnp.sum(weight * density, (0, 2))
     return results
-
-
-def _speed(channel, velocity, temperature):
-    """v a_T [m/s]."""
-    if temperature is None or channel.shift is None:
-        return velocity
-    return velocity * jnp.exp(channel.shift.log_factor(temperature))
-
-
-def _corrected(prepared, x):
-    """S in G, where the scene asks for it."""
-    return x if prepared.correction is None else correct_argument(prepared.correction, x)
-
-
-def _sum_before(panels):
-    """Sum over the panels before each one, without subtracting: a panel 1e20 times larger loses nothing."""
-    return np.tril(np.ones((panels.shape[0],) * 2, panels.dtype), -1) @ panels
-
-
-def _sum(terms):
-    total = None
-    for term in terms:
-        total = term if total is None else total + term
-    return total

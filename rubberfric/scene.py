@@ -48,8 +48,8 @@ class Scene:
         ratio of separations at two loads).
     shear : ContactShear or None
         shear stress in the area of contact; adds to the friction only.
-    heating : None
-        reserved; anything else is a ValueError.
+    heating : Heating or None
+        friction heats the deformable solids, each length scale to its own temperature.
     softening : Softening or None
         E' and E'' of viscoelastic solids fall with the strain of each length scale.
 
@@ -61,7 +61,7 @@ class Scene:
     gamma: float = leaf(between(0.0, 1.0), default=0.5)
     area_correction: bool = static((False, True), default=False)
     shear: object = child(("ContactShear",), default=None)
-    heating: object = child((), default=None)
+    heating: object = child(("Heating",), default=None)
     softening: object = child(("Softening",), default=None)
 
     def _check(self):
@@ -80,6 +80,11 @@ def shifts(scene):
         getattr(part, "shift", None) for part in (scene.lower.material, scene.upper.material, scene.shear)
     )
     return [shift for shift in found if shift is not None]
+
+
+def takes_temperature(scene):
+    """Whether anything in the scene depends on temperature."""
+    return scene.heating is not None or bool(shifts(scene))
 
 
 def rough_pairs(scene):

@@ -18,11 +18,13 @@ import dataclasses
 import h5py
 
 from rubberfric._hdf5 import check_names, plain, read_values, write_values
+from rubberfric.heating import Heating
 from rubberfric.layers import Slab
 from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus
 from rubberfric.scene import Body, Scene
 from rubberfric.shear import ContactShear
 from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
+from rubberfric.softening import Softening
 from rubberfric.spectra import SelfAffine, TabulatedSpectrum
 from rubberfric.tables import closest
 
@@ -43,6 +45,15 @@ UNITS = {
     TabulatedSpectrum: {"q": "1/m", "C": "m^4"},
     Slab: {"thickness": "m"},
     ContactShear: {"tau_f0": "Pa", "c": "-", "v0": "m/s"},
+    Softening: {"strain": "-", "storage": "-", "loss": "-", "factor": "-"},
+    Heating: {
+        "density": "kg/m^3",
+        "heat_capacity": "J/(kg K)",
+        "conductivity": "W/(m K)",
+        "radius": "m",
+        "area_fraction": "-",
+        "shear_share": "-",
+    },
 }
 CLASSES = {cls.__name__: cls for cls in UNITS}
 
@@ -60,10 +71,12 @@ def write_object(parent, name, value):
         content = fields[field.name]
         if "static" in field.metadata:
             group.attrs[field.name] = content
-        elif "child" not in field.metadata:
-            write_values(group, field.name, content, UNITS[cls][field.name])
-        elif content is not None:
+        elif content is None:
+            continue
+        elif "child" in field.metadata:
             write_object(group, field.name, content)
+        else:
+            write_values(group, field.name, content, UNITS[cls][field.name])
 
 
 def read_object(group):
@@ -84,8 +97,10 @@ def read_object(group):
             raise ValueError(f"{where}: attribute {name} is missing; {kind} must have it")
         values[name] = plain(group.attrs[name])
     for name, field in stored.items():
-        if "child" in field.metadata:
-            values[name] = read_object(group[name]) if name in group else None
+        if name not in group and ("child" in field.metadata or field.metadata["optional"]):
+            values[name] = None
+        elif "child" in field.metadata:
+            values[name] = read_object(group[name])
         else:
             values[name] = read_values(group, name, UNITS[cls][name])
     try:

@@ -23,6 +23,13 @@
     shift = { kind = "arrhenius", energy = 0.97, T_ref = 293.15 }
     ...
 
+    [softening]                         # optional: strain, storage_factor, loss_factor; factor [-]
+    file = "softening.csv"
+    ...
+
+    [heating]                           # optional: density, heat_capacity, conductivity, radius, ...
+    ...
+
     [run]                               # for the command, see `rubberfric.conditions`
 
 Keys are the fields of the classes, except those of `CURVES`, which come from a CSV file.
@@ -34,11 +41,13 @@ from pathlib import Path
 
 from rubberfric._toml import check_keys, join, number, read_toml, shown
 from rubberfric.conditions import SceneFile, read_conditions
+from rubberfric.heating import Heating
 from rubberfric.layers import Slab
 from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus
 from rubberfric.scene import Body, Scene
 from rubberfric.shear import ContactShear
 from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
+from rubberfric.softening import Softening
 from rubberfric.spectra import SelfAffine, TabulatedSpectrum
 from rubberfric.tables import closest, read_table
 
@@ -51,6 +60,8 @@ KINDS = {
     "spectrum": {"self_affine": SelfAffine, "tabulated": TabulatedSpectrum},
     "layer": Slab,
     "shear": ContactShear,
+    "softening": Softening,
+    "heating": Heating,
 }
 
 # Fields that come from columns of a CSV file, named by the key `file`.
@@ -58,6 +69,7 @@ CURVES = {
     TabulatedModulus: {"omega": "omega", "storage": "E_stor", "loss": "E_loss"},
     TabulatedShift: {"T": "T", "aT": "aT"},
     TabulatedSpectrum: {"q": "q", "C": "C"},
+    Softening: {"strain": "strain", "storage": "storage_factor", "loss": "loss_factor"},
 }
 
 # Keys that are no fields.
@@ -66,6 +78,7 @@ EXTRA = {
     TabulatedModulus: ("file",),
     TabulatedShift: ("file",),
     TabulatedSpectrum: ("file", "normalisation"),
+    Softening: ("file",),
 }
 
 # What the column C of a file is multiplied by.

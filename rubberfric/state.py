@@ -1,0 +1,76 @@
+"""State of contact: G(q) and what follows from it, at points and for given temperatures."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rubberfric.channels import parts, total
+from rubberfric.contact import contact_argument, contact_fraction, friction_weight
+from rubberfric.correction import correct_argument
+
+
+class Contact(NamedTuple):
+    """What the roughness does at points; axes (panels, points, order) where there are three."""
+
+    parts: list  # `channels.Parts` of every channel
+    stiffness: jax.Array  # modulus scale over pressure, (points,)
+    panels: jax.Array  # g of every panel, (panels, points)
+    x: jax.Array | None  # 1 / (2 sqrt G), plain; None if the mesh is not graded
+
+
+def contact(prepared, velocity, pressure, warm):
+    """`Contact` of a `radial.Prepared` scene.
+
+    Parameters
+    ----------
+    prepared : radial.Prepared
+    velocity, pressure : shape (points,) [m/s], [Pa]
+    warm : for each channel the temperature of the solid it excites [K]: None, (points,), or
+        (angular panels, points, angular order)
+    """
+    found = [
+        parts(channel, prepared.mesh, _speed(channel, velocity, T), prepared.wanted, prepared.quadrature)
+        for channel, T in zip(prepared.channels, warm, strict=True)
+    ]
+    stiffness = prepared.scale / pressure
+    panels = jnp.pi / 4 * total(part.panels for part in found)
+    if found[0].within is None:
+        return Contact(found, stiffness, panels, None)
+    g = _sum_before(panels)[..., None] + jnp.pi / 4 * total(part.within for part in found)
+    return Contact(found, stiffness, panels, contact_argument(g, stiffness[:, None]))
+
+
+def contact_area(prepared, state, panels=None):
+    """P after the first `panels` panels (None: after all, A/A0), (points,)."""
+    whole = state.panels
+    if panels is not None:
+        whole = jnp.where(np.arange(whole.shape[0])[:, None] < panels, whole, 0.0)
+    return contact_fraction(_corrected(prepared, contact_argument(jnp.sum(whole, 0), state.stiffness)))
+
+
+def friction_terms(prepared, state):
+    """Viscoelastic friction of every channel that dissipates, by contact nodes: (panels, points, order)."""
+    weight = friction_weight(_corrected(prepared, state.x), prepared.gamma)
+    weight = jnp.pi * state.stiffness[:, None] * weight
+    found = {j: part.dissipation for j, part in enumerate(state.parts)}
+    return {j: weight * density for j, density in found.items() if density is not None}
+
+
+def _speed(channel, velocity, temperature):
+    """v a_T [m/s]."""
+    if temperature is None or channel.shift is None:
+        return velocity
+    factor = jnp.exp(channel.shift.log_factor(temperature))
+    return velocity * factor if temperature.ndim == 1 else velocity[:, None] * factor
+
+
+def _corrected(prepared, x):
+    """S in G, where the scene asks for it."""
+    return x if prepared.correction is None else correct_argument(prepared.correction, x)
+
+
+def _sum_before(panels):
+    """Sum over the panels before each one, without subtracting: a panel 1e20 times larger loses nothing."""
+    return np.tril(np.ones((panels.shape[0],) * 2, panels.dtype), -1) @ panels
