@@ -1,5 +1,6 @@
 """rubberfric: differentiable rubber friction after Scaraggi and Persson."""
 
+from rubberfric.anisotropy import Anisotropic, TabulatedAnisotropic, from_grid, harmonics_left_out
 from rubberfric.files import load_scene, save_scene
 from rubberfric.heating import Heating
 from rubberfric.layers import Slab
@@ -16,6 +17,7 @@ from rubberfric.sweep import accuracy
 
 __all__ = [
     "WLF",
+    "Anisotropic",
     "Arrhenius",
     "Body",
     "ContactShear",
@@ -29,6 +31,7 @@ __all__ = [
     "Slab",
     "Softening",
     "Solution",
+    "TabulatedAnisotropic",
     "TabulatedModulus",
     "TabulatedShift",
     "TabulatedSpectrum",
@@ -38,6 +41,8 @@ __all__ = [
     "cutoff",
     "friction",
     "friction_outside_table",
+    "from_grid",
+    "harmonics_left_out",
     "load_scene",
     "moment",
     "power_spectrum",

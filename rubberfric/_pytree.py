@@ -23,7 +23,7 @@ def between(low, high):
 
 
 def leaf(rule=FINITE, ndim=0, optional=False, **options):
-    """Field that gradients go through: a float scalar, or a float vector if ndim = 1; None if optional."""
+    """Field that gradients go through: a float scalar, vector or matrix (ndim); None if optional."""
     return dataclasses.field(metadata={"rule": rule, "ndim": ndim, "optional": optional}, **options)
 
 
@@ -89,7 +89,7 @@ def as_leaf(name, value, ndim):
         kind = "a real number" if ndim == 0 else "a sequence of real numbers"
         raise ValueError(f"{name} = {_shown(value)}: must be {kind}") from None
     if array.ndim != ndim:
-        kind = "a scalar" if ndim == 0 else "one-dimensional"
+        kind = ("a scalar", "one-dimensional", "two-dimensional")[ndim]
         raise ValueError(f"{name} has shape {array.shape}: must be {kind}")
     return jnp.asarray(array)
 

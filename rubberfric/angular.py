@@ -6,12 +6,16 @@ For F(omega), omega = q v cos(phi), three means over phi:
     dissipation <cos(phi) Im F>    enters mu
     storage     <Re F>             enters u_bar
 
-In closed form for Prony series, by the residues at s = i omega = 1/tau_i: with
+and for anisotropic roughness their harmonics: the same with cos(2 m phi), and <sin(phi) Im F
+sin(2 m phi)>, the transverse friction. In closed form for Prony series, by the residues at s = i omega = 1/tau_i: with
 a_i = q v tau_i and r_i = sqrt(1 + a_i^2),
 
 .. math:: \langle|F|^2\rangle = F_\infty^2 + 2\sum_i F_i F(s = 1/\tau_i)\,(1 - 1/r_i)
 .. math:: \langle\cos\varphi\,\mathrm{Im} F\rangle = \sum_i F_i \frac{a_i}{r_i (1 + r_i)},\qquad
           \langle\mathrm{Re} F\rangle = F_\infty + \sum_i F_i (1 - 1/r_i)
+
+.. math:: \left\langle\frac{a^2\cos^2\varphi}{1 + a^2\cos^2\varphi}\cos 2m\varphi\right\rangle
+          = \frac{(-1)^{m-1}}{r}\rho^m,\qquad \rho = \left(\frac{a}{1+r}\right)^2
 
 One square root and one division for each node, term and velocity: no angular grid.
 """
@@ -29,32 +33,39 @@ class Means(NamedTuple):
     """Angular means of F; those not asked for, and a dissipation that is zero, are None.
 
     Each is a tuple: one array, but of the power two, <F'^2> and <F''^2>, if they are asked for apart.
+    The harmonics follow in their order.
     """
 
     power: tuple | None
     dissipation: tuple | None
     storage: tuple | None
+    transverse: tuple | None = None
 
 
-def angular_means(F, qv, wanted, quadrature, split=False):
+def angular_means(F, qv, wanted, quadrature, split=False, harmonics=0, mix=None):
     """Means of F for roughness passing at q v.
 
     Parameters
     ----------
     F : Relaxing or Tabulated
     qv : q v a_T [1/s], shape (points, nodes); negative for reversed sliding
-    wanted : set of "power", "dissipation", "storage"
+    wanted : set of "power", "dissipation", "storage", "transverse"
     quadrature : Quadrature
     split : bool
         whether <F'^2> and <F''^2> are wanted apart.
+    harmonics : highest m; not with split.
+    mix : (c_m, s_m), shape (harmonics,) each: all harmonics are summed with these shares; None: one by one.
 
     Returns
     -------
     Means, arrays of the shape of qv.
     """
     if isinstance(F, Relaxing):
-        return _split_form(F, qv, wanted) if split else _closed_form(F, qv, wanted)
-    return Means(*tabulated_means(F, qv, wanted, quadrature.angle, split))
+        if split:
+            return _split_form(F, qv, wanted)
+        means = _closed_form(F, qv, wanted)
+        return _with_harmonics(F, qv, wanted, harmonics, mix, means) if harmonics else means
+    return Means(*tabulated_means(F, qv, wanted, quadrature.angle, split, harmonics, mix))
 
 
 def static_means(F, wanted):
@@ -80,6 +91,62 @@ def _closed_form(F, qv, wanted):
         None if sums["dissipation"] is None else (sums["dissipation"],),
         None if sums["storage"] is None else (F.rest + sums["storage"],),
     )
+
+
+def _with_harmonics(F, qv, wanted, harmonics, mix, means):
+    """The closed forms with their harmonics after them, or added to them as the mix says."""
+    if F.tau.ndim == 1:
+        front = (slice(None), *(None,) * qv.ndim)
+        a, weight, at_rates = F.tau[front] * qv, F.weight[front], _at_own_rates(F)[front]
+    else:
+        a, weight, at_rates = (x.T[:, None, :] for x in (F.tau, F.weight, _at_own_rates(F)))
+        a = a * qv
+    _, sine, r, _ = _relaxation_parts(a)
+    quotient = sine * r  # a / (1 + r), at most 1
+    ratio = quotient**2
+    # Terms of the first harmonic.
+    first = {
+        "power": 2 * weight * at_rates * (ratio / r),
+        "dissipation": weight * (sine / (1 + r)),
+        "storage": weight * (ratio / r),
+        "transverse": weight * (quotient / (1 + r)),
+    }
+    if mix is not None:
+        series = {"transverse": _series(mix[1], -ratio) if "transverse" in wanted else None}
+        cosine = _series(mix[0], -ratio)
+
+        def mixed(name):
+            added = jnp.sum(first[name] * series.get(name, cosine), 0)
+            isotropic = getattr(means, name)
+            return (added if isotropic is None else isotropic[0] + added,)
+
+        return Means(*(mixed(name) if name in wanted else None for name in Means._fields))
+    found, powers = {name: [] for name in wanted}, jnp.ones_like(ratio)
+    for _ in range(harmonics):
+        for name in wanted:
+            found[name].append(jnp.sum(first[name] * powers, 0))
+        powers = -powers * ratio
+    return Means(
+        *((*(getattr(means, name) or ()), *found[name]) if name in wanted else None for name in Means._fields)
+    )
+
+
+@jax.custom_jvp
+def _series(coefficients, x):
+    """Polynomial in x, its coefficients ascending."""
+    value = jnp.zeros_like(x)
+    for c in coefficients[::-1]:
+        value = value * x + c
+    return value
+
+
+@_series.defjvp
+def _series_jvp(primals, tangents):
+    # Only the slope is kept for reverse mode, not every step.
+    coefficients, x = primals
+    order = jnp.arange(1, coefficients.shape[0], dtype=x.dtype)
+    slope = _series(order * coefficients[1:], x)
+    return _series(coefficients, x), _series(tangents[0], x) + slope * tangents[1]
 
 
 def _split_form(F, qv, wanted):

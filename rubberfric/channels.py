@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.angular import angular_means, static_means
+from rubberfric.anisotropy import Anisotropic, stretched_harmonics
 from rubberfric.factors import Modes, modes_of, node_factors
 from rubberfric.materials import VISCOELASTIC, TabulatedModulus
 from rubberfric.quadrature import between_weights, cumulative, gauss, typed
@@ -36,6 +37,8 @@ class Channel(NamedTuple):
     cumulative: tuple | None  # to the integral up to every contact node, (panels, order, i)
     dissipation: tuple | None  # q^4 C factor dt at the contact nodes, (panels, order)
     storage: tuple | None  # q^3 C factor dt [m], same shape
+    transverse: tuple | None  # as dissipation
+    mix: tuple | None  # (c_m, s_m) where they are the same at every q, (harmonics,) each
 
 
 class Parts(NamedTuple):
@@ -45,6 +48,7 @@ class Parts(NamedTuple):
     within: jax.Array | None  # the same from the left border of the panel to every contact node
     dissipation: jax.Array | None  # terms of the friction, before the factor S P; None if F is Static
     storage: jax.Array | None  # terms of the separation, before the factor x Psi [m]
+    transverse: jax.Array | None  # terms of the transverse friction, as dissipation
 
 
 def is_logarithmic(rough, other):
@@ -68,6 +72,8 @@ def make_channel(mesh, j, pair, softened, scale, wanted, order):
     order : contact nodes of a panel
     """
     rough, other = pair
+    modes = modes_of(rough, other, softened)
+    mixed = modes.harmonics > 0 and isinstance(rough.spectrum, Anisotropic)
     F = series_stiffness(rough, other, scale, (mesh.angular_q.reshape(-1), mesh.q), softened)
     static = isinstance(F, Static)
     logarithmic = is_logarithmic(rough, other)
@@ -87,13 +93,13 @@ def make_channel(mesh, j, pair, softened, scale, wanted, order):
         power = tuple(jnp.zeros_like(mesh.angular_q).at[mesh.panel].add(weights) for weights in power)
 
     def weights_of(name, base):
-        if name not in wanted or (static and name == "dissipation"):
+        if name not in wanted or (static and name != "storage"):
             return None
         return (base,) if static else tuple(base if f is None else base * f for f in getattr(factors, name))
 
     return Channel(
         stiffness=F,
-        modes=modes_of(rough, other, softened),
+        modes=modes,
         shift=getattr(other.material, "shift", None),
         by_node=by_node(rough, other) and not static,
         logarithmic=logarithmic,
@@ -101,6 +107,8 @@ def make_channel(mesh, j, pair, softened, scale, wanted, order):
         cumulative=rule,
         dissipation=weights_of("dissipation", once),
         storage=weights_of("storage", once / mesh.q),
+        transverse=weights_of("transverse", once) if modes.harmonics else None,
+        mix=stretched_harmonics(rough.spectrum) if mixed else None,
     )
 
 
@@ -140,7 +148,7 @@ def parts(channel, mesh, speed, wanted, quadrature):
         storage = None
         if "storage" in wanted:
             storage = (channel.storage[0] * static_means(channel.stiffness, wanted).storage[0])[:, None]
-        return Parts(channel.power[0][:, None], within, None, storage)
+        return Parts(channel.power[0][:, None], within, None, storage, None)
     means = _means_by_panel(channel, mesh, speed, wanted, quadrature)
 
     def serving(values):
@@ -152,9 +160,8 @@ def parts(channel, mesh, speed, wanted, quadrature):
         return total(w[:, None] * mean for w, mean in zip(weights, interpolated, strict=True))
 
     if channel.logarithmic:
-        pairs = [
-            _logarithmic(channel, k, mesh, serving(log_power(mean))) for k, mean in enumerate(means.power)
-        ]
+        powers = tuple(map(serving, means.power))
+        pairs = [_logarithmic(channel, mesh, k, powers) for k in range(len(powers))]
         panels, within = (None if x[0] is None else total(x) for x in zip(*pairs, strict=True))
     else:
         # Without nodes between, the weights are those of the angular panels themselves.
@@ -164,13 +171,16 @@ def parts(channel, mesh, speed, wanted, quadrature):
         if channel.cumulative is not None:
             # Over a panel of five e-folds and more, where <|F|^2> rises by 1e5, its interpolant may
             # swing below 0 at the small end: there G is that of the panels before.
-            within = total(map(lambda w, mean: jnp.einsum("kvi,kci->kvc", mean, w), channel.cumulative, power))
+            within = total(
+                map(lambda w, mean: jnp.einsum("kvi,kci->kvc", mean, w), channel.cumulative, power)
+            )
             within = jnp.maximum(within, 0.0)
     return Parts(
         panels,
         within,
         at_contact(channel.dissipation, means.dissipation) if "dissipation" in wanted else None,
         at_contact(channel.storage, means.storage) if "storage" in wanted else None,
+        at_contact(channel.transverse, means.transverse) if channel.transverse is not None else None,
     )
 
 
@@ -180,18 +190,26 @@ def total(terms):
     return sum(others, first)
 
 
-def _logarithmic(channel, k, mesh, log_means):
+def _logarithmic(channel, mesh, k, powers):
     """Integrals of g where <|F|^2> may change by 1e9 within a panel, of its logarithm at angular nodes.
 
     So it may with two deformable solids and a layer, as F follows Sbar, and with a tabulated
     modulus that steps up. Interpolated in the logarithm and summed with positive weights, the
-    small end keeps its digits and G stays positive.
+    small end keeps its digits and G stays positive. Harmonics, of any sign, are interpolated as
+    shares of the mean over all directions.
     """
-    power = jnp.exp(jnp.einsum("kvi,kci->kvc", log_means, mesh.interpolate))
-    panels = jnp.einsum("kvc,kc->kv", power, channel.power[k])
+    base = k if channel.modes.split else 0
+    log_base = log_power(powers[base])
+    share = None if base == k else powers[k] * jnp.exp(-log_base)
+
+    def at(basis):
+        value = jnp.exp(jnp.einsum("kvi,kci->kvc", log_base, basis))
+        return value if share is None else value * jnp.einsum("kvi,kci->kvc", share, basis)
+
+    panels = jnp.einsum("kvc,kc->kv", at(mesh.interpolate), channel.power[k])
     if channel.cumulative is None:
         return panels, None
-    between = jnp.exp(jnp.einsum("kvi,ksi->kvs", log_means, mesh.between_interpolate))
+    between = at(mesh.between_interpolate)
     order = mesh.q.shape[1]
     gaps = (channel.cumulative[k][:, None] * between).reshape(*between.shape[:2], order, -1).sum(-1)
     return panels, gaps @ np.triu(np.ones((order, order), gaps.dtype))
@@ -199,14 +217,14 @@ def _logarithmic(channel, k, mesh, log_means):
 
 def _means_by_panel(channel, mesh, speed, wanted, quadrature):
     """Angular means at the angular nodes, (angular panels, points, angular order)."""
-    F, q, split = channel.stiffness, mesh.angular_q, channel.modes.split
+    F, q = channel.stiffness, mesh.angular_q
     if not channel.by_node:
         speed = speed[:, None] if speed.ndim == 1 else speed
-        return angular_means(F, speed * q[:, None], wanted, quadrature, split)
+        return angular_means(F, speed * q[:, None], wanted, quadrature, *channel.modes, channel.mix)
     flat = q.reshape(-1)
     if speed.ndim == 1:
         qv = speed[:, None] * flat
     else:
         qv = jnp.swapaxes(speed, 0, 1).reshape(-1, flat.size) * flat
-    means = angular_means(F, qv, wanted, quadrature, split)
+    means = angular_means(F, qv, wanted, quadrature, *channel.modes, channel.mix)
     return jax.tree.map(lambda x: jnp.swapaxes(x.reshape(-1, *q.shape), 0, 1), means)

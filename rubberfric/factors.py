@@ -7,6 +7,7 @@ over its means of factor times mean, one of each for a plain scene.
 
 from typing import NamedTuple
 
+from rubberfric.anisotropy import TabulatedAnisotropic, harmonic_count, tabulated_harmonics
 from rubberfric.materials import VISCOELASTIC, Rigid
 from rubberfric.softening import softening_factors
 from rubberfric.stiffness import layer_factor
@@ -25,12 +26,17 @@ class Factors(NamedTuple):
     power: tuple
     dissipation: tuple
     storage: tuple
+    transverse: tuple
 
 
 def modes_of(rough, other, softened):
     """`Modes` of roughness on `rough` facing `other`."""
-    soft = softened is not None and isinstance(other.material, VISCOELASTIC)
-    return Modes(soft and isinstance(rough.material, Rigid))
+    if not isinstance(other.material, VISCOELASTIC):
+        return Modes()
+    return Modes(
+        split=softened is not None and isinstance(rough.material, Rigid),
+        harmonics=harmonic_count(rough.spectrum),
+    )
 
 
 def node_factors(rough, other, softened, q):
@@ -43,10 +49,17 @@ def node_factors(rough, other, softened, q):
     q : any shape
     """
     layer = layer_factor(rough, other, q)
-    if not modes_of(rough, other, softened).split:
-        return Factors((_times(layer, layer),), (layer,), (layer,))
-    storage, loss = (_times(layer, x) for x in softening_factors(softened, q))
-    return Factors((storage**2, loss**2), (loss,), (storage,))
+    if modes_of(rough, other, softened).split:
+        storage, loss = (_times(layer, x) for x in softening_factors(softened, q))
+        return Factors((storage**2, loss**2), (loss,), (storage,), ())
+    square = _times(layer, layer)
+    if not isinstance(rough.spectrum, TabulatedAnisotropic):
+        return Factors((square,), (layer,), (layer,), (layer,))
+    cosine, sine = tabulated_harmonics(rough.spectrum, q)
+    linear = (layer, *(_times(layer, c) for c in cosine))
+    return Factors(
+        (square, *(_times(square, c) for c in cosine)), linear, linear, tuple(_times(layer, s) for s in sine)
+    )
 
 
 def _times(a, b):

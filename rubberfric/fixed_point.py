@@ -30,9 +30,7 @@ def fixed_point(function, start):
 
     Limits: residuals of 1e-11 of the largest element of a row (float32: 1e-5).
     """
-    y, reached = jax.lax.custom_root(
-        lambda y: function(y) - y, start, _iterate, _tangent_solve, has_aux=True
-    )
+    y, reached = jax.lax.custom_root(lambda y: function(y) - y, start, _iterate, _tangent_solve, has_aux=True)
     return y, reached > 0
 
 

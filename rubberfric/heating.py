@@ -159,9 +159,7 @@ def _closed(heating, x, velocity, kind):
     share = z / (1 + z)
     table = typed(_tables()[kind], z)
     u = 1 - 2 / (1 + z)
-    return velocity * (root / jnp.sqrt(speed)) * share * _chebyshev(table, u) * (
-        heating.radius / root**2
-    )
+    return velocity * (root / jnp.sqrt(speed)) * share * _chebyshev(table, u) * (heating.radius / root**2)
 
 
 def _chebyshev(coefficients, u):

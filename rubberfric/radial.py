@@ -9,6 +9,8 @@ temperature. With d^2q = q^2 d ln q dphi and K_j = (q/2) scale factor_j F_j,
           \sum_j q^4 C_j\, factor_j \langle\cos\varphi\,\mathrm{Im}F_j\rangle
 .. math:: \bar u = \frac{\pi}{2}\frac{scale}{\sigma_0}\int d\ln q\; x\Psi(x)
           \sum_j q^3 C_j\, factor_j\langle\mathrm{Re}F_j\rangle
+
+The transverse friction is the second with sin(phi) in place of cos(phi).
 """
 
 from typing import NamedTuple
@@ -19,6 +21,7 @@ import jax.numpy as jnp
 from rubberfric.channels import is_logarithmic, make_channel, total
 from rubberfric.contact import separation_weight
 from rubberfric.correction import correction_table
+from rubberfric.factors import modes_of
 from rubberfric.mesh import Mesh, build_mesh
 from rubberfric.quadrature import Quadrature
 from rubberfric.scene import dissipates, rough_pairs
@@ -39,7 +42,7 @@ class Prepared(NamedTuple):
     correction: object  # table of S in G, or None
     thermal: Thermal | None
     quantities: tuple
-    wanted: frozenset  # angular means: "power", "dissipation", "storage"
+    wanted: frozenset  # angular means: "power", "dissipation", "storage", "transverse"
     quadrature: Quadrature
 
 
@@ -50,6 +53,8 @@ def prepare(scene, quantities, quadrature):
     wanted = {"power"} if pairs and "area" in quantities else set()
     if dissipates(scene) and "friction" in quantities:
         wanted |= {"power", "dissipation"}
+    if dissipates(scene) and "transverse_friction" in quantities and _anisotropic(pairs):
+        wanted |= {"power", "dissipation", "transverse"}
     if pairs and "separation" in quantities:
         wanted |= {"power", "storage"}
     if pairs and scene.heating is not None and quantities:
@@ -77,6 +82,11 @@ def prepare(scene, quantities, quadrature):
     return Prepared(mesh, channels, scale, scene.gamma, table, thermal, quantities, wanted, quadrature)
 
 
+def _anisotropic(pairs):
+    """Whether roughness that differs with the direction excites a viscoelastic solid."""
+    return any(modes_of(*pair, None).harmonics for pair in pairs)
+
+
 def _marks(scene, softened):
     """Wavevectors that must be borders of panels: the macroasperities' comes first."""
     marks = [] if scene.heating is None else [macroasperity(scene.heating)[None]]
@@ -100,7 +110,13 @@ def evaluate(prepared, velocity, pressure, temperature=None):
     """
     quantities, wanted = prepared.quantities, prepared.wanted
     results = _integrals(prepared, velocity, pressure, temperature) if wanted else {}
-    constants = {"area": 1.0, "friction": 0.0, "separation": 0.0, "converged": True}
+    constants = {
+        "area": 1.0,
+        "friction": 0.0,
+        "separation": 0.0,
+        "transverse_friction": 0.0,
+        "converged": True,
+    }
     if not wanted and temperature is not None:
         results = {"flash_temperature": temperature}  # without roughness there is no scale to be hot
     return results | {
@@ -118,8 +134,10 @@ def _integrals(prepared, velocity, pressure, temperature):
     state = contact(prepared, velocity, pressure, warm)
     if "area" in prepared.quantities:
         results["area"] = contact_area(prepared, state)
-    if "dissipation" in wanted and "friction" in prepared.quantities:
-        results["friction"] = sum(jnp.sum(terms, (0, 2)) for terms in friction_terms(prepared, state).values())
+    for name, kind in (("friction", "dissipation"), ("transverse_friction", "transverse")):
+        if kind in wanted and name in prepared.quantities:
+            terms = friction_terms(prepared, state, kind).values()
+            results[name] = total(jnp.sum(values, (0, 2)) for values in terms)
     if "storage" in wanted:
         density = total(part.storage for part in state.parts)
         weight = separation_weight(state.x, prepared.gamma)

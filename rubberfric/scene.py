@@ -4,10 +4,11 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric._pytree import between, child, leaf, physical, static
+from rubberfric.anisotropy import harmonic_count
 from rubberfric.materials import VISCOELASTIC, Rigid
 
 MATERIALS = ("Rigid", "Elastic", "Prony", "TabulatedModulus")
-SPECTRA = ("SelfAffine", "TabulatedSpectrum")
+SPECTRA = ("SelfAffine", "TabulatedSpectrum", "Anisotropic", "TabulatedAnisotropic")
 
 
 @physical
@@ -17,7 +18,7 @@ class Body:
     Parameters
     ----------
     material : Rigid, Elastic, Prony or TabulatedModulus
-    spectrum : SelfAffine, TabulatedSpectrum or None (smooth)
+    spectrum : SelfAffine, TabulatedSpectrum, Anisotropic, TabulatedAnisotropic or None (smooth)
     layer : Slab or None (half-space)
     """
 
@@ -68,6 +69,12 @@ class Scene:
         if isinstance(self.lower.material, Rigid) and isinstance(self.upper.material, Rigid):
             raise ValueError(
                 "Scene: lower.material and upper.material are both Rigid; one of the solids must deform"
+            )
+        if self.softening is not None and any(
+            harmonic_count(rough.spectrum) for rough, _ in rough_pairs(self)
+        ):
+            raise ValueError(
+                "Scene.softening: with anisotropic roughness there is no closed form; one of them must be left out"
             )
 
 

@@ -8,10 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric._pytree import is_concrete
+from rubberfric.anisotropy import TabulatedAnisotropic
 from rubberfric.layers import stiffening
 from rubberfric.materials import Prony, Rigid
 from rubberfric.shifts import largest_log_factor
-from rubberfric.spectra import SelfAffine, TabulatedSpectrum
+from rubberfric.spectra import TabulatedSpectrum, broken_power_law
 
 # Sbar^2 must not overflow.
 STIFFEST_LAYER = 1e18
@@ -23,7 +24,7 @@ def check_single(scene, temperature):
     """ValueError naming what in a scene of float32 numbers needs float64."""
     for name in ("lower", "upper"):
         body = getattr(scene, name)
-        if isinstance(body.spectrum, TabulatedSpectrum):
+        if isinstance(body.spectrum, TabulatedSpectrum | TabulatedAnisotropic):
             _check_table(f"{name}.spectrum.C", body.spectrum.C)
         if isinstance(body.material, Rigid):
             continue
@@ -58,7 +59,7 @@ def _liquid(body):
 
 def _first_wavevectors(scene):
     spectra = [body.spectrum for body in (scene.lower, scene.upper) if body.spectrum is not None]
-    return [s.q0 if isinstance(s, SelfAffine) else s.q[0] for s in spectra]
+    return [broken_power_law(s).q[0] for s in spectra]
 
 
 def _check_layer(name, body, wavevectors):

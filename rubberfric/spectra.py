@@ -104,7 +104,7 @@ class BrokenPowerLaw(NamedTuple):
 
 
 def broken_power_law(spectrum):
-    """The spectrum as kinks and exponents (see the module's docstring)."""
+    """The spectrum, averaged over all directions, as kinks and exponents (see the module's docstring)."""
     if isinstance(spectrum, SelfAffine):
         q = jnp.stack([jnp.asarray(x) for x in (spectrum.q0, spectrum.qr, spectrum.q1)])
         to_rolloff, beyond = log_ratio(q[1], q[0]), log_ratio(q[2], q[1])
@@ -112,7 +112,14 @@ def broken_power_law(spectrum):
         exponent = jnp.stack([jnp.full_like(top, 2.0), -2.0 * spectrum.hurst + 0 * top])
         log_value = jnp.stack([top - 2 * to_rolloff, top, top + exponent[1] * beyond])
         return BrokenPowerLaw(q, log_value, exponent, spectrum.h_rms**2)
-    q, log_C = spectrum.q, jnp.log(spectrum.C)
+    if isinstance(spectrum, TabulatedSpectrum):
+        return tabulated_law(spectrum.q, spectrum.C)
+    return spectrum.mean_law()  # anisotropic roughness
+
+
+def tabulated_law(q, C):
+    """The broken power law through the entries of a table."""
+    log_C = jnp.log(C)
     exponent = jnp.diff(log_C) / log_ratio(q[1:], q[:-1]) + 2
     return BrokenPowerLaw(q, log_C + 2 * jnp.log(q), exponent, jnp.ones_like(q[0]))
 

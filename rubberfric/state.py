@@ -50,11 +50,14 @@ def contact_area(prepared, state, panels=None):
     return contact_fraction(_corrected(prepared, contact_argument(jnp.sum(whole, 0), state.stiffness)))
 
 
-def friction_terms(prepared, state):
-    """Viscoelastic friction of every channel that dissipates, by contact nodes: (panels, points, order)."""
+def friction_terms(prepared, state, kind="dissipation"):
+    """Viscoelastic friction of every channel that dissipates, by contact nodes: (panels, points, order).
+
+    kind : "dissipation", or "transverse" for the friction across the direction of sliding
+    """
     weight = friction_weight(_corrected(prepared, state.x), prepared.gamma)
     weight = jnp.pi * state.stiffness[:, None] * weight
-    found = {j: part.dissipation for j, part in enumerate(state.parts)}
+    found = {j: getattr(part, kind) for j, part in enumerate(state.parts)}
     return {j: weight * density for j, density in found.items() if density is not None}
 
 

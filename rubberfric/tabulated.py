@@ -45,33 +45,40 @@ def interpolated_modulus(material, log_omega):
     return jnp.exp(between(material.storage)), loss
 
 
-def tabulated_means(F, qv, wanted, angle, split=False):
-    """(power, dissipation, storage) of a Tabulated stiffness, as `angular.angular_means`."""
+def tabulated_means(F, qv, wanted, angle, split=False, harmonics=0, mix=None):
+    """(power, dissipation, storage, transverse) of a Tabulated stiffness, as `angular.angular_means`."""
     # Far below the table F is its static value and Im F is linear in q v: the means are
     # taken at the floor and the dissipation scaled, so that v = 0 keeps its derivative.
     floor = jnp.log(F.material.omega[0]) - math.log(1e9)
     tiny = jnp.finfo(qv.dtype).tiny
     log_qv = jnp.maximum(jnp.log(jnp.maximum(jnp.abs(qv), tiny)), floor)
     if F.spring is not None and F.spring.ndim:
-        means = _direct(F, log_qv, wanted, angle, split)
+        means = _direct(F, log_qv, wanted, angle, split, harmonics, mix)
     else:
-        means = _by_table(F, log_qv, wanted, angle, split)
-    power, dissipation, storage = means
-    if dissipation is not None:
-        # If E'' does not vanish at v = 0+, only the sign is left.
-        sign = jnp.sign(qv) if F.material.outside == "hold" else qv * jnp.exp(-log_qv)
-        dissipation = tuple(mean * sign for mean in dissipation)
-    return power, dissipation, storage
+        means = _by_table(F, log_qv, wanted, angle, split, harmonics, mix)
+    power, dissipation, storage, transverse = means
+    # If E'' does not vanish at v = 0+, only the sign is left.
+    sign = jnp.sign(qv) if F.material.outside == "hold" else qv * jnp.exp(-log_qv)
+    signed = (None if m is None else tuple(mean * sign for mean in m) for m in (dissipation, transverse))
+    dissipation, transverse = signed
+    return power, dissipation, storage, transverse
 
 
-def _direct(F, log_qv, wanted, angle, split):
+def _direct(F, log_qv, wanted, angle, split, harmonics, mix):
     """Means at every node by its own angular integral; scale and spring of shape () or (nodes,)."""
     order = max(2, angle // (len(_EDGES) - 1))
     node, weight = gauss(order)
     y = (_EDGES[:-1, None] + np.diff(_EDGES)[:, None] * node).ravel()
     psi = 0.5 * np.pi * np.exp(-y)
     weight = (np.diff(_EDGES)[:, None] * weight).ravel() * psi * (2 / np.pi)
-    weight, sine = (jnp.asarray(x, log_qv.dtype) for x in (weight / weight.sum(), np.sin(psi)))
+    m = np.arange(1, harmonics + 1)[:, None]
+    # phi = pi/2 - psi: cos 2 m phi = (-1)^m cos 2 m psi, sin 2 m phi = -(-1)^m sin 2 m psi.
+    even = np.concatenate([np.ones((1, psi.size)), (-1.0) ** m * np.cos(2 * m * psi)])
+    odd = -((-1.0) ** m) * np.sin(2 * m * psi) * np.cos(psi)
+    weight, sine = weight / weight.sum(), jnp.asarray(np.sin(psi), log_qv.dtype)
+    even, odd = (jnp.asarray(weight * rows, log_qv.dtype) for rows in (even, odd))
+    if mix is not None:
+        even, odd = even[:1] + mix[0] @ even[1:], (mix[1] @ odd)[None]
     storage, loss = interpolated_modulus(F.material, log_qv[..., None] + jnp.log(sine))
     scale = F.scale[..., None] if F.scale.ndim else F.scale
     storage, loss = scale * storage, scale * loss
@@ -83,14 +90,19 @@ def _direct(F, log_qv, wanted, angle, split):
         storage = share * (spring * storage + power)
         power, loss = share * spring * power, share * spring * loss
     powers = (storage**2, loss**2) if split else (power,)
+
+    def means(name, values, rows):
+        return tuple(jnp.moveaxis(values @ rows.T, -1, 0)) if name in wanted else None
+
     return (
-        tuple(power @ weight for power in powers) if "power" in wanted else None,
-        ((loss * sine) @ weight,) if "dissipation" in wanted else None,
-        (storage @ weight,) if "storage" in wanted else None,
+        sum((means("power", power, even) for power in powers), ()) if "power" in wanted else None,
+        means("dissipation", loss * sine, even),
+        means("storage", storage, even),
+        means("transverse", loss, odd),
     )
 
 
-def _by_table(F, log_qv, wanted, angle, split):
+def _by_table(F, log_qv, wanted, angle, split, harmonics, mix):
     """Means over a uniform grid of ln(q v), cubic between its entries; <|F|^2> in the logarithm.
 
     Where E' steps up, a cubic of <|F|^2> itself would swing below 0.
@@ -99,7 +111,7 @@ def _by_table(F, log_qv, wanted, angle, split):
     low, high = (jax.lax.stop_gradient(f(log_qv)) for f in (jnp.min, jnp.max))
     step = jnp.maximum(high - low, 1e-3) / (count - 3)
     grid = low + step * (np.arange(count) - 1)
-    table = _direct(F, grid, wanted, angle, split)
+    table = _direct(F, grid, wanted, angle, split, harmonics, mix)
     position = (log_qv - grid[0]) / step
     index = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)).astype(int), 1, count - 3)
     t = position - index
@@ -116,7 +128,9 @@ def _by_table(F, log_qv, wanted, angle, split):
 
     power, *others = table
     if power is not None:
-        power = tuple(jnp.exp(interpolate(log_power(mean))) for mean in power)
+        positive = power if split else power[:1]  # harmonics have any sign
+        logarithmic = (jnp.exp(interpolate(log_power(mean))) for mean in positive)
+        power = (*logarithmic, *map(interpolate, power[len(positive) :]))
     return power, *(None if means is None else tuple(map(interpolate, means)) for means in others)
 
 
