@@ -7,8 +7,8 @@ For F(omega), omega = q v cos(phi), three means over phi:
     storage     <Re F>             enters u_bar
 
 and for anisotropic roughness their harmonics: the same with cos(2 m phi), and <sin(phi) Im F
-sin(2 m phi)>, the transverse friction. In closed form for Prony series, by the residues at s = i omega = 1/tau_i: with
-a_i = q v tau_i and r_i = sqrt(1 + a_i^2),
+sin(2 m phi)>, the transverse friction. In closed form for Prony series, by the residues at
+s = i omega = 1/tau_i: with a_i = q v tau_i and r_i = sqrt(1 + a_i^2),
 
 .. math:: \langle|F|^2\rangle = F_\infty^2 + 2\sum_i F_i F(s = 1/\tau_i)\,(1 - 1/r_i)
 .. math:: \langle\cos\varphi\,\mathrm{Im} F\rangle = \sum_i F_i \frac{a_i}{r_i (1 + r_i)},\qquad

@@ -16,7 +16,8 @@ from rubberfric.anisotropy import Anisotropic, stretched_harmonics
 from rubberfric.factors import Modes, modes_of, node_factors
 from rubberfric.materials import VISCOELASTIC, TabulatedModulus
 from rubberfric.quadrature import between_weights, cumulative, gauss, typed
-from rubberfric.stiffness import Static, by_node, series_stiffness, static_series
+from rubberfric.sampled import sampled_means
+from rubberfric.stiffness import Sampled, Static, by_node, series_stiffness, static_series
 from rubberfric.tabulated import log_power
 
 
@@ -24,11 +25,12 @@ class Channel(NamedTuple):
     """Roughness on one solid, and the stiffness it sees.
 
     `power` and `cumulative` are weights of <|F|^2> at the angular nodes i. If F is Static they are the
-    integrals. If it is `logarithmic` they are weights at the contact nodes, and at the nodes between.
+    integrals. If it is `logarithmic` they are weights at the contact nodes, and at the nodes between; if it
+    is Sampled the nodes i are the contact nodes.
     A tuple has an entry for each of the `angular.Means` of its kind.
     """
 
-    stiffness: object  # Static, Relaxing or Tabulated
+    stiffness: object  # Static, Relaxing, Tabulated or Sampled
     modes: Modes  # which angular means there are
     shift: object  # time-temperature shift of the solid it excites, or None
     by_node: bool  # F depends on q itself, not on q v alone
@@ -76,7 +78,8 @@ def make_channel(mesh, j, pair, softened, scale, wanted, order):
     mixed = modes.harmonics > 0 and isinstance(rough.spectrum, Anisotropic)
     F = series_stiffness(rough, other, scale, (mesh.angular_q.reshape(-1), mesh.q), softened)
     static = isinstance(F, Static)
-    logarithmic = is_logarithmic(rough, other)
+    sampled = isinstance(F, Sampled)
+    logarithmic = is_logarithmic(rough, other) and not sampled
     once = mesh.roughness[j] * (mesh.measure * typed(gauss(order)[1], mesh.measure))
     factors = None if static else node_factors(rough, other, softened, mesh.q)
     rule = None
@@ -84,11 +87,12 @@ def make_channel(mesh, j, pair, softened, scale, wanted, order):
         power = (jnp.sum(once * F.value**2, -1),)
     else:
         power = tuple(once if f is None else once * f for f in factors.power)
-    if not static and not logarithmic:
+    interpolated = not (static or logarithmic or sampled)
+    if interpolated:
         power = tuple(jnp.einsum("kc,kci->ki", weights, mesh.interpolate) for weights in power)
     if mesh.between_q is not None:
-        rule = _cumulative_rule(mesh, j, pair, softened, scale, static, logarithmic, order)
-    elif not static and not logarithmic:
+        rule = _cumulative_rule(mesh, j, pair, softened, scale, F, logarithmic)
+    elif interpolated:
         # Only the whole integral is wanted: the contact nodes have done their part.
         power = tuple(jnp.zeros_like(mesh.angular_q).at[mesh.panel].add(weights) for weights in power)
 
@@ -112,16 +116,18 @@ def make_channel(mesh, j, pair, softened, scale, wanted, order):
     )
 
 
-def _cumulative_rule(mesh, j, pair, softened, scale, static, logarithmic, order):
+def _cumulative_rule(mesh, j, pair, softened, scale, F, logarithmic):
     """Weights of <|F|^2> in g at the contact nodes, exact in the roughness and in all its factors.
 
     They may change by 1e6 within a panel, and g, where it matters most, is what the
     small end adds up to: a rule for the product of all would lose it, or make it < 0.
     A stiffness that does not relax is known at every q and goes into the rule as well.
     """
-    density = mesh.between_roughness[j]
+    density, order = mesh.between_roughness[j], mesh.q.shape[1]
     rule = typed(cumulative(order), density)
-    if static:
+    if isinstance(F, Sampled):
+        return (jnp.tensordot(density, rule, 1),)
+    if isinstance(F, Static):
         return ((density * static_series(*pair, scale, mesh.between_q, softened) ** 2) @ rule.sum(-1),)
     factors = node_factors(*pair, softened, mesh.between_q).power
     densities = (density if f is None else density * f for f in factors)
@@ -139,7 +145,7 @@ def parts(channel, mesh, speed, wanted, quadrature):
     channel : Channel
     mesh : Mesh
     speed : v a_T [m/s], shape (points,), or (angular panels, points, angular order) if the temperature
-        differs from scale to scale
+        differs from scale to scale; the contact nodes' for a Sampled stiffness
     wanted : set of "power", "dissipation", "storage"
     quadrature : Quadrature
     """
@@ -149,6 +155,8 @@ def parts(channel, mesh, speed, wanted, quadrature):
         if "storage" in wanted:
             storage = (channel.storage[0] * static_means(channel.stiffness, wanted).storage[0])[:, None]
         return Parts(channel.power[0][:, None], within, None, storage, None)
+    if isinstance(channel.stiffness, Sampled):
+        return _sampled_parts(channel, mesh, speed, wanted, quadrature)
     means = _means_by_panel(channel, mesh, speed, wanted, quadrature)
 
     def serving(values):
@@ -156,8 +164,7 @@ def parts(channel, mesh, speed, wanted, quadrature):
         return values.at[mesh.panel].get(mode="promise_in_bounds")
 
     def at_contact(weights, values):
-        interpolated = (jnp.einsum("kvi,kci->kvc", serving(mean), mesh.interpolate) for mean in values)
-        return total(w[:, None] * mean for w, mean in zip(weights, interpolated, strict=True))
+        return total(w[:, None] * to_contact(mesh, mean) for w, mean in zip(weights, values, strict=True))
 
     if channel.logarithmic:
         powers = tuple(map(serving, means.power))
@@ -182,6 +189,27 @@ def parts(channel, mesh, speed, wanted, quadrature):
         at_contact(channel.storage, means.storage) if "storage" in wanted else None,
         at_contact(channel.transverse, means.transverse) if channel.transverse is not None else None,
     )
+
+
+def to_contact(mesh, values):
+    """Values at the angular nodes, (angular panels, points, angular order), at the contact nodes."""
+    serving = values.at[mesh.panel].get(mode="promise_in_bounds")
+    return jnp.einsum("kvi,kci->kvc", serving, mesh.interpolate)
+
+
+def _sampled_parts(channel, mesh, speed, wanted, quadrature):
+    """`Parts` of a stiffness that is known at the contact nodes."""
+    speed = speed[:, None] if speed.ndim == 1 else speed
+    means = sampled_means(channel.stiffness, speed * mesh.q[:, None], wanted, quadrature.angle)
+    (power,), within = means.power, None
+    if channel.cumulative is not None:
+        within = jnp.maximum(jnp.einsum("kvi,kci->kvc", power, channel.cumulative[0]), 0.0)
+
+    def terms(name):
+        return getattr(channel, name)[0][:, None] * getattr(means, name)[0] if name in wanted else None
+
+    panels = jnp.einsum("kvc,kc->kv", power, channel.power[0])
+    return Parts(panels, within, terms("dissipation"), terms("storage"), None)
 
 
 def total(terms):
@@ -222,9 +250,6 @@ def _means_by_panel(channel, mesh, speed, wanted, quadrature):
         speed = speed[:, None] if speed.ndim == 1 else speed
         return angular_means(F, speed * q[:, None], wanted, quadrature, *channel.modes, channel.mix)
     flat = q.reshape(-1)
-    if speed.ndim == 1:
-        qv = speed[:, None] * flat
-    else:
-        qv = jnp.swapaxes(speed, 0, 1).reshape(-1, flat.size) * flat
-    means = angular_means(F, qv, wanted, quadrature, *channel.modes, channel.mix)
+    speed = speed[:, None] if speed.ndim == 1 else jnp.swapaxes(speed, 0, 1).reshape(-1, flat.size)
+    means = angular_means(F, speed * flat, wanted, quadrature, *channel.modes, channel.mix)
     return jax.tree.map(lambda x: jnp.swapaxes(x.reshape(-1, *q.shape), 0, 1), means)

@@ -15,7 +15,6 @@ and nothing cancels where q = q'. Its end at small k, which falls slowly, is kno
 """
 
 import functools
-import math
 from typing import NamedTuple
 
 import jax

@@ -74,7 +74,7 @@ class Scene:
             harmonic_count(rough.spectrum) for rough, _ in rough_pairs(self)
         ):
             raise ValueError(
-                "Scene.softening: with anisotropic roughness there is no closed form; one of them must be left out"
+                "Scene.softening: not together with anisotropic roughness; one of them must be left out"
             )
 
 

@@ -6,9 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.channels import parts, total
+from rubberfric.channels import parts, to_contact, total
 from rubberfric.contact import contact_argument, contact_fraction, friction_weight
 from rubberfric.correction import correct_argument
+from rubberfric.stiffness import Sampled
 
 
 class Contact(NamedTuple):
@@ -30,8 +31,9 @@ def contact(prepared, velocity, pressure, warm):
     warm : for each channel the temperature of the solid it excites [K]: None, (points,), or
         (angular panels, points, angular order)
     """
+    mesh = prepared.mesh
     found = [
-        parts(channel, prepared.mesh, _speed(channel, velocity, T), prepared.wanted, prepared.quadrature)
+        parts(channel, mesh, _speed(channel, mesh, velocity, T), prepared.wanted, prepared.quadrature)
         for channel, T in zip(prepared.channels, warm, strict=True)
     ]
     stiffness = prepared.scale / pressure
@@ -61,10 +63,12 @@ def friction_terms(prepared, state, kind="dissipation"):
     return {j: weight * density for j, density in found.items() if density is not None}
 
 
-def _speed(channel, velocity, temperature):
+def _speed(channel, mesh, velocity, temperature):
     """v a_T [m/s]."""
     if temperature is None or channel.shift is None:
         return velocity
+    if temperature.ndim > 1 and isinstance(channel.stiffness, Sampled):
+        temperature = to_contact(mesh, temperature)
     factor = jnp.exp(channel.shift.log_factor(temperature))
     return velocity * factor if temperature.ndim == 1 else velocity[:, None] * factor
 

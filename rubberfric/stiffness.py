@@ -52,6 +52,15 @@ class Tabulated(NamedTuple):
     spring: jax.Array | None  # [-], shape () or (nodes,)
 
 
+class Sampled(NamedTuple):
+    """F of a softened solid in series with a spring, at the contact nodes, (panels, order) each."""
+
+    material: object
+    storage: jax.Array  # f times what makes E a scaled stiffness [1/Pa]
+    loss: jax.Array  # the same with g
+    spring: jax.Array  # the other solid at rest [-]
+
+
 def modulus_scale(scene):
     """A modulus that makes every F of order one or less [Pa]: the softer solid's stiffest value.
 
@@ -84,17 +93,21 @@ def series_stiffness(rough, other, scale, q, softened=None):
     rough, other : Body
     scale : modulus scale [Pa]
     q : (angular nodes, contact nodes) [1/m], any shapes
-        A Static F is given at the contact nodes, any other at the angular nodes.
+        A Static or Sampled F is given at the contact nodes, any other at the angular nodes.
     softened : `softening.Softened` or None
 
     Returns
     -------
-    Static, Relaxing or Tabulated
+    Static, Relaxing, Tabulated or Sampled
     """
     angular_q, contact_q = q
     if not isinstance(other.material, VISCOELASTIC):
         return Static(static_series(rough, other, scale, contact_q, softened))
     unit = plane_strain(other.material) / scale
+    if softened is not None and not isinstance(rough.material, Rigid):
+        unit = unit * _layer(other, contact_q)
+        storage, loss = (unit * factor for factor in softening_factors(softened, contact_q))
+        return Sampled(other.material, storage, loss, static_spring(rough, scale, contact_q, softened))
     spring = None
     if not isinstance(rough.material, Rigid):
         spring = static_modulus(rough.material) * plane_strain(rough.material) / scale
@@ -126,22 +139,23 @@ def layer_factor(rough, other, q):
 def static_series(rough, other, scale, q, softened=None):
     """K_j / (q/2 scale) where neither solid's relaxation is excited: two springs in series."""
     springs = [
-        static_modulus(body.material) * plane_strain(body.material) / scale * _layer(body, q)
+        static_spring(body, scale, q, softened)
         for body in (rough, other)
         if not isinstance(body.material, Rigid)
     ]
-    if softened is not None:
-        soft = softening_factors(softened, q)[0]
-        deformable = [body for body in (rough, other) if not isinstance(body.material, Rigid)]
-        springs = [
-            spring * soft if isinstance(body.material, VISCOELASTIC) else spring
-            for body, spring in zip(deformable, springs, strict=True)
-        ]
     if len(springs) == 1:
         return springs[0]
     soft, hard = jnp.minimum(*springs), jnp.maximum(*springs)
     # Written as soft / (1 + soft/hard): no product that overflows, and 0 for two liquids.
     return soft / (1 + soft / jnp.where(hard > 0, hard, 1.0))
+
+
+def static_spring(body, scale, q, softened):
+    """A body at rest, at q: E_r(0) Sbar / scale [-]."""
+    spring = static_modulus(body.material) * plane_strain(body.material) / scale * _layer(body, q)
+    if softened is None or not isinstance(body.material, VISCOELASTIC):
+        return spring
+    return spring * softening_factors(softened, q)[0]
 
 
 def _layer(body, q):

@@ -64,18 +64,30 @@ def tabulated_means(F, qv, wanted, angle, split=False, harmonics=0, mix=None):
     return power, dissipation, storage, transverse
 
 
-def _direct(F, log_qv, wanted, angle, split, harmonics, mix):
-    """Means at every node by its own angular integral; scale and spring of shape () or (nodes,)."""
-    order = max(2, angle // (len(_EDGES) - 1))
+def _angles(count):
+    """psi and its weights in a mean over the circle, host arrays."""
+    order = max(2, count // (len(_EDGES) - 1))
     node, weight = gauss(order)
     y = (_EDGES[:-1, None] + np.diff(_EDGES)[:, None] * node).ravel()
     psi = 0.5 * np.pi * np.exp(-y)
     weight = (np.diff(_EDGES)[:, None] * weight).ravel() * psi * (2 / np.pi)
+    return psi, weight / weight.sum()
+
+
+def angular_rule(count, dtype):
+    """(cos(phi), weight) of a mean over the directions of sliding, of a function even in cos(phi)."""
+    psi, weight = _angles(count)
+    return jnp.asarray(np.sin(psi), dtype), jnp.asarray(weight, dtype)
+
+
+def _direct(F, log_qv, wanted, angle, split, harmonics, mix):
+    """Means at every node by its own angular integral; scale and spring of shape () or (nodes,)."""
+    psi, weight = _angles(angle)
     m = np.arange(1, harmonics + 1)[:, None]
     # phi = pi/2 - psi: cos 2 m phi = (-1)^m cos 2 m psi, sin 2 m phi = -(-1)^m sin 2 m psi.
     even = np.concatenate([np.ones((1, psi.size)), (-1.0) ** m * np.cos(2 * m * psi)])
     odd = -((-1.0) ** m) * np.sin(2 * m * psi) * np.cos(psi)
-    weight, sine = weight / weight.sum(), jnp.asarray(np.sin(psi), log_qv.dtype)
+    sine = jnp.asarray(np.sin(psi), log_qv.dtype)
     even, odd = (jnp.asarray(weight * rows, log_qv.dtype) for rows in (even, odd))
     if mix is not None:
         even, odd = even[:1] + mix[0] @ even[1:], (mix[1] @ odd)[None]

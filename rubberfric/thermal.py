@@ -11,7 +11,6 @@ of several solutions the one that this leads to.
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 
 from rubberfric.fixed_point import fixed_point
