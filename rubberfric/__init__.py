@@ -1,10 +1,18 @@
 """rubberfric: differentiable rubber friction after Scaraggi and Persson."""
 
 from rubberfric.files import load_scene, save_scene
+from rubberfric.interface import (
+    SeparationProfile,
+    contact_stiffness,
+    separation_profile,
+    stress_distribution,
+)
 from rubberfric.layers import Slab
 from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus, complex_modulus
 from rubberfric.model import Solution, contact_area, friction, friction_outside_table, separation, solve
 from rubberfric.moments import cutoff, moment, rms_height, rms_slope, with_cutoff
+from rubberfric.power import DissipatedPower, dissipated_power
+from rubberfric.profiles import Profile, profile
 from rubberfric.quadrature import Quadrature
 from rubberfric.scene import Body, Scene
 from rubberfric.shear import ContactShear
@@ -17,12 +25,15 @@ __all__ = [
     "Arrhenius",
     "Body",
     "ContactShear",
+    "DissipatedPower",
     "Elastic",
+    "Profile",
     "Prony",
     "Quadrature",
     "Rigid",
     "Scene",
     "SelfAffine",
+    "SeparationProfile",
     "Slab",
     "Solution",
     "TabulatedModulus",
@@ -31,16 +42,21 @@ __all__ = [
     "accuracy",
     "complex_modulus",
     "contact_area",
+    "contact_stiffness",
     "cutoff",
+    "dissipated_power",
     "friction",
     "friction_outside_table",
     "load_scene",
     "moment",
     "power_spectrum",
+    "profile",
     "rms_height",
     "rms_slope",
     "save_scene",
     "separation",
+    "separation_profile",
     "solve",
+    "stress_distribution",
     "with_cutoff",
 ]

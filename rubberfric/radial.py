@@ -40,8 +40,12 @@ class Prepared(NamedTuple):
     quadrature: Quadrature
 
 
-def prepare(scene, quantities, quadrature):
-    """Mesh, spectra and series stiffness of a scene: all that no velocity changes."""
+def prepare(scene, quantities, quadrature, *, laws=None, marks=None):
+    """Mesh, spectra and series stiffness of a scene: all that no velocity changes.
+
+    laws : one BrokenPowerLaw for each rough body, lower first; None: of the scene's own spectra
+    marks : see `build_mesh`; with marks there are nodes between, whatever the quantities
+    """
     pairs = rough_pairs(scene)
     # What is zero or constant by the structure of the scene is settled here, untraced.
     wanted = {"power"} if pairs and "area" in quantities else set()
@@ -53,8 +57,9 @@ def prepare(scene, quantities, quadrature):
     if not wanted:
         return Prepared(None, (), None, None, None, quantities, wanted, quadrature)
     logarithmic = any(is_logarithmic(*pair) for pair in pairs)
-    laws = [broken_power_law(rough.spectrum) for rough, _ in pairs]
-    mesh = build_mesh(laws, quadrature, graded=wanted != {"power"}, logarithmic=logarithmic)
+    laws = [broken_power_law(rough.spectrum) for rough, _ in pairs] if laws is None else laws
+    graded = marks is not None or wanted != {"power"}
+    mesh = build_mesh(laws, quadrature, graded=graded, logarithmic=logarithmic, marks=marks)
     scale = modulus_scale(scene)
     channels = tuple(
         make_channel(mesh, j, rough, other, scale, wanted, quadrature.order)
@@ -90,23 +95,18 @@ def evaluate(prepared, velocity, pressure, temperature=None):
 def _integrals(prepared, velocity, pressure, temperature):
     """What does not follow from the structure of the scene alone."""
     wanted, results = prepared.wanted, {}
-    found = [
-        parts(channel, prepared.mesh, velocity, temperature, wanted, prepared.quadrature)
-        for channel in prepared.channels
-    ]
+    found = channel_parts(prepared, velocity, temperature)
     stiffness = prepared.scale / pressure
     if "area" in prepared.quantities:
         whole = _sum(jnp.sum(part.panels, 0) for part in found)
         x = contact_argument(jnp.pi / 4 * whole, stiffness)
-        results["area"] = contact_fraction(_corrected(prepared, x))
+        results["area"] = contact_fraction(corrected(prepared, x))
     if wanted == {"power"}:
         return results
-    panels = _sum(part.panels for part in found)
-    g = jnp.pi / 4 * (_sum_before(panels)[..., None] + _sum(part.within for part in found))
-    x = contact_argument(g, stiffness[:, None])
+    x = node_argument(found, stiffness)
     if "dissipation" in wanted:
         density = _sum(part.dissipation for part in found if part.dissipation is not None)
-        weight = friction_weight(_corrected(prepared, x), prepared.gamma)
+        weight = friction_weight(corrected(prepared, x), prepared.gamma)
         results["friction"] = jnp.pi * stiffness * jnp.sum(weight * density, (0, 2))
     if "storage" in wanted:
         density = _sum(part.storage for part in found)
@@ -115,7 +115,22 @@ def _integrals(prepared, velocity, pressure, temperature):
     return results
 
 
-def _corrected(prepared, x):
+def channel_parts(prepared, velocity, temperature):
+    """`Parts` of every channel at points."""
+    return [
+        parts(channel, prepared.mesh, velocity, temperature, prepared.wanted, prepared.quadrature)
+        for channel in prepared.channels
+    ]
+
+
+def node_argument(found, stiffness):
+    """x = 1 / (2 sqrt G), of the plain G, at the contact nodes, shape (panels, points, order)."""
+    panels = _sum(part.panels for part in found)
+    g = jnp.pi / 4 * (_sum_before(panels)[..., None] + _sum(part.within for part in found))
+    return contact_argument(g, stiffness[:, None])
+
+
+def corrected(prepared, x):
     """S in G, where the scene asks for it."""
     return x if prepared.correction is None else correct_argument(prepared.correction, x)
 
