@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from rubberfric._pytree import FINITE, as_leaf, check_values
 from rubberfric.contact import TWO_OVER_ROOT_PI, contact_argument, contact_fraction
@@ -63,7 +64,7 @@ def stress_distribution(scene, stress, velocity, pressure, temperature=None, *, 
     precision: 1e-15) counts as that. With `scene.area_correction` G has S inside.
     """
     scene, conditions, q = checked_with_q(scene, velocity, pressure, temperature, quadrature, q, ndim=0)
-    stress = as_leaf("stress", stress, jnp.ndim(stress))
+    stress = as_leaf("stress", stress, np.ndim(stress))
     check_values("stress", stress, FINITE)
     stress = cast(stress, conditions[1].dtype)
     return _stress_distribution(scene, stress, *conditions, q, quadrature=quadrature)

@@ -78,7 +78,8 @@ def profile(scene, velocity, pressure, temperature=None, *, q=None, quadrature=_
 
     Notes
     -----
-    Good to the quadrature's error at every q. Friction without contact shear. Where nothing is
+    Good to the quadrature's error at every q; with a TabulatedModulus to 1e-6 beside the wavevectors
+    that excite a knot of the table. Friction without contact shear. Where nothing is
     rough or nothing dissipates, friction and its density are zero, not computed. With
     `scene.area_correction` G has S inside. G keeps its digits where P = 1 - 1e-300. The
     magnification of a scene without roughness is counted from q[0].

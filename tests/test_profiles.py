@@ -44,7 +44,7 @@ CASES = {
     "static": case(ELASTIC, RIGID, psd2=ROAD),
     "two rubbers": case(RUBBER, HARDER, WORN, ROAD, v=0.3),
     "two rubbers, S in G": case(RUBBER, HARDER, WORN, ROAD, v=-0.3, area_correction=True),
-    "table": case(TABLE, RIGID, psd2=ROAD),
+    "table": case(TABLE, RIGID, psd2=ROAD, v=0.013),
     "layer": case({**RUBBER, "thickness": 5e-3}, RIGID, psd2=ROAD),
     "rough rubber on elastic": case(RUBBER, ELASTIC, WORN, WORN),
     "light": {**TYRE, "pressure": 1e-3},
@@ -98,13 +98,15 @@ def conditions(known):
 def test_profile_is_the_scene_cut_at_each_wavevector(name):
     """Contact and friction up to q do not know what lies beyond q."""
     known = CASES[name]
+    # Knots of a tabulated modulus are kinks inside an angular panel: integrated over, not resolved.
+    rel = 1e-6 if name == "table" else 1e-8
     found = rf.profile(*conditions(known), q=Q)
     for i in WHERE:
         exact = oracle.solve(cut(known, Q[i]))
-        assert found.area[i] == pytest.approx(exact["area"], rel=1e-9)
-        assert found.friction[i] == pytest.approx(exact["friction"], rel=1e-8, abs=1e-30)
+        assert found.area[i] == pytest.approx(exact["area"], rel=0.1 * rel)
+        assert found.friction[i] == pytest.approx(exact["friction"], rel=rel, abs=1e-30)
         S = known["gamma"] + (1 - known["gamma"]) * exact["area"] ** 2
-        assert found.energy_factor[i] == pytest.approx(S, rel=1e-9)
+        assert found.energy_factor[i] == pytest.approx(S, rel=0.1 * rel)
         for order, value in ((2, found.rms_slope[i]), (0, found.rms_height[i])):
             wanted = sum(law_moment(known[psd], order, Q[i]) for psd in ("psd1", "psd2"))
             assert value == pytest.approx(np.sqrt(wanted), rel=1e-11)
@@ -127,13 +129,15 @@ def test_density_integrates_to_the_friction(name):
     found = rf.profile(*conditions(CASES[name]), q=q)
     integral = 0.5 * np.log(b / a) * np.sum(weight * found.friction_density[2:])
     difference = float(found.friction[1] - found.friction[0])
-    assert integral == pytest.approx(difference, rel=1e-8, abs=1e-9 * float(abs(found.friction[1])))
+    rel = 1e-6 if name == "table" else 1e-8
+    assert integral == pytest.approx(difference, rel=rel, abs=1e-9 * float(abs(found.friction[1])))
     np.testing.assert_allclose(
         found.area, jax.scipy.special.erf(0.5 / np.sqrt(found.fluctuation)), rtol=1e-12
     )
 
 
-COARSE = rf.Quadrature(order=8, panels=4, graded=3, angular_order=8)
+# Agreement of the two modes is not a matter of accuracy.
+COARSE = rf.Quadrature(order=5, panels=3, graded=1, angular_order=5, angle=48)
 
 
 def some_fields(scene, v, p, q):
