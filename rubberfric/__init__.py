@@ -3,10 +3,18 @@
 from rubberfric.anisotropy import Anisotropic, TabulatedAnisotropic, from_grid, harmonics_left_out
 from rubberfric.files import load_scene, save_scene
 from rubberfric.heating import Heating
+from rubberfric.interface import (
+    SeparationProfile,
+    contact_stiffness,
+    separation_profile,
+    stress_distribution,
+)
 from rubberfric.layers import Slab
 from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus, complex_modulus
 from rubberfric.model import Solution, contact_area, friction, friction_outside_table, separation, solve
 from rubberfric.moments import cutoff, moment, rms_height, rms_slope, with_cutoff
+from rubberfric.power import DissipatedPower, dissipated_power
+from rubberfric.profiles import Profile, profile
 from rubberfric.quadrature import Quadrature
 from rubberfric.scene import Body, Scene
 from rubberfric.shear import ContactShear
@@ -21,13 +29,16 @@ __all__ = [
     "Arrhenius",
     "Body",
     "ContactShear",
+    "DissipatedPower",
     "Elastic",
     "Heating",
+    "Profile",
     "Prony",
     "Quadrature",
     "Rigid",
     "Scene",
     "SelfAffine",
+    "SeparationProfile",
     "Slab",
     "Softening",
     "Solution",
@@ -38,7 +49,9 @@ __all__ = [
     "accuracy",
     "complex_modulus",
     "contact_area",
+    "contact_stiffness",
     "cutoff",
+    "dissipated_power",
     "friction",
     "friction_outside_table",
     "from_grid",
@@ -46,10 +59,13 @@ __all__ = [
     "load_scene",
     "moment",
     "power_spectrum",
+    "profile",
     "rms_height",
     "rms_slope",
     "save_scene",
     "separation",
+    "separation_profile",
     "solve",
+    "stress_distribution",
     "with_cutoff",
 ]

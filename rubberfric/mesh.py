@@ -71,7 +71,9 @@ def build_mesh(laws, quadrature, graded=True, logarithmic=False, marks=None):
             for kink, fixed in zip(kinks, fixed_kinks, strict=True)
         ]
     if marks is not None:
-        borders.append(jnp.clip(log_ratio(marks, first), 0.0, end))
+        # Selected, not clipped: a clip would give half the derivative to a mark at an end.
+        distance = log_ratio(jnp.where(marks >= first, marks, first), first)
+        borders.append(jnp.where(distance <= end, distance, end))
     t = jnp.concatenate(borders)
     rank = _ranks(jax.lax.stop_gradient(t))
     t = jnp.sort(t)

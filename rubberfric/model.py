@@ -23,6 +23,7 @@ import numpy as np
 
 from rubberfric._pytree import FINITE, POSITIVE, as_leaf, check_values
 from rubberfric.materials import TabulatedModulus
+from rubberfric.points import over_points
 from rubberfric.quadrature import Quadrature
 from rubberfric.radial import evaluate, prepare
 from rubberfric.scene import Scene, cast, result_dtype, shifts, takes_temperature
@@ -31,10 +32,7 @@ from rubberfric.single import check_single
 from rubberfric.thermal import shear_temperature
 
 QUANTITIES = ("area", "friction", "separation")
-
-# Points evaluated at once. More are taken in blocks, each recomputed in the backward
-# pass, so that 1e5 points differentiate in a few hundred MB.
-BLOCK = 512
+BLOCK = 512  # points evaluated at once
 
 
 class Solution(NamedTuple):
@@ -174,11 +172,17 @@ def solve(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT, q
     for name in quantities:
         if name not in Solution._fields:
             raise ValueError(f"quantities has {name!r}: must be out of {', '.join(Solution._fields)}")
+    scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
+    if scene.heating is None and {"flash_temperature", "converged"} & set(quantities):
+        raise ValueError("quantities has 'flash_temperature' or 'converged': the scene must have heating")
+    return _solve(scene, *conditions, quadrature=quadrature, quantities=quantities)
+
+
+def checked(scene, velocity, pressure, temperature, quadrature):
+    """Scene and conditions (velocity, pressure, temperature) as arrays of one dtype, or ValueError."""
     for name, value, cls in (("scene", scene, Scene), ("quadrature", quadrature, Quadrature)):
         if not isinstance(value, cls):
             raise ValueError(f"{name} is a {type(value).__name__}: must be a {cls.__name__}")
-    if scene.heating is None and {"flash_temperature", "converged"} & set(quantities):
-        raise ValueError("quantities has 'flash_temperature' or 'converged': the scene must have heating")
     velocity = _condition("velocity", velocity, FINITE)
     pressure = _condition("pressure", pressure, POSITIVE)
     if temperature is not None:
@@ -201,27 +205,16 @@ def solve(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT, q
     scene = cast(scene, dtype)
     if dtype == jnp.float32:
         check_single(scene, conditions[2])
-    return _solve(scene, *conditions, quadrature=quadrature, quantities=quantities)
+    return scene, conditions
 
 
 # Jitted so that a plain call compiles once for its structure instead of operation by
 # operation; inside a user's jit it is traced through.
 @functools.partial(jax.jit, static_argnames=("quadrature", "quantities"))
 def _solve(scene, velocity, pressure, temperature, *, quadrature, quantities):
-    conditions = [x for x in (velocity, pressure, temperature) if x is not None]
-    shape = jnp.broadcast_shapes(*(x.shape for x in conditions))
-    points = [jnp.broadcast_to(x, shape).reshape(-1) for x in conditions]
-    count = points[0].shape[0]
     ready = prepare_quantities(scene, quantities, quadrature)
     block = functools.partial(evaluate_quantities, ready, quantities)
-    if count <= BLOCK:
-        results = block(points)
-    else:
-        blocks = -(-count // BLOCK)
-        padding = (0, blocks * BLOCK - count)
-        stacked = [jnp.pad(x, padding, mode="edge").reshape(blocks, BLOCK) for x in points]
-        results = jax.lax.map(jax.checkpoint(block), stacked)
-    return Solution(**{name: value.reshape(-1)[:count].reshape(shape) for name, value in results.items()})
+    return Solution(**over_points(block, (velocity, pressure, temperature), BLOCK))
 
 
 def prepare_quantities(scene, quantities, quadrature):

@@ -25,11 +25,11 @@ from rubberfric.factors import modes_of
 from rubberfric.mesh import Mesh, build_mesh
 from rubberfric.quadrature import Quadrature
 from rubberfric.scene import dissipates, rough_pairs
-from rubberfric.softening import Softened, knots
+from rubberfric.softening import knots, softened_of
 from rubberfric.spectra import broken_power_law
 from rubberfric.state import contact, contact_area, friction_terms
 from rubberfric.stiffness import modulus_scale
-from rubberfric.thermal import Thermal, macroasperity, prepare_thermal, temperatures
+from rubberfric.thermal import Thermal, macroasperity, prepare_thermal, solve_temperatures
 
 
 class Prepared(NamedTuple):
@@ -46,8 +46,12 @@ class Prepared(NamedTuple):
     quadrature: Quadrature
 
 
-def prepare(scene, quantities, quadrature):
-    """Mesh, spectra and series stiffness of a scene: all that no velocity changes."""
+def prepare(scene, quantities, quadrature, *, laws=None, marks=None):
+    """Mesh, spectra and series stiffness of a scene: all that no velocity changes.
+
+    laws : one BrokenPowerLaw for each rough body, lower first; None: of the scene's own spectra
+    marks : see `build_mesh`; with marks there are nodes between, whatever the quantities
+    """
     pairs = rough_pairs(scene)
     # What is zero or constant by the structure of the scene is settled here, untraced.
     wanted = {"power"} if pairs and "area" in quantities else set()
@@ -63,14 +67,13 @@ def prepare(scene, quantities, quadrature):
     if not wanted:
         return Prepared(None, (), None, None, None, None, quantities, wanted, quadrature)
     logarithmic = any(is_logarithmic(*pair) for pair in pairs)
-    laws = tuple(broken_power_law(rough.spectrum) for rough, _ in pairs)
-    softened = None if scene.softening is None else Softened(scene.softening, laws)
+    softened = softened_of(scene)
     mesh = build_mesh(
-        laws,
+        [broken_power_law(rough.spectrum) for rough, _ in pairs] if laws is None else laws,
         quadrature,
-        graded=wanted != {"power"} or scene.heating is not None,
+        graded=wanted != {"power"} or scene.heating is not None or marks is not None,
         logarithmic=logarithmic,
-        marks=_marks(scene, softened),
+        marks=_marks(scene, softened, marks),
     )
     scale = modulus_scale(scene)
     channels = tuple(
@@ -87,10 +90,11 @@ def _anisotropic(pairs):
     return any(modes_of(*pair, None).harmonics for pair in pairs)
 
 
-def _marks(scene, softened):
-    """Wavevectors that must be borders of panels: the macroasperities' comes first."""
+def _marks(scene, softened, asked):
+    """Wavevectors that must be borders of panels: the macroasperities' first, those asked for last."""
     marks = [] if scene.heating is None else [macroasperity(scene.heating)[None]]
     marks += [] if softened is None else [knots(softened)]
+    marks += [] if asked is None else [asked]
     return jnp.concatenate(marks) if marks else None
 
 
@@ -127,11 +131,9 @@ def evaluate(prepared, velocity, pressure, temperature=None):
 def _integrals(prepared, velocity, pressure, temperature):
     """What does not follow from the structure of the scene alone."""
     wanted, results = prepared.wanted, {}
-    warm = [temperature] * len(prepared.channels)
-    if prepared.thermal is not None:
-        warm, flash, converged = temperatures(prepared, velocity, pressure, temperature)
-        results |= {"flash_temperature": flash, "converged": converged}
-    state = contact(prepared, velocity, pressure, warm)
+    state, temperatures = solved(prepared, velocity, pressure, temperature)
+    if temperatures is not None:
+        results = {"flash_temperature": temperatures.flash, "converged": temperatures.converged}
     if "area" in prepared.quantities:
         results["area"] = contact_area(prepared, state)
     for name, kind in (("friction", "dissipation"), ("transverse_friction", "transverse")):
@@ -143,3 +145,11 @@ def _integrals(prepared, velocity, pressure, temperature):
         weight = separation_weight(state.x, prepared.gamma)
         results["separation"] = jnp.pi / 2 * state.stiffness * jnp.sum(weight * density, (0, 2))
     return results
+
+
+def solved(prepared, velocity, pressure, temperature):
+    """`state.Contact` at points, and the `thermal.Temperatures` of a heated scene, else None."""
+    if prepared.thermal is None:
+        return contact(prepared, velocity, pressure, [temperature] * len(prepared.channels)), None
+    temperatures = solve_temperatures(prepared, velocity, pressure, temperature)
+    return contact(prepared, velocity, pressure, temperatures.warm), temperatures

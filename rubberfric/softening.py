@@ -14,7 +14,8 @@ import jax.numpy as jnp
 
 from rubberfric._pytree import POSITIVE, check_increasing, check_lengths, leaf, physical
 from rubberfric.moments import cumulative_moment
-from rubberfric.spectra import log_ratio
+from rubberfric.scene import rough_pairs
+from rubberfric.spectra import broken_power_law, log_ratio
 
 # Halvings of ln t from 1e-40 to the whole range leave 1e-10 of t, which Newton's steps square.
 _HALVINGS, _NEWTON_STEPS = 40, 3
@@ -53,6 +54,14 @@ class Softened(NamedTuple):
 
     softening: Softening
     laws: tuple  # BrokenPowerLaw of every rough solid
+
+
+def softened_of(scene):
+    """`Softened` of a scene, None if nothing softens."""
+    if scene.softening is None:
+        return None
+    laws = tuple(broken_power_law(rough.spectrum) for rough, _ in rough_pairs(scene))
+    return Softened(scene.softening, laws)
 
 
 def strain(softened, q):

@@ -49,7 +49,7 @@ def contact_area(prepared, state, panels=None):
     whole = state.panels
     if panels is not None:
         whole = jnp.where(np.arange(whole.shape[0])[:, None] < panels, whole, 0.0)
-    return contact_fraction(_corrected(prepared, contact_argument(jnp.sum(whole, 0), state.stiffness)))
+    return contact_fraction(corrected(prepared, contact_argument(jnp.sum(whole, 0), state.stiffness)))
 
 
 def friction_terms(prepared, state, kind="dissipation"):
@@ -57,7 +57,7 @@ def friction_terms(prepared, state, kind="dissipation"):
 
     kind : "dissipation", or "transverse" for the friction across the direction of sliding
     """
-    weight = friction_weight(_corrected(prepared, state.x), prepared.gamma)
+    weight = friction_weight(corrected(prepared, state.x), prepared.gamma)
     weight = jnp.pi * state.stiffness[:, None] * weight
     found = {j: getattr(part, kind) for j, part in enumerate(state.parts)}
     return {j: weight * density for j, density in found.items() if density is not None}
@@ -73,7 +73,7 @@ def _speed(channel, mesh, velocity, temperature):
     return velocity * factor if temperature.ndim == 1 else velocity[:, None] * factor
 
 
-def _corrected(prepared, x):
+def corrected(prepared, x):
     """S in G, where the scene asks for it."""
     return x if prepared.correction is None else correct_argument(prepared.correction, x)
 

@@ -11,6 +11,7 @@ of several solutions the one that this leads to.
 
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 
 from rubberfric.fixed_point import fixed_point
@@ -60,42 +61,47 @@ def prepare_thermal(scene, mesh, quadrature):
     )
 
 
-def temperatures(prepared, velocity, pressure, background):
-    """Temperatures of a heated scene at points.
+class Temperatures(NamedTuple):
+    """Temperatures at points [K]."""
 
-    Parameters
-    ----------
-    prepared : radial.Prepared
-    velocity, pressure, background : shape (points,) [m/s], [Pa], [K]
+    warm: list  # for each channel, of the solid it excites: (angular panels, points, angular order)
+    flash: jax.Array  # at the largest wavevector, of two deformable solids the mean, (points,)
+    converged: jax.Array  # whether they are a solution, (points,)
 
-    Returns
-    -------
-    (warm, flash, converged): for each channel the temperatures at the angular nodes
-    (angular panels, points, angular order), the flash temperature (points,), whether they converged.
-    """
+
+def solve_temperatures(prepared, velocity, pressure, background):
+    """`Temperatures` of a heated scene at points: velocity, pressure, background of shape (points,)."""
     thermal, mesh = prepared.thermal, prepared.mesh
     solids, rows = len(thermal.exciting), mesh.angular_q.size + 1
     spread = memory(thermal.heating, thermal.diffusion, velocity, thermal.shear is not None)
 
-    def warm_of(rises):
-        inside = rises.reshape(-1, solids, rows)[..., :-1].reshape(-1, solids, *mesh.angular_q.shape)
+    def named(flat, converged):
+        rises = flat.reshape(-1, solids, rows)
+        inside = rises[..., :-1].reshape(-1, solids, *mesh.angular_q.shape)
         T = background[:, None] + jnp.moveaxis(inside, 0, 2)  # solids, panels, points, order
-        return [background if solid is None else T[solid] for solid in thermal.heated]
+        warm = [background if solid is None else T[solid] for solid in thermal.heated]
+        return Temperatures(warm, background + jnp.mean(rises[..., -1], 1), converged)
 
-    def flash_of(rises):
-        return background + jnp.mean(rises.reshape(-1, solids, rows)[..., -1], 1)
-
-    def heat(rises):
-        state = contact(prepared, velocity, pressure, warm_of(rises))
-        surface = shear_temperature(thermal.heating, flash_of(rises), background)
+    def heat(flat):
+        guess = named(flat, None)
+        state = contact(prepared, velocity, pressure, guess.warm)
+        surface = shear_temperature(thermal.heating, guess.flash, background)
         return _rises(prepared, spread, state, (velocity, pressure, surface)).reshape(-1, solids * rows)
 
     start = jnp.zeros((velocity.shape[0], solids * rows), velocity.dtype)
     if thermal.feedback:
-        rises, converged = fixed_point(heat, start)
-    else:
-        rises, converged = heat(start), jnp.ones_like(velocity, bool)
-    return warm_of(rises), flash_of(rises), converged
+        return named(*fixed_point(heat, start))
+    return named(heat(start), jnp.ones_like(velocity, bool))
+
+
+def temperature_at(prepared, state, temperatures, velocity, pressure, background, q):
+    """Temperature of every deformable solid at wavevectors q, (points, solids, wavevectors) [K]."""
+    ends = prepared.mesh.angular_q[0, 0], prepared.mesh.angular_q[-1, -1]
+    thermal = prepared.thermal
+    ready = diffusion(prepared.mesh.q.reshape(-1), q, ends, prepared.quadrature.heat)
+    spread = memory(thermal.heating, ready, velocity, thermal.shear is not None)
+    surface = shear_temperature(thermal.heating, temperatures.flash, background)
+    return background[:, None, None] + _rises(prepared, spread, state, (velocity, pressure, surface))
 
 
 def shear_temperature(heating, flash, background):
@@ -113,7 +119,7 @@ def _rises(prepared, spread, state, points):
     stress = pressure / area
     terms = friction_terms(prepared, state) if "dissipation" in prepared.wanted else {}
     count = pressure.shape[0]
-    at_surface = jnp.zeros((count, thermal.diffusion.wavevector.shape[0]), pressure.dtype)
+    at_surface = jnp.zeros((count, spread.diffusion.wavevector.shape[0]), pressure.dtype)
     if thermal.shear is not None:
         sheared = shear_friction(thermal.shear, contact_area(prepared, state), *points)
         at_surface = rise_below_surface(spread, heating.shear_share * sheared * stress)

@@ -1,0 +1,48 @@
+"""Pictures of profiles: what each length scale does. They need matplotlib, as `rubberfric.plot`."""
+
+import numpy as np
+
+# Field of Profile, axis label; drawn from the top down.
+PANELS = (
+    ("area", "area in contact\n$P(q)$ [-]"),
+    ("friction_density", "friction per e-fold\n$d\\mu/d\\ln q$ [-]"),
+    ("rms_slope", "rms slope up to $q$\n[-]"),
+)
+
+
+def plot_profile(profile, ax=None):
+    r"""Draw P(q), d mu / d ln q and the rms slope over log10 q, a line for each condition.
+
+    In the panel of d mu / d ln q, equal areas over log10 q are equal parts of the friction. A second
+    scale above the topmost panel gives the wavelength 2 pi / q.
+
+    Parameters
+    ----------
+    profile : Profile
+        see `rubberfric.profile`
+    ax : sequence of three matplotlib axes, or None
+        None: axes of a new figure of its own, `ax[0].figure`, which pyplot does not know.
+
+    Returns
+    -------
+    sequence of the axes, top to bottom
+    """
+    if ax is None:
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(6.4, 7.0), layout="constrained")
+        ax = figure.subplots(len(PANELS), 1, sharex=True)
+    order = np.argsort(np.asarray(profile.q), kind="stable")
+    log_q = np.log10(np.asarray(profile.q)[order])
+    for (name, label), axes in zip(PANELS, ax, strict=True):
+        values = np.asarray(getattr(profile, name))[..., order]
+        for curve in values.reshape(-1, log_q.size):
+            axes.plot(log_q, curve, marker="o" if log_q.size < 2 else None)
+        axes.set_ylabel(label)
+        axes.set_ylim(bottom=0)
+        axes.grid(alpha=0.3)
+    ax[-1].set_xlabel("$\\log_{10}(q\\;/\\;\\mathrm{m^{-1}})$")
+    shift = np.log10(2 * np.pi)
+    above = ax[0].secondary_xaxis("top", functions=(lambda x: shift - x, lambda x: shift - x))
+    above.set_xlabel("$\\log_{10}(\\mathrm{wavelength}\\;/\\;\\mathrm{m})$")
+    return ax
