@@ -4,6 +4,7 @@ from rubberfric.files import load_scene, save_scene
 from rubberfric.layers import Slab
 from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus, complex_modulus
 from rubberfric.model import Solution, contact_area, friction, friction_outside_table, separation, solve
+from rubberfric.psd import areal_spectrum, line_spectrum, spectrum_as, spectrum_from
 from rubberfric.quadrature import Quadrature
 from rubberfric.scene import Body, Scene
 from rubberfric.shear import ContactShear
@@ -28,10 +29,12 @@ __all__ = [
     "TabulatedShift",
     "TabulatedSpectrum",
     "accuracy",
+    "areal_spectrum",
     "complex_modulus",
     "contact_area",
     "friction",
     "friction_outside_table",
+    "line_spectrum",
     "load_scene",
     "moment",
     "power_spectrum",
@@ -39,4 +42,6 @@ __all__ = [
     "save_scene",
     "separation",
     "solve",
+    "spectrum_as",
+    "spectrum_from",
 ]
