@@ -11,6 +11,7 @@ from rubberfric.shear import ContactShear
 from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
 from rubberfric.spectra import SelfAffine, TabulatedSpectrum, moment, power_spectrum, rms_slope
 from rubberfric.sweep import accuracy
+from rubberfric.topography import MeasuredSpectrum, spectrum_of_profile, spectrum_of_topography
 
 __all__ = [
     "WLF",
@@ -18,6 +19,7 @@ __all__ = [
     "Body",
     "ContactShear",
     "Elastic",
+    "MeasuredSpectrum",
     "Prony",
     "Quadrature",
     "Rigid",
@@ -44,4 +46,6 @@ __all__ = [
     "solve",
     "spectrum_as",
     "spectrum_from",
+    "spectrum_of_profile",
+    "spectrum_of_topography",
 ]
