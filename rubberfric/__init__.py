@@ -1,6 +1,7 @@
 """rubberfric: differentiable rubber friction after Scaraggi and Persson."""
 
 from rubberfric.files import load_scene, save_scene
+from rubberfric.joining import JoinedSpectra, Joint, join_spectra, resample
 from rubberfric.layers import Slab
 from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus, complex_modulus
 from rubberfric.model import Solution, contact_area, friction, friction_outside_table, separation, solve
@@ -19,6 +20,8 @@ __all__ = [
     "Body",
     "ContactShear",
     "Elastic",
+    "JoinedSpectra",
+    "Joint",
     "MeasuredSpectrum",
     "Prony",
     "Quadrature",
@@ -36,10 +39,12 @@ __all__ = [
     "contact_area",
     "friction",
     "friction_outside_table",
+    "join_spectra",
     "line_spectrum",
     "load_scene",
     "moment",
     "power_spectrum",
+    "resample",
     "rms_slope",
     "save_scene",
     "separation",
