@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 
+import fitting
 import rubberfric as rf
 from rubberfric.tables import read_table
 
@@ -283,3 +284,32 @@ def test_scene_files_refused(tmp_path, table, normalisation, more, message):
     with pytest.raises(ValueError, match="must") as error:
         scene_of(tmp_path, table, normalisation, more)
     assert message in str(error.value) and "\n" not in str(error.value)
+
+
+def test_measured_data_in_another_normalisation(tmp_path):
+    path = tmp_path / "measured.csv"
+    path.write_text("q,C,sigma_C\n1/m,m^4,m^4\n1e2,1e-12,1e-13\n1e4,1e-18,1e-19\n")
+    data = fitting.read(path, normalisation="C_iso")
+    np.testing.assert_allclose(data.C, np.array([1e-12, 1e-18]) / (4 * np.pi**2), rtol=1e-14)
+    np.testing.assert_allclose(data.sigma, data.C / 10, rtol=1e-14)
+    np.testing.assert_array_equal(fitting.read(path).C, [1e-12, 1e-18])
+    path.write_text("log10_q,log10_C\nlog10(1/m),log10(m^4)\n2,-12\n4,-18\n")
+    np.testing.assert_allclose(fitting.read(path).C, [1e-12, 1e-18], rtol=1e-13)
+    path.write_text("log10_q,C_1D,relative_sigma\nlog10(1/m),m^3,%\n2,1e-10,3\n4,1e-16,3\n")
+    data = fitting.read(path, normalisation="C_1D", hurst=0.8, body="lower")
+    np.testing.assert_allclose(
+        data.C, rf.spectrum_from("C_1D", data.q, np.array([1e-10, 1e-16]), 0.8), rtol=1e-13
+    )
+    np.testing.assert_allclose(data.relative, 0.03)
+    for given, message in (
+        ({}, "measured.csv: normalisation is missing: must be"),
+        ({"normalisation": "C_1D"}, "measured.csv: hurst is missing: must be given"),
+        ({"normalisation": "C"}, "column 'C_1D': must be one of q, log10_q, C, log10_C"),
+        ({"hurst": 0.8, "normalisation": "C_iso"}, "hurst = 0.8: must be absent"),
+    ):
+        with pytest.raises(ValueError, match="must") as error:
+            fitting.read(path, **given)
+        assert message in str(error.value) and "\n" not in str(error.value)
+    path.write_text("v,mu,p\nm/s,-,Pa\n1,1,1e5\n")
+    with pytest.raises(ValueError, match="normalisation = 'C': must not be given; it is for CSV spectra"):
+        fitting.read(path, normalisation="C")
