@@ -81,6 +81,7 @@ def test_gap_is_bridged_and_its_jump_said():
     assert touching.spectrum.q.size == 5
 
 
+@pytest.mark.slow
 def test_three_spectra_and_a_formula():
     parts = [cut(ROAD, a, b) for a, b in ((100.0, 2e3), (1e3, 3e4))]
     found = rf.join_spectra(*parts, ROAD.__class__.from_C0(1.5e4, 2e4, 1e6, 0.8, 1e-18))
@@ -125,7 +126,7 @@ def test_how_well_height_and_slope_are_kept():
     assert abs(rf.rms_slope(plain) / rf.rms_slope(spectrum) - 1) < 4e-4
 
 
-@pytest.mark.parametrize("per_decade", [1, 10])
+@pytest.mark.parametrize("per_decade", [pytest.param(1, marks=pytest.mark.slow), 10])
 @pytest.mark.parametrize("spectrum", [ROAD, SCATTERED], ids=["self-affine", "scattered"])
 def test_moments_are_preserved(spectrum, per_decade):
     table = rf.resample(spectrum, per_decade=per_decade, preserve=True)

@@ -111,6 +111,7 @@ def test_line_spectrum_derivatives():
         np.testing.assert_allclose(slope / scale, float(difference) / scale, rtol=1e-9, atol=1e-13)
 
 
+@pytest.mark.slow
 def test_gradients_are_finite_everywhere():
     x = np.array([1e-30, 99.0, 150.0, 1999.999, 2500.0, 8.05e5, 9e5, 1e30])
     for spectrum in (TABLE, ROAD):

@@ -145,6 +145,7 @@ def test_report(noisy):
     assert repr(noisy).startswith("<SpectrumFit: h_rms 0.000")
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not ASPHALT.is_file(), reason="no measured tyre data beside the project")
 def test_measured_road():
     q, C = np.loadtxt(ASPHALT, delimiter=",", skiprows=2).T
