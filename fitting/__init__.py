@@ -9,6 +9,8 @@ from fitting.prony_result import PronyFit
 from fitting.result import FitResult
 from fitting.rules import Bounded, Free, Positive, Tied
 from fitting.sensitivity import sensitivity, sensitivity_names
+from fitting.spectrum import fit_spectrum
+from fitting.spectrum_result import SpectrumFit
 
 __all__ = [
     "AreaData",
@@ -22,9 +24,11 @@ __all__ = [
     "PronyFit",
     "Smooth",
     "SpectrumData",
+    "SpectrumFit",
     "Tied",
     "fit",
     "fit_prony",
+    "fit_spectrum",
     "read",
     "sensitivity",
     "sensitivity_names",

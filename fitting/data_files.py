@@ -6,7 +6,8 @@ measured values says what kind of data it is:
     friction   v | log10_v, mu, and if known  sigma | relative_sigma, p, T
     area       v | log10_v, A_over_A0,        sigma | relative_sigma, p, T
     modulus    omega | f, E_stor, E_loss,     sigma_stor, sigma_loss | relative_sigma, T
-    spectrum   q, C,                          sigma_C | relative_sigma
+    spectrum   q | log10_q, C | log10_C,      sigma_C | relative_sigma
+               q | log10_q, C_1D | log10_C_1D, relative_sigma: along a line, see `read`
 
 An HDF5 file holds one group /data with the attributes kind, name and body, and a dataset
 with units for each field that is not None.
@@ -17,11 +18,13 @@ import difflib
 from pathlib import Path
 
 import h5py
+import numpy as np
 
 from fitting.data import AreaData, FrictionData, ModulusData, SpectrumData
 from fitting.measured import FIELDS, one_line
 from rubberfric._atomic import check_writable, replacing
 from rubberfric._hdf5 import check_names, creating, plain, read_values, reading, write_values
+from rubberfric.psd import LINES, NORMALISATION_RULE, check_normalisation, spectrum_from
 from rubberfric.tables import COLUMNS, closest, read_names, read_table, write_table
 
 FORMAT = "rubberfric data"
@@ -47,7 +50,17 @@ COLUMN = {
 KINDS = {cls.quantity: cls for cls in COLUMN}
 
 
-def read(path, *, pressure=None, temperature=None, body=None, relative=None, check_units=True):
+def read(
+    path,
+    *,
+    pressure=None,
+    temperature=None,
+    body=None,
+    relative=None,
+    normalisation=None,
+    hurst=None,
+    check_units=True,
+):
     """Measured data of a .csv or an .h5 file.
 
     Parameters
@@ -56,6 +69,8 @@ def read(path, *, pressure=None, temperature=None, body=None, relative=None, che
     pressure, temperature, body, relative : as in the constructors
         what the file lacks: pressure [Pa] must be in one of both places for friction and
         area, and body never is in a CSV file.
+    normalisation, hurst : of the spectrum in a CSV file, see `rubberfric.psd`
+        None: "C". One along a line must be given, with H, and is converted as of a self-affine surface.
     check_units : bool
         whether values of a CSV file that look like ones in another unit are errors.
 
@@ -74,9 +89,14 @@ def read(path, *, pressure=None, temperature=None, body=None, relative=None, che
     path = Path(path)
     given = {"pressure": pressure, "temperature": temperature, "body": body, "relative": relative}
     given = {name: value for name, value in given.items() if value is not None}
+    scaled = {"normalisation": normalisation, "hurst": hurst}
+    scaled = {name: value for name, value in scaled.items() if value is not None}
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
         raise ValueError(f"{path}: suffix {path.suffix!r}: must be {' or '.join(SUFFIXES)}")
+    for name, value in scaled.items():
+        if suffix == ".h5" or _kind(path) is not SpectrumData:
+            raise ValueError(f"{path}: {name} = {one_line(value)}: must not be given; it is for CSV spectra")
     if suffix == ".h5":
         with reading(path, FORMAT) as file:
             check_names(file, ("data",), ("format", "format_version", "rubberfric_version"))
@@ -85,10 +105,15 @@ def read(path, *, pressure=None, temperature=None, body=None, relative=None, che
             return read_group(file["data"], **given)
     cls = _kind(path)
     columns = COLUMN[cls]
+    if cls is SpectrumData:
+        columns = _spectrum_columns(path, normalisation, hurst)
     needed = tuple(columns[name] for name in columns if FIELDS[name].needed and name != "pressure")
     optional = tuple(column for column in columns.values() if column not in needed)
     table = read_table(path, needed, optional, increasing=False)
     values = {name: table[column] for name, column in columns.items() if column in table}
+    if scaled:
+        for name in values.keys() & {"C", "sigma"}:
+            values[name] = np.asarray(spectrum_from(normalisation, values["q"], values[name], hurst))
     try:
         if "pressure" in columns and "pressure" not in {*values, *given}:
             raise ValueError("no column p: the table must have one, or pressure=... be given [Pa]")
@@ -158,6 +183,22 @@ def read_group(group, **given):
         raise ValueError(f"{group.name}: {error}") from None
 
 
+def _spectrum_columns(path, normalisation, hurst):
+    """Column of every field of a spectrum in a normalisation, None being C."""
+    names = read_names(path)
+    if normalisation is None and {"C_1D", "log10_C_1D"} & set(names):
+        raise ValueError(f"{path}: normalisation is missing: {NORMALISATION_RULE}")
+    try:
+        check_normalisation("C" if normalisation is None else normalisation, hurst)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    columns = COLUMN[SpectrumData]
+    if normalisation in LINES:
+        # A sigma along a line would have another unit.
+        columns = {name: column for name, column in columns.items() if name != "sigma"} | {"C": "C_1D"}
+    return columns
+
+
 def _fields(cls):
     return {field.name for field in dataclasses.fields(cls)}
 
@@ -175,8 +216,9 @@ def _made(cls, values, given, check_units):
 def _kind(path):
     """The class of data in a CSV file, by its column of measured values."""
     names = read_names(path)
-    marks = {columns[cls.values[0]]: cls for cls, columns in COLUMN.items()}
-    found = [mark for mark in marks if mark in names]
+    marks = {columns[cls.values[0]]: cls for cls, columns in COLUMN.items()} | {"C_1D": SpectrumData}
+    given = {COLUMNS[name].name for name in names if name in COLUMNS}
+    found = [mark for mark in marks if mark in given]
     if len(found) == 1:
         return marks[found[0]]
     needs = []

@@ -3,18 +3,15 @@
 from rubberfric.anisotropy import Anisotropic, TabulatedAnisotropic, from_grid, harmonics_left_out
 from rubberfric.files import load_scene, save_scene
 from rubberfric.heating import Heating
-from rubberfric.interface import (
-    SeparationProfile,
-    contact_stiffness,
-    separation_profile,
-    stress_distribution,
-)
+from rubberfric.interface import SeparationProfile, contact_stiffness, separation_profile, stress_distribution
+from rubberfric.joining import JoinedSpectra, Joint, join_spectra, resample
 from rubberfric.layers import Slab
 from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus, complex_modulus
 from rubberfric.model import Solution, contact_area, friction, friction_outside_table, separation, solve
 from rubberfric.moments import cutoff, moment, rms_height, rms_slope, with_cutoff
 from rubberfric.power import DissipatedPower, dissipated_power
 from rubberfric.profiles import Profile, profile
+from rubberfric.psd import areal_spectrum, line_spectrum, spectrum_as, spectrum_from
 from rubberfric.quadrature import Quadrature
 from rubberfric.scene import Body, Scene
 from rubberfric.shear import ContactShear
@@ -22,6 +19,7 @@ from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
 from rubberfric.softening import Softening
 from rubberfric.spectra import SelfAffine, TabulatedSpectrum, power_spectrum
 from rubberfric.sweep import accuracy
+from rubberfric.topography import MeasuredSpectrum, spectrum_of_profile, spectrum_of_topography
 
 __all__ = [
     "WLF",
@@ -32,6 +30,9 @@ __all__ = [
     "DissipatedPower",
     "Elastic",
     "Heating",
+    "JoinedSpectra",
+    "Joint",
+    "MeasuredSpectrum",
     "Profile",
     "Prony",
     "Quadrature",
@@ -47,6 +48,7 @@ __all__ = [
     "TabulatedShift",
     "TabulatedSpectrum",
     "accuracy",
+    "areal_spectrum",
     "complex_modulus",
     "contact_area",
     "contact_stiffness",
@@ -56,16 +58,23 @@ __all__ = [
     "friction_outside_table",
     "from_grid",
     "harmonics_left_out",
+    "join_spectra",
+    "line_spectrum",
     "load_scene",
     "moment",
     "power_spectrum",
     "profile",
+    "resample",
     "rms_height",
     "rms_slope",
     "save_scene",
     "separation",
     "separation_profile",
     "solve",
+    "spectrum_as",
+    "spectrum_from",
+    "spectrum_of_profile",
+    "spectrum_of_topography",
     "stress_distribution",
     "with_cutoff",
 ]

@@ -9,7 +9,8 @@
     material = { kind = "rigid" }
     [lower.spectrum]
     kind = "self_affine"                # q0, qr, q1 [1/m], hurst, and h_rms [m] or C0 [m^4]
-    ...
+    ...                                 # or "tabulated": file (q, C), normalisation, see rubberfric.psd;
+                                        # a spectrum along a line (q, C_1D) needs hurst
 
     [upper]                             # solid 2, slides over solid 1
     [upper.material]
@@ -36,7 +37,6 @@ Keys are the fields of the classes, except those of `CURVES`, which come from a 
 """
 
 import dataclasses
-import math
 from pathlib import Path
 
 from rubberfric._toml import check_keys, join, number, read_toml, shown
@@ -44,6 +44,7 @@ from rubberfric.conditions import SceneFile, read_conditions
 from rubberfric.heating import Heating
 from rubberfric.layers import Slab
 from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus
+from rubberfric.psd import LINES, NORMALISATION_RULE, check_normalisation, spectrum_from
 from rubberfric.scene import Body, Scene
 from rubberfric.shear import ContactShear
 from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
@@ -77,16 +78,9 @@ EXTRA = {
     SelfAffine: ("C0",),
     TabulatedModulus: ("file",),
     TabulatedShift: ("file",),
-    TabulatedSpectrum: ("file", "normalisation"),
+    TabulatedSpectrum: ("file", "normalisation", "hurst"),
     Softening: ("file",),
 }
-
-# What the column C of a file is multiplied by.
-NORMALISATIONS = {"C": 1.0, "C_iso": 1 / (4 * math.pi**2)}
-_NORMALISATION_RULE = (
-    'must be "C" (h_rms^2 = 2 pi int q C dq) or "C_iso" (contact.engineering, 4 pi^2 times that); '
-    "one-dimensional spectra are not converted"
-)
 
 
 def read_scene_toml(path):
@@ -161,13 +155,9 @@ def _read_curves(path, key, content, curves):
     if not isinstance(name, str):
         value = "is missing" if name is None else f"= {shown(name)}"
         raise ValueError(f"{path}: {key}.file {value}: must be the name of a CSV file")
-    scale = 1.0
-    if "C" in curves:
-        normalisation = content.get("normalisation")
-        if not isinstance(normalisation, str) or normalisation not in NORMALISATIONS:
-            value = "is missing" if normalisation is None else f"= {shown(normalisation)}"
-            raise ValueError(f"{path}: {key}.normalisation {value}: {_NORMALISATION_RULE}")
-        scale = NORMALISATIONS[normalisation]
+    normalisation = _normalisation(path, key, content) if "C" in curves else None
+    if normalisation in LINES:
+        curves = curves | {"C": "C_1D"}
     file = path.parent / name
     try:
         table = read_table(file, tuple(curves.values()))
@@ -175,4 +165,21 @@ def _read_curves(path, key, content, curves):
         raise ValueError(
             str(error) if file.is_file() else f"{path}: {key}.file = {name!r}: {error}"
         ) from None
-    return {field: table[column] * (scale if column == "C" else 1.0) for field, column in curves.items()}
+    values = {field: table[column] for field, column in curves.items()}
+    if normalisation is not None:
+        values["C"] = spectrum_from(normalisation, values["q"], values["C"], content.get("hurst"))
+    return values
+
+
+def _normalisation(path, key, content):
+    """Which one a tabulated spectrum has, checked together with its key `hurst`."""
+    name, hurst = content.get("normalisation"), content.get("hurst")
+    if name is None:
+        raise ValueError(f"{path}: {key}.normalisation is missing: {NORMALISATION_RULE}")
+    if hurst is not None and isinstance(number(path, f"{key}.hurst", hurst), list):
+        raise ValueError(f"{path}: {key}.hurst = {shown(hurst)}: must be one number")
+    try:
+        check_normalisation(name, hurst, f"{key}.normalisation", f"{key}.hurst")
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return name

@@ -40,7 +40,14 @@ def _scaled(**factors):
 _ONE = {"-": (1.0, 0.0)}
 _PRESSURE = _scaled(Pa=1.0, kPa=1e3, MPa=1e6, GPa=1e9)
 _SPEED = {"m/s": (1.0, 0.0), "mm/s": (1e-3, 0.0), "um/s": (1e-6, 0.0)}
-_SPECTRUM = {"m^4": (1.0, 0.0), "mm^4": (1e-12, 0.0), "um^4": (1e-24, 0.0)}
+_WAVEVECTOR = {"1/m": (1.0, 0.0), "1/mm": (1e3, 0.0), "1/um": (1e6, 0.0), "1/nm": (1e9, 0.0)}
+_SPECTRUM = {"m^4": (1.0, 0.0), "mm^4": (1e-12, 0.0), "um^4": (1e-24, 0.0), "nm^4": (1e-36, 0.0)}
+_LINE = {"m^3": (1.0, 0.0), "mm^3": (1e-9, 0.0), "um^3": (1e-18, 0.0), "nm^3": (1e-27, 0.0)}
+
+
+def _logarithms(units):
+    return {f"log10({unit})": how for unit, how in units.items()}
+
 
 # Names a file may use. The first unit of each is SI, in which tables are written.
 COLUMNS = {
@@ -48,15 +55,19 @@ COLUMNS = {
     "f": Column("omega", _scaled(Hz=2 * math.pi, kHz=2e3 * math.pi, MHz=2e6 * math.pi)),
     "E_stor": Column("E_stor", _PRESSURE),
     "E_loss": Column("E_loss", _PRESSURE),
-    "q": Column("q", {"1/m": (1.0, 0.0), "1/mm": (1e3, 0.0), "1/um": (1e6, 0.0)}),
+    "q": Column("q", _WAVEVECTOR),
+    "log10_q": Column("q", _logarithms(_WAVEVECTOR), log10=True),
     "C": Column("C", _SPECTRUM),
+    "log10_C": Column("C", _logarithms(_SPECTRUM), log10=True),
+    "C_1D": Column("C_1D", _LINE),
+    "log10_C_1D": Column("C_1D", _logarithms(_LINE), log10=True),
     "T": Column("T", {"K": (1.0, 0.0), "C": (1.0, 273.15)}),
     "aT": Column("aT", _ONE),
     "strain": Column("strain", {"-": (1.0, 0.0), "%": (1e-2, 0.0)}),
     "storage_factor": Column("storage_factor", _ONE),
     "loss_factor": Column("loss_factor", _ONE),
     "v": Column("v", _SPEED, positive=False),
-    "log10_v": Column("v", {f"log10({unit})": how for unit, how in _SPEED.items()}, log10=True),
+    "log10_v": Column("v", _logarithms(_SPEED), log10=True),
     "p": Column("p", _PRESSURE),
     "mu": Column("mu", _ONE, positive=False),
     "A_over_A0": Column("A_over_A0", _ONE),

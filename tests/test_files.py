@@ -337,7 +337,9 @@ def test_every_key_refuses_wrong_values(folder, key):
             "lower.material.kind = 'pronny': did you mean 'prony'? must be one of",
         ),
         ("lower.spectrum", "rough", "lower.spectrum = 'rough': must be a table"),
-        ("upper.spectrum.normalisation", "C_1D", 'must be "C" (h_rms^2 = 2 pi int q C dq) or "C_iso"'),
+        ("upper.spectrum.normalisation", "psd", 'must be "C" (h_rms^2 = 2 pi int q C dq), "C_iso"'),
+        ("upper.spectrum.normalisation", "C_1D", "upper.spectrum.hurst is missing: must be given, 0 ... 1"),
+        ("upper.spectrum.hurst", 0.8, "upper.spectrum.hurst = 0.8: must be absent; "),
         ("upper.spectrum.normalisation", ..., "upper.spectrum.normalisation is missing: must be"),
         ("upper.spectrum.file", "no.csv", "upper.spectrum.file = 'no.csv': "),
         (

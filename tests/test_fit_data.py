@@ -397,7 +397,8 @@ def test_what_a_file_lacks(tmp_path):
 
 ALL_KINDS = (
     "must be those of one kind of data: friction has v or log10_v, mu, p; "
-    "area has v or log10_v, A_over_A0, p; modulus has omega or f, E_stor, E_loss; spectrum has q, C"
+    "area has v or log10_v, A_over_A0, p; modulus has omega or f, E_stor, E_loss; "
+    "spectrum has q or log10_q, C or log10_C"
 )
 ABSENT = "must not be given; "
 
