@@ -2,6 +2,7 @@
 
 from rubberfric.files import load_scene, save_scene
 from rubberfric.layers import Slab
+from rubberfric.maps import FrictionMap, friction_map
 from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus, complex_modulus
 from rubberfric.model import Solution, contact_area, friction, friction_outside_table, separation, solve
 from rubberfric.quadrature import Quadrature
@@ -17,6 +18,7 @@ __all__ = [
     "Body",
     "ContactShear",
     "Elastic",
+    "FrictionMap",
     "Prony",
     "Quadrature",
     "Rigid",
@@ -31,6 +33,7 @@ __all__ = [
     "complex_modulus",
     "contact_area",
     "friction",
+    "friction_map",
     "friction_outside_table",
     "load_scene",
     "moment",
