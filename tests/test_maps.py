@@ -17,6 +17,7 @@ from compilations import compilations
 import rubberfric as rf
 from rubberfric import command, maps, model
 from rubberfric.conditions import Conditions
+from rubberfric.files import read_computable
 from rubberfric.map_command import bar
 from rubberfric.plot_map import plot_map
 from rubberfric.results import load_result
@@ -75,14 +76,13 @@ def test_one_program_for_all_batches_and_maps():
     assert [name for name in compiled if "_solve" in name] == ["jit(_solve)"]
 
 
-@pytest.mark.parametrize("block", [BLOCK, 40])
-def test_streaming_to_a_file_equals_memory(tmp_path, monkeypatch, block):
+def test_streaming_to_a_file_equals_memory(tmp_path, monkeypatch):
     path = tmp_path / "m.h5"
     whole = rf.friction_map(SCENE, *POINTS, quadrature=QUICK, path=path, title="Map", block=BLOCK)
     written = load_result(path)
     path.unlink()
     monkeypatch.setattr(maps, "LARGEST", 0)
-    streamed = rf.friction_map(SCENE, *POINTS, quadrature=QUICK, path=path, title="Map", block=block)
+    streamed = rf.friction_map(SCENE, *POINTS, quadrature=QUICK, path=path, title="Map", block=BLOCK)
     again = load_result(path)
     for name in maps.QUANTITIES:
         assert isinstance(getattr(streamed.solution, name), np.memmap)
@@ -157,8 +157,8 @@ def test_a_temperature_that_nothing_depends_on():
 
 def test_progress_is_told_before_the_first_and_after_every_batch():
     told = []
-    rf.friction_map(SCENE, *POINTS, quadrature=QUICK, block=40, progress=lambda *at: told.append(at))
-    assert told == [(0, 90), (40, 90), (80, 90), (90, 90)]
+    rf.friction_map(SCENE, *POINTS, quadrature=QUICK, block=BLOCK, progress=lambda *at: told.append(at))
+    assert told == [(done, 90) for done in (*range(0, 85, 7), 90)]
 
 
 @pytest.mark.parametrize("streamed", [False, True])
@@ -396,9 +396,10 @@ def test_command_writes_draws_and_sums_up(call_main, scene_file, tmp_path):
     np.testing.assert_allclose(found.conditions.velocity, 10.0 ** np.arange(-3, 2), rtol=1e-13)
     np.testing.assert_allclose(found.conditions.pressure, [1e5, 2e5, 4e5], rtol=1e-13)
     np.testing.assert_allclose(found.conditions.temperature, [273.15, 283.15, 293.15], rtol=1e-13)
-    expected = rf.solve(rf.load_scene(scene_file), *found.conditions.grid(), quantities=maps.QUANTITIES)
+    v, p, T = (np.broadcast_to(x, (3, 3, 5)).ravel() for x in found.conditions.grid())
+    expected = rf.solve(rf.load_scene(scene_file), v, p, T, quantities=maps.QUANTITIES)
     for name in maps.QUANTITIES:
-        np.testing.assert_allclose(getattr(found.solution, name), getattr(expected, name), rtol=1e-13)
+        np.testing.assert_allclose(getattr(found.solution, name).ravel(), getattr(expected, name), rtol=1e-13)
 
     lines = printed.splitlines()
     assert max(map(len, lines)) <= 90
@@ -410,21 +411,25 @@ def test_command_writes_draws_and_sums_up(call_main, scene_file, tmp_path):
         "45 points",
     ]
     mu = np.asarray(expected.friction)
-    i, j, k = np.unravel_index(mu.argmax(), mu.shape)
+    where = [x[mu.argmax()] for x in (v, p / 1e6, T)]
     name, unit, *numbers = lines[-1].split()
     assert (name, unit) == ("friction", "[-]")
-    where = (
-        found.conditions.velocity[k],
-        found.conditions.pressure[j] / 1e6,
-        found.conditions.temperature[i],
-    )
     np.testing.assert_allclose([float(x) for x in numbers], [mu.min(), mu.max(), *where], rtol=1e-4)
 
-    # the file of a map is computed again, and [map] is nothing to the other commands
+    # the file of a map is computed again
     status, again, _ = call_main(command.main, "map", out)
     assert (status, again) == (0, printed)
-    status, one, _ = call_main(command.main, "run", scene_file)
-    assert (status, one.count("\n")) == (0, 5)
+
+
+def test_each_command_has_its_table(scene_file):
+    """[map] is nothing to the other commands, and without it a map is that of [run]."""
+    assert read_computable(scene_file).conditions.velocity == [1.0]
+    assert read_computable(scene_file, "map").conditions.velocity.size == 5
+    scene_file.write_text(FILE[: FILE.index("[map]")])
+    assert read_computable(scene_file, "map").conditions.velocity == [1.0]
+    scene_file.write_text(FILE.replace("[run]\nvelocity = 1.0\npressure = 1e5", ""))
+    with pytest.raises(ValueError, match="run: is missing; must hold velocity and pressure"):
+        read_computable(scene_file)
 
 
 @pytest.mark.parametrize(
