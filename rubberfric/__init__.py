@@ -6,6 +6,7 @@ from rubberfric.heating import Heating
 from rubberfric.interface import SeparationProfile, contact_stiffness, separation_profile, stress_distribution
 from rubberfric.joining import JoinedSpectra, Joint, join_spectra, resample
 from rubberfric.layers import Slab
+from rubberfric.maps import FrictionMap, friction_map
 from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus, complex_modulus
 from rubberfric.model import Solution, contact_area, friction, friction_outside_table, separation, solve
 from rubberfric.moments import cutoff, moment, rms_height, rms_slope, with_cutoff
@@ -29,6 +30,7 @@ __all__ = [
     "ContactShear",
     "DissipatedPower",
     "Elastic",
+    "FrictionMap",
     "Heating",
     "JoinedSpectra",
     "Joint",
@@ -55,6 +57,7 @@ __all__ = [
     "cutoff",
     "dissipated_power",
     "friction",
+    "friction_map",
     "friction_outside_table",
     "from_grid",
     "harmonics_left_out",

@@ -11,7 +11,7 @@ import sys
 import jax
 import numpy as np
 
-from rubberfric import accuracy_command
+from rubberfric import accuracy_command, map_command
 from rubberfric._atomic import check_writable
 from rubberfric.files import read_computable
 from rubberfric.materials import TabulatedModulus
@@ -34,6 +34,8 @@ def main(argv=None):
         return reader_left()
     except ValueError as error:
         return complain(PROGRAM, error, 2)
+    except KeyboardInterrupt:
+        return complain(PROGRAM, "interrupted; what was not yet complete is not written", 1)
     except (OSError, FloatingPointError) as error:
         return complain(PROGRAM, error, 1)
 
@@ -146,6 +148,7 @@ def _parser():
     one.add_argument("--plot", metavar="FILE.png", help="draw the curves (.png, .pdf or .svg)")
     one.set_defaults(run=run)
     accuracy_command.add(commands)
+    map_command.add(commands)
     return parser
 
 

@@ -1,11 +1,17 @@
-"""Conditions to compute a scene at: the table [run] of a scene file.
+"""Conditions to compute a scene at: the tables [run] and [map] of a scene file.
 
 ::
 
     [run]
-    velocity = { from = 1e-6, to = 1e2, points = 50 }   # [m/s], logarithmic; or a list
-    pressure = 0.15e6                                   # [Pa], or a list
-    temperature = 293.15                                # [K], optional, or a list
+    velocity = { from = 1e-6, to = 1e2, points = 50 }   # [m/s]
+    pressure = 0.15e6                                   # [Pa]
+    temperature = [283.15, 293.15]                      # [K], optional
+
+    [map]                                               # optional, for friction maps: the same keys
+    ...
+
+Each is a number, a list of numbers, or a range with both ends: points equally far apart, in the
+logarithm for velocity and pressure, in the temperature itself.
 """
 
 import math
@@ -15,6 +21,9 @@ import numpy as np
 
 from rubberfric._toml import check_keys, number, shown
 from rubberfric.scene import Scene, shifts
+
+# Tables of a scene file that hold conditions.
+TABLES = ("run", "map")
 
 
 class Conditions(NamedTuple):
@@ -68,22 +77,23 @@ def check_conditions(where, conditions, scene):
             raise ValueError(f"{where}{error}") from None
 
 
-def read_conditions(path, content, scene):
-    """The conditions of the TOML table [run] of the file `path`, checked against the scene."""
-    check_keys(path, "run", content, Conditions._fields, needed=("velocity", "pressure"))
+def read_conditions(path, table, content, scene):
+    """The conditions of the TOML table named `table` of the file `path`, checked against the scene."""
+    check_keys(path, table, content, Conditions._fields, needed=("velocity", "pressure"))
     values = dict.fromkeys(Conditions._fields)
     for name, value in content.items():
-        if name == "velocity" and isinstance(value, dict):
-            values[name] = _logarithmic(path, f"run.{name}", value)
+        key = f"{table}.{name}"
+        if isinstance(value, dict):
+            values[name] = _range(path, key, value, np.linspace if name == "temperature" else np.geomspace)
         else:
-            values[name] = np.atleast_1d(np.array(number(path, f"run.{name}", value), float))
+            values[name] = np.atleast_1d(np.array(number(path, key, value), float))
     conditions = Conditions(**values)
-    check_conditions(f"{path}: run.", conditions, scene)
+    check_conditions(f"{path}: {table}.", conditions, scene)
     return conditions
 
 
-def _logarithmic(path, key, content):
-    """{ from, to, points }: as many points, equally far apart in the logarithm, ends included."""
+def _range(path, key, content, spaced):
+    """{ from, to, points }: as many points, ends included, spread by `spaced`."""
     check_keys(path, key, content, ("from", "to", "points"), needed=("from", "to", "points"))
     low, high = (number(path, f"{key}.{name}", content[name]) for name in ("from", "to"))
     points = content["points"]
@@ -93,4 +103,4 @@ def _logarithmic(path, key, content):
         raise ValueError(f"{path}: {key}.to = {shown(high)}: must be > from = {low:g} and finite")
     if not isinstance(points, int) or isinstance(points, bool) or not 2 <= points <= 100_000:
         raise ValueError(f"{path}: {key}.points = {shown(points)}: must be an integer, 2 to 100000")
-    return np.geomspace(low, high, points)
+    return spaced(low, high, points)

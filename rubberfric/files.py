@@ -6,23 +6,26 @@ from rubberfric._atomic import check_writable
 from rubberfric.results import read_scene_hdf5, write_scene_hdf5
 from rubberfric.scene_toml import read_scene_toml
 
-READERS = {".toml": read_scene_toml, ".h5": read_scene_hdf5}
+SUFFIXES = (".toml", ".h5")
 
 
-def read_scene_file(path):
-    """Scene, conditions and title of a scene file; see `load_scene`."""
+def read_scene_file(path, table="run"):
+    """Scene, conditions and title of a scene file; see `load_scene`.
+
+    A TOML file has conditions in the tables "run" and "map"; an HDF5 file has one set of them.
+    """
     path = Path(path)
     suffix = path.suffix.lower()
-    if suffix not in READERS:
-        raise ValueError(f"{path}: suffix {suffix!r}: must be {' or '.join(READERS)}")
-    return READERS[suffix](path)
+    if suffix not in SUFFIXES:
+        raise ValueError(f"{path}: suffix {suffix!r}: must be {' or '.join(SUFFIXES)}")
+    return read_scene_toml(path, table) if suffix == ".toml" else read_scene_hdf5(path)
 
 
-def read_computable(path):
+def read_computable(path, table="run"):
     """The same of a file that says at what conditions to compute, or ValueError."""
-    found = read_scene_file(path)
+    found = read_scene_file(path, table)
     if found.conditions is None:
-        raise ValueError(f"{path}: run: is missing; must hold velocity and pressure to compute at")
+        raise ValueError(f"{path}: {table}: is missing; must hold velocity and pressure to compute at")
     return found
 
 

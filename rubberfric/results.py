@@ -10,6 +10,7 @@ each with the attribute units:
 the group /quadrature, whose attributes are the accuracy settings, and the attribute title.
 """
 
+import contextlib
 import dataclasses
 from typing import NamedTuple
 
@@ -46,6 +47,17 @@ class Result(NamedTuple):
 
 def save_result(path, result):
     """Write a result file, whole or not at all."""
+    shape = result_shape(result.conditions)
+    with creating_result(path, result) as file:
+        for name in QUANTITIES:
+            values = getattr(result.solution, name)
+            if values is not None:
+                label(write_values(file, name, np.broadcast_to(values, shape), QUANTITIES[name]))
+
+
+@contextlib.contextmanager
+def creating_result(path, result):
+    """A new result file, whole or not at all, with all of a result but its quantities: those follow."""
     with replacing(path) as temporary, creating(temporary, FORMAT) as file:
         file.attrs["title"] = result.title
         write_object(file, "scene", result.scene)
@@ -53,14 +65,22 @@ def save_result(path, result):
             values = getattr(result.conditions, name)
             if values is not None:
                 write_values(file, name, values, units)
-        shape = result_shape(result.conditions)
-        for name, units in QUANTITIES.items():
-            values = getattr(result.solution, name)
-            if values is not None:
-                data = write_values(file, name, np.broadcast_to(values, shape), units)
-                for axis, dimension in enumerate(DIMENSIONS):
-                    data.dims[axis].label = dimension
         write_quadrature(file, result.quadrature)
+        yield file
+
+
+def create_quantity(file, name, shape, dtype):
+    """The dataset of a quantity, to be filled part by part."""
+    data = file.create_dataset(name, shape, dtype)
+    data.attrs["units"] = QUANTITIES[name]
+    label(data)
+    return data
+
+
+def label(data):
+    """Name the dimensions of the dataset of a quantity."""
+    for axis, dimension in enumerate(DIMENSIONS):
+        data.dims[axis].label = dimension
 
 
 def load_result(path):

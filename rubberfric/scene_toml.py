@@ -31,7 +31,7 @@
     [heating]                           # optional: density, heat_capacity, conductivity, radius, ...
     ...
 
-    [run]                               # for the command, see `rubberfric.conditions`
+    [run]                               # for the commands, as [map]: see `rubberfric.conditions`
 
 Keys are the fields of the classes, except those of `CURVES`, which come from a CSV file.
 """
@@ -40,7 +40,7 @@ import dataclasses
 from pathlib import Path
 
 from rubberfric._toml import check_keys, join, number, read_toml, shown
-from rubberfric.conditions import SceneFile, read_conditions
+from rubberfric.conditions import TABLES, SceneFile, read_conditions
 from rubberfric.heating import Heating
 from rubberfric.layers import Slab
 from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus
@@ -83,8 +83,10 @@ EXTRA = {
 }
 
 
-def read_scene_toml(path):
+def read_scene_toml(path, table="run"):
     """Scene, conditions and title of a TOML file.
+
+    The conditions are those of `table`, "run" or "map", and without [map] those of [run].
 
     Raises
     ------
@@ -93,13 +95,14 @@ def read_scene_toml(path):
     """
     path = Path(path)
     content = read_toml(path)
-    check_keys(path, "", content, ("title", *_fields(Scene), "run"))
+    check_keys(path, "", content, ("title", *_fields(Scene), *TABLES))
     title = content.pop("title", "")
     if not isinstance(title, str) or not title.isprintable():
         raise ValueError(f"{path}: title = {shown(title)}: must be one line of text")
-    run = content.pop("run", None)
+    tables = {name: content.pop(name) for name in TABLES if name in content}
     scene = _build(path, "", Scene, content)
-    return SceneFile(scene, None if run is None else read_conditions(path, run, scene), title)
+    conditions = {name: read_conditions(path, name, found, scene) for name, found in tables.items()}
+    return SceneFile(scene, conditions.get(table, conditions.get("run")), title)
 
 
 def _fields(cls):

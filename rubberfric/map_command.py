@@ -1,0 +1,109 @@
+"""The command `rubberfric map`: quantities of a scene file over velocity, temperature and pressure."""
+
+import time
+
+import numpy as np
+
+from rubberfric._atomic import check_writable
+from rubberfric._terminal import progress
+from rubberfric.files import read_computable
+from rubberfric.maps import QUANTITIES, friction_map
+from rubberfric.model import Solution
+from rubberfric.plot import check_plot
+from rubberfric.plot_map import check_map, save_map_plot
+from rubberfric.results import CONDITIONS, result_shape
+from rubberfric.results import QUANTITIES as UNITS
+
+_SEVERAL = {"velocity": "velocities", "pressure": "pressures", "temperature": "temperatures"}
+
+
+def add(commands):
+    """Add the command to argparse's subparsers."""
+    parser = commands.add_parser(
+        "map",
+        help="compute a scene over velocity, temperature and pressure",
+        description="Compute a scene at every combination of the velocities, pressures and temperatures of "
+        "the table [map] of its file, or of [run] if there is none; print the range of each quantity, and "
+        "where its largest value is.",
+    )
+    parser.add_argument("scene", metavar="SCENE", help="scene file (.toml) or result file (.h5)")
+    parser.add_argument("--out", metavar="FILE.h5", help="write the map and the scene that made it")
+    parser.add_argument("--plot", metavar="FILE.png", help="draw the map (.png, .pdf or .svg)")
+    parser.add_argument(
+        "--quantity",
+        nargs="+",
+        choices=Solution._fields,
+        default=QUANTITIES,
+        metavar="NAME",
+        help=f"what to compute, out of {', '.join(Solution._fields)} (default: {' '.join(QUANTITIES)})",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments):
+    """`rubberfric map`: a friction map of a scene file."""
+    if arguments.out is not None:
+        check_writable(arguments.out, (".h5",))
+    if arguments.plot is not None:
+        check_plot(arguments.plot)
+    scene, conditions, title = read_computable(arguments.scene, "map")
+    if arguments.plot is not None:
+        try:
+            check_map(conditions)
+        except ValueError as error:
+            raise ValueError(f"{arguments.scene}: {error}") from None
+    with progress() as show:
+        result = friction_map(
+            scene,
+            *conditions,
+            quantities=arguments.quantity,
+            progress=bar(show),
+            path=arguments.out,
+            title=title,
+        )
+    if arguments.plot is not None:
+        save_map_plot(arguments.plot, result)
+    for line in summary(result):
+        print(line, flush=True)
+    return 0
+
+
+def bar(show, clock=time.monotonic):
+    """A progress function of points done and points in all, that shows percentage and remaining time."""
+    begin = clock()
+
+    def tell(done, points):
+        line = f"{points} points, {100 * done // points:3d} %"
+        if done:
+            line += f", {(clock() - begin) * (points - done) / done:.0f} s left"
+        show(line)
+
+    return tell
+
+
+def summary(result):
+    """Lines that say what a map covers, and the range of each of its quantities."""
+    if result.title:
+        yield result.title
+    for name, units in CONDITIONS.items():
+        values = getattr(result.conditions, name)
+        if values is None:
+            continue
+        several = f"{values.size} {_SEVERAL[name]}" if values.size > 1 else name
+        ends = dict.fromkeys((f"{values.min():.6g}", f"{values.max():.6g}"))
+        yield f"{several}: {' ... '.join(ends)} {units}"
+    yield f"{np.prod(result_shape(result.conditions))} points"
+    yield ""
+    v, p, T = result.conditions
+    headings = ["smallest", "largest", "at v [m/s]", "p [MPa]"] + ([] if T is None else ["T [K]"])
+    yield " ".join((f"{'':>25}", *(f"{heading:>11}" for heading in headings)))
+    for name, values in result.solution._asdict().items():
+        if values is None:
+            continue
+        # A temperature at a time: an array that stays in its file is not read at once.
+        low = min(float(plane.min()) for plane in values)
+        i = int(np.argmax([float(plane.max()) for plane in values]))
+        j, k = np.unravel_index(int(values[i].argmax()), values.shape[1:])
+        at = [f"{v[k]:.4g}", f"{p[j] / 1e6:.6g}"] + ([] if T is None else [f"{T[i]:.6g}"])
+        columns = (f"{low:.5g}", f"{float(values[i, j, k]):.5g}", *at)
+        yield " ".join((f"{f'{name} [{UNITS[name]}]':25}", *(f"{column:>11}" for column in columns)))
