@@ -10,7 +10,7 @@ PANELS = (
 )
 
 
-def plot_profile(profile, ax=None):
+def plot_profile(profile, ax=None, labels=None):
     r"""Draw P(q), d mu / d ln q and the rms slope over log10 q, a line for each condition.
 
     In the panel of d mu / d ln q, equal areas over log10 q are equal parts of the friction. A second
@@ -22,6 +22,8 @@ def plot_profile(profile, ax=None):
         see `rubberfric.profile`
     ax : sequence of three matplotlib axes, or None
         None: axes of a new figure of its own, `ax[0].figure`, which pyplot does not know.
+
+    labels : names of the conditions in the order of their flattened array, for a legend; None: no legend
 
     Returns
     -------
@@ -36,12 +38,16 @@ def plot_profile(profile, ax=None):
     log_q = np.log10(np.asarray(profile.q)[order])
     for (name, label), axes in zip(PANELS, ax, strict=True):
         values = np.asarray(getattr(profile, name))[..., order]
-        for curve in values.reshape(-1, log_q.size):
-            axes.plot(log_q, curve, marker="o" if log_q.size < 2 else None)
+        curves = values.reshape(-1, log_q.size)
+        names = [None] * len(curves) if labels is None or values.ndim < 2 else labels
+        for curve, text in zip(curves, names, strict=True):
+            axes.plot(log_q, curve, label=text, marker="o" if log_q.size < 2 else None)
         axes.set_ylabel(label)
         axes.set_ylim(bottom=0)
         axes.grid(alpha=0.3)
     ax[-1].set_xlabel("$\\log_{10}(q\\;/\\;\\mathrm{m^{-1}})$")
+    if labels is not None:
+        ax[0].legend(fontsize="small")
     shift = np.log10(2 * np.pi)
     above = ax[0].secondary_xaxis("top", functions=(lambda x: shift - x, lambda x: shift - x))
     above.set_xlabel("$\\log_{10}(\\mathrm{wavelength}\\;/\\;\\mathrm{m})$")

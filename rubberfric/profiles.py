@@ -84,9 +84,10 @@ def profile(scene, velocity, pressure, temperature=None, *, q=None, quadrature=_
 
     Notes
     -----
-    Good to the quadrature's error at every q; with a TabulatedModulus to 1e-6 beside the wavevectors
-    that excite a knot of the table. Friction without contact shear. Where nothing is
-    rough or nothing dissipates, friction and its density are zero, not computed. With
+    Good to the quadrature's error at every q. With a TabulatedModulus, whose knots are kinks over q,
+    P(q) and mu(q) may be 1e-4 off just where the roughness begins, and 1e-7 above.
+    Friction without contact shear. Where nothing is rough or nothing dissipates, friction and its
+    density are zero, not computed. With
     `scene.area_correction` G has S inside. G keeps its digits where P = 1 - 1e-300. The
     magnification of a scene without roughness is counted from q[0].
     """

@@ -162,7 +162,6 @@ def lost_area(t, edges, G):
     ("name", "start"),
     [
         ("tyre", None),
-        pytest.param("light", 1e-16, marks=pytest.mark.slow),
         pytest.param("layer", None, marks=pytest.mark.slow),
     ],
 )
