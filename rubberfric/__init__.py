@@ -1,5 +1,6 @@
 """rubberfric: differentiable rubber friction after Scaraggi and Persson."""
 
+from rubberfric.coating import Coating
 from rubberfric.files import load_scene, save_scene
 from rubberfric.layers import Slab
 from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus, complex_modulus
@@ -15,6 +16,7 @@ __all__ = [
     "WLF",
     "Arrhenius",
     "Body",
+    "Coating",
     "ContactShear",
     "Elastic",
     "Prony",

@@ -12,8 +12,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.angular import angular_means, static_means
-from rubberfric.materials import VISCOELASTIC, TabulatedModulus
+from rubberfric.materials import TabulatedModulus
 from rubberfric.quadrature import between_weights, cumulative, gauss, typed
+from rubberfric.scene import relaxes
 from rubberfric.stiffness import Static, by_node, layer_factor, series_stiffness, static_series
 from rubberfric.tabulated import log_power
 
@@ -48,7 +49,7 @@ def is_logarithmic(rough, other):
     """Whether <|F|^2> may change by 1e9 within a panel: see `_logarithmic`."""
     if isinstance(other.material, TabulatedModulus):
         return True
-    return isinstance(other.material, VISCOELASTIC) and by_node(rough, other)
+    return relaxes(other) and by_node(rough, other)
 
 
 def make_channel(mesh, j, rough, other, scale, wanted, order):
@@ -144,8 +145,8 @@ def parts(channel, mesh, velocity, temperature, wanted, quadrature):
 def _logarithmic(channel, mesh, log_means):
     """Integrals of g where <|F|^2> may change by 1e9 within a panel, of its logarithm at angular nodes.
 
-    So it may with two deformable solids and a layer, as F follows Sbar, and with a tabulated
-    modulus that steps up. Interpolated in the logarithm and summed with positive weights, the
+    So it may with two deformable solids and a layer or with a coating, as F follows Sbar, and with a
+    tabulated modulus that steps up. Interpolated in the logarithm and summed with positive weights, the
     small end keeps its digits and G stays positive.
     """
     power = jnp.exp(jnp.einsum("kvi,kci->kvc", log_means, mesh.interpolate))

@@ -131,6 +131,31 @@ def plane_strain(material):
     return 1.0 / ((1.0 - material.poisson) * (1.0 + material.poisson))
 
 
+def static_reduced(material):
+    """E_r(omega = 0) [Pa], real."""
+    return static_modulus(material) * plane_strain(material)
+
+
+def glassy_reduced(material):
+    """The largest |E_r| at any frequency [Pa]: the value at infinity, of a table the highest entry."""
+    if isinstance(material, Elastic):
+        glassy = material.young
+    elif isinstance(material, Prony):
+        glassy = material.E_inf + jnp.sum(material.E)
+    else:
+        glassy = jnp.max(material.storage)
+    return glassy * plane_strain(material)
+
+
+def reduced_series(material, scale):
+    """E_r over a scale [Pa] as (rest, weight, tau) of a Prony series, of no terms if Elastic."""
+    unit = plane_strain(material) / scale
+    if isinstance(material, Elastic):
+        nothing = jnp.zeros(0, jnp.result_type(material.young))
+        return material.young * unit, nothing, nothing
+    return material.E_inf * unit, material.E * unit, material.tau
+
+
 def complex_modulus(material, omega, temperature=None):
     r"""E(omega, T) [Pa], complex: the definition behind every angular integral.
 

@@ -4,10 +4,12 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric._pytree import between, child, leaf, physical, static
-from rubberfric.materials import VISCOELASTIC, Rigid
+from rubberfric.coating import Coating
+from rubberfric.materials import VISCOELASTIC, Elastic, Prony, Rigid
 
 MATERIALS = ("Rigid", "Elastic", "Prony", "TabulatedModulus")
 SPECTRA = ("SelfAffine", "TabulatedSpectrum")
+LAYERS = ("Slab", "Coating")
 
 
 @physical
@@ -18,16 +20,22 @@ class Body:
     ----------
     material : Rigid, Elastic, Prony or TabulatedModulus
     spectrum : SelfAffine, TabulatedSpectrum or None (smooth)
-    layer : Slab or None (half-space)
+    layer : Slab, Coating or None (half-space)
+        a finite thickness of the material, on a rigid base or on a half-space of another solid
+        (Coating, if the material is Elastic or Prony).
     """
 
     material: object = child(MATERIALS, optional=False)
     spectrum: object = child(SPECTRA, default=None)
-    layer: object = child(("Slab",), default=None)
+    layer: object = child(LAYERS, default=None)
 
     def _check(self):
         if isinstance(self.material, Rigid) and self.layer is not None:
             raise ValueError("Body.layer: a rigid body has no layer; must be None")
+        if isinstance(self.layer, Coating) and not isinstance(self.material, Elastic | Prony):
+            raise ValueError(
+                f"Body.material is a {type(self.material).__name__} with a Coating: must be Elastic or Prony"
+            )
 
 
 @physical
@@ -86,9 +94,15 @@ def rough_pairs(scene):
     return [(rough, other) for rough, other in pairs if rough.spectrum is not None]
 
 
+def relaxes(body):
+    """Whether a body is viscoelastic: its material, or what that is a coating of."""
+    base = body.layer.base if isinstance(body.layer, Coating) else None
+    return isinstance(body.material, VISCOELASTIC) or isinstance(base, VISCOELASTIC)
+
+
 def dissipates(scene):
     """Whether roughness excites a viscoelastic solid: else there is no viscoelastic friction."""
-    return any(isinstance(other.material, VISCOELASTIC) for _, other in rough_pairs(scene))
+    return any(relaxes(other) for _, other in rough_pairs(scene))
 
 
 def result_dtype(*values):

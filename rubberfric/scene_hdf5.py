@@ -18,6 +18,7 @@ import dataclasses
 import h5py
 
 from rubberfric._hdf5 import check_names, plain, read_values, write_values
+from rubberfric.coating import Coating
 from rubberfric.layers import Slab
 from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus
 from rubberfric.scene import Body, Scene
@@ -42,6 +43,7 @@ UNITS = {
     SelfAffine: {"q0": "1/m", "qr": "1/m", "q1": "1/m", "hurst": "-", "h_rms": "m"},
     TabulatedSpectrum: {"q": "1/m", "C": "m^4"},
     Slab: {"thickness": "m"},
+    Coating: {"thickness": "m"},
     ContactShear: {"tau_f0": "Pa", "c": "-", "v0": "m/s"},
 }
 CLASSES = {cls.__name__: cls for cls in UNITS}

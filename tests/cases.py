@@ -107,5 +107,7 @@ def _spectrum(data):
 
 
 def _layer(data):
+    if "coating" in data:
+        return rf.Coating(data["coating"]["thickness"], _material(data["coating"]["base"]))
     thickness = data.get("thickness")
     return None if thickness is None else rf.Slab(thickness, data.get("base", "bonded"))

@@ -38,10 +38,24 @@ def examples(number=float, vector=np.array):
     )
     spectrum = rf.TabulatedSpectrum(q=vector([1e2, 1e3, 1e5]), C=vector([1e-9, 1e-12, 1e-19]))
     slab = rf.Slab(thickness=number(1e-3), base="frictionless")
+    coating = rf.Coating(thickness=number(1e-3), base=elastic)
     body = rf.Body(prony, road, slab)
     shear = rf.ContactShear(tau_f0=number(6.5e6), c=number(0.1), v0=number(6e-3), shift=arrhenius)
     scene = rf.Scene(body, rf.Body(modulus, spectrum), gamma=number(0.45), area_correction=True, shear=shear)
-    objects = [rf.Rigid(), elastic, prony, modulus, wlf, arrhenius, table, road, spectrum, slab, shear]
+    objects = [
+        rf.Rigid(),
+        elastic,
+        prony,
+        modulus,
+        wlf,
+        arrhenius,
+        table,
+        road,
+        spectrum,
+        slab,
+        coating,
+        shear,
+    ]
     return {type(x).__name__: x for x in (*objects, body, scene)}
 
 
