@@ -3,7 +3,7 @@
 from rubberfric.coating import Coating
 from rubberfric.files import load_scene, save_scene
 from rubberfric.layers import Slab
-from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus, complex_modulus
+from rubberfric.materials import Elastic, Prony, PronyShear, Rigid, TabulatedModulus, complex_modulus
 from rubberfric.model import Solution, contact_area, friction, friction_outside_table, separation, solve
 from rubberfric.quadrature import Quadrature
 from rubberfric.scene import Body, Scene
@@ -20,6 +20,7 @@ __all__ = [
     "ContactShear",
     "Elastic",
     "Prony",
+    "PronyShear",
     "Quadrature",
     "Rigid",
     "Scene",

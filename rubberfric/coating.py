@@ -37,11 +37,9 @@ class Coating:
     """
 
     thickness: float = leaf(POSITIVE)
-    base: object = child(("Elastic", "Prony", "Rigid"), optional=False)
+    base: object = child(("Elastic", "Prony"), optional=False, hint=" (on a rigid base use Slab)")
 
     def _check(self):
-        if type(self.base).__name__ == "Rigid":
-            raise ValueError("Coating.base is Rigid: must be Elastic or Prony; use Slab for a rigid base")
         if getattr(self.base, "shift", None) is not None:
             raise ValueError(
                 "Coating.base.shift is given: must be None, for the base moves with the shift of the "

@@ -5,9 +5,9 @@ import jax.numpy as jnp
 
 from rubberfric._pytree import between, child, leaf, physical, static
 from rubberfric.coating import Coating
-from rubberfric.materials import VISCOELASTIC, Elastic, Prony, Rigid
+from rubberfric.materials import VISCOELASTIC, Elastic, Prony, PronyShear, Rigid
 
-MATERIALS = ("Rigid", "Elastic", "Prony", "TabulatedModulus")
+MATERIALS = ("Rigid", "Elastic", "Prony", "PronyShear", "TabulatedModulus")
 SPECTRA = ("SelfAffine", "TabulatedSpectrum")
 LAYERS = ("Slab", "Coating")
 
@@ -18,7 +18,7 @@ class Body:
 
     Parameters
     ----------
-    material : Rigid, Elastic, Prony or TabulatedModulus
+    material : Rigid, Elastic, Prony, PronyShear or TabulatedModulus
     spectrum : SelfAffine, TabulatedSpectrum or None (smooth)
     layer : Slab, Coating or None (half-space)
         a finite thickness of the material, on a rigid base or on a half-space of another solid
@@ -32,6 +32,11 @@ class Body:
     def _check(self):
         if isinstance(self.material, Rigid) and self.layer is not None:
             raise ValueError("Body.layer: a rigid body has no layer; must be None")
+        if isinstance(self.material, PronyShear) and self.layer is not None:
+            raise ValueError(
+                "Body.layer: a body of PronyShear is a half-space, for the factor of a layer depends on "
+                "Poisson's ratio; must be None"
+            )
         if isinstance(self.layer, Coating) and not isinstance(self.material, Elastic | Prony):
             raise ValueError(
                 f"Body.material is a {type(self.material).__name__} with a Coating: must be Elastic or Prony"

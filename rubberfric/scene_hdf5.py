@@ -20,7 +20,7 @@ import h5py
 from rubberfric._hdf5 import check_names, plain, read_values, write_values
 from rubberfric.coating import Coating
 from rubberfric.layers import Slab
-from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus
+from rubberfric.materials import Elastic, Prony, PronyShear, Rigid, TabulatedModulus
 from rubberfric.scene import Body, Scene
 from rubberfric.shear import ContactShear
 from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
@@ -36,6 +36,7 @@ UNITS = {
     Rigid: {},
     Elastic: {"young": "Pa", "poisson": "-"},
     Prony: {"E_inf": "Pa", "E": "Pa", "tau": "s", "poisson": "-"},
+    PronyShear: {"G_inf": "Pa", "G": "Pa", "tau": "s", "bulk": "Pa"},
     TabulatedModulus: {"omega": "rad/s", "storage": "Pa", "loss": "Pa", "poisson": "-"},
     WLF: {"C1": "-", "C2": "K", "T_ref": "K"},
     Arrhenius: {"energy": "eV", "T_ref": "K"},

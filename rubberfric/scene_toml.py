@@ -13,7 +13,7 @@
 
     [upper]                             # solid 2, slides over solid 1
     [upper.material]
-    kind = "tabulated"                  # or "elastic", "prony": the fields of the class
+    kind = "tabulated"                  # or "elastic", "prony", "prony_shear": the fields of the class
     file = "master_curve.csv"           # omega or f, E_stor, E_loss; relative to this file
     shift = { kind = "wlf", C1 = 8.86, C2 = 101.6, T_ref = 293.15 }
     [upper.layer]                       # optional: thickness [m], base, and kind = "slab"
@@ -38,7 +38,7 @@ from rubberfric._toml import check_keys, join, number, read_toml, shown
 from rubberfric.coating import Coating
 from rubberfric.conditions import SceneFile, read_conditions
 from rubberfric.layers import Slab
-from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus
+from rubberfric.materials import Elastic, Prony, PronyShear, Rigid, TabulatedModulus
 from rubberfric.scene import Body, Scene
 from rubberfric.shear import ContactShear
 from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
@@ -49,7 +49,13 @@ from rubberfric.tables import closest, read_table
 KINDS = {
     "lower": Body,
     "upper": Body,
-    "material": {"rigid": Rigid, "elastic": Elastic, "prony": Prony, "tabulated": TabulatedModulus},
+    "material": {
+        "rigid": Rigid,
+        "elastic": Elastic,
+        "prony": Prony,
+        "prony_shear": PronyShear,
+        "tabulated": TabulatedModulus,
+    },
     "shift": {"wlf": WLF, "arrhenius": Arrhenius, "table": TabulatedShift},
     "spectrum": {"self_affine": SelfAffine, "tabulated": TabulatedSpectrum},
     "layer": {"slab": Slab, "coating": Coating},

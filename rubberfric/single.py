@@ -11,7 +11,7 @@ import numpy as np
 from rubberfric._pytree import is_concrete
 from rubberfric.coating import Coating, coated_spring
 from rubberfric.layers import stiffening
-from rubberfric.materials import Prony, Rigid, glassy_reduced
+from rubberfric.materials import Prony, PronyShear, Rigid, glassy_reduced
 from rubberfric.scene import relaxes
 from rubberfric.shifts import largest_log_factor
 from rubberfric.spectra import SelfAffine, TabulatedSpectrum
@@ -42,11 +42,13 @@ def check_single(scene, temperature):
                     f"{name}.material.E_inf and {name}.layer.base.E_inf are 0: one must be > 0 in float32; "
                     "use float64"
                 )
-        if isinstance(body.material, Prony) and deforming:
+        # A relaxing shear is in series with the bulk modulus, whatever it faces.
+        if isinstance(body.material, PronyShear) or (isinstance(body.material, Prony) and deforming):
             _check_times(f"{name}.material.tau", body.material.tau)
     if _two_deform(scene) and all(_liquid(body.material) for body in (scene.lower, scene.upper)):
         raise ValueError(
-            "lower.material.E_inf and upper.material.E_inf are 0: one must be > 0 in float32; use float64"
+            "lower.material and upper.material are liquids, with an E_inf or G_inf of 0: one must be > 0 "
+            "in float32; use float64"
         )
     if temperature is not None:
         for name in ("lower.material", "upper.material", "shear"):
@@ -65,7 +67,10 @@ def _two_deform(scene):
 
 
 def _liquid(material):
-    return isinstance(material, Prony) and is_concrete(material.E_inf) and not np.any(material.E_inf)
+    if not isinstance(material, Prony | PronyShear):
+        return False
+    rest = material.E_inf if isinstance(material, Prony) else material.G_inf
+    return is_concrete(rest) and not np.any(rest)
 
 
 def _first_wavevectors(scene):
@@ -106,7 +111,7 @@ def _check_times(name, tau):
     if gaps.size and gaps.max() > DECADES:
         raise ValueError(
             f"{name} has neighbours {gaps.max():.3g} decades apart: must be at most {DECADES} in float32 "
-            "where two solids deform; use float64"
+            "where it is in series with another stiffness; use float64"
         )
 
 

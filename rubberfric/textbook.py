@@ -18,7 +18,7 @@ import math
 import numpy as np
 
 from rubberfric.coating import Coating
-from rubberfric.materials import Elastic, Prony, Rigid
+from rubberfric.materials import Elastic, Prony, PronyShear, Rigid
 from rubberfric.shifts import WLF, Arrhenius
 from rubberfric.spectra import SelfAffine
 
@@ -124,6 +124,9 @@ def _stiffness(body, q, omega, temperature):
     material = body.material
     if isinstance(material, Rigid):
         return None
+    if isinstance(material, PronyShear):
+        shear, bulk = _modulus(material, omega, temperature), float(material.bulk)
+        return 2 * q[:, None] * shear * (3 * bulk + shear) / (3 * bulk + 4 * shear)
     poisson = float(material.poisson)
     factor = q / (2 * (1 - poisson**2))
     if isinstance(body.layer, Coating):
@@ -164,16 +167,20 @@ def _series(one, two):
 
 
 def _modulus(material, omega, temperature):
-    """E(omega), complex; real E(0) for omega None."""
+    """E(omega), complex, of a PronyShear G(omega); real, at omega = 0, for omega None."""
     if isinstance(material, Elastic):
         return float(material.young)
+    series = None
+    if isinstance(material, Prony | PronyShear):
+        names = ("E_inf", "E") if isinstance(material, Prony) else ("G_inf", "G")
+        series = [np.asarray(getattr(material, name), float) for name in names]
     if omega is None:
-        return float(material.E_inf) if isinstance(material, Prony) else float(material.storage[0])
+        return float(material.storage[0] if series is None else series[0])
     if temperature is not None and material.shift is not None:
         omega = omega * _shift(material.shift, temperature)[:, None, None]
-    if isinstance(material, Prony):
-        modulus = np.full(omega.shape, float(material.E_inf), complex)
-        for weight, tau in zip(np.asarray(material.E), np.asarray(material.tau), strict=True):
+    if series is not None:
+        modulus = np.full(omega.shape, float(series[0]), complex)
+        for weight, tau in zip(series[1], np.asarray(material.tau), strict=True):
             s = 1j * omega * tau
             modulus += weight * s / (1 + s)
         return modulus

@@ -87,6 +87,8 @@ def _material(data):
         return rf.Elastic(data["E"], data["nu"])
     if kind == "prony":
         return rf.Prony(data["E_inf"], data["E"], data["tau"], data["nu"], shift)
+    if kind == "shear":
+        return rf.PronyShear(data["G_inf"], data["G"], data["tau"], data["bulk"], shift)
     table = (np.array(data[name]) for name in ("omega", "storage", "loss"))
     return rf.TabulatedModulus(*table, data["nu"], shift, data.get("outside", "fall"))
 

@@ -11,12 +11,13 @@ A scene is a plain dictionary, as in `reference/*.json`:
     solid1, solid2   {"kind": "rigid"}
                      {"kind": "elastic", "E", "nu"}
                      {"kind": "prony", "E_inf", "E", "tau", "nu"}
+                     {"kind": "shear", "G_inf", "G", "tau", "bulk"}
                      {"kind": "table", "omega", "storage", "loss", "nu", "outside" ("fall", "hold", "none")}
-                     the last three also with "thickness" (null: half-space),
+                     the last four also with "thickness" (null: half-space),
                      "base" ("bonded", "frictionless") and "shift", one of
                      {"kind": "wlf", "C1", "C2", "T_ref"}, {"kind": "arrhenius",
                      "energy", "T_ref"}, {"kind": "table", "T", "aT", "T_ref"};
-                     the second and third also with "coating": {"thickness", "base"}, a layer of
+                     elastic and prony also with "coating": {"thickness", "base"}, a layer of
                      the solid on a half-space of another, "base", an elastic or prony solid
     psd1, psd2       null, {"q0", "qr", "q1", "H", "h_rms"} or {"q", "C"}
     v, pressure, gamma, temperature (default none), area_correction (default false)
@@ -137,14 +138,15 @@ class _Solid:
             self.under.a_T = self.a_T
 
     def modulus(self, omega):
-        """E' + i E'' at omega >= 0."""
+        """E' + i E'' at omega >= 0, of a relaxing shear G' + i G''."""
         omega = self.a_T * np.asarray(omega, float)
         if self.kind == "elastic":
             return np.full(omega.shape, self.data["E"], complex)
         if self.kind == "table":
             return table_modulus(self.data, omega)
-        total = np.full(omega.shape, self.data["E_inf"], complex)
-        for E, tau in zip(self.data["E"], self.data["tau"], strict=True):
+        names = ("G_inf", "G") if self.kind == "shear" else ("E_inf", "E")
+        total = np.full(omega.shape, self.data[names[0]], complex)
+        for E, tau in zip(self.data[names[1]], self.data["tau"], strict=True):
             s = 1j * omega * tau
             total += E * (s / (1 + s))
         return total
@@ -153,7 +155,11 @@ class _Solid:
         """M = 2 / (q E_r Sbar); a liquid at rest has an infinite one."""
         if self.kind == "rigid":
             return np.zeros(np.broadcast_shapes(q.shape, omega.shape), complex)
-        E = self.modulus(omega) / (1 - self.nu**2)
+        E = self.modulus(omega)
+        if self.kind == "shear":  # E_r = 2 G / (1 - nu) with the complex nu
+            factor = 2 / (1 - complex_poisson(E, self.data["bulk"]))
+        else:
+            E = E / (1 - self.nu**2)
         if self.coating is not None:
             one, two = (s.modulus(omega) / (2 * (1 + s.nu)) for s in (self, self.under))
             N0, N1, N2, D0, D1, D2 = np.moveaxis(factor, -1, 0)
@@ -175,6 +181,11 @@ class _Solid:
             return np.ones(q.shape)
         x = q * self.thickness
         return np.array([float(slab_factor(float(x_i), self.nu, self.base)) for x_i in x])
+
+
+def complex_poisson(G, bulk):
+    """nu of a complex shear and a bulk modulus."""
+    return (3 * bulk - 2 * G) / (2 * (3 * bulk + G))
 
 
 def slab_factor(x, nu, base="bonded"):

@@ -359,7 +359,10 @@ def test_what_single_precision_cannot_hold():
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: rf.Coating(1e-3, rf.Rigid()), r"^Coating\.base is Rigid: must be .*; use Slab"),
+        (
+            lambda: rf.Coating(1e-3, rf.Rigid()),
+            r"^Coating\.base = Rigid\(\): must be Elastic, Prony .*use Slab",
+        ),
         (
             lambda: rf.Coating(1e-3, dataclasses.replace(RUBBER, shift=rf.WLF(8.0, 100.0, 293.0))),
             r"^Coating\.base\.shift is given: must be None",

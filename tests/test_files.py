@@ -281,6 +281,18 @@ def test_coatings(folder):
         assert message in refused(path, lambda path=path: rf.load_scene(path)), message
 
 
+def test_a_relaxing_shear(folder):
+    shift = {"kind": "arrhenius", "energy": 1.0, "T_ref": 300.0}
+    numbers = {"G_inf": 1e6, "G": [1e8, 1e6], "tau": [1e-6, 1.0], "bulk": 2e9}
+    content = put(full_scene(), "upper.material", {"kind": "prony_shear", "shift": shift} | numbers)
+    scene, _, _ = read_scene_file(write_scene(folder, content))
+    same(scene.upper.material, rf.PronyShear(**numbers, shift=rf.Arrhenius(1.0, 300.0)))
+    rf.save_scene(folder / "scene.h5", scene)
+    same(rf.load_scene(folder / "scene.h5"), scene)
+    path = write_scene(folder, put(content, "upper.material.bulk", 0.0))
+    assert "PronyShear.bulk = 0.0: must be > 0" in refused(path, lambda: rf.load_scene(path))
+
+
 def test_defaults_are_those_of_the_classes(folder):
     content = full_scene()
     for key in ("title", "gamma", "area_correction", "run", "upper.spectrum", "lower.layer.base", "shear"):
