@@ -1,13 +1,14 @@
 """rubberfric: differentiable rubber friction after Scaraggi and Persson."""
 
 from rubberfric.anisotropy import Anisotropic, TabulatedAnisotropic, from_grid, harmonics_left_out
+from rubberfric.coating import Coating
 from rubberfric.files import load_scene, save_scene
 from rubberfric.heating import Heating
 from rubberfric.interface import SeparationProfile, contact_stiffness, separation_profile, stress_distribution
 from rubberfric.joining import JoinedSpectra, Joint, join_spectra, resample
 from rubberfric.layers import Slab
 from rubberfric.maps import FrictionMap, friction_map
-from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus, complex_modulus
+from rubberfric.materials import Elastic, Prony, PronyShear, Rigid, TabulatedModulus, complex_modulus
 from rubberfric.model import Solution, contact_area, friction, friction_outside_table, separation, solve
 from rubberfric.moments import cutoff, moment, rms_height, rms_slope, with_cutoff
 from rubberfric.power import DissipatedPower, dissipated_power
@@ -27,6 +28,7 @@ __all__ = [
     "Anisotropic",
     "Arrhenius",
     "Body",
+    "Coating",
     "ContactShear",
     "DissipatedPower",
     "Elastic",
@@ -37,6 +39,7 @@ __all__ = [
     "MeasuredSpectrum",
     "Profile",
     "Prony",
+    "PronyShear",
     "Quadrature",
     "Rigid",
     "Scene",

@@ -32,9 +32,9 @@ def static(choices=None, **options):
     return dataclasses.field(metadata={"static": True, "choices": choices}, **options)
 
 
-def child(kinds, optional=True, **options):
+def child(kinds, optional=True, hint="", **options):
     """Field that holds another physical object: one of `kinds` (names, resolved late)."""
-    return dataclasses.field(metadata={"child": kinds, "optional": optional}, **options)
+    return dataclasses.field(metadata={"child": kinds, "optional": optional, "hint": hint}, **options)
 
 
 def is_concrete(value):
@@ -150,7 +150,7 @@ def _check_child(name, value, meta):
     kinds = meta["child"]
     if type(value).__name__ not in kinds:
         allowed = " or ".join([", ".join(kinds)] * bool(kinds) + ["None"] * meta["optional"])
-        raise ValueError(f"{name} = {_shown(value)}: must be {allowed}")
+        raise ValueError(f"{name} = {_shown(value)}: must be {allowed}{meta['hint']}")
 
 
 def check_lengths(owner, **vectors):

@@ -14,9 +14,10 @@ import numpy as np
 from rubberfric.angular import angular_means, static_means
 from rubberfric.anisotropy import Anisotropic, stretched_harmonics
 from rubberfric.factors import Modes, modes_of, node_factors
-from rubberfric.materials import VISCOELASTIC, TabulatedModulus
+from rubberfric.materials import TabulatedModulus
 from rubberfric.quadrature import between_weights, cumulative, gauss, typed
 from rubberfric.sampled import sampled_means
+from rubberfric.scene import relaxes
 from rubberfric.stiffness import Sampled, Static, by_node, series_stiffness, static_series
 from rubberfric.tabulated import log_power
 
@@ -57,7 +58,7 @@ def is_logarithmic(rough, other):
     """Whether <|F|^2> may change by 1e9 within a panel: see `_logarithmic`."""
     if isinstance(other.material, TabulatedModulus):
         return True
-    return isinstance(other.material, VISCOELASTIC) and by_node(rough, other)
+    return relaxes(other) and by_node(rough, other)
 
 
 def make_channel(mesh, j, pair, softened, scale, wanted, order):
@@ -221,7 +222,7 @@ def total(terms):
 def _logarithmic(channel, mesh, k, powers):
     """Integrals of g where <|F|^2> may change by 1e9 within a panel, of its logarithm at angular nodes.
 
-    So it may with two deformable solids and a layer, as F follows Sbar, and with a tabulated
+    So it may with two deformable solids and a layer, with a coating, and with a tabulated
     modulus that steps up. Interpolated in the logarithm and summed with positive weights, the
     small end keeps its digits and G stays positive. Harmonics, of any sign, are interpolated as
     shares of the mean over all directions.

@@ -8,7 +8,8 @@ over its means of factor times mean, one of each for a plain scene.
 from typing import NamedTuple
 
 from rubberfric.anisotropy import TabulatedAnisotropic, harmonic_count, tabulated_harmonics
-from rubberfric.materials import VISCOELASTIC, Rigid
+from rubberfric.materials import Rigid
+from rubberfric.scene import relaxes
 from rubberfric.softening import softening_factors
 from rubberfric.stiffness import layer_factor
 
@@ -31,7 +32,7 @@ class Factors(NamedTuple):
 
 def modes_of(rough, other, softened):
     """`Modes` of roughness on `rough` facing `other`."""
-    if not isinstance(other.material, VISCOELASTIC):
+    if not relaxes(other):
         return Modes()
     return Modes(
         split=softened is not None and isinstance(rough.material, Rigid),

@@ -11,13 +11,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric._toml import shown
+from rubberfric.moments import moment
 from rubberfric.spectra import (
     TabulatedSpectrum,
     _mean_growth,
     broken_power_law,
     log_power_spectrum,
     log_ratio,
-    moment,
 )
 
 METHODS = ("crossover", "mean")

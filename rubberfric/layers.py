@@ -50,11 +50,11 @@ def stiffening(layer, poisson, q):
         return (1 + decay) / rise + 4 * x * decay / rise**2
     a = 3 - 4 * poisson
     top = 0.5 * a * rise**2 + (2 * x**2 + 8 * (1 - poisson) ** 2) * decay
-    bottom = a * _sinh_minus_linear(x, decay) + 4 * (1 - 2 * poisson) * x * decay
+    bottom = a * sinh_minus_linear(x, decay) + 4 * (1 - 2 * poisson) * x * decay
     return top / bottom
 
 
-def _sinh_minus_linear(x, decay):
+def sinh_minus_linear(x, decay):
     """(sinh 2x - 2x) e^(-2x) without the cancellation at small x."""
     small = jnp.minimum(x, 1.0)
     y = (2 * small) ** 2

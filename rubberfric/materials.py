@@ -18,6 +18,7 @@ from rubberfric._pytree import (
     physical,
     static,
 )
+from rubberfric.series import in_series
 from rubberfric.tabulated import interpolated_modulus
 
 POISSON = between(0.0, 0.5)
@@ -75,6 +76,45 @@ class Prony:
 
 
 @physical
+class PronyShear:
+    r"""Viscoelastic solid whose shear relaxes while its compression is elastic.
+
+    .. math:: G(\omega) = G_\infty + \sum_i G_i \frac{i\omega\tau_i}{1 + i\omega\tau_i},\qquad
+              E = \frac{9 B G}{3 B + G},\qquad \nu = \frac{3 B - 2 G}{2 (3 B + G)}
+
+    So Poisson's ratio follows the frequency: 1/2 where G << B, less where the solid is glassy. The
+    reduced modulus is a Prony series of twice the terms,
+
+    .. math:: E_r = \frac{E}{1 - \nu^2} = G + \frac{3}{4} \frac{3 B \cdot 4 G}{3 B + 4 G}
+
+    Parameters
+    ----------
+    G_inf : relaxed shear modulus [Pa], >= 0 (0: a liquid)
+    G : relaxing shear moduli [Pa], >= 0, shape (n,), n >= 1
+    tau : relaxation times of the shear [s], > 0, any order, equal ones allowed, shape (n,)
+    bulk : bulk modulus B [Pa], > 0
+    shift : WLF, Arrhenius, TabulatedShift or None
+        how the relaxation times move with temperature: G(omega, T) = G(a_T omega).
+
+    Limits: half-spaces only, for the factor of a layer depends on Poisson's ratio.
+    """
+
+    G_inf: float = leaf(NONNEGATIVE)
+    G: object = leaf(NONNEGATIVE, ndim=1)
+    tau: object = leaf(POSITIVE, ndim=1)
+    bulk: float = leaf(POSITIVE)
+    shift: object = child(SHIFTS, default=None)
+
+    def _check(self):
+        check_lengths("PronyShear", G=self.G, tau=self.tau)
+        if self.G.shape[0] < 1:
+            raise ValueError("PronyShear.G is empty: must have at least 1 term (use Elastic for none)")
+        if is_concrete(self.G_inf) and is_concrete(self.G):
+            rule = ("with all G = 0 the solid has no stiffness; must be > 0 then", lambda x: x > 0)
+            check_values("PronyShear.G_inf", self.G_inf + jnp.sum(self.G), rule)
+
+
+@physical
 class TabulatedModulus:
     r"""Viscoelastic solid from a master curve.
 
@@ -114,7 +154,7 @@ class TabulatedModulus:
         check_increasing("TabulatedModulus.omega", self.omega)
 
 
-VISCOELASTIC = (Prony, TabulatedModulus)
+VISCOELASTIC = (Prony, PronyShear, TabulatedModulus)
 
 
 def static_modulus(material):
@@ -123,12 +163,58 @@ def static_modulus(material):
         return material.young
     if isinstance(material, Prony):
         return material.E_inf
+    if isinstance(material, PronyShear):
+        return _young(material.G_inf, material.bulk)
     return material.storage[0]
+
+
+def _young(shear, bulk):
+    """E of shear and bulk modulus; no product of the two, which float32 may not hold."""
+    return 3 * shear / (1 + shear / (3 * bulk))
+
+
+def _reduced(shear, bulk):
+    """E_r of a real shear modulus and the bulk modulus."""
+    return shear + 3 * shear / (1 + 4 * shear / (3 * bulk))
 
 
 def plane_strain(material):
     """1 / (1 - poisson^2), written so that poisson -> 1 would keep its digits [-]."""
     return 1.0 / ((1.0 - material.poisson) * (1.0 + material.poisson))
+
+
+def static_reduced(material):
+    """E_r(omega = 0) [Pa], real."""
+    if isinstance(material, PronyShear):
+        return _reduced(material.G_inf, material.bulk)
+    return static_modulus(material) * plane_strain(material)
+
+
+def glassy_reduced(material):
+    """The largest |E_r| at any frequency [Pa]: the value at infinity, of a table the highest entry."""
+    if isinstance(material, PronyShear):
+        return _reduced(material.G_inf + jnp.sum(material.G), material.bulk)
+    if isinstance(material, Elastic):
+        glassy = material.young
+    elif isinstance(material, Prony):
+        glassy = material.E_inf + jnp.sum(material.E)
+    else:
+        glassy = jnp.max(material.storage)
+    return glassy * plane_strain(material)
+
+
+def reduced_series(material, scale):
+    """E_r over a scale [Pa] as (rest, weight, tau) of a Prony series, of no terms if Elastic."""
+    if isinstance(material, PronyShear):
+        rest, weight, bulk = material.G_inf / scale, material.G / scale, material.bulk / scale
+        held = in_series(4 * rest, 4 * weight, material.tau, jnp.asarray(3 * bulk))
+        relaxing = jnp.concatenate([weight, 0.75 * held[1]])
+        return rest + 0.75 * held[0], relaxing, jnp.concatenate([material.tau, held[2]])
+    unit = plane_strain(material) / scale
+    if isinstance(material, Elastic):
+        nothing = jnp.zeros(0, jnp.result_type(material.young))
+        return material.young * unit, nothing, nothing
+    return material.E_inf * unit, material.E * unit, material.tau
 
 
 def complex_modulus(material, omega, temperature=None):
@@ -138,8 +224,8 @@ def complex_modulus(material, omega, temperature=None):
 
     Parameters
     ----------
-    material : Elastic, Prony or TabulatedModulus
-    omega : angular frequency, >= 0 (Prony, Elastic: any real; TabulatedModulus: > 0) [rad/s]
+    material : Elastic, Prony, PronyShear or TabulatedModulus
+    omega : angular frequency, >= 0 (Prony, PronyShear, Elastic: any real; TabulatedModulus: > 0) [rad/s]
     temperature : broadcastable to omega [K], or None for the reference temperature
     """
     omega = jnp.asarray(omega, jnp.result_type(omega, float))
@@ -155,8 +241,15 @@ def complex_modulus(material, omega, temperature=None):
             material, jnp.log(jnp.maximum(omega, jnp.finfo(omega.dtype).tiny))
         )
         return storage + 1j * jnp.where(omega > 0, loss, 0.0)
-    # a^2 must not overflow; beyond the bound E is the glassy modulus to the last bit.
+    if isinstance(material, PronyShear):
+        return _young(_relaxing(material.G_inf, material.G, material.tau, omega), material.bulk)
+    return _relaxing(material.E_inf, material.E, material.tau, omega)
+
+
+def _relaxing(rest, weight, tau, omega):
+    """A Prony series at omega, complex."""
+    # a^2 must not overflow; beyond the bound it is the glassy modulus to the last bit.
     bound = 1e150 if omega.dtype == jnp.float64 else 1e18
-    a = jnp.clip(omega[..., None] * material.tau, -bound, bound)
-    terms = material.E * ((a * a + 1j * a) / (1 + a * a))
-    return material.E_inf + jnp.sum(terms, -1)
+    a = jnp.clip(omega[..., None] * tau, -bound, bound)
+    terms = weight * ((a * a + 1j * a) / (1 + a * a))
+    return rest + jnp.sum(terms, -1)

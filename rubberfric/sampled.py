@@ -31,7 +31,7 @@ def sampled_means(F, qv, wanted, angle):
     def panel(values):
         qv, storage_factor, loss_factor, spring = values
         omega = qv[..., None] * sine
-        storage, loss = _modulus(F.material, omega)
+        storage, loss = _modulus(F.modulus, omega)
         storage, loss = storage_factor[:, None] * storage, loss_factor[:, None] * loss
         square = storage**2 + loss**2
         spring = spring[:, None]
@@ -51,22 +51,22 @@ def sampled_means(F, qv, wanted, angle):
     )
 
 
-def _modulus(material, omega):
-    """E' and E'' at omega of any sign, odd in E'' [Pa]."""
-    if isinstance(material, TabulatedModulus):
+def _modulus(modulus, omega):
+    """E' and E'' at omega of any sign, odd in E''."""
+    if isinstance(modulus, TabulatedModulus):
         # Far below the table E'' is linear in omega: so v = 0 keeps its derivative.
-        floor = jnp.log(material.omega[0]) - math.log(1e9)
+        floor = jnp.log(modulus.omega[0]) - math.log(1e9)
         log_omega = jnp.log(jnp.maximum(jnp.abs(omega), float(jnp.finfo(omega.dtype).tiny)))
         log_omega = jnp.maximum(log_omega, floor)
-        storage, loss = interpolated_modulus(material, log_omega)
-        sign = jnp.sign(omega) if material.outside == "hold" else omega * jnp.exp(-log_omega)
+        storage, loss = interpolated_modulus(modulus, log_omega)
+        sign = jnp.sign(omega) if modulus.outside == "hold" else omega * jnp.exp(-log_omega)
         return storage, loss * sign
 
     # a^2 must not overflow; beyond the bound the terms are glassy to the last bit.
     bound = 1e150 if omega.dtype == jnp.float64 else 1e18
-    storage, loss = jnp.full_like(omega, 1.0) * material.E_inf, jnp.zeros_like(omega)
-    for i in range(material.tau.shape[0]):
-        a = jnp.clip(omega * material.tau[i], -bound, bound)
-        relaxing = material.E[i] * a / (1 + a * a)
+    storage, loss = jnp.ones_like(omega) * modulus.rest, jnp.zeros_like(omega)
+    for i in range(modulus.tau.shape[0]):
+        a = jnp.clip(omega * modulus.tau[i], -bound, bound)
+        relaxing = modulus.weight[i] * a / (1 + a * a)
         storage, loss = storage + a * relaxing, loss + relaxing
     return storage, loss

@@ -5,10 +5,12 @@ import jax.numpy as jnp
 
 from rubberfric._pytree import between, child, leaf, physical, static
 from rubberfric.anisotropy import harmonic_count
-from rubberfric.materials import VISCOELASTIC, Rigid
+from rubberfric.coating import Coating
+from rubberfric.materials import VISCOELASTIC, Elastic, Prony, PronyShear, Rigid
 
-MATERIALS = ("Rigid", "Elastic", "Prony", "TabulatedModulus")
+MATERIALS = ("Rigid", "Elastic", "Prony", "PronyShear", "TabulatedModulus")
 SPECTRA = ("SelfAffine", "TabulatedSpectrum", "Anisotropic", "TabulatedAnisotropic")
+LAYERS = ("Slab", "Coating")
 
 
 @physical
@@ -17,18 +19,29 @@ class Body:
 
     Parameters
     ----------
-    material : Rigid, Elastic, Prony or TabulatedModulus
+    material : Rigid, Elastic, Prony, PronyShear or TabulatedModulus
     spectrum : SelfAffine, TabulatedSpectrum, Anisotropic, TabulatedAnisotropic or None (smooth)
-    layer : Slab or None (half-space)
+    layer : Slab, Coating or None (half-space)
+        a finite thickness of the material, on a rigid base or on a half-space of another solid
+        (Coating, if the material is Elastic or Prony).
     """
 
     material: object = child(MATERIALS, optional=False)
     spectrum: object = child(SPECTRA, default=None)
-    layer: object = child(("Slab",), default=None)
+    layer: object = child(LAYERS, default=None)
 
     def _check(self):
         if isinstance(self.material, Rigid) and self.layer is not None:
             raise ValueError("Body.layer: a rigid body has no layer; must be None")
+        if isinstance(self.material, PronyShear) and self.layer is not None:
+            raise ValueError(
+                "Body.layer: a body of PronyShear is a half-space, for the factor of a layer depends on "
+                "Poisson's ratio; must be None"
+            )
+        if isinstance(self.layer, Coating) and not isinstance(self.material, Elastic | Prony):
+            raise ValueError(
+                f"Body.material is a {type(self.material).__name__} with a Coating: must be Elastic or Prony"
+            )
 
 
 @physical
@@ -76,6 +89,10 @@ class Scene:
             raise ValueError(
                 "Scene.softening: not together with anisotropic roughness; one of them must be left out"
             )
+        if self.softening is not None and any(
+            isinstance(body.layer, Coating) for body in (self.lower, self.upper)
+        ):
+            raise ValueError("Scene.softening: not together with a Coating; one of them must be left out")
 
 
 def shifts(scene):
@@ -100,9 +117,15 @@ def rough_pairs(scene):
     return [(rough, other) for rough, other in pairs if rough.spectrum is not None]
 
 
+def relaxes(body):
+    """Whether a body is viscoelastic: its material, or what that is a coating of."""
+    base = body.layer.base if isinstance(body.layer, Coating) else None
+    return isinstance(body.material, VISCOELASTIC) or isinstance(base, VISCOELASTIC)
+
+
 def dissipates(scene):
     """Whether roughness excites a viscoelastic solid: else there is no viscoelastic friction."""
-    return any(isinstance(other.material, VISCOELASTIC) for _, other in rough_pairs(scene))
+    return any(relaxes(other) for _, other in rough_pairs(scene))
 
 
 def result_dtype(*values):

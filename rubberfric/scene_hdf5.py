@@ -18,9 +18,10 @@ import dataclasses
 import h5py
 
 from rubberfric._hdf5 import check_names, plain, read_values, write_values
+from rubberfric.coating import Coating
 from rubberfric.heating import Heating
 from rubberfric.layers import Slab
-from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus
+from rubberfric.materials import Elastic, Prony, PronyShear, Rigid, TabulatedModulus
 from rubberfric.scene import Body, Scene
 from rubberfric.shear import ContactShear
 from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
@@ -37,6 +38,7 @@ UNITS = {
     Rigid: {},
     Elastic: {"young": "Pa", "poisson": "-"},
     Prony: {"E_inf": "Pa", "E": "Pa", "tau": "s", "poisson": "-"},
+    PronyShear: {"G_inf": "Pa", "G": "Pa", "tau": "s", "bulk": "Pa"},
     TabulatedModulus: {"omega": "rad/s", "storage": "Pa", "loss": "Pa", "poisson": "-"},
     WLF: {"C1": "-", "C2": "K", "T_ref": "K"},
     Arrhenius: {"energy": "eV", "T_ref": "K"},
@@ -44,6 +46,7 @@ UNITS = {
     SelfAffine: {"q0": "1/m", "qr": "1/m", "q1": "1/m", "hurst": "-", "h_rms": "m"},
     TabulatedSpectrum: {"q": "1/m", "C": "m^4"},
     Slab: {"thickness": "m"},
+    Coating: {"thickness": "m"},
     ContactShear: {"tau_f0": "Pa", "c": "-", "v0": "m/s"},
     Softening: {"strain": "-", "storage": "-", "loss": "-", "factor": "-"},
     Heating: {

@@ -14,10 +14,12 @@
 
     [upper]                             # solid 2, slides over solid 1
     [upper.material]
-    kind = "tabulated"                  # or "elastic", "prony": the fields of the class
+    kind = "tabulated"                  # or "elastic", "prony", "prony_shear": the fields of the class
     file = "master_curve.csv"           # omega or f, E_stor, E_loss; relative to this file
     shift = { kind = "wlf", C1 = 8.86, C2 = 101.6, T_ref = 293.15 }
-    [upper.layer]                       # optional: thickness [m], base
+    [upper.layer]                       # optional: thickness [m], base, and kind = "slab"
+    kind = "coating"                    # whose base is a half-space of another material
+    base = { kind = "elastic", young = 1e9, poisson = 0.3 }
     ...
 
     [shear]                             # optional: tau_f0 [Pa], c [-], v0 [m/s], and a shift of its own
@@ -40,10 +42,11 @@ import dataclasses
 from pathlib import Path
 
 from rubberfric._toml import check_keys, join, number, read_toml, shown
+from rubberfric.coating import Coating
 from rubberfric.conditions import TABLES, SceneFile, read_conditions
 from rubberfric.heating import Heating
 from rubberfric.layers import Slab
-from rubberfric.materials import Elastic, Prony, Rigid, TabulatedModulus
+from rubberfric.materials import Elastic, Prony, PronyShear, Rigid, TabulatedModulus
 from rubberfric.psd import LINES, NORMALISATION_RULE, check_normalisation, spectrum_from
 from rubberfric.scene import Body, Scene
 from rubberfric.shear import ContactShear
@@ -56,14 +59,24 @@ from rubberfric.tables import closest, read_table
 KINDS = {
     "lower": Body,
     "upper": Body,
-    "material": {"rigid": Rigid, "elastic": Elastic, "prony": Prony, "tabulated": TabulatedModulus},
+    "material": {
+        "rigid": Rigid,
+        "elastic": Elastic,
+        "prony": Prony,
+        "prony_shear": PronyShear,
+        "tabulated": TabulatedModulus,
+    },
     "shift": {"wlf": WLF, "arrhenius": Arrhenius, "table": TabulatedShift},
     "spectrum": {"self_affine": SelfAffine, "tabulated": TabulatedSpectrum},
-    "layer": Slab,
+    "layer": {"slab": Slab, "coating": Coating},
+    "base": {"elastic": Elastic, "prony": Prony, "rigid": Rigid},
     "shear": ContactShear,
     "softening": Softening,
     "heating": Heating,
 }
+
+# Kind of an object whose table says none.
+DEFAULT_KIND = {"layer": "slab"}
 
 # Fields that come from columns of a CSV file, named by the key `file`.
 CURVES = {
@@ -145,8 +158,9 @@ def _build_child(path, key, name, content):
     if not isinstance(kinds, dict):
         check_keys(path, key, content, content)
         return _build(path, key, kinds, content)
-    check_keys(path, key, content, content, needed=("kind",))
-    kind = content["kind"]
+    default = DEFAULT_KIND.get(name)
+    check_keys(path, key, content, content, needed=() if default else ("kind",))
+    kind = content.get("kind", default)
     if not isinstance(kind, str) or kind not in kinds:
         raise ValueError(f"{path}: {key}.kind = {shown(kind)}: {closest(kind, tuple(kinds))}")
     return _build(path, key, kinds[kind], {k: v for k, v in content.items() if k != "kind"})

@@ -79,19 +79,19 @@ def _one_spring(rest, weight, spring, log_rate, tau):
     weight = weight + solid * (1e-16 if single else 1e-30)
     # The share is 0 for no spring at all, where a solid softer than the floor would be left.
     floored = spring + solid * (1e-30 if single else 1e-60)
-    share, spring = _quotient(spring, floored), floored
+    share, spring = quotient(spring, floored), floored
     # In units of the stiffer of the two: of a spring of 1e-30 no reciprocal must be squared.
     rest, weight, spring = rest / unit, weight / unit, spring / unit
     roots = _roots(rest, weight, spring, log_rate)
     rates = _seen_from(roots, log_rate)
     size, relative = jnp.abs(roots.distance), roots.anchor + roots.distance
-    split = rates.ahead + 2 * _quotient(rates.ahead, roots.distance[:, None])
+    split = rates.ahead + 2 * quotient(rates.ahead, roots.distance[:, None])
     own = jnp.sum(jnp.where(rates.at_anchor, weight * (1 + split), 0.0), -1)
     others = weight * rates.below * rates.above / _gap(rates, roots) ** 2
     others = jnp.sum(jnp.where(rates.at_anchor, 0.0, others), -1)
     # F_i own distance^2 = own + distance^2 others: by parts, since neither square is in float32.
-    per_size = _quotient(own, size) + size * others
-    new_weight = spring * _quotient(spring, per_size) * _quotient(size, relative)
+    per_size = quotient(own, size) + size * others
+    new_weight = spring * quotient(spring, per_size) * quotient(size, relative)
     new_weight = jnp.where(_empty(log_rate), 0.0, new_weight)
     soft, hard = jnp.minimum(spring, rest), jnp.maximum(spring, rest)
     unit = unit * share
@@ -99,13 +99,13 @@ def _one_spring(rest, weight, spring, log_rate, tau):
 
 
 @jax.custom_jvp
-def _quotient(x, y):
+def quotient(x, y):
     """x / y, whose derivative does not square y."""
     return x / y
 
 
-@_quotient.defjvp
-def _quotient_jvp(primals, tangents):
+@quotient.defjvp
+def quotient_jvp(primals, tangents):
     (x, y), (dx, dy) = primals, tangents
     return x / y, (dx - x / y * dy) / y
 
@@ -140,7 +140,7 @@ def _gap(rates, roots):
 def _balance(rest, weight, spring, rates, roots):
     """k + f(-l'), shape (roots,), times the distance from a rate: finite where a root meets its anchor."""
     relative = roots.anchor + roots.distance
-    split = _quotient(rates.ahead, roots.distance[:, None])
+    split = quotient(rates.ahead, roots.distance[:, None])
     own = jnp.sum(jnp.where(rates.at_anchor, weight * (1 + split), 0.0), -1)
     others = jnp.sum(jnp.where(rates.at_anchor, 0.0, weight * rates.below / _gap(rates, roots)), -1)
     away = jnp.where(roots.anchor > 0, roots.distance, 1.0)

@@ -4,13 +4,16 @@ Inside these limits, tried over extreme scenes, float32 is good to 1e-5 or bette
 are known only at run time (under jit) pass unchecked.
 """
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
 from rubberfric._pytree import is_concrete
 from rubberfric.anisotropy import TabulatedAnisotropic
+from rubberfric.coating import Coating, coated_spring
 from rubberfric.layers import stiffening
-from rubberfric.materials import Prony, Rigid
+from rubberfric.materials import Prony, PronyShear, Rigid, glassy_reduced
+from rubberfric.scene import relaxes
 from rubberfric.shifts import largest_log_factor
 from rubberfric.spectra import TabulatedSpectrum, broken_power_law
 
@@ -30,11 +33,23 @@ def check_single(scene, temperature):
             continue
         if body.layer is not None:
             _check_layer(f"{name}.layer", body, _first_wavevectors(scene))
-        if isinstance(body.material, Prony) and _two_deform(scene):
+        deforming = _two_deform(scene)
+        if isinstance(body.layer, Coating) and relaxes(body):
+            deforming = True  # two solids of one body
+            if isinstance(body.layer.base, Prony):
+                _check_times(f"{name}.layer.base.tau", body.layer.base.tau)
+            if _liquid(body.material) and _liquid(body.layer.base):
+                raise ValueError(
+                    f"{name}.material.E_inf and {name}.layer.base.E_inf are 0: one must be > 0 in float32; "
+                    "use float64"
+                )
+        # A relaxing shear is in series with the bulk modulus, whatever it faces.
+        if isinstance(body.material, PronyShear) or (isinstance(body.material, Prony) and deforming):
             _check_times(f"{name}.material.tau", body.material.tau)
-    if _two_deform(scene) and all(_liquid(body) for body in (scene.lower, scene.upper)):
+    if _two_deform(scene) and all(_liquid(body.material) for body in (scene.lower, scene.upper)):
         raise ValueError(
-            "lower.material.E_inf and upper.material.E_inf are 0: one must be > 0 in float32; use float64"
+            "lower.material and upper.material are liquids, with an E_inf or G_inf of 0: one must be > 0 "
+            "in float32; use float64"
         )
     if temperature is not None:
         for name in ("lower.material", "upper.material", "shear"):
@@ -52,9 +67,11 @@ def _two_deform(scene):
     return not any(isinstance(body.material, Rigid) for body in (scene.lower, scene.upper))
 
 
-def _liquid(body):
-    material = body.material
-    return isinstance(material, Prony) and is_concrete(material.E_inf) and not np.any(material.E_inf)
+def _liquid(material):
+    if not isinstance(material, Prony | PronyShear):
+        return False
+    rest = material.E_inf if isinstance(material, Prony) else material.G_inf
+    return is_concrete(rest) and not np.any(rest)
 
 
 def _first_wavevectors(scene):
@@ -64,9 +81,14 @@ def _first_wavevectors(scene):
 
 def _check_layer(name, body, wavevectors):
     for q in wavevectors:
-        if not all(map(is_concrete, (q, body.layer.thickness, body.material.poisson))):
+        if not all(map(is_concrete, jax.tree.leaves((q, body.layer, body.material)))):
             continue
-        stiffer = float(jnp.max(stiffening(body.layer, body.material.poisson, q)))
+        if isinstance(body.layer, Coating):
+            # The thinner, the more of it is the base.
+            layer, base = glassy_reduced(body.material), glassy_reduced(body.layer.base)
+            stiffer = float(jnp.max(coated_spring(body, layer, base, q) / layer))
+        else:
+            stiffer = float(jnp.max(stiffening(body.layer, body.material.poisson, q)))
         if not stiffer < STIFFEST_LAYER:
             raise ValueError(
                 f"{name}.thickness = {float(body.layer.thickness):g}: so thin, it is {stiffer:.2g} times "
@@ -90,7 +112,7 @@ def _check_times(name, tau):
     if gaps.size and gaps.max() > DECADES:
         raise ValueError(
             f"{name} has neighbours {gaps.max():.3g} decades apart: must be at most {DECADES} in float32 "
-            "where both solids deform; use float64"
+            "where it is in series with another stiffness; use float64"
         )
 
 

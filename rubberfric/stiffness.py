@@ -7,8 +7,8 @@ statically, so that [Scaraggi & Persson, (A6), (A8)]
 
 Everything here is about two bodies and wavevectors; velocity enters later. K_j is kept
 as (q/2) * scale * factor * F with a modulus scale common to the scene [Pa], a real
-factor (a layer's Sbar) known at every q, and F of order one: a constant, a Prony series
-(a Prony solid in series with a spring is one again) or a tabulated modulus.
+factor (a slab's Sbar) known at every q, and F of order one: a constant, a Prony series
+(a Prony solid in series with a spring is one again, and so is a coated one) or a tabulated modulus.
 """
 
 from typing import NamedTuple
@@ -16,17 +16,19 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from rubberfric.coating import Coating, coated_series, coated_spring
 from rubberfric.layers import stiffening
 from rubberfric.materials import (
-    VISCOELASTIC,
-    Elastic,
-    Prony,
     Rigid,
     TabulatedModulus,
+    glassy_reduced,
     plane_strain,
-    static_modulus,
+    reduced_series,
+    static_reduced,
 )
+from rubberfric.scene import relaxes
 from rubberfric.series import in_series
+from rubberfric.series_pair import two_in_series
 from rubberfric.softening import softening_factors
 
 
@@ -55,8 +57,8 @@ class Tabulated(NamedTuple):
 class Sampled(NamedTuple):
     """F of a softened solid in series with a spring, at the contact nodes, (panels, order) each."""
 
-    material: object
-    storage: jax.Array  # f times what makes E a scaled stiffness [1/Pa]
+    modulus: object  # TabulatedModulus, or Relaxing in units of the scale
+    storage: jax.Array  # f times what makes it a stiffness in units of the scale
     loss: jax.Array  # the same with g
     spring: jax.Array  # the other solid at rest [-]
 
@@ -66,23 +68,11 @@ def modulus_scale(scene):
 
     A unit only: results do not depend on it, so no gradient goes through it.
     """
-    highest = [_highest(body.material) for body in (scene.lower, scene.upper)]
-    highest = [h for h in highest if h is not None]
+    bodies = [body for body in (scene.lower, scene.upper) if not isinstance(body.material, Rigid)]
+    highest = [glassy_reduced(body.material) for body in bodies]
     scale = highest[0] if len(highest) == 1 else jnp.minimum(*highest)
     # All moduli can be zero under jit, past the constructor's check: then nothing is stiff.
     return jax.lax.stop_gradient(jnp.where(scale > 0, scale, 1.0))
-
-
-def _highest(material):
-    if isinstance(material, Rigid):
-        return None
-    if isinstance(material, Elastic):
-        glassy = material.young
-    elif isinstance(material, Prony):
-        glassy = material.E_inf + jnp.sum(material.E)
-    else:
-        glassy = jnp.max(material.storage)
-    return glassy * plane_strain(material)
 
 
 def series_stiffness(rough, other, scale, q, softened=None):
@@ -101,48 +91,64 @@ def series_stiffness(rough, other, scale, q, softened=None):
     Static, Relaxing, Tabulated or Sampled
     """
     angular_q, contact_q = q
-    if not isinstance(other.material, VISCOELASTIC):
+    if not relaxes(other):
         return Static(static_series(rough, other, scale, contact_q, softened))
-    unit = plane_strain(other.material) / scale
     if softened is not None and not isinstance(rough.material, Rigid):
-        unit = unit * _layer(other, contact_q)
-        storage, loss = (unit * factor for factor in softening_factors(softened, contact_q))
-        return Sampled(other.material, storage, loss, static_spring(rough, scale, contact_q, softened))
-    spring = None
-    if not isinstance(rough.material, Rigid):
-        spring = static_modulus(rough.material) * plane_strain(rough.material) / scale
-        if by_node(rough, other):
-            spring, own = spring * _layer(rough, angular_q), _layer(other, angular_q)
+        return _sampled(rough, other, scale, contact_q, softened)
+    nodes = angular_q if by_node(rough, other) else None
+    spring = None if isinstance(rough.material, Rigid) else _spring(rough, scale, nodes)
+    if isinstance(other.layer, Coating):
+        return _coated(other, scale, nodes, spring)
+    own = None if nodes is None else _layer(other, nodes)
     if isinstance(other.material, TabulatedModulus):
-        return Tabulated(other.material, unit * own if by_node(rough, other) else unit, spring)
-    series = Relaxing(other.material.E_inf * unit, other.material.E * unit, other.material.tau)
+        unit = plane_strain(other.material) / scale
+        return Tabulated(other.material, unit if own is None else unit * own, spring)
+    series = Relaxing(*reduced_series(other.material, scale))
     if spring is None:
         return series
-    if not by_node(rough, other):
+    if own is None:
         return Relaxing(*in_series(*series, spring))
     return Relaxing(*in_series(own * series.rest, own[:, None] * series.weight, series.tau, spring))
 
 
+def _sampled(rough, other, scale, q, softened):
+    """F of a softened solid in series with another one, at the contact nodes q."""
+    layer = _layer(other, q)
+    if isinstance(other.material, TabulatedModulus):
+        modulus, layer = other.material, layer * (plane_strain(other.material) / scale)
+    else:
+        modulus = Relaxing(*reduced_series(other.material, scale))
+    storage, loss = (layer * factor for factor in softening_factors(softened, q))
+    return Sampled(modulus, storage, loss, _spring(rough, scale, q, softened))
+
+
+def _coated(body, scale, q, spring):
+    """F of a coated body that relaxes, at the nodes q, in series with a spring or None."""
+    layer, base = (reduced_series(material, scale) for material in (body.material, body.layer.base))
+    series = coated_series(body, layer, base, q)
+    if spring is not None:
+        nothing = jnp.zeros(0, q.dtype)
+        series = two_in_series(series, (spring, nothing, nothing))
+    return Relaxing(*series)
+
+
 def by_node(rough, other):
-    """Whether F depends on q: two deformable solids, at least one of them a layer."""
+    """Whether F depends on q: a coating, or two deformable solids, at least one of them a layer."""
     layered = rough.layer is not None or other.layer is not None
-    return layered and not isinstance(rough.material, Rigid)
+    return isinstance(other.layer, Coating) or (layered and not isinstance(rough.material, Rigid))
 
 
 def layer_factor(rough, other, q):
-    """Sbar at q where it multiplies all of a relaxing K_j (the rough solid is rigid); else None."""
-    if other.layer is None or not isinstance(rough.material, Rigid):
+    """Sbar at q where it multiplies all of a relaxing K_j (a slab faces a rigid solid); else None."""
+    if other.layer is None or by_node(rough, other):
         return None
     return stiffening(other.layer, other.material.poisson, q)
 
 
 def static_series(rough, other, scale, q, softened=None):
     """K_j / (q/2 scale) where neither solid's relaxation is excited: two springs in series."""
-    springs = [
-        static_spring(body, scale, q, softened)
-        for body in (rough, other)
-        if not isinstance(body.material, Rigid)
-    ]
+    deformable = [body for body in (rough, other) if not isinstance(body.material, Rigid)]
+    springs = [_spring(body, scale, q, softened) for body in deformable]
     if len(springs) == 1:
         return springs[0]
     soft, hard = jnp.minimum(*springs), jnp.maximum(*springs)
@@ -150,14 +156,18 @@ def static_series(rough, other, scale, q, softened=None):
     return soft / (1 + soft / jnp.where(hard > 0, hard, 1.0))
 
 
-def static_spring(body, scale, q, softened):
-    """A body at rest, at q: E_r(0) Sbar / scale [-]."""
-    spring = static_modulus(body.material) * plane_strain(body.material) / scale * _layer(body, q)
-    if softened is None or not isinstance(body.material, VISCOELASTIC):
-        return spring
-    return spring * softening_factors(softened, q)[0]
+def _spring(body, scale, q, softened=None):
+    """E_r(0) Sbar of a body over the scale, at q; q None: of its half-space."""
+    own = static_reduced(body.material) / scale
+    if q is None:
+        return own
+    if isinstance(body.layer, Coating):
+        return coated_spring(body, own, static_reduced(body.layer.base) / scale, q)
+    if softened is not None and relaxes(body):
+        own = own * softening_factors(softened, q)[0]
+    return own * _layer(body, q)
 
 
 def _layer(body, q):
-    """Sbar of a body, 1 for a half-space."""
+    """Sbar of a slab, 1 for a half-space."""
     return jnp.ones_like(q) if body.layer is None else stiffening(body.layer, body.material.poisson, q)

@@ -17,7 +17,8 @@ import math
 
 import numpy as np
 
-from rubberfric.materials import Elastic, Prony, Rigid
+from rubberfric.coating import Coating
+from rubberfric.materials import Elastic, Prony, PronyShear, Rigid
 from rubberfric.shifts import WLF, Arrhenius
 from rubberfric.spectra import SelfAffine
 
@@ -123,11 +124,38 @@ def _stiffness(body, q, omega, temperature):
     material = body.material
     if isinstance(material, Rigid):
         return None
+    if isinstance(material, PronyShear):
+        shear, bulk = _modulus(material, omega, temperature), float(material.bulk)
+        return 2 * q[:, None] * shear * (3 * bulk + shear) / (3 * bulk + 4 * shear)
     poisson = float(material.poisson)
     factor = q / (2 * (1 - poisson**2))
+    if isinstance(body.layer, Coating):
+        return factor[:, None] * _coated(body, q, omega, temperature)
     if body.layer is not None:
         factor = factor * _layer(body.layer, poisson, q)
     return factor[:, None] * _modulus(material, omega, temperature)
+
+
+def _coated(body, q, omega, temperature):
+    """E(omega) Sbar(q, omega) of a layer on a half-space, which shares the layer's shift."""
+    base, nu1, nu0 = body.layer.base, float(body.material.poisson), float(body.layer.base.poisson)
+    shift = getattr(body.material, "shift", None)
+    if omega is not None and temperature is not None and shift is not None:
+        omega = omega * _shift(shift, temperature)[:, None, None]
+    modulus = _modulus(body.material, omega, None)
+    one, two = modulus / (1 + nu1), _modulus(base, omega, None) / (1 + nu0)
+    x = np.minimum(q * float(body.layer.thickness), 60.0)[:, None]
+    a, b = 3 - 4 * nu1, 3 - 4 * nu0
+    small, rise, fall = 4 * x * np.exp(-2 * x), -np.expm1(-4 * x), 1 + np.exp(-4 * x)
+    wave, product = np.exp(-2 * x), (a - 1) * (b - 1)
+    N = (
+        4 * b * (0.25 * np.expm1(-2 * x) ** 2 - x * x * wave),
+        (a + b) * rise - product * np.expm1(-2 * x) + x * small * (b - 1),
+        a * fall + (1 + a * a + 4 * x * x) * wave,
+    )
+    D = (b * (rise + small), (a + b) * fall + product - small * (b - 1), a * (rise - small) + small * (a - 1))
+    top, bottom = ((c[0] * one + c[1] * two) * one + c[2] * two * two for c in (N, D))
+    return modulus * top / np.where(bottom == 0, 1.0, bottom)  # two liquids at rest: 0
 
 
 def _series(one, two):
@@ -139,16 +167,20 @@ def _series(one, two):
 
 
 def _modulus(material, omega, temperature):
-    """E(omega), complex; real E(0) for omega None."""
+    """E(omega), complex, of a PronyShear G(omega); real, at omega = 0, for omega None."""
     if isinstance(material, Elastic):
         return float(material.young)
+    series = None
+    if isinstance(material, Prony | PronyShear):
+        names = ("E_inf", "E") if isinstance(material, Prony) else ("G_inf", "G")
+        series = [np.asarray(getattr(material, name), float) for name in names]
     if omega is None:
-        return float(material.E_inf) if isinstance(material, Prony) else float(material.storage[0])
+        return float(material.storage[0] if series is None else series[0])
     if temperature is not None and material.shift is not None:
         omega = omega * _shift(material.shift, temperature)[:, None, None]
-    if isinstance(material, Prony):
-        modulus = np.full(omega.shape, float(material.E_inf), complex)
-        for weight, tau in zip(np.asarray(material.E), np.asarray(material.tau), strict=True):
+    if series is not None:
+        modulus = np.full(omega.shape, float(series[0]), complex)
+        for weight, tau in zip(series[1], np.asarray(material.tau), strict=True):
             s = 1j * omega * tau
             modulus += weight * s / (1 + s)
         return modulus

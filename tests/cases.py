@@ -87,6 +87,8 @@ def _material(data):
         return rf.Elastic(data["E"], data["nu"])
     if kind == "prony":
         return rf.Prony(data["E_inf"], data["E"], data["tau"], data["nu"], shift)
+    if kind == "shear":
+        return rf.PronyShear(data["G_inf"], data["G"], data["tau"], data["bulk"], shift)
     table = (np.array(data[name]) for name in ("omega", "storage", "loss"))
     return rf.TabulatedModulus(*table, data["nu"], shift, data.get("outside", "fall"))
 
@@ -107,5 +109,7 @@ def _spectrum(data):
 
 
 def _layer(data):
+    if "coating" in data:
+        return rf.Coating(data["coating"]["thickness"], _material(data["coating"]["base"]))
     thickness = data.get("thickness")
     return None if thickness is None else rf.Slab(thickness, data.get("base", "bonded"))

@@ -11,11 +11,14 @@ A scene is a plain dictionary, as in `reference/*.json`:
     solid1, solid2   {"kind": "rigid"}
                      {"kind": "elastic", "E", "nu"}
                      {"kind": "prony", "E_inf", "E", "tau", "nu"}
+                     {"kind": "shear", "G_inf", "G", "tau", "bulk"}
                      {"kind": "table", "omega", "storage", "loss", "nu", "outside" ("fall", "hold", "none")}
-                     the last three also with "thickness" (null: half-space),
+                     the last four also with "thickness" (null: half-space),
                      "base" ("bonded", "frictionless") and "shift", one of
                      {"kind": "wlf", "C1", "C2", "T_ref"}, {"kind": "arrhenius",
-                     "energy", "T_ref"}, {"kind": "table", "T", "aT", "T_ref"}
+                     "energy", "T_ref"}, {"kind": "table", "T", "aT", "T_ref"};
+                     elastic and prony also with "coating": {"thickness", "base"}, a layer of
+                     the solid on a half-space of another, "base", an elastic or prony solid
     psd1, psd2       null, {"q0", "qr", "q1", "H", "h_rms"} or {"q", "C"}
     v, pressure, gamma, temperature (default none), area_correction (default false)
 """
@@ -129,16 +132,21 @@ class _Solid:
         shift = data.get("shift")
         self.a_T = shift_factor(shift, temperature) if shift and temperature is not None else 1.0
         self.kinks = np.array(data["omega"]) / self.a_T if self.kind == "table" else np.zeros(0)
+        self.coating = data.get("coating")
+        if self.coating is not None:
+            self.under = _Solid(self.coating["base"], None)
+            self.under.a_T = self.a_T
 
     def modulus(self, omega):
-        """E' + i E'' at omega >= 0."""
+        """E' + i E'' at omega >= 0, of a relaxing shear G' + i G''."""
         omega = self.a_T * np.asarray(omega, float)
         if self.kind == "elastic":
             return np.full(omega.shape, self.data["E"], complex)
         if self.kind == "table":
             return table_modulus(self.data, omega)
-        total = np.full(omega.shape, self.data["E_inf"], complex)
-        for E, tau in zip(self.data["E"], self.data["tau"], strict=True):
+        names = ("G_inf", "G") if self.kind == "shear" else ("E_inf", "E")
+        total = np.full(omega.shape, self.data[names[0]], complex)
+        for E, tau in zip(self.data[names[1]], self.data["tau"], strict=True):
             s = 1j * omega * tau
             total += E * (s / (1 + s))
         return total
@@ -147,17 +155,37 @@ class _Solid:
         """M = 2 / (q E_r Sbar); a liquid at rest has an infinite one."""
         if self.kind == "rigid":
             return np.zeros(np.broadcast_shapes(q.shape, omega.shape), complex)
-        E = self.modulus(omega) / (1 - self.nu**2)
+        E = self.modulus(omega)
+        if self.kind == "shear":  # E_r = 2 G / (1 - nu) with the complex nu
+            factor = 2 / (1 - complex_poisson(E, self.data["bulk"]))
+        else:
+            E = E / (1 - self.nu**2)
+        if self.coating is not None:
+            one, two = (s.modulus(omega) / (2 * (1 + s.nu)) for s in (self, self.under))
+            N0, N1, N2, D0, D1, D2 = np.moveaxis(factor, -1, 0)
+            top, bottom = (
+                (a * one**2 + b * one * two + c * two**2) for a, b, c in ((N0, N1, N2), (D0, D1, D2))
+            )
+            factor = top / bottom
         with np.errstate(divide="ignore", invalid="ignore"):
             M = 2 / (q * E * factor)
         return np.where(E == 0, np.inf, M)
 
     def factor(self, q):
-        """Sbar(q d) of the slab."""
+        """Sbar(q d) of the slab; of a coating N0, N1, N2, D0, D1, D2 along a last axis."""
+        if self.coating is not None:
+            x = q * self.coating["thickness"]
+            nus = self.nu, self.under.nu
+            return np.array([[float(c) for c in coating_coefficients(float(x_i), *nus)] for x_i in x])
         if self.thickness is None or self.kind == "rigid":
             return np.ones(q.shape)
         x = q * self.thickness
         return np.array([float(slab_factor(float(x_i), self.nu, self.base)) for x_i in x])
+
+
+def complex_poisson(G, bulk):
+    """nu of a complex shear and a bulk modulus."""
+    return (3 * bulk - 2 * G) / (2 * (3 * bulk + G))
 
 
 def slab_factor(x, nu, base="bonded"):
@@ -169,6 +197,23 @@ def slab_factor(x, nu, base="bonded"):
         a = 3 - 4 * nu
         top = 2 * a * mp.sinh(x) ** 2 + 2 * x**2 + 8 * (1 - nu) ** 2
         return top / (a * (mp.sinh(2 * x) - 2 * x) + 4 * (1 - 2 * nu) * x)
+
+
+def coating_coefficients(x, nu1, nu0):
+    """e^-2x times N, D of Sbar = (N0 r^2 + N1 r + N2)/(D0 r^2 + D1 r + D2), r = mu1/mu0."""
+    with mp.workdps(60):
+        x = mp.mpf(min(x, 1e4))
+        a, b = 3 - 4 * mp.mpf(nu1), 3 - 4 * mp.mpf(nu0)
+        sinh, cosh, exp = mp.sinh(2 * x), mp.cosh(2 * x), mp.exp(2 * x)
+        found = (
+            4 * b * (mp.sinh(x) ** 2 - x * x),
+            2 * (a + b) * sinh + (a - 1) * (b - 1) * (exp - 1) + 4 * x * x * (b - 1),
+            2 * a * cosh + 1 + a * a + 4 * x * x,
+            2 * b * (sinh + 2 * x),
+            2 * (a + b) * cosh + (a - 1) * (b - 1) * exp - 4 * x * (b - 1),
+            2 * (a * (sinh - 2 * x) + 2 * x * (a - 1)),
+        )
+        return [c / exp for c in found]
 
 
 def table_modulus(data, omega):

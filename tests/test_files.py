@@ -211,6 +211,12 @@ def write_scene(folder, content):
     return path
 
 
+def coated_scene():
+    """A scene file with a coating in place of the slab."""
+    base = {"kind": "prony", "E_inf": 1e6, "E": [1e6], "tau": [1e-3], "poisson": 0.3}
+    return put(full_scene(), "lower.layer", {"kind": "coating", "thickness": 1e-3, "base": base})
+
+
 def put(content, key, value):
     """A copy of a scene file's content with one key path set, or removed if the value is `...`."""
     content = copy.deepcopy(content)
@@ -253,6 +259,38 @@ def test_every_key_of_a_scene_file(folder):
     np.testing.assert_array_equal(conditions.velocity, [1e-3, 1.0])
     np.testing.assert_array_equal(conditions.pressure, [1e5])
     np.testing.assert_array_equal(conditions.temperature, [283.15, 293.15])
+
+
+def test_coatings(folder):
+    scene, _, _ = read_scene_file(write_scene(folder, coated_scene()))
+    same(scene.lower.layer, rf.Coating(1e-3, rf.Prony(1e6, [1e6], [1e-3], 0.3)))
+    rf.save_scene(folder / "scene.h5", scene)
+    same(rf.load_scene(folder / "scene.h5"), scene)
+    for key, value, message in (
+        ("lower.layer.base", "bonded", "lower.layer.base = 'bonded': must be a table"),
+        ("lower.layer.base.kind", "rigid", "use Slab"),
+        ("lower.layer.base.tau", [-1.0], "lower.layer.base: Prony.tau[0] = -1.0: must be > 0"),
+        ("lower.layer.base.shift", {"kind": "arrhenius", "energy": 1.0, "T_ref": 300.0}, "must be None"),
+        ("lower.layer.kind", "slap", "lower.layer.kind = 'slap': did you mean 'slab'?"),
+        ("lower.layer.thickness", ..., "lower.layer.thickness: is missing"),
+    ):
+        content = put(coated_scene(), key, value)
+        if key.endswith("base.kind"):
+            content = put(content, "lower.layer.base", {"kind": "rigid"})
+        path = write_scene(folder, content)
+        assert message in refused(path, lambda path=path: rf.load_scene(path)), message
+
+
+def test_a_relaxing_shear(folder):
+    shift = {"kind": "arrhenius", "energy": 1.0, "T_ref": 300.0}
+    numbers = {"G_inf": 1e6, "G": [1e8, 1e6], "tau": [1e-6, 1.0], "bulk": 2e9}
+    content = put(full_scene(), "upper.material", {"kind": "prony_shear", "shift": shift} | numbers)
+    scene, _, _ = read_scene_file(write_scene(folder, content))
+    same(scene.upper.material, rf.PronyShear(**numbers, shift=rf.Arrhenius(1.0, 300.0)))
+    rf.save_scene(folder / "scene.h5", scene)
+    same(rf.load_scene(folder / "scene.h5"), scene)
+    path = write_scene(folder, put(content, "upper.material.bulk", 0.0))
+    assert "PronyShear.bulk = 0.0: must be > 0" in refused(path, lambda: rf.load_scene(path))
 
 
 def test_defaults_are_those_of_the_classes(folder):

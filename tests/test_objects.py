@@ -25,6 +25,9 @@ def examples(number=float, vector=np.array):
         poisson=number(0.5),
         shift=wlf,
     )
+    sheared = rf.PronyShear(
+        G_inf=number(1e6), G=vector([1e6, 2e6, 3e6]), tau=vector([1e-3, 1.0, 1e2]), bulk=number(2e9)
+    )
     modulus = rf.TabulatedModulus(
         omega=vector([1e-3, 1.0, 1e2]),
         storage=vector([1e6, 2e6, 3e6]),
@@ -38,10 +41,25 @@ def examples(number=float, vector=np.array):
     )
     spectrum = rf.TabulatedSpectrum(q=vector([1e2, 1e3, 1e5]), C=vector([1e-9, 1e-12, 1e-19]))
     slab = rf.Slab(thickness=number(1e-3), base="frictionless")
+    coating = rf.Coating(thickness=number(1e-3), base=elastic)
     body = rf.Body(prony, road, slab)
     shear = rf.ContactShear(tau_f0=number(6.5e6), c=number(0.1), v0=number(6e-3), shift=arrhenius)
     scene = rf.Scene(body, rf.Body(modulus, spectrum), gamma=number(0.45), area_correction=True, shear=shear)
-    objects = [rf.Rigid(), elastic, prony, modulus, wlf, arrhenius, table, road, spectrum, slab, shear]
+    objects = [
+        rf.Rigid(),
+        elastic,
+        prony,
+        sheared,
+        modulus,
+        wlf,
+        arrhenius,
+        table,
+        road,
+        spectrum,
+        slab,
+        coating,
+        shear,
+    ]
     return {type(x).__name__: x for x in (*objects, body, scene)}
 
 
@@ -268,6 +286,13 @@ def tread(**changes):
         (lambda: tread(tau=[1.0, 2.0]), r"Prony: lengths differ \(E has 1, tau has 2\)"),
         (lambda: tread(E=[], tau=[]), r"Prony\.E is empty"),
         (lambda: tread(E_inf=0.0, E=[0.0]), r"Prony\.E_inf = 0\.0: with all E = 0 .* must be > 0"),
+        (
+            lambda: rf.Body(rf.PronyShear(1.0, [1.0], [1.0], 1.0), layer=rf.Slab(1e-3)),
+            r"Body\.layer: a body of PronyShear .*; must be None",
+        ),
+        (lambda: rf.PronyShear(0.0, [0.0], [1.0], 1.0), r"PronyShear\.G_inf = 0\.0: with all G = 0"),
+        (lambda: rf.PronyShear(0.0, [], [], 1.0), r"PronyShear\.G is empty"),
+        (lambda: rf.PronyShear(0.0, [1.0], [1.0], 0.0), r"PronyShear\.bulk = 0\.0: must be > 0"),
         (lambda: rf.Body(rf.Rigid(), layer=rf.Slab(1e-3)), r"Body\.layer: a rigid body has no layer"),
         (
             lambda: rf.Scene(rf.Body(rf.Rigid()), rf.Body(rf.Rigid())),
