@@ -27,7 +27,18 @@ def scene(case):
         rf.Body(_material(case[solid]), _spectrum(case[psd]), _layer(case[solid]))
         for solid, psd in (("solid1", "psd1"), ("solid2", "psd2"))
     )
-    return rf.Scene(lower, upper, case["gamma"], area_correction=case.get("area_correction", False))
+    softening, heating, shear = (case.get(name) for name in ("softening", "heating", "shear"))
+    if softening is not None:
+        softening = {name: np.array(values) for name, values in softening.items()}
+    return rf.Scene(
+        lower,
+        upper,
+        case["gamma"],
+        area_correction=case.get("area_correction", False),
+        shear=shear and rf.ContactShear(**shear | {"shift": _shift(shear["shift"])}),
+        heating=heating and rf.Heating(**heating),
+        softening=softening and rf.Softening(**softening),
+    )
 
 
 def as_arrays(tree, dtype=float):
@@ -104,8 +115,12 @@ def _spectrum(data):
     if data is None:
         return None
     if "C" in data:
-        return rf.TabulatedSpectrum(np.array(data["q"]), np.array(data["C"]))
-    return rf.SelfAffine(data["q0"], data["qr"], data["q1"], data["H"], data["h_rms"])
+        q, C = np.array(data["q"]), np.array(data["C"])
+        return rf.TabulatedSpectrum(q, C) if C.ndim == 1 else rf.TabulatedAnisotropic(q, C, data["angle"])
+    base = rf.SelfAffine(data["q0"], data["qr"], data["q1"], data["H"], data["h_rms"])
+    if "ratio" not in data:
+        return base
+    return rf.Anisotropic(base, data["ratio"], data["angle"], data.get("harmonics", 16))
 
 
 def _layer(data):
