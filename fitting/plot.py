@@ -9,8 +9,8 @@ from rubberfric.plot import PANELS
 _LOG_V = "$\\log_{10}(v\\;/\\;\\mathrm{m\\,s^{-1}})$"
 # Labels of the axes of every quantity.
 LABELS = {
-    "friction": (_LOG_V, PANELS["friction"][1]),
-    "area": (_LOG_V, PANELS["area"][1]),
+    "friction": (_LOG_V, PANELS["friction"][0]),
+    "area": (_LOG_V, PANELS["area"][0]),
     "modulus": ("angular frequency $\\omega$ [rad/s]", "modulus\n$E'$, $E''$ [Pa]"),
     "spectrum": ("wavenumber $q$ [1/m]", "power spectrum\n$C$ [m$^4$]"),
 }

@@ -9,8 +9,9 @@ from rubberfric.joining import JoinedSpectra, Joint, join_spectra, resample
 from rubberfric.layers import Slab
 from rubberfric.maps import FrictionMap, friction_map
 from rubberfric.materials import Elastic, Prony, PronyShear, Rigid, TabulatedModulus, complex_modulus
-from rubberfric.model import Solution, contact_area, friction, friction_outside_table, separation, solve
+from rubberfric.model import Solution, contact_area, friction, quantities_of, separation, solve
 from rubberfric.moments import cutoff, moment, rms_height, rms_slope, with_cutoff
+from rubberfric.outside import friction_outside_table
 from rubberfric.power import DissipatedPower, dissipated_power
 from rubberfric.profiles import Profile, profile
 from rubberfric.psd import areal_spectrum, line_spectrum, spectrum_as, spectrum_from
@@ -70,6 +71,7 @@ __all__ = [
     "moment",
     "power_spectrum",
     "profile",
+    "quantities_of",
     "resample",
     "rms_height",
     "rms_slope",

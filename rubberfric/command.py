@@ -15,7 +15,8 @@ from rubberfric import accuracy_command, map_command
 from rubberfric._atomic import check_writable
 from rubberfric.files import read_computable
 from rubberfric.materials import TabulatedModulus
-from rubberfric.model import QUANTITIES, Solution, friction_outside_table, solve
+from rubberfric.model import Solution, quantities_of, solve
+from rubberfric.outside import friction_outside_table
 from rubberfric.plot import check_plot, save_plot
 from rubberfric.quadrature import Quadrature
 from rubberfric.results import Result, result_shape, save_result
@@ -54,9 +55,9 @@ def run(arguments):
         save_plot(arguments.plot, result)
     for line in table(result):
         print(line)
-    note = outside_note(result)
-    if note:
-        print(f"\n{note}")
+    for note in (outside_note(result), convergence_note(result)):
+        if note:
+            print(f"\n{note}")
     sys.stdout.flush()
     return 0
 
@@ -64,10 +65,10 @@ def run(arguments):
 def compute(scene, conditions):
     """All quantities at all conditions, NumPy arrays of shape [temperature, pressure, velocity].
 
-    The parts of the friction are among them if the scene has contact shear.
+    Which they are follows from the scene (`model.quantities_of`).
     FloatingPointError if one of them is not finite.
     """
-    quantities = QUANTITIES if scene.shear is None else Solution._fields
+    quantities = quantities_of(scene)
     solution = solve(scene, *conditions.grid(), quantities=quantities)
     shape = result_shape(conditions)
     found = {name: np.broadcast_to(np.asarray(getattr(solution, name)), shape) for name in quantities}
@@ -92,6 +93,20 @@ def outside_note(result):
     return f"at most {100 * share:.2g} % of {mu} comes from frequencies outside the tabulated moduli"
 
 
+def convergence_note(result):
+    """One line saying how many temperatures of a heated scene are not a solution; "" if all are."""
+    converged = result.solution.converged
+    if converged is None or np.all(converged):
+        return ""
+    left = np.argwhere(~converged)
+    _, j, k = left[0]
+    return (
+        f"the temperatures did not converge at {len(left)} of {converged.size} points, "
+        f"first at v = {result.conditions.velocity[k]:g} m/s, p = {result.conditions.pressure[j]:g} Pa: "
+        "the values there are those of the last iterate"
+    )
+
+
 # Columns of the printed table: heading and scale.
 COLUMNS = {
     "area": ("A/A0 [-]", 1.0),
@@ -99,12 +114,15 @@ COLUMNS = {
     "separation": ("u_bar [um]", 1e6),
     "viscoelastic_friction": ("mu_visc [-]", 1.0),
     "shear_friction": ("mu_shear [-]", 1.0),
+    "transverse_friction": ("mu_side [-]", 1.0),
+    "flash_temperature": ("T_flash [K]", 1.0),
 }
 
 
 def table(result):
     """Lines of the printed table: a block for every temperature and pressure."""
-    columns = {name: values for name, values in result.solution._asdict().items() if values is not None}
+    solution = result.solution._asdict()
+    columns = {name: solution[name] for name in COLUMNS if solution[name] is not None}
     # Six columns of 12 leave no more than one space between them on a line of 80.
     gap = " " if len(columns) > 4 else "  "
     if result.title:
@@ -138,8 +156,9 @@ def _parser():
     one = commands.add_parser(
         "run",
         help="compute a scene at the conditions in its file",
-        description="Print contact area, friction coefficient and mean separation over velocity, and the "
-        "parts of the friction if the scene has contact shear.",
+        description="Print contact area, friction coefficient and mean separation over velocity; parts of "
+        "the friction, the force across the direction of sliding and the flash temperature where the scene "
+        "has contact shear, anisotropic roughness and heating.",
     )
     one.add_argument(
         "scene", metavar="SCENE", help="scene file (.toml), or result file (.h5) to compute again"

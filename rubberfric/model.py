@@ -13,7 +13,6 @@ mu is the viscoelastic friction; contact shear (`rubberfric.shear`) adds to it w
 Strain softening (`rubberfric.softening`) and frictional heating (`rubberfric.heating`) change K_j.
 """
 
-import dataclasses
 import functools
 from typing import NamedTuple
 
@@ -22,11 +21,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric._pytree import FINITE, POSITIVE, as_leaf, check_values
-from rubberfric.materials import TabulatedModulus
+from rubberfric.anisotropy import harmonic_count
 from rubberfric.points import over_points
 from rubberfric.quadrature import Quadrature
 from rubberfric.radial import evaluate, prepare
-from rubberfric.scene import Scene, cast, result_dtype, shifts, takes_temperature
+from rubberfric.scene import Scene, cast, dissipates, result_dtype, rough_pairs, shifts, takes_temperature
 from rubberfric.shear import shear_friction
 from rubberfric.single import check_single
 from rubberfric.thermal import shear_temperature
@@ -178,6 +177,18 @@ def solve(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT, q
     return _solve(scene, *conditions, quadrature=quadrature, quantities=quantities)
 
 
+def quantities_of(scene):
+    """All quantities that say something about a scene: the three, and what its parts add to them."""
+    names = list(QUANTITIES)
+    if scene.shear is not None:
+        names += ["viscoelastic_friction", "shear_friction"]
+    if dissipates(scene) and any(harmonic_count(rough.spectrum) for rough, _ in rough_pairs(scene)):
+        names.append("transverse_friction")
+    if scene.heating is not None:
+        names += ["flash_temperature", "converged"]
+    return tuple(names)
+
+
 def checked(scene, velocity, pressure, temperature, quadrature):
     """Scene and conditions (velocity, pressure, temperature) as arrays of one dtype, or ValueError."""
     for name, value, cls in (("scene", scene, Scene), ("quadrature", quadrature, Quadrature)):
@@ -259,46 +270,6 @@ def _with_shear(shear, thermal, integrals, quantities, points):
     if shear is not None and "friction" in quantities:
         results["friction"] = integrals["friction"] + results["shear_friction"]
     return results
-
-
-def friction_outside_table(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT):
-    r"""Share of the viscoelastic friction that comes from frequencies outside the tabulated moduli.
-
-    .. math:: 1 - \mu_\mathrm{none} / \mu
-
-    with :math:`\mu` the viscoelastic friction, without contact shear, and
-    :math:`\mu_\mathrm{none}` the same when E'' is zero outside the tables
-    (`TabulatedModulus.outside` = "none"). Near 1, the result says more about the
-    extrapolation than about the material.
-
-    Parameters
-    ----------
-    scene : Scene with at least one TabulatedModulus
-    velocity, pressure, temperature, quadrature : as for `friction`
-
-    Returns
-    -------
-    array, broadcast shape [-]; 0 where there is no viscoelastic friction
-
-    Raises
-    ------
-    ValueError : as `contact_area`, or a scene without a tabulated modulus.
-    """
-    bodies = {"lower": scene.lower, "upper": scene.upper}
-    tabulated = {name: body for name, body in bodies.items() if isinstance(body.material, TabulatedModulus)}
-    if not tabulated:
-        raise ValueError("scene: no material is a TabulatedModulus; one must be")
-    cut = {
-        name: dataclasses.replace(body, material=dataclasses.replace(body.material, outside="none"))
-        for name, body in tabulated.items()
-    }
-    conditions = (velocity, pressure, temperature)
-    part = "viscoelastic_friction"
-    whole, inside = (
-        getattr(solve(s, *conditions, quadrature=quadrature, quantities=(part,)), part)
-        for s in (scene, dataclasses.replace(scene, **cut))
-    )
-    return jnp.where(whole != 0, 1 - inside / jnp.where(whole != 0, whole, 1.0), 0.0)
 
 
 def _condition(name, value, rule):

@@ -6,10 +6,13 @@ import numpy as np
 
 from rubberfric._atomic import check_writable, replacing
 
+# Quantities that have a panel: label, and scale and offset from the unit they are computed in.
 PANELS = {
-    "area": (1.0, "contact area\n$A/A_0$ [-]"),
-    "friction": (1.0, "friction coefficient\n$\\mu$ [-]"),
-    "separation": (1e6, "mean separation\n$\\bar u$ [µm]"),
+    "area": ("contact area\n$A/A_0$ [-]", 1.0, 0.0),
+    "friction": ("friction coefficient\n$\\mu$ [-]", 1.0, 0.0),
+    "separation": ("mean separation\n$\\bar u$ [µm]", 1e6, 0.0),
+    "transverse_friction": ("transverse friction\n$\\mu_\\perp$ [-]", 1.0, 0.0),
+    "flash_temperature": ("flash temperature\n$T$ [°C]", 1.0, -273.15),
 }
 # Parts of the friction: line style, marker of a single point, and name.
 PARTS = {
@@ -19,7 +22,9 @@ PARTS = {
 
 
 def plot_result(result, ax=None):
-    """Draw A/A0, mu and mean separation over log10 v: one panel each, one line per temperature and pressure.
+    """Draw A/A0, mu, mean separation and more over log10 v: a panel each, a line per condition.
+
+    Transverse friction and flash temperature have a panel where the solution has them.
 
     The parts of the friction, where the solution has them, are thin dashed and dotted lines in its panel.
 
@@ -27,7 +32,7 @@ def plot_result(result, ax=None):
     ----------
     result : Result
         see `rubberfric.results`. Velocities <= 0 have no logarithm and are left out.
-    ax : sequence of as many matplotlib axes as the solution has of these three quantities, or None
+    ax : sequence of as many matplotlib axes as the solution has of these quantities, or None
         None: axes of a new figure of its own, `ax[0].figure`, which pyplot does not know.
 
     Returns
@@ -46,13 +51,14 @@ def plot_result(result, ax=None):
     shown = np.flatnonzero(velocity > 0)
     shown = shown[np.argsort(velocity[shown], kind="stable")]
     for name, axes in zip(names, ax, strict=True):
-        scale, label = PANELS[name]
+        label, scale, offset = PANELS[name]
         for (i, j), text in curve_labels(result.conditions).items():
-            curve = scale * np.asarray(getattr(result.solution, name))[i, j, shown]
+            curve = scale * np.asarray(getattr(result.solution, name))[i, j, shown] + offset
             marker = "o" if shown.size < 2 else None
             axes.plot(np.log10(velocity[shown]), curve, label=text, marker=marker)
         axes.set_ylabel(label)
-        axes.set_ylim(bottom=0)
+        if name in ("area", "friction", "separation"):
+            axes.set_ylim(bottom=0)
         axes.grid(alpha=0.3)
     ax[-1].set_xlabel("$\\log_{10}(v\\;/\\;\\mathrm{m\\,s^{-1}})$")
     if len(curve_labels(result.conditions)) > 1:

@@ -46,7 +46,8 @@ def plot_map(result, quantity="friction", ax=None, *, temperature=None, pressure
     if field is None:
         known = [name for name, values in result.solution._asdict().items() if values is not None]
         raise ValueError(f"quantity = {quantity!r}: {closest(quantity, known)}")
-    scale, label = PANELS.get(quantity, (1.0, f"{quantity.replace('_', ' ')} [{QUANTITIES[quantity]}]"))
+    other = (f"{quantity.replace('_', ' ')} [{QUANTITIES[quantity]}]", 1.0, 0.0)
+    label, scale, offset = PANELS.get(quantity, other)
     panels = _panels(result.conditions, temperature, pressure)
     if ax is None:
         from matplotlib.figure import Figure
@@ -58,7 +59,7 @@ def plot_map(result, quantity="friction", ax=None, *, temperature=None, pressure
     columns, log_v = _axis(np.log10, result.conditions.velocity)
     drawn = []
     for (rows, y, title, place), axes in zip(panels, ax, strict=True):
-        values = scale * np.asarray(field[place][rows][:, columns])
+        values = scale * np.asarray(field[place][rows][:, columns]) + offset
         drawn.append((axes, y, values))
         axes.set_title(title, fontsize="small")
         axes.set_xlabel("$\\log_{10}(v\\;/\\;\\mathrm{m\\,s^{-1}})$")

@@ -5,7 +5,8 @@ each with the attribute units:
 
     velocity [m/s]  pressure [Pa]  temperature [K]      one-dimensional; temperature may be missing
     area [-]  friction [-]  separation [m]              shape [temperature, pressure, velocity]
-    viscoelastic_friction [-]  shear_friction [-]       the same; parts of the friction, may be missing
+    viscoelastic_friction [-]  shear_friction [-]       the same; what the scene has no part for is missing
+    transverse_friction [-]  flash_temperature [K]  converged [-] (1 or 0)
 
 the group /quadrature, whose attributes are the accuracy settings, and the attribute title.
 """
@@ -31,6 +32,9 @@ QUANTITIES = {
     "separation": "m",
     "viscoelastic_friction": "-",
     "shear_friction": "-",
+    "transverse_friction": "-",
+    "flash_temperature": "K",
+    "converged": "-",
 }
 DIMENSIONS = ("temperature", "pressure", "velocity")
 
@@ -52,7 +56,9 @@ def save_result(path, result):
         for name in QUANTITIES:
             values = getattr(result.solution, name)
             if values is not None:
-                label(write_values(file, name, np.broadcast_to(values, shape), QUANTITIES[name]))
+                values = np.broadcast_to(values, shape)
+                values = values.astype(float) if name == "converged" else values
+                label(write_values(file, name, values, QUANTITIES[name]))
 
 
 @contextlib.contextmanager
@@ -96,6 +102,8 @@ def load_result(path):
                 raise ValueError(
                     f"/{name} has shape {np.shape(array)}: must be {shape}, [{', '.join(DIMENSIONS)}]"
                 )
+        if "converged" in values:
+            values["converged"] = values["converged"] != 0
         quadrature = read_quadrature(file)
     return Result(scene, conditions, Solution(**values), quadrature, title)
 

@@ -29,7 +29,8 @@ def result():
 def test_the_file_is_what_its_script_makes():
     stored, made = fitting.read(DATA / "twin_friction.csv"), twin()
     np.testing.assert_allclose(stored.measured, made.measured, rtol=1e-9)
-    np.testing.assert_array_equal(stored.velocity, made.velocity)
+    # NumPy takes powers with what the processor has: the last digit differs between processors.
+    np.testing.assert_allclose(stored.velocity, made.velocity, rtol=1e-15)
     np.testing.assert_array_equal(stored.error, make_twin.NOISE)
     assert len(stored) == 240
 
