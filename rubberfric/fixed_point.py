@@ -14,6 +14,10 @@ import jax.numpy as jnp
 
 _HISTORY, _MOST_STEPS = 7, 80
 
+# Residual over the largest element of a row at which a step is the last: it divides the residual by ten
+# and more, which leaves friction 1e-12 off.
+_TOLERANCE = 1e-9
+
 
 def fixed_point(function, start):
     """Fixed point next to a start value, and whether it was reached.
@@ -28,7 +32,7 @@ def fixed_point(function, start):
     (y, converged), shapes (points, n) and (points,). Derivatives of y follow from the fixed point,
     not from the steps; they are those of the last iterate where it was not reached.
 
-    Limits: residuals of 1e-11 of the largest element of a row (float32: 1e-5).
+    Limits: residuals of 1e-10 of the largest element of a row (float32: 1e-5).
     """
     y, reached = jax.lax.custom_root(lambda y: function(y) - y, start, _iterate, _tangent_solve, has_aux=True)
     return y, reached > 0
@@ -46,7 +50,7 @@ def _tangent_solve(linear, right):
 def _iterate(residual, start):
     """Zero of a residual, and 1 where it was reached, else 0 (a bool has no derivative in custom_root)."""
     single = start.dtype != jnp.float64
-    tolerance, smallest = (1e-5, 1e-6) if single else (1e-11, 1e-15)
+    tolerance, smallest = (1e-5, 1e-6) if single else (_TOLERANCE, 1e-15)
     points, n = start.shape
 
     def reached(y, r):

@@ -3,10 +3,13 @@
 The data lie beside the project, not in it; without them there is nothing to compare with.
 """
 
+import os
+from dataclasses import replace
 from pathlib import Path
 
 import jax
 import jax.numpy as jnp
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 
@@ -75,3 +78,83 @@ def test_little_of_the_friction_comes_from_outside_the_table():
     crawling, slow, middle = rf.friction_outside_table(scene(), np.array([1e-12, 1e-5, 1e-2]), PRESSURE)
     assert abs(slow) < 0.02 and abs(middle) < 0.02
     assert crawling > 0.5
+
+
+COMPOUND_V = np.logspace(-5, 2, 15)
+COMPOUND_T = np.array([283.15, 333.15])  # cold and hot
+
+
+def wlf(name):
+    """WLF through a table of shift factors: flash temperatures lie above its end."""
+    celsius, factor = read(name)
+    away, log = celsius - 20, np.log10(factor)
+    far = np.abs(away) > 5
+    # log a_T (C2 + T - T_ref) = -C1 (T - T_ref), linear in the constants.
+    C1, C2 = np.linalg.lstsq(np.stack([away, log], 1)[far], -(log * away)[far], rcond=None)[0]
+    return rf.WLF(C1, C2, T_ref=293.15)
+
+
+@pytest.fixture(scope="module")
+def compound():
+    """Solutions [temperature, velocity] of the compound as measured, softening, heated, and both."""
+    strain, f, g = read("strain_softening_R00.csv")
+    rubber = replace(scene().lower.material, shift=wlf("shift_factor_R00.csv"))
+    rough = rf.with_cutoff(road(), rms_slope=1.3)
+    linear = replace(scene(), lower=rf.Body(rubber), upper=rf.Body(rf.Rigid(), rough))
+    softening = rf.Softening(strain, f, g)
+    heating = rf.Heating(density=1200.0, heat_capacity=1600.0, conductivity=0.23, radius=2e-3)
+    scenes = {
+        "linear": linear,
+        "softening": replace(linear, softening=softening),
+        "heating": replace(linear, heating=heating),
+        "both": replace(linear, softening=softening, heating=heating),
+    }
+    return {
+        name: rf.solve(
+            one,
+            COMPOUND_V,
+            PRESSURE,
+            COMPOUND_T[:, None],
+            quadrature=rf.Quadrature(order=8, panels=8, graded=3, ratio=6.0, angular_order=8, angle=48),
+            quantities=rf.quantities_of(one),
+        )
+        for name, one in scenes.items()
+    }
+
+
+@pytest.mark.slow
+def test_the_compound_with_softening_and_heating(compound):
+    """PLOT=compound.png draws the curves."""
+    if "PLOT" in os.environ:
+        draw_compound(os.environ["PLOT"], compound)
+    linear, soft, hot, both = (compound[name] for name in ("linear", "softening", "heating", "both"))
+    for one in compound.values():
+        assert (np.asarray(one.friction) > 0).all() and (np.asarray(one.friction) < 3).all()
+        assert (np.asarray(one.area) > 0).all() and (np.asarray(one.area) < 1).all()
+    # Softer rubber touches more; so does warmer rubber.
+    assert (soft.area > linear.area).all() and (both.area > hot.area).all()
+    assert (hot.area > linear.area * (1 - 1e-4)).all()  # a tabulated modulus is not integrated closer
+    for one in (hot, both):
+        rise = np.asarray(one.flash_temperature) - COMPOUND_T[:, None]
+        assert one.converged.all()
+        assert (np.diff(rise, axis=1) > 0).all()
+        assert rise[:, 0].max() < 2.0 and 10 < rise[:, -1].max() < 150.0
+    # Crawling is isothermal; fast sliding on the glassy side heats itself towards the maximum.
+    np.testing.assert_allclose(hot.friction[:, 0], linear.friction[:, 0], rtol=0.02)
+
+
+def draw_compound(path, compound):
+    figure = plt.figure(figsize=(9, 7), layout="constrained")
+    axes = figure.subplots(2, 2, sharex=True).ravel()
+    for (name, one), colour in zip(compound.items(), ("k", "C0", "C3", "C2"), strict=True):
+        for i, style in enumerate(("-", "--")):
+            label = f"{name}, {COMPOUND_T[i] - 273.15:.0f} °C"
+            for ax, values in zip(axes, (one.friction, one.area, 1e6 * one.separation), strict=False):
+                ax.plot(np.log10(COMPOUND_V), values[i], style, color=colour, label=label)
+            if one.flash_temperature is not None:
+                axes[3].plot(np.log10(COMPOUND_V), one.flash_temperature[i] - 273.15, style, color=colour)
+    for ax, label in zip(axes, ("mu [-]", "A/A0 [-]", "u_bar [µm]", "flash temperature [°C]"), strict=True):
+        ax.set_ylabel(label)
+        ax.grid(alpha=0.3)
+    axes[0].legend(fontsize="x-small")
+    figure.savefig(path, dpi=110)
