@@ -50,7 +50,7 @@ def _tangent_solve(linear, right):
 def _iterate(residual, start):
     """Zero of a residual, and 1 where it was reached, else 0 (a bool has no derivative in custom_root)."""
     single = start.dtype != jnp.float64
-    tolerance, smallest = (1e-5, 1e-6) if single else (_TOLERANCE, 1e-15)
+    tolerance, smallest = (1e-5, 1e-5) if single else (_TOLERANCE, 1e-12)
     points, n = start.shape
 
     def reached(y, r):
@@ -65,7 +65,8 @@ def _iterate(residual, start):
         size = jnp.sqrt(jnp.sum(changes * changes, -1))
         unit = changes / jnp.where(size > 0, size, 1.0)[..., None]
         normal = jnp.einsum("mpn,qpn->pmq", unit, unit)
-        # Nearly parallel columns are as good as one; without this the matrix would be singular.
+        # Nearly parallel columns are as good as one; without this, or with less than what the sums
+        # over n round, the matrix would be singular.
         ridge = jnp.where(size.T > 0, smallest, 1.0)[..., None]
         normal = normal + jnp.eye(_HISTORY, dtype=y.dtype) * ridge
         share = jnp.linalg.solve(normal, jnp.einsum("mpn,pn->pm", unit, r)[..., None])[..., 0]

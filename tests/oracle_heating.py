@@ -15,27 +15,27 @@ import numpy as np
 import oracle
 from numpy.polynomial import chebyshev
 
-POINTS = 48
+POINTS = 48  # of the polynomials
 
 
-def solve(case, halvings=30, order=8, damping=0.8, tolerance=1e-13, start=None):
+def solve(case, halvings=30, order=8, damping=0.8, tolerance=1e-13, start=None, points=POINTS):
     """Quantities of rf.Solution; "rises" to start another call at."""
     heating, v, T0 = case["heating"], case["v"], case["temperature"]
     heat = heating["density"] * heating["heat_capacity"]
     spectra = [case[psd] for psd in ("psd1", "psd2") if case[psd] is not None]
     ends = [(s["q"][0], s["q"][-1]) if "q" in s else (s["q0"], s["q1"]) for s in spectra]
     low, high = math.log(min(end[0] for end in ends)), math.log(max(end[1] for end in ends))
-    nodes = -np.cos(np.pi * np.arange(POINTS) / (POINTS - 1))
+    nodes = -np.cos(np.pi * np.arange(points) / (points - 1))
     targets = np.exp(low + 0.5 * (high - low) * (nodes + 1))
     mark = math.pi / heating["radius"]
     marks = [mark] if math.exp(low) < mark < math.exp(high) else []
 
     def temperature(rise):
-        c = chebyshev.chebfit(nodes, rise, POINTS - 1)
+        c = chebyshev.chebfit(nodes, rise, points - 1)
         return lambda q: T0 + chebyshev.chebval(2 * (np.log(q) - low) / (high - low) - 1, c)
 
     deformable = [i for i, name in enumerate(("solid1", "solid2")) if case[name]["kind"] != "rigid"]
-    rises = np.zeros((2, POINTS)) if start is None else start
+    rises = np.zeros((2, points)) if start is None else start
     for step in range(300):
         flash = T0 + np.mean([rises[i][-1] for i in deformable])
         warm = tuple(temperature(rises[i]) if i in deformable else None for i in (0, 1))
@@ -47,7 +47,7 @@ def solve(case, halvings=30, order=8, damping=0.8, tolerance=1e-13, start=None):
         if case.get("shear"):
             T = flash if heating.get("shear_at", "flash") == "flash" else T0
             mu_con = shear_friction(case["shear"], found["area"], v, case["pressure"], T)
-        new = np.zeros((2, POINTS))
+        new = np.zeros((2, points))
         for i in deformable:
             # terms: [by the roughness of solid 1, of solid 2]; solid 1 is heated by that of solid 2.
             # f dq = 2 q (heat of dq per volume), and the heat of dq is terms sigma v / P_m.
@@ -85,9 +85,10 @@ def shear_friction(shear, area, v, pressure, T):
 def memory_panels(heating, v, q):
     """Nodes in k, with their weights times (1 - e^(-D k^2 t0)) / (D k^2)."""
     D = heating["conductivity"] / (heating["density"] * heating["heat_capacity"])
-    t0 = heating["radius"] / abs(v) if v else math.inf
-    lowest = 0.05 * min(np.min(q), 1 / math.sqrt(D * t0) if v else np.inf)
-    count = math.ceil(math.log2(5e3 * np.max(q) / lowest))
+    t0 = heating["radius"] / abs(v)
+    diffused = 1 / math.sqrt(D * t0)
+    lowest = 0.05 * min(np.min(q), diffused)
+    count = math.ceil(math.log2(5e3 * max(np.max(q), diffused) / lowest))
     edges = np.concatenate([[0.0], lowest * 2.0 ** np.arange(count)])
     node, weight = np.polynomial.legendre.leggauss(12)
     half = 0.5 * np.diff(edges)[:, None]
@@ -107,7 +108,7 @@ def kernel(heating, v, q, q_source):
 
 
 def surface_kernel(heating, v, q):
-    """The same for heat at the surface: source share 2/k^0 instead of 4 q'/(k^2 + 4 q'^2)."""
+    """The same for heat at the surface: 2 instead of 4 q'/(k^2 + 4 q'^2), the spectrum of its depth."""
     if v == 0:
         return np.zeros(q.size)
     k, weight = memory_panels(heating, v, q)
