@@ -45,7 +45,7 @@ def is_concrete(value):
 def _shown(value):
     """How a wrong value is shown: a number as a number, anything else cut to a line."""
     value = value.item() if isinstance(value, np.generic) else value
-    text = repr(value)
+    text = " ".join(repr(value).split())  # a matrix has lines
     return text if len(text) <= 60 else text[:57] + "..."
 
 

@@ -166,11 +166,13 @@ def from_grid(qx, qy, C, q, directions=64):
 
     Raises
     ------
-    ValueError : a q that the grid does not reach, or C <= 0.
+    ValueError : a q that the grid does not reach, C <= 0, or qx, qy that do not increase.
     """
     qx, qy, C, q = (np.asarray(x, float) for x in (qx, qy, C, q))
     if C.shape != (qx.size, qy.size) or not (C > 0).all():
         raise ValueError(f"C has shape {C.shape}: must be {(qx.size, qy.size)}, all > 0")
+    check_increasing("qx", qx)
+    check_increasing("qy", qy)
     phi = np.pi * np.arange(directions) / directions
     x, y = q[:, None] * np.cos(phi), q[:, None] * np.sin(phi)
     # C(-q) = C(q): of each pair the point that the grid has.

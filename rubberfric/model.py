@@ -42,7 +42,7 @@ class Solution(NamedTuple):
     separation: jax.Array | None = None  # u_bar [m]
     viscoelastic_friction: jax.Array | None = None  # [-]
     shear_friction: jax.Array | None = None  # mu_con; 0 in a scene without contact shear [-]
-    transverse_friction: jax.Array | None = None  # across the sliding direction; 0 if isotropic [-]
+    transverse_friction: jax.Array | None = None  # across the sliding; 0 if isotropic [-]
     flash_temperature: jax.Array | None = None  # of the contact, of two deformable solids the mean [K]
     converged: jax.Array | None = None  # whether the temperatures of a heated scene did, bool
 
@@ -154,8 +154,9 @@ def solve(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT, q
     quadrature : Quadrature, static
     quantities : names out of "area", "friction", "separation", and for the parts of the friction
         "viscoelastic_friction", "shear_friction"; "transverse_friction", the
-        viscoelastic force to the left of the sliding direction over the load, which anisotropic
-        roughness causes; of a heated scene "flash_temperature" (at the largest
+        same force, on the lower solid along positive velocities, 90 degrees to the left of them, which
+        anisotropic roughness causes (where it is negative the upper solid is pushed to the left);
+        of a heated scene "flash_temperature" (at the largest
         wavevector) and "converged": False where the temperatures are a last iterate, not a solution.
         Only these are computed. The contact shear needs no more than the area.
 

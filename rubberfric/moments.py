@@ -12,6 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric._pytree import POSITIVE, check_values, is_concrete
+from rubberfric.anisotropy import Anisotropic
 from rubberfric.spectra import (
     SelfAffine,
     TabulatedSpectrum,
@@ -80,7 +81,7 @@ def rms_height(spectrum, q=None):
 
     Parameters
     ----------
-    spectrum : SelfAffine or TabulatedSpectrum
+    spectrum : SelfAffine or TabulatedSpectrum; or an anisotropic one, for C averaged over all directions
     q : largest wavevector counted [1/m], any shape, > 0; None: all
 
     Returns
@@ -105,6 +106,7 @@ def rms_slope(spectrum, q=None):
 
 
 def _root_moment(spectrum, order, q):
+    spectrum = _of_all_directions(spectrum)
     law = broken_power_law(spectrum)
     distance = jnp.inf
     if q is not None:
@@ -118,6 +120,11 @@ def _root_moment(spectrum, order, q):
     root = jnp.where(rough, jnp.sqrt(jnp.where(rough, square, 1.0)), 0.0)
     height = spectrum.h_rms if isinstance(spectrum, SelfAffine) else jnp.sqrt(law.height2)
     return height * root
+
+
+def _of_all_directions(spectrum):
+    """The isotropic spectrum with the heights and slopes of a stretched one."""
+    return spectrum.base if isinstance(spectrum, Anisotropic) else spectrum
 
 
 def cutoff(spectrum, rms_slope=1.3):
@@ -134,6 +141,7 @@ def cutoff(spectrum, rms_slope=1.3):
             gives the spectrum that has this slope.
         or TabulatedSpectrum
             the result lies inside the table.
+        or Anisotropic or TabulatedAnisotropic, as these: the slope is that of all directions together.
     rms_slope : [-], > 0, any shape
 
     Returns
@@ -148,6 +156,7 @@ def cutoff(spectrum, rms_slope=1.3):
     grows like ln q (H = 1) may put it beyond the floating-point range: infinite.
     """
     check_values("rms_slope", rms_slope, POSITIVE)
+    spectrum = _of_all_directions(spectrum)
     law = broken_power_law(spectrum)
     piece, beyond, reachable = _where_reached(law, jnp.asarray(rms_slope), isinstance(spectrum, SelfAffine))
     if is_concrete(reachable) and not np.all(reachable):
@@ -193,21 +202,25 @@ def with_cutoff(spectrum, rms_slope=1.3):
 
     Parameters
     ----------
-    spectrum : SelfAffine or TabulatedSpectrum
+    spectrum : SelfAffine, Anisotropic or TabulatedSpectrum
     rms_slope : [-], > 0, a number
 
     Returns
     -------
     SelfAffine with the new q1, the h_rms that the same plateau C0 has up to there, and qr = q1 if
-    that lies on the plateau; or TabulatedSpectrum with as many entries, those beyond the cut
-    moved to even places in the interval of the cut, on the same power law.
+    that lies on the plateau; Anisotropic with such a base; or TabulatedSpectrum with as many entries,
+    those beyond the cut moved to even places in the interval of the cut, on the same power law.
 
     Raises
     ------
     ValueError : as `cutoff`, or another kind of spectrum.
     """
+    if isinstance(spectrum, Anisotropic):
+        return dataclasses.replace(spectrum, base=with_cutoff(spectrum.base, rms_slope))
     if not isinstance(spectrum, SelfAffine | TabulatedSpectrum):
-        raise ValueError(f"spectrum is a {type(spectrum).__name__}: must be SelfAffine or TabulatedSpectrum")
+        raise ValueError(
+            f"spectrum is a {type(spectrum).__name__}: must be SelfAffine, Anisotropic or TabulatedSpectrum"
+        )
     q1 = cutoff(spectrum, rms_slope)
     if isinstance(spectrum, SelfAffine):
         qr = jnp.minimum(spectrum.qr, q1)

@@ -18,6 +18,7 @@ import dataclasses
 import h5py
 
 from rubberfric._hdf5 import check_names, plain, read_values, write_values
+from rubberfric.anisotropy import Anisotropic, TabulatedAnisotropic
 from rubberfric.coating import Coating
 from rubberfric.heating import Heating
 from rubberfric.layers import Slab
@@ -45,6 +46,8 @@ UNITS = {
     TabulatedShift: {"T": "K", "aT": "-", "T_ref": "K"},
     SelfAffine: {"q0": "1/m", "qr": "1/m", "q1": "1/m", "hurst": "-", "h_rms": "m"},
     TabulatedSpectrum: {"q": "1/m", "C": "m^4"},
+    Anisotropic: {"ratio": "-", "angle": "rad"},
+    TabulatedAnisotropic: {"q": "1/m", "C": "m^4", "angle": "rad"},
     Slab: {"thickness": "m"},
     Coating: {"thickness": "m"},
     ContactShear: {"tau_f0": "Pa", "c": "-", "v0": "m/s"},

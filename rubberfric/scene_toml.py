@@ -10,7 +10,11 @@
     [lower.spectrum]
     kind = "self_affine"                # q0, qr, q1 [1/m], hurst, and h_rms [m] or C0 [m^4]
     ...                                 # or "tabulated": file (q, C), normalisation, see rubberfric.psd;
-                                        # a spectrum along a line (q, C_1D) needs hurst
+                                        # a spectrum along a line (q, C_1D) needs hurst;
+                                        # or "anisotropic": ratio, angle [rad], harmonics, and
+                                        # base = { kind = "self_affine", ... }; or
+                                        # "tabulated_anisotropic": file (q, phi or phi_deg, C, one row
+                                        # for each), normalisation, angle
 
     [upper]                             # solid 2, slides over solid 1
     [upper.material]
@@ -42,6 +46,7 @@ import dataclasses
 from pathlib import Path
 
 from rubberfric._toml import check_keys, join, number, read_toml, shown
+from rubberfric.anisotropy import Anisotropic, TabulatedAnisotropic
 from rubberfric.coating import Coating
 from rubberfric.conditions import TABLES, SceneFile, read_conditions
 from rubberfric.heating import Heating
@@ -53,9 +58,10 @@ from rubberfric.shear import ContactShear
 from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
 from rubberfric.softening import Softening
 from rubberfric.spectra import SelfAffine, TabulatedSpectrum
-from rubberfric.tables import closest, read_table
+from rubberfric.tables import closest, read_directions, read_table
 
 # Class of the object that a field holds: by its key `kind`, or without one if there is no choice.
+# A field that holds another thing in one class than in the others is named with that class.
 KINDS = {
     "lower": Body,
     "upper": Body,
@@ -67,9 +73,15 @@ KINDS = {
         "tabulated": TabulatedModulus,
     },
     "shift": {"wlf": WLF, "arrhenius": Arrhenius, "table": TabulatedShift},
-    "spectrum": {"self_affine": SelfAffine, "tabulated": TabulatedSpectrum},
+    "spectrum": {
+        "self_affine": SelfAffine,
+        "tabulated": TabulatedSpectrum,
+        "anisotropic": Anisotropic,
+        "tabulated_anisotropic": TabulatedAnisotropic,
+    },
     "layer": {"slab": Slab, "coating": Coating},
     "base": {"elastic": Elastic, "prony": Prony, "rigid": Rigid},
+    (Anisotropic, "base"): {"self_affine": SelfAffine},
     "shear": ContactShear,
     "softening": Softening,
     "heating": Heating,
@@ -83,6 +95,7 @@ CURVES = {
     TabulatedModulus: {"omega": "omega", "storage": "E_stor", "loss": "E_loss"},
     TabulatedShift: {"T": "T", "aT": "aT"},
     TabulatedSpectrum: {"q": "q", "C": "C"},
+    TabulatedAnisotropic: {"q": "q", "C": "C"},
     Softening: {"strain": "strain", "storage": "storage_factor", "loss": "loss_factor"},
 }
 
@@ -92,6 +105,7 @@ EXTRA = {
     TabulatedModulus: ("file",),
     TabulatedShift: ("file",),
     TabulatedSpectrum: ("file", "normalisation", "hurst"),
+    TabulatedAnisotropic: ("file", "normalisation"),
     Softening: ("file",),
 }
 
@@ -131,7 +145,7 @@ def _build(path, key, cls, content):
     given = {name for name in extra if name != "C0"} | set(curves) | ({"h_rms"} if from_C0 else set())
     needed = [n for n, f in fields.items() if f.default is dataclasses.MISSING and n not in given]
     check_keys(path, key, content, (*(n for n in fields if n not in curves), *extra), needed)
-    values = _read_curves(path, key, content, curves) if curves else {}
+    values = _read_curves(path, key, cls, content) if curves else {}
     for name, value in content.items():
         below = join(key, name)
         if name == "C0":
@@ -139,7 +153,7 @@ def _build(path, key, cls, content):
         elif name in extra:
             continue
         elif "child" in fields[name].metadata:
-            values[name] = _build_child(path, below, name, value)
+            values[name] = _build_child(path, below, KINDS.get((cls, name)) or KINDS[name], value)
         elif "static" in fields[name].metadata:
             values[name] = value
         else:
@@ -150,15 +164,12 @@ def _build(path, key, cls, content):
         raise ValueError(f"{path}: {f'{key}: ' if key else ''}{error}") from None
 
 
-def _build_child(path, key, name, content):
-    """The object that field `name` holds, of the class that its `kind` says."""
-    kinds = KINDS.get(name)
-    if kinds is None:
-        raise ValueError(f"{path}: {key} = {shown(content)}: is reserved; must be absent")
+def _build_child(path, key, kinds, content):
+    """The object that a field holds, of the class out of `kinds` that its `kind` says."""
     if not isinstance(kinds, dict):
         check_keys(path, key, content, content)
         return _build(path, key, kinds, content)
-    default = DEFAULT_KIND.get(name)
+    default = DEFAULT_KIND.get(key.rpartition(".")[2])
     check_keys(path, key, content, content, needed=() if default else ("kind",))
     kind = content.get("kind", default)
     if not isinstance(kind, str) or kind not in kinds:
@@ -166,18 +177,25 @@ def _build_child(path, key, name, content):
     return _build(path, key, kinds[kind], {k: v for k, v in content.items() if k != "kind"})
 
 
-def _read_curves(path, key, content, curves):
+def _read_curves(path, key, cls, content):
     """Fields of a tabulated class from its CSV file."""
-    name = content.get("file")
+    curves, name = CURVES[cls], content.get("file")
     if not isinstance(name, str):
         value = "is missing" if name is None else f"= {shown(name)}"
         raise ValueError(f"{path}: {key}.file {value}: must be the name of a CSV file")
+    directions = cls is TabulatedAnisotropic
+    if directions and content.get("normalisation") in LINES:
+        found = shown(content["normalisation"])
+        raise ValueError(f'{path}: {key}.normalisation = {found}: is along a line; must be "C" or "C_iso"')
     normalisation = _normalisation(path, key, content) if "C" in curves else None
     if normalisation in LINES:
         curves = curves | {"C": "C_1D"}
     file = path.parent / name
     try:
-        table = read_table(file, tuple(curves.values()))
+        if directions:
+            table = dict(zip(("q", "C"), read_directions(file), strict=True))
+        else:
+            table = read_table(file, tuple(curves.values()))
     except ValueError as error:
         raise ValueError(
             str(error) if file.is_file() else f"{path}: {key}.file = {name!r}: {error}"

@@ -40,6 +40,7 @@ def _scaled(**factors):
 _ONE = {"-": (1.0, 0.0)}
 _PRESSURE = _scaled(Pa=1.0, kPa=1e3, MPa=1e6, GPa=1e9)
 _SPEED = {"m/s": (1.0, 0.0), "mm/s": (1e-3, 0.0), "um/s": (1e-6, 0.0)}
+_RADIAN, _DEGREE = {"rad": (1.0, 0.0)}, {"deg": (math.pi / 180, 0.0)}
 _WAVEVECTOR = {"1/m": (1.0, 0.0), "1/mm": (1e3, 0.0), "1/um": (1e6, 0.0), "1/nm": (1e9, 0.0)}
 _SPECTRUM = {"m^4": (1.0, 0.0), "mm^4": (1e-12, 0.0), "um^4": (1e-24, 0.0), "nm^4": (1e-36, 0.0)}
 _LINE = {"m^3": (1.0, 0.0), "mm^3": (1e-9, 0.0), "um^3": (1e-18, 0.0), "nm^3": (1e-27, 0.0)}
@@ -61,6 +62,8 @@ COLUMNS = {
     "log10_C": Column("C", _logarithms(_SPECTRUM), log10=True),
     "C_1D": Column("C_1D", _LINE),
     "log10_C_1D": Column("C_1D", _logarithms(_LINE), log10=True),
+    "phi": Column("phi", _RADIAN, positive=False),
+    "phi_deg": Column("phi", _DEGREE, positive=False),
     "T": Column("T", {"K": (1.0, 0.0), "C": (1.0, 273.15)}),
     "aT": Column("aT", _ONE),
     "strain": Column("strain", {"-": (1.0, 0.0), "%": (1e-2, 0.0)}),
@@ -128,6 +131,39 @@ def read_table(path, wanted, optional=(), increasing=True):
                 f"{path}: line {line}: {names[i]} = {row[i]} after {before}: must increase strictly"
             )
     return table
+
+
+def read_directions(path):
+    """A spectrum over wavevector and direction from a CSV file with the columns q, phi or phi_deg, and C.
+
+    Returns
+    -------
+    q (n,), C (n, directions): C of every q at phi = k pi / directions, k = 0, 1, ...
+
+    Raises
+    ------
+    ValueError
+        as `read_table`, or the rows are no such grid, q by q and every q with all directions in order;
+        phi may be off by 1/1000 of the distance to the next direction, as rounding leaves it.
+    """
+    table = read_table(path, ("q", "phi", "C"), increasing=False)
+    q, phi, C = table["q"], table["phi"], table["C"]
+    count = int(np.argmax(q != q[0])) or q.size
+    for i, (q_i, phi_i) in enumerate(zip(q, phi, strict=True)):
+        k, first = i % count, q[i - i % count]
+        where = f"{path}: row {i + 1} of the data: q = {q_i:g} 1/m, phi = {math.degrees(phi_i):g} deg"
+        if q_i != first or (k == 0 and i > 0 and not q_i > q[i - 1]):
+            raise ValueError(f"{where}: q must increase, each with {count} directions as the first has")
+        if abs(phi_i - k * math.pi / count) > 1e-3 * math.pi / count:
+            raise ValueError(
+                f"{where}: phi must be {180 * k / count:g} deg, for the {count} directions of a q are "
+                f"0, {180 / count:g}, ... deg"
+            )
+    if q.size % count:
+        raise ValueError(
+            f"{path}: q = {q[-1]:g} 1/m has {q.size % count} directions: must have {count} as the first has"
+        )
+    return q[::count], C.reshape(-1, count)
 
 
 def read_names(path):

@@ -16,7 +16,7 @@ from rubberfric.conditions import Conditions
 from rubberfric.files import read_scene_file
 from rubberfric.results import Result, load_result, save_result
 from rubberfric.scene_hdf5 import UNITS
-from rubberfric.tables import read_table, write_table
+from rubberfric.tables import read_directions, read_table, write_table
 
 DATA = Path(__file__).parent.parent / "data"
 SCENE_FILES = sorted(path for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
@@ -64,6 +64,8 @@ def table(folder, text, wanted=("omega", "E_stor", "E_loss"), **options):
         ("v", "m/s", "-2", "v", -2.0),
         ("v", "mm/s", "2", "v", 2e-3),
         ("v", "um/s", "2", "v", 2e-6),
+        ("phi", "rad", "-2", "phi", -2.0),
+        ("phi_deg", "deg", "90", "phi", np.pi / 2),
         ("log10_v", "log10(m/s)", "-5", "v", 1e-5),
         ("log10_v", "log10(mm/s)", "-5", "v", 1e-8),
         ("log10_v", "log10(um/s)", "0", "v", 1e-6),
@@ -293,6 +295,172 @@ def test_a_relaxing_shear(folder):
     assert "PronyShear.bulk = 0.0: must be > 0" in refused(path, lambda: rf.load_scene(path))
 
 
+SPECTRUM = {"kind": "self_affine", "q0": 1e2, "qr": 1e3, "q1": 1e5, "hurst": 0.8, "h_rms": 1e-4}
+STRETCHED = {"kind": "anisotropic", "base": SPECTRUM, "ratio": 2.0, "angle": 0.3, "harmonics": 32}
+DIRECTIONS = {
+    "kind": "tabulated_anisotropic",
+    "file": "directions.csv",
+    "normalisation": "C_iso",
+    "angle": -0.2,
+}
+
+
+def test_anisotropic_spectra(folder):
+    content = put(put(full_scene(), "lower.spectrum", STRETCHED), "upper.spectrum", DIRECTIONS)
+    (folder / "directions.csv").write_text(directions())
+    scene = rf.load_scene(write_scene(folder, content))
+    base = rf.SelfAffine(1e2, 1e3, 1e5, 0.8, 1e-4)
+    same(scene.lower.spectrum, rf.Anisotropic(base, 2.0, 0.3, 32))
+    assert scene.lower.spectrum.harmonics == 32
+    C = np.array([[1.0, 2.0, 3.0, 4.0, 5.0], [6.0, 7.0, 8.0, 9.0, 10.0]]) * 1e-24 / (2 * np.pi) ** 2
+    np.testing.assert_allclose(scene.upper.spectrum.C, C, rtol=1e-14)
+    np.testing.assert_allclose(scene.upper.spectrum.q, [1e2, 1e3], rtol=1e-14)
+    assert scene.upper.spectrum.angle == -0.2
+    rf.save_scene(folder / "scene.h5", scene)
+    same(rf.load_scene(folder / "scene.h5"), scene)
+    # Defaults, and C0 for the height of the base.
+    C0 = float(rf.power_spectrum(base, 500.0))
+    short = {k: v for k, v in SPECTRUM.items() if k != "h_rms"} | {"C0": C0}
+    scene = rf.load_scene(
+        write_scene(folder, put(content, "lower.spectrum", put(put(STRETCHED, "base", short), "angle", ...)))
+    )
+    assert (scene.lower.spectrum.angle, scene.lower.spectrum.harmonics) == (0.0, 32)
+    np.testing.assert_allclose(scene.lower.spectrum.base.h_rms, 1e-4, rtol=1e-12)
+
+
+def directions(unit="deg", q=("0.1", "1"), step=36.0, order=slice(None)):
+    """A long table of five directions, phi or phi_deg."""
+    name = "phi_deg" if unit == "deg" else "phi"
+    rows = [f"{q[i // 5]},{i % 5 * step!r},{i + 1}\n" for i in range(10)]
+    return f"q,{name},C\n1/mm,{unit},um^4\n" + "".join(rows[order])
+
+
+def test_tables_of_directions(tmp_path):
+    path = tmp_path / "directions.csv"
+    for text in (directions(), directions("rad", step=np.pi / 5), directions(step=36.005)):
+        path.write_text(text)
+        q, C = read_directions(path)
+        np.testing.assert_allclose(q, [1e2, 1e3], rtol=1e-15)
+        np.testing.assert_allclose(C, 1e-24 * np.arange(1.0, 11.0).reshape(2, 5), rtol=1e-15)
+    # What `write_table` writes.
+    phi = np.tile(np.pi * np.arange(5) / 5, 2)
+    write_table(path, {"q": np.repeat(q, 5), "phi": phi, "C": C.ravel()})
+    for x, y in zip(read_directions(path), (q, C), strict=True):
+        np.testing.assert_array_equal(x, y)
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (directions(order=slice(9)), "q = 1000 1/m has 4 directions: must have 5 as the first has"),
+        (directions(q=("1", "0.1")), "row 6 of the data: q = 100 1/m, phi = 0 deg: q must increase"),
+        (
+            directions(order=slice(None, None, -1)),
+            "row 1 of the data: q = 1000 1/m, phi = 144 deg: phi must be 0",
+        ),
+        (
+            directions(step=36.1),
+            "row 2 of the data: q = 100 1/m, phi = 36.1 deg: phi must be 36 deg, for the 5",
+        ),
+        (
+            directions(step=45.0),
+            "phi = 45 deg: phi must be 36 deg, for the 5 directions of a q are 0, 36, ... deg",
+        ),
+        (directions("rad"), "phi = 2062.65 deg: phi must be 36 deg"),
+        (directions() + "2,0,1\n", "q = 2000 1/m has 1 directions: must have 5"),
+        (directions() + "1,180,1\n", "row 11 of the data: q = 1000 1/m, phi = 180 deg: q must increase"),
+        (directions().replace("1,36.0,7", "0.2,36.0,7"), "row 7 of the data: q = 200 1/m"),
+        (directions().replace(",7\n", ",-7\n"), "line 9: C = '-7': must be > 0"),
+        (directions().replace("phi_deg", "phi"), "column phi: unit 'deg': must be one of rad"),
+        (directions().replace("phi_deg", "angle"), "column 'angle': must be one of q, log10_q, C"),
+        ("q,C\n1/m,m^4\n1,1\n", "no column phi or phi_deg: the table must have one"),
+    ],
+)
+def test_faulty_tables_of_directions(tmp_path, text, message):
+    path = tmp_path / "directions.csv"
+    path.write_text(text)
+    assert message in refused(path, lambda: read_directions(path))
+
+
+@pytest.mark.parametrize(
+    ("key", "value", "message"),
+    [
+        ("lower.spectrum.base", ..., "lower.spectrum.base: is missing; must be given"),
+        ("lower.spectrum.base", "road", "lower.spectrum.base = 'road': must be a table"),
+        ("lower.spectrum.base.kind", ..., "lower.spectrum.base.kind: is missing; must be given"),
+        (
+            "lower.spectrum.base.kind",
+            "elastic",
+            "lower.spectrum.base.kind = 'elastic': must be one of self_affine",
+        ),
+        ("lower.spectrum.base.q1", 1.0, "lower.spectrum.base: SelfAffine.q1 = 1.0: must be >= qr"),
+        ("lower.spectrum.base.h", 1.0, "lower.spectrum.base.h: unknown key"),
+        ("lower.spectrum.ratio", 0, "lower.spectrum: Anisotropic.ratio = 0.0: must be > 0"),
+        ("lower.spectrum.ratio", ..., "lower.spectrum.ratio: is missing"),
+        ("lower.spectrum.angle", "x", "lower.spectrum.angle = 'x': must be a number"),
+        ("lower.spectrum.harmonics", 12, "lower.spectrum: Anisotropic.harmonics = 12: must be one of 4, 8"),
+        (
+            "lower.spectrum.kind",
+            "anisotropc",
+            "lower.spectrum.kind = 'anisotropc': did you mean 'anisotropic'?",
+        ),
+        ("upper.spectrum.file", ..., "upper.spectrum.file is missing: must be the name of a CSV file"),
+        ("upper.spectrum.file", "no.csv", "upper.spectrum.file = 'no.csv': "),
+        ("upper.spectrum.normalisation", ..., "upper.spectrum.normalisation is missing: must be"),
+        ("upper.spectrum.normalisation", "C_1D", "normalisation = 'C_1D': is along a line; must be"),
+        ("upper.spectrum.normalisation", "psd", "upper.spectrum.normalisation = 'psd': must be"),
+        ("upper.spectrum.hurst", 0.8, "upper.spectrum.hurst: unknown key; must be one of"),
+        ("upper.spectrum.C", 0.8, "upper.spectrum.C: unknown key; must be one of"),
+        ("upper.spectrum.angle", [1.0], "TabulatedAnisotropic.angle has shape (1,): must be a scalar"),
+        ("softening", {"file": "softening.csv"}, "Scene.softening: not together with anisotropic roughness"),
+    ],
+)
+def test_faulty_anisotropic_spectra(folder, key, value, message):
+    (folder / "directions.csv").write_text(directions())
+    (folder / "softening.csv").write_text(SOFTENING)
+    content = put(put(full_scene(), "lower.spectrum", STRETCHED), "upper.spectrum", DIRECTIONS)
+    path = write_scene(folder, put(content, key, value))
+    assert message in refused(path, lambda: rf.load_scene(path))
+
+
+SOFTENING = "strain,storage_factor,loss_factor\n%,-,-\n1,1,1\n10,0.7,1.1\n100,0.4,0.6\n"
+
+
+def test_softening_and_heating(folder):
+    (folder / "softening.csv").write_text(SOFTENING)
+    numbers = {"density": 1.2e3, "heat_capacity": 1.6e3, "conductivity": 0.23, "radius": 1e-3}
+    content = put(full_scene(), "softening", {"file": "softening.csv", "factor": 1.2})
+    content = put(content, "heating", numbers | {"shear_at": "background"})
+    scene = rf.load_scene(write_scene(folder, content))
+    table = [1e-2 * np.array([1.0, 10.0, 100.0]), [1.0, 0.7, 0.4], [1.0, 1.1, 0.6]]
+    same(scene.softening, rf.Softening(*table, 1.2))
+    same(scene.heating, rf.Heating(**numbers, shear_at="background"))
+    assert scene.heating.area_fraction is None
+    rf.save_scene(folder / "scene.h5", scene)
+    same(rf.load_scene(folder / "scene.h5"), scene)
+    for key, value, message in (
+        ("softening.file", ..., "softening.file is missing: must be the name of a CSV file"),
+        ("softening.strain", [0.1], "softening.strain: unknown key; "),
+        ("softening.factor", 0.0, "softening: Softening.factor = 0.0: must be > 0"),
+        ("softening.kind", "payne", "softening.kind: unknown key; "),
+        ("heating.density", ..., "heating.density: is missing; must be given"),
+        ("heating.radius", -1.0, "heating: Heating.radius = -1.0: must be > 0"),
+        ("heating.area_fraction", 2.0, "heating: Heating.area_fraction = 2.0: must be between"),
+        (
+            "heating.shear_at",
+            "hot",
+            "heating: Heating.shear_at = 'hot': must be one of 'flash', 'background'",
+        ),
+    ):
+        path = write_scene(folder, put(content, key, value))
+        assert message in refused(path, lambda path=path: rf.load_scene(path)), message
+    (folder / "softening.csv").write_text(SOFTENING.replace("10,0.7", "0.1,0.7"))
+    path = write_scene(folder, content)
+    assert "line 4: strain = 0.1 after 1: must increase" in refused(
+        folder / "softening.csv", lambda: rf.load_scene(path)
+    )
+
+
 def test_defaults_are_those_of_the_classes(folder):
     content = full_scene()
     for key in ("title", "gamma", "area_correction", "run", "upper.spectrum", "lower.layer.base", "shear"):
@@ -385,7 +553,7 @@ def test_every_key_refuses_wrong_values(folder, key):
             500.0,
             "upper.material.shift: TabulatedShift.T_ref = 500.0: must be inside",
         ),
-        ("heating", {}, "heating = {}: is reserved; must be absent"),
+        ("heating", {}, "heating.density: is missing; must be given"),
         ("shear", {}, "shear.tau_f0: is missing; must be given"),
         ("shear.v0", 0, "shear: ContactShear.v0 = 0.0: must be > 0"),
         ("shear.kind", "bell", "shear.kind: unknown key; must be one of tau_f0, c, v0, shift"),
@@ -472,6 +640,13 @@ def scenes():
         yield made["Scene"]
         yield rf.Scene(rigid, elastic)
         yield rf.Scene(elastic, rf.Body(arrhenius, layer=made["Slab"]))
+        rough = (
+            rf.Body(arrhenius, made["TabulatedAnisotropic"]),
+            rf.Body(made["Rigid"], made["Anisotropic"]),
+        )
+        yield rf.Scene(*rough, heating=made["Heating"])
+        body = rf.Body(arrhenius, made["SelfAffine"])
+        yield rf.Scene(rigid, body, softening=made["Softening"], heating=made["Heating"])
     yield EXAMPLES["Scene"]
     yield rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine.from_C0(1e2, 1e3, 1e5, 0.8, 1e-9)), elastic)
 

@@ -40,10 +40,31 @@ def examples(number=float, vector=np.array):
         q0=number(1e2), qr=number(1e3), q1=number(1e5), hurst=number(0.8), h_rms=number(1e-4)
     )
     spectrum = rf.TabulatedSpectrum(q=vector([1e2, 1e3, 1e5]), C=vector([1e-9, 1e-12, 1e-19]))
+    stretched = rf.Anisotropic(base=road, ratio=number(2.0), angle=number(0.3), harmonics=8)
+    directions = rf.TabulatedAnisotropic(
+        q=vector([1e2, 1e3, 1e5]),
+        C=vector([[1e-9, 2e-9, 3e-9, 1e-9], [1e-12, 2e-12, 1e-12, 1e-12], [3e-19, 2e-19, 1e-19, 1e-19]]),
+        angle=number(-0.2),
+    )
     slab = rf.Slab(thickness=number(1e-3), base="frictionless")
     coating = rf.Coating(thickness=number(1e-3), base=elastic)
     body = rf.Body(prony, road, slab)
     shear = rf.ContactShear(tau_f0=number(6.5e6), c=number(0.1), v0=number(6e-3), shift=arrhenius)
+    softening = rf.Softening(
+        strain=vector([1e-2, 0.1, 1.0]),
+        storage=vector([1.0, 0.7, 0.4]),
+        loss=vector([1.0, 1.1, 0.6]),
+        factor=number(1.2),
+    )
+    heating = rf.Heating(
+        density=number(1.2e3),
+        heat_capacity=number(1.6e3),
+        conductivity=number(0.23),
+        radius=number(1e-3),
+        area_fraction=number(0.05),
+        shear_share=number(0.4),
+        shear_at="background",
+    )
     scene = rf.Scene(body, rf.Body(modulus, spectrum), gamma=number(0.45), area_correction=True, shear=shear)
     objects = [
         rf.Rigid(),
@@ -56,9 +77,13 @@ def examples(number=float, vector=np.array):
         table,
         road,
         spectrum,
+        stretched,
+        directions,
         slab,
         coating,
         shear,
+        softening,
+        heating,
     ]
     return {type(x).__name__: x for x in (*objects, body, scene)}
 
@@ -206,9 +231,28 @@ def wrong_values(obj, field):
         yield from ("nonsense", 1.0, True, rf.Rigid, type(obj), obj, [], {}, np.ones(2))
         if not meta["optional"]:
             yield None
+    elif meta["ndim"] == 2:
+        for bad in (np.nan, np.inf, -1.0, 0.0):
+            wrong = np.array(good)
+            wrong[1, 2] = bad
+            yield wrong
+        yield from (1.0, np.asarray(good)[0], np.asarray(good)[None], np.asarray(good)[:2])
+        yield from (
+            np.asarray(good)[:, :3],
+            "nonsense",
+            None,
+            True,
+            [[1.0], [1.0, 2.0]],
+            1j * good,
+            [],
+            {},
+            obj,
+        )
     elif meta["ndim"] == 0:
+        if not meta["optional"]:
+            yield None
         yield from (np.nan, np.inf, -np.inf, jnp.nan * jnp.ones(()), np.float32("nan"))
-        yield from ([1.0], np.ones(2), jnp.ones((1, 1)), "1.0", b"1", None, True, np.True_, 1j, {}, obj)
+        yield from ([1.0], np.ones(2), jnp.ones((1, 1)), "1.0", b"1", True, np.True_, 1j, {}, obj)
         if not meta["rule"][1](-1.0):
             yield from (-1, -1.0, -1e-300, np.array(-1.0), jnp.array(-1.0))
     else:
