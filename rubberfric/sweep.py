@@ -11,6 +11,7 @@ from rubberfric.accuracy_report import Accuracy, Row
 from rubberfric.ladder import check_error, node_count, settings_for
 from rubberfric.model import QUANTITIES
 from rubberfric.quadrature import Quadrature
+from rubberfric.textbook import covers
 from rubberfric.textbook import solve as textbook_solve
 
 # Nodes of the textbook method, (ln q, phi).
@@ -54,7 +55,8 @@ def accuracy(
     settings : sequence of Quadrature, or None
         None: the ladder, from a few nodes to far more than the default has.
     textbook : sequence of (nodes in ln q, nodes in phi)
-        sizes of the textbook method (`rubberfric.textbook`), which has no gradient; () for none.
+        sizes of the textbook method (`rubberfric.textbook`), which has no gradient; () for none, as for
+        scenes that it does not cover: heated, softened or anisotropic ones.
     repeats : int, >= 1
         rounds of timing.
     progress : function of a line of text, or None
@@ -90,7 +92,7 @@ def accuracy(
     for setting in single:
         tell(f"float32, {setting}")
         measured.append(_panels(points, at_rounded, setting, jnp.float32))
-    for size in textbook:
+    for size in textbook if covers(scene) else ():
         tell(f"textbook, {size[0]} x {size[1]}")
         measured.append(_textbook(points, exact.exact, size))
 

@@ -20,7 +20,7 @@ import numpy as np
 from rubberfric.coating import Coating
 from rubberfric.materials import Elastic, Prony, PronyShear, Rigid
 from rubberfric.shifts import WLF, Arrhenius
-from rubberfric.spectra import SelfAffine
+from rubberfric.spectra import SelfAffine, TabulatedSpectrum
 
 QUANTITIES = ("area", "friction", "separation")
 BOLTZMANN_EV = 8.617333262e-5  # [eV/K]
@@ -46,6 +46,13 @@ def _erf(x):
     return _ERF[nearest] + _SLOPE[nearest] * d * series
 
 
+def covers(scene):
+    """Whether the method has all that is in a scene: not heating, softening and anisotropic roughness."""
+    spectra = (body.spectrum for body in (scene.lower, scene.upper) if body.spectrum is not None)
+    isotropic = all(isinstance(spectrum, SelfAffine | TabulatedSpectrum) for spectrum in spectra)
+    return scene.heating is None and scene.softening is None and isotropic
+
+
 def solve(scene, velocity, pressure, temperature=None, *, nodes=(200, 64), quantities=QUANTITIES):
     """Area, friction and separation by the textbook method.
 
@@ -60,7 +67,13 @@ def solve(scene, velocity, pressure, temperature=None, *, nodes=(200, 64), quant
     Returns
     -------
     dict from the names in `quantities` to arrays of the broadcast shape [-], [-], [m].
+
+    Raises
+    ------
+    ValueError : a scene that it does not cover, see `covers`.
     """
+    if not covers(scene):
+        raise ValueError("scene: heating, softening and anisotropic roughness must be absent here")
     given = [np.asarray(x, float) for x in (velocity, pressure, temperature) if x is not None]
     conditions = np.broadcast_arrays(*given)
     points = [x.reshape(-1) for x in conditions]

@@ -115,3 +115,22 @@ def test_as_fast_as_trapezoids_written_for_one_scene():
     )
     print(f"\ntextbook / NumPy for one scene: {times['textbook'] / times['numpy']:.2f}")
     assert times["textbook"] < 1.5 * times["numpy"]
+
+
+@pytest.mark.parametrize(
+    "part",
+    [
+        {"heating": rf.Heating(1200.0, 1600.0, 0.23, 2e-3)},
+        {"softening": rf.Softening(np.array([1e-3, 1.0]), np.array([1.0, 0.3]), np.array([1.0, 0.5]))},
+        {"lower": rf.Body(RIGID, rf.Anisotropic(ROAD, 2.0))},
+    ],
+    ids=str,
+)
+def test_what_it_does_not_cover_is_refused(part):
+    plain = scene(rf.Body(RIGID, ROAD), rf.Body(TREAD))
+    other = dataclasses.replace(plain, **part)
+    assert textbook.covers(plain) and not textbook.covers(other)
+    with pytest.raises(
+        ValueError, match="scene: heating, softening and anisotropic roughness must be absent"
+    ):
+        textbook.solve(other, 1.0, 1e5, 293.15)
