@@ -26,7 +26,7 @@ from rubberfric.profiles import (
 from rubberfric.quadrature import Quadrature
 from rubberfric.radial import evaluate, prepare, solved
 from rubberfric.scene import cast, rough_pairs
-from rubberfric.spectra import _log_shape, broken_power_law
+from rubberfric.spectra import broken_power_law, log_shape
 
 _DEFAULT = Quadrature()
 
@@ -266,7 +266,7 @@ def _beyond(law, q):
     # Selected: at a kink the derivative by q is that of the piece above it.
     q = jnp.where(q < law.q[-1], q, law.q[-1])
     kept = law.q > q
-    log_value = jnp.where(kept, law.log_value, _log_shape(law, q) + 2 * jnp.log(q))
+    log_value = jnp.where(kept, law.log_value, log_shape(law, q) + 2 * jnp.log(q))
     inside = q >= law.q[0]
     return law._replace(
         q=jnp.where(inside & ~kept, q, law.q), log_value=jnp.where(inside, log_value, law.log_value)

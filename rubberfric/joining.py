@@ -14,10 +14,10 @@ from rubberfric._toml import shown
 from rubberfric.moments import moment
 from rubberfric.spectra import (
     TabulatedSpectrum,
-    _mean_growth,
     broken_power_law,
     log_power_spectrum,
     log_ratio,
+    mean_growth,
 )
 
 METHODS = ("crossover", "mean")
@@ -238,7 +238,7 @@ def _partial(law, order, borders):
     width = log_ratio(right, left)
     start = law.log_value[:-1] + law.exponent * log_ratio(left, law.q[:-1]) + order * jnp.log(left)
     start = jnp.where(width > 0, start, 0.0)  # far from its piece a steep line overflows
-    pieces = jnp.exp(start) * width * _mean_growth((law.exponent + order) * width)
+    pieces = jnp.exp(start) * width * mean_growth((law.exponent + order) * width)
     return 2 * jnp.pi * law.height2 * jnp.sum(pieces, 1)
 
 

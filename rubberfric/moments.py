@@ -16,10 +16,10 @@ from rubberfric.anisotropy import Anisotropic
 from rubberfric.spectra import (
     SelfAffine,
     TabulatedSpectrum,
-    _log_plateau,
-    _mean_growth,
     broken_power_law,
+    log_plateau,
     log_ratio,
+    mean_growth,
 )
 
 
@@ -58,7 +58,7 @@ def _piece(law, order, reach):
     # From the end where the integrand is larger: from the other, e^growth may overflow.
     rising = growth > 0
     largest = jnp.exp(_log_left(law, order) + jnp.where(rising, growth, 0.0))
-    return largest * reach * _mean_growth(jnp.where(rising, -growth, growth))
+    return largest * reach * mean_growth(jnp.where(rising, -growth, growth))
 
 
 def _log_left(law, order):
@@ -226,7 +226,7 @@ def with_cutoff(spectrum, rms_slope=1.3):
         qr = jnp.minimum(spectrum.qr, q1)
         unit = SelfAffine(spectrum.q0, qr, q1, spectrum.hurst, 1.0)
         # h^2 = qr^2 C0 / e^(log plateau), with the same C0: which itself may underflow.
-        growth = 0.5 * (_log_plateau(spectrum) - _log_plateau(unit))
+        growth = 0.5 * (log_plateau(spectrum) - log_plateau(unit))
         return dataclasses.replace(unit, h_rms=spectrum.h_rms * (qr / spectrum.qr) * jnp.exp(growth))
     law, index = broken_power_law(spectrum), np.arange(spectrum.q.shape[0])
     piece, beyond, _ = _where_reached(law, jnp.asarray(rms_slope), False)

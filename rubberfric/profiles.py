@@ -28,7 +28,7 @@ from rubberfric.radial import prepare, solved
 from rubberfric.sampled import sampled_means
 from rubberfric.scene import cast, rough_pairs
 from rubberfric.softening import softened_of
-from rubberfric.spectra import _log_shape, broken_power_law, log_ratio
+from rubberfric.spectra import broken_power_law, log_ratio, log_shape
 from rubberfric.state import corrected, friction_terms
 from rubberfric.stiffness import Sampled, Static, series_stiffness
 from rubberfric.thermal import temperature_at
@@ -216,7 +216,7 @@ def densities(scene, prepared, laws, q):
         inside = (q >= law.q[0]) & (q <= law.q[-1])
         # Outside, at a wavevector of the spectrum: continued far, it may overflow.
         at = jnp.where(inside, q, law.q[0])
-        roughness = law.height2 * jnp.exp(_log_shape(law, at) + 4 * jnp.log(at))
+        roughness = law.height2 * jnp.exp(log_shape(law, at) + 4 * jnp.log(at))
         modes = modes_of(rough, other, softened)
         mixed = modes.harmonics > 0 and isinstance(rough.spectrum, Anisotropic)
         found.append(

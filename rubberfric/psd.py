@@ -30,7 +30,7 @@ import numpy as np
 from rubberfric._pytree import POSITIVE, as_leaf, between, check_increasing, check_lengths, check_values
 from rubberfric._toml import shown
 from rubberfric.quadrature import gauss, typed
-from rubberfric.spectra import _mean_growth, broken_power_law, log_ratio
+from rubberfric.spectra import broken_power_law, log_ratio, mean_growth
 
 # What C is multiplied by, for a line after the self-affine factor.
 NORMALISATIONS = {"C": 1.0, "C_iso": 4 * math.pi**2, "C_1D": 1.0, "C_1D_surfacetopography": 2 * math.pi}
@@ -218,7 +218,7 @@ def _abel(x, start, end, log_value, exponent, weight):
     order = exponent[..., None] - typed(1.0 + 2 * k, x)
     endless, width = endless[..., None], width[..., None]
     falling = jnp.where(endless, order, -1.0)  # the order of another piece may be 0
-    terms = jnp.where(endless, -1 / falling, width * _mean_growth(order * width))
+    terms = jnp.where(endless, -1 / falling, width * mean_growth(order * width))
     series = jnp.sum(root * powers * terms, -1)
     far = jnp.exp(log_value + exponent * jnp.log(begin / start)) / begin * series
     return jnp.sum(weight * (near + jnp.where(empty, 0.0, far)), -1)

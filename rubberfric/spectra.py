@@ -58,7 +58,7 @@ class SelfAffine:
         unit = cls(q0, qr, q1, hurst, 1.0)
         if is_concrete(C0) and not C0 >= 0:
             raise ValueError(f"SelfAffine.C0 = {C0!r}: must be >= 0")
-        scale = qr * jnp.exp(-0.5 * _log_plateau(unit))
+        scale = qr * jnp.exp(-0.5 * log_plateau(unit))
         return cls(q0, qr, q1, hurst, scale * jnp.sqrt(C0))
 
 
@@ -108,7 +108,7 @@ def broken_power_law(spectrum):
     if isinstance(spectrum, SelfAffine):
         q = jnp.stack([jnp.asarray(x) for x in (spectrum.q0, spectrum.qr, spectrum.q1)])
         to_rolloff, beyond = log_ratio(q[1], q[0]), log_ratio(q[2], q[1])
-        top = _log_plateau(spectrum)
+        top = log_plateau(spectrum)
         exponent = jnp.stack([jnp.full_like(top, 2.0), -2.0 * spectrum.hurst + 0 * top])
         log_value = jnp.stack([top - 2 * to_rolloff, top, top + exponent[1] * beyond])
         return BrokenPowerLaw(q, log_value, exponent, spectrum.h_rms**2)
@@ -134,32 +134,32 @@ def power_spectrum(spectrum, q):
     law = broken_power_law(spectrum)
     q = jnp.asarray(q)
     inside = (q >= law.q[0]) & (q <= law.q[-1])
-    return jnp.where(inside, law.height2 * jnp.exp(_log_shape(law, q)), 0.0)
+    return jnp.where(inside, law.height2 * jnp.exp(log_shape(law, q)), 0.0)
 
 
 def log_power_spectrum(law, q):
     """ln C at q, its first and last piece continued beyond the ends; for fits of C."""
-    return jnp.log(law.height2) + _log_shape(law, q)
+    return jnp.log(law.height2) + log_shape(law, q)
 
 
-def _log_shape(law, q):
+def log_shape(law, q):
     """ln(C / height2) at q."""
     piece = jnp.clip(jnp.searchsorted(law.q, q, side="right") - 1, 0, law.exponent.shape[0] - 1)
     return law.log_value[piece] + law.exponent[piece] * log_ratio(q, law.q[piece]) - 2 * jnp.log(q)
 
 
-def _log_plateau(spectrum):
+def log_plateau(spectrum):
     r"""ln(q_r^2 C_0 / h_rms^2), from h_rms^2 = 2 pi int q C dq.
 
     .. math:: \frac{h^2}{\pi C_0 q_r^2} = 1 - (q_0/q_r)^2 + \frac{1 - (q_1/q_r)^{-2H}}{H}
     """
     plateau = log_ratio(spectrum.qr, spectrum.q0)
     tail = log_ratio(spectrum.q1, spectrum.qr)
-    area = -jnp.expm1(-2 * plateau) + 2 * tail * _mean_growth(-2 * spectrum.hurst * tail)
+    area = -jnp.expm1(-2 * plateau) + 2 * tail * mean_growth(-2 * spectrum.hurst * tail)
     return -jnp.log(jnp.pi * area)
 
 
-def _mean_growth(y):
+def mean_growth(y):
     """(e^y - 1) / y, the mean of a power law over a piece; 1 at y = 0, where the quotient is 0/0."""
     near = jnp.abs(y) < 1e-2
     safe = jnp.where(near, 1.0, y)
