@@ -40,7 +40,7 @@ def sensitivity(
     parameters : key path, or a sequence of them (a dict gives its keys)
         such as "gamma", "upper.material.E" (all elements), "upper.material.E[3]" or
         "upper.material.E[2:5]".
-    quantity : "friction", or any other field of `rubberfric.Solution`
+    quantity : "friction", or any other field of `rubberfric.Solution` that is a number
     quadrature : Quadrature, static
 
     Returns
@@ -61,8 +61,9 @@ def sensitivity(
     result: points are taken in blocks, and the derivatives of all parameters together cost a
     few evaluations (with a TabulatedModulus, each costs one).
     """
-    if quantity not in rf.Solution._fields:
-        raise ValueError(f"quantity = {quantity!r}: must be one of {', '.join(rf.Solution._fields)}")
+    known = [name for name in rf.Solution._fields if name != "converged"]  # which is no number
+    if quantity not in known:
+        raise ValueError(f"quantity = {quantity!r}: must be one of {', '.join(known)}")
     names = ("velocity", "pressure", "temperature")
     conditions = tuple(
         None if value is None else as_leaf(name, value, np.ndim(value))
