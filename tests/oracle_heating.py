@@ -18,7 +18,7 @@ from numpy.polynomial import chebyshev
 POINTS = 48  # of the polynomials
 
 
-def solve(case, halvings=30, order=8, damping=0.8, tolerance=1e-13, start=None, points=POINTS):
+def solve(case, halvings=30, order=8, damping=0.5, tolerance=1e-13, start=None, points=POINTS):
     """Quantities of rf.Solution; "rises" to start another call at."""
     heating, v, T0 = case["heating"], case["v"], case["temperature"]
     heat = heating["density"] * heating["heat_capacity"]

@@ -124,6 +124,7 @@ def test_brute_force_kernel_in_15_digits(q, source_q, v):
     np.testing.assert_allclose([inside, surface], [wanted[0][0, 1], wanted[1][0]], rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_more_decades_need_more_nodes():
     q = np.geomspace(1.0, 1e12, 5)
     found = {count: kernels(heating(D), q, q, VELOCITIES, count)[0] for count in (160, 240)}
