@@ -87,7 +87,8 @@ def knots(softened):
     laws, softening = softened.laws, softened.softening
     first = jax.lax.stop_gradient(_extreme(jnp.minimum, [law.q[0] for law in laws]))
     last = jax.lax.stop_gradient(_extreme(jnp.maximum, [law.q[-1] for law in laws]))
-    target = (softening.strain / softening.factor) ** 2
+    log_target = 2 * (jnp.log(softening.strain) - jnp.log(softening.factor))
+    target = jax.lax.stop_gradient(jnp.exp(log_target))
     end = jnp.log(last / first)
     tiny = jnp.log(jnp.asarray(1e-30, end.dtype))
 
@@ -97,13 +98,15 @@ def knots(softened):
     def halve(_, bounds):
         low, high = bounds
         middle = 0.5 * (low + high)
-        below = square(jnp.exp(middle)) < jax.lax.stop_gradient(target)
+        below = square(jnp.exp(middle)) < target
         return jnp.where(below, middle, low), jnp.where(below, high, middle)
 
     bounds = jnp.full_like(target, tiny), jnp.full_like(target, jnp.log(end))
     low, high = jax.lax.fori_loop(0, _HALVINGS, halve, jax.lax.stop_gradient(bounds))
     t = jax.lax.stop_gradient(jnp.exp(0.5 * (low + high)))
     inside = jax.lax.stop_gradient((target > square(jnp.exp(tiny))) & (target < square(end)))
+    # Far outside the square overflows, and its derivative with it.
+    target = jnp.exp(jnp.where(inside, log_target, 0.0))
     for _ in range(_NEWTON_STEPS):
         value, slope = jax.jvp(square, (t,), (jnp.ones_like(t),))
         # Outside there is no root, and no slope.

@@ -133,7 +133,8 @@ SLOPES = {
     "grooved-table": ("psd2.angle", "psd2.C.3.2", "solid1.tau.2"),
     "grooved-table-modulus": ("psd2.angle", "psd2.ratio", "v"),
 }
-STEP = 0.005
+# In a softened scene knots of the strain move, and must not pass the kinks of a spectrum meanwhile.
+STEP, STEP_OF_SOFTENING = 0.005, 0.001
 
 
 def key_path(name):
@@ -153,11 +154,11 @@ def moved(scene, path, step):
 
 
 def derivative(scene, path):
-    total = {}
+    total, size = {}, STEP_OF_SOFTENING if "softening" in scene else STEP
     for offset, weight in zip(OFFSETS, WEIGHTS, strict=True):
-        above, below = (solve(moved(scene, path, sign * offset * STEP), 30, 10) for sign in (1, -1))
+        above, below = (solve(moved(scene, path, sign * offset * size), 30, 10) for sign in (1, -1))
         for quantity in above:
-            change = weight / STEP * (above[quantity] - below[quantity])
+            change = weight / size * (above[quantity] - below[quantity])
             total[quantity] = total.get(quantity, 0.0) + change
     return total
 
