@@ -1,5 +1,7 @@
 """Heated scenes, as dictionaries of `oracle_heating`; their references are in heated_cases.json."""
 
+import math
+
 WLF = {"kind": "wlf", "C1": 8.86, "C2": 101.6, "T_ref": 293.15}
 ARRHENIUS = {"kind": "arrhenius", "energy": 0.97, "T_ref": 293.15}
 RIGID = {"kind": "rigid"}
@@ -55,4 +57,32 @@ CASES = {
     "two-rubbers": BASE | {"solid1": SOFT, "psd2": WORN, "v": 2.0, "heating": MACRO},
     "on-elastic": BASE | {"solid1": ELASTIC, "psd2": WORN, "shear": SHEAR, "v": 2.0, "pressure": 3e5},
     "light": BASE | {"pressure": 1e4, "v": 100.0},
+    "sheared": BASE
+    | {"solid2": ELASTIC, "psd1": ROAD | {"qr": 900.0}, "shear": SHEAR, "v": 0.1, "pressure": 3e5},
 }
+
+# Changes of the logarithms, all at once; "sheared" has its slope of friction along them.
+HEAT = {"density": 0.3, "heat_capacity": 1.0, "conductivity": -0.7, "radius": 0.4, "area_fraction": 1.0}
+ALL = {
+    "v": 1.0,
+    "pressure": -0.6,
+    "temperature": 0.05,
+    "heating": HEAT,
+    "solid2": {"E": -1.0},
+    "psd1": {"h_rms": 0.5, "q1": -0.4},
+    "shear": {"tau_f0": 0.8, "c": 0.3, "v0": -1.0},
+}
+STEP = 1e-3
+
+
+def along(value, step, h):
+    """A case with its numbers multiplied by e^(h step)."""
+    if isinstance(step, dict):
+        return value | {key: along(value[key], one, h) for key, one in step.items() if value[key] is not None}
+    factor = math.exp(h * step)
+    return [x * factor for x in value] if isinstance(value, list) else value * factor
+
+
+def difference(f):
+    """Derivative from the values f[k] after k = -2, -1, 1, 2 steps."""
+    return (8 * (f[1] - f[-1]) - (f[2] - f[-2])) / (12 * STEP)

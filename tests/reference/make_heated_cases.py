@@ -2,8 +2,8 @@
 
     python tests/reference/make_heated_cases.py
 
-The values come from `tests/oracle_heating.py`. Printed beside the temperature: by how much the largest of
-the relative changes is, if the panels are coarser and if the temperatures are other polynomials.
+The values come from `tests/oracle_heating.py`. Printed beside flash temperature and friction: the
+largest relative change with coarser panels, and with other polynomials for the temperatures.
 """
 
 import json
@@ -15,14 +15,20 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
-from heated import CASES  # noqa: E402
+from heated import ALL, CASES, STEP, along, difference  # noqa: E402
 from oracle_heating import POINTS, solve  # noqa: E402
 
 NAMES = ("area", "viscoelastic_friction", "shear_friction", "friction", "separation", "flash_temperature")
 
 
-def difference(a, b):
+def largest_change(a, b):
     return max(abs(a[name] / b[name] - 1) for name in NAMES if b[name])
+
+
+def friction_slope(case, start):
+    """Derivative of the friction along `heated.ALL`."""
+    moved = {k: solve(along(case, ALL, k * STEP), 40, 12, start=start) for k in (-2, -1, 1, 2)}
+    return difference({k: values["friction"] for k, values in moved.items()})
 
 
 def main():
@@ -32,7 +38,9 @@ def main():
         fine = solve(case, halvings=40, order=12, start=coarse["rises"])
         other = solve(case, points=POINTS - 11)
         scenes.append({"name": name} | case | fine)
-        changes = f"{difference(coarse, fine):.0e} {difference(other, coarse):.0e}"
+        if name == "sheared":
+            scenes[-1]["friction_slope"] = friction_slope(case, fine["rises"])
+        changes = f"{largest_change(coarse, fine):.0e} {largest_change(other, coarse):.0e}"
         print(f"{name:18} {fine['flash_temperature']:12.6f} {fine['friction']:.6e} {changes}", flush=True)
     text = json.dumps(scenes, indent=1, default=lambda x: np.asarray(x).tolist())
     (HERE / "heated_cases.json").write_text(text + "\n")
