@@ -45,7 +45,8 @@ class Heating:
     shear_at : "flash" or "background" (static)
         whether contact shear has the temperature of the contact or that far away.
 
-    Both solids have these values if both deform. Temperatures must be given wherever a heated scene
+    Both solids have these values if both deform; without roughness there is no scale to be hot, and
+    they keep the temperature far away. Temperatures must be given wherever a heated scene
     is computed: they are those far from the contact.
     """
 

@@ -48,7 +48,7 @@ class Quadrature:
     ratio: float = 4.5
     angular_order: int = 14
     angle: int = 192
-    heat: int = 160
+    heat: int = 176
 
     def __post_init__(self):
         limits = {

@@ -77,8 +77,8 @@ def solve_temperatures(prepared, velocity, pressure, background):
 
     def named(flat, converged):
         # Iterates may overshoot to below T_0, where a shift of the modulus has its pole. Selected, not
-        # a maximum, which would give half the derivative at v = 0.
-        rises = jnp.where(flat >= 0, flat, 0.0).reshape(-1, solids, rows)
+        # a maximum, which would give half the derivative at v = 0; what is not a number stays so.
+        rises = jnp.where(flat < 0, 0.0, flat).reshape(-1, solids, rows)
         inside = rises[..., :-1].reshape(-1, solids, *mesh.angular_q.shape)
         T = background[:, None] + jnp.moveaxis(inside, 0, 2)  # solids, panels, points, order
         warm = [background if solid is None else T[solid] for solid in thermal.heated]

@@ -1,6 +1,7 @@
 """Double precision for every test, and a bound on what compiled functions pile up."""
 
 import itertools
+import os
 from pathlib import Path
 
 import jax
@@ -10,6 +11,15 @@ jax.config.update("jax_enable_x64", True)
 
 MAPS = Path("/proc/self/maps")
 _tests = itertools.count(1)
+
+
+def pytest_configure(config):
+    """Let XLA compile the ordinary run quickly: compilation is most of it.
+
+    The slow sets and the benchmarks, of which nobody waits for the compiler, run what users run.
+    """
+    if "not slow" in config.getoption("markexpr"):
+        os.environ.setdefault("XLA_FLAGS", "--xla_backend_optimization_level=0")
 
 
 @pytest.fixture(autouse=True)
