@@ -103,7 +103,8 @@ def test_contact_shear_shows_in_table_result_and_plot(call, scene_file, tmp_path
     status, printed, complaint = call("run", scene_file, "--out", out, "--plot", picture)
     assert (status, complaint) == (0, "")
     solution = load_result(out).solution
-    assert all(values.shape == (3, 2, 5) for values in solution)
+    solution = type(solution)(*(values for values in solution if values is not None))
+    assert all(values.shape == (3, 2, 5) for values in solution[:5])
     total = solution.viscoelastic_friction + solution.shear_friction
     np.testing.assert_allclose(solution.friction, total, rtol=1e-15)
     assert np.all(solution.shear_friction > 0.1)
@@ -113,7 +114,7 @@ def test_contact_shear_shows_in_table_result_and_plot(call, scene_file, tmp_path
     heading = "     v [m/s]     A/A0 [-]       mu [-]   u_bar [um]  mu_visc [-] mu_shear [-]"
     assert lines[3] == heading
     table = numbers(printed).reshape(3, 2, 5, 6)
-    for column, (scale, values) in enumerate(zip((1, 1, 1e6, 1, 1), solution, strict=True), start=1):
+    for column, (scale, values) in enumerate(zip((1, 1, 1e6, 1, 1), solution[:5], strict=True), start=1):
         np.testing.assert_allclose(table[..., column], scale * values, rtol=1e-5)
 
     # run again from the result, and without the shear: what is left is as ever
@@ -122,6 +123,32 @@ def test_contact_shear_shows_in_table_result_and_plot(call, scene_file, tmp_path
     plain = numbers(call("run", scene_file)[1]).reshape(3, 2, 5, 4)
     np.testing.assert_allclose(plain[..., [0, 1, 3]], table[..., [0, 1, 3]], rtol=2e-5)
     np.testing.assert_allclose(plain[..., 2], table[..., 4], rtol=2e-5)
+
+
+HEATING = "[heating]\ndensity = 1200.0\nheat_capacity = 1600.0\nconductivity = 0.23\nradius = 2e-3\n"
+
+
+def test_heat_shows_in_table_result_and_plot(call, scene_file, tmp_path):
+    out, picture = tmp_path / "r.h5", tmp_path / "r.png"
+    scene_file.write_text(SCENE.replace("[run]", HEATING + "[run]"))
+    status, printed, complaint = call("run", scene_file, "--out", out, "--plot", picture)
+    assert (status, complaint) == (0, "")
+    result = load_result(out)
+    assert result.solution.converged.dtype == bool and result.solution.converged.all()
+    rise = result.solution.flash_temperature - result.conditions.temperature[:, None, None]
+    assert (rise >= 0).all() and rise.max() > 1e-3
+    table = numbers(printed).reshape(3, 2, 5, 5)
+    np.testing.assert_allclose(table[..., 4], result.solution.flash_temperature, rtol=1e-5)
+    assert "did not converge" not in printed
+
+    left = result.solution.converged.copy()
+    left[0, 1, 2] = False
+    note = command.convergence_note(result._replace(solution=result.solution._replace(converged=left)))
+    assert note.startswith("the temperatures did not converge at 1 of 30 points, first at v = ")
+
+    scene_file.write_text(SCENE.replace("[run]", HEATING + "[run]").replace("temperature", "# temperature"))
+    status, _, complaint = call("run", scene_file)
+    assert status == 2 and "run.temperature is missing: a scene with heating needs" in complaint
 
 
 def test_no_viscoelastic_solid_no_friction(call, scene_file):

@@ -24,8 +24,16 @@ REFERENCES = json.loads((FOLDER / "extremes.json").read_text())
 FINER = {"gamma-0-light-corrected": rf.Quadrature(graded=16)}
 SLOW = ("one-term", "many-terms", "gamma-0-light")  # structures of their own, or a quadrature
 
+ORDINARY = ("one", "two")  # kinds of scenes that the ordinary run compiles
+
+
+def is_slow(name):
+    """Whether a case is in the full set only."""
+    return name.startswith(SLOW) or CASES[name][0] not in ORDINARY
+
+
 every_case = pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.slow) if n.startswith(SLOW) else n for n in CASES]
+    "name", [pytest.param(n, marks=pytest.mark.slow) if is_slow(n) else n for n in CASES]
 )
 
 
@@ -268,7 +276,7 @@ def in_single(ordinary):
     )
 
 
-@in_single(lambda name: not name.startswith(SLOW))
+@in_single(lambda name: not is_slow(name))
 def test_single_precision(name):
     case = changed(*CASES[name])
     single, double = rounded(case)

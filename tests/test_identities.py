@@ -46,7 +46,11 @@ SCENES = {
     "elastic": scene((rf.Elastic(3e6, 0.4), TREAD), (rf.Elastic(2e7, 0.3), ROAD)),
     "corrected": scene((RUBBER, TREAD), (STEEL, ROAD), area_correction=True),
 }
-all_scenes = pytest.mark.parametrize("s", SCENES.values(), ids=SCENES)
+SLOW = ("elastic", "two-slabs", "corrected")
+all_scenes = pytest.mark.parametrize(
+    "s",
+    [pytest.param(s, id=name, marks=[pytest.mark.slow] * (name in SLOW)) for name, s in SCENES.items()],
+)
 
 
 def assert_same(a, b, rtol=1e-9, factors=(1.0, 1.0, 1.0), atol=0.0):
@@ -177,14 +181,16 @@ def test_hardly_rough_is_smooth(h, rigid):
     np.testing.assert_allclose(a.friction, b.friction, rtol=1e-9, atol=1e-12)
 
 
-@pytest.mark.parametrize("layer", [None, SLAB])
+@pytest.mark.parametrize("layer", [None, pytest.param(SLAB, marks=pytest.mark.slow)])
 def test_very_stiff_is_rigid(layer):
     rigid = scene((RUBBER, TREAD, layer), (STEEL, ROAD))
     stiff = scene((RUBBER, TREAD, layer), (rf.Elastic(1e21, 0.3), ROAD))
     assert_same(solve(stiff, 0.1, 3e5), solve(rigid, 0.1, 3e5))
 
 
-@pytest.mark.parametrize(("upper", "base"), [(STEEL, "bonded"), (OTHER, "frictionless")])
+@pytest.mark.parametrize(
+    ("upper", "base"), [(STEEL, "bonded"), pytest.param(OTHER, "frictionless", marks=pytest.mark.slow)]
+)
 def test_thick_slab_is_half_space(upper, base):
     slab = scene((RUBBER, TREAD, rf.Slab(1e3, base)), (upper, ROAD))
     assert_same(solve(slab, 0.1, 3e5), solve(scene((RUBBER, TREAD), (upper, ROAD)), 0.1, 3e5), 1e-12)
@@ -245,7 +251,11 @@ def test_liquid_at_rest():
 # Light and huge loads.
 
 
-@pytest.mark.parametrize("name", ["smooth-rubber", "one-rubber", "two-rubbers", "two-slabs", "corrected"])
+@pytest.mark.parametrize(
+    "name",
+    ["smooth-rubber", "one-rubber", "two-rubbers"]
+    + [pytest.param(name, marks=pytest.mark.slow) for name in ("two-slabs", "corrected")],
+)
 def test_light_load(name):
     """A ~ load, mu independent of it, u_bar falls by the same amount every decade."""
     A, mu, u = solve(SCENES[name], 0.1, np.array([1e-4, 1e-3, 1e-2]))

@@ -36,7 +36,7 @@ BLOCK = 7
 @pytest.mark.parametrize("block", [BLOCK, maps.BLOCK])
 def test_a_map_is_solve_at_every_point(block):
     """Whatever the batches: of 90 points they leave an odd rest, or there is one batch."""
-    names = rf.Solution._fields
+    names = rf.quantities_of(SCENE)
     found = rf.friction_map(SCENE, *POINTS, quantities=names, quadrature=QUICK, block=block, title="T")
     T, p, v = (x.ravel() for x in np.meshgrid(TEMPERATURE, PRESSURE, VELOCITY, indexing="ij"))
     expected = rf.solve(SCENE, v, p, T, quadrature=QUICK, quantities=names)

@@ -45,7 +45,16 @@ def test_option(name, quantity):
     assert_close(quantity, solution(name)[quantity], OPTIONS[name], rel)
 
 
-@pytest.mark.parametrize("name", ["table-modulus", "table-modulus-on-elastic", "table-modulus-wlf"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "table-modulus",
+        *(
+            pytest.param(name, marks=pytest.mark.slow)
+            for name in ("table-modulus-on-elastic", "table-modulus-wlf")
+        ),
+    ],
+)
 def test_tabulated_modulus_at_many_velocities(name):
     """The means over the angle are shared by all velocities of a call: 20 decades cost no accuracy."""
     case = OPTIONS[name]

@@ -43,7 +43,11 @@ SCENES = {
     "corrected": scene((TREAD,), (STEEL, ROAD), area_correction=True),
     "smooth": scene((TREAD,), (STEEL,)),
 }
-every_scene = pytest.mark.parametrize("s", SCENES.values(), ids=SCENES)
+SLOW = ("case-III", "two-rubbers", "corrected")
+every_scene = pytest.mark.parametrize(
+    "s",
+    [pytest.param(s, id=name, marks=[pytest.mark.slow] * (name in SLOW)) for name, s in SCENES.items()],
+)
 
 
 def parts(s, *conditions, quantities=PARTS):
@@ -240,7 +244,13 @@ def test_scenes_without_viscoelastic_friction_still_resist_shear():
 DERIVATIVES = reference("derivative_cases")
 
 
-@pytest.mark.parametrize("name", ["one-rubber", "corrected", "light", "wlf-hot"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "one-rubber",
+        *(pytest.param(name, marks=pytest.mark.slow) for name in ("corrected", "light", "wlf-hot")),
+    ],
+)
 def test_scene_against_the_oracle(name):
     """mu and slopes: those of area and viscoelastic friction by brute force, those of tau_f exact."""
     case = DERIVATIVES[name]
@@ -278,7 +288,7 @@ CORNERS = {
 }
 
 
-@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+@pytest.mark.parametrize("dtype", [np.float64, pytest.param(np.float32, marks=pytest.mark.slow)])
 @pytest.mark.parametrize("name", CORNERS)
 def test_extreme_scenes(name, dtype):
     case = changed("one", CORNERS[name])
@@ -334,6 +344,7 @@ def test_jit_vmap_loop_and_blocks():
         np.testing.assert_allclose(getattr(grid, name)[:, 1], expected, rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_share_from_outside_the_table_is_that_of_the_viscoelastic_friction():
     omega = np.logspace(1, 5, 20)
     rubber = rf.TabulatedModulus(omega, 1e6 * omega**0.2, 3e5 * omega**0.2)
@@ -392,7 +403,7 @@ def test_temperature_outside_the_shift_of_the_shear(shift, T, message):
         (
             lambda: parts(SCENES["case-I"], 0.1, 3e5, quantities=("shear",)),
             "quantities has 'shear': must be out of area, friction, separation, viscoelastic_friction, "
-            "shear_friction",
+            "shear_friction, transverse_friction, flash_temperature, converged",
         ),
     ],
 )
