@@ -127,9 +127,10 @@ class Accuracy(NamedTuple):
         yield from self._choices()
 
     def _varied(self):
-        """The knobs of the settings; without the angle where none changes it."""
-        angles = {row.setting.angle for row in self.rows if row.method == "panels"}
-        return _KNOBS if len(angles) > 1 else tuple(knob for knob in _KNOBS if knob != "angle")
+        """The knobs of the settings; without those of parts that few scenes have where none changes them."""
+        settings = [row.setting for row in self.rows if row.method == "panels"]
+        same = {knob for knob in ("angle", "heat") if len({getattr(one, knob) for one in settings}) < 2}
+        return tuple(knob for knob in _KNOBS if knob not in same)
 
     def _line(self, row, knobs):
         errors = (

@@ -17,7 +17,7 @@ class Contact(NamedTuple):
 
     parts: list  # `channels.Parts` of every channel
     stiffness: jax.Array  # modulus scale over pressure, (points,)
-    panels: jax.Array  # g of every panel, (panels, points)
+    panels: jax.Array  # g of every panel, (panels, points); of all together, (1, points), if not graded
     x: jax.Array | None  # 1 / (2 sqrt G), plain; None if the mesh is not graded
 
 
@@ -37,9 +37,11 @@ def contact(prepared, velocity, pressure, warm):
         for channel, T in zip(prepared.channels, warm, strict=True)
     ]
     stiffness = prepared.scale / pressure
-    panels = jnp.pi / 4 * total(part.panels for part in found)
     if found[0].within is None:
-        return Contact(found, stiffness, panels, None)
+        # Channels have panels of their own where nothing but the whole integral is wanted.
+        whole = jnp.pi / 4 * total(jnp.sum(part.panels, 0, keepdims=True) for part in found)
+        return Contact(found, stiffness, whole, None)
+    panels = jnp.pi / 4 * total(part.panels for part in found)
     g = _sum_before(panels)[..., None] + jnp.pi / 4 * total(part.within for part in found)
     return Contact(found, stiffness, panels, contact_argument(g, stiffness[:, None]))
 
