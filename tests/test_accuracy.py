@@ -57,6 +57,7 @@ def value_error(setting):
     return np.abs(here / np.array([CASE[name] for name in QUANTITIES]) - 1)
 
 
+@pytest.mark.slow
 def test_errors_are_differences_from_brute_force():
     for row in found().rows[:2]:
         np.testing.assert_allclose(row.errors[:3], value_error(row.setting), rtol=1e-3, atol=3e-10)
@@ -219,6 +220,7 @@ def test_for_error_with_and_without_gradients(monkeypatch):
         rf.Quadrature.for_error(SCENE, 1e-10)
 
 
+@pytest.mark.slow
 def test_no_reference_for_a_noisy_table(monkeypatch):
     """The kinks of a table leave errors that refinement does not see the end of: nothing is claimed."""
     at = rf.load_scene(DATA / "tabulated_tread.toml"), 1e-3, 1.5e5, 278.15

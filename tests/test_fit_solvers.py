@@ -120,6 +120,7 @@ def test_minimum_of_every_loss_is_that_of_scipy(loss):
     np.testing.assert_array_less(np.abs(ours.x - theirs.x) / deviations(problem, theirs.x), off)
 
 
+@pytest.mark.slow
 def test_friction_minimum_is_that_of_scipy_and_optimistix():
     problem = curve()
     plain, both = other_program(problem)

@@ -229,7 +229,11 @@ def examples(structure, how, both_modes):
     run()
 
 
-@pytest.mark.parametrize("structure", FIXED, ids=str)
+@pytest.mark.parametrize(
+    "structure",
+    [pytest.param(one, marks=[pytest.mark.slow] * (i not in (0, 2))) for i, one in enumerate(FIXED)],
+    ids=str,
+)
 def test_scenes(structure):
     examples(structure, settings_of(structure), structure in BOTH_MODES)
 

@@ -54,7 +54,10 @@ def sums(quantity):
     return found
 
 
-each_quantity = pytest.mark.parametrize("quantity", ["area", "friction", "separation"])
+each_quantity = pytest.mark.parametrize(
+    "quantity",
+    ["friction", *(pytest.param(name, marks=pytest.mark.slow) for name in ("area", "separation"))],
+)
 
 
 @each_quantity
@@ -82,6 +85,7 @@ def test_heights_and_pressure_times_one_factor(quantity, expected):
     np.testing.assert_allclose(s["height"] + s["p"], expected, atol=1e-10)
 
 
+@pytest.mark.slow
 def test_tabulated_modulus():
     """The same identity for E' and E'' of a table, and the derivatives of what `solve` gives."""
     omega = np.geomspace(1e-2, 1e7, 12)
@@ -201,6 +205,7 @@ def test_scene_without_friction(quantity):
     assert (found == np.zeros((4, 3))).all()
 
 
+@pytest.mark.slow
 def test_transformations():
     expected = np.array(fast(SMALL, V, P, ROWS))
     jitted = jax.jit(lambda s, v: fast(s, v, P, ROWS))(SMALL, V)
