@@ -57,27 +57,40 @@ def _iterate(residual, start):
         return jnp.max(jnp.abs(r), -1) <= tolerance * jnp.max(jnp.abs(y), -1)
 
     def step(state):
-        k, y, last, moves, changes, _ = state
+        k, y, good, last, moves, changes, _ = state
         r = residual(y)
+        # Far from a solution a residual may be no number; then half the way back is tried.
+        fine = jnp.all(jnp.isfinite(r), -1, keepdims=True)
+        r = jnp.where(fine, r, last)
         # The first has no other before it: an empty column.
-        changes = changes.at[(k - 1) % _HISTORY].set(jnp.where(k > 0, r - last, 0.0))
+        kept = fine & (k > 0)
+        moves = moves.at[(k - 1) % _HISTORY].set(jnp.where(kept, y - good, 0.0))
+        changes = changes.at[(k - 1) % _HISTORY].set(jnp.where(kept, r - last, 0.0))
         # Normalised columns; an unused one is 0, and gets 0 from its own equation.
         size = jnp.sqrt(jnp.sum(changes * changes, -1))
         unit = changes / jnp.where(size > 0, size, 1.0)[..., None]
         normal = jnp.einsum("mpn,qpn->pmq", unit, unit)
-        # Nearly parallel columns are as good as one; without this, or with less than what the sums
-        # over n round, the matrix would be singular.
+        # Nearly parallel columns are as good as one; without this the matrix would be singular.
         ridge = jnp.where(size.T > 0, smallest, 1.0)[..., None]
         normal = normal + jnp.eye(_HISTORY, dtype=y.dtype) * ridge
         share = jnp.linalg.solve(normal, jnp.einsum("mpn,pn->pm", unit, r)[..., None])[..., 0]
         share = share.T / jnp.where(size > 0, size, 1.0)
-        move = r - jnp.einsum("mp,mpn->pn", share, moves + changes)
-        return k + 1, y + move, r, moves.at[k % _HISTORY].set(move), changes, reached(y, r)
+        further = y + r - jnp.einsum("mp,mpn->pn", share, moves + changes)
+        done = reached(y, r) & fine[:, 0]
+        return (
+            k + 1,
+            jnp.where(fine, further, 0.5 * (y + good)),
+            jnp.where(fine, y, good),
+            r,
+            moves,
+            changes,
+            done,
+        )
 
     def unfinished(state):
         return (state[0] < _MOST_STEPS) & ~jnp.all(state[-1])
 
     empty = jnp.zeros((_HISTORY, points, n), start.dtype)
-    state = (0, start, start, empty, empty, jnp.zeros(points, bool))
+    state = (0, start, start, start, empty, empty, jnp.zeros(points, bool))
     _, y, *_, done = jax.lax.while_loop(unfinished, step, state)
     return y, done.astype(y.dtype)
