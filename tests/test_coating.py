@@ -80,6 +80,7 @@ def test_factor(form):
 
 
 @FORMS
+@pytest.mark.slow
 def test_derivatives_of_factor(form):
     """Per ln d, nu and ln mu, relative to the value or to the derivative where that is larger."""
     points = grid([1e-8, 1e-3, 0.9, 6.0, 25.0], POISSON, [1e-12, 1.0, 1e12])

@@ -399,6 +399,7 @@ def test_roughness_of_the_rubber_costs_area_but_hardly_any_friction_at_high_spee
     assert np.all(np.diff(abs(friction - 1)) < 0)
 
 
+@pytest.mark.slow
 def test_a_tabulated_scene_says_how_much_lies_outside_its_table(call):
     status, printed, _ = call("run", DATA / "tabulated_tread.toml")
     last = printed.splitlines()[-1]

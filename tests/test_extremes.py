@@ -287,6 +287,7 @@ def test_single_precision(name):
 
 
 @in_single(lambda name: CASES[name][0] == "one" and not name.startswith(SLOW))
+@pytest.mark.slow
 def test_single_precision_derivatives(name):
     """All leaves float32 although x64 is on: dtype kept in values and derivatives, which are finite."""
     found, slopes = reverse(rounded(changed(*CASES[name]))[0])

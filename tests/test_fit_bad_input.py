@@ -264,6 +264,7 @@ print(result.success, result.values.dtype, *result.values, *result.stderr, sep="
 """
 
 
+@pytest.mark.slow
 def test_single_precision():
     """Without x64, in a process of its own; against the same fit in double precision."""
     environment = {**os.environ, "JAX_ENABLE_X64": "0", "PYTHONPATH": os.pathsep.join(sys.path)}

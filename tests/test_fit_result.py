@@ -287,6 +287,7 @@ def shown(data, like):
     )
 
 
+@pytest.mark.slow
 def test_plot_of_many_conditions_and_of_velocities_without_a_logarithm(quick):
     """Measured temperatures scatter: no curve has two points."""
     v, T = np.append(np.logspace(-4, 1, 12), [0.0, -1.0]), 293.15 + 0.1 * np.arange(14)
@@ -301,6 +302,7 @@ def test_plot_of_many_conditions_and_of_velocities_without_a_logarithm(quick):
     assert residual.lines[0].get_xdata().size == 12
 
 
+@pytest.mark.slow
 def test_plot_of_one_point_and_of_none(quick):
     data = fitting.FrictionData([0.1, -0.1], [0.05, -0.05], sigma=0.01, pressure=1e5)
     result = shown(data, quick)

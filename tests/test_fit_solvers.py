@@ -147,6 +147,7 @@ def test_friction_minimum_is_that_of_scipy_and_optimistix():
     [(LBFGS(), "linear"), (Adam(), "linear"), (Adam(), "cauchy")],
     ids=["lbfgs", "adam", "adam-cauchy"],
 )
+@pytest.mark.slow
 def test_first_order_methods_reach_the_same_minimum(solver, loss):
     problem = master(loss)
     ours = run_problem(LM, problem, problem.start[None]).row(0)

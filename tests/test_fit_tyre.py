@@ -98,6 +98,7 @@ def test_contact_shear_from_six_points(fitted):
     assert rms(log_error) == pytest.approx(0.108, abs=0.005)
 
 
+@pytest.mark.slow
 def test_a_fourth_number_is_not_identified(scene, fitted):
     """gamma would scale the viscoelastic part: then neither it nor the shape of the shear is known."""
     four = fit(scene, measured("R20"), SHEAR | {"gamma": Bounded(0.01, 1.0)}, quadrature=FAST)
@@ -117,6 +118,7 @@ def test_other_compound_from_its_own_modulus(fitted, series):
     assert rms(np.log(measured("R20").friction / measured("R40").friction)) == pytest.approx(0.092, abs=0.001)
 
 
+@pytest.mark.slow
 def test_tabulated_modulus_instead_of_the_series(fitted):
     """Its friction is 4 to 10 % higher, so the fit of the shear does not carry over."""
     data = curve("R40")

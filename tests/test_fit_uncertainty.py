@@ -185,6 +185,7 @@ def test_priors_narrow_error_bars():
     assert 36.9 < held.freedom <= 37
 
 
+@pytest.mark.slow
 def test_robust_error_bars_are_the_scatter_of_the_estimates():
     """Cauchy fits of 80 Gaussian points: the scatter of 500 is the standard error of one."""
     problem = dry_problem("cauchy", 80)
@@ -231,6 +232,7 @@ def within_four_sigma(result, truth):
     return np.all(np.abs(result.values - truth) < 4 * result.stderr)
 
 
+@pytest.mark.slow
 def test_friction_at_light_load_does_not_know_the_scale_of_the_moduli():
     result = fit(SCENE, light(), BOTH, quadrature=QUADRATURE)
     assert result.success
@@ -251,6 +253,7 @@ def test_friction_at_light_load_does_not_know_the_scale_of_the_moduli():
 
 
 @pytest.mark.parametrize("kind", ["modulus", "area"])
+@pytest.mark.slow
 def test_one_point_of_modulus_or_an_area_curve_identify_it(kind):
     if kind == "modulus":
         exact = modulus(np.array([1e4]))
@@ -267,6 +270,7 @@ def test_one_point_of_modulus_or_an_area_curve_identify_it(kind):
     assert within_four_sigma(result, np.array([3e6, *MODULI]))
 
 
+@pytest.mark.slow
 def test_friction_at_light_load_cannot_tell_gamma_from_the_height_of_the_roughness():
     """Data without noise, so that the fit stays where it starts along what they leave open."""
     data = light().replaced(np.asarray(rf.friction(SCENE, light().velocity, 1e3, quadrature=QUADRATURE)))

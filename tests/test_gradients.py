@@ -96,6 +96,7 @@ def test_finite(name):
 
 
 @every_scene(BOTH_MODES)
+@pytest.mark.slow
 def test_forward_equals_reverse(name):
     at, Q, slopes = result(name)
     theta = flat(at)

@@ -113,6 +113,7 @@ def test_time_over_velocity(s):
     assert_same(solve(slower, 0.1 / 7, 3e5), solve(s, 0.1, 3e5), 1e-12)
 
 
+@pytest.mark.slow
 def test_temperature_moves_the_velocity():
     """With one shift for all, T acts through v a_T alone; without T the reference temperature holds."""
     law = rf.WLF(8.86, 101.6, 293.15)
@@ -167,6 +168,7 @@ def test_no_friction_without_moving_roughness():
 
 @pytest.mark.parametrize("h", [0.0, 1e-14])
 @pytest.mark.parametrize("rigid", [True, False])
+@pytest.mark.slow
 def test_hardly_rough_is_smooth(h, rigid):
     upper = STEEL if rigid else OTHER
     hardly = replace(TREAD, h_rms=h)
@@ -196,6 +198,7 @@ def test_thick_slab_is_half_space(upper, base):
     assert_same(solve(slab, 0.1, 3e5), solve(scene((RUBBER, TREAD), (upper, ROAD)), 0.1, 3e5), 1e-12)
 
 
+@pytest.mark.slow
 def test_no_relaxation_is_elastic():
     """All E_i = 0: values of the elastic solid, through the closed forms of the viscoelastic one."""
     dead = rf.Prony(3e6, np.zeros(3), np.array([1e-6, 1.0, 1.0]), 0.4)
@@ -219,6 +222,7 @@ def test_surface_mapping():
     assert_same(twice, solve(scene((one, SMOOTH), (STEEL, sum_of_both)), 0.1, 3e5))
 
 
+@pytest.mark.slow
 def test_table_is_self_affine():
     """A spectrum given by its values at the kinks is the same spectrum."""
     q = np.array([100.0, 250.0, 1000.0, 9e3, 3.1e4])
@@ -343,6 +347,7 @@ def test_full_contact():
 # What the paper says about the two roughnesses.
 
 
+@pytest.mark.slow
 def test_both_roughnesses_count_alike_at_rest():
     """v -> 0: everything depends on C_1 + C_2 only, wherever they are."""
     for upper in (STEEL, OTHER):

@@ -43,6 +43,7 @@ def test_stress_density_of_no_roughness_and_of_tension():
 
 @pytest.mark.parametrize("pressure", [1e3, 2e5, 3e8])
 @pytest.mark.parametrize("q", [400.0, pytest.param(None, marks=pytest.mark.slow)])
+@pytest.mark.slow
 def test_stresses_add_up_to_the_area_and_the_load(pressure, q):
     scene, v, _ = conditions({**TYRE, "area_correction": True})
     found = rf.profile(scene, v, pressure, q=[3.1e4 if q is None else q])
@@ -161,7 +162,7 @@ def lost_area(t, edges, G):
 @pytest.mark.parametrize(
     ("name", "start"),
     [
-        ("tyre", None),
+        pytest.param("tyre", None, marks=pytest.mark.slow),
         pytest.param("layer", None, marks=pytest.mark.slow),
     ],
 )

@@ -88,6 +88,7 @@ def test_three_spectra_and_a_formula():
     assert len(found.joints) == 2 and float(found.spectrum.q[-1]) == pytest.approx(1e6)
 
 
+@pytest.mark.slow
 def test_gradient_in_C():
     slope = jax.grad(
         lambda C: jnp.log(rf.moment(rf.join_spectra(rf.TabulatedSpectrum(LOW.q, C), HIGH).spectrum, 0))
@@ -128,12 +129,14 @@ def test_how_well_height_and_slope_are_kept():
 
 @pytest.mark.parametrize("per_decade", [pytest.param(1, marks=pytest.mark.slow), 10])
 @pytest.mark.parametrize("spectrum", [ROAD, SCATTERED], ids=["self-affine", "scattered"])
+@pytest.mark.slow
 def test_moments_are_preserved(spectrum, per_decade):
     table = rf.resample(spectrum, per_decade=per_decade, preserve=True)
     for order in (0, 2):
         np.testing.assert_allclose(rf.moment(table, order), rf.moment(spectrum, order), rtol=1e-12)
 
 
+@pytest.mark.slow
 def test_moments_of_a_part_are_preserved():
     """Those between the first and the last new wavevector, by scipy."""
     q = np.geomspace(150.0, 4e5, 12)

@@ -69,6 +69,7 @@ def test_single_precision_stays_single():
     np.testing.assert_array_equal(found.solution.friction, expected.friction[None, None])
 
 
+@pytest.mark.slow
 def test_one_program_for_all_batches_and_maps():
     with compilations() as compiled:
         rf.friction_map(SCENE, *POINTS, quadrature=QUICK, block=BLOCK)

@@ -134,6 +134,7 @@ def test_a_modulus_that_steps_up_leaves_g_positive(angle):
     assert np.isfinite(result.separation).all() and (result.separation >= 0).all()  # 0 in full contact
 
 
+@pytest.mark.slow
 def test_a_table_on_a_liquid_at_rest():
     """A spring of no stiffness: no contact stress, full contact."""
     liquid = rf.Body(rf.Prony(0.0, [1e6], [1.0]), rf.SelfAffine(100.0, 1e3, 1e5, 0.8, 1e-4))

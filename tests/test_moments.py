@@ -242,6 +242,7 @@ def test_derivatives_of_the_cutoff(name):
             np.testing.assert_allclose(value, 0.0, atol=1e-11)
 
 
+@pytest.mark.slow
 def test_cutoff_under_jit_and_vmap():
     spectrum, slopes = OBJECTS["road"], np.array([0.1, 1.3, 2.0])
     one_by_one = [float(rf.cutoff(spectrum, s)) for s in slopes]

@@ -54,7 +54,7 @@ def arguments(scene, count):
     return scene_of, jnp.zeros(sum(leaf.size for leaf in leaves)), conditions
 
 
-ORDINARY = {("corrected", "friction"), ("two rubbers", "separation")}
+ORDINARY = {("two rubbers", "separation")}
 CASES = [
     pytest.param(name, quantity, marks=() if (name, quantity) in ORDINARY else pytest.mark.slow)
     for name in SCENES

@@ -148,6 +148,7 @@ def some_fields(scene, v, p, q):
 
 
 @pytest.mark.parametrize("name", ordinary("tyre"))
+@pytest.mark.slow
 def test_forward_and_reverse_derivatives_agree(name):
     scene, v, p = jax.tree.map(lambda x: jnp.asarray(x, float), conditions(CASES[name]))
     q = jnp.array([150.0, 1e3, 2e4])

@@ -73,6 +73,7 @@ def test_huge_bulk_modulus_is_an_incompressible_solid():
         assert found == pytest.approx(wanted, rel=1e-13)
 
 
+@pytest.mark.slow
 def test_derivatives_of_the_reduced_modulus():
     """With respect to every number, at real s, against differences in 50 digits."""
     s = 1e3

@@ -79,6 +79,7 @@ def test_both_have_one_mean_square_height():
     np.testing.assert_allclose(total, rf.moment(TABLE, 0), rtol=1e-10)
 
 
+@pytest.mark.slow
 def test_line_spectrum_derivatives():
     """In every leaf and in q, both modes, against 30-digit differences."""
     x = 700.0

@@ -269,6 +269,7 @@ ALIKE = {"rtol": 1e-11, "atol": 1e-290}
 
 
 @pytest.mark.parametrize("structure", [ROUGH_ROAD, ON_ELASTIC], ids=str)
+@pytest.mark.slow
 def test_vmap_jit_and_plain_calls_are_alike(structure):
     found = drawn(structure, 24)
     batch = jax.tree.map(lambda *leaves: np.stack(leaves), *found)
@@ -279,6 +280,7 @@ def test_vmap_jit_and_plain_calls_are_alike(structure):
         np.testing.assert_allclose(quantities(call), expected, **ALIKE)
 
 
+@pytest.mark.slow
 def test_without_jit():
     coarse = rf.Quadrature(order=4, panels=2, graded=1, angular_order=4)
     for call in drawn(ROUGH_ROAD, 3):

@@ -141,6 +141,7 @@ def test_equal_to_the_oracle(name, quantity):
     assert (np.abs(found - expected) <= 1e-6 * (1 + floor + np.abs(expected))).all()
 
 
+@pytest.mark.slow
 def test_equal_to_forward_mode_over_several_blocks():
     paths = ["upper.material.E[1:]", "lower.spectrum.hurst", "gamma", "upper.material.shift.C2", "shear.c"]
     count = 2 * BLOCK + 3
@@ -172,6 +173,7 @@ SMALL = rf.Scene(
 ROWS = ("lower.material.E", "upper.spectrum.h_rms")
 
 
+@pytest.mark.slow
 def test_shape_is_parameters_then_conditions():
     found = fast(SMALL, V[:, None], np.array([1e5, 3e5]), ROWS)
     assert found.shape == (4, 3, 2)

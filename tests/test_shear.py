@@ -329,6 +329,7 @@ def test_single_precision_is_accurate():
     np.testing.assert_allclose(found.friction, exact.friction, rtol=2e-5)
 
 
+@pytest.mark.slow
 def test_jit_vmap_loop_and_blocks():
     s = SCENES["case-I"]
     v, T = np.logspace(-7, 2, 1030), 300.0
@@ -358,6 +359,7 @@ def test_share_from_outside_the_table_is_that_of_the_viscoelastic_friction():
 # --- Temperatures
 
 
+@pytest.mark.slow
 def test_shear_alone_makes_a_temperature_meaningful():
     s = SCENES["case-I"]
     cold, middle, warm = rf.friction(s, 0.1, 3e5, np.array([283.15, 293.15, 303.15]))

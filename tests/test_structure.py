@@ -162,6 +162,7 @@ def test_equal_structure_is_not_traced_again():
     assert traced <= 2  # Python scalars are weakly typed: once for them, once for arrays
 
 
+@pytest.mark.slow
 def test_many_points_are_taken_in_blocks_with_equal_results():
     from rubberfric.model import BLOCK
 
