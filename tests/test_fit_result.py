@@ -229,6 +229,7 @@ def test_units_of_key_paths():
     assert unit(SCENE, "upper.material.shift.C2") == "K"
 
 
+@pytest.mark.slow
 def test_plot_draws_data_fit_band_and_residuals(joint):
     axes = plot_fit(joint)
     assert len(axes) == 6
@@ -368,6 +369,7 @@ def test_file_round_trip(which, request, tmp_path):
     assert same(result.interval(), again.interval())
 
 
+@pytest.mark.slow
 def test_a_fit_from_a_file_predicts_and_goes_on(joint, quick, tmp_path):
     for result in (joint, quick):
         result.save(tmp_path / "fit.h5")  # over the first

@@ -309,6 +309,7 @@ def test_vmap_of_init_and_step_is_a_loop():
 
 
 @pytest.mark.parametrize("solver", [LM, LBFGS(), Adam(max_steps=300)], ids=["lm", "lbfgs", "adam"])
+@pytest.mark.slow
 def test_held_parameters_stay_exactly(solver):
     problem = master()
     held = np.array([1.0, 0.0, 1.0, 1.0, 0.0])

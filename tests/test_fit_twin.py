@@ -87,6 +87,7 @@ def test_a_second_fit_compiles_nothing():
     assert not compiled
 
 
+@pytest.mark.slow
 def test_outliers_move_the_robust_estimate_less_than_its_error_bars():
     clean = twin()
     measured = clean.measured.copy()

@@ -87,6 +87,7 @@ def test_master_curve_as_close_as_scipy(series, compound):
     assert rms(np.expm1(found.residuals)) < 1.25 * rms(np.expm1(theirs))
 
 
+@pytest.mark.slow
 def test_contact_shear_from_six_points(fitted):
     assert fitted.success and not fitted.withheld and not fitted.unidentified
     assert fitted.freedom == pytest.approx(3)

@@ -442,6 +442,7 @@ def many_dry_fits(problem, count):
     return runs, measured
 
 
+@pytest.mark.slow
 def test_intervals_and_bands_hold_the_truth_at_the_stated_rate():
     """2000 fits of a linear problem; two standard errors of a rate of 95 % are then 1 %."""
     problem, count = dry_problem(), 2000

@@ -113,7 +113,7 @@ def test_float32_stays():
     assert np.all(np.isfinite(jacobian))
 
 
-@pytest.mark.parametrize("lanes", [3, 4])
+@pytest.mark.parametrize("lanes", [3, pytest.param(4, marks=pytest.mark.slow)])
 def test_vmap_is_a_loop(lanes):
     """jax 0.12.0 read uninitialised memory where the products were added up one by one."""
     scene_of, x, conditions = arguments(SCENES["smooth rubber"], 24)

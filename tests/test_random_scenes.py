@@ -231,7 +231,7 @@ def examples(structure, how, both_modes):
 
 @pytest.mark.parametrize(
     "structure",
-    [pytest.param(one, marks=[pytest.mark.slow] * (i not in (0, 2))) for i, one in enumerate(FIXED)],
+    [pytest.param(one, marks=[pytest.mark.slow] * (i > 0)) for i, one in enumerate(FIXED)],
     ids=str,
 )
 def test_scenes(structure):

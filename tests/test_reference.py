@@ -38,7 +38,9 @@ def test_scene(name, quantity):
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
-@pytest.mark.parametrize("name", OPTIONS)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.slow] * n.startswith("table-modulus-")) for n in OPTIONS]
+)
 def test_option(name, quantity):
     # A tabulated modulus is integrated over the angle across its kinks.
     rel = 1e-5 if "table-modulus" in name else 1e-9

@@ -42,6 +42,7 @@ def test_under_jit_nothing_is_refused():
     assert np.isfinite(jax.jit(rf.friction)(single, v, jnp.float32(1e5), T)).all()
 
 
+@pytest.mark.slow
 def test_ordinary_scenes_pass():
     layered = rf.Scene(rf.Body(RUBBER, None, rf.Slab(1e-4)), rf.Body(rf.Elastic(1e12, 0.3), ROAD))
     single = as_arrays(layered, jnp.float32)
