@@ -9,14 +9,16 @@ Anderson's method: the next iterate is the combination of the last few whose res
 iteration solves the linear systems of the derivatives, (1 - f') dy = df and its transpose.
 """
 
+import functools
+
 import jax
 import jax.numpy as jnp
 
 _HISTORY, _MOST_STEPS = 7, 80
 
 # Residual over the largest element of a row at which a step is the last: it divides the residual by ten
-# and more, which leaves friction 1e-12 off.
-_TOLERANCE = 1e-9
+# and more, which leaves friction 1e-12 off; and the same for the linear systems of the derivatives.
+_TOLERANCE, _LINEAR_TOLERANCE = 1e-8, 1e-9
 
 
 def fixed_point(function, start):
@@ -32,9 +34,10 @@ def fixed_point(function, start):
     (y, converged), shapes (points, n) and (points,). Derivatives of y follow from the fixed point,
     not from the steps; they are those of the last iterate where it was not reached.
 
-    Limits: residuals of 1e-10 of the largest element of a row (float32: 1e-5).
+    Limits: residuals of 1e-9 of the largest element of a row (float32: 1e-5).
     """
-    y, reached = jax.lax.custom_root(lambda y: function(y) - y, start, _iterate, _tangent_solve, has_aux=True)
+    solve = functools.partial(_iterate, tolerance=_TOLERANCE)
+    y, reached = jax.lax.custom_root(lambda y: function(y) - y, start, solve, _tangent_solve, has_aux=True)
     return y, reached > 0
 
 
@@ -42,15 +45,15 @@ def _tangent_solve(linear, right):
     """y of linear(y) = right, linear the derivative of f(y) - y."""
 
     def solve(product, right):
-        return _iterate(lambda y: product(y) - right, jnp.zeros_like(right))[0]
+        return _iterate(lambda y: product(y) - right, jnp.zeros_like(right), _LINEAR_TOLERANCE)[0]
 
     return jax.lax.custom_linear_solve(linear, right, solve, solve)
 
 
-def _iterate(residual, start):
+def _iterate(residual, start, tolerance):
     """Zero of a residual, and 1 where it was reached, else 0 (a bool has no derivative in custom_root)."""
     single = start.dtype != jnp.float64
-    tolerance, smallest = (1e-5, 1e-5) if single else (_TOLERANCE, 1e-12)
+    tolerance, smallest = (1e-5, 1e-5) if single else (tolerance, 1e-12)
     points, n = start.shape
 
     def reached(y, r):
