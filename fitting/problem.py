@@ -22,7 +22,7 @@ from fitting.priors import PriorLayout, PriorNumbers, prior_residuals, prior_siz
 from fitting.rules import is_number
 from rubberfric.materials import VISCOELASTIC
 from rubberfric.pointwise import value_and_jacobian
-from rubberfric.scene import cast, result_dtype, shifts, takes_temperature
+from rubberfric.scene import cast, check_background, result_dtype, shifts, takes_temperature
 from rubberfric.spectra import broken_power_law, log_power_spectrum
 
 BODIES = ("lower", "upper")
@@ -140,12 +140,9 @@ def _block_key(scene, data):
         getattr(data, "temperature", None),
     )
     if quantity in CURVES:
-        if temperature is None and scene.heating is not None:
-            raise ValueError(
-                f"data {data.label!r}: have no temperature:"
-                " a scene with heating needs that far from the contact"
-            )
-        if temperature is not None:
+        if temperature is None:
+            check_background(scene, f"data {data.label!r}: ", "have no temperature")
+        else:
             if not takes_temperature(scene):
                 raise ValueError(
                     f"data {data.label!r}: have a temperature, but no part of the scene has a shift:"

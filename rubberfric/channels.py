@@ -12,8 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.angular import angular_means, static_means
-from rubberfric.anisotropy import Anisotropic, stretched_harmonics
-from rubberfric.factors import Modes, modes_of, node_factors
+from rubberfric.factors import Modes, mix_of, modes_of, node_factors
 from rubberfric.materials import TabulatedModulus
 from rubberfric.quadrature import between_weights, cumulative, gauss, typed
 from rubberfric.sampled import sampled_means
@@ -76,7 +75,6 @@ def make_channel(mesh, j, pair, softened, scale, wanted, order):
     """
     rough, other = pair
     modes = modes_of(rough, other, softened)
-    mixed = modes.harmonics > 0 and isinstance(rough.spectrum, Anisotropic)
     F = series_stiffness(rough, other, scale, (mesh.angular_q.reshape(-1), mesh.q), softened)
     static = isinstance(F, Static)
     sampled = isinstance(F, Sampled)
@@ -113,7 +111,7 @@ def make_channel(mesh, j, pair, softened, scale, wanted, order):
         dissipation=weights_of("dissipation", once),
         storage=weights_of("storage", once / mesh.q),
         transverse=weights_of("transverse", once) if modes.harmonics else None,
-        mix=stretched_harmonics(rough.spectrum) if mixed else None,
+        mix=mix_of(rough, modes),
     )
 
 

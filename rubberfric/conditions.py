@@ -20,7 +20,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rubberfric._toml import check_keys, number, shown
-from rubberfric.scene import Scene, shifts, takes_temperature
+from rubberfric.scene import Scene, check_background, shifts, takes_temperature
 
 # Tables of a scene file that hold conditions.
 TABLES = ("run", "map")
@@ -64,10 +64,7 @@ def check_conditions(where, conditions, scene):
         if bad.size:
             raise ValueError(f"{where}{name}[{bad[0]}] = {values[bad[0]]}: {rule}")
     if conditions.temperature is None:
-        if scene.heating is not None:
-            raise ValueError(
-                f"{where}temperature is missing: a scene with heating needs that far from the contact [K]"
-            )
+        check_background(scene, where)
         return
     if not takes_temperature(scene):
         raise ValueError(

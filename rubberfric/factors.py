@@ -7,7 +7,13 @@ over its means of factor times mean, one of each for a plain scene.
 
 from typing import NamedTuple
 
-from rubberfric.anisotropy import TabulatedAnisotropic, harmonic_count, tabulated_harmonics
+from rubberfric.anisotropy import (
+    Anisotropic,
+    TabulatedAnisotropic,
+    harmonic_count,
+    stretched_harmonics,
+    tabulated_harmonics,
+)
 from rubberfric.materials import Rigid
 from rubberfric.scene import relaxes
 from rubberfric.softening import softening_factors
@@ -38,6 +44,13 @@ def modes_of(rough, other, softened):
         split=softened is not None and isinstance(rough.material, Rigid),
         harmonics=harmonic_count(rough.spectrum),
     )
+
+
+def mix_of(rough, modes):
+    """(c_m, s_m) of a channel whose harmonics are the same at every wavevector, else None."""
+    if modes.harmonics and isinstance(rough.spectrum, Anisotropic):
+        return stretched_harmonics(rough.spectrum)
+    return None
 
 
 def node_factors(rough, other, softened, q):

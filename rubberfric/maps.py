@@ -12,10 +12,10 @@ import numpy as np
 from rubberfric._atomic import check_writable
 from rubberfric._pytree import as_leaf
 from rubberfric.conditions import Conditions, check_conditions
-from rubberfric.model import Solution, solve
+from rubberfric.model import Solution, check_kinds, solve
 from rubberfric.quadrature import Quadrature
 from rubberfric.results import Result, create_quantity, creating_result, result_shape, save_result
-from rubberfric.scene import Scene, result_dtype
+from rubberfric.scene import result_dtype
 from rubberfric.tables import closest
 
 # What a result file holds and `load_result` reads back, of arrays [temperature, pressure, velocity].
@@ -186,9 +186,7 @@ def _check(scene, quantities, quadrature, block):
             raise ValueError(f"quantities has {name!r}: {closest(name, Solution._fields)}")
     if not quantities:
         raise ValueError("quantities is empty: must have at least one")
-    for name, value, cls in (("scene", scene, Scene), ("quadrature", quadrature, Quadrature)):
-        if not isinstance(value, cls):
-            raise ValueError(f"{name} is a {type(value).__name__}: must be a {cls.__name__}")
+    check_kinds(scene, quadrature)
     if isinstance(block, bool) or not isinstance(block, int) or block < 1:
         raise ValueError(f"block = {block!r}: must be an integer >= 1")
     return tuple(dict.fromkeys(quantities))

@@ -21,11 +21,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric._pytree import FINITE, POSITIVE, as_leaf, check_values
-from rubberfric.anisotropy import harmonic_count
 from rubberfric.points import over_points
 from rubberfric.quadrature import Quadrature
-from rubberfric.radial import evaluate, prepare
-from rubberfric.scene import Scene, cast, dissipates, result_dtype, rough_pairs, shifts, takes_temperature
+from rubberfric.radial import evaluate, prepare, pulls_aside
+from rubberfric.scene import Scene, cast, check_background, result_dtype, shifts, takes_temperature
 from rubberfric.shear import shear_friction
 from rubberfric.single import check_single
 from rubberfric.thermal import shear_temperature
@@ -183,7 +182,7 @@ def quantities_of(scene):
     names = list(QUANTITIES)
     if scene.shear is not None:
         names += ["viscoelastic_friction", "shear_friction"]
-    if dissipates(scene) and any(harmonic_count(rough.spectrum) for rough, _ in rough_pairs(scene)):
+    if pulls_aside(scene):
         names.append("transverse_friction")
     if scene.heating is not None:
         names += ["flash_temperature", "converged"]
@@ -192,16 +191,14 @@ def quantities_of(scene):
 
 def checked(scene, velocity, pressure, temperature, quadrature):
     """Scene and conditions (velocity, pressure, temperature) as arrays of one dtype, or ValueError."""
-    for name, value, cls in (("scene", scene, Scene), ("quadrature", quadrature, Quadrature)):
-        if not isinstance(value, cls):
-            raise ValueError(f"{name} is a {type(value).__name__}: must be a {cls.__name__}")
+    check_kinds(scene, quadrature)
     velocity = _condition("velocity", velocity, FINITE)
     pressure = _condition("pressure", pressure, POSITIVE)
     if temperature is not None:
         temperature = _condition("temperature", temperature, POSITIVE)
         _check_temperature(scene, temperature)
-    elif scene.heating is not None:
-        raise ValueError("temperature is missing: a scene with heating needs that far from the contact [K]")
+    else:
+        check_background(scene)
 
     shapes = {"velocity": jnp.shape(velocity), "pressure": jnp.shape(pressure)}
     if temperature is not None:
@@ -218,6 +215,13 @@ def checked(scene, velocity, pressure, temperature, quadrature):
     if dtype == jnp.float32:
         check_single(scene, conditions[2])
     return scene, conditions
+
+
+def check_kinds(scene, quadrature):
+    """ValueError unless they are a Scene and a Quadrature."""
+    for name, value, cls in (("scene", scene, Scene), ("quadrature", quadrature, Quadrature)):
+        if not isinstance(value, cls):
+            raise ValueError(f"{name} is a {type(value).__name__}: must be a {cls.__name__}")
 
 
 # Jitted so that a plain call compiles once for its structure instead of operation by

@@ -17,9 +17,8 @@ import numpy as np
 
 from rubberfric._pytree import POSITIVE, as_leaf, check_values
 from rubberfric.angular import angular_means
-from rubberfric.anisotropy import Anisotropic, stretched_harmonics
 from rubberfric.contact import contact_argument, contact_fraction, energy_factor, friction_weight
-from rubberfric.factors import modes_of, node_factors
+from rubberfric.factors import mix_of, modes_of, node_factors
 from rubberfric.model import checked
 from rubberfric.moments import cumulative_moment
 from rubberfric.points import over_points
@@ -218,13 +217,12 @@ def densities(scene, prepared, laws, q):
         at = jnp.where(inside, q, law.q[0])
         roughness = law.height2 * jnp.exp(log_shape(law, at) + 4 * jnp.log(at))
         modes = modes_of(rough, other, softened)
-        mixed = modes.harmonics > 0 and isinstance(rough.spectrum, Anisotropic)
         found.append(
             AtWavevectors(
                 stiffness=F,
                 shift=getattr(other.material, "shift", None),
                 modes=modes,
-                mix=stretched_harmonics(rough.spectrum) if mixed else None,
+                mix=mix_of(rough, modes),
                 factors=None if isinstance(F, Static) else node_factors(rough, other, softened, q),
                 roughness=jnp.where(inside, roughness, 0.0),
             )

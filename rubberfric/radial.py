@@ -57,7 +57,7 @@ def prepare(scene, quantities, quadrature, *, laws=None, marks=None):
     wanted = {"power"} if pairs and "area" in quantities else set()
     if dissipates(scene) and "friction" in quantities:
         wanted |= {"power", "dissipation"}
-    if dissipates(scene) and "transverse_friction" in quantities and _anisotropic(pairs):
+    if "transverse_friction" in quantities and pulls_aside(scene):
         wanted |= {"power", "dissipation", "transverse"}
     if pairs and "separation" in quantities:
         wanted |= {"power", "storage"}
@@ -85,9 +85,9 @@ def prepare(scene, quantities, quadrature, *, laws=None, marks=None):
     return Prepared(mesh, channels, scale, scene.gamma, table, thermal, quantities, wanted, quadrature)
 
 
-def _anisotropic(pairs):
+def pulls_aside(scene):
     """Whether roughness that differs with the direction excites a viscoelastic solid."""
-    return any(modes_of(*pair, None).harmonics for pair in pairs)
+    return any(modes_of(*pair, None).harmonics for pair in rough_pairs(scene))
 
 
 def _marks(scene, softened, asked):

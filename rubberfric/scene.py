@@ -111,6 +111,12 @@ def takes_temperature(scene):
     return scene.heating is not None or bool(shifts(scene))
 
 
+def check_background(scene, where="", missing="temperature is missing"):
+    """ValueError for a scene that cannot do without a temperature; `where` and `missing` begin its line."""
+    if scene.heating is not None:
+        raise ValueError(f"{where}{missing}: a scene with heating needs that far from the contact [K]")
+
+
 def rough_pairs(scene):
     """(rough body, body facing it) for every body that has roughness, lower first."""
     pairs = [(scene.lower, scene.upper), (scene.upper, scene.lower)]

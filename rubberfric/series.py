@@ -105,7 +105,7 @@ def quotient(x, y):
 
 
 @quotient.defjvp
-def quotient_jvp(primals, tangents):
+def _quotient_jvp(primals, tangents):
     (x, y), (dx, dy) = primals, tangents
     return x / y, (dx - x / y * dy) / y
 

@@ -7,6 +7,7 @@ from pathlib import Path
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 import rubberfric as rf
 
@@ -39,6 +40,15 @@ def scene(case):
         heating=heating and rf.Heating(**heating),
         softening=softening and rf.Softening(**softening),
     )
+
+
+def slow_if(test, found):
+    """Parameters of a test, those whose names pass `test` in the slow set; `found`: by name, or names."""
+    found = found if isinstance(found, dict) else {name: name for name in found}
+    return [
+        pytest.param(value, id=name, marks=[pytest.mark.slow] * bool(test(name)))
+        for name, value in found.items()
+    ]
 
 
 def as_arrays(tree, dtype=float):

@@ -1,7 +1,5 @@
 """The scenes of reference/part_cases.json in the library, and their comparison with the values there."""
 
-import functools
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -19,11 +17,9 @@ def quantities(arguments):
     return jnp.stack([getattr(found, name) for name in QUANTITIES])
 
 
-# XLA takes twice as long with its optimisations, and each function here runs a few times only.
-compiled = functools.partial(jax.jit, compiler_options={"xla_backend_optimization_level": 0})
-value = compiled(quantities)
-forward = compiled(jax.jacfwd(quantities))
-reverse = compiled(jax.jacrev(quantities))
+value = jax.jit(quantities)
+forward = jax.jit(jax.jacfwd(quantities))
+reverse = jax.jit(jax.jacrev(quantities))
 
 
 def expected(given):

@@ -10,8 +10,8 @@ import jax.numpy as jnp
 import numpy as np
 import oracle
 import pytest
-from cases import arguments, as_arrays, scene
-from part_scenes import CASES, assert_derivatives, assert_scene, compiled, expected, reverse, value
+from cases import arguments, as_arrays, scene, slow_if
+from part_scenes import CASES, assert_derivatives, assert_scene, expected, reverse, value
 
 import rubberfric as rf
 from rubberfric.angular import angular_means
@@ -25,13 +25,7 @@ ORDINARY = ("plain", "slow", "backwards", "at-rest", "along", "across", "mirrore
 TABLES = ("grooved-table-modulus", "grooved-table-on-elastic", "grooved-table-of-both")
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=[] if name.removeprefix("grooved-") in ORDINARY else pytest.mark.slow)
-        for name in NAMES
-    ],
-)
+@pytest.mark.parametrize("name", slow_if(lambda name: name.removeprefix("grooved-") not in ORDINARY, NAMES))
 def test_scenes(name):
     assert_scene(name, 1e-6 if name in TABLES else 1e-11)
 
@@ -77,7 +71,7 @@ def harmonic_means(qv, count=6):
 def test_harmonics_of_the_means():
     """m = 1 ... 6 at a = q v tau = 1e-8 ... 1e8, all digits of the mean over all directions."""
     a = np.logspace(-8, 8, 33)
-    found = np.asarray(compiled(harmonic_means)(jnp.asarray(a)))
+    found = np.asarray(jax.jit(harmonic_means)(jnp.asarray(a)))
     for j, x in enumerate(a):
         r = np.hypot(1, x)
         one, sine = x / r * (x / (1 + r)), x / r / (1 + r)
@@ -85,7 +79,7 @@ def test_harmonics_of_the_means():
         for m in range(1, 7):
             error = np.abs(found[:, m - 1, j] - by_quadrature(x, m)) / scale
             assert (error < 1e-12).all(), (x, m, error)
-    np.testing.assert_allclose(compiled(harmonic_means)(-jnp.asarray(a)), found * SIGN, rtol=1e-15)
+    np.testing.assert_allclose(jax.jit(harmonic_means)(-jnp.asarray(a)), found * SIGN, rtol=1e-15)
     assert not np.asarray(harmonic_means(jnp.zeros(1))).any()
 
 
@@ -110,8 +104,8 @@ def test_mixed_harmonics_are_the_sum():
         shares = jnp.stack([mix[0], mix[0], mix[0], mix[1]])
         return jnp.stack(means)[:, 0] + jnp.einsum("km,kmv->kv", shares, harmonic_means(qv))
 
-    np.testing.assert_allclose(compiled(mixed)(mix, qv), compiled(separate)(mix, qv), rtol=1e-12)
-    one, other = compiled(jax.jacrev(mixed, (0, 1)))(mix, qv), compiled(jax.jacfwd(separate, (0, 1)))(mix, qv)
+    np.testing.assert_allclose(jax.jit(mixed)(mix, qv), jax.jit(separate)(mix, qv), rtol=1e-12)
+    one, other = jax.jit(jax.jacrev(mixed, (0, 1)))(mix, qv), jax.jit(jax.jacfwd(separate, (0, 1)))(mix, qv)
     for x, y in zip(*map(jax.tree.leaves, (one, other)), strict=True):
         np.testing.assert_allclose(x, y, rtol=1e-10, atol=1e-13)
 
@@ -130,7 +124,7 @@ def shape(ratio, angle, hurst, phi):
     return D(phi) / np.mean(D(np.pi * np.arange(20000) / 20000))
 
 
-of_stretched = compiled(stretched_harmonics)
+of_stretched = jax.jit(stretched_harmonics)
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1 / 3, 2.0, 4.0, 30.0])
@@ -145,7 +139,7 @@ def test_harmonics_of_a_stretched_surface(ratio):
 def test_harmonics_left_out():
     """The sum of the others' sizes, and what the docstring says of 16 and 32."""
     phi = np.pi * np.arange(20000) / 20000
-    left_out = compiled(rf.harmonics_left_out)
+    left_out = jax.jit(rf.harmonics_left_out)
     for ratio in (0.5, 2.0, 4.0, 10.0):
         size = np.abs(np.fft.rfft(shape(ratio, 0.0, 0.8, phi)))[1:] * 2 / phi.size
         for count in (4, 16):
@@ -180,7 +174,7 @@ def test_a_table_has_its_own_values():
     rng = np.random.default_rng(1)
     q, C = np.array([1e2, 3e3, 1e5]), rng.uniform(1, 2, (3, 9)) * 1e-12
     spectrum = rf.TabulatedAnisotropic(q, C, 0.3)
-    of_table = compiled(tabulated_harmonics)
+    of_table = jax.jit(tabulated_harmonics)
     m, phi = np.arange(1, 5)[:, None], np.pi * np.arange(9) / 9 + 0.3
     for at, share in (*zip(q, C / C.mean(1, keepdims=True), strict=True), (np.sqrt(q[0] * q[1]), None)):
         cosine, sine = (np.asarray(x)[:, None] for x in of_table(spectrum, at))
@@ -397,7 +391,7 @@ def test_refused(make, message):
 # Moments.
 
 
-@compiled
+@jax.jit
 def moments(spectrum, q):
     found = [rf.moment(spectrum, order) for order in (0, 2, 4)]
     return *found, rf.rms_slope(spectrum, q), rf.rms_height(spectrum, q), rf.cutoff(spectrum, 0.3)

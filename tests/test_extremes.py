@@ -13,7 +13,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from cases import FOLDER, QUANTITIES, arguments, as_arrays, h_rms, paths, reverse, scene, three, value
+from cases import (
+    FOLDER,
+    QUANTITIES,
+    arguments,
+    as_arrays,
+    h_rms,
+    paths,
+    reverse,
+    scene,
+    slow_if,
+    three,
+    value,
+)
 from extremes import CASES, RIGID, changed
 
 import rubberfric as rf
@@ -32,9 +44,7 @@ def is_slow(name):
     return name.startswith(SLOW) or CASES[name][0] not in ORDINARY
 
 
-every_case = pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.slow) if is_slow(n) else n for n in CASES]
-)
+every_case = pytest.mark.parametrize("name", slow_if(is_slow, CASES.keys()))
 
 
 def conditions(case, dtype=float):
@@ -270,10 +280,7 @@ def test_refused_in_single_precision(name):
 def in_single(ordinary):
     """Every case that float32 can hold, those that are not ordinary marked slow."""
     names = [name for name in CASES if name not in REFUSED]
-    slow = pytest.mark.slow
-    return pytest.mark.parametrize(
-        "name", [name if ordinary(name) else pytest.param(name, marks=slow) for name in names]
-    )
+    return pytest.mark.parametrize("name", slow_if(lambda name: not ordinary(name), names))
 
 
 @in_single(lambda name: not is_slow(name))

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import oracle
 import pytest
-from cases import QUANTITIES, as_arrays, three
+from cases import QUANTITIES, as_arrays, slow_if, three
 
 import rubberfric as rf
 
@@ -47,10 +47,7 @@ SCENES = {
     "corrected": scene((RUBBER, TREAD), (STEEL, ROAD), area_correction=True),
 }
 SLOW = ("elastic", "two-slabs", "corrected")
-all_scenes = pytest.mark.parametrize(
-    "s",
-    [pytest.param(s, id=name, marks=[pytest.mark.slow] * (name in SLOW)) for name, s in SCENES.items()],
-)
+all_scenes = pytest.mark.parametrize("s", slow_if(SLOW.__contains__, SCENES))
 
 
 def assert_same(a, b, rtol=1e-9, factors=(1.0, 1.0, 1.0), atol=0.0):

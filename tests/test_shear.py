@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from cases import arguments, paths, reference
+from cases import arguments, paths, reference, slow_if
 from extremes import changed
 from test_gradients import leaf_value
 from test_shifts import ARRHENIUS, TABLE, WLF
@@ -44,10 +44,7 @@ SCENES = {
     "smooth": scene((TREAD,), (STEEL,)),
 }
 SLOW = ("case-III", "two-rubbers", "corrected")
-every_scene = pytest.mark.parametrize(
-    "s",
-    [pytest.param(s, id=name, marks=[pytest.mark.slow] * (name in SLOW)) for name, s in SCENES.items()],
-)
+every_scene = pytest.mark.parametrize("s", slow_if(SLOW.__contains__, SCENES))
 
 
 def parts(s, *conditions, quantities=PARTS):

@@ -7,8 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import oracle
 import pytest
-from cases import arguments, as_arrays, scene
-from part_scenes import CASES, assert_derivatives, assert_scene, compiled, expected, reverse, value
+from cases import arguments, as_arrays, scene, slow_if
+from part_scenes import CASES, assert_derivatives, assert_scene, expected, reverse, value
 
 import rubberfric as rf
 from rubberfric.angular import angular_means
@@ -22,13 +22,7 @@ ORDINARY = ("plain", "slow", "fast", "backwards", "at-rest", "gentle", "two-rubb
 TABLES = ("soft-table-modulus", "soft-table-on-elastic")
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        pytest.param(name, marks=[] if name.removeprefix("soft-") in ORDINARY else pytest.mark.slow)
-        for name in NAMES
-    ],
-)
+@pytest.mark.parametrize("name", slow_if(lambda name: name.removeprefix("soft-") not in ORDINARY, NAMES))
 def test_scenes(name):
     assert_scene(name, 1e-6 if name in TABLES else 1e-10)
 
@@ -40,7 +34,7 @@ def test_a_tabulated_modulus_converges(name):
     given = CASES[name]
     at, exact = arguments(given), expected(given)[:3]
     setting = rf.Quadrature(angle=1200, order=24, panels=48)
-    error = np.abs(np.array(compiled(lambda a: rf.solve(*a, quadrature=setting)[:3])(at)) / exact - 1)
+    error = np.abs(np.array(jax.jit(lambda a: rf.solve(*a, quadrature=setting)[:3])(at)) / exact - 1)
     assert error.max() < 1e-8
 
 
@@ -83,7 +77,7 @@ def test_means_of_storage_and_loss_apart(name):
     """<F'^2> and <F''^2>, over 20 decades of velocity, the small ones to all their digits."""
     given = Relaxing(*map(np.array, F[name]))
     qv = np.logspace(-10, 10, 21)
-    found = compiled(split_means)(as_arrays(given), jnp.asarray(qv))
+    found = jax.jit(split_means)(as_arrays(given), jnp.asarray(qv))
     exact = np.array([by_quadrature(*given, x) for x in qv]).T
     np.testing.assert_allclose(found, exact, rtol=1e-12)
 
@@ -94,7 +88,7 @@ def test_means_have_the_derivatives_of_the_quadrature():
     given, qv = Relaxing(*map(np.array, F["four terms"])), np.array([1e-4, 0.3, 1e3])
     at = as_arrays(given)
     forward, reverse = (
-        compiled(d(lambda F: split_means(F, jnp.asarray(qv))))(at) for d in (jax.jacfwd, jax.jacrev)
+        jax.jit(d(lambda F: split_means(F, jnp.asarray(qv))))(at) for d in (jax.jacfwd, jax.jacrev)
     )
     means = np.array([by_quadrature(*given, x) for x in qv]).T
     for one, other, leaf in zip(*map(jax.tree.leaves, (forward, reverse, at)), strict=True):
@@ -131,7 +125,7 @@ def test_knots(name):
         return knots(given._replace(softening=dataclasses.replace(given.softening, factor=factor)))
 
     factor = case["softening"]["factor"]
-    q, slope = map(np.asarray, compiled(lambda c: jax.jvp(of, (c,), (jnp.ones(()),)))(jnp.asarray(factor)))
+    q, slope = map(np.asarray, jax.jit(lambda c: jax.jvp(of, (c,), (jnp.ones(()),)))(jnp.asarray(factor)))
     first, last = (f(s.kinks[i] for s in spectra if s.kinks.size) for f, i in ((min, 0), (max, -1)))
     inside = (q > first * (1 + 1e-9)) & (q < last * (1 - 1e-9))  # the others are at the ends
     assert inside.sum() >= 10
@@ -148,18 +142,16 @@ def test_strain_and_factors():
     """Strain from the slope of both surfaces; factors linear in its logarithm, held outside the table."""
     given, q = softened("soft-both-rough"), np.geomspace(50.0, 5e5, 40)
     pair = scene(CASES["soft-both-rough"])
-    slope_of = compiled(rf.rms_slope)
+    slope_of = jax.jit(rf.rms_slope)
     slopes = [np.asarray(slope_of(as_arrays(body.spectrum), q)) for body in (pair.lower, pair.upper)]
     exact = given.softening.factor * np.hypot(*slopes)
-    np.testing.assert_allclose(compiled(strain)(given, q), exact, rtol=1e-12, atol=0)
+    np.testing.assert_allclose(jax.jit(strain)(given, q), exact, rtol=1e-12, atol=0)
     assert exact[0] == 0 and exact[-1] > given.softening.strain[-1]
-    found = compiled(softening_factors)(given, q)
+    found = jax.jit(softening_factors)(given, q)
     log = np.log(np.maximum(exact, 1e-300)), np.log(given.softening.strain)
     for values, table in zip(found, (given.softening.storage, given.softening.loss), strict=True):
         np.testing.assert_allclose(values, np.interp(*log, table), rtol=1e-12)
-    slope = compiled(jax.jacfwd(lambda q: jnp.stack(softening_factors(given, q))))(
-        jnp.array([10.0, 1e2, 1e6])
-    )
+    slope = jax.jit(jax.jacfwd(lambda q: jnp.stack(softening_factors(given, q))))(jnp.array([10.0, 1e2, 1e6]))
     assert np.isfinite(slope).all()
 
 
