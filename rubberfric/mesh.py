@@ -54,13 +54,15 @@ def build_mesh(laws, quadrature, graded=True, logarithmic=False, marks=None):
         Integrals up to a mark are then sums over whole panels. One outside the roughness counts as
         its nearer end.
     """
-    first = jax.lax.stop_gradient(_reduce(jnp.minimum, [law.q[0] for law in laws]))
-    kinks = [log_ratio(law.q, first) for law in laws]
+    first = _reduce(jnp.minimum, [law.q[0] for law in laws])
+    kinks = [_from_first(law.q, first) for law in laws]
     start = jnp.log(first)
     # Only beginnings and kinks carry gradients: where the other borders are does not matter.
     fixed_kinks = jax.lax.stop_gradient(kinks)
     end = _reduce(jnp.maximum, [kink[-1] for kink in fixed_kinks])
     width, uniform = _uniform_borders(laws, fixed_kinks, quadrature.panels)
+    # These stay where they are when the first wavevector moves, from which t counts.
+    uniform = uniform - (start - jax.lax.stop_gradient(start))
     borders = [uniform, *kinks]
     if graded:
         fractions = typed(quadrature.ratio ** (-2.0 * np.arange(1, quadrature.graded + 1)), end)
@@ -127,6 +129,16 @@ def build_mesh(laws, quadrature, graded=True, logarithmic=False, marks=None):
         last=jnp.exp(start + last),
         marks=None if marks is None else rank[-marks.shape[0] :],
     )
+
+
+def _from_first(q, first):
+    """ln(q / first) of the wavevectors of a law.
+
+    The first wavevector of all is 0 whatever moves. Written as a difference of two that move alike,
+    it would leave their rounding, times 1 over the innermost panel's width of 1e-14, in reverse mode.
+    """
+    t = log_ratio(q, first)
+    return jnp.concatenate([jnp.where(q[:1] > first, t[:1], 0.0), t[1:]])
 
 
 def _reduce(function, values):
