@@ -33,7 +33,6 @@ class Means(NamedTuple):
     """Angular means of F; those not asked for, and a dissipation that is zero, are None.
 
     Each is a tuple: one array, but of the power two, <F'^2> and <F''^2>, if they are asked for apart.
-    The harmonics follow in their order.
     """
 
     power: tuple | None
@@ -42,7 +41,7 @@ class Means(NamedTuple):
     transverse: tuple | None = None
 
 
-def angular_means(F, qv, wanted, quadrature, split=False, harmonics=0, mix=None):
+def angular_means(F, qv, wanted, quadrature, split=False, mix=None):
     """Means of F for roughness passing at q v.
 
     Parameters
@@ -53,8 +52,8 @@ def angular_means(F, qv, wanted, quadrature, split=False, harmonics=0, mix=None)
     quadrature : Quadrature
     split : bool
         whether <F'^2> and <F''^2> are wanted apart.
-    harmonics : highest m; not with split.
-    mix : (c_m, s_m), shape (harmonics,) each: all harmonics are summed with these shares; None: one by one.
+    mix : shares (c_m, s_m) of the harmonics, which are added to the means, shape (harmonics,) each, or
+        (harmonics, ...) broadcastable with qv where they depend on q; None: no harmonics. Not with split.
 
     Returns
     -------
@@ -64,8 +63,8 @@ def angular_means(F, qv, wanted, quadrature, split=False, harmonics=0, mix=None)
         if split:
             return _split_form(F, qv, wanted)
         means = _closed_form(F, qv, wanted)
-        return _with_harmonics(F, qv, wanted, harmonics, mix, means) if harmonics else means
-    return Means(*tabulated_means(F, qv, wanted, quadrature.angle, split, harmonics, mix))
+        return means if mix is None else _with_harmonics(F, qv, wanted, mix, means)
+    return Means(*tabulated_means(F, qv, wanted, quadrature.angle, split, mix))
 
 
 def static_means(F, wanted):
@@ -93,8 +92,8 @@ def _closed_form(F, qv, wanted):
     )
 
 
-def _with_harmonics(F, qv, wanted, harmonics, mix, means):
-    """The closed forms with their harmonics after them, or added to them as the mix says."""
+def _with_harmonics(F, qv, wanted, mix, means):
+    """The closed forms with their harmonics added, summed by Horner's scheme for each node and term."""
     if F.tau.ndim == 1:
         front = (slice(None), *(None,) * qv.ndim)
         a, weight, at_rates = F.tau[front] * qv, F.weight[front], _at_own_rates(F)[front]
@@ -111,29 +110,20 @@ def _with_harmonics(F, qv, wanted, harmonics, mix, means):
         "storage": weight * (ratio / r),
         "transverse": weight * (quotient / (1 + r)),
     }
-    if mix is not None:
-        series = {"transverse": _series(mix[1], -ratio) if "transverse" in wanted else None}
-        cosine = _series(mix[0], -ratio)
+    series = {"transverse": _series(mix[1], -ratio) if "transverse" in wanted else None}
+    cosine = _series(mix[0], -ratio)
 
-        def mixed(name):
-            added = jnp.sum(first[name] * series.get(name, cosine), 0)
-            isotropic = getattr(means, name)
-            return (added if isotropic is None else isotropic[0] + added,)
+    def mixed(name):
+        added = jnp.sum(first[name] * series.get(name, cosine), 0)
+        isotropic = getattr(means, name)
+        return (added if isotropic is None else isotropic[0] + added,)
 
-        return Means(*(mixed(name) if name in wanted else None for name in Means._fields))
-    found, powers = {name: [] for name in wanted}, jnp.ones_like(ratio)
-    for _ in range(harmonics):
-        for name in wanted:
-            found[name].append(jnp.sum(first[name] * powers, 0))
-        powers = -powers * ratio
-    return Means(
-        *((*(getattr(means, name) or ()), *found[name]) if name in wanted else None for name in Means._fields)
-    )
+    return Means(*(mixed(name) if name in wanted else None for name in Means._fields))
 
 
 @jax.custom_jvp
 def _series(coefficients, x):
-    """Polynomial in x, its coefficients ascending."""
+    """Polynomial in x, its coefficients ascending along their first axis."""
     value = jnp.zeros_like(x)
     for c in coefficients[::-1]:
         value = value * x + c
@@ -145,7 +135,7 @@ def _series_jvp(primals, tangents):
     # Only the slope is kept for reverse mode, not every step.
     coefficients, x = primals
     order = jnp.arange(1, coefficients.shape[0], dtype=x.dtype)
-    slope = _series(order * coefficients[1:], x)
+    slope = _series(order.reshape(-1, *(1,) * (coefficients.ndim - 1)) * coefficients[1:], x)
     return _series(coefficients, x), _series(tangents[0], x) + slope * tangents[1]
 
 

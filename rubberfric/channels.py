@@ -25,8 +25,8 @@ class Channel(NamedTuple):
     """Roughness on one solid, and the stiffness it sees.
 
     `power` and `cumulative` are weights of <|F|^2> at the angular nodes i. If F is Static they are the
-    integrals. If it is `logarithmic` they are weights at the contact nodes, and at the nodes between; if it
-    is Sampled the nodes i are the contact nodes.
+    integrals. If it is `logarithmic` they are weights at the contact nodes, and at the nodes between; if
+    the modes are taken `at_contact` the nodes i are the contact nodes.
     A tuple has an entry for each of the `angular.Means` of its kind.
     """
 
@@ -40,7 +40,7 @@ class Channel(NamedTuple):
     dissipation: tuple | None  # q^4 C factor dt at the contact nodes, (panels, order)
     storage: tuple | None  # q^3 C factor dt [m], same shape
     transverse: tuple | None  # as dissipation
-    mix: tuple | None  # (c_m, s_m) where they are the same at every q, (harmonics,) each
+    mix: tuple | None  # shares (c_m, s_m) of the harmonics, (harmonics,) or (harmonics, panels, order) each
 
 
 class Parts(NamedTuple):
@@ -75,10 +75,10 @@ def make_channel(mesh, j, pair, softened, scale, wanted, order):
     """
     rough, other = pair
     modes = modes_of(rough, other, softened)
-    F = series_stiffness(rough, other, scale, (mesh.angular_q.reshape(-1), mesh.q), softened)
+    nodes = mesh.q if modes.at_contact else mesh.angular_q
+    F = series_stiffness(rough, other, scale, (nodes.reshape(-1), mesh.q), softened)
     static = isinstance(F, Static)
-    sampled = isinstance(F, Sampled)
-    logarithmic = is_logarithmic(rough, other) and not sampled
+    logarithmic = is_logarithmic(rough, other) and not modes.at_contact
     once = mesh.roughness[j] * (mesh.measure * typed(gauss(order)[1], mesh.measure))
     factors = None if static else node_factors(rough, other, softened, mesh.q)
     rule = None
@@ -86,11 +86,11 @@ def make_channel(mesh, j, pair, softened, scale, wanted, order):
         power = (jnp.sum(once * F.value**2, -1),)
     else:
         power = tuple(once if f is None else once * f for f in factors.power)
-    interpolated = not (static or logarithmic or sampled)
+    interpolated = not (static or logarithmic or modes.at_contact)
     if interpolated:
         power = tuple(jnp.einsum("kc,kci->ki", weights, mesh.interpolate) for weights in power)
     if mesh.between_q is not None:
-        rule = _cumulative_rule(mesh, j, pair, softened, scale, F, logarithmic)
+        rule = _cumulative_rule(mesh, j, pair, softened, scale, F, modes, logarithmic)
     elif interpolated:
         # Only the whole integral is wanted: the contact nodes have done their part.
         power = tuple(jnp.zeros_like(mesh.angular_q).at[mesh.panel].add(weights) for weights in power)
@@ -111,11 +111,11 @@ def make_channel(mesh, j, pair, softened, scale, wanted, order):
         dissipation=weights_of("dissipation", once),
         storage=weights_of("storage", once / mesh.q),
         transverse=weights_of("transverse", once) if modes.harmonics else None,
-        mix=mix_of(rough, modes),
+        mix=mix_of(rough, modes, nodes),
     )
 
 
-def _cumulative_rule(mesh, j, pair, softened, scale, F, logarithmic):
+def _cumulative_rule(mesh, j, pair, softened, scale, F, modes, logarithmic):
     """Weights of <|F|^2> in g at the contact nodes, exact in the roughness and in all its factors.
 
     They may change by 1e6 within a panel, and g, where it matters most, is what the
@@ -124,12 +124,14 @@ def _cumulative_rule(mesh, j, pair, softened, scale, F, logarithmic):
     """
     density, order = mesh.between_roughness[j], mesh.q.shape[1]
     rule = typed(cumulative(order), density)
-    if isinstance(F, Sampled):
-        return (jnp.tensordot(density, rule, 1),)
     if isinstance(F, Static):
         return ((density * static_series(*pair, scale, mesh.between_q, softened) ** 2) @ rule.sum(-1),)
+    if isinstance(F, Sampled):
+        return (jnp.tensordot(density, rule, 1),)
     factors = node_factors(*pair, softened, mesh.between_q).power
     densities = (density if f is None else density * f for f in factors)
+    if modes.at_contact:
+        return tuple(jnp.tensordot(values, rule, 1) for values in densities)
     if logarithmic:
         gaps = typed(between_weights(order), density).reshape(-1)
         return tuple(density * gaps for density in densities)
@@ -154,9 +156,9 @@ def parts(channel, mesh, speed, wanted, quadrature):
         if "storage" in wanted:
             storage = (channel.storage[0] * static_means(channel.stiffness, wanted).storage[0])[:, None]
         return Parts(channel.power[0][:, None], within, None, storage, None)
-    if isinstance(channel.stiffness, Sampled):
-        return _sampled_parts(channel, mesh, speed, wanted, quadrature)
-    means = _means_by_panel(channel, mesh, speed, wanted, quadrature)
+    if channel.modes.at_contact:
+        return _parts_at_contact(channel, mesh, speed, wanted, quadrature)
+    means = _means_by_panel(channel, mesh.angular_q, speed, wanted, quadrature)
 
     def serving(values):
         """Means of the angular panel that serves each contact panel."""
@@ -196,10 +198,13 @@ def to_contact(mesh, values):
     return jnp.einsum("kvi,kci->kvc", serving, mesh.interpolate)
 
 
-def _sampled_parts(channel, mesh, speed, wanted, quadrature):
-    """`Parts` of a stiffness that is known at the contact nodes."""
-    speed = speed[:, None] if speed.ndim == 1 else speed
-    means = sampled_means(channel.stiffness, speed * mesh.q[:, None], wanted, quadrature.angle)
+def _parts_at_contact(channel, mesh, speed, wanted, quadrature):
+    """`Parts` of means that are taken at the contact nodes."""
+    if isinstance(channel.stiffness, Sampled):
+        speed = speed[:, None] if speed.ndim == 1 else speed
+        means = sampled_means(channel.stiffness, speed * mesh.q[:, None], wanted, quadrature.angle)
+    else:
+        means = _means_by_panel(channel, mesh.q, speed, wanted, quadrature)
     (power,), within = means.power, None
     if channel.cumulative is not None:
         within = jnp.maximum(jnp.einsum("kvi,kci->kvc", power, channel.cumulative[0]), 0.0)
@@ -208,7 +213,7 @@ def _sampled_parts(channel, mesh, speed, wanted, quadrature):
         return getattr(channel, name)[0][:, None] * getattr(means, name)[0] if name in wanted else None
 
     panels = jnp.einsum("kvc,kc->kv", power, channel.power[0])
-    return Parts(panels, within, terms("dissipation"), terms("storage"), None)
+    return Parts(panels, within, *map(terms, ("dissipation", "storage", "transverse")))
 
 
 def total(terms):
@@ -222,16 +227,12 @@ def _logarithmic(channel, mesh, k, powers):
 
     So it may with two deformable solids and a layer, with a coating, and with a tabulated
     modulus that steps up. Interpolated in the logarithm and summed with positive weights, the
-    small end keeps its digits and G stays positive. Harmonics, of any sign, are interpolated as
-    shares of the mean over all directions.
+    small end keeps its digits and G stays positive.
     """
-    base = k if channel.modes.split else 0
-    log_base = log_power(powers[base])
-    share = None if base == k else powers[k] * jnp.exp(-log_base)
+    logarithm = log_power(powers[k])
 
     def at(basis):
-        value = jnp.exp(jnp.einsum("kvi,kci->kvc", log_base, basis))
-        return value if share is None else value * jnp.einsum("kvi,kci->kvc", share, basis)
+        return jnp.exp(jnp.einsum("kvi,kci->kvc", logarithm, basis))
 
     panels = jnp.einsum("kvc,kc->kv", at(mesh.interpolate), channel.power[k])
     if channel.cumulative is None:
@@ -242,13 +243,16 @@ def _logarithmic(channel, mesh, k, powers):
     return panels, gaps @ np.triu(np.ones((order, order), gaps.dtype))
 
 
-def _means_by_panel(channel, mesh, speed, wanted, quadrature):
-    """Angular means at the angular nodes, (angular panels, points, angular order)."""
-    F, q = channel.stiffness, mesh.angular_q
+def _means_by_panel(channel, q, speed, wanted, quadrature):
+    """Angular means at the nodes q, (panels, order) [1/m], as (panels, points, order)."""
+    F, split, mix = channel.stiffness, channel.modes.split, channel.mix
+    depends_on_q = mix is not None and mix[0].ndim > 1
     if not channel.by_node:
         speed = speed[:, None] if speed.ndim == 1 else speed
-        return angular_means(F, speed * q[:, None], wanted, quadrature, *channel.modes, channel.mix)
+        mix = tuple(share[:, :, None] for share in mix) if depends_on_q else mix
+        return angular_means(F, speed * q[:, None], wanted, quadrature, split, mix)
     flat = q.reshape(-1)
     speed = speed[:, None] if speed.ndim == 1 else jnp.swapaxes(speed, 0, 1).reshape(-1, flat.size)
-    means = angular_means(F, speed * flat, wanted, quadrature, *channel.modes, channel.mix)
+    mix = tuple(share.reshape(-1, flat.size) for share in mix) if depends_on_q else mix
+    means = angular_means(F, speed * flat, wanted, quadrature, split, mix)
     return jax.tree.map(lambda x: jnp.swapaxes(x.reshape(-1, *q.shape), 0, 1), means)

@@ -2,7 +2,7 @@
 
 The angular means of the stiffness are smooth in ln q and interpolated between the angular
 nodes; the factors here are not, and are exact at every contact node. A quantity is the sum
-over its means of factor times mean, one of each for a plain scene.
+over its means of factor times mean, one of each unless <F'^2> and <F''^2> soften apart.
 """
 
 from typing import NamedTuple
@@ -25,6 +25,7 @@ class Modes(NamedTuple):
 
     split: bool = False  # <F'^2> and <F''^2> apart, for softening changes them differently
     harmonics: int = 0  # highest m of cos(2 m phi) in the roughness
+    at_contact: bool = False  # taken at the contact nodes: what they are means of has kinks over q
 
 
 class Factors(NamedTuple):
@@ -40,17 +41,24 @@ def modes_of(rough, other, softened):
     """`Modes` of roughness on `rough` facing `other`."""
     if not relaxes(other):
         return Modes()
+    of_two = softened is not None and not isinstance(rough.material, Rigid)
     return Modes(
-        split=softened is not None and isinstance(rough.material, Rigid),
+        split=softened is not None and not of_two,
         harmonics=harmonic_count(rough.spectrum),
+        at_contact=of_two or isinstance(rough.spectrum, TabulatedAnisotropic),
     )
 
 
-def mix_of(rough, modes):
-    """(c_m, s_m) of a channel whose harmonics are the same at every wavevector, else None."""
-    if modes.harmonics and isinstance(rough.spectrum, Anisotropic):
+def mix_of(rough, modes, q):
+    """Shares (c_m, s_m) of the harmonics at wavevectors q; None without harmonics.
+
+    Shape (harmonics,) each where they are the same at every wavevector, else (harmonics, *q.shape).
+    """
+    if not modes.harmonics:
+        return None
+    if isinstance(rough.spectrum, Anisotropic):
         return stretched_harmonics(rough.spectrum)
-    return None
+    return tabulated_harmonics(rough.spectrum, q)
 
 
 def node_factors(rough, other, softened, q):
@@ -66,14 +74,7 @@ def node_factors(rough, other, softened, q):
     if modes_of(rough, other, softened).split:
         storage, loss = (_times(layer, x) for x in softening_factors(softened, q))
         return Factors((storage**2, loss**2), (loss,), (storage,), ())
-    square = _times(layer, layer)
-    if not isinstance(rough.spectrum, TabulatedAnisotropic):
-        return Factors((square,), (layer,), (layer,), (layer,))
-    cosine, sine = tabulated_harmonics(rough.spectrum, q)
-    linear = (layer, *(_times(layer, c) for c in cosine))
-    return Factors(
-        (square, *(_times(square, c) for c in cosine)), linear, linear, tuple(_times(layer, s) for s in sine)
-    )
+    return Factors((_times(layer, layer),), (layer,), (layer,), (layer,))
 
 
 def _times(a, b):

@@ -222,7 +222,7 @@ def densities(scene, prepared, laws, q):
                 stiffness=F,
                 shift=getattr(other.material, "shift", None),
                 modes=modes,
-                mix=mix_of(rough, modes),
+                mix=mix_of(rough, modes, q),
                 factors=None if isinstance(F, Static) else node_factors(rough, other, softened, q),
                 roughness=jnp.where(inside, roughness, 0.0),
             )
@@ -250,7 +250,7 @@ def density_at(at, wanted, velocity, temperature, q, quadrature):
             lambda x: x[0], sampled_means(F, qv[None], frozenset({wanted}), quadrature.angle)
         )
     else:
-        means = angular_means(F, qv, frozenset({wanted}), quadrature, *at.modes, at.mix)
+        means = angular_means(F, qv, frozenset({wanted}), quadrature, at.modes.split, at.mix)
     means, factors = getattr(means, wanted), getattr(at.factors, wanted)
     terms = (mean if f is None else f * mean for f, mean in zip(factors, means, strict=True))
     return at.roughness * sum(terms)

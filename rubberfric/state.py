@@ -9,7 +9,6 @@ import numpy as np
 from rubberfric.channels import parts, to_contact, total
 from rubberfric.contact import contact_argument, contact_fraction, friction_weight
 from rubberfric.correction import correct_argument
-from rubberfric.stiffness import Sampled
 
 
 class Contact(NamedTuple):
@@ -69,7 +68,7 @@ def _speed(channel, mesh, velocity, temperature):
     """v a_T [m/s]."""
     if temperature is None or channel.shift is None:
         return velocity
-    if temperature.ndim > 1 and isinstance(channel.stiffness, Sampled):
+    if temperature.ndim > 1 and channel.modes.at_contact:
         temperature = to_contact(mesh, temperature)
     factor = jnp.exp(channel.shift.log_factor(temperature))
     return velocity * factor if temperature.ndim == 1 else velocity[:, None] * factor

@@ -45,23 +45,37 @@ def interpolated_modulus(material, log_omega):
     return jnp.exp(between(material.storage)), loss
 
 
-def tabulated_means(F, qv, wanted, angle, split=False, harmonics=0, mix=None):
+def tabulated_means(F, qv, wanted, angle, split=False, mix=None):
     """(power, dissipation, storage, transverse) of a Tabulated stiffness, as `angular.angular_means`."""
     # Far below the table F is its static value and Im F is linear in q v: the means are
     # taken at the floor and the dissipation scaled, so that v = 0 keeps its derivative.
     floor = jnp.log(F.material.omega[0]) - math.log(1e9)
     tiny = jnp.finfo(qv.dtype).tiny
     log_qv = jnp.maximum(jnp.log(jnp.maximum(jnp.abs(qv), tiny)), floor)
+    harmonics = 0 if mix is None else mix[0].shape[0]
+    # Shares that depend on q are not those of a table over q v: the harmonics are kept apart till then.
+    late, mix = (mix, None) if mix is not None and mix[0].ndim > 1 else (None, mix)
     if F.spring is not None and F.spring.ndim:
         means = _direct(F, log_qv, wanted, angle, split, harmonics, mix)
     else:
         means = _by_table(F, log_qv, wanted, angle, split, harmonics, mix)
+    if late is not None:
+        means = _mixed(means, *late)
     power, dissipation, storage, transverse = means
     # If E'' does not vanish at v = 0+, only the sign is left.
     sign = jnp.sign(qv) if F.material.outside == "hold" else qv * jnp.exp(-log_qv)
     signed = (None if m is None else tuple(mean * sign for mean in m) for m in (dissipation, transverse))
     dissipation, transverse = signed
     return power, dissipation, storage, transverse
+
+
+def _mixed(means, cosine, sine):
+    """One mean of each kind from its harmonics, the isotropic one first but for the transverse."""
+    *even, odd = means
+    even = (
+        None if m is None else (sum((c * x for c, x in zip(cosine, m[1:], strict=True)), m[0]),) for m in even
+    )
+    return *even, None if odd is None else (sum(s * x for s, x in zip(sine, odd, strict=True)),)
 
 
 def _angles(count):

@@ -60,12 +60,18 @@ def by_quadrature(a, m):
     return [np.sum(measure * part) for part in parts]
 
 
-def harmonic_means(qv, count=6):
+def mixed(mix, qv):
+    """The four means of one term with shares of their harmonics, (4, nodes)."""
     F = Relaxing(*as_arrays((REST, np.ones(1), np.ones(1))))
     wanted = {"power", "dissipation", "storage", "transverse"}
-    found = angular_means(F, qv[None], wanted, rf.Quadrature(), harmonics=count)
-    means = (found.power[1:], found.dissipation[1:], found.storage[1:], found.transverse)
-    return jnp.stack([jnp.stack(x) for x in means])[..., 0, :]
+    found = angular_means(F, qv[None], wanted, rf.Quadrature(), mix=mix)
+    return jnp.concatenate([getattr(found, name)[0] for name in found._fields])
+
+
+def harmonic_means(qv, count=6):
+    """The harmonics one by one, (4, count, nodes): derivatives of the sum, which is linear in the shares."""
+    by_cosine, by_sine = jax.jacfwd(mixed)((jnp.zeros(count), jnp.zeros(count)), qv)
+    return jnp.moveaxis(jnp.concatenate([by_cosine[:3], by_sine[3:]]), -1, 1)
 
 
 def test_harmonics_of_the_means():
@@ -86,28 +92,22 @@ def test_harmonics_of_the_means():
 SIGN = np.reshape([1, -1, 1, -1], (4, 1, 1))
 
 
-@pytest.mark.slow
 def test_mixed_harmonics_are_the_sum():
-    """The polynomial in the ratio sums what the harmonics are one by one."""
+    """Shares that are the same at all nodes, and shares that differ from node to node."""
     rng, qv = np.random.default_rng(0), jnp.logspace(-3, 3, 7)
-    mix = as_arrays(tuple(rng.normal(size=(2, 6))))
-    F = Relaxing(*as_arrays((REST, np.ones(1), np.ones(1))))
-    wanted = {"power", "dissipation", "storage", "transverse"}
-
-    def mixed(mix, qv):
-        found = angular_means(F, qv[None], wanted, rf.Quadrature(), harmonics=6, mix=mix)
-        return jnp.stack([found.power[0], found.dissipation[0], found.storage[0], found.transverse[0]])[:, 0]
-
-    def separate(mix, qv):
-        plain = angular_means(F, qv[None], wanted - {"transverse"}, rf.Quadrature())
-        means = (plain.power[0], plain.dissipation[0], plain.storage[0], jnp.zeros_like(plain.power[0]))
-        shares = jnp.stack([mix[0], mix[0], mix[0], mix[1]])
-        return jnp.stack(means)[:, 0] + jnp.einsum("km,kmv->kv", shares, harmonic_means(qv))
-
-    np.testing.assert_allclose(jax.jit(mixed)(mix, qv), jax.jit(separate)(mix, qv), rtol=1e-12)
-    one, other = jax.jit(jax.jacrev(mixed, (0, 1)))(mix, qv), jax.jit(jax.jacfwd(separate, (0, 1)))(mix, qv)
-    for x, y in zip(*map(jax.tree.leaves, (one, other)), strict=True):
-        np.testing.assert_allclose(x, y, rtol=1e-10, atol=1e-13)
+    one = as_arrays(tuple(rng.normal(size=(2, 6))))
+    each = as_arrays(tuple(rng.normal(size=(2, 6, 7))))
+    none, means = jnp.zeros(6), np.asarray(jax.jit(harmonic_means)(qv))
+    plain = np.asarray(mixed((none, none), qv))
+    for cosine, sine in (one, each):
+        shares = np.broadcast_to(np.reshape([cosine] * 3 + [sine], (4, 6, -1)), (4, 6, 7))
+        expected = plain + np.einsum("kmv,kmv->kv", shares, means)
+        np.testing.assert_allclose(mixed((cosine, sine), qv), expected, rtol=1e-12, atol=1e-15)
+    # The derivative by the shares is what they multiply, in reverse mode as well.
+    by_cosine, by_sine = jax.jit(jax.jacrev(mixed))(each, qv)
+    at = np.arange(7)
+    found = np.concatenate([by_cosine[:3, at, :, at], by_sine[3:, at, :, at]], 1)
+    np.testing.assert_allclose(np.moveaxis(found, 0, -1), means, rtol=1e-10, atol=1e-13)
 
 
 # Harmonics of the roughness.
