@@ -21,6 +21,7 @@ from rubberfric.results import Result, load_result
 
 DATA = Path(__file__).parent.parent / "data"
 SCENE_FILES = sorted(path for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
+LONG = {"tabulated_tread", "softened_tread_on_asphalt", "coated_base"}  # to compile
 PRONY = '{ kind = "prony", E_inf = 1e6, E = [1e8], tau = [1e-5], shift = SHIFT }'
 WLF = '{ kind = "wlf", C1 = 8.0, C2 = 100.0, T_ref = 293.15 }'
 SCENE = f"""
@@ -373,7 +374,9 @@ def test_plot_into_given_axes_without_legend():
         plot_result(result, [ax, ax])
 
 
-@pytest.mark.parametrize("path", SCENE_FILES, ids=lambda path: path.stem)
+@pytest.mark.parametrize(
+    "path", [pytest.param(p, id=p.stem, marks=[pytest.mark.slow] * (p.stem in LONG)) for p in SCENE_FILES]
+)
 def test_scenes_of_the_data_folder(call, path, tmp_path):
     scene = rf.load_scene(path)
     text = re.sub(r"points = \d+", "points = 3", path.read_text(encoding="utf-8"))

@@ -412,6 +412,7 @@ def test_a_fitted_scene_that_no_constructor_accepts_is_left_out(quick, tmp_path,
     assert load(tmp_path / "fit.h5").values[element] == (5.0 if element else np.inf)
 
 
+@pytest.mark.slow
 def test_single_precision_stays(tmp_path):
     scene = jax.tree.map(lambda leaf: np.asarray(leaf, np.float32), SCENE)
     data = modulus(relative=0.03)

@@ -179,6 +179,7 @@ def test_jacobian_is_that_of_the_residuals(problem):
 # --- from far away
 
 
+@pytest.mark.slow
 def test_data_without_noise_are_met_to_rounding():
     problem = with_data(curve(), friction())
     signs = np.array(list(itertools.product([-1, 1], repeat=2)))
@@ -438,6 +439,7 @@ def test_outliers_move_the_robust_estimate_less_than_its_error_bars():
 # --- compilation
 
 
+@pytest.mark.slow
 def test_a_second_fit_of_the_same_kind_compiles_nothing():
     """Other data, start, bounds and errors: all of these are numbers."""
     free = {E + "[1:]": Positive(), "upper.material.E_inf": Bounded(1e6, 9e6), E + "[0]": Free()}

@@ -110,6 +110,7 @@ def test_a_fourth_number_is_not_identified(scene, fitted):
     assert rms(errors(four, "R20", scene.lower.material)) == pytest.approx(0.067, abs=0.005)
 
 
+@pytest.mark.slow
 def test_other_compound_from_its_own_modulus(fitted, series):
     """Only the slow points are predicted; viscoelastic friction grows too much with velocity."""
     error = errors(fitted, "R40", series["R40"].material)

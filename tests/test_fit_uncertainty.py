@@ -323,6 +323,7 @@ def test_a_number_that_no_data_see_at_all():
     every_gap_is_explained(result)
 
 
+@pytest.mark.slow
 def test_a_bound_does_not_hide_what_trades_with_it():
     """With noise, gamma runs along its trade with h_rms to a bound, where its x hardly counts."""
     free = {"gamma": Bounded(0.1, 1.0), "lower.spectrum.h_rms": Positive()}

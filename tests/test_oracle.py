@@ -30,6 +30,7 @@ def test_reference_values(name):
     )
 
 
+@pytest.mark.slow
 def test_option_cases_are_current():
     """A scene of every option gives what the committed file holds, on another mesh."""
     for name in ("correction-two-rubbers", "frictionless-slab", "table-spectrum", "table-modulus", "wlf-hot"):

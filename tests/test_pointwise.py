@@ -82,6 +82,7 @@ def test_equals_forward_mode(name, quantity):
     assert np.any(expected != 0)
 
 
+@pytest.mark.slow
 def test_more_points_than_a_block():
     scene_of, x, conditions = arguments(SCENES["sheared"], 2 * BLOCK + 7)
     values, jacobian = compiled(scene_of, x, conditions, "area")

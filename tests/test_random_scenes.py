@@ -229,11 +229,14 @@ def examples(structure, how, both_modes):
     run()
 
 
-@pytest.mark.parametrize(
+first_ordinary = pytest.mark.parametrize(
     "structure",
     [pytest.param(one, marks=[pytest.mark.slow] * (i > 0)) for i, one in enumerate(FIXED)],
     ids=str,
 )
+
+
+@first_ordinary
 def test_scenes(structure):
     examples(structure, settings_of(structure), structure in BOTH_MODES)
 
@@ -290,7 +293,7 @@ def test_without_jit():
 
 
 @pytest.mark.parametrize("dtype", [np.float32, np.float64])
-@pytest.mark.parametrize("structure", FIXED, ids=str)
+@first_ordinary
 def test_dtype_is_kept(structure, dtype):
     call = drawn(structure, 1, SINGLE, dtype)[0]
     shapes = jax.eval_shape(everything, call, call[2], None)

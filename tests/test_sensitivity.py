@@ -60,6 +60,7 @@ each_quantity = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.slow
 @each_quantity
 def test_all_moduli_and_the_pressure_times_one_factor_change_nothing(quantity):
     s = sums(quantity)
@@ -79,6 +80,7 @@ def test_all_lengths_times_one_factor_move_only_the_separation(quantity):
     np.testing.assert_allclose(total, float(quantity == "separation"), atol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("quantity", "expected"), [("area", 0.0), ("separation", 1.0)])
 def test_heights_and_pressure_times_one_factor(quantity, expected):
     s = sums(quantity)
@@ -122,7 +124,7 @@ def key_path(parameter):
         pytest.param("two-slabs", "friction", marks=pytest.mark.slow),
         pytest.param("two-slabs", "separation", marks=pytest.mark.slow),
         ("wlf-hot", "friction"),
-        ("corrected", "area"),
+        pytest.param("corrected", "area", marks=pytest.mark.slow),
     ],
 )
 def test_equal_to_the_oracle(name, quantity):
@@ -222,6 +224,7 @@ def test_transformations():
     assert all(np.isfinite(leaf).all() for leaf in jax.tree.leaves(slope))
 
 
+@pytest.mark.slow
 def test_second_call_compiles_nothing():
     other = dataclasses.replace(SMALL, gamma=0.6)
     with compilations() as compiled:

@@ -75,6 +75,7 @@ def test_shift_tables_of_all_compounds_are_accepted(compound):
     assert np.isfinite(cold) and np.isfinite(warm) and cold != warm
 
 
+@pytest.mark.slow
 def test_little_of_the_friction_comes_from_outside_the_table():
     crawling, slow, middle = rf.friction_outside_table(scene(), np.array([1e-12, 1e-5, 1e-2]), PRESSURE)
     assert abs(slow) < 0.02 and abs(middle) < 0.02
