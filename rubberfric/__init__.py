@@ -1,5 +1,6 @@
 """rubberfric: differentiable rubber friction after Scaraggi and Persson."""
 
+from rubberfric import plot
 from rubberfric.anisotropy import Anisotropic, TabulatedAnisotropic, from_grid, harmonics_left_out
 from rubberfric.coating import Coating
 from rubberfric.files import load_scene, save_scene
@@ -69,6 +70,7 @@ __all__ = [
     "line_spectrum",
     "load_scene",
     "moment",
+    "plot",
     "power_spectrum",
     "profile",
     "quantities_of",
