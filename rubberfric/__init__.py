@@ -15,6 +15,7 @@ from rubberfric.moments import cutoff, moment, rms_height, rms_slope, with_cutof
 from rubberfric.outside import friction_outside_table
 from rubberfric.power import DissipatedPower, dissipated_power
 from rubberfric.profiles import Profile, profile
+from rubberfric.progress import progress
 from rubberfric.psd import areal_spectrum, line_spectrum, spectrum_as, spectrum_from
 from rubberfric.quadrature import Quadrature
 from rubberfric.scene import Body, Scene
@@ -73,6 +74,7 @@ __all__ = [
     "plot",
     "power_spectrum",
     "profile",
+    "progress",
     "quantities_of",
     "resample",
     "rms_height",
