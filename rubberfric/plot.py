@@ -1,7 +1,8 @@
 """Pictures of scenes and results. They need matplotlib: pip install 'rubberfric[plot]'.
 
 Every function `plot_...` draws into the axes that it is given, or into a new figure of its own that
-pyplot does not know, and returns the axes: `plot_friction(result).figure` shows in a notebook.
+pyplot does not know, and returns the axes: `plot_friction(result).figure` at the end of a cell shows
+in a notebook, after `%matplotlib inline`.
 """
 
 import importlib.util

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rubberfric.plot_style import one_axes
+from rubberfric.plot_style import legend, one_axes
 
 # What is drawn of a sweep: method, precision, attribute of errors and times; line style, marker,
 # filled or open, colour, and name.
@@ -33,7 +33,7 @@ def plot_accuracy(accuracy, ax=None, *, unit=None):
     -------
     the axes
     """
-    ax = one_axes(ax, (6.4, 4.4))
+    ax = one_axes(ax, (8.0, 4.2))
     second = 1e3 if unit is None else 1 / unit.forward
     for (method, dtype, what), (line, marker, filled, colour, label) in SWEEPS.items():
         rows = [row for row in accuracy.rows if (row.method, row.dtype) == (method, dtype)]
@@ -48,7 +48,7 @@ def plot_accuracy(accuracy, ax=None, *, unit=None):
     ax.set_ylabel("largest relative error [-]")
     _label_times(ax.xaxis)
     ax.grid(alpha=0.3)
-    ax.legend(fontsize="small")
+    legend(ax)
     return ax
 
 

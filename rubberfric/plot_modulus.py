@@ -71,7 +71,7 @@ def plot_modulus(material, ax=None, omega=None, temperature=None, data=None):
     handles += _points(axes, right, points, "measured", None)
     _dress(axes, right, temperature)
     right.set_visible(bool(right.lines))
-    legend(axes, handles, scale_right=True, inside="upper left")
+    legend(axes, handles, scale_right=bool(right.lines), inside="upper left")
     return axes
 
 

@@ -117,6 +117,8 @@ def _line(label, spectrum, q):
     if q is None:
         q = np.union1d(np.geomspace(kinks[0], kinks[-1], _POINTS)[1:-1], kinks)
     q = q[(q >= kinks[0]) & (q <= kinks[-1])]
+    if q.size == 0:
+        raise ValueError(f"{label}: no q lies within {kinks[0]:g} ... {kinks[-1]:g} 1/m; one must at least")
     C, slope = _values(spectrum, q)
     at_kinks = _values(spectrum, kinks)[0]
     places = {"q0": 0, "qr": 1, "q1": 2} if broken else {"q0": 0, "q1": -1}

@@ -287,6 +287,7 @@ SQUARE = np.ones((3, 5))
         (plot.plot_spectrum, ({},), "spectra is empty"),
         (plot.plot_spectrum, ({"a": rf.SelfAffine(1.0, 2.0, 3.0, 0.8, 0.0)},), "a is smooth: must be rough"),
         (plot.plot_spectrum, (ROAD, None, [1.0, -1.0]), r"q\[1\] = -1: must be > 0 and finite"),
+        (plot.plot_spectrum, (ROAD, None, [1.0]), r"spectrum: no q lies within 100 \.\.\. 100000 1/m"),
         (plot.plot_spectrum, (ROAD, 3), "ax is a int: must be one matplotlib axes, or None"),
         (plot.plot_modulus, (rf.Rigid(),), "material is a Rigid: must be one that deforms"),
         (plot.plot_modulus, (ROAD,), "material is a SelfAffine: must be one that deforms"),
