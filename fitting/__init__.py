@@ -1,5 +1,6 @@
 """fitting: inverse fits of rubber-friction scenes to measurements, and what the data can tell."""
 
+from fitting import plot
 from fitting.data import AreaData, FrictionData, ModulusData, SpectrumData
 from fitting.data_files import read, write
 from fitting.fit import fit
@@ -29,6 +30,7 @@ __all__ = [
     "fit",
     "fit_prony",
     "fit_spectrum",
+    "plot",
     "read",
     "sensitivity",
     "sensitivity_names",
