@@ -1,5 +1,6 @@
 """rubberfric: differentiable rubber friction after Scaraggi and Persson."""
 
+from rubberfric import units
 from rubberfric.anisotropy import Anisotropic, TabulatedAnisotropic, from_grid, harmonics_left_out
 from rubberfric.coating import Coating
 from rubberfric.files import load_scene, save_scene
@@ -22,6 +23,7 @@ from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
 from rubberfric.softening import Softening
 from rubberfric.spectra import SelfAffine, TabulatedSpectrum, power_spectrum
 from rubberfric.sweep import accuracy
+from rubberfric.tables import read_columns
 from rubberfric.topography import MeasuredSpectrum, spectrum_of_profile, spectrum_of_topography
 
 __all__ = [
@@ -72,6 +74,7 @@ __all__ = [
     "power_spectrum",
     "profile",
     "quantities_of",
+    "read_columns",
     "resample",
     "rms_height",
     "rms_slope",
@@ -84,5 +87,6 @@ __all__ = [
     "spectrum_of_profile",
     "spectrum_of_topography",
     "stress_distribution",
+    "units",
     "with_cutoff",
 ]
