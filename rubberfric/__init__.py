@@ -22,6 +22,7 @@ from rubberfric.shear import ContactShear
 from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
 from rubberfric.softening import Softening
 from rubberfric.spectra import SelfAffine, TabulatedSpectrum, power_spectrum
+from rubberfric.surfaces import spectrum_of_surface
 from rubberfric.sweep import accuracy
 from rubberfric.tables import read_columns
 from rubberfric.topography import MeasuredSpectrum, spectrum_of_profile, spectrum_of_topography
@@ -85,6 +86,7 @@ __all__ = [
     "spectrum_as",
     "spectrum_from",
     "spectrum_of_profile",
+    "spectrum_of_surface",
     "spectrum_of_topography",
     "stress_distribution",
     "units",
