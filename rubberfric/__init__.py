@@ -15,6 +15,8 @@ from rubberfric.moments import cutoff, moment, rms_height, rms_slope, with_cutof
 from rubberfric.outside import friction_outside_table
 from rubberfric.power import DissipatedPower, dissipated_power
 from rubberfric.profiles import Profile, profile
+from rubberfric.prony_reading import read_prony
+from rubberfric.prony_writing import write_prony
 from rubberfric.psd import areal_spectrum, line_spectrum, spectrum_as, spectrum_from
 from rubberfric.quadrature import Quadrature
 from rubberfric.scene import Body, Scene
@@ -76,6 +78,7 @@ __all__ = [
     "profile",
     "quantities_of",
     "read_columns",
+    "read_prony",
     "resample",
     "rms_height",
     "rms_slope",
@@ -91,4 +94,5 @@ __all__ = [
     "stress_distribution",
     "units",
     "with_cutoff",
+    "write_prony",
 ]
