@@ -1,6 +1,6 @@
 """rubberfric: differentiable rubber friction after Scaraggi and Persson."""
 
-from rubberfric import plot
+from rubberfric import plot, units
 from rubberfric.anisotropy import Anisotropic, TabulatedAnisotropic, from_grid, harmonics_left_out
 from rubberfric.coating import Coating
 from rubberfric.files import load_scene, save_scene
@@ -16,6 +16,8 @@ from rubberfric.outside import friction_outside_table
 from rubberfric.power import DissipatedPower, dissipated_power
 from rubberfric.profiles import Profile, profile
 from rubberfric.progress import progress
+from rubberfric.prony_reading import read_prony
+from rubberfric.prony_writing import write_prony
 from rubberfric.psd import areal_spectrum, line_spectrum, spectrum_as, spectrum_from
 from rubberfric.quadrature import Quadrature
 from rubberfric.scene import Body, Scene
@@ -23,7 +25,9 @@ from rubberfric.shear import ContactShear
 from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
 from rubberfric.softening import Softening
 from rubberfric.spectra import SelfAffine, TabulatedSpectrum, power_spectrum
+from rubberfric.surfaces import spectrum_of_surface
 from rubberfric.sweep import accuracy
+from rubberfric.tables import read_columns
 from rubberfric.topography import MeasuredSpectrum, spectrum_of_profile, spectrum_of_topography
 
 __all__ = [
@@ -76,6 +80,8 @@ __all__ = [
     "profile",
     "progress",
     "quantities_of",
+    "read_columns",
+    "read_prony",
     "resample",
     "rms_height",
     "rms_slope",
@@ -86,7 +92,10 @@ __all__ = [
     "spectrum_as",
     "spectrum_from",
     "spectrum_of_profile",
+    "spectrum_of_surface",
     "spectrum_of_topography",
     "stress_distribution",
+    "units",
     "with_cutoff",
+    "write_prony",
 ]
