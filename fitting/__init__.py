@@ -2,7 +2,10 @@
 
 from fitting.data import AreaData, FrictionData, ModulusData, SpectrumData
 from fitting.data_files import read, write
+from fitting.ensemble import run_ensemble
+from fitting.ensemble_result import EnsembleResult
 from fitting.fit import fit
+from fitting.members import Members, bootstrap_members, multi_start, profile_members
 from fitting.priors import Gaussian, Smooth
 from fitting.prony import fit_prony
 from fitting.prony_result import PronyFit
@@ -15,10 +18,12 @@ from fitting.spectrum_result import SpectrumFit
 __all__ = [
     "AreaData",
     "Bounded",
+    "EnsembleResult",
     "FitResult",
     "Free",
     "FrictionData",
     "Gaussian",
+    "Members",
     "ModulusData",
     "Positive",
     "PronyFit",
@@ -26,10 +31,14 @@ __all__ = [
     "SpectrumData",
     "SpectrumFit",
     "Tied",
+    "bootstrap_members",
     "fit",
     "fit_prony",
     "fit_spectrum",
+    "multi_start",
+    "profile_members",
     "read",
+    "run_ensemble",
     "sensitivity",
     "sensitivity_names",
     "write",
