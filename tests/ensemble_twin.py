@@ -15,11 +15,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+# Before what makes arrays.
 SINGLE = "float32" in sys.argv
 if __name__ == "__main__":
     jax.config.update("jax_enable_x64", not SINGLE)
 
-from twin import FREE, TRUTH, twin  # noqa: E402: the precision comes first
+from twin import FREE, TRUTH, twin  # noqa: E402
 
 import fitting  # noqa: E402
 from fitting.lm import LevenbergMarquardt  # noqa: E402
