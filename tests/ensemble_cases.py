@@ -11,11 +11,14 @@ import time
 import jax
 import numpy as np
 
-if __name__ == "__main__":
-    jax.config.update("jax_enable_x64", True)
-
 import fitting
 import rubberfric as rf
+
+if __name__ == "__main__":
+    jax.config.update("jax_enable_x64", True)
+    if len(sys.argv) > 4:
+        # After the imports, which must not begin to use devices, and before anything that does.
+        jax.distributed.initialize(f"127.0.0.1:{sys.argv[6]}", int(sys.argv[4]), int(sys.argv[5]))
 
 QUADRATURE = rf.Quadrature(order=8, panels=4, graded=2, ratio=6.0)
 ROAD = rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4))
@@ -48,20 +51,20 @@ def friction(starts=10):
     return fitting.multi_start(SCENE, data, free, starts, quadrature=QUADRATURE, max_steps=12)
 
 
-def main(case, out, checkpoint=None, processes=1, index=0, port=0):
-    if int(processes) > 1:
-        jax.distributed.initialize(f"127.0.0.1:{port}", int(processes), int(index))
-
+def main(case, out, checkpoint=None, *processes):
     def callback(done, members):
         print(done, flush=True)
-        if int(processes) == 1 and checkpoint is not None:
+        if checkpoint is not None and not processes:
             time.sleep(0.02)  # so that a kill finds it at work
 
     members = {"modulus": modulus, "friction": friction}[case]()
-    result = fitting.run_ensemble(
-        members, checkpoint=checkpoint, every=0, resume=True, lanes=2, callback=callback
-    )
-    np.savez(out, devices=result.devices, **{name: getattr(result, name) for name in ROWS})
+    options = {"checkpoint": checkpoint, "every": 0, "resume": True, "lanes": 2, "callback": callback}
+    result = fitting.run_ensemble(members, **options)
+    found = {name: getattr(result, name) for name in ROWS}
+    if checkpoint is None:  # the same on one device
+        one = fitting.run_ensemble(members, devices=jax.devices()[:1], lanes=3)
+        found |= {f"one_{name}": getattr(one, name) for name in ROWS}
+    np.savez(out, devices=result.devices, **found)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ The members are bootstrap fits of the twin measurements (240 points, 20 paramete
 minimum. JAX_NUM_CPU_DEVICES in the environment says how many devices a processor is.
 """
 
+import dataclasses
 import json
 import resource
 import sys
@@ -38,8 +39,12 @@ def bootstrap(count):
 
 
 def ensemble(count):
-    """The whole ensemble; its seconds are without compilation."""
+    """The whole ensemble; its seconds are without compilation.
+
+    Memory grows from what a first run, which compiles, came to.
+    """
     members = bootstrap(count)
+    fitting.run_ensemble(dataclasses.replace(members, max_steps=1))
     before = peak()
     result = fitting.run_ensemble(members)
     return {
