@@ -3,8 +3,8 @@ r"""Lanes: one compiled step for many fits, shared out over the devices of a mes
 Each device holds a number of lanes, and takes one step of the fit in every lane per call.
 On a processor it takes them one after the other: the arithmetic of one fit keeps a core busy,
 its working set stays in the cache, a lane without work costs nothing, and a member's numbers
-are the same bits whatever the number of lanes and devices, as each is computed by the same
-program. On an accelerator, which is idle with one fit, the lanes of a device are one batch.
+are the same bits whatever the number of lanes, as each is computed by the same program. On an
+accelerator, which is idle with one fit, the lanes of a device are one batch.
 
 Nothing is exchanged between devices in a step. Its results, a few numbers a lane, go to all
 processes, each of which keeps the whole ensemble's bookkeeping.

@@ -116,7 +116,7 @@ def test_profiles_are_those_of_the_result(result):
 # --- lanes, devices, processes
 
 
-@pytest.mark.parametrize("lanes", [1, 7, None])
+@pytest.mark.parametrize("lanes", [1, 7])
 def test_lanes_do_not_change_a_bit(members, whole, lanes):
     assert_same(fitting.run_ensemble(members, lanes=lanes), whole)
 
@@ -128,13 +128,25 @@ def test_one_batch_changes_rounding_at_most(members, whole):
     np.testing.assert_allclose(batch.x, whole.x, rtol=1e-9)
 
 
-def test_devices_do_not_change_a_bit(tmp_path):
-    """Ten members on three devices of two lanes each."""
-    finished(start("friction", tmp_path / "out.npz", devices=3))
+def test_devices_do_not_change_a_bit(tmp_path, whole):
+    """Seventeen members on three devices of two lanes each."""
+    finished(start("modulus", tmp_path / "out.npz", devices=3))
     found = dict(np.load(tmp_path / "out.npz"))
     assert found["devices"] == 3
-    assert set(found["status"]) <= {CONVERGED, OUT_OF_STEPS} and CONVERGED in found["status"]
-    assert_same(found, {name: found[f"one_{name}"] for name in cases.ROWS})
+    assert_same(found, whole)
+
+
+@pytest.mark.slow
+def test_devices_change_friction_by_rounding_at_most(tmp_path):
+    """Programs of one device are simplified by another sequence of passes than those of several."""
+    finished(start("friction", tmp_path / "out.npz", devices=3))
+    found = dict(np.load(tmp_path / "out.npz"))
+    assert_same(found, {name: found[f"two_{name}"] for name in cases.ROWS})
+    good = found["status"] == CONVERGED
+    assert good.sum() >= 5
+    np.testing.assert_array_equal(found["one_status"][good], CONVERGED)
+    np.testing.assert_allclose(found["one_cost"][good], found["cost"][good], rtol=1e-12)
+    np.testing.assert_allclose(found["one_x"][good], found["x"][good], rtol=1e-7)
 
 
 def test_two_processes_do_not_change_a_bit(tmp_path, members, whole):
@@ -235,7 +247,7 @@ def interrupt(after):
     return callback
 
 
-@pytest.mark.parametrize("after", [0, 1, 4, 9])
+@pytest.mark.parametrize("after", [0, 7])
 def test_an_interrupted_run_goes_on_to_the_same_numbers(tmp_path, members, whole, after):
     path = tmp_path / "run.h5"
     part = fitting.run_ensemble(members, checkpoint=path, lanes=3, callback=interrupt(after))
