@@ -3,7 +3,10 @@
 from fitting import plot
 from fitting.data import AreaData, FrictionData, ModulusData, SpectrumData
 from fitting.data_files import read, write
+from fitting.ensemble import run_ensemble
+from fitting.ensemble_result import EnsembleResult
 from fitting.fit import fit
+from fitting.members import Members, bootstrap_members, multi_start, profile_members
 from fitting.priors import Gaussian, Smooth
 from fitting.prony import fit_prony
 from fitting.prony_result import PronyFit
@@ -16,10 +19,12 @@ from fitting.spectrum_result import SpectrumFit
 __all__ = [
     "AreaData",
     "Bounded",
+    "EnsembleResult",
     "FitResult",
     "Free",
     "FrictionData",
     "Gaussian",
+    "Members",
     "ModulusData",
     "Positive",
     "PronyFit",
@@ -27,11 +32,15 @@ __all__ = [
     "SpectrumData",
     "SpectrumFit",
     "Tied",
+    "bootstrap_members",
     "fit",
     "fit_prony",
     "fit_spectrum",
+    "multi_start",
     "plot",
+    "profile_members",
     "read",
+    "run_ensemble",
     "sensitivity",
     "sensitivity_names",
     "write",

@@ -3,9 +3,10 @@
 Exit status: 0 fitted; 1 not converged, interrupted, or the work failed; 2 bad input, with one
 line on stderr and nothing written. A fit that was interrupted (Ctrl-C or SIGTERM) is reported
 and written as far as it came, as is one that did not converge; a second interrupt does not
-wait for that.
+wait for that. A bootstrap that was interrupted, or killed, goes on with --resume.
 """
 
+import argparse
 import contextlib
 import importlib.metadata
 import signal
@@ -15,8 +16,10 @@ import threading
 import jax
 import numpy as np
 
+from fitting.ensemble import run_ensemble
 from fitting.fit import fit
 from fitting.job import read_job
+from fitting.members import bootstrap_members
 from fitting.plot import save_plot
 from fitting.result_hdf5 import save
 from rubberfric._atomic import check_writable
@@ -28,7 +31,12 @@ PROGRAM = "rubberfric-fit"
 
 def main(argv=None):
     """Run the command with arguments `argv` (default: those of the process); returns the exit status."""
-    arguments = _parser().parse_args(argv)
+    parser = _parser()
+    arguments = parser.parse_args(argv)
+    if arguments.bootstrap is None and (arguments.checkpoint is not None or arguments.resume):
+        parser.error("--checkpoint and --resume are of a bootstrap: must come with --bootstrap N")
+    if arguments.resume and arguments.checkpoint is None:
+        parser.error("--resume: must come with --checkpoint FILE.h5")
     # The library never does this: the precision of a program is its own choice.
     jax.config.update("jax_enable_x64", True)
     try:
@@ -50,6 +58,8 @@ def run(arguments, interrupts):
         check_writable(arguments.out, (".h5",))
     if arguments.plot is not None:
         check_plot(arguments.plot)
+    if arguments.checkpoint is not None:
+        check_writable(arguments.checkpoint, (".h5",))
     job, failures = read_job(arguments.job), []
     with interrupts.held():
         result = _fit(arguments.job, job, interrupts)
@@ -59,13 +69,22 @@ def run(arguments, interrupts):
                     writer(path, result, job.title)
             except OSError as error:  # a full disk must not cost the report
                 failures.append(error)
-    print(job.title + "\n" * bool(job.title) + result.report(), end="", flush=True)
+        spread = None
+        if arguments.bootstrap is not None and result.success and not interrupts.stopped:
+            spread = _bootstrap(arguments, result, interrupts)
+    print(job.title + "\n" * bool(job.title) + result.report(), end="")
+    print("" if spread is None else spread.report(), end="", flush=True)
     if failures:
         raise failures[0]
     if not result.success:
         return complain(PROGRAM, result.message, 1)
     if interrupts.stopped:
-        return complain(PROGRAM, "interrupted: a start had converged, others had not", 1)
+        text = (
+            "a start had converged, others had not"
+            if spread is None
+            else "of the bootstrap only a part is done"
+        )
+        return complain(PROGRAM, f"interrupted: {text}", 1)
     return 0
 
 
@@ -84,6 +103,23 @@ def _fit(path, job, interrupts):
             raise
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
+
+
+def _bootstrap(arguments, result, interrupts):
+    """Refits of simulated data, with their progress on a terminal."""
+    with _progress() as show:
+
+        def callback(done, members):
+            show(f"bootstrap: {done} of {members} fits")
+            interrupts.check()
+
+        show("bootstrap: compiling ...")
+        return run_ensemble(
+            bootstrap_members(result, arguments.bootstrap),
+            checkpoint=arguments.checkpoint,
+            resume=arguments.resume,
+            callback=callback,
+        )
 
 
 class Interrupts:
@@ -161,4 +197,19 @@ def _parser():
     parser.add_argument(
         "--plot", metavar="FILE.png", help="draw data, fit and residuals (.png, .pdf or .svg)"
     )
+    parser.add_argument(
+        "--bootstrap", metavar="N", type=_count, help="refit N simulated data sets, report their spread"
+    )
+    parser.add_argument(
+        "--checkpoint",
+        metavar="FILE.h5",
+        help="save the bootstrap's state every minute; refused if it exists",
+    )
+    parser.add_argument("--resume", action="store_true", help="go on with the checkpoint, if it exists")
     return parser
+
+
+def _count(text):
+    if not text.isascii() or not text.isdigit() or not 0 < int(text) < 2**31:
+        raise argparse.ArgumentTypeError(f"{text!r}: must be an integer >= 1")
+    return int(text)

@@ -133,26 +133,36 @@ def profile(result, name, level=0.95, points=8, callback=None):
     -------
     Profile
     """
+    starts, targets = profile_fits(result, name, level, points)
+    problem = result.problem
+    runs = run(LevenbergMarquardt(), problem.structure, problem.numbers, targets, starts, callback=callback)
+    return profile_of(result, name, level, starts, runs.cost, runs.status)
+
+
+def profile_fits(result, name, level, points):
+    """Start vectors of the fits that a profile is made of, and their targets."""
     names = list(result.names)
     if name not in names:
         raise ValueError(f"name = {name!r}: must be one of {', '.join(names)}")
     i, known = names.index(name), result.uncertainty
-    q = _quantile(result, level)
     deviation = np.sqrt(known.spread[i, i]) if known.stretch[i] == 1 else np.inf
-    reach = min(1.6 * q * deviation, OPEN / 10)
+    reach = min(1.6 * _quantile(result, level) * deviation, OPEN / 10)
     offsets = reach * np.linspace(-1, 1, 2 * points + 1)
     # The others start where the covariance expects them, but for those at a bound.
     toward = np.where(known.stretch == 1, known.spread[i] / known.spread[i, i], 0.0)
     toward[i] = 1.0
-    starts = result.x + offsets[:, None] * toward
     held = np.ones(result.layout.size)
     held[i] = 0.0
     targets = jax.tree.map(lambda a: a[None], result.problem.targets._replace(held=held))
-    problem = result.problem
-    runs = run(LevenbergMarquardt(), problem.structure, problem.numbers, targets, starts, callback=callback)
-    good = np.isin(runs.status, (CONVERGED, PERFECT))
-    rise = np.where(good, 2 * (runs.cost - min(result.cost, runs.cost[good].min(initial=np.inf))), np.nan)
-    layout, constants = problem.structure.layout, problem.numbers.constants
+    return result.x + offsets[:, None] * toward, targets
+
+
+def profile_of(result, name, level, starts, cost, status):
+    """The `Profile` that fits from `profile_fits` make."""
+    i, q, points = list(result.names).index(name), _quantile(result, level), len(starts) // 2
+    good = np.isin(status, (CONVERGED, PERFECT))
+    rise = np.where(good, 2 * (cost - min(result.cost, cost[good].min(initial=np.inf))), np.nan)
+    layout, constants = result.layout, result.problem.numbers.constants
     values = np.asarray(jax.vmap(lambda x: to_values(layout, constants, x))(starts))[:, i]
     sides = np.arange(points, -1, -1), np.arange(points, 2 * points + 1)
     ends = [_crossing(starts[side, i], np.sqrt(np.maximum(rise[side], 0.0)), q) for side in sides]
@@ -186,14 +196,24 @@ def bootstrap(result, count=100, key=None, callback=None):
     Bootstrap
     """
     problem = result.problem
-    key = jax.random.key(0) if key is None else key
-    targets = problem.targets
-    noise = np.asarray(jax.random.normal(key, (count, targets.measured.size)))
-    drawn = model_rows(problem, result.x) + targets.error * noise
-    targets = targets._replace(measured=drawn, error=targets.error[None], held=targets.held[None])
-    starts = np.tile(result.x, (count, 1))
+    starts, targets = bootstrap_fits(result, count, key)
     runs = run(LevenbergMarquardt(), problem.structure, problem.numbers, targets, starts, callback=callback)
-    good = np.isin(runs.status, (CONVERGED, PERFECT))
-    layout, constants = problem.structure.layout, problem.numbers.constants
-    values = jax.vmap(lambda x: to_values(layout, constants, x))(runs.x[good])
+    return bootstrap_of(result, runs.x, runs.status)
+
+
+def bootstrap_fits(result, count, key):
+    """Start vectors of the fits of a bootstrap, and the data drawn for them."""
+    key = jax.random.key(0) if key is None else key
+    targets = result.problem.targets
+    noise = np.asarray(jax.random.normal(key, (count, targets.measured.size)))
+    drawn = model_rows(result.problem, result.x) + targets.error * noise
+    targets = targets._replace(measured=drawn, error=targets.error[None], held=targets.held[None])
+    return np.tile(result.x, (count, 1)), targets
+
+
+def bootstrap_of(result, x, status):
+    """The `Bootstrap` that fits from `bootstrap_fits` make."""
+    good = np.isin(status, (CONVERGED, PERFECT))
+    layout, constants = result.layout, result.problem.numbers.constants
+    values = jax.vmap(lambda x: to_values(layout, constants, x))(x[good])
     return Bootstrap(result.names, np.asarray(values), int((~good).sum()))

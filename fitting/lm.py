@@ -47,9 +47,12 @@ class LevenbergMarquardt:
     tolerance : float
         done when the linear model promises, and the step brings, a lower cost by less than
         this part of it.
+    damping : float
+        that the first step is made with; less where fits start near their minimum.
     """
 
     tolerance: float = 1e-9
+    damping: float = 1e-3
     max_steps = 200
 
     def init(self, structure, numbers, targets, x):
@@ -57,7 +60,7 @@ class LevenbergMarquardt:
         cost = cost_at(structure, numbers, targets, x)
         status = jnp.where(jnp.isfinite(cost), RUNNING, NOT_FINITE)
         count = jnp.asarray(0)
-        return State(x, cost, status, count + 1, count, jnp.asarray(1e-3, x.dtype))
+        return State(x, cost, status, count + 1, count, jnp.asarray(self.damping, x.dtype))
 
     def step(self, structure, numbers, targets, state):
         """The state after one step; one that is done stays as it is."""

@@ -213,7 +213,7 @@ def residuals(structure, numbers, targets, x):
     model, scene = predictions(structure, numbers, x)
     rows = (model - targets.measured) / targets.error
     prior = prior_residuals(structure.prior, numbers.prior, scene, x)
-    return jnp.concatenate([rows, prior, numbers.leash * (_bends(structure.layout) @ x)])
+    return jnp.concatenate([rows, prior, numbers.leash * (_bends(structure.layout, x.dtype) @ x)])
 
 
 def residuals_and_jacobian(structure, numbers, targets, x):
@@ -237,20 +237,20 @@ def residuals_and_jacobian(structure, numbers, targets, x):
     prior, prior_slopes = forward(
         lambda x: prior_residuals(structure.prior, numbers.prior, scene_of(x), x), x
     )
-    bends = numbers.leash * _bends(structure.layout)
+    bends = numbers.leash * _bends(structure.layout, x.dtype)
     rows = [(model - targets.measured) / targets.error, prior, bends @ x]
     slopes = [slopes / targets.error[:, None], prior_slopes, bends]
     return jnp.concatenate(rows), jnp.concatenate(slopes)
 
 
-def _bends(layout):
+def _bends(layout, dtype):
     """Second differences of x along the arrays of Positive elements, shape (rows, size)."""
     rows = [np.zeros((0, layout.size))]
     for group in layout.groups:
         first, last = group.slot
         if group.kind == "Positive" and last - first >= 3:
             rows.append(np.diff(np.eye(layout.size)[first:last], 2, axis=0))
-    return np.concatenate(rows)
+    return np.concatenate(rows).astype(dtype)
 
 
 def forward(function, x):

@@ -59,9 +59,9 @@ def write_parameters(group, result):
     units = [
         unit(result.scene_at_start, free.path) or "-" for free in result.layout.own for _ in range(*free.slot)
     ]
-    _write_texts(group, "names", result.names)
-    _write_texts(group, "units", units)
-    _write_texts(group, "withheld", [result.withheld.get(name, "") for name in result.names])
+    write_texts(group, "names", result.names)
+    write_texts(group, "units", units)
+    write_texts(group, "withheld", [result.withheld.get(name, "") for name in result.names])
     for name in ("values", "start_values", "stderr"):
         write_values(group, name, np.asarray(getattr(result, name)), "as in units")
 
@@ -76,7 +76,7 @@ def write_uncertainty(group, known):
     loadings = [direction.loadings for direction in known.unidentified]
     write_values(below, "loadings", np.array(loadings, float).reshape(-1, known.deviation.size), "-")
     write_values(below, "deviation", np.array([d.deviation for d in known.unidentified], float), "-")
-    _write_texts(below, "text", [direction.text for direction in known.unidentified])
+    write_texts(below, "text", [direction.text for direction in known.unidentified])
 
 
 def read_uncertainty(group, parameters, size):
@@ -129,7 +129,8 @@ def read_array(group, name, units, shape):
     return array
 
 
-def _write_texts(group, name, texts):
+def write_texts(group, name, texts):
+    """A dataset of texts."""
     group.create_dataset(name, data=np.array(list(texts), object), dtype=h5py.string_dtype())
 
 

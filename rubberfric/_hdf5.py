@@ -10,14 +10,19 @@ import numpy as np
 from rubberfric.tables import closest
 
 
+def release():
+    """The version of this package."""
+    return importlib.metadata.version("rubberfric")
+
+
 @contextlib.contextmanager
 def creating(path, form, version=1):
-    """Open a new file of the format named `form` for writing."""
+    """Open a new file of the format named `form` for writing; `path` may be a file object."""
     # Since 1.10 the file format has checksums on its structure.
     with h5py.File(path, "x", libver=("v110", "v110")) as file:
         file.attrs["format"] = form
         file.attrs["format_version"] = version
-        file.attrs["rubberfric_version"] = importlib.metadata.version("rubberfric")
+        file.attrs["rubberfric_version"] = release()
         yield file
 
 

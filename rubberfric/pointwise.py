@@ -18,8 +18,9 @@ import numpy as np
 from rubberfric.materials import TabulatedModulus
 from rubberfric.model import evaluate_quantities, prepare_quantities, solve
 
-# Points at once: each keeps the derivatives with respect to all that was prepared, about 0.1 MB.
-BLOCK = 256
+# Points at once: each keeps the derivatives with respect to all that was prepared, about 0.2 MB.
+# On a processor they must stay in its cache: 32 at once take a third of the time that 256 take.
+BLOCK, CACHED = 256, 32
 
 
 def value_and_jacobian(scene_of, x, conditions, quantity, quadrature):
@@ -82,11 +83,12 @@ def value_and_jacobian(scene_of, x, conditions, quantity, quadrature):
         return values, jnp.concatenate([jnp.zeros((values.size, 0), x.dtype), *slopes], 1) @ tangents.T
 
     count = points[0].size
-    if count <= BLOCK:
+    blocks = -(-count // (CACHED if jax.default_backend() == "cpu" else BLOCK))
+    if blocks <= 1:
         return block(points)
-    blocks = -(-count // BLOCK)
-    padding = (0, blocks * BLOCK - count)
-    stacked = [jnp.pad(c, padding, mode="edge").reshape(blocks, BLOCK) for c in points]
+    size = -(-count // blocks)  # all about equally large
+    padding = (0, blocks * size - count)
+    stacked = [jnp.pad(c, padding, mode="edge").reshape(blocks, size) for c in points]
     values, jacobian = jax.lax.map(block, stacked)
     return values.reshape(-1)[:count], jacobian.reshape(-1, x.size)[:count]
 
