@@ -57,6 +57,7 @@ def add(commands):
 
 def run(arguments):
     """`rubberfric map`: a friction map of a scene file."""
+    make_devices(arguments.devices)  # before the scene is read, for with that JAX begins
     if arguments.out is not None:
         check_writable(arguments.out, (".h5",))
     if arguments.plot is not None:
@@ -67,7 +68,6 @@ def run(arguments):
             check_map(conditions)
         except ValueError as error:
             raise ValueError(f"{arguments.scene}: {error}") from None
-    make_devices(arguments.devices)
     quantities = list(arguments.quantity)
     if scene.heating is not None and "converged" not in quantities:
         quantities.append("converged")

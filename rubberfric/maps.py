@@ -107,14 +107,12 @@ def friction_map(
     found = FrictionMap(scene, conditions, Solution(), quadrature, title)
     temperatures, pressures, velocities = shape = result_shape(conditions)
     size = batches.bytes_of(shape, dtypes.values())
-    if path is not None:
-        check_writable(path, (".h5",))
-    elif size > LARGEST:
+    if path is None and size > LARGEST:
         raise ValueError(
             f"path is None: must name a file for the {size / 2**30:.3g} GiB of results, "
             f"of which memory holds {LARGEST / 2**30:.3g} GiB"
         )
-    elif resume:
+    if path is None and resume:
         raise ValueError("resume is set, path is None: must name the file of the interrupted map")
     layout = batches.plan(
         temperatures * velocities, pressures, shared=scene.heating is None, block=block, devices=devices
@@ -146,6 +144,7 @@ def _writing(path, result, dtypes, columns, resume):
         return
     with contextlib.ExitStack() as stack:
         try:
+            check_writable(path, (".h5",))
             part = stack.enter_context(unfinished(path, result, dtypes, columns, resume))
         except BaseException:
             batches.from_first(-1)  # or the others would wait

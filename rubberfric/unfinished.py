@@ -10,6 +10,7 @@ import contextlib
 import hashlib
 import importlib.metadata
 import json
+import math
 import os
 import shutil
 import tempfile
@@ -133,10 +134,11 @@ def _create(folder, name, result, dtypes, job):
                 if hasattr(os, "posix_fallocate"):  # a file may be of a size that the disk has not
                     os.posix_fallocate(data.fileno(), 0, file.stat().st_size)
                 os.fsync(data.fileno())
-        except OSError as error:
-            size = file.stat().st_size / 2**30 if file.exists() else 0.0
+        except (OSError, RuntimeError) as error:  # RuntimeError: the HDF5 library's, on closing
+            size = math.prod(result_shape(result.conditions)) * sum(x.itemsize for x in dtypes.values())
             raise ValueError(
-                f"{folder.with_suffix('')}: cannot be written, {size:.3g} GiB: {error.strerror or error}"
+                f"{folder.with_suffix('')}: cannot be written, {size / 2**30:.3g} GiB: "
+                f"{getattr(error, 'strerror', None) or error}"
             ) from None
         write_progress(new / "progress", job, 0)
         os.rename(new, folder)
