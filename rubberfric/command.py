@@ -14,9 +14,8 @@ import numpy as np
 from rubberfric import accuracy_command, map_command
 from rubberfric._atomic import check_writable
 from rubberfric.files import read_computable
-from rubberfric.materials import TabulatedModulus
 from rubberfric.model import Solution, quantities_of, solve
-from rubberfric.outside import friction_outside_table
+from rubberfric.notes import convergence_note, outside_note
 from rubberfric.plot import check_plot, save_plot
 from rubberfric.quadrature import Quadrature
 from rubberfric.results import Result, result_shape, save_result
@@ -35,8 +34,9 @@ def main(argv=None):
         return reader_left()
     except ValueError as error:
         return complain(PROGRAM, error, 2)
-    except KeyboardInterrupt:
-        return complain(PROGRAM, "interrupted; what was not yet complete is not written", 1)
+    except KeyboardInterrupt as stop:
+        left = str(stop) or "what was not yet complete is not written"
+        return complain(PROGRAM, f"interrupted; {left}", 1)
     except (OSError, FloatingPointError) as error:
         return complain(PROGRAM, error, 1)
 
@@ -81,30 +81,6 @@ def compute(scene, conditions):
                 f"{name} = {values[tuple(bad[0])]} at v = {v:g} m/s, p = {p:g} Pa: not finite"
             )
     return Solution(**found)
-
-
-def outside_note(result):
-    """One line saying how far the friction rests on extrapolated moduli; "" if no modulus is tabulated."""
-    bodies = (result.scene.lower, result.scene.upper)
-    if not any(isinstance(body.material, TabulatedModulus) for body in bodies):
-        return ""
-    share = np.max(np.abs(friction_outside_table(result.scene, *result.conditions.grid())))
-    mu = "mu" if result.scene.shear is None else "the viscoelastic mu"
-    return f"at most {100 * share:.2g} % of {mu} comes from frequencies outside the tabulated moduli"
-
-
-def convergence_note(result):
-    """One line saying how many temperatures of a heated scene are not a solution; "" if all are."""
-    converged = result.solution.converged
-    if converged is None or np.all(converged):
-        return ""
-    left = np.argwhere(~converged)
-    _, j, k = left[0]
-    return (
-        f"the temperatures did not converge at {len(left)} of {converged.size} points, "
-        f"first at v = {result.conditions.velocity[k]:g} m/s, p = {result.conditions.pressure[j]:g} Pa: "
-        "the values there are those of the last iterate"
-    )
 
 
 # Columns of the printed table: heading and scale.

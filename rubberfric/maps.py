@@ -1,35 +1,46 @@
 """Friction maps: quantities over velocity, pressure and temperature, however many points they have.
 
-Points are computed in batches of one size, so that one compiled program serves them all and memory
-holds one batch and the results; results beyond `LARGEST` are written to their file batch by batch,
-and stay there.
+Points are computed in batches of one size (`rubberfric.batches`), so that one compiled program serves them
+all and memory holds two batches and the results. Those of a map with a file are written to it batch by
+batch; an interrupted map goes on where it stopped (`rubberfric.unfinished`).
 """
 
-import math
+import contextlib
+from typing import NamedTuple
 
+import jax
 import numpy as np
 
+from rubberfric import batches
 from rubberfric._atomic import check_writable
 from rubberfric._pytree import as_leaf
 from rubberfric.conditions import Conditions, check_conditions
-from rubberfric.model import Solution, check_kinds, solve
+from rubberfric.model import Solution, check_heated, check_kinds, checked
 from rubberfric.quadrature import Quadrature
-from rubberfric.results import Result, create_quantity, creating_result, result_shape, save_result
+from rubberfric.results import Result, result_shape
 from rubberfric.scene import result_dtype
 from rubberfric.tables import closest
+from rubberfric.unfinished import unfinished
 
 # What a result file holds and `load_result` reads back, of arrays [temperature, pressure, velocity].
 FrictionMap = Result
 
 QUANTITIES = ("area", "friction")
 
-# Points of a batch: enough that what a call costs beside its points does not count.
-BLOCK = 4096
-
 # Bytes of results that are held in memory.
 LARGEST = 2**28
 
 _DEFAULT = Quadrature()
+
+
+class Memory(NamedTuple):
+    """Arrays that a process fills in: of a map with a file that the first process writes, none."""
+
+    values: dict
+    done: int = 0
+
+    def reached(self, done):
+        """Nothing to mark."""
 
 
 def friction_map(
@@ -41,14 +52,18 @@ def friction_map(
     quantities=QUANTITIES,
     quadrature=_DEFAULT,
     progress=None,
-    block=BLOCK,
+    block=None,
     path=None,
+    resume=False,
     title="",
+    devices=None,
 ):
     """Quantities at every combination of velocity, pressure and temperature.
 
-    The same numbers as `solve` at every point, in the memory of one batch (some 10 MB with the
-    default block and quadrature) and of the results, at most 256 MiB of which are held.
+    The same numbers as `solve` at every point, computed on all devices. Of memory it takes the results, at
+    most 256 MiB of them, and at most as much again for the programs of all devices of the process together
+    (`rubberfric.batches.MEMORY`; some 10 MB on a processor); what several pressures have in common, most of
+    the work, is done once.
 
     Parameters
     ----------
@@ -60,106 +75,131 @@ def friction_map(
         The default is good to 1e-9; `Quadrature.for_error` finds a quicker one for less.
     progress : function of (points done, points in all), or None
         called before the first batch and after each.
-    block : int, >= 1
-        points of a batch; the last is padded to it.
+    block : int, >= 1, or None
+        points of a batch, at most, but one for each device; None: as suits the devices. The last is padded.
     path : result file (.h5) to write, whole or not at all, or None
+        Its space is taken before the work begins. A map that is interrupted or killed after some seconds
+        leaves what is done in the folder `path`.partial.
+    resume : bool
+        whether to go on with what such a map left there, if there is anything.
     title : what the map is called in its file and figure
+    devices : sequence of JAX devices, or None
+        None: all, of every process. Of several processes (`jax.distributed`) each makes this call.
 
     Returns
     -------
     FrictionMap : scene, conditions, solution, quadrature, title
         Fields of the solution are NumPy arrays [temperature, pressure, velocity], one temperature
         if there is none; None for what was not asked for. Beyond 256 MiB they are maps of the file
-        at `path` into memory, to be read only.
+        at `path` into memory, to be read only. With a path, processes but the first get none.
 
     Raises
     ------
-    ValueError : as `solve`; results beyond 256 MiB without a path.
+    ValueError : as `solve`; results beyond 256 MiB without a path; no space for the file; what an earlier
+        map left is there without `resume`, or is of another map, cut off or in use.
     FloatingPointError : a quantity is not finite at a point.
     """
     quantities = _check(scene, quantities, quadrature, block)
     conditions, dtype = _conditions(scene, velocity, pressure, temperature)
-    if path is not None:
-        check_writable(path, (".h5",))
-    shape = result_shape(conditions)
+    ready, _ = checked(scene, *conditions.grid(), quadrature)
+    check_heated(scene, quantities)
+    dtypes = {name: np.dtype(bool) if name == "converged" else dtype for name in quantities}
     found = FrictionMap(scene, conditions, Solution(), quadrature, title)
-    batches = _batches(found, quantities, block, progress or (lambda done, points: None))
-
-    size = len(quantities) * math.prod(shape) * dtype.itemsize
-    if size > LARGEST:
-        if path is None:
-            raise ValueError(
-                f"path is None: must name a file for the {size / 2**30:.3g} GiB of results, "
-                f"of which memory holds {LARGEST / 2**30:.3g} GiB"
-            )
-        return found._replace(solution=_streamed(path, found, quantities, dtype, batches))
-    values = {name: np.empty(shape, dtype) for name in quantities}
-    for start, batch in batches:
-        for name, part in batch.items():
-            values[name].reshape(-1)[start : start + part.size] = part
-    found = found._replace(solution=Solution(**values))
-    if path is not None:
-        save_result(path, found)
-    return found
-
-
-def _batches(result, quantities, block, progress):
-    """(index of its first point, values of every quantity) for one batch of a map after the other."""
-    shape = result_shape(result.conditions)
-    points = math.prod(shape)
-    block = min(block, points)
-    progress(0, points)
-    for start in range(0, points, block):
-        stop = min(start + block, points)
-        # The last point pads the last batch, so that every batch has one shape.
-        at = _points(result.conditions, shape, np.minimum(np.arange(start, start + block), points - 1))
-        solution = solve(result.scene, *at, quadrature=result.quadrature, quantities=quantities)
-        batch = {name: np.asarray(getattr(solution, name))[: stop - start] for name in quantities}
-        for name, values in batch.items():
-            bad = np.flatnonzero(~np.isfinite(values))
-            if bad.size:
-                named = zip(Conditions._fields, at, strict=True)
-                where = ", ".join(f"{axis} = {x[bad[0]]:g}" for axis, x in named if x is not None)
-                raise FloatingPointError(f"{name} = {values[bad[0]]} at {where}: not finite")
-        yield start, batch
-        progress(stop, points)
+    temperatures, pressures, velocities = shape = result_shape(conditions)
+    size = batches.bytes_of(shape, dtypes.values())
+    if path is None and size > LARGEST:
+        raise ValueError(
+            f"path is None: must name a file for the {size / 2**30:.3g} GiB of results, "
+            f"of which memory holds {LARGEST / 2**30:.3g} GiB"
+        )
+    if path is None and resume:
+        raise ValueError("resume is set, path is None: must name the file of the interrupted map")
+    layout = batches.plan(
+        temperatures * velocities, pressures, shared=scene.heating is None, block=block, devices=devices
+    )
+    work = (ready, conditions, {"quadrature": quadrature, "quantities": quantities})
+    progress = progress or (lambda done, points: None)
+    if path is None:
+        values = {name: np.empty(shape, dtypes[name]) for name in quantities}
+        _fill(Memory(values), layout, work, progress)
+        return found._replace(solution=Solution(**values))
+    with _writing(path, found, dtypes, layout.columns, resume) as part:
+        _fill(part, layout, work, progress)
+    if jax.process_index() > 0:
+        return found
+    values = part.arrays(path)
+    if size <= LARGEST:
+        values = {name: np.array(x) for name, x in values.items()}
+    return found._replace(solution=Solution(**values))
 
 
-def _points(conditions, shape, index):
-    """Velocity, pressure and temperature of the points of an index into the flat map."""
-    T, p, v = np.unravel_index(index, shape)
-    temperature = None if conditions.temperature is None else conditions.temperature[T]
-    return conditions.velocity[v], conditions.pressure[p], temperature
+@contextlib.contextmanager
+def _writing(path, result, dtypes, columns, resume):
+    """The `Unfinished` file of a map, which the first process has; all begin where it does."""
+    if jax.process_index() > 0:
+        done = batches.from_first(0)
+        if done < 0:
+            raise ValueError(f"{path}: cannot be written by the first process, which says why")
+        yield Memory({}, done)
+        return
+    with contextlib.ExitStack() as stack:
+        try:
+            check_writable(path, (".h5",))
+            part = stack.enter_context(unfinished(path, result, dtypes, columns, resume))
+        except BaseException:
+            batches.from_first(-1)  # or the others would wait
+            raise
+        batches.from_first(part.done)
+        yield part
 
 
-def _streamed(path, result, quantities, dtype, batches):
-    """Write a map batch by batch; its Solution, arrays that stay in the file."""
-    shape = result_shape(result.conditions)
-    with creating_result(path, result) as file:
-        data = {name: create_quantity(file, name, shape, dtype) for name in quantities}
-        for start, batch in batches:
-            for name, part in batch.items():
-                for box, first, stop in _boxes(shape, start, start + part.size):
-                    piece = part[first - start : stop - start]
-                    data[name][box] = piece.reshape(-1, *shape[len(box) :])
-        offsets = {name: dataset.id.get_offset() for name, dataset in data.items()}
-    # A dataset without chunks lies in its file in one piece, as an array lies in memory.
-    return Solution(**{name: np.memmap(path, dtype, "r", offset, shape) for name, offset in offsets.items()})
+def _fill(part, layout, work, progress):
+    """Compute what is not yet done of a map."""
+    scene, conditions, options = work
+    scene = batches.on_all(layout.mesh, scene)
+    velocities = conditions.velocity.size
+    layout = batches.fitted(layout, scene, conditions, options)
+    points = layout.pairs * layout.pressures
+    progress(layout.points(part.done), points)
+    for batch, values in _computed(layout, scene, conditions, options, part.done):
+        _check_finite(values, conditions, batch)
+        T, v = np.divmod(np.arange(batch.first, batch.stop), velocities)
+        for name, array in part.values.items():
+            array[T, batch.low : batch.high, v] = values[name].T
+        part.reached(batch.done)
+        progress(layout.points(batch.done), points)
 
 
-def _boxes(shape, start, stop):
-    """(box, first, end): the few slices that hold the points start ... stop of an array in C order."""
-    row = math.prod(shape[1:])
-    while start < stop:
-        i, within = divmod(start, row)
-        if within == 0 and stop - start >= row:
-            end = stop - stop % row
-            yield (slice(i, end // row),), start, end
-        else:
-            end = min(stop, (i + 1) * row)
-            for box, first, last in _boxes(shape[1:], within, within + end - start):
-                yield (i, *box), i * row + first, i * row + last
-        start = end
+def _computed(layout, scene, conditions, options, done):
+    """(batch, its values (pressures, pairs)) for one batch after the other."""
+    waiting = None
+    for batch in batches.batches(layout, done):
+        # The next is begun before this one is read, so that devices need not wait for the host.
+        begun = batch, batches.launch(layout, scene, conditions, batch, options)
+        if waiting is not None:
+            yield _read(*waiting)
+        waiting = begun
+    if waiting is not None:
+        yield _read(*waiting)
+
+
+def _read(batch, values):
+    """A batch on the host, without its padding."""
+    rows, pairs = slice(batch.high - batch.low), slice(batch.stop - batch.first)
+    return batch, {name: np.asarray(x)[rows, pairs] for name, x in values.items()}
+
+
+def _check_finite(values, conditions, batch):
+    """FloatingPointError that names the first point of a batch where a quantity is not finite."""
+    for name, array in values.items():
+        bad = np.argwhere(~np.isfinite(array))
+        if bad.size:
+            row, pair = bad[0]
+            velocity, pressure, temperature = batches.points(conditions, batch)
+            at = (velocity[pair], pressure[row], None if temperature is None else temperature[pair])
+            named = zip(Conditions._fields, at, strict=True)
+            where = ", ".join(f"{axis} = {x:g}" for axis, x in named if x is not None)
+            raise FloatingPointError(f"{name} = {array[row, pair]} at {where}: not finite")
 
 
 def _conditions(scene, velocity, pressure, temperature):
@@ -187,6 +227,6 @@ def _check(scene, quantities, quadrature, block):
     if not quantities:
         raise ValueError("quantities is empty: must have at least one")
     check_kinds(scene, quadrature)
-    if isinstance(block, bool) or not isinstance(block, int) or block < 1:
+    if block is not None and (isinstance(block, bool) or not isinstance(block, int) or block < 1):
         raise ValueError(f"block = {block!r}: must be an integer >= 1")
     return tuple(dict.fromkeys(quantities))

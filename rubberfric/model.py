@@ -172,8 +172,7 @@ def solve(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT, q
         if name not in Solution._fields:
             raise ValueError(f"quantities has {name!r}: must be out of {', '.join(Solution._fields)}")
     scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
-    if scene.heating is None and {"flash_temperature", "converged"} & set(quantities):
-        raise ValueError("quantities has 'flash_temperature' or 'converged': the scene must have heating")
+    check_heated(scene, quantities)
     return _solve(scene, *conditions, quadrature=quadrature, quantities=quantities)
 
 
@@ -187,6 +186,12 @@ def quantities_of(scene):
     if scene.heating is not None:
         names += ["flash_temperature", "converged"]
     return tuple(names)
+
+
+def check_heated(scene, quantities):
+    """ValueError for quantities of heating although the scene has none."""
+    if scene.heating is None and {"flash_temperature", "converged"} & set(quantities):
+        raise ValueError("quantities has 'flash_temperature' or 'converged': the scene must have heating")
 
 
 def checked(scene, velocity, pressure, temperature, quadrature):

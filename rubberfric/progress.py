@@ -70,17 +70,20 @@ class Progress:
             self._end()
 
 
-def describe(done, of, seconds):
-    """(text, part done or None) of points done of all, of a step and its cost, or of a text."""
+def describe(done, of, seconds, before=0):
+    """(text, part done or None) of points done of all, of a step and its cost, or of a text.
+
+    before : points that were done when the time began
+    """
     if of is None:
         return str(done), None
     if not isinstance(of, numbers.Integral):
         return f"step {done}, cost {of:.6g}, {seconds:.0f} s", None
     part = done / max(of, 1)
     text = f"{of} points, {100 * done // max(of, 1):3d} %"
-    if 0 < done < of:
-        text += f", {seconds * (of - done) / done:.0f} s left"
-    elif done:
+    if before < done < of:
+        text += f", {seconds * (of - done) / (done - before):.0f} s left"
+    elif done > before:
         text += f", {seconds:.0f} s"
     return text, part
 

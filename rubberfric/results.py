@@ -6,7 +6,8 @@ each with the attribute units:
     velocity [m/s]  pressure [Pa]  temperature [K]      one-dimensional; temperature may be missing
     area [-]  friction [-]  separation [m]              shape [temperature, pressure, velocity]
     viscoelastic_friction [-]  shear_friction [-]       the same; what the scene has no part for is missing
-    transverse_friction [-]  flash_temperature [K]  converged [-] (1 or 0)
+    transverse_friction [-]  flash_temperature [K]
+    converged [-]                                       of type bool; 1.0 or 0.0 in older files
 
 the group /quadrature, whose attributes are the accuracy settings, and the attribute title.
 
@@ -19,6 +20,7 @@ import contextlib
 import dataclasses
 from typing import NamedTuple
 
+import h5py
 import numpy as np
 
 from rubberfric._atomic import replacing
@@ -65,19 +67,18 @@ class Result(NamedTuple):
 def save_result(path, result):
     """Write a result file, whole or not at all."""
     shape = result_shape(result.conditions)
-    with creating_result(path, result) as file:
+    with replacing(path) as temporary, writing_result(temporary, result) as file:
         for name in QUANTITIES:
             values = getattr(result.solution, name)
             if values is not None:
                 values = np.broadcast_to(values, shape)
-                values = values.astype(float) if name == "converged" else values
-                label(write_values(file, name, values, QUANTITIES[name]))
+                allocate_quantity(file, name, shape, values.dtype)[...] = values
 
 
 @contextlib.contextmanager
-def creating_result(path, result):
-    """A new result file, whole or not at all, with all of a result but its quantities: those follow."""
-    with replacing(path) as temporary, creating(temporary, FORMAT) as file:
+def writing_result(path, result):
+    """A new file with all of a result but its quantities: those follow."""
+    with creating(path, FORMAT) as file:
         file.attrs["title"] = result.title
         write_object(file, "scene", result.scene)
         for name, units in CONDITIONS.items():
@@ -90,9 +91,12 @@ def creating_result(path, result):
         yield file
 
 
-def create_quantity(file, name, shape, dtype):
-    """The dataset of a quantity, to be filled part by part."""
-    data = file.create_dataset(name, shape, dtype)
+def allocate_quantity(file, name, shape, dtype):
+    """The dataset of a quantity, to be filled, in one piece and in its place from the beginning."""
+    creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    creation.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    creation.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    data = file.create_dataset(name, shape, dtype, dcpl=creation)
     data.attrs["units"] = QUANTITIES[name]
     label(data)
     return data
@@ -112,16 +116,23 @@ def load_result(path):
         if conditions is None:
             raise ValueError("has a scene but no results; must be a result file")
         shape = result_shape(conditions)
-        values = {name: read_values(file, name, QUANTITIES[name]) for name in QUANTITIES if name in file}
+        values = {name: _read_quantity(file, name) for name in QUANTITIES if name in file}
         for name, array in values.items():
             if np.shape(array) != shape:
                 raise ValueError(
                     f"/{name} has shape {np.shape(array)}: must be {shape}, [{', '.join(DIMENSIONS)}]"
                 )
-        if "converged" in values:
-            values["converged"] = values["converged"] != 0
         quadrature = read_quadrature(file)
     return Result(scene, conditions, Solution(**values), quadrature, title)
+
+
+def _read_quantity(file, name):
+    if name == "converged":
+        data = file[name]
+        if isinstance(data, h5py.Dataset) and data.dtype == bool:
+            return np.asarray(data[()])
+        return read_values(file, name, QUANTITIES[name]) != 0
+    return read_values(file, name, QUANTITIES[name])
 
 
 def read_scene_hdf5(path):

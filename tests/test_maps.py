@@ -15,7 +15,7 @@ import pytest
 from compilations import compilations
 
 import rubberfric as rf
-from rubberfric import command, maps, model
+from rubberfric import batches, command, maps
 from rubberfric.conditions import Conditions
 from rubberfric.files import read_computable
 from rubberfric.map_command import bar
@@ -33,7 +33,7 @@ POINTS = (VELOCITY, PRESSURE, TEMPERATURE)
 BLOCK = 7
 
 
-@pytest.mark.parametrize("block", [BLOCK, maps.BLOCK])
+@pytest.mark.parametrize("block", [BLOCK, None])
 def test_a_map_is_solve_at_every_point(block):
     """Whatever the batches: of 90 points they leave an odd rest, or there is one batch."""
     names = rf.quantities_of(SCENE)
@@ -74,7 +74,7 @@ def test_one_program_for_all_batches_and_maps():
     with compilations() as compiled:
         rf.friction_map(SCENE, *POINTS, quadrature=QUICK, block=BLOCK)
         rf.friction_map(SCENE, VELOCITY[:7], PRESSURE, TEMPERATURE, quadrature=QUICK, block=BLOCK)
-    assert [name for name in compiled if "_solve" in name] == ["jit(_solve)"]
+    assert [name for name in compiled if "_evaluate" in name] == ["jit(_evaluate)"]
 
 
 def test_streaming_to_a_file_equals_memory(tmp_path, monkeypatch):
@@ -97,20 +97,6 @@ def test_streaming_to_a_file_equals_memory(tmp_path, monkeypatch):
         assert [dim.label for dim in file["friction"].dims] == ["temperature", "pressure", "velocity"]
         assert file["friction"].attrs["units"] == "-"
     assert os.listdir(tmp_path) == ["m.h5"]
-
-
-@pytest.mark.parametrize("shape", [(1, 1, 1), (3, 4, 5), (7, 1, 3), (5, 6, 1), (1, 1, 12)])
-def test_boxes_are_the_points_in_order(shape):
-    flat = np.arange(math.prod(shape))
-    for start in range(flat.size):
-        for stop in range(start + 1, flat.size + 1):
-            boxes = list(maps._boxes(shape, start, stop))
-            assert len(boxes) <= 5
-            found = np.concatenate([flat.reshape(shape)[box].ravel() for box, _, _ in boxes])
-            np.testing.assert_array_equal(found, flat[start:stop])
-            assert [(a, b) for _, a, b in boxes] == [
-                (x[0], x[-1] + 1) for x in (flat.reshape(shape)[box].ravel() for box, _, _ in boxes)
-            ]
 
 
 @pytest.mark.parametrize(
@@ -141,7 +127,7 @@ def test_boxes_are_the_points_in_order(shape):
 def test_bad_arguments_are_one_line(tmp_path, monkeypatch, change, message):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(maps, "LARGEST", 2**23)
-    monkeypatch.setattr(maps, "solve", None)  # nothing may be computed
+    monkeypatch.setattr(batches, "launch", None)  # nothing may be computed
     good = dict(scene=SCENE, velocity=VELOCITY, pressure=PRESSURE, temperature=TEMPERATURE)
     with pytest.raises(ValueError) as caught:
         rf.friction_map(**good | change)
@@ -159,7 +145,7 @@ def test_a_temperature_that_nothing_depends_on():
 def test_progress_is_told_before_the_first_and_after_every_batch():
     told = []
     rf.friction_map(SCENE, *POINTS, quadrature=QUICK, block=BLOCK, progress=lambda *at: told.append(at))
-    assert told == [(done, 90) for done in (*range(0, 85, 7), 90)]
+    assert told == [(done, 90) for done in range(0, 91, 6)]
 
 
 @pytest.mark.parametrize("streamed", [False, True])
@@ -185,11 +171,12 @@ def test_a_stopped_map_leaves_no_file_and_an_old_one_alone(tmp_path, monkeypatch
 
 @pytest.mark.parametrize("streamed", [False, True])
 def test_a_point_that_is_not_finite_is_named(tmp_path, monkeypatch, streamed):
-    def solve(scene, velocity, pressure, temperature, *, quadrature, quantities):
-        return rf.Solution(**dict.fromkeys(quantities, 1 / (velocity - VELOCITY[3])))
+    def launch(layout, scene, conditions, batch, options):
+        velocity, pressure, _ = batches.points(conditions, batch)
+        return {"area": np.ones((pressure.size, 1)) / (velocity - VELOCITY[3]), "friction": np.ones((2, 45))}
 
     monkeypatch.setattr(maps, "LARGEST", 0 if streamed else 2**28)
-    monkeypatch.setattr(maps, "solve", solve)
+    monkeypatch.setattr(batches, "launch", launch)
     where = f"area = inf at velocity = {VELOCITY[3]:g}, pressure = 300000, temperature = 263.15: not finite"
     with (
         np.errstate(divide="ignore"),
@@ -199,18 +186,18 @@ def test_a_point_that_is_not_finite_is_named(tmp_path, monkeypatch, streamed):
     assert os.listdir(tmp_path) == []
 
 
-def test_a_batch_takes_little_memory_however_large_the_map():
+@pytest.mark.parametrize(("nv", "nT", "nP"), [(1000, 500, 1), (300, 20, 40), (7, 1, 3)])
+def test_a_batch_takes_little_memory_however_large_the_map(nv, nT, nP):
     """What the one compiled program holds; all else is results, bounded by LARGEST, or in the file."""
-    points = [jnp.ones(maps.BLOCK)] * 2
-    scene = jax.tree.map(jnp.asarray, SCENE)
-    step = model._solve.lower(
-        scene, *points, 300.0 * points[0], quadrature=rf.Quadrature(), quantities=model.QUANTITIES
-    ).compile()
-    found = step.memory_analysis()
-    batch = found.temp_size_in_bytes + found.argument_size_in_bytes + found.output_size_in_bytes
-    assert 0 < batch < 2**26
-    # Twice, for the next may begin before the last is given back; and half a GiB for JAX itself.
-    assert 2 * batch + maps.LARGEST + 2**29 < 2**31
+    conditions = Conditions(np.ones(nv), np.full(nP, 1e5), np.full(nT, 300.0))
+    layout = batches.plan(nv * nT, nP)
+    scene = batches.on_all(layout.mesh, jax.tree.map(jnp.asarray, SCENE))
+    options = {"quadrature": rf.Quadrature(), "quantities": rf.quantities_of(SCENE)}
+    assert batches.fitted(layout, scene, conditions, options) == layout
+    batch = batches.program_bytes(layout, scene, conditions, options)
+    assert 0 < batch < 2**23
+    # Of a program no more than batches.MEMORY; two hold results; half a GiB for JAX itself.
+    assert 2 * batches.MEMORY + maps.LARGEST + 2**29 < 2**31
 
 
 # In a process of its own: the largest resident set never falls again.
@@ -226,7 +213,7 @@ v, T = np.logspace(-6, 2, nv), np.linspace(243.15, 373.15, nT)
 if streamed:
     maps.LARGEST = 2**20
 quadrature = rf.Quadrature(**setting)
-rf.friction_map(scene, v[:maps.BLOCK], 1e5, T[:2], quadrature=quadrature)
+rf.friction_map(scene, v, conditions.pressure[:2], T[: 1 + nT // 20], quadrature=quadrature)
 begin = time.perf_counter()
 found = rf.friction_map(scene, v, conditions.pressure[:2], T, quadrature=quadrature, path=path)
 seconds = time.perf_counter() - begin
@@ -450,7 +437,7 @@ def test_each_command_has_its_table(scene_file):
 )
 def test_bad_input_of_the_command(call_main, scene_file, monkeypatch, old, new, options, message):
     monkeypatch.chdir(scene_file.parent)
-    monkeypatch.setattr(maps, "solve", None)  # nothing may be computed
+    monkeypatch.setattr(batches, "launch", None)  # nothing may be computed
     scene_file.write_text(FILE.replace(old, new) if old else FILE)
     status, printed, complaint = call_main(command.main, "map", "scene.toml", *options)
     assert (status, printed, complaint.count("\n")) == (2, "", 1)
@@ -461,10 +448,10 @@ def test_bad_input_of_the_command(call_main, scene_file, monkeypatch, old, new, 
 
 
 def test_an_interrupted_command_says_so_and_writes_nothing(call_main, scene_file, monkeypatch):
-    def solve(*arguments, **options):
+    def launch(*arguments):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(maps, "solve", solve)
+    monkeypatch.setattr(batches, "launch", launch)
     status, printed, complaint = call_main(
         command.main, "map", scene_file, "--out", scene_file.parent / "m.h5"
     )

@@ -1,0 +1,367 @@
+"""How time and memory grow with the work: growth.md, growth.json and figures/growth.png, beside this file.
+
+    python notebooks/growth.py [velocities] [terms] [maps] [throughput]
+
+Without a part named, all of them: some minutes. Needs matplotlib. What was measured is kept in growth.json,
+by device, so that the same command on another machine or a GPU adds its lines to the page.
+"""
+
+import json
+import os
+import platform
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from importlib.metadata import version
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import rubberfric as rf
+from rubberfric import batches, maps, model
+from rubberfric.files import read_scene_file
+
+FOLDER = Path(__file__).resolve().parent
+STORE, PAGE, FIGURE = FOLDER / "growth.json", FOLDER / "growth.md", FOLDER / "figures" / "growth.png"
+
+DEFAULT = rf.Quadrature()
+QUICK = rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0)
+FINEST = rf.Quadrature(order=20, panels=24, graded=12, ratio=4.0, angular_order=24)
+SETTINGS = {"default": DEFAULT, "quick": QUICK}
+
+VELOCITIES = (100, 1000, 10_000, 100_000, 1_000_000, 10_000_000)
+TERMS = (1, 3, 10, 30, 100, 300)
+SHAPES = (
+    (1000, 1, 1000),
+    (1000, 3, 334),
+    (500, 20, 100),
+    (100, 100, 100),
+)  # velocities, pressures, temperatures
+PARTS = ("velocities", "terms", "maps", "throughput")
+
+
+def tread():
+    """Smooth tread rubber with 17 Prony terms on a rigid road."""
+    return read_scene_file(FOLDER.parent / "data" / "tread_on_asphalt.toml")[0]
+
+
+def apart(code, *arguments):
+    """What a function of this module returns in a process of its own, whose largest memory is its own."""
+    done = subprocess.run(
+        [sys.executable, __file__, "--call", code, json.dumps(arguments)],
+        check=True,
+        stdout=subprocess.PIPE,
+        text=True,
+        cwd=FOLDER.parent,
+        env=os.environ
+        | {"PYTHONPATH": os.pathsep.join([str(FOLDER.parent), os.environ.get("PYTHONPATH", "")])},
+    )
+    return json.loads(done.stdout)
+
+
+def memory():
+    """Largest resident memory of this process so far [MB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
+
+
+def velocities(count):
+    """A streamed map of so many velocities: seconds, and memory beyond that of a small one [MB]."""
+    scene, v = tread(), np.logspace(-6, 2, count)
+    maps.LARGEST = 0
+    with tempfile.TemporaryDirectory() as folder:
+
+        def run(v):
+            rf.friction_map(scene, v, 1e5, 293.15, path=Path(folder) / "m.h5")
+
+        run(v[: 10 * batches.BLOCK["cpu"]])  # compiles
+        before, begin = memory(), time.perf_counter()
+        run(v)
+        return {"seconds": time.perf_counter() - begin, "added": memory() - before, "peak": memory()}
+
+
+def terms(count, points=4096):
+    """A map of a rubber of so many Prony terms: seconds, of compilation too; memory of its program [MB]."""
+    tau = np.logspace(-12, 4, count)
+    rubber = rf.Prony(3.6e6, np.full(count, 1e9 / count), tau, 0.5, rf.WLF(12.0, 150.0, 293.15))
+    scene = rf.Scene(tread().lower, rf.Body(rubber))
+    v, begin = np.logspace(-6, 2, points), time.perf_counter()
+    rf.friction_map(scene, v, 1e5, 293.15)
+    first = time.perf_counter() - begin
+    seconds = best(lambda: rf.friction_map(scene, v, 1e5, 293.15))
+    layout = batches.plan(points, 1)
+    at = maps.Conditions(v, np.array([1e5]), np.array([293.15]))
+    options = {"quadrature": DEFAULT, "quantities": maps.QUANTITIES}
+    held = batches.program_bytes(layout, model.cast(scene, jnp.float64), at, options)
+    return {"seconds": seconds, "points": points, "compile": first - seconds, "program": held / 1e6}
+
+
+def million(shape, setting):
+    """A map of about a million points in memory: seconds, memory [MB] and error."""
+    nv, nP, nT = shape
+    v, p, T = np.logspace(-6, 2, nv), np.logspace(4.5, 6, nP), np.linspace(243.15, 373.15, nT)
+    scene, quadrature, found = tread(), SETTINGS[setting], []
+
+    def run():
+        found[:] = [rf.friction_map(scene, v, p, T, quadrature=quadrature).solution]
+
+    begin = time.perf_counter()
+    run()
+    first = time.perf_counter() - begin
+    seconds, peak = best(run, 2), memory()
+    pick = [slice(None, None, max(1, n // 12)) for n in (nT, nP, nv)]
+    at = v[pick[2]], p[pick[1], None], T[pick[0], None, None]
+    exact = rf.solve(scene, *at, quadrature=FINEST, quantities=maps.QUANTITIES)
+    error = max(
+        float(np.max(np.abs(getattr(found[0], name)[tuple(pick)] / getattr(exact, name) - 1)))
+        for name in maps.QUANTITIES
+    )
+    return {"seconds": seconds, "first": first, "points": nv * nP * nT, "peak": peak, "error": error}
+
+
+def throughput(dtype, points=2**14):
+    """Points a second of the friction and of its gradient, and what the compiler counts for each point."""
+    scene = jax.tree.map(lambda x: jnp.asarray(x, dtype), tread())
+    v = jnp.logspace(-6, 2, points, dtype=dtype)
+    p, T = jnp.full(points, 1e5, dtype), jnp.full(points, 293.15, dtype)
+
+    def values(scene, v, p, T):
+        return rf.friction(scene, v, p, T)
+
+    def gradient(scene, v, p, T):
+        return jax.value_and_grad(lambda s: jnp.sum(values(s, v, p, T)))(scene)
+
+    found = {}
+    for name, function in (("values", values), ("gradient", gradient)):
+        ready = jax.jit(function)
+        jax.block_until_ready(ready(scene, v, p, T))
+        seconds = best(lambda ready=ready: jax.block_until_ready(ready(scene, v, p, T)))
+        # The compiler counts the body of a loop once: counted over points that need none.
+        few = model.BLOCK
+        program = ready.lower(scene, v[:few], p[:few], T[:few]).compile()
+        cost, held = program.cost_analysis(), program.memory_analysis().temp_size_in_bytes
+        found[name] = {
+            "rate": points / seconds,
+            "flops": cost.get("flops", float("nan")) / few,
+            "bytes": cost.get("bytes accessed", float("nan")) / few,
+            "program": held / 1e6,
+        }
+    return found
+
+
+def best(function, repeats=3):
+    """Least time of a function [s]."""
+    times = []
+    for _ in range(repeats):
+        begin = time.perf_counter()
+        function()
+        times.append(time.perf_counter() - begin)
+    return min(times)
+
+
+def machine():
+    """Device and versions, in words."""
+    device = jax.devices()[0]
+    cores = len(os.sched_getaffinity(0))
+    what = (
+        f"{platform.machine()} processor, {cores} core(s)" if device.platform == "cpu" else device.device_kind
+    )
+    return f"{what}, jax {version('jax')}"
+
+
+def measure(parts):
+    """Measure parts on this machine, each in a process of its own, and keep them in growth.json."""
+    store = json.loads(STORE.read_text()) if STORE.exists() else {}
+    sizes = {
+        "velocities": [("velocities", n) for n in VELOCITIES],
+        "terms": [("terms", n) for n in TERMS],
+        "maps": [("million", shape, name) for shape in SHAPES for name in SETTINGS],
+        "throughput": [("throughput", dtype) for dtype in ("float64", "float32")],
+    }
+    device = apart("machine")
+    for part in parts:
+        rows = []
+        for call in sizes[part]:
+            rows.append([call[1:], apart(*call)])
+            print(part, *rows[-1], file=sys.stderr, flush=True)
+        store.setdefault(device, {})[part] = rows
+        STORE.write_text(json.dumps(store, indent=1) + "\n")
+    return store
+
+
+def page(store):
+    """Lines of the Markdown page."""
+    yield "# Growth of time and memory"
+    yield ""
+    yield (
+        "Made by `python notebooks/growth.py`, or `python -m pytest -m benchmark -s "
+        "tests/test_growth_benchmarks.py`, which also checks what is said here. Every line is from a process "
+        "of its own, of area and friction of `data/tread_on_asphalt.toml` (17 Prony terms) with the default "
+        "`rf.Quadrature()` where nothing else is said. *Quick* is "
+        "`rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0)`."
+    )
+    yield ""
+    yield "![growth](figures/growth.png)"
+    for device, parts in store.items():
+        yield ""
+        yield f"## {device[0].upper()}{device[1:]}"
+        for part, lines in (
+            ("velocities", _velocities),
+            ("terms", _terms),
+            ("maps", _maps),
+            ("throughput", _throughput),
+        ):
+            if part in parts:
+                yield ""
+                yield from lines(parts[part])
+    if all("processor" in device for device in store):
+        yield ""
+        yield "## GPU"
+        yield ""
+        yield (
+            "Not measured: this has not been run on a GPU. The same command there adds its lines here, of "
+            "which those of the throughput, with flops and bytes, are what a roofline needs."
+        )
+    yield ""
+    yield from _planning(store)
+
+
+def _table(*columns):
+    yield f"| {' | '.join(columns)} |"
+    yield "|" + len(columns) * "---|"
+
+
+def _velocities(rows):
+    yield "Velocities of a map that is written to a file; memory beyond that of a map of 1e5:"
+    yield ""
+    yield from _table("velocities", "seconds", "µs a point", "memory added [MB]", "largest memory [MB]")
+    for (count,), row in rows:
+        cells = f"{row['seconds']:.3g}", f"{1e6 * row['seconds'] / count:.1f}", f"{row['added']:.0f}"
+        yield f"| {count:.0e} | {' | '.join(cells)} | {row['peak']:.0f} |"
+
+
+def _terms(rows):
+    yield "Prony terms:"
+    yield ""
+    yield from _table("terms", "µs a point", "compilation [s]", "program holds [MB]")
+    for (count,), row in rows:
+        cells = (
+            f"{1e6 * row['seconds'] / row['points']:.1f}",
+            f"{row['compile']:.1f}",
+            f"{row['program']:.2f}",
+        )
+        yield f"| {count} | {' | '.join(cells)} |"
+
+
+def _maps(rows):
+    yield "Maps of a million points, in memory; errors against a finer quadrature; the first call compiles:"
+    yield ""
+    yield from _table(
+        "velocities x pressures x temperatures",
+        "setting",
+        "seconds",
+        "first call",
+        "points/s",
+        "memory [MB]",
+        "error",
+    )
+    for (shape, setting), row in rows:
+        cells = [f"{row['seconds']:.1f}", f"{row['first']:.1f}", f"{row['points'] / row['seconds']:.2g}"]
+        cells += [f"{row['peak']:.0f}", f"{row['error']:.0e}"]
+        yield f"| {' x '.join(map(str, shape))} | {setting} | {' | '.join(cells)} |"
+
+
+def _throughput(rows):
+    yield (
+        "Friction at 16384 points of any conditions (`rf.friction`), and the gradient of its sum with "
+        "respect to every number of the scene; flops and bytes as the compiler has them (`cost_analysis`):"
+    )
+    yield ""
+    yield from _table("precision", "what", "points/s", "flops a point", "bytes a point", "flops a byte")
+    for (dtype,), row in rows:
+        for what, x in row.items():
+            cells = (
+                f"{x['rate']:.2g}",
+                f"{x['flops']:.3g}",
+                f"{x['bytes']:.3g}",
+                f"{x['flops'] / x['bytes']:.2g}",
+            )
+            yield f"| {dtype} | {what} | {' | '.join(cells)} |"
+
+
+def _planning(store):
+    yield "## Planning for 1e10 evaluations"
+    yield ""
+    yield (
+        "Time is linear in the points and memory does not grow with them: a plan is a multiplication. Two "
+        "quantities of 1e10 points in double precision are 160 GB, in single precision 80 GB; the file is "
+        "allocated before the work begins, and beside it a process holds less than 1 GiB. Points do not "
+        "need each other: the time falls with the number of cores, of one machine (`--devices`) or of "
+        "several (`jax.distributed`), and a killed map goes on with `resume=True`."
+    )
+    for device, parts in store.items():
+        if "maps" not in parts:
+            continue
+        yield ""
+        yield f"From the maps above ({device}):"
+        yield ""
+        yield from _table("pressures", "setting", "hours on one such machine", "machines for a night (10 h)")
+        for (shape, setting), row in parts["maps"]:
+            hours = 1e10 * row["seconds"] / row["points"] / 3600
+            yield f"| {shape[1]} | {setting} | {hours:.0f} | {max(1, int(np.ceil(hours / 10)))} |"
+
+
+def draw(store, path):
+    """Time and memory over velocities and Prony terms, a colour for each device."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(9.6, 6.4), layout="constrained")
+    axes = figure.subplots(2, 2)
+    for device, parts in store.items():
+        for column, (part, time_of, memory_of) in enumerate(
+            (("velocities", "seconds", "peak"), ("terms", "seconds", "program"))
+        ):
+            if part not in parts:
+                continue
+            counts = np.array([count for (count,), _ in parts[part]])
+            for ax, key, scale in ((axes[0, column], time_of, 1.0), (axes[1, column], memory_of, 1.0)):
+                values = scale * np.array([row[key] for _, row in parts[part]])
+                ax.loglog(counts, values, "o-", label=device) if key != "peak" else ax.semilogx(
+                    counts, values, "o-", label=device
+                )
+            seconds = np.array([row[time_of] for _, row in parts[part]])
+            axes[0, column].loglog(counts, seconds[-1] * counts / counts[-1], "k:", linewidth=1)
+    axes[0, 0].set_ylabel("run time [s]")
+    axes[1, 0].set_ylabel("largest memory of the process [MB]")
+    axes[0, 1].set_ylabel("run time of 4096 points [s]")
+    axes[1, 1].set_ylabel("memory of the program [MB]")
+    axes[1, 0].set_ylim(bottom=0)
+    for row in axes:
+        row[0].set_xlabel("velocities")
+        row[1].set_xlabel("Prony terms")
+        for ax in row:
+            ax.grid(alpha=0.3)
+    axes[0, 0].legend(fontsize="small")
+    path.parent.mkdir(exist_ok=True)
+    figure.savefig(path, dpi=120)
+
+
+def main(parts=PARTS):
+    """Measure parts, and write page and figure; returns all that was ever measured."""
+    store = measure(parts)
+    draw(store, FIGURE)
+    PAGE.write_text("\n".join(page(store)) + "\n", encoding="utf-8")
+    return store
+
+
+if __name__ == "__main__":
+    jax.config.update("jax_enable_x64", True)
+    if sys.argv[1:2] == ["--call"]:
+        if jax.config.jax_platforms in (None, "", "cpu"):
+            jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))
+        json.dump(globals()[sys.argv[2]](*json.loads(sys.argv[3])), sys.stdout)
+    else:
+        main(sys.argv[1:] or PARTS)
