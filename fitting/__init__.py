@@ -2,6 +2,7 @@
 
 from fitting.data import AreaData, FrictionData, ModulusData, SpectrumData
 from fitting.data_files import read, write
+from fitting.density import LogDensity, log_density
 from fitting.fit import fit
 from fitting.priors import Gaussian, Smooth
 from fitting.prony import fit_prony
@@ -19,6 +20,7 @@ __all__ = [
     "Free",
     "FrictionData",
     "Gaussian",
+    "LogDensity",
     "ModulusData",
     "Positive",
     "PronyFit",
@@ -29,6 +31,7 @@ __all__ = [
     "fit",
     "fit_prony",
     "fit_spectrum",
+    "log_density",
     "read",
     "sensitivity",
     "sensitivity_names",
