@@ -1,5 +1,6 @@
 """fitting: inverse fits of rubber-friction scenes to measurements, and what the data can tell."""
 
+from fitting import plot
 from fitting.data import AreaData, FrictionData, ModulusData, SpectrumData
 from fitting.data_files import read, write
 from fitting.density import LogDensity, log_density
@@ -32,6 +33,7 @@ __all__ = [
     "fit_prony",
     "fit_spectrum",
     "log_density",
+    "plot",
     "read",
     "sensitivity",
     "sensitivity_names",

@@ -1,20 +1,21 @@
-"""Data and fit with residuals below. Needs matplotlib: pip install 'rubberfric[plot]'."""
+"""Pictures of fits: data, fit, residuals; correlations. Needs matplotlib: pip install 'rubberfric[plot]'."""
 
 import numpy as np
 
 from fitting.curves import curves_of, lines, measured_points
+from fitting.plot_correlation import plot_correlation
 from rubberfric._atomic import replacing
-from rubberfric.plot import PANELS
+from rubberfric.plot_style import LOG_V, MARKERS, PANELS, colours
 
-_LOG_V = "$\\log_{10}(v\\;/\\;\\mathrm{m\\,s^{-1}})$"
+__all__ = ["plot_correlation", "plot_fit", "save_plot"]
+
 # Labels of the axes of every quantity.
 LABELS = {
-    "friction": (_LOG_V, PANELS["friction"][0]),
-    "area": (_LOG_V, PANELS["area"][0]),
+    "friction": (LOG_V, PANELS["friction"][0]),
+    "area": (LOG_V, PANELS["area"][0]),
     "modulus": ("angular frequency $\\omega$ [rad/s]", "modulus\n$E'$, $E''$ [Pa]"),
     "spectrum": ("wavenumber $q$ [1/m]", "power spectrum\n$C$ [m$^4$]"),
 }
-MARKERS = "os^DvPX<>p"
 LEVEL = 0.95
 
 
@@ -82,16 +83,14 @@ def _new_axes(panels):
 
 
 def _draw(quantity, points, curves, fitted, upper, lower):
-    from matplotlib import colormaps
     from matplotlib.patches import Patch
 
     count = max((curve.look for curve in curves), default=0) + 1
-    # Viridis without its yellow: colours that differ in grey, too.
-    colours = colormaps["viridis"](np.linspace(0.0, 0.85, count) if count > 1 else [0.25])
+    tones = colours(count)
     scaled = np.log10 if quantity in ("friction", "area") else np.asarray
     handles = []
     for curve, line in zip(curves, fitted, strict=True):
-        colour, where = colours[curve.look], curve.where
+        colour, where = tones[curve.look], curve.where
         look = {
             "color": colour,
             "marker": MARKERS[curve.look % len(MARKERS)],

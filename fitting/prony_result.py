@@ -6,6 +6,7 @@ import numpy as np
 
 import rubberfric as rf
 from fitting.result import FitResult
+from rubberfric._html import table
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -41,7 +42,7 @@ class PronyFit:
     def report(self):
         """The series and its error bars in words and numbers."""
         result, material = self.fit, self.material
-        tau, E = np.asarray(material.tau), np.asarray(material.E)
+        tau = np.asarray(material.tau)
         lines = [
             f"Prony series of {result.data[0].label}: {tau.size} terms, tau = {tau.min():.3g} ..."
             f" {tau.max():.3g} s",
@@ -51,16 +52,32 @@ class PronyFit:
         if self.dropped.size:
             times = ", ".join(f"{t:.3g}" for t in self.dropped)
             lines.append(f"    absent, since the data are met best without them: tau = {times} s")
-        error = dict(zip((name.rsplit(".", 1)[1] for name in result.names), result.stderr, strict=True))
-        withheld = {name.rsplit(".", 1)[1]: why for name, why in result.withheld.items()}
-        rows = [("inf", "E_inf", float(material.E_inf))]
-        rows += [(f"{t:.4g}", f"E[{i}]", e) for i, (t, e) in enumerate(zip(tau, E, strict=True))]
         lines.append(f"    {'tau [s]':>10} {'E [Pa]':>11}")
-        for time, name, value in rows:
-            lines.append(f"    {time:>10} {value:>11.4g}{_plus_minus(value, name, error, withheld)}")
+        lines += [f"    {time:>10} {value:>11}{more}" for time, value, more in self._rows()]
         if np.inf in self.dropped:
             lines.append("    without E_inf it is a liquid; if it is a solid, give its E_inf")
         return "\n".join(lines)
+
+    def _repr_html_(self):
+        """A table for notebooks."""
+        rows = [(time, value, more.strip()) for time, value, more in self._rows()]
+        rows.append(f"rms of ln(fit / measured): E' {self.rms_storage:.2%}, E'' {self.rms_loss:.2%}")
+        if self.dropped.size:
+            rows.append(f"absent: tau = {', '.join(f'{t:.3g}' for t in self.dropped)} s")
+        caption = f"Prony series of {self.fit.data[0].label}: {self.fit.message}"
+        return table(rows, ("tau [s]", "E [Pa]", "error [Pa]"), caption)
+
+    def _rows(self):
+        """Texts of every term, E_inf first: relaxation time, modulus, and its error or why it has none."""
+        result, material = self.fit, self.material
+        error = dict(zip((name.rsplit(".", 1)[1] for name in result.names), result.stderr, strict=True))
+        withheld = {name.rsplit(".", 1)[1]: why for name, why in result.withheld.items()}
+        terms = zip(np.asarray(material.tau), np.asarray(material.E), strict=True)
+        rows = [("inf", "E_inf", float(material.E_inf))]
+        rows += [(f"{t:.4g}", f"E[{i}]", e) for i, (t, e) in enumerate(terms)]
+        return [
+            (time, f"{value:.4g}", _plus_minus(value, name, error, withheld)) for time, name, value in rows
+        ]
 
 
 def _plus_minus(value, name, error, withheld):

@@ -31,7 +31,7 @@ def report(result):
         "Data": _data(result),
         "Statistics": _statistics(result),
         "Variables": _variables(result),
-        "Tied": _tied(result),
+        "Tied": tied_lines(result),
         "Priors": _priors(result),
         "Not identified": [f"{i}: {d.text}" for i, d in enumerate(result.unidentified, 1)],
         "Minima": _minima(result),
@@ -108,8 +108,34 @@ def _statistics(result):
 
 
 def _variables(result):
+    rows = []
+    for row in variable_rows(result):
+        if isinstance(row, tuple):
+            name, value, error, scale, share, start, note = row
+            share = f"({share})" if share else ""
+            row = (f"{name}:", value, f"+/- {error}", scale, share, f"(start = {start})", note)
+        rows.append(row)
+    cells = [row for row in rows if isinstance(row, tuple)]
+    widths = [max(len(row[k]) for row in cells) for k in range(7)]
+    lines = []
+    for row in rows:
+        if isinstance(row, tuple):
+            padded = (
+                cell.rjust(width) if k in (1, 4) else cell.ljust(width)
+                for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+            )
+            row = "  ".join(padded).rstrip().replace("  +/-", " +/-", 1)
+        lines.append(row)
+    return lines
+
+
+def variable_rows(result):
+    """Texts of every free element: name, value, error, unit, relative error, start and a remark.
+
+    One text stands for the elements of a long array that are left out.
+    """
     values, starts, errors = result.values, result.start_values, result.stderr
-    names, lines, rows = result.names, [], []
+    names, rows = result.names, []
     for group in result.layout.groups:
         if group.kind == "Tied":
             continue
@@ -124,22 +150,10 @@ def _variables(result):
             error, share, note = "?", "", f"error bar withheld: {reason}"
             if reason is None:
                 error, note = f"{errors[i]:#.2g}", ""
-                share = f"({100 * abs(errors[i] / values[i]):.2f} %)" if values[i] else ""
+                share = f"{100 * abs(errors[i] / values[i]):.2f} %" if values[i] else ""
             value = _digits(values[i], np.nan if reason else errors[i])
-            rows.append(
-                (f"{names[i]}:", value, f"+/- {error}", scale, share, f"(start = {starts[i]:.6g})", note)
-            )
-    cells = [row for row in rows if isinstance(row, tuple)]
-    widths = [max(len(row[k]) for row in cells) for k in range(7)]
-    for row in rows:
-        if isinstance(row, tuple):
-            padded = (
-                cell.rjust(width) if k in (1, 4) else cell.ljust(width)
-                for k, (cell, width) in enumerate(zip(row, widths, strict=True))
-            )
-            row = "  ".join(padded).rstrip().replace("  +/-", " +/-", 1)
-        lines.append(row)
-    return lines
+            rows.append((names[i], value, error, scale, share, f"{starts[i]:.6g}", note))
+    return rows
 
 
 def _left_out(result, elements):
@@ -157,7 +171,8 @@ def _digits(value, error):
     return f"{value:#.{min(max(digits, 2), 12)}g}"
 
 
-def _tied(result):
+def tied_lines(result):
+    """A line for every key path that is tied to another: its value, and to what."""
     constants = result.problem.numbers.constants
     scene = to_scene(result.layout, constants, result.x)
     lines, tied = [], [group for group in result.layout.groups if group.kind == "Tied"]

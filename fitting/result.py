@@ -121,6 +121,12 @@ class FitResult:
     def __repr__(self):
         return f"<FitResult: {self.message}; {len(self.names)} parameters, cost {self.cost:.6g}>"
 
+    def _repr_html_(self):
+        """A table for notebooks."""
+        from fitting._html import fit_html
+
+        return fit_html(self)
+
     def interval(self, level=0.95):
         """Lower and upper ends of every value's interval, NaN where withheld; see `fitting.intervals`."""
         return intervals.interval(self, level)

@@ -6,6 +6,7 @@ import numpy as np
 
 import rubberfric as rf
 from fitting.result import FitResult
+from rubberfric._html import table
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -50,7 +51,23 @@ class SpectrumFit:
             f"    rms of ln(fit / measured): {self.rms:.2%}",
             *(f"    {note}" for note in self.notes),
         ]
-        errors = self.stderr
+        lines += [f"    {name:>6} [{unit}] {value:>11}  {more}" for name, unit, value, more in self._rows()]
+        slope = float(rf.rms_slope(self.spectrum))
+        lines.append(f"    rms slope up to q1: {slope:.3g}")
+        return "\n".join(lines)
+
+    def _repr_html_(self):
+        """A table for notebooks."""
+        rows = [
+            (name, f"{value} {unit}".removesuffix(" -"), more) for name, unit, value, more in self._rows()
+        ]
+        rows += [*self.notes, f"rms of ln(fit / measured): {self.rms:.2%}"]
+        caption = f"Self-affine spectrum of {self.fit.data[0].label}: {self.fit.message}"
+        return table(rows, ("parameter", "value", "error"), caption)
+
+    def _rows(self):
+        """Texts of every parameter: name, unit, value, and its error or why it has none."""
+        errors, rows = self.stderr, []
         withheld = {name.rsplit(".", 1)[1]: why for name, why in self.fit.withheld.items()}
         for name, unit in (("h_rms", "m"), ("hurst", "-"), ("qr", "1/m"), ("q0", "1/m"), ("q1", "1/m")):
             value = float(getattr(self.spectrum, name))
@@ -60,7 +77,5 @@ class SpectrumFit:
                 more = f"+/- {errors[name]:.2g} ({errors[name] / value:.1%})"
             else:
                 more = "(fixed)"
-            lines.append(f"    {name:>6} [{unit}] {value:>11.4g}  {more}")
-        slope = float(rf.rms_slope(self.spectrum))
-        lines.append(f"    rms slope up to q1: {slope:.3g}")
-        return "\n".join(lines)
+            rows.append((name, unit, f"{value:.4g}", more))
+        return rows

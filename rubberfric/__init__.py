@@ -1,5 +1,6 @@
 """rubberfric: differentiable rubber friction after Scaraggi and Persson."""
 
+from rubberfric import plot
 from rubberfric.anisotropy import Anisotropic, TabulatedAnisotropic, from_grid, harmonics_left_out
 from rubberfric.coating import Coating
 from rubberfric.files import load_scene, save_scene
@@ -14,6 +15,7 @@ from rubberfric.moments import cutoff, moment, rms_height, rms_slope, with_cutof
 from rubberfric.outside import friction_outside_table
 from rubberfric.power import DissipatedPower, dissipated_power
 from rubberfric.profiles import Profile, profile
+from rubberfric.progress import progress
 from rubberfric.psd import areal_spectrum, line_spectrum, spectrum_as, spectrum_from
 from rubberfric.quadrature import Quadrature
 from rubberfric.scene import Body, Scene
@@ -69,8 +71,10 @@ __all__ = [
     "line_spectrum",
     "load_scene",
     "moment",
+    "plot",
     "power_spectrum",
     "profile",
+    "progress",
     "quantities_of",
     "resample",
     "rms_height",

@@ -120,7 +120,13 @@ def physical(cls):
         if hasattr(self, "_check"):
             self._check()
 
-    cls.__post_init__ = __post_init__
+    def _repr_html_(self):
+        """A table for notebooks."""
+        from rubberfric._html import object_html
+
+        return object_html(self)
+
+    cls.__post_init__, cls._repr_html_ = __post_init__, _repr_html_
     # eq=False: comparing arrays has no single truth value; identity does for hashing.
     cls = dataclasses.dataclass(frozen=True, eq=False)(cls)
     fields = dataclasses.fields(cls)

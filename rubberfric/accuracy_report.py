@@ -62,6 +62,26 @@ class Accuracy(NamedTuple):
         """The table and the cheapest settings, as lines of at most 110 characters in one text."""
         return "\n".join(self._lines())
 
+    def _repr_html_(self):
+        """A table for notebooks."""
+        from rubberfric._html import table
+
+        knobs = self._varied()
+        names = ("area", "mu", "u_bar")
+        headings = ("method", "/".join(knobs), "nodes", *(f"error of {name} [-]" for name in names))
+        headings += (*(f"of its gradient: {name} [-]" for name in names), "time [ms]", "with gradient [ms]")
+        headings += ("compile [s]", "with gradient [s]")
+        rows = [
+            (
+                f"{row.method}, {row.dtype}",
+                short_setting(row.setting, knobs),
+                f"{row.nodes}",
+                *self._cells(row),
+            )
+            for row in self.rows
+        ]
+        return table([*rows, *self._about_reference(), *self._choices()], headings, self._about())
+
     def write(self, path):
         """Write the rows as a CSV table with two header rows, names and units, whole or not at all.
 
@@ -133,17 +153,22 @@ class Accuracy(NamedTuple):
         return tuple(knob for knob in _KNOBS if knob not in same)
 
     def _line(self, row, knobs):
+        cells = self._cells(row)
+        return (
+            f"  {short_setting(row.setting, knobs):18s}{row.nodes:7d}"
+            + "".join(f"{error:>7s}" for error in cells[:6])
+            + "".join(f"{time:>8s}" for time in cells[6:])
+        )
+
+    def _cells(self, row):
+        """Texts of a row: six errors, two run times [ms] and two times of compiling [s]."""
         errors = (
             "-" if error is None else "<" * (known > error) + f"{known:.0e}"
             for error, known in zip(row.errors, self.known(row), strict=True)
         )
         times = (None if t is None else 1e3 * t for t in (row.forward, row.gradient))
         seconds = (*times, row.compile_forward, row.compile_gradient)
-        return (
-            f"  {short_setting(row.setting, knobs):18s}{row.nodes:7d}"
-            + "".join(f"{error:>7s}" for error in errors)
-            + "".join(f"{'-' if t is None else f'{t:.3g}':>8s}" for t in seconds)
-        )
+        return (*errors, *("-" if t is None else f"{t:.3g}" for t in seconds))
 
     def _choices(self):
         """Lines about the cheapest settings: one for both uses where it is the same."""

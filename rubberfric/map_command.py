@@ -11,6 +11,7 @@ from rubberfric.maps import QUANTITIES, friction_map
 from rubberfric.model import Solution
 from rubberfric.plot import check_plot
 from rubberfric.plot_map import check_map, save_map_plot
+from rubberfric.progress import describe
 from rubberfric.results import CONDITIONS, result_shape
 from rubberfric.results import QUANTITIES as UNITS
 
@@ -73,10 +74,7 @@ def bar(show, clock=time.monotonic):
     begin = clock()
 
     def tell(done, points):
-        line = f"{points} points, {100 * done // points:3d} %"
-        if done:
-            line += f", {(clock() - begin) * (points - done) / done:.0f} s left"
-        show(line)
+        show(describe(done, points, clock() - begin)[0])
 
     return tell
 

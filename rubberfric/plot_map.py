@@ -4,7 +4,7 @@ import numpy as np
 
 from rubberfric._atomic import replacing
 from rubberfric.model import Solution
-from rubberfric.plot import PANELS
+from rubberfric.plot_style import LOG_V, PANELS, several_axes
 from rubberfric.results import QUANTITIES
 from rubberfric.tables import closest
 
@@ -39,7 +39,7 @@ def plot_map(result, quantity="friction", ax=None, *, temperature=None, pressure
 
     Raises
     ------
-    ValueError : nothing to draw, as above; the quantity was not computed.
+    ValueError : nothing to draw, as above; the quantity was not computed; `ax` has another number of axes.
     """
     check_map(result.conditions, temperature, pressure)
     field = getattr(result.solution, quantity) if quantity in Solution._fields else None
@@ -56,13 +56,14 @@ def plot_map(result, quantity="friction", ax=None, *, temperature=None, pressure
         ax = figure.subplots(1, len(panels), sharex=True, sharey=True, squeeze=False)[0]
         if result.title:
             figure.suptitle(result.title, fontsize="medium", wrap=True)
+    several_axes(ax, [title or "the map" for _, _, title, _ in panels])
     columns, log_v = _axis(np.log10, result.conditions.velocity)
     drawn = []
     for (rows, y, title, place), axes in zip(panels, ax, strict=True):
         values = scale * np.asarray(field[place][rows][:, columns]) + offset
         drawn.append((axes, y, values))
         axes.set_title(title, fontsize="small")
-        axes.set_xlabel("$\\log_{10}(v\\;/\\;\\mathrm{m\\,s^{-1}})$")
+        axes.set_xlabel(LOG_V)
     _draw(drawn, log_v, label.replace("\n", " "), quantity in _LOGARITHMIC)
     over_pressure = _over_pressure(result.conditions, temperature)
     ax[0].set_ylabel("$\\log_{10}(p\\;/\\;\\mathrm{MPa})$" if over_pressure else "temperature [°C]")

@@ -48,6 +48,12 @@ class Result(NamedTuple):
     quadrature: Quadrature
     title: str = ""
 
+    def _repr_html_(self):
+        """Tables for notebooks."""
+        from rubberfric._html import result_html
+
+        return result_html(self)
+
 
 def save_result(path, result):
     """Write a result file, whole or not at all."""

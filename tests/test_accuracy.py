@@ -10,6 +10,7 @@ import sys
 import unittest.mock
 from pathlib import Path
 
+import html_tables
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -286,6 +287,16 @@ def test_csv_holds_every_row(tmp_path):
             assert (int(cells["nodes_q"]), int(cells["nodes_phi"])) == row.setting
     with pytest.raises(ValueError, match=r"t.txt: suffix '.txt': must be .csv"):
         found().write(tmp_path / "t.txt")
+
+
+def test_table_in_a_notebook():
+    headings, *rows = html_tables.cells(found())
+    assert headings[0] == "method" and headings[3] == "error of area [-]" and "time [ms]" in headings
+    table = [row for row in rows if len(row) > 1]
+    assert [row[0] for row in table[:3]] == ["panels, float64", "panels, float64", "panels, float32"]
+    assert all(len(row) == len(headings) == 13 for row in table) and len(table) == len(found().rows)
+    assert table[1][2:9] == [str(found().rows[1].nodes), *(f"{e:.0e}" for e in found().rows[1].errors)]
+    assert ["".join(row) for row in rows[len(table) :]][-1] in found().report()
 
 
 def test_plot_draws_every_row():

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 import scipy.optimize
+from html_tables import cells
 
 import rubberfric as rf
 from fitting import FrictionData, ModulusData, PronyFit, fit_prony
@@ -167,6 +168,10 @@ def test_report(noisy):
     value, error = noisy.fit.values[2], noisy.fit.stderr[2]
     assert lines[7].split() == ["0.0001", f"{value:.4g}", "+/-", f"{error:.2g}", f"({error / value:.1%})"]
     assert repr(noisy).startswith("<PronyFit: 7 terms")
+    headings, relaxed, *terms, rms = cells(noisy)
+    assert headings == ["tau [s]", "E [Pa]", "error [Pa]"] and relaxed[0] == "inf" and len(terms) == 7
+    assert terms[2] == ["0.0001", f"{value:.4g}", f"+/- {error:.2g} ({error / value:.1%})"]
+    assert rms == [lines[2].strip()]
 
 
 def test_absolute_errors_weight_the_points():

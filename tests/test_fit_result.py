@@ -7,6 +7,7 @@ import h5py
 import jax
 import numpy as np
 import pytest
+from html_tables import cells, pairs
 
 import fitting
 import rubberfric as rf
@@ -227,6 +228,24 @@ def test_units_of_key_paths():
     expected = {"upper.material.E[3]": "Pa", "lower.spectrum.q1": "1/m", "gamma": ""}
     assert {path: unit(SCENE, path) for path in expected} == expected
     assert unit(SCENE, "upper.material.shift.C2") == "K"
+
+
+def test_table_of_a_fit_in_a_notebook(quick):
+    headings, *rows = cells(quick)
+    assert headings == ["parameter", "value", "relative error", "start", ""]
+    values, errors = quick.values, quick.stderr
+    name, value, share, start, note = rows[0]
+    assert (name, start, note) == ("upper.material.E[0]", "1e+08 Pa", "")
+    assert float(value.split()[0]) == pytest.approx(values[0], rel=1e-2)
+    assert value.split()[1:] == ["+/-", f"{errors[0]:#.2g}", "Pa"]
+    assert share == f"{100 * errors[0] / values[0]:.2f} %"
+    assert rows[3][1] == "0.5 +/- ? " and rows[3][4] == f"error bar withheld: {quick.withheld['gamma']}"
+    assert rows[4] == [f"not identified, 1: {quick.unidentified[0].text}"]
+    assert rows[5][0].startswith(f"measured values: 24; reduced chi-square [-]: {quick.redchi:.4g}")
+    assert quick.message in quick._repr_html_() and "[[Statistics]]" in quick._repr_html_()
+    assert pairs(quick)["lower.spectrum.q1"] == "10000 1/m"
+    failed = dataclasses.replace(quick, status=OUT_OF_STEPS)
+    assert "THE FIT DID NOT SUCCEED: not converged" in failed._repr_html_()
 
 
 @pytest.mark.slow

@@ -475,7 +475,7 @@ def test_an_interrupted_command_says_so_and_writes_nothing(call_main, scene_file
 
 def test_line_of_progress():
     shown = []
-    tell = bar(shown.append, iter([0.0, 3.0, 12.0]).__next__)
+    tell = bar(shown.append, iter([0.0, 1.0, 3.0, 12.0]).__next__)
     for done in (0, 30, 120):
         tell(done, 120)
-    assert shown == ["120 points,   0 %", "120 points,  25 %, 9 s left", "120 points, 100 %, 0 s left"]
+    assert shown == ["120 points,   0 %", "120 points,  25 %, 9 s left", "120 points, 100 %, 12 s"]

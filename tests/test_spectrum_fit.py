@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import scipy.optimize
+from html_tables import cells
 
 import rubberfric as rf
 from fitting import SpectrumData, SpectrumFit, fit_spectrum
@@ -143,6 +144,10 @@ def test_report(noisy):
         f"({error / value:.1%})",
     ]
     assert repr(noisy).startswith("<SpectrumFit: h_rms 0.000")
+    headings, height, hurst, *_, rms = cells(noisy)
+    assert headings == ["parameter", "value", "error"] and height[1].endswith(" m")
+    assert hurst == ["hurst", f"{value:.4g}", f"+/- {error:.2g} ({error / value:.1%})"]
+    assert rms == [f"rms of ln(fit / measured): {noisy.rms:.2%}"]
 
 
 @pytest.mark.slow
