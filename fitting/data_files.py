@@ -9,6 +9,8 @@ measured values says what kind of data it is:
     spectrum   q | log10_q, C | log10_C,      sigma_C | relative_sigma
                q | log10_q, C_1D | log10_C_1D, relative_sigma: along a line, see `read`
 
+Tables of other programs are read as well (`rubberfric.exports`): other names, separators, a preamble.
+
 An HDF5 file holds one group /data with the attributes kind, name and body, and a dataset
 with units for each field that is not None.
 """
@@ -29,6 +31,7 @@ from rubberfric.tables import COLUMNS, closest, read_names, read_table, write_ta
 
 FORMAT = "rubberfric data"
 SUFFIXES = (".csv", ".h5")
+TABLES = (".csv", ".txt", ".tsv", ".dat")  # that are read
 
 _CONDITIONS = {"pressure": "p", "temperature": "T", "relative": "relative_sigma"}
 
@@ -59,9 +62,12 @@ def read(
     relative=None,
     normalisation=None,
     hurst=None,
+    poisson=None,
+    columns=None,
+    kind=None,
     check_units=True,
 ):
-    """Measured data of a .csv or an .h5 file.
+    """Measured data of a table (.csv, .txt, .tsv, .dat) or an .h5 file.
 
     Parameters
     ----------
@@ -71,8 +77,13 @@ def read(
         area, and body never is in a CSV file.
     normalisation, hurst : of the spectrum in a CSV file, see `rubberfric.psd`
         None: "C". One along a line must be given, with H, and is converted as of a self-affine surface.
+    poisson : Poisson's ratio [-], needed for a table of shear moduli, E = 2 (1 + poisson) G; a "storage
+        modulus" is one of E without it.
+    columns : list of "name [unit]", or None
+        what the columns are of a table that does not say so, "-" for one not read.
+    kind : "friction", "area", "modulus" or "spectrum"; needed for a table that holds several
     check_units : bool
-        whether values of a CSV file that look like ones in another unit are errors.
+        whether values of a table that look like ones in another unit are errors.
 
     Returns
     -------
@@ -92,10 +103,15 @@ def read(
     scaled = {"normalisation": normalisation, "hurst": hurst}
     scaled = {name: value for name, value in scaled.items() if value is not None}
     suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        raise ValueError(f"{path}: suffix {path.suffix!r}: must be {' or '.join(SUFFIXES)}")
+    if suffix not in (*TABLES, ".h5"):
+        sheet = "; save a sheet as .csv" if suffix in (".xlsx", ".xls", ".ods") else ""
+        raise ValueError(f"{path}: suffix {path.suffix!r}: must be {', '.join(TABLES)} or .h5{sheet}")
+    layout = {"columns": columns, "poisson": poisson}
+    for name, value in (layout | {"kind": kind}).items():
+        if suffix == ".h5" and value is not None:
+            raise ValueError(f"{path}: {name} = {one_line(value)}: must not be given; it is for tables")
     for name, value in scaled.items():
-        if suffix == ".h5" or _kind(path) is not SpectrumData:
+        if suffix == ".h5" or _kind(path, columns, poisson, kind) is not SpectrumData:
             raise ValueError(f"{path}: {name} = {one_line(value)}: must not be given; it is for CSV spectra")
     if suffix == ".h5":
         with reading(path, FORMAT) as file:
@@ -103,19 +119,19 @@ def read(
             if "data" not in file:
                 raise ValueError("/data: is missing; must be a group")
             return read_group(file["data"], **given)
-    cls = _kind(path)
-    columns = COLUMN[cls]
+    cls = _kind(path, columns, poisson, kind)
+    fields = COLUMN[cls]
     if cls is SpectrumData:
-        columns = _spectrum_columns(path, normalisation, hurst)
-    needed = tuple(columns[name] for name in columns if FIELDS[name].needed and name != "pressure")
-    optional = tuple(column for column in columns.values() if column not in needed)
-    table = read_table(path, needed, optional, increasing=False)
-    values = {name: table[column] for name, column in columns.items() if column in table}
+        fields = _spectrum_columns(path, normalisation, hurst, columns)
+    needed = tuple(fields[name] for name in fields if FIELDS[name].needed and name != "pressure")
+    optional = tuple(column for column in fields.values() if column not in needed)
+    table = read_table(path, needed, optional, increasing=False, **layout)
+    values = {name: table[column] for name, column in fields.items() if column in table}
     if scaled:
         for name in values.keys() & {"C", "sigma"}:
             values[name] = np.asarray(spectrum_from(normalisation, values["q"], values[name], hurst))
     try:
-        if "pressure" in columns and "pressure" not in {*values, *given}:
+        if "pressure" in fields and "pressure" not in {*values, *given}:
             raise ValueError("no column p: the table must have one, or pressure=... be given [Pa]")
         return _made(cls, values, given, check_units)
     except ValueError as error:
@@ -183,9 +199,9 @@ def read_group(group, **given):
         raise ValueError(f"{group.name}: {error}") from None
 
 
-def _spectrum_columns(path, normalisation, hurst):
+def _spectrum_columns(path, normalisation, hurst, columns):
     """Column of every field of a spectrum in a normalisation, None being C."""
-    names = read_names(path)
+    names = read_names(path, columns)
     if normalisation is None and {"C_1D", "log10_C_1D"} & set(names):
         raise ValueError(f"{path}: normalisation is missing: {NORMALISATION_RULE}")
     try:
@@ -213,20 +229,27 @@ def _made(cls, values, given, check_units):
     return cls(**values, **given, check_units=check_units)
 
 
-def _kind(path):
-    """The class of data in a CSV file, by its column of measured values."""
-    names = read_names(path)
-    marks = {columns[cls.values[0]]: cls for cls, columns in COLUMN.items()} | {"C_1D": SpectrumData}
+def _kind(path, columns, poisson, kind):
+    """The class of data in a table, by its column of measured values, or by its name."""
+    if kind is not None:
+        if not isinstance(kind, str) or kind not in KINDS:
+            raise ValueError(f"{path}: kind = {one_line(kind)}: {closest(kind, tuple(KINDS))}")
+        return KINDS[kind]
+    names = read_names(path, columns, "E" if poisson is None else "G")
+    marks = {values[cls.values[0]]: cls for cls, values in COLUMN.items()} | {"C_1D": SpectrumData}
+    marks |= dict.fromkeys(("G_stor", "E_comp", "G_comp"), ModulusData)
     given = {COLUMNS[name].name for name in names if name in COLUMNS}
-    found = [mark for mark in marks if mark in given]
+    found = {marks[mark] for mark in marks if mark in given}
     if len(found) == 1:
-        return marks[found[0]]
+        return found.pop()
     needs = []
-    for cls, columns in COLUMN.items():
-        needed = [columns[name] for name in columns if FIELDS[name].needed]
-        spelled = (" or ".join(n for n in COLUMNS if COLUMNS[n].name == column) for column in needed)
+    for cls, values in COLUMN.items():
+        needed = [values[name] for name in values if FIELDS[name].needed]
+        offered = [(name, column.name) for name, column in COLUMNS.items() if column.offered]
+        spelled = (" or ".join(name for name, held in offered if held == column) for column in needed)
         needs.append(f"{cls.quantity} has {', '.join(spelled)}")
     near = [(name, mark) for name in names for mark in difflib.get_close_matches(name, marks, n=1)]
     hint = f"{near[0][0]!r}: did you mean {near[0][1]!r}? " if near and not found else ""
-    columns, kinds = ", ".join(names), "; ".join(needs)
-    raise ValueError(f"{path}: columns {columns}: {hint}must be those of one kind of data: {kinds}")
+    several = "; or kind must say which" if len(found) > 1 else ""
+    shown, kinds = ", ".join(names), "; ".join(needs)
+    raise ValueError(f"{path}: columns {shown}: {hint}must be those of one kind of data: {kinds}{several}")

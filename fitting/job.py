@@ -8,7 +8,8 @@
     [[data]]                            # one for each data set
     file = "friction.csv"               # or .h5, see `fitting.data_files`
     pressure = 1e5                      # and temperature, relative, body, name: what the file lacks;
-                                        # normalisation, hurst of a spectrum
+                                        # normalisation, hurst of a spectrum; poisson, columns, kind of a
+                                        # table as other programs write it, see `fitting.read`
     ...
 
     [free]                              # key paths in quotes
@@ -46,8 +47,8 @@ from rubberfric.tables import closest
 RULES = {name.lower(): cls for name, cls in CLASSES.items()}
 RULE_KEYS = ("rule", *dict.fromkeys(f.name for cls in RULES.values() for f in dataclasses.fields(cls)))
 PRIOR_KEYS = ("mean", "sigma", "smooth")
-CONDITIONS = ("pressure", "temperature", "relative", "hurst")
-TEXTS = ("body", "normalisation")
+CONDITIONS = ("pressure", "temperature", "relative", "hurst", "poisson")
+TEXTS = ("body", "normalisation", "kind")
 OPTIONS = ("method", "starts", "seed", "loss", "loss_width", "decades", "max_steps", "tolerance")
 CHOICES = {"method": tuple(METHODS), "loss": tuple(WIDTHS)}
 SMALLEST = {"starts": 1, "seed": 0, "max_steps": 1}  # of the options that are integers
@@ -117,9 +118,10 @@ def _read(path, key, name, reader):
 
 
 def _data(path, key, content):
-    check_keys(path, key, content, ("file", *CONDITIONS, *TEXTS, "name"), ("file",))
+    check_keys(path, key, content, ("file", *CONDITIONS, *TEXTS, "columns", "name"), ("file",))
     given = {name: _one(path, f"{key}.{name}", content[name]) for name in CONDITIONS if name in content}
     given |= {name: _text(path, f"{key}.{name}", content[name]) for name in TEXTS if name in content}
+    given |= {"columns": content["columns"]} if "columns" in content else {}
     data = _read(path, f"{key}.file", content["file"], lambda file: read(file, **given))
     if "name" in content:
         name = _text(path, f"{key}.name", content["name"])

@@ -1,6 +1,7 @@
 """rubberfric: differentiable rubber friction after Scaraggi and Persson."""
 
 from rubberfric import plot
+from rubberfric import units
 from rubberfric.anisotropy import Anisotropic, TabulatedAnisotropic, from_grid, harmonics_left_out
 from rubberfric.coating import Coating
 from rubberfric.files import load_scene, save_scene
@@ -23,7 +24,9 @@ from rubberfric.shear import ContactShear
 from rubberfric.shifts import WLF, Arrhenius, TabulatedShift
 from rubberfric.softening import Softening
 from rubberfric.spectra import SelfAffine, TabulatedSpectrum, power_spectrum
+from rubberfric.surfaces import spectrum_of_surface
 from rubberfric.sweep import accuracy
+from rubberfric.tables import read_columns
 from rubberfric.topography import MeasuredSpectrum, spectrum_of_profile, spectrum_of_topography
 
 __all__ = [
@@ -76,6 +79,7 @@ __all__ = [
     "profile",
     "progress",
     "quantities_of",
+    "read_columns",
     "resample",
     "rms_height",
     "rms_slope",
@@ -86,7 +90,9 @@ __all__ = [
     "spectrum_as",
     "spectrum_from",
     "spectrum_of_profile",
+    "spectrum_of_surface",
     "spectrum_of_topography",
     "stress_distribution",
+    "units",
     "with_cutoff",
 ]

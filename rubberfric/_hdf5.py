@@ -41,7 +41,7 @@ def reading(path, form, version=1):
 
 
 def write_values(group, name, values, units):
-    """Write numbers as a dataset with their units."""
+    """Write numbers as a dataset with their units; the dataset."""
     weak = isinstance(values, float) or (isinstance(values, jax.Array) and values.weak_type)
     array = np.asarray(values)
     if array.dtype.kind != "f":

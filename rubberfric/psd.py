@@ -64,7 +64,8 @@ def spectrum_from(normalisation, q, values, hurst=None):
 
     Raises
     ------
-    ValueError : unknown normalisation; H missing, outside 0 ... 1, or given where it has no use.
+    ValueError : unknown normalisation; H missing, outside 0 ... 1, or given where it has no use;
+        masked entries.
 
     Notes
     -----
@@ -72,6 +73,8 @@ def spectrum_from(normalisation, q, values, hurst=None):
     the order of q/q_r, and within a factor 2 of a cut-off it is too small; `areal_spectrum` needs
     no such assumption.
     """
+    if np.ma.is_masked(values) or np.ma.is_masked(q):
+        raise ValueError("q or values: has masked entries: must have none; leave them out, q[~values.mask]")
     return jnp.asarray(values) / _factor(normalisation, q, hurst)
 
 

@@ -9,6 +9,10 @@ each with the attribute units:
     transverse_friction [-]  flash_temperature [K]  converged [-] (1 or 0)
 
 the group /quadrature, whose attributes are the accuracy settings, and the attribute title.
+
+The conditions are HDF5 dimension scales, so that `xarray.open_dataset(path, engine="h5netcdf")` has
+the quantities over named coordinates. Where there is no temperature, its dimension is one without
+values, as netCDF marks it.
 """
 
 import contextlib
@@ -37,6 +41,9 @@ QUANTITIES = {
     "converged": "-",
 }
 DIMENSIONS = ("temperature", "pressure", "velocity")
+
+# NAME of a dimension scale that is no coordinate, as netCDF writes it (with its length).
+_BARE = "This is a netCDF dimension but not a netCDF variable."
 
 
 class Result(NamedTuple):
@@ -75,8 +82,10 @@ def creating_result(path, result):
         write_object(file, "scene", result.scene)
         for name, units in CONDITIONS.items():
             values = getattr(result.conditions, name)
-            if values is not None:
-                write_values(file, name, values, units)
+            if values is None:
+                file.create_dataset(name, (1,), float).make_scale(f"{_BARE}{1:10d}")
+            else:
+                write_values(file, name, values, units).make_scale(name)
         write_quadrature(file, result.quadrature)
         yield file
 
@@ -90,9 +99,10 @@ def create_quantity(file, name, shape, dtype):
 
 
 def label(data):
-    """Name the dimensions of the dataset of a quantity."""
+    """Name the dimensions of the dataset of a quantity, and tie them to the conditions."""
     for axis, dimension in enumerate(DIMENSIONS):
         data.dims[axis].label = dimension
+        data.dims[axis].attach_scale(data.file[dimension])
 
 
 def load_result(path):
@@ -164,12 +174,19 @@ def _read_scene(file):
     if not isinstance(scene, Scene):
         raise ValueError(f"/scene: kind = {type(scene).__name__!r}: must be 'Scene'")
     title = str(file.attrs.get("title", ""))
-    if not any(name in file for name in CONDITIONS):
+    given = [name for name in CONDITIONS if name in file and not _is_bare(file[name])]
+    if not given:
         return SceneFile(scene, None, title)
-    values = {name: read_values(file, name, units) for name, units in CONDITIONS.items() if name in file}
+    values = {name: read_values(file, name, CONDITIONS[name]) for name in given}
     conditions = Conditions(**dict.fromkeys(CONDITIONS) | values)
     for name in ("velocity", "pressure"):
         if name not in values:
             raise ValueError(f"/{name}: is missing; must be given")
     check_conditions("/", conditions, scene)
     return SceneFile(scene, conditions, title)
+
+
+def _is_bare(data):
+    """Whether a dataset stands for a dimension alone."""
+    name = data.attrs.get("NAME", b"")
+    return (name.decode("ascii", "replace") if isinstance(name, bytes) else str(name)).startswith(_BARE)

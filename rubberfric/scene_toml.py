@@ -19,7 +19,9 @@
     [upper]                             # solid 2, slides over solid 1
     [upper.material]
     kind = "tabulated"                  # or "elastic", "prony", "prony_shear": the fields of the class
-    file = "master_curve.csv"           # omega or f, E_stor, E_loss; relative to this file
+    file = "master_curve.csv"           # omega or f, E_stor, E_loss; relative to this file; other programs'
+                                        # tables as `rubberfric.exports` has them; columns = ["f [Hz]", ...]
+                                        # says what the columns are of a file that does not
     shift = { kind = "wlf", C1 = 8.86, C2 = 101.6, T_ref = 293.15 }
     [upper.layer]                       # optional: thickness [m], base, and kind = "slab"
     kind = "coating"                    # whose base is a half-space of another material
@@ -102,11 +104,11 @@ CURVES = {
 # Keys that are no fields.
 EXTRA = {
     SelfAffine: ("C0",),
-    TabulatedModulus: ("file",),
-    TabulatedShift: ("file",),
-    TabulatedSpectrum: ("file", "normalisation", "hurst"),
+    TabulatedModulus: ("file", "columns"),
+    TabulatedShift: ("file", "columns"),
+    TabulatedSpectrum: ("file", "columns", "normalisation", "hurst"),
     TabulatedAnisotropic: ("file", "normalisation"),
-    Softening: ("file",),
+    Softening: ("file", "columns"),
 }
 
 
@@ -195,7 +197,8 @@ def _read_curves(path, key, cls, content):
         if directions:
             table = dict(zip(("q", "C"), read_directions(file), strict=True))
         else:
-            table = read_table(file, tuple(curves.values()))
+            layout = {"columns": content.get("columns"), "poisson": content.get("poisson"), "generic": "E"}
+            table = read_table(file, tuple(curves.values()), **layout)
     except ValueError as error:
         raise ValueError(
             str(error) if file.is_file() else f"{path}: {key}.file = {name!r}: {error}"

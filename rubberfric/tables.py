@@ -17,81 +17,33 @@ import difflib
 import io
 import math
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
+from rubberfric import exports
 from rubberfric._atomic import replacing
+from rubberfric.columns import COLUMNS, MODULI
+from rubberfric.moduli import missing, with_moduli
+
+# Bytes above ASCII that exports in Latin-1 have: ° µ ² ³ · and German vowels.
+_LATIN = b"\xb0\xb5\xb2\xb3\xb7\xe4\xf6\xfc\xc4\xd6\xdc\xdf"
 
 
-class Column(NamedTuple):
-    """What a column of that name is."""
-
-    name: str  # of the quantity it gives in SI
-    units: dict  # unit: (factor, offset), SI value = factor * value + offset
-    positive: bool = True
-    log10: bool = False  # the file holds the logarithm of the value in the unit
-
-
-def _scaled(**factors):
-    return {unit: (factor, 0.0) for unit, factor in factors.items()}
-
-
-_ONE = {"-": (1.0, 0.0)}
-_PRESSURE = _scaled(Pa=1.0, kPa=1e3, MPa=1e6, GPa=1e9)
-_SPEED = {"m/s": (1.0, 0.0), "mm/s": (1e-3, 0.0), "um/s": (1e-6, 0.0)}
-_RADIAN, _DEGREE = {"rad": (1.0, 0.0)}, {"deg": (math.pi / 180, 0.0)}
-_WAVEVECTOR = {"1/m": (1.0, 0.0), "1/mm": (1e3, 0.0), "1/um": (1e6, 0.0), "1/nm": (1e9, 0.0)}
-_SPECTRUM = {"m^4": (1.0, 0.0), "mm^4": (1e-12, 0.0), "um^4": (1e-24, 0.0), "nm^4": (1e-36, 0.0)}
-_LINE = {"m^3": (1.0, 0.0), "mm^3": (1e-9, 0.0), "um^3": (1e-18, 0.0), "nm^3": (1e-27, 0.0)}
-
-
-def _logarithms(units):
-    return {f"log10({unit})": how for unit, how in units.items()}
-
-
-# Names a file may use. The first unit of each is SI, in which tables are written.
-COLUMNS = {
-    "omega": Column("omega", {"rad/s": (1.0, 0.0)}),
-    "f": Column("omega", _scaled(Hz=2 * math.pi, kHz=2e3 * math.pi, MHz=2e6 * math.pi)),
-    "E_stor": Column("E_stor", _PRESSURE),
-    "E_loss": Column("E_loss", _PRESSURE),
-    "q": Column("q", _WAVEVECTOR),
-    "log10_q": Column("q", _logarithms(_WAVEVECTOR), log10=True),
-    "C": Column("C", _SPECTRUM),
-    "log10_C": Column("C", _logarithms(_SPECTRUM), log10=True),
-    "C_1D": Column("C_1D", _LINE),
-    "log10_C_1D": Column("C_1D", _logarithms(_LINE), log10=True),
-    "phi": Column("phi", _RADIAN, positive=False),
-    "phi_deg": Column("phi", _DEGREE, positive=False),
-    "T": Column("T", {"K": (1.0, 0.0), "C": (1.0, 273.15)}),
-    "aT": Column("aT", _ONE),
-    "strain": Column("strain", {"-": (1.0, 0.0), "%": (1e-2, 0.0)}),
-    "storage_factor": Column("storage_factor", _ONE),
-    "loss_factor": Column("loss_factor", _ONE),
-    "v": Column("v", _SPEED, positive=False),
-    "log10_v": Column("v", _logarithms(_SPEED), log10=True),
-    "p": Column("p", _PRESSURE),
-    "mu": Column("mu", _ONE, positive=False),
-    "A_over_A0": Column("A_over_A0", _ONE),
-    "sigma": Column("sigma", _ONE),
-    "sigma_stor": Column("sigma_stor", _PRESSURE),
-    "sigma_loss": Column("sigma_loss", _PRESSURE),
-    "sigma_C": Column("sigma_C", _SPECTRUM),
-    "relative_sigma": Column("relative_sigma", {"-": (1.0, 0.0), "%": (1e-2, 0.0)}),
-}
-
-
-def read_table(path, wanted, optional=(), increasing=True):
-    """Columns of a CSV file in SI.
+def read_table(path, wanted, optional=(), increasing=True, columns=None, poisson=None, generic=None):
+    """Columns of a table in SI: one of the project's own, or an export (`rubberfric.exports`).
 
     Parameters
     ----------
     path : path of the file
     wanted, optional : tuples of names in SI ("omega", not "f")
-        columns the file must hold and may hold.
+        columns the file must hold and may hold. E_stor and E_loss may follow from others: tan(delta),
+        |E*|, or shear moduli. Further columns are errors in an own table, and left out of an export.
     increasing : bool
-        whether the first wanted column must increase strictly from row to row.
+        whether the first wanted column must increase strictly from row to row; an export may fall.
+    columns : list of "name [unit]", or None
+        what the columns are, for a file that does not say so.
+    poisson : Poisson's ratio [-] for E = 2 (1 + poisson) G, or None
+    generic : "E" or "G", what a "storage modulus" is; None: "G" if poisson is given, else "E"
 
     Returns
     -------
@@ -103,34 +55,60 @@ def read_table(path, wanted, optional=(), increasing=True):
         one line naming file, line, column, value and rule: the file is missing or is not
         text, a column is unknown, missing or given twice, the unit is unknown, a row has
         the wrong number of fields, or a value is empty, no number, not finite, of the
-        wrong sign or out of order.
+        wrong sign or out of order; shear moduli without Poisson's ratio, or the reverse.
     """
-    rows = _rows(path)
-    (name_line, names), (unit_line, units), *data = rows
-    columns = _columns(f"{path}: line {name_line}", names, wanted, optional)
-    for line, row in rows[1:]:
-        if len(row) != len(names):
-            raise ValueError(f"{path}: line {line}: has {len(row)} fields: must have {len(names)}")
+    text = read_text(path, exports=True)
+    export = _export(path, text, columns, generic or ("E" if poisson is None else "G"))
+    if export is None:
+        where, titles, kinds, units, data = _own(path, text, wanted, optional)
+    else:
+        where, titles, kinds, units, data = _theirs(export, wanted, optional)
     table = {}
-    for i, (name, column) in enumerate(zip(names, columns, strict=True)):
-        unit = units[i]
-        if unit not in column.units:
-            allowed = ", ".join(column.units)
-            raise ValueError(
-                f"{path}: line {unit_line}: column {name}: unit {unit!r}: must be one of {allowed}"
-            )
-        texts = [(f"{path}: line {line}: {name} = {row[i]!r}", row[i]) for line, row in data]
-        table[column.name] = np.array([_value(where, text, unit, column) for where, text in texts])
+    for i, (title, column, unit) in enumerate(zip(titles, kinds, units, strict=True)):
+        texts = [(f"{path}: line {line}: {title} = {row[i]!r}", row[i]) for line, row in data]
+        table[column.name] = np.array([_value(at, field, unit, column) for at, field in texts])
+    if export is not None or (poisson is not None and generic is None):
+        table = with_moduli(where, table, wanted, optional, poisson, generic is None)
     if increasing:
-        bad = np.flatnonzero(~(np.diff(table[wanted[0]]) > 0))
+        first = table[wanted[0]]
+        if export is not None and np.all(np.diff(first) < 0):
+            return {name: values[::-1] for name, values in table.items()}
+        bad = np.flatnonzero(~(np.diff(first) > 0))
         if bad.size:
             line, row = data[bad[0] + 1]
-            i = next(i for i, column in enumerate(columns) if column.name == wanted[0])
+            i = next(i for i, column in enumerate(kinds) if column.name == wanted[0])
             before = data[bad[0]][1][i]
             raise ValueError(
-                f"{path}: line {line}: {names[i]} = {row[i]} after {before}: must increase strictly"
+                f"{path}: line {line}: {titles[i]} = {row[i]} after {before}: must increase strictly"
             )
     return table
+
+
+def read_columns(path, columns=None, poisson=None):
+    """Everything that a table holds and that has a name here, in SI.
+
+    Parameters
+    ----------
+    path, columns, poisson : as in `read_table`
+
+    Returns
+    -------
+    dict of name in SI ("omega", "E_stor", "T", ...) -> float64 array, shape (number of rows,)
+
+    Raises
+    ------
+    ValueError : as `read_table`, or two columns hold the same quantity.
+    """
+    names = read_names(path, columns, "E" if poisson is None else "G")
+    quantities = tuple(dict.fromkeys(COLUMNS[name].name for name in names if name in COLUMNS))
+    if not quantities:
+        known = tuple(name for name, column in COLUMNS.items() if column.offered)
+        raise ValueError(f"{path}: columns {', '.join(names)}: none is known; {closest(names[0], known)}")
+    moduli = ("E_stor", "E_loss") if {"E_stor", *MODULI} & set(quantities) else ()
+    plain = tuple(name for name in quantities if name not in (*MODULI, *moduli))
+    if len(plain) + len(moduli) == 0:
+        return {}
+    return read_table(path, (*plain, *moduli), (), increasing=False, columns=columns, poisson=poisson)
 
 
 def read_directions(path):
@@ -166,9 +144,13 @@ def read_directions(path):
     return q[::count], C.reshape(-1, count)
 
 
-def read_names(path):
-    """Names of the columns of a CSV file as they stand there, known or not; ValueError if it is no table."""
-    return _rows(path)[0][1]
+def read_names(path, columns=None, generic="E"):
+    """Names of the columns of a table, in an export only the known; ValueError if it is none."""
+    text = read_text(path, exports=True)
+    export = _export(path, text, columns, generic)
+    if export is None:
+        return _rows(path, text)[0][1]
+    return [exports.SET_VALUES.get(name, name) for name in export.known if name is not None]
 
 
 def write_table(path, table, comment=""):
@@ -197,10 +179,18 @@ def write_table(path, table, comment=""):
         writer.writerows(zip(*(map(repr, values.tolist()) for values in columns.values()), strict=True))
 
 
-def read_text(path):
-    """Text of a file; ValueError in one line if it is missing, unreadable or not UTF-8."""
+def read_text(path, exports=False):
+    """Text of a file; ValueError in one line if it is missing, unreadable or not UTF-8.
+
+    `exports` says that UTF-16 and signs like ° and µ in Latin-1 will do as well.
+    """
     try:
-        return Path(path).read_bytes().decode("utf-8-sig")
+        content = Path(path).read_bytes()
+        if exports and content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+            return content.decode("utf-16")
+        if exports and set(content) - set(range(128)) <= set(_LATIN):
+            return content.decode("latin-1")
+        return content.decode("utf-8-sig")
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
     except ValueError as error:  # not UTF-8, or a path with a NUL byte
@@ -214,10 +204,48 @@ def closest(name, allowed):
     return f"{hint}must be one of {', '.join(allowed)}" if allowed else "there must be none"
 
 
-def _rows(path):
+def _export(path, text, titles, generic):
+    """The table of another program in a text, or None if it is an own one."""
+    if titles is not None:
+        return exports.headless(path, text, titles, COLUMNS)
+    return exports.find_table(path, text, COLUMNS, generic)
+
+
+def _own(path, text, wanted, optional):
+    """(where, titles, kinds, units, rows) of an own table."""
+    rows = _rows(path, text)
+    (name_line, names), (unit_line, units), *data = rows
+    where = f"{path}: line {name_line}"
+    kinds = _columns(where, names, wanted, optional)
+    for line, row in rows[1:]:
+        if len(row) != len(names):
+            raise ValueError(f"{path}: line {line}: has {len(row)} fields: must have {len(names)}")
+    for name, unit, column in zip(names, units, kinds, strict=True):
+        _check_unit(f"{path}: line {unit_line}: column {name}", unit, column)
+    return where, names, kinds, units, data
+
+
+def _theirs(export, wanted, optional):
+    """The same of an export: only the columns asked for, and those they may follow from."""
+    more = MODULI if "E_stor" in wanted else ()
+    picked = exports.pick(export, COLUMNS, wanted, (*optional, *more))
+    places = [place for place, _ in picked.values()]
+    kinds = [COLUMNS[known] for _, known in picked.values()]
+    titles, units = ([values[i] for i in places] for values in (export.names, export.units))
+    for title, unit, column in zip(titles, units, kinds, strict=True):
+        _check_unit(f"{export.where}: column {title}", unit, column)
+    return export.where, titles, kinds, units, [(line, [row[i] for i in places]) for line, row in export.rows]
+
+
+def _check_unit(where, unit, column):
+    if unit not in column.units:
+        raise ValueError(f"{where}: unit {unit!r}: must be one of {', '.join(column.units)}")
+
+
+def _rows(path, content):
     """(line number, stripped fields) of every line that is neither blank nor a comment."""
     rows = []
-    for line, text in enumerate(io.StringIO(read_text(path)), start=1):
+    for line, text in enumerate(io.StringIO(content), start=1):
         if text.strip() and not text.lstrip().startswith("#"):
             # line by line: a stray quote stays an error of its own line
             try:
@@ -225,6 +253,11 @@ def _rows(path):
             except csv.Error as error:
                 raise ValueError(f"{path}: line {line}: is not CSV: {error}") from None
             rows.append((line, [field.strip() for field in fields]))
+    if rows and all(word.lstrip("+-.")[:1].isdigit() for field in rows[0][1] for word in field.split()):
+        raise ValueError(
+            f"{path}: line {rows[0][0]}: begins with numbers: must have a row of names and one of units, or"
+            ' columns be given, such as ["f [Hz]", "E_stor [MPa]", "E_loss [MPa]"]'
+        )
     if len(rows) < 3:
         raise ValueError(f"{path}: has {len(rows)} rows: must have a name row, a unit row and data")
     return rows
@@ -232,15 +265,14 @@ def _rows(path):
 
 def _columns(where, names, wanted, optional):
     """The `Column` of every name of a file; ValueError unless they are the ones asked for."""
-    known = {name: column for name, column in COLUMNS.items() if column.name in (*wanted, *optional)}
+    known = {n: c for n, c in COLUMNS.items() if c.name in (*wanted, *optional) and c.offered}
     for name in names:
         if name not in known:
             raise ValueError(f"{where}: column {name!r}: {closest(name, tuple(known))}")
     given = [known[name].name for name in names]
     for quantity in wanted:
-        spellings = [name for name, column in known.items() if column.name == quantity]
         if quantity not in given:
-            raise ValueError(f"{where}: no column {' or '.join(spellings)}: the table must have one")
+            raise ValueError(missing(where, quantity))
     for i, quantity in enumerate(given):
         if quantity in given[:i]:
             raise ValueError(f"{where}: column {names[i]!r}: {quantity} is given twice; must be given once")
@@ -257,9 +289,8 @@ def _value(where, text, unit, column):
         raise ValueError(f"{where}: must be a number") from None
     if not math.isfinite(value):
         raise ValueError(f"{where}: must be finite")
-    factor, offset = column.units[unit]
     try:
-        value = factor * (10.0**value if column.log10 else value) + offset
+        value = column.value(value, unit)
     except OverflowError:
         value = math.inf
     _check(where, value, column)
