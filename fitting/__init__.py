@@ -3,6 +3,7 @@
 from fitting import plot
 from fitting.data import AreaData, FrictionData, ModulusData, SpectrumData
 from fitting.data_files import read, write
+from fitting.density import LogDensity, log_density
 from fitting.ensemble import run_ensemble
 from fitting.ensemble_result import EnsembleResult
 from fitting.fit import fit
@@ -24,6 +25,7 @@ __all__ = [
     "Free",
     "FrictionData",
     "Gaussian",
+    "LogDensity",
     "Members",
     "ModulusData",
     "Positive",
@@ -36,6 +38,7 @@ __all__ = [
     "fit",
     "fit_prony",
     "fit_spectrum",
+    "log_density",
     "multi_start",
     "plot",
     "profile_members",

@@ -7,6 +7,7 @@ import numpy as np
 
 import rubberfric as rf
 from fitting import intervals
+from fitting.density import log_density
 from fitting.parameters import element_names, to_scene, to_values
 from fitting.status import CONVERGED, MESSAGES, PERFECT
 from fitting.uncertainty import Uncertainty
@@ -153,6 +154,10 @@ class FitResult:
     def bootstrap(self, count=100, key=None, callback=None):
         """Refits of simulated data; see `fitting.intervals.bootstrap`."""
         return intervals.bootstrap(self, count, key, callback)
+
+    def log_density(self, x):
+        """Log density at x but for a constant, -cost; see `fitting.log_density`."""
+        return log_density(self)(x)
 
     def report(self):
         """The fit in words and numbers, laid out as lmfit does."""
