@@ -18,7 +18,7 @@ _HISTORY, _MOST_STEPS = 7, 80
 
 # Residual over the largest element of a row at which a step is the last: it divides the residual by ten
 # and more, which leaves friction 1e-12 off; and the same for the linear systems of the derivatives.
-_TOLERANCE, _LINEAR_TOLERANCE = 1e-8, 1e-9
+_TOLERANCE, _LINEAR_TOLERANCE = 1e-7, 1e-9
 
 
 def fixed_point(function, start):

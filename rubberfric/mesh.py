@@ -54,8 +54,10 @@ def build_mesh(laws, quadrature, graded=True, logarithmic=False, marks=None):
         Integrals up to a mark are then sums over whole panels. One outside the roughness counts as
         its nearer end.
     """
-    first = _reduce(jnp.minimum, [law.q[0] for law in laws])
-    kinks = [_from_first(law.q, first) for law in laws]
+    begins = jnp.stack([law.q[0] for law in laws])
+    leader = jnp.argmin(jax.lax.stop_gradient(begins))
+    first = begins[leader]
+    kinks = [_from_first(law.q, first, leader == j) for j, law in enumerate(laws)]
     start = jnp.log(first)
     # Only beginnings and kinks carry gradients: where the other borders are does not matter.
     fixed_kinks = jax.lax.stop_gradient(kinks)
@@ -131,14 +133,14 @@ def build_mesh(laws, quadrature, graded=True, logarithmic=False, marks=None):
     )
 
 
-def _from_first(q, first):
-    """ln(q / first) of the wavevectors of a law.
+def _from_first(q, first, leads):
+    """ln(q / first) of the wavevectors of a law, which `leads` if its first is that of all.
 
-    The first wavevector of all is 0 whatever moves. Written as a difference of two that move alike,
-    it would leave their rounding, times 1 over the innermost panel's width of 1e-14, in reverse mode.
+    Then that one is 0 whatever moves. Written as a difference of two that move alike, it would
+    leave their rounding, times 1 over the innermost panel's width of 1e-14, in reverse mode.
     """
     t = log_ratio(q, first)
-    return jnp.concatenate([jnp.where(q[:1] > first, t[:1], 0.0), t[1:]])
+    return jnp.concatenate([jnp.where(leads, 0.0, t[:1]), t[1:]])
 
 
 def _reduce(function, values):
