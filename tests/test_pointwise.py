@@ -54,7 +54,7 @@ def arguments(scene, count):
     return scene_of, jnp.zeros(sum(leaf.size for leaf in leaves)), conditions
 
 
-ORDINARY = {("two rubbers", "separation")}
+ORDINARY = {("sheared", "friction")}
 CASES = [
     pytest.param(name, quantity, marks=() if (name, quantity) in ORDINARY else pytest.mark.slow)
     for name in SCENES
