@@ -4,7 +4,7 @@ import io
 import types
 
 import jax.numpy as jnp
-import matplotlib
+import matplotlib.colors
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -15,8 +15,6 @@ from fitting.plot import plot_correlation
 from rubberfric import plot
 from rubberfric.conditions import Conditions
 from rubberfric.results import Result
-
-matplotlib.use("Agg")
 
 V = np.array([10.0, -1.0, 1e-3, 0.0, 1e-1])
 ROAD = rf.SelfAffine(100.0, 1000.0, 1e5, 0.8, 1e-4)
