@@ -4,8 +4,9 @@ import numpy as np
 
 from fitting.curves import curves_of, lines, measured_points
 from fitting.plot_correlation import plot_correlation
+from fitting.result import FitResult
 from rubberfric._atomic import replacing
-from rubberfric.plot_style import LOG_V, MARKERS, PANELS, colours
+from rubberfric.plot_style import LOG_V, MARKERS, PANELS, check_kind, colours
 
 __all__ = ["plot_correlation", "plot_fit", "save_plot"]
 
@@ -45,6 +46,7 @@ def plot_fit(result, ax=None):
     ValueError
         `ax` has another number of axes.
     """
+    check_kind("result", result, FitResult)
     present = [name for name in LABELS if any(one.quantity == name for one in result.data)]
     ax = _new_axes(len(present)) if ax is None else ax
     if len(ax) != 2 * len(present):

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from rubberfric.plot_style import legend, one_axes
+from rubberfric.accuracy_report import Accuracy
+from rubberfric.plot_style import check_kind, legend, one_axes
 
 # What is drawn of a sweep: method, precision, attribute of errors and times; line style, marker,
 # filled or open, colour, and name.
@@ -32,7 +33,12 @@ def plot_accuracy(accuracy, ax=None, *, unit=None):
     Returns
     -------
     the axes
+
+    Raises
+    ------
+    ValueError : `accuracy` or `ax` is something else.
     """
+    check_kind("accuracy", accuracy, Accuracy)
     ax = one_axes(ax, (8.0, 4.2))
     second = 1e3 if unit is None else 1 / unit.forward
     for (method, dtype, what), (line, marker, filled, colour, label) in SWEEPS.items():

@@ -5,6 +5,7 @@ import numpy as np
 from rubberfric.plot_style import (
     LOG_V,
     PANELS,
+    check_kind,
     legend,
     looks,
     one_axes,
@@ -42,8 +43,9 @@ def plot_result(result, ax=None):
 
     Raises
     ------
-    ValueError : `ax` has another number of axes.
+    ValueError : `result` is none, or `ax` has another number of axes.
     """
+    check_kind("result", result, Result)
     names = [name for name in PANELS if getattr(result.solution, name) is not None]
     if ax is None:
         from matplotlib.figure import Figure
@@ -140,8 +142,7 @@ def curve_labels(conditions):
 
 
 def _quantity(result, name, ax):
-    if not isinstance(result, Result):
-        raise ValueError(f"result is a {type(result).__name__}: must be a Result; arrays go to plot_curve")
+    check_kind("result", result, Result)
     if getattr(result.solution, name) is None:
         known = [one for one, values in result.solution._asdict().items() if values is not None]
         raise ValueError(f"result has no {name}, only {', '.join(known) or 'nothing'}: must be computed")

@@ -4,8 +4,8 @@ import numpy as np
 
 from rubberfric._atomic import replacing
 from rubberfric.model import Solution
-from rubberfric.plot_style import LOG_V, PANELS, several_axes
-from rubberfric.results import QUANTITIES
+from rubberfric.plot_style import LOG_V, PANELS, check_kind, several_axes
+from rubberfric.results import QUANTITIES, Result
 from rubberfric.tables import closest
 
 # Panels of a figure, and points drawn along an axis: a picture has no room for more.
@@ -41,6 +41,7 @@ def plot_map(result, quantity="friction", ax=None, *, temperature=None, pressure
     ------
     ValueError : nothing to draw, as above; the quantity was not computed; `ax` has another number of axes.
     """
+    check_kind("result", result, Result)
     check_map(result.conditions, temperature, pressure)
     field = getattr(result.solution, quantity) if quantity in Solution._fields else None
     if field is None:

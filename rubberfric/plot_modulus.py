@@ -19,6 +19,8 @@ _LOOKS = (
     (":", "^", "$\\tan\\delta$ (right)"),
 )
 
+_modulus = jax.jit(complex_modulus)
+
 
 def plot_modulus(material, ax=None, omega=None, temperature=None, data=None):
     r"""Draw E' and E'' over omega in log-log, and tan delta = E''/E' on a linear scale of its own.
@@ -56,7 +58,7 @@ def plot_modulus(material, ax=None, omega=None, temperature=None, data=None):
         omega = _range(material, temperature, [one[0] for one in (points, table) if one is not None])
     else:
         omega = np.sort(vector("omega", omega, positive=True))
-    modulus = np.asarray(jax.jit(complex_modulus)(material, omega, temperature))
+    modulus = np.asarray(_modulus(material, omega, temperature))
     axes = one_axes(ax, (7.4, 4.0))
     right = axes.twinx()
     lines = (modulus.real, modulus.imag, modulus.imag / modulus.real)

@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from rubberfric.plot_style import legend, looks, several_axes
+from rubberfric.plot_style import check_kind, legend, looks, several_axes
+from rubberfric.profiles import Profile
 
 # Field of Profile, axis label; drawn from the top down.
 PANELS = (
@@ -34,6 +35,7 @@ def plot_profile(profile, ax=None, labels=None):
     ------
     ValueError : `labels` or `ax` has another length.
     """
+    check_kind("profile", profile, Profile)
     count = int(np.prod(np.shape(profile.area)[:-1]))
     if labels is not None and len(labels) != count:
         raise ValueError(f"labels has {len(labels)} names: must have {count}, one for each condition")

@@ -76,12 +76,8 @@ def plot_spectrum(spectra, ax=None, q=None):
     right.set_ylabel("rms slope up to $q$ [-]")
     axes.grid(alpha=0.3)
     _keep_slopes_in_view(right, curves.values())
-    legend(
-        axes,
-        (handles if several else []) + _explained(curves.values()),
-        scale_right=True,
-        inside="lower center",
-    )
+    handles = (handles if several else []) + _explained(curves.values())
+    legend(axes, handles, scale_right=True, inside="lower center")
     return axes
 
 

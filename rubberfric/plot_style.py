@@ -55,6 +55,12 @@ def one_axes(ax, size=(6.4, 4.0)):
     return ax
 
 
+def check_kind(name, value, kind):
+    """ValueError unless a value is an object of a class."""
+    if not isinstance(value, kind):
+        raise ValueError(f"{name} is a {type(value).__name__}: must be of class {kind.__name__}")
+
+
 def several_axes(ax, names):
     """ValueError unless `ax` is a sequence of axes, one for each name."""
     from matplotlib.axes import Axes

@@ -4,7 +4,7 @@ import io
 import types
 
 import jax.numpy as jnp
-import matplotlib
+import matplotlib.colors
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -15,8 +15,6 @@ from fitting.plot import plot_correlation
 from rubberfric import plot
 from rubberfric.conditions import Conditions
 from rubberfric.results import Result
-
-matplotlib.use("Agg")
 
 V = np.array([10.0, -1.0, 1e-3, 0.0, 1e-1])
 ROAD = rf.SelfAffine(100.0, 1000.0, 1e5, 0.8, 1e-4)
@@ -275,7 +273,7 @@ SQUARE = np.ones((3, 5))
 @pytest.mark.parametrize(
     ("draw", "arguments", "message"),
     [
-        (plot.plot_friction, (V,), "result is a ndarray: must be a Result; arrays go to plot_curve"),
+        (plot.plot_friction, (V,), "result is a ndarray: must be of class Result"),
         (plot.plot_friction, (NO_FRICTION,), "result has no friction, only area: must be computed"),
         (plot.plot_area, (AT_REST,), "velocity has no value > 0: must have one at least, for log10 v"),
         (plot.plot_area, (RESULT, Figure()), "ax is a Figure: must be one matplotlib axes, or None"),
@@ -304,7 +302,12 @@ SQUARE = np.ones((3, 5))
         (plot.plot_result, (RESULT, Figure().subplots()), "ax is one axes, not a sequence: must have 3"),
         (plot.plot_result, (RESULT, ["a"]), "ax is a list, not a sequence of axes: must have 3"),
         (plot.plot_map, (RESULT, "area", [Figure().subplots()]), "ax has 1 axes: must have 2, for 0.1 MPa"),
-        (plot.plot_accuracy, (None, 1), "ax is a int: must be one matplotlib axes"),
+        (plot.plot_result, (V,), "result is a ndarray: must be of class Result"),
+        (plot.plot_map, (V,), "result is a ndarray: must be of class Result"),
+        (plot.plot_profile, (RESULT,), "profile is a Result: must be of class Profile"),
+        (plot.plot_accuracy, (RESULT,), "accuracy is a Result: must be of class Accuracy"),
+        (fitting.plot.plot_fit, (RESULT,), "result is a Result: must be of class FitResult"),
+        (plot.plot_accuracy, (rf.sweep.Accuracy(1e-6, (), None, 1, 1), 1), "ax is a int: must be one"),
     ],
 )  # fmt: skip
 def test_wrong_arguments_are_named(draw, arguments, message):
