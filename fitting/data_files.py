@@ -24,7 +24,7 @@ import numpy as np
 
 from fitting.data import AreaData, FrictionData, ModulusData, SpectrumData
 from fitting.measured import FIELDS, one_line
-from rubberfric._atomic import check_writable, replacing
+from rubberfric._atomic import as_path, check_writable, replacing
 from rubberfric._hdf5 import check_names, creating, plain, read_values, reading, write_values
 from rubberfric.psd import LINES, NORMALISATION_RULE, check_normalisation, spectrum_from
 from rubberfric.tables import COLUMNS, closest, read_names, read_table, write_table
@@ -97,7 +97,7 @@ def read(
         one line naming the file, what in it is wrong, and the rule; also if something is
         given that the file has, or that data of its kind do not have.
     """
-    path = Path(path)
+    path = as_path(path)
     given = {"pressure": pressure, "temperature": temperature, "body": body, "relative": relative}
     given = {name: value for name, value in given.items() if value is not None}
     scaled = {"normalisation": normalisation, "hurst": hurst}
@@ -105,6 +105,7 @@ def read(
     suffix = path.suffix.lower()
     if suffix not in (*TABLES, ".h5"):
         sheet = "; save a sheet as .csv" if suffix in (".xlsx", ".xls", ".ods") else ""
+        sheet = "; it is a folder" if path.is_dir() else sheet
         raise ValueError(f"{path}: suffix {path.suffix!r}: must be {', '.join(TABLES)} or .h5{sheet}")
     layout = {"columns": columns, "poisson": poisson}
     for name, value in (layout | {"kind": kind}).items():

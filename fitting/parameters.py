@@ -82,7 +82,8 @@ def free_parameters(scene, free):
     groups, low, width, x, taken, size = [], [], [], [], {}, 0
     for path, rule in free.items():
         if not isinstance(rule, tuple(RULES.values())):
-            raise ValueError(f"free[{path!r}] = {rule!r}: must be Positive, Bounded, Free or Tied")
+            made = f"; a class, must be made with {rule.__name__}(...)" if isinstance(rule, type) else ""
+            raise ValueError(f"free[{path!r}] = {rule!r}: must be Positive, Bounded, Free or Tied{made}")
         leaf, elements = find(scene, path)
         for element in elements or (None,):
             if (leaf, element) in taken:
@@ -116,7 +117,10 @@ def _start(path, rule, values):
     if rule.start is None:
         return values
     try:
-        start = np.asarray(rule.start, float)
+        start = np.asarray(rule.start)
+        if start.dtype.kind not in "fiu":  # NumPy takes text for a number
+            raise TypeError
+        start = start.astype(float)
         values = np.broadcast_to(start, values.shape).copy()
     except (TypeError, ValueError):
         raise ValueError(

@@ -109,7 +109,7 @@ def fit_prony(data, per_decade=1.0, *, tau=None, E_inf="fit", poisson=0.5, shift
 def _reduced(data, shift):
     """Frequencies at the reference temperature [rad/s]."""
     if not isinstance(data, ModulusData):
-        raise ValueError(f"data is a {type(data).__name__}: must be ModulusData")
+        raise ValueError(f"data is a {type(data).__name__}: must be ModulusData, such as fitting.read gives")
     if data.temperature is None:
         return data.omega
     if shift is None:

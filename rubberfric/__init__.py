@@ -99,3 +99,31 @@ __all__ = [
     "with_cutoff",
     "write_prony",
 ]
+
+# What is looked for here, and is in the package beside.
+_FITTING = (
+    "AreaData",
+    "Bounded",
+    "FitResult",
+    "Free",
+    "FrictionData",
+    "Gaussian",
+    "ModulusData",
+    "Positive",
+    "PronyFit",
+    "Smooth",
+    "SpectrumData",
+    "SpectrumFit",
+    "Tied",
+    "fit",
+    "fit_prony",
+    "fit_spectrum",
+    "sensitivity",
+)
+
+
+def __getattr__(name):
+    """Say where a name is that is not here."""
+    if name in _FITTING:  # an AttributeError would lose its text in "from rubberfric import fit"
+        raise ImportError(f"rubberfric has no {name!r}, fitting has: from fitting import {name}")
+    raise AttributeError(f"module 'rubberfric' has no attribute {name!r}")

@@ -6,6 +6,14 @@ import tempfile
 from pathlib import Path
 
 
+def as_path(path):
+    """A `Path`; ValueError in one line for what cannot be one, such as arguments in the wrong order."""
+    try:
+        return Path(path)
+    except TypeError:
+        raise ValueError(f"path is a {type(path).__name__}: must be the path of a file") from None
+
+
 @contextlib.contextmanager
 def replacing(path):
     """Give a path to write to; on leaving, rename it to `path`, or remove it if writing failed.
@@ -22,7 +30,7 @@ def replacing(path):
 
 def check_writable(path, suffixes):
     """Raise ValueError saying why `path` could not be written: its suffix, its folder, or itself."""
-    path = Path(path)
+    path = as_path(path)
     if path.suffix.lower() not in suffixes:
         raise ValueError(f"{path}: suffix {path.suffix!r}: must be {' or '.join(suffixes)}")
     if not path.parent.is_dir():

@@ -1,9 +1,8 @@
 """Scene files of either kind: TOML written by hand, HDF5 written by the library."""
 
-from pathlib import Path
-
-from rubberfric._atomic import check_writable
+from rubberfric._atomic import as_path, check_writable
 from rubberfric.results import read_scene_hdf5, write_scene_hdf5
+from rubberfric.scene import Scene
 from rubberfric.scene_toml import read_scene_toml
 
 SUFFIXES = (".toml", ".h5")
@@ -14,10 +13,11 @@ def read_scene_file(path, table="run"):
 
     A TOML file has conditions in the tables "run" and "map"; an HDF5 file has one set of them.
     """
-    path = Path(path)
+    path = as_path(path)
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
-        raise ValueError(f"{path}: suffix {suffix!r}: must be {' or '.join(SUFFIXES)}")
+        folder = "; it is a folder" if path.is_dir() else ""
+        raise ValueError(f"{path}: suffix {suffix!r}: must be {' or '.join(SUFFIXES)}{folder}")
     return read_scene_toml(path, table) if suffix == ".toml" else read_scene_hdf5(path)
 
 
@@ -60,6 +60,8 @@ def save_scene(path, scene):
         values that its constructors refuse.
     """
     check_writable(path, (".h5",))
+    if not isinstance(scene, Scene):
+        raise ValueError(f"{path}: scene is a {type(scene).__name__}: must be a Scene")
     try:
         write_scene_hdf5(path, scene)
     except ValueError as error:

@@ -4,10 +4,12 @@ Contact mechanics uses the reduced modulus E_r = E / (1 - poisson^2).
 """
 
 import jax.numpy as jnp
+import numpy as np
 
 from rubberfric._pytree import (
     NONNEGATIVE,
     POSITIVE,
+    as_leaf,
     between,
     check_increasing,
     check_lengths,
@@ -227,10 +229,19 @@ def complex_modulus(material, omega, temperature=None):
     material : Elastic, Prony, PronyShear or TabulatedModulus
     omega : angular frequency, >= 0 (Prony, PronyShear, Elastic: any real; TabulatedModulus: > 0) [rad/s]
     temperature : broadcastable to omega [K], or None for the reference temperature
+
+    Raises
+    ------
+    ValueError : another material, Rigid, or frequencies that are no numbers.
     """
-    omega = jnp.asarray(omega, jnp.result_type(omega, float))
     if isinstance(material, Rigid):
         raise ValueError("material is Rigid: it has no modulus")
+    if not isinstance(material, (Elastic, *VISCOELASTIC)):
+        kinds = "Elastic, Prony, PronyShear or TabulatedModulus"
+        raise ValueError(f"material is a {type(material).__name__}: must be {kinds}")
+    if not isinstance(omega, int | float):
+        omega = as_leaf("omega", omega, np.ndim(omega))
+    omega = jnp.asarray(omega, jnp.result_type(omega, float))
     if isinstance(material, Elastic):
         return material.young + 0j * omega
     if temperature is not None and material.shift is not None:

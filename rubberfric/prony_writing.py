@@ -8,12 +8,11 @@ All of them hold the glassy modulus, relative weights and times (LS-DYNA: moduli
 A Prony has a constant Poisson's ratio: k_i = g_i. A PronyShear has an elastic bulk modulus: k_i = 0.
 """
 
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from rubberfric._atomic import replacing
+from rubberfric._atomic import as_path, replacing
 from rubberfric._pytree import POSITIVE, as_leaf, check_values
 from rubberfric._toml import shown
 from rubberfric.materials import Prony, PronyShear
@@ -105,10 +104,11 @@ def write_prony(
     lines = writer(series, scale, zero, mass, head, unit_stress if program == "pyvisco" else name)
     text = "\n".join(lines) + "\n"
     if path is not None:
-        if not Path(path).parent.is_dir():
-            raise ValueError(f"{path}: there is no folder {str(Path(path).parent)!r}; it must exist")
+        folder = as_path(path).parent
+        if not folder.is_dir():
+            raise ValueError(f"{path}: there is no folder {str(folder)!r}; it must exist")
         with replacing(path) as temporary:
-            Path(temporary).write_text(text, encoding="utf-8", newline="\n")
+            temporary.write_text(text, encoding="utf-8", newline="\n")
     return text
 
 

@@ -114,7 +114,10 @@ def broken_power_law(spectrum):
         return BrokenPowerLaw(q, log_value, exponent, spectrum.h_rms**2)
     if isinstance(spectrum, TabulatedSpectrum):
         return tabulated_law(spectrum.q, spectrum.C)
-    return spectrum.mean_law()  # anisotropic roughness
+    if not hasattr(spectrum, "mean_law"):  # of anisotropic roughness
+        kinds = "SelfAffine, TabulatedSpectrum, Anisotropic or TabulatedAnisotropic"
+        raise ValueError(f"spectrum is a {type(spectrum).__name__}: must be {kinds}")
+    return spectrum.mean_law()
 
 
 def tabulated_law(q, C):

@@ -16,12 +16,11 @@ import csv
 import difflib
 import io
 import math
-from pathlib import Path
 
 import numpy as np
 
 from rubberfric import exports
-from rubberfric._atomic import replacing
+from rubberfric._atomic import as_path, replacing
 from rubberfric.columns import COLUMNS, MODULI
 from rubberfric.moduli import missing, with_moduli
 
@@ -185,7 +184,7 @@ def read_text(path, exports=False):
     `exports` says that UTF-16 and signs like ° and µ in Latin-1 will do as well.
     """
     try:
-        content = Path(path).read_bytes()
+        content = as_path(path).read_bytes()
         if exports and content[:2] in (b"\xff\xfe", b"\xfe\xff"):
             return content.decode("utf-16")
         if exports and set(content) - set(range(128)) <= set(_LATIN):
