@@ -21,7 +21,7 @@ from rubberfric.model import evaluate_quantities, prepare_quantities
 # takes few pairs at once, whose 300 nodes in q stay in its cache; any other device as many as it can.
 BLOCK = {"cpu": 2**13}
 _BLOCK_ELSEWHERE = 2**18
-_AT_ONCE, _AT_ONCE_ELSEWHERE = 256, 2**16
+_AT_ONCE, _AT_ONCE_ELSEWHERE = 256, 2**14
 _FEWEST, _MOST = 4, 16  # pairs at once on a processor core
 
 # Pressures of a batch: beside so many, what a pair costs by itself is little. With fewer pairs than this

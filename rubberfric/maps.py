@@ -101,7 +101,10 @@ def friction_map(
     """
     quantities = _check(scene, quantities, quadrature, block)
     conditions, dtype = _conditions(scene, velocity, pressure, temperature)
-    ready, _ = checked(scene, *conditions.grid(), quadrature)
+    # All of them are checked; one of each is enough for what is left to check, without a copy.
+    ready, _ = checked(
+        scene, conditions.velocity[0], conditions.pressure[0], conditions.temperature, quadrature
+    )
     check_heated(scene, quantities)
     dtypes = {name: np.dtype(bool) if name == "converged" else dtype for name in quantities}
     found = FrictionMap(scene, conditions, Solution(), quadrature, title)

@@ -68,7 +68,7 @@ class Unfinished:
             values.flush()
         # Mapped anew, for the part that was touched counts as memory of the process.
         self.values.update(self.arrays(self.file, "r+"))
-        write_progress(self.marker, self.job, self.done)
+        write_progress(self.marker, self.job, self.file.stat().st_size, self.done)
         self.marked = True
         self._due = time.monotonic() + INTERVAL
 
@@ -140,7 +140,7 @@ def _create(folder, name, result, dtypes, job):
                 f"{folder.with_suffix('')}: cannot be written, {size / 2**30:.3g} GiB: "
                 f"{getattr(error, 'strerror', None) or error}"
             ) from None
-        write_progress(new / "progress", job, 0)
+        write_progress(new / "progress", job, file.stat().st_size, 0)
         os.rename(new, folder)
     sync_folder(folder.parent)
 
@@ -194,7 +194,8 @@ def digests(result, dtypes):
         found = hashlib.sha256(str(structure).encode())
         for leaf in leaves:
             array = np.asarray(leaf)
-            found.update(f"{array.dtype} {array.shape}".encode() + array.tobytes())
+            found.update(f"{array.dtype} {array.shape}".encode())
+            found.update(np.ascontiguousarray(array).reshape(-1))
         return found.hexdigest()
 
     return {
@@ -220,12 +221,11 @@ def read_progress(path):
     return found
 
 
-def write_progress(path, job, done):
-    """Replace what says how much is done."""
-    (file,) = (x for x in path.parent.iterdir() if not x.name.startswith("progress"))
+def write_progress(path, job, size, done):
+    """Replace what says how much is done of a file of so many bytes."""
     new = path.with_name("progress.new")
     with open(new, "w", encoding="utf-8") as text:
-        json.dump({"done": done, "size": file.stat().st_size, "job": job}, text)
+        json.dump({"done": done, "size": size, "job": job}, text)
         text.flush()
         os.fsync(text.fileno())
     os.replace(new, path)

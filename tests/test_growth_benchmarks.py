@@ -29,11 +29,12 @@ def test_growth(growth):
     found = store[growth.apart("machine")]
     rows = {count: row for (count,), row in found["velocities"]}
     assert rows[10_000_000]["seconds"] < 1.5 * 100 * rows[100_000]["seconds"]
-    assert max(row["added"] for row in rows.values()) < 100
+    # Two copies of the velocities themselves.
+    assert max(row["added"] - 16e-6 * count for count, row in rows.items()) < 100
     assert max(row["peak"] for row in rows.values()) < 1000
     rows = {count: row for (count,), row in found["terms"]}
     assert rows[300]["seconds"] < 1.5 * 10 * rows[30]["seconds"]
-    assert rows[300]["program"] < 2 * rows[1]["program"]
+    assert rows[300]["program"] < 64  # [MB]
     for (shape, setting), row in found["maps"]:
         assert row["error"] < 1e-8, (shape, setting)
         assert row["peak"] < 2000
@@ -45,8 +46,7 @@ def test_page_and_figure_of_what_was_measured(growth, tmp_path, monkeypatch):
     lines = list(growth.page(store))
     assert growth.PAGE.read_text(encoding="utf-8") == "\n".join(lines) + "\n"
     assert any("has not been run on a GPU" in line for line in lines)
-    (parts,) = store.values()
-    both = store | {"Some GPU, jax 0.10.1": parts}
+    both = store | {"Some GPU, jax 0.10.1": {k: v for parts in store.values() for k, v in parts.items()}}
     lines = list(growth.page(both))
     assert not any("has not been run on a GPU" in line for line in lines)
     assert sum("| float64 | values |" in x for x in lines) == 2
