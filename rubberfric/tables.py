@@ -37,10 +37,8 @@ def read_table(path, wanted, optional=(), increasing=True, columns=None, poisson
     wanted, optional : tuples of names in SI ("omega", not "f")
         columns the file must hold and may hold. E_stor and E_loss may follow from others: tan(delta),
         |E*|, or shear moduli. Further columns are errors in an own table, and left out of an export.
-    increasing : bool
-        whether the first wanted column must increase strictly from row to row; an export may fall.
-    columns : list of "name [unit]", or None
-        what the columns are, for a file that does not say so.
+    increasing : whether the first wanted column must increase strictly; in an export it may also fall
+    columns : list of "name [unit]", what the columns are of a file that does not say so, or None
     poisson : Poisson's ratio [-] for E = 2 (1 + poisson) G, or None
     generic : "E" or "G", what a "storage modulus" is; None: "G" if poisson is given, else "E"
 
@@ -101,12 +99,10 @@ def read_columns(path, columns=None, poisson=None):
     names = read_names(path, columns, "E" if poisson is None else "G")
     quantities = tuple(dict.fromkeys(COLUMNS[name].name for name in names if name in COLUMNS))
     if not quantities:
-        known = tuple(name for name, column in COLUMNS.items() if column.offered)
-        raise ValueError(f"{path}: columns {', '.join(names)}: none is known; {closest(names[0], known)}")
+        near = closest("".join(names[:1]), COLUMNS)
+        raise ValueError(f"{path}: columns {', '.join(names)}: none is known; {near}")
     moduli = ("E_stor", "E_loss") if {"E_stor", *MODULI} & set(quantities) else ()
     plain = tuple(name for name in quantities if name not in (*MODULI, *moduli))
-    if len(plain) + len(moduli) == 0:
-        return {}
     return read_table(path, (*plain, *moduli), (), increasing=False, columns=columns, poisson=poisson)
 
 
