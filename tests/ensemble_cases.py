@@ -55,7 +55,7 @@ def main(case, out, checkpoint=None, *processes):
     def callback(done, members):
         print(done, flush=True)
         if checkpoint is not None and not processes:
-            time.sleep(0.02)  # so that a kill finds it at work
+            time.sleep(0.05)  # so that a kill finds it at work
 
     members = {"modulus": modulus, "friction": friction}[case]()
     options = {"checkpoint": checkpoint, "every": 0, "resume": True, "lanes": 2, "callback": callback}

@@ -277,7 +277,7 @@ def test_the_state_of_every_solver_is_kept(tmp_path, method):
 def test_kills_lose_nothing_but_the_steps_since_the_checkpoint(tmp_path, members, whole, kills):
     """Killed with no chance to clean up, at random moments from the first line it prints on."""
     path, out = tmp_path / "run.h5", tmp_path / "out.npz"
-    chance, killed, told, stop = random.Random(kills), 0, 0, 0.3
+    chance, killed, told, stop = random.Random(kills), 0, 0, 0.8
     while killed < kills:
         process = start("modulus", out, path)
         process.stdout.readline()
