@@ -4,11 +4,9 @@ import json
 import os
 import random
 import resource
-import signal
 import socket
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import h5py
@@ -196,7 +194,7 @@ def test_the_command_resumes(call_main, tmp_path, monkeypatch, every_batch):
 
 CHILD = """
 import jax; jax.config.update("jax_enable_x64", True)
-import os, sys, time
+import os, signal, sys, time, traceback
 import numpy as np, rubberfric as rf
 from rubberfric import batches, unfinished
 unfinished.INTERVAL = 0.0
@@ -207,36 +205,45 @@ def launch(layout, scene, conditions, batch, options):  # instead of compiling
 batches.launch = launch
 batches.fitted = lambda layout, *_: layout
 axes = np.logspace(-6, 1, 40), np.logspace(4, 7, 70), np.linspace(263.15, 333.15, 20)
-print("begin", flush=True)
-# A killed child's successor is forked, for a second start of Python would take seconds: before JAX begins.
-while True:
-    line = sys.stdin.readline()
-    if not line:
-        break
+def work(tell):
+    material = rf.Prony(1e6, [1e8], [1e-5], shift=rf.WLF(8.0, 100.0, 293.15))
+    scene = rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine(100.0, 1000.0, 1e4, 0.8, 1e-4)), rf.Body(material))
+    told = []
+    def progress(done, points):
+        if not told:
+            os.write(tell, b"s")
+        told.append(done)
+    found = rf.friction_map(scene, *axes, path=sys.argv[1], resume=True, block=500, progress=progress)
+    v, p, T = found.conditions.grid()
+    exact = np.sin(p) * v * T, np.cos(p) * v / T
+    assert np.array_equal(found.solution.area, exact[0])
+    assert np.array_equal(found.solution.friction, exact[1])
+    os.write(tell, str(told[0]).encode())
+for line in sys.stdin:  # seconds after which it is killed, or -1; every map in a fork from before JAX begins
+    hear, tell = os.pipe()
     child = os.fork()
     if child == 0:
-        material = rf.Prony(1e6, [1e8], [1e-5], shift=rf.WLF(8.0, 100.0, 293.15))
-        road = rf.SelfAffine(100.0, 1000.0, 1e4, 0.8, 1e-4)
-        scene, told = rf.Scene(rf.Body(rf.Rigid(), road), rf.Body(material)), []
-        def tell(done, points):
-            if not told:
-                os.write(1, f"{os.getpid()}\\n".encode())
-            told.append(done)
-        found = rf.friction_map(scene, *axes, path=sys.argv[1], resume=True, block=500, progress=tell)
-        v, p, T = found.conditions.grid()
-        exact = np.sin(p) * v * T, np.cos(p) * v / T
-        assert np.array_equal(found.solution.area, exact[0])
-        assert np.array_equal(found.solution.friction, exact[1])
-        os.write(1, f"whole {told[0]}\\n".encode())
-        os._exit(0)
-    if os.waitpid(child, 0)[1]:
-        print("ended", flush=True)
+        try:
+            work(tell)
+            os._exit(0)
+        finally:
+            traceback.print_exc()
+            os._exit(1)
+    os.close(tell)
+    os.read(hear, 1)
+    if float(line) >= 0:
+        time.sleep(float(line))
+        os.kill(child, signal.SIGKILL)
+    status = os.waitpid(child, 0)[1]
+    ends = {0: "whole " + os.read(hear, 100).decode(), signal.SIGKILL: "killed"}
+    print(ends.get(status, "failed"), flush=True)
+    os.close(hear)
 """
 
 
 def kills(path, count, seed):
     """Kill a map so often at random moments; where the run that finished it began, of 56000 points."""
-    dice = random.Random(seed)
+    dice, longest, done = random.Random(seed), 0.2, 0
     with subprocess.Popen(
         [sys.executable, "-W", "ignore", "-c", CHILD, str(path)],
         stdin=subprocess.PIPE,
@@ -245,29 +252,21 @@ def kills(path, count, seed):
         cwd=ROOT,
     ) as parent:
 
-        def say():
-            parent.stdin.write("\n")
+        def run(seconds):
+            parent.stdin.write(f"{seconds}\n")
             parent.stdin.flush()
-            return int(parent.stdout.readline())
+            return parent.stdout.readline().split()
 
-        assert parent.stdout.readline() == "begin\n"
-        longest = 0.2
-        done, number = 0, say()
         while done < count:
-            time.sleep(dice.uniform(0.0, longest))
-            os.kill(number, signal.SIGKILL)
-            ending = parent.stdout.readline()
-            if ending.startswith("whole"):  # too late: begin anew
+            ending = run(dice.uniform(0.0, longest))
+            if ending[0] == "whole":  # too late: begin anew
                 path.unlink()
                 longest /= 2
             else:
-                assert ending == "ended\n"
+                assert ending == ["killed"]
                 done += 1
-            number = say()
-        word, began = parent.stdout.readline().split()
+        word, began = run(-1)
         assert word == "whole"
-        parent.stdin.close()
-        assert parent.wait() == 0
     return int(began)
 
 
