@@ -9,7 +9,8 @@
     file = "friction.csv"               # or .h5, see `fitting.data_files`
     pressure = 1e5                      # and temperature, relative, body, name: what the file lacks;
                                         # normalisation, hurst of a spectrum; poisson, columns, kind of a
-                                        # table as other programs write it, see `fitting.read`
+                                        # table as other programs write it, check_units = false,
+                                        # see `fitting.read`
     ...
 
     [free]                              # key paths in quotes
@@ -49,6 +50,7 @@ RULE_KEYS = ("rule", *dict.fromkeys(f.name for cls in RULES.values() for f in da
 PRIOR_KEYS = ("mean", "sigma", "smooth")
 CONDITIONS = ("pressure", "temperature", "relative", "hurst", "poisson")
 TEXTS = ("body", "normalisation", "kind")
+EXTRA = ("columns", "check_units", "name")
 OPTIONS = ("method", "starts", "seed", "loss", "loss_width", "decades", "max_steps", "tolerance")
 CHOICES = {"method": tuple(METHODS), "loss": tuple(WIDTHS)}
 SMALLEST = {"starts": 1, "seed": 0, "max_steps": 1}  # of the options that are integers
@@ -118,10 +120,10 @@ def _read(path, key, name, reader):
 
 
 def _data(path, key, content):
-    check_keys(path, key, content, ("file", *CONDITIONS, *TEXTS, "columns", "name"), ("file",))
+    check_keys(path, key, content, ("file", *CONDITIONS, *TEXTS, *EXTRA), ("file",))
     given = {name: _one(path, f"{key}.{name}", content[name]) for name in CONDITIONS if name in content}
     given |= {name: _text(path, f"{key}.{name}", content[name]) for name in TEXTS if name in content}
-    given |= {"columns": content["columns"]} if "columns" in content else {}
+    given |= {name: content[name] for name in ("columns", "check_units") if name in content}
     data = _read(path, f"{key}.file", content["file"], lambda file: read(file, **given))
     if "name" in content:
         name = _text(path, f"{key}.name", content["name"])

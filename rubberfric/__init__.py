@@ -1,7 +1,6 @@
 """rubberfric: differentiable rubber friction after Scaraggi and Persson."""
 
-from rubberfric import plot
-from rubberfric import units
+from rubberfric import plot, units
 from rubberfric.anisotropy import Anisotropic, TabulatedAnisotropic, from_grid, harmonics_left_out
 from rubberfric.coating import Coating
 from rubberfric.files import load_scene, save_scene
@@ -17,6 +16,8 @@ from rubberfric.outside import friction_outside_table
 from rubberfric.power import DissipatedPower, dissipated_power
 from rubberfric.profiles import Profile, profile
 from rubberfric.progress import progress
+from rubberfric.prony_reading import read_prony
+from rubberfric.prony_writing import write_prony
 from rubberfric.psd import areal_spectrum, line_spectrum, spectrum_as, spectrum_from
 from rubberfric.quadrature import Quadrature
 from rubberfric.scene import Body, Scene
@@ -80,6 +81,7 @@ __all__ = [
     "progress",
     "quantities_of",
     "read_columns",
+    "read_prony",
     "resample",
     "rms_height",
     "rms_slope",
@@ -95,4 +97,5 @@ __all__ = [
     "stress_distribution",
     "units",
     "with_cutoff",
+    "write_prony",
 ]

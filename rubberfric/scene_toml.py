@@ -3,6 +3,7 @@
 ::
 
     title = "..."                       # optional
+    plausible = false                   # optional: accepts what looks like another unit than SI
     gamma = 0.5                         # optional, as area_correction
 
     [lower]                             # solid 1
@@ -23,6 +24,8 @@
                                         # tables as `rubberfric.exports` has them; columns = ["f [Hz]", ...]
                                         # says what the columns are of a file that does not
     shift = { kind = "wlf", C1 = 8.86, C2 = 101.6, T_ref = 293.15 }
+                                        # a "prony" or "prony_shear" may be in a file of cards (`read_prony`):
+                                        # file, unit_stress, unit_temperature, poisson
     [upper.layer]                       # optional: thickness [m], base, and kind = "slab"
     kind = "coating"                    # whose base is a half-space of another material
     base = { kind = "elastic", young = 1e9, poisson = 0.3 }
@@ -54,6 +57,8 @@ from rubberfric.conditions import TABLES, SceneFile, read_conditions
 from rubberfric.heating import Heating
 from rubberfric.layers import Slab
 from rubberfric.materials import Elastic, Prony, PronyShear, Rigid, TabulatedModulus
+from rubberfric.plausible import check_plausible_conditions, check_plausible_scene
+from rubberfric.prony_reading import read_prony
 from rubberfric.psd import LINES, NORMALISATION_RULE, check_normalisation, spectrum_from
 from rubberfric.scene import Body, Scene
 from rubberfric.shear import ContactShear
@@ -124,13 +129,20 @@ def read_scene_toml(path, table="run"):
     """
     path = Path(path)
     content = read_toml(path)
-    check_keys(path, "", content, ("title", *_fields(Scene), *TABLES))
+    check_keys(path, "", content, ("title", "plausible", *_fields(Scene), *TABLES))
     title = content.pop("title", "")
     if not isinstance(title, str) or not title.isprintable():
         raise ValueError(f"{path}: title = {shown(title)}: must be one line of text")
+    plausible = content.pop("plausible", True)
+    if not isinstance(plausible, bool):
+        raise ValueError(f"{path}: plausible = {shown(plausible)}: must be true or false")
     tables = {name: content.pop(name) for name in TABLES if name in content}
     scene = _build(path, "", Scene, content)
     conditions = {name: read_conditions(path, name, found, scene) for name, found in tables.items()}
+    if plausible:
+        check_plausible_scene(f"{path}: ", scene)
+        for name, found in conditions.items():
+            check_plausible_conditions(f"{path}: {name}.", found)
     return SceneFile(scene, conditions.get(table, conditions.get("run")), title)
 
 
@@ -176,7 +188,31 @@ def _build_child(path, key, kinds, content):
     kind = content.get("kind", default)
     if not isinstance(kind, str) or kind not in kinds:
         raise ValueError(f"{path}: {key}.kind = {shown(kind)}: {closest(kind, tuple(kinds))}")
-    return _build(path, key, kinds[kind], {k: v for k, v in content.items() if k != "kind"})
+    rest = {name: value for name, value in content.items() if name != "kind"}
+    if kinds[kind] in (Prony, PronyShear) and "file" in rest:
+        return _read_cards(path, key, kinds[kind], rest)
+    return _build(path, key, kinds[kind], rest)
+
+
+def _read_cards(path, key, cls, content):
+    """The Prony series in a file of material cards; a shift beside it takes the place of the file's."""
+    check_keys(path, key, content, ("file", "unit_stress", "unit_temperature", "poisson", "shift"))
+    given = {name: content[name] for name in ("unit_stress", "unit_temperature") if name in content}
+    if "poisson" in content:
+        given["poisson"] = number(path, f"{key}.poisson", content["poisson"])
+    name = content["file"]
+    if not isinstance(name, str):
+        raise ValueError(f"{path}: {key}.file = {shown(name)}: must be the name of a file of cards")
+    shift = (
+        _build_child(path, f"{key}.shift", KINDS["shift"], content["shift"]) if "shift" in content else None
+    )
+    material = read_prony(path.parent / name, shift=shift is None, **given)
+    if type(material) is not cls:
+        advice = 'kind = "prony_shear", or poisson be given' if cls is Prony else 'kind = "prony"'
+        raise ValueError(
+            f"{path}: {key}.file = {name!r}: holds a {type(material).__name__}: must be {advice}"
+        )
+    return material if shift is None else dataclasses.replace(material, shift=shift)
 
 
 def _read_curves(path, key, cls, content):

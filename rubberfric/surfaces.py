@@ -52,8 +52,8 @@ def spectrum_of_surface(topography, *, unit=None, **options):
     for name in _NEEDED:
         if not hasattr(topography, name):
             raise ValueError(
-                f"topography is a {type(topography).__name__} without {name}: must be one of SurfaceTopography;"
-                " give arrays to spectrum_of_topography or spectrum_of_profile"
+                f"topography is a {type(topography).__name__} without {name}: must be one of"
+                " SurfaceTopography; give arrays to spectrum_of_topography or spectrum_of_profile"
             )
     if not getattr(topography, "is_uniform", True):
         raise ValueError("topography: has points at uneven distances: must be uniform; interpolate before")
@@ -64,8 +64,8 @@ def spectrum_of_surface(topography, *, unit=None, **options):
     sizes, counts = np.atleast_1d(topography.physical_sizes), np.atleast_1d(topography.nb_grid_pts)
     if sizes.shape != counts.shape or np.shape(heights) != tuple(counts):
         raise ValueError(
-            f"topography: heights of shape {np.shape(heights)}, nb_grid_pts {tuple(counts.tolist())}, physical_sizes"
-            f" {tuple(sizes.tolist())}: must have as many entries, 1 or 2"
+            f"topography: heights of shape {np.shape(heights)}, nb_grid_pts {tuple(counts.tolist())},"
+            f" physical_sizes {tuple(sizes.tolist())}: must have as many entries, 1 or 2"
         )
     spacings = scale * sizes / counts
     if getattr(topography, "is_periodic", False):
@@ -78,9 +78,8 @@ def spectrum_of_surface(topography, *, unit=None, **options):
 def _scale(own, given):
     """Metres per unit."""
     if own is None and given is None:
-        raise ValueError(
-            f"unit is missing: must be given, the topography has none; one of {', '.join(UNITS)}"
-        )
+        names = ", ".join(UNITS)
+        raise ValueError(f"unit is missing: must be given, the topography has none; one of {names}")
     if own is not None and given is not None and own != given:
         raise ValueError(f"unit = {shown(given)}: must not be given; the topography has {shown(own)}")
     unit = given if own is None else own
