@@ -687,7 +687,7 @@ def test_saving_writes_nothing_wrong(tmp_path):
     assert "must be" in refused(path, lambda: rf.save_scene(path, negative))
     batch = jax.vmap(lambda i: jax.tree.map(lambda x: x + i, scene))(np.arange(2.0))
     assert "must be" in refused(path, lambda: rf.save_scene(path, batch))
-    assert "must be one of" in refused(path, lambda: rf.save_scene(path, "scene"))
+    assert "must be a Scene" in refused(path, lambda: rf.save_scene(path, "scene"))
     assert os.listdir(tmp_path) == []
     rf.save_scene(path, scene)
     before = path.read_bytes()
