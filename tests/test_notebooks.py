@@ -44,13 +44,11 @@ def texts_of(notebook):
 
 @each
 def test_runs_from_top_to_bottom(path, tmp_path, monkeypatch):
-    """In a copy of its folder beside the data, against this checkout."""
+    """In a copy of its folder beside the data, against this checkout, compiled as `conftest` has it."""
     folder = tmp_path / "notebooks"
     folder.mkdir()
     shutil.copytree(ROOT / "data", tmp_path / "data")
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
-    # As tests/conftest.py: compiling is most of the time, and what is computed does not depend on it.
-    monkeypatch.setenv("XLA_FLAGS", "--xla_backend_optimization_level=0")
     monkeypatch.setenv("JUPYTER_CONFIG_DIR", str(tmp_path))
     notebook = nbformat.read(path, as_version=4)
     end = time.monotonic() + SECONDS

@@ -80,7 +80,9 @@ def test_wheel(tmp_path):
     (wheel,) = (source / "dist").glob("*.whl")
     names = zipfile.ZipFile(wheel).namelist()
     modules = {
-        str(path.relative_to(ROOT)) for name in ("rubberfric", "fitting") for path in (ROOT / name).glob("*.py")
+        str(path.relative_to(ROOT))
+        for name in ("rubberfric", "fitting")
+        for path in (ROOT / name).glob("*.py")
     }
     assert modules | {"rubberfric/py.typed", "fitting/py.typed"} <= set(names)
     others = set(names) - modules
