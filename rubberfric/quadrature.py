@@ -37,7 +37,8 @@ class Quadrature:
     angular_order : int, 4 ... 64
         nodes of an angular panel, where the angular integrals of the stiffness are evaluated.
     angle : int, 24 ... 1200
-        nodes of the angular integral over a TabulatedModulus (Prony solids need none).
+        nodes of the angular integral over a TabulatedModulus; half as many where one of two
+        deformable solids softens, and none for any other Prony solids.
     heat : int, 40 ... 2000
         nodes of the sum over ln k of the temperatures of a heated scene.
     """
