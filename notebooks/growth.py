@@ -1,12 +1,13 @@
 """How time and memory grow with the work: growth.md, growth.json and figures/growth.png, beside this file.
 
-    python notebooks/growth.py [velocities] [terms] [maps] [throughput] [page]
+    python notebooks/growth.py [velocities] [terms] [members] [maps] [throughput] [page]
 
 Without a part named, all of them: some minutes; `page` alone measures nothing. Needs matplotlib. What was
 measured is kept in growth.json, by device, so that the same command on another machine or a GPU adds its
 lines to the page.
 """
 
+import dataclasses
 import json
 import os
 import platform
@@ -22,6 +23,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+import fitting
 import rubberfric as rf
 from rubberfric import batches, maps, model
 from rubberfric.files import read_scene_file
@@ -36,13 +38,14 @@ SETTINGS = {"default": DEFAULT, "quick": QUICK}
 
 VELOCITIES = (100, 1000, 10_000, 100_000, 1_000_000, 10_000_000)
 TERMS = (1, 3, 10, 30, 100, 300)
+MEMBERS = (1, 10, 100, 1000, 10_000, 100_000)
 SHAPES = (
     (1000, 1, 1000),
     (1000, 3, 334),
     (500, 20, 100),
     (100, 100, 100),
 )  # velocities, pressures, temperatures
-PARTS = ("velocities", "terms", "maps", "throughput")
+PARTS = ("velocities", "terms", "members", "maps", "throughput")
 
 
 def tread():
@@ -98,6 +101,22 @@ def terms(count, points=4096):
     options = {"quadrature": DEFAULT, "quantities": maps.QUANTITIES}
     held = batches.program_bytes(layout, model.cast(scene, jnp.float64), at, options)
     return {"seconds": seconds, "points": points, "compile": first - seconds, "program": held / 1e6}
+
+
+def members(count):
+    """Bootstrap fits of 24 moduli with 4 parameters: seconds without compilation, memory [MB]."""
+    rubber = rf.Prony(3e6, [5e8, 2e7, 2e6], [1e-7, 1e-4, 1e-1])
+    scene = rf.Scene(tread().lower, rf.Body(rubber))
+    omega = np.logspace(-2, 7, 12)
+    exact = np.asarray(rf.complex_modulus(rubber, omega))
+    noise = np.exp(0.02 * np.random.default_rng(0).standard_normal((2, omega.size)))
+    data = fitting.ModulusData(omega, exact.real * noise[0], exact.imag * noise[1], relative=0.02)
+    free = dict.fromkeys(("upper.material.E", "upper.material.E_inf"), fitting.Positive())
+    drawn = fitting.bootstrap_members(fitting.fit(scene, data, free), count)
+    fitting.run_ensemble(dataclasses.replace(drawn, max_steps=1))  # compiles
+    before, result = memory(), fitting.run_ensemble(drawn)
+    found = {"seconds": result.seconds, "steps": int(result.njev.sum()), "failed": int(result.failed.size)}
+    return found | {"program": result.peak / 1e6, "added": memory() - before}
 
 
 def million(shape, setting):
@@ -179,6 +198,7 @@ def measure(parts):
     sizes = {
         "velocities": [("velocities", n) for n in VELOCITIES],
         "terms": [("terms", n) for n in TERMS],
+        "members": [("members", n) for n in MEMBERS],
         "maps": [("million", shape, name) for shape in SHAPES for name in SETTINGS],
         "throughput": [("throughput", dtype) for dtype in ("float64", "float32")],
     }
@@ -214,6 +234,7 @@ def page(store):
         for part, lines in (
             ("velocities", _velocities),
             ("terms", _terms),
+            ("members", _members),
             ("maps", _maps),
             ("throughput", _throughput),
         ):
@@ -260,6 +281,19 @@ def _terms(rows):
             f"{row['program']:.2f}",
         )
         yield f"| {count} | {' | '.join(cells)} |"
+
+
+def _members(rows):
+    yield (
+        "Members of an ensemble, bootstrap fits of 24 moduli with 4 parameters; a checkpoint keeps "
+        "all of their states:"
+    )
+    yield ""
+    yield from _table("members", "seconds", "µs a step", "program holds [MB]", "memory added [MB]")
+    for (count,), row in rows:
+        cells = [f"{row['seconds']:.3g}", f"{1e6 * row['seconds'] / row['steps']:.0f}"]
+        cells += [f"{row['program']:.2f}", f"{row['added']:.0f}"]
+        yield f"| {count:.0e} | {' | '.join(cells)} |"
 
 
 def _maps(rows):
@@ -321,32 +355,34 @@ def _planning(store):
 
 
 def draw(store, path):
-    """Time and memory over velocities and Prony terms, a colour for each device."""
+    """Time and memory over velocities, Prony terms and members, a colour for each device."""
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(9.6, 6.4), layout="constrained")
-    axes = figure.subplots(2, 2)
+    figure = Figure(figsize=(13.0, 6.4), layout="constrained")
+    axes = figure.subplots(2, 3)
     for device, parts in store.items():
-        for column, (part, time_of, memory_of) in enumerate(
-            (("velocities", "seconds", "peak"), ("terms", "seconds", "program"))
-        ):
+        memories = {"velocities": "peak", "terms": "program", "members": "added"}
+        for column, (part, memory_of) in enumerate(memories.items()):
             if part not in parts:
                 continue
             counts = np.array([count for (count,), _ in parts[part]])
-            for ax, key in ((axes[0, column], time_of), (axes[1, column], memory_of)):
-                plot = ax.semilogx if key == "peak" else ax.loglog
+            for ax, key in ((axes[0, column], "seconds"), (axes[1, column], memory_of)):
+                plot = ax.semilogx if key in ("peak", "added") else ax.loglog
                 plot(counts, [row[key] for _, row in parts[part]], "o-", label=device)
-            seconds = np.array([row[time_of] for _, row in parts[part]])
+            seconds = np.array([row["seconds"] for _, row in parts[part]])
             ends = counts[[0, -1]]
             axes[0, column].loglog(ends, seconds[-1] * ends / ends[-1], "k:", linewidth=1, label="linear")
     axes[0, 0].set_ylabel("run time [s]")
     axes[1, 0].set_ylabel("largest memory of the process [MB]")
     axes[0, 1].set_ylabel("run time of 4096 points [s]")
     axes[1, 1].set_ylabel("memory of the program [MB]")
+    axes[0, 2].set_ylabel("run time [s]")
+    axes[1, 2].set_ylabel("memory added [MB]")
     axes[1, 0].set_ylim(0, 1000)
     for row in axes:
         row[0].set_xlabel("velocities")
         row[1].set_xlabel("Prony terms")
+        row[2].set_xlabel("members of an ensemble")
         for ax in row:
             ax.grid(alpha=0.3)
     if axes[0, 0].lines:

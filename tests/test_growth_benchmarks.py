@@ -35,6 +35,9 @@ def test_growth(growth):
     rows = {count: row for (count,), row in found["terms"]}
     assert rows[300]["seconds"] < 1.5 * 10 * rows[30]["seconds"]
     assert rows[300]["program"] < 64  # [MB]
+    rows = {count: row for (count,), row in found["members"]}
+    assert rows[100_000]["seconds"] < 1.5 * 100 * rows[1000]["seconds"]
+    assert not any(row["failed"] for row in rows.values())
     for (shape, setting), row in found["maps"]:
         assert row["error"] < 1e-8, (shape, setting)
         assert row["peak"] < 2000
