@@ -10,7 +10,7 @@ import numpy as np
 
 import fitting
 import rubberfric as rf
-from rubberfric.files import read_scene_file
+from rubberfric.io.files import read_scene_file
 
 FOLDER = Path(__file__).parent
 NOISE = 0.03  # standard deviation of ln mu

@@ -1,21 +1,21 @@
 """fitting: inverse fits of rubber-friction scenes to measurements, and what the data can tell."""
 
-from fitting import plot
-from fitting.data import AreaData, FrictionData, ModulusData, SpectrumData
-from fitting.data_files import read, write
-from fitting.density import LogDensity, log_density
-from fitting.ensemble import run_ensemble
-from fitting.ensemble_result import EnsembleResult
+from fitting.characterise.prony import fit_prony
+from fitting.characterise.prony_result import PronyFit
+from fitting.characterise.spectrum import fit_spectrum
+from fitting.characterise.spectrum_result import SpectrumFit
+from fitting.data.files import read, write
+from fitting.data.kinds import AreaData, FrictionData, ModulusData, SpectrumData
+from fitting.ensemble.members import Members, bootstrap_members, multi_start, profile_members
+from fitting.ensemble.result import EnsembleResult
+from fitting.ensemble.run import run_ensemble
 from fitting.fit import fit
-from fitting.members import Members, bootstrap_members, multi_start, profile_members
-from fitting.priors import Gaussian, Smooth
-from fitting.prony import fit_prony
-from fitting.prony_result import PronyFit
-from fitting.result import FitResult
-from fitting.rules import Bounded, Free, Positive, Tied
-from fitting.sensitivity import sensitivity, sensitivity_names
-from fitting.spectrum import fit_spectrum
-from fitting.spectrum_result import SpectrumFit
+from fitting.parameters.constraints import Bounded, Free, Positive, Tied
+from fitting.parameters.priors import Gaussian, Smooth
+from fitting.results import plot
+from fitting.results.result import FitResult
+from fitting.uncertainty.density import LogDensity, log_density
+from fitting.uncertainty.sensitivity import sensitivity, sensitivity_names
 
 __all__ = [
     "AreaData",

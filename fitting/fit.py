@@ -6,16 +6,16 @@ import time
 import jax
 import numpy as np
 
-from fitting.gradient import LBFGS, Adam
-from fitting.lm import LevenbergMarquardt
-from fitting.options import check_friction, check_options, data_sets, not_finite
-from fitting.parameters import random_starts, to_values
-from fitting.problem import ASSUMED, make_problem
-from fitting.result import FitResult, Minimum
-from fitting.search import search
-from fitting.solvers import LANES, run_problem
-from fitting.status import CONVERGED, PERFECT
-from fitting.uncertainty import residual_rows, uncertainty
+from fitting.parameters.layout import random_starts, to_values
+from fitting.results.result import FitResult, Minimum
+from fitting.solvers.first_order import LBFGS, Adam
+from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.options import check_friction, check_options, data_sets, not_finite
+from fitting.solvers.problem import ASSUMED, make_problem
+from fitting.solvers.runs import LANES, run_problem
+from fitting.solvers.starts import search
+from fitting.solvers.status import CONVERGED, PERFECT
+from fitting.uncertainty.covariance import residual_rows, uncertainty
 
 METHODS = {"lm": LevenbergMarquardt, "lbfgs": LBFGS, "adam": Adam}
 
@@ -47,8 +47,8 @@ def fit(
     .. math:: \min_\theta \; \frac12 \sum_i \rho(r_i^2) + \frac12 \sum_k p_k^2
 
     over the residuals r of the data and p of the priors, in units of their errors
-    (`fitting.problem`, `fitting.priors`), in variables that keep the parameters within their
-    rules (`fitting.parameters`).
+    (`fitting.solvers.problem`, `fitting.parameters.priors`), in variables that keep the parameters within their
+    rules (`fitting.parameters.layout`).
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def fit(
     prior : dict of key path -> Gaussian or Smooth, or None
     callback : called as callback(step, cost) after every step, or None
     loss, loss_width : "linear", "huber", "soft_l1" or "cauchy", and its width in standard errors
-        None: the width at which Gaussian data lose 5 % of their weight (`fitting.losses`).
+        None: the width at which Gaussian data lose 5 % of their weight (`fitting.solvers.losses`).
     decades : random starts of Positive parameters lie within a factor 10^decades
     max_steps, tolerance : of the method; None: its own
     quadrature : Quadrature of the forward model, or None for the default

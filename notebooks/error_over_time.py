@@ -2,7 +2,7 @@
 
     python notebooks/error_over_time.py
 
-Needs matplotlib. Every setting of the ladder (`rubberfric.ladder`) is compared with the reference
+Needs matplotlib. Every setting of the ladder (`rubberfric.analysis.error_and_time.settings`) is compared with the reference
 that validates itself, and timed in turns with the textbook method in NumPy, in one run for each scene.
 """
 
@@ -16,8 +16,8 @@ from pathlib import Path
 import jax
 
 import rubberfric as rf
-from rubberfric.files import read_scene_file
-from rubberfric.plot import plot_accuracy
+from rubberfric.io.files import read_scene_file
+from rubberfric.plot.save import plot_accuracy
 
 FOLDER = Path(__file__).resolve().parent
 DATA = FOLDER.parent / "data"
@@ -32,7 +32,7 @@ UNIT = (200, 64)  # nodes of the textbook method whose run time is the unit
 
 
 def main(scenes=SCENES, folder=FOLDER, **options):
-    """Sweep over the scenes, and write the table and the figure; `options` are those of `rf.accuracy`."""
+    """Sweep over the scenes, and write the table and the figure; `options` are those of `rf.analysis.accuracy`."""
     jax.config.update("jax_enable_x64", True)
     begin = time.perf_counter()
     sweeps = {}
@@ -42,7 +42,9 @@ def main(scenes=SCENES, folder=FOLDER, **options):
         def tell(text, name=name):
             print(f"{time.perf_counter() - begin:5.0f} s  {name}: {text}", file=sys.stderr, flush=True)
 
-        found = rf.accuracy(scene, conditions.velocity, PRESSURE, TEMPERATURE, progress=tell, **options)
+        found = rf.analysis.accuracy(
+            scene, conditions.velocity, PRESSURE, TEMPERATURE, progress=tell, **options
+        )
         sweeps[name, what] = found
         jax.clear_caches()
     folder = Path(folder)

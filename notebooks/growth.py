@@ -25,8 +25,10 @@ import numpy as np
 
 import fitting
 import rubberfric as rf
-from rubberfric import batches, maps, model
-from rubberfric.files import read_scene_file
+from rubberfric.analysis.maps import batches
+from rubberfric.analysis.maps import friction_map as maps
+from rubberfric.io.files import read_scene_file
+from rubberfric.theory import model
 
 FOLDER = Path(__file__).resolve().parent
 STORE, PAGE, FIGURE = FOLDER / "growth.json", FOLDER / "growth.md", FOLDER / "figures" / "growth.png"
@@ -220,7 +222,7 @@ def page(store):
     yield ""
     yield (
         "Made by `python notebooks/growth.py`, or `python -m pytest -m benchmark -s "
-        "tests/test_growth_benchmarks.py`, which also checks what is said here. Every line is from a process "
+        "tests/benchmarks/test_growth_benchmarks.py`, which also checks what is said here. Every line is from a process "
         "of its own, of area and friction of `data/tread_on_asphalt.toml` (17 Prony terms) with the default "
         "`rf.Quadrature()` where nothing else is said. *Quick* is "
         "`rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0)`. Times are the least of some, on machines "

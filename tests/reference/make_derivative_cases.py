@@ -3,7 +3,7 @@
     python tests/reference/make_derivative_cases.py      (about five minutes)
 
 Each is d quantity / d ln parameter, by central differences of the sixth order of values
-that `tests/oracle.py` computes to rounding: good to about 1e-10 of the value. Parameters
+that `tests/support/oracle.py` computes to rounding: good to about 1e-10 of the value. Parameters
 are named as in the scene's dictionary, with the index of a vector's element.
 """
 
@@ -11,7 +11,7 @@ import json
 
 import numpy as np
 from make_option_cases import HERE, RIGID, ROAD, ROUGH_TABLE, SOFT, STIFF, TREAD, WLF, case
-from oracle import solve
+from support.oracle import solve
 
 STEP = 0.01
 OFFSETS = np.array([1, 2, 3])

@@ -1,4 +1,4 @@
-"""Writes extremes.json: values and derivatives of every case of `tests/extremes.py`, to 25 digits or more.
+"""Writes extremes.json: values and derivatives of every case of `tests/support/extremes.py`, to 25 digits or more.
 
     python -m pip install gmpy2 mpmath numpy
     python tests/reference/verify_means.py
@@ -38,7 +38,7 @@ from gmpy2 import mpfr
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
-from extremes import CASES, changed  # noqa: E402
+from support.extremes import CASES, changed  # noqa: E402
 from precise_contact import Contact  # noqa: E402
 
 STEP = mpfr(10) ** -32

@@ -2,7 +2,7 @@
 
     python tests/reference/make_option_cases.py
 
-The values come from `tests/oracle.py`.
+The values come from `tests/support/oracle.py`.
 """
 
 import json
@@ -14,7 +14,7 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
-from oracle import solve  # noqa: E402
+from support.oracle import solve  # noqa: E402
 
 RIGID = {"kind": "rigid"}
 STIFF = {"kind": "elastic", "E": 4.0e7, "nu": 0.3}

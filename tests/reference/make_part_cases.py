@@ -2,7 +2,7 @@
 
     python tests/reference/make_part_cases.py      (about eight minutes on one core)
 
-Values and derivatives come from `tests/oracle.py`, on a mesh on which they have converged to
+Values and derivatives come from `tests/support/oracle.py`, on a mesh on which they have converged to
 1e-13 and 1e-10. A derivative is d quantity / d ln parameter, by central differences of the
 sixth order; with respect to an angle it is d quantity / d angle.
 """
@@ -14,7 +14,7 @@ from make_derivative_cases import OFFSETS, WEIGHTS
 from make_option_cases import ARRHENIUS, HERE, MASTER_CURVE, RIGID, ROAD, ROUGH_TABLE, SOFT, STIFF, TREAD, WLF
 from make_option_cases import RUBBER as SIX_TERMS
 from make_option_cases import case as option_case
-from oracle import solve
+from support.oracle import solve
 
 RUBBER = SIX_TERMS | {"E": [7.6e8, 1.43e8, 1.55e7, 2.2e6], "tau": [1e-9, 1e-8, 1e-6, 1e-3]}
 SHEAR = {"kind": "shear", "G_inf": 1.2e6, "G": [2.5e8, 5e6, 7e5], "tau": [1e-9, 1e-6, 1e-3], "bulk": 2e9}

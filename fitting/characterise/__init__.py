@@ -1,0 +1,1 @@
+"""Materials and roughness from measured curves."""

@@ -1,0 +1,1 @@
+"""Ensembles: thousands of fits as one program."""

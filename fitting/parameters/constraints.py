@@ -1,0 +1,77 @@
+"""Which values a free parameter may take; `fitting.parameters.layout` says how a fit sees them."""
+
+import dataclasses
+import math
+
+
+def is_number(value):
+    """Whether a value is one finite real number."""
+    try:
+        return math.isfinite(value)
+    except (TypeError, ValueError, OverflowError):
+        return False
+
+
+@dataclasses.dataclass(frozen=True)
+class Positive:
+    """A value > 0, fitted in its logarithm.
+
+    Parameters
+    ----------
+    start : number, or None to start at the scene's value
+        one number for all elements, or one for each.
+    """
+
+    start: object = None
+
+
+@dataclasses.dataclass(frozen=True)
+class Bounded:
+    """A value between two bounds, fitted in the logit of its place between them.
+
+    Parameters
+    ----------
+    low, high : bounds, low < start < high
+    start : as for `Positive`
+    """
+
+    low: float
+    high: float
+    start: object = None
+
+    def __post_init__(self):
+        if not (is_number(self.low) and is_number(self.high) and self.low < self.high):
+            raise ValueError(f"Bounded({self.low!r}, {self.high!r}): must be finite numbers, low < high")
+
+
+@dataclasses.dataclass(frozen=True)
+class Free:
+    """Any value; `scale` is a change that matters (default: the size of the start value, 1 for 0)."""
+
+    start: object = None
+    scale: float | None = None
+
+    def __post_init__(self):
+        if self.scale is not None and not (is_number(self.scale) and self.scale > 0):
+            raise ValueError(f"Free: scale = {self.scale!r}: must be a number > 0")
+
+
+@dataclasses.dataclass(frozen=True)
+class Tied:
+    """A value that follows another free parameter: ratio times it.
+
+    Parameters
+    ----------
+    to : key path of a parameter that is free itself, of as many elements or of one
+    ratio : number, or None to keep the ratio of the start values
+    """
+
+    to: str
+    ratio: float | None = None
+
+    def __post_init__(self):
+        if self.ratio is not None and not is_number(self.ratio):
+            raise ValueError(f"Tied: ratio = {self.ratio!r}: must be a finite number")
+
+
+RULES = {cls.__name__: cls for cls in (Positive, Bounded, Free, Tied)}

@@ -1,0 +1,143 @@
+"""What the plot of a fit shows: measured points, the curves they lie on, fitted lines with their bands."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.solvers.problem import Block, predictions
+from fitting.uncertainty.covariance import model_rows, residual_rows
+from fitting.uncertainty.intervals import Band, widened
+
+# What the curves of a quantity run over.
+X = {"friction": "velocity", "area": "velocity", "modulus": "omega", "spectrum": "q"}
+# Conditions that get a line each; data at more of them are drawn set by set, without lines.
+CURVES = 10
+# Points of a line.
+POINTS = 120
+# Stands for a temperature or pressure that there is not.
+ABSENT = -1.0
+
+
+class Points(NamedTuple):
+    """All points of one quantity, arrays of one length."""
+
+    x: np.ndarray  # velocity, omega or q
+    measured: np.ndarray
+    below: np.ndarray  # lengths of the error bar
+    above: np.ndarray
+    fitted: np.ndarray
+    residual: np.ndarray  # (measured - fitted) / error, of the logarithms where errors are relative
+    part: np.ndarray  # 0, and 1 for E''
+    body: np.ndarray  # "lower", "upper", or ""
+    temperature: np.ndarray  # ABSENT where there is none
+    pressure: np.ndarray
+    source: np.ndarray  # label of the data set
+
+
+class Curve(NamedTuple):
+    """Points that one line goes through, or those of one data set that has no lines."""
+
+    text: str
+    conditions: tuple | None  # (body, temperature, pressure), None without a line
+    part: int
+    look: int  # which colour and marker
+    where: np.ndarray  # its points, by increasing x
+
+
+def measured_points(result, quantity):
+    """Points of all data sets of a quantity, without those at velocities <= 0."""
+    problem = result.problem
+    model, residual = model_rows(problem, result.x), residual_rows(problem, result.x)
+    parts = []
+    for one, rows in zip(result.data, problem.order, strict=True):
+        if one.quantity != quantity:
+            continue
+        parts_of_one, size = len(one.values), rows.size // len(one.values)
+        body = next(b.body for b in problem.structure.blocks if b.rows[0] <= rows[0] < b.rows[1])
+        measured, error, fitted = one.measured, np.asarray(problem.targets.error)[rows], model[rows]
+        below = above = error
+        if one.logarithmic:
+            below, above, fitted = -measured * np.expm1(-error), measured * np.expm1(error), np.exp(fitted)
+
+        def every(name, size=size, count=parts_of_one, one=one):
+            value = getattr(one, name, None)
+            return np.tile(np.full(size, ABSENT) if value is None else value, count)
+
+        parts.append(
+            (
+                every(X[quantity]), measured, below, above, fitted, -residual[rows],
+                np.repeat(np.arange(parts_of_one), size), np.full(rows.size, body or ""),
+                every("temperature"), every("pressure"), np.full(rows.size, one.label),
+            )
+        )  # fmt: skip
+    points = Points(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    return Points(*(column[points.x > 0] for column in points))
+
+
+def curves_of(points):
+    """Curves in the order of body, temperature and pressure; of a modulus, E' and E'' of each."""
+    columns = (points.body, points.temperature, points.pressure)
+    keys = sorted(set(zip(*(column.tolist() for column in columns), strict=True)))
+    lines = len(keys) <= CURVES
+    if not lines:
+        columns, keys = (points.source,), [(label,) for label in dict.fromkeys(points.source.tolist())]
+    curves = []
+    for look, key in enumerate(keys):
+        mask = np.all([column == value for column, value in zip(columns, key, strict=True)], 0)
+        for part in range(int(points.part.max()) + 1):
+            where = np.flatnonzero(mask & (points.part == part))
+            where = where[np.argsort(points.x[where], kind="stable")]
+            text = _words(*key, several=len({k[0] for k in keys}) > 1) if lines else key[0]
+            if points.part.any():
+                text = ", ".join(filter(None, (text, "$E''$" if part else "$E'$")))
+            curves.append(Curve(text, key if lines else None, part, look, where))
+    return curves
+
+
+def _words(body, temperature, pressure, several):
+    """A curve's conditions in words; the body only if there are several."""
+    words = [body] if several else []
+    if pressure != ABSENT:
+        words.append(f"{pressure / 1e6:.4g} MPa")
+    if temperature != ABSENT:
+        words.append(f"{round(temperature - 273.15, 2) + 0.0:g} °C")
+    return ", ".join(words)
+
+
+def lines(result, quantity, points, curves, level):
+    """(x, Band) of every curve; None for one without a line.
+
+    The bands are linear in the logarithm of what is > 0, as those of `fitting.uncertainty.intervals.band`.
+    """
+    ends, groups = {}, {}
+    for curve in curves:
+        if curve.conditions is not None:
+            ends[curve.conditions] = points.x[curve.where][[0, -1]]
+    for body, temperature, pressure in ends:
+        groups.setdefault((body, temperature != ABSENT), []).append((body, temperature, pressure))
+    grids = {key: np.geomspace(*end, POINTS) for key, end in ends.items()}
+    parts, first, blocks, conditions = 2 if quantity == "modulus" else 1, 0, [], []
+    for (body, warm), keys in groups.items():
+        x = np.concatenate([grids[key] for key in keys])
+        T, p = (np.repeat([key[k] for key in keys], POINTS) for k in (1, 2))
+        T = T if warm else None
+        conditions.append({"modulus": (x, T), "spectrum": (x,)}.get(quantity, (x, p, T)))
+        blocks.append(Block(quantity, body or None, False, (first, first + parts * x.size)))
+        first += parts * x.size
+    if not blocks:
+        return [None] * len(curves)
+    band, found = _band(result, tuple(blocks), tuple(conditions), level), {}
+    for block, keys in zip(blocks, groups.values(), strict=True):
+        columns = (array[slice(*block.rows)].reshape(parts, len(keys), POINTS) for array in band)
+        for values in zip(keys, *(np.swapaxes(column, 0, 1) for column in columns), strict=True):
+            for part in range(parts):
+                found[values[0], part] = grids[values[0]], Band(*(column[part] for column in values[1:]))
+    return [found[curve.conditions, curve.part] if curve.conditions else None for curve in curves]
+
+
+def _band(result, blocks, conditions, level):
+    """What the model predicts at other conditions than those of the data, with its band."""
+    structure = result.problem.structure._replace(blocks=blocks)
+    numbers = result.problem.numbers._replace(conditions=conditions)
+
+    return widened(result, lambda x: predictions(structure, numbers, x)[0], level)

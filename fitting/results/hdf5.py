@@ -1,0 +1,148 @@
+"""Fits in HDF5: all that it takes to use or repeat a fit, as plain arrays and attributes.
+
+::
+
+    /                   attributes format = "rubberfric fit", format_version = 1, title, and how the
+                        fit was made and ended: method, loss, loss_width, status, message, ...
+    /report             the report as text
+    /scene              the fitted scene, as in scene files (`rubberfric.io.scene_files.hdf5`); missing if
+                        the scene's constructors refuse the fitted values
+    /scene_at_start     the scene that the fit was given
+    /data/0, 1, ...     the data sets, as in data files (`fitting.data.files`)
+    /free/0, 1, ...     attributes path and rule, and what the rule holds: low, high, start, to, ...
+    /prior/0, 1, ...    the same of the priors
+    /quadrature         attributes: the accuracy settings
+    /parameters         of every free element: names, values, start, stderr, units, withheld, and x,
+                        the variables of the solver
+    /uncertainty        covariance and correlation of the values, and what `fitting.uncertainty.covariance` holds
+    /minima             cost, count and values of the distinct minima
+    /estimated          relative error of every data set, NaN where errors were given
+
+The uncertainty is stored, not computed again: reading compiles nothing, and gives the same
+numbers to the last bit on any machine.
+"""
+
+import h5py
+import numpy as np
+
+from fitting.data.files import read_group, write_group
+from fitting.parameters.constraints import RULES
+from fitting.parameters.priors import PRIORS
+from fitting.results.hdf5_parts import (
+    attributes,
+    numbered,
+    read_array,
+    read_minima,
+    read_rules,
+    read_texts,
+    read_uncertainty,
+    write_minima,
+    write_parameters,
+    write_rules,
+    write_uncertainty,
+)
+from fitting.results.report import report
+from fitting.results.result import FitResult
+from fitting.solvers.problem import make_problem
+from fitting.solvers.status import MESSAGES
+from rubberfric.base.atomic import check_writable, replacing
+from rubberfric.io.hdf5 import check_names, creating, reading, write_values
+from rubberfric.io.results import read_quadrature, write_quadrature
+from rubberfric.io.scene_files.hdf5 import read_object, write_object
+
+FORMAT = "rubberfric fit"
+
+# Attributes of the file that are fields of the result.
+FIELDS = {"method": str, "status": int, "cost": float, "nfev": int, "njev": int, "seconds": float}
+# Of its problem.
+OPTIONS = {"loss": str, "loss_width": float}
+ATTRIBUTES = ("format", "format_version", "rubberfric_version", "title", "message", *FIELDS, *OPTIONS)
+GROUPS = ("scene_at_start", "data", "free", "prior", "quadrature", "parameters", "uncertainty", "minima")
+
+
+def save(path, result, title=""):
+    """Write a `fitting.FitResult` as an HDF5 file (.h5), whole or not at all; `load` reads it back.
+
+    Raises
+    ------
+    ValueError
+        one line: the suffix is not .h5, the folder is missing or cannot be written to.
+    """
+    check_writable(path, (".h5",))
+    text = report(result)
+    with replacing(path) as temporary, creating(temporary, FORMAT) as file:
+        for name, kind in FIELDS.items():
+            file.attrs[name] = kind(getattr(result, name))
+        structure, numbers = result.problem.structure, result.problem.numbers
+        file.attrs.update(message=result.message, title=title, loss=structure.loss)
+        file.attrs["loss_width"] = float(numbers.width)
+        file["report"] = text
+        write_object(file, "scene_at_start", result.scene_at_start)
+        try:
+            write_object(file, "scene", result.scene)
+        except ValueError:  # a fit may end where no constructor would
+            if "scene" in file:
+                del file["scene"]
+        group = file.create_group("data")
+        for i, one in enumerate(result.data):
+            write_group(group.create_group(str(i)), one)
+        write_rules(file.create_group("free"), result.free)
+        write_rules(file.create_group("prior"), result.prior)
+        write_quadrature(file, structure.quadrature)
+        estimated = [np.nan if scale is None else scale for scale in result.estimated]
+        write_values(file, "estimated", np.array(estimated), "-")
+        write_parameters(file.create_group("parameters"), result)
+        write_uncertainty(file.create_group("uncertainty"), result.uncertainty)
+        write_minima(file.create_group("minima"), result.minima, len(result.names))
+
+
+def load(path):
+    """The `fitting.FitResult` that `save` wrote.
+
+    Numbers are equal to the last bit with the precision of the fit (what was float64 becomes
+    float32 unless JAX's x64 mode is on).
+
+    Raises
+    ------
+    ValueError
+        one line naming the file, what in it is wrong, and the rule.
+    """
+    with reading(path, FORMAT) as file:
+        check_names(file, ("report", "scene", "estimated", *GROUPS), ATTRIBUTES)
+        for name in GROUPS:
+            if not isinstance(file.get(name), h5py.Group):
+                raise ValueError(f"/{name}: is missing; must be a group")
+        return _read(file)
+
+
+def _read(file):
+    found, options = attributes(file, FIELDS), attributes(file, OPTIONS)
+    if found["status"] not in MESSAGES:
+        raise ValueError(f"status = {found['status']!r}: must be one of {', '.join(map(str, MESSAGES))}")
+    scene = read_object(file["scene_at_start"])
+    data = tuple(read_group(group) for group in numbered(file["data"]))
+    free, prior = read_rules(file["free"], RULES), read_rules(file["prior"], PRIORS)
+    quadrature = read_quadrature(file)
+    problem = make_problem(scene, data, free, prior, options["loss"], options["loss_width"], quadrature)
+    scales = read_array(file, "estimated", "-", (len(data),)).tolist()
+    estimated = tuple(None if np.isnan(scale) else scale for scale in scales)
+    error = np.array(problem.targets.error)
+    for scale, rows in zip(estimated, problem.order, strict=True):
+        if scale is not None:
+            error[rows] = scale
+    size = problem.structure.layout.size
+    result = FitResult(
+        scene_at_start=scene,
+        free=free,
+        prior=prior,
+        data=data,
+        problem=problem._replace(targets=problem.targets._replace(error=error)),
+        x=read_array(file["parameters"], "x", "-", (size,)),
+        minima=read_minima(file["minima"], size),
+        estimated=estimated,
+        uncertainty=read_uncertainty(file["uncertainty"], file["parameters"], size),
+        **found,
+    )
+    if read_texts(file["parameters"], "names") != list(result.names):
+        raise ValueError("/parameters/names: must be the elements that /free names")
+    return result

@@ -1,0 +1,149 @@
+"""Pictures of fits: data, fit, residuals; correlations. Needs matplotlib: pip install 'rubberfric[plot]'."""
+
+import numpy as np
+
+from fitting.results.correlation_plot import plot_correlation
+from fitting.results.curves import curves_of, lines, measured_points
+from fitting.results.result import FitResult
+from rubberfric.base.atomic import replacing
+from rubberfric.plot.style import LOG_V, MARKERS, PANELS, check_kind, colours
+
+__all__ = ["plot_correlation", "plot_fit", "save_plot"]
+
+# Labels of the axes of every quantity.
+LABELS = {
+    "friction": (LOG_V, PANELS["friction"][0]),
+    "area": (LOG_V, PANELS["area"][0]),
+    "modulus": ("angular frequency $\\omega$ [rad/s]", "modulus\n$E'$, $E''$ [Pa]"),
+    "spectrum": ("wavenumber $q$ [1/m]", "power spectrum\n$C$ [m$^4$]"),
+}
+LEVEL = 0.95
+
+
+def plot_fit(result, ax=None):
+    """Draw measured and fitted values, and below each panel the residuals in standard errors.
+
+    Friction and area over log10 v, one curve for each temperature and pressure; E' and E''
+    (open symbols, dashed) over omega and C over q, in log-log. Shaded is the 95 % band that
+    the fit leaves the curve; measured points have the error bars that the fit used.
+
+    Parameters
+    ----------
+    result : FitResult
+        Velocities <= 0 have no logarithm and are left out. Data at more than `fitting.results.curves.CURVES`
+        conditions have no lines: small crosses are the fitted values.
+    ax : sequence of matplotlib axes, or None
+        for every quantity among the data, in the order friction, area, modulus, spectrum, a
+        panel and one for its residuals. None: axes of a new figure of its own,
+        `ax[0].figure`, which pyplot does not know.
+
+    Returns
+    -------
+    sequence of the axes, top to bottom
+
+    Raises
+    ------
+    ValueError
+        `ax` has another number of axes.
+    """
+    check_kind("result", result, FitResult)
+    present = [name for name in LABELS if any(one.quantity == name for one in result.data)]
+    ax = _new_axes(len(present)) if ax is None else ax
+    if len(ax) != 2 * len(present):
+        raise ValueError(
+            f"ax has {len(ax)} axes: must have {2 * len(present)},"
+            f" a panel and its residuals for each of {', '.join(present)}"
+        )
+    for quantity, upper, lower in zip(present, ax[::2], ax[1::2], strict=True):
+        points = measured_points(result, quantity)
+        curves = curves_of(points)
+        fitted = lines(result, quantity, points, curves, LEVEL)
+        _draw(quantity, points, curves, fitted, upper, lower)
+        _dress(quantity, points, upper, lower)
+    return ax
+
+
+def save_plot(path, result, title=""):
+    """Draw a fit to a file, whole or not at all."""
+    figure = plot_fit(result)[0].figure
+    if title:
+        figure.suptitle(title, fontsize="medium", wrap=True)
+    with replacing(path) as temporary:
+        figure.savefig(temporary, dpi=150)
+
+
+def _new_axes(panels):
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 0.4 + 4.2 * panels), layout="constrained")
+    ax = figure.subplots(2 * panels, 1, squeeze=False, height_ratios=[3, 1] * panels)[:, 0]
+    for upper, lower in zip(ax[::2], ax[1::2], strict=True):
+        upper.sharex(lower)
+        upper.tick_params(labelbottom=False)
+    figure.align_ylabels()
+    return ax
+
+
+def _draw(quantity, points, curves, fitted, upper, lower):
+    from matplotlib.patches import Patch
+
+    count = max((curve.look for curve in curves), default=0) + 1
+    tones = colours(count)
+    scaled = np.log10 if quantity in ("friction", "area") else np.asarray
+    handles = []
+    for curve, line in zip(curves, fitted, strict=True):
+        colour, where = tones[curve.look], curve.where
+        look = {
+            "color": colour,
+            "marker": MARKERS[curve.look % len(MARKERS)],
+            "markersize": 3.5,
+            "markerfacecolor": "white" if curve.part else colour,
+            "linestyle": "none",
+        }
+        x, style = scaled(points.x[where]), "--" if curve.part else "-"
+        errors = points.below[where], points.above[where]
+        upper.errorbar(x, points.measured[where], errors, elinewidth=0.7, **look)
+        lower.plot(x, points.residual[where], **look)
+        if line is None or where.size == 1:
+            upper.plot(x, points.fitted[where], "x", color=colour, markersize=3)
+        if line is not None:
+            upper.plot(scaled(line[0]), line[1].value, style, color=colour, linewidth=1.2)
+            upper.fill_between(
+                scaled(line[0]), line[1].low, line[1].high, color=colour, alpha=0.25, linewidth=0
+            )
+            look["linestyle"] = style
+        handles.append(upper.plot([], [], label=curve.text or "data, fit", **look)[0])
+    if any(fitted):
+        handles.append(Patch(color="0.75", label=f"{100 * LEVEL:g} % band"))
+    if handles:
+        upper.legend(handles=handles, fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.02))
+
+
+def _dress(quantity, points, upper, lower):
+    """Scales, limits, labels."""
+    logarithmic = quantity in ("modulus", "spectrum")
+    if logarithmic:
+        for axes in (upper, lower):
+            axes.set_xscale("log")
+        upper.set_yscale("log")
+    ends = np.concatenate([points.measured - points.below, points.measured + points.above, points.fitted])
+    if logarithmic:
+        ends = ends[ends > 0]
+    # Bands may be wide beyond measure; measured and fitted values are not.
+    if ends.size:
+        low, high = ends.min(), ends.max()
+        if logarithmic:
+            upper.set_ylim(low / (high / low) ** 0.05, high * (high / low) ** 0.05)
+        else:
+            upper.set_ylim(min(low - 0.05 * (high - low), 0.0), high + 0.05 * (high - low))
+    for level in (-2, 0, 2):
+        lower.axhline(level, color="0.5", linewidth=0.8, linestyle="--" if level else "-")
+    reach = np.max(np.abs(points.residual), initial=3.0)
+    lower.set_ylim(-1.15 * reach, 1.15 * reach)
+    if reach < 5:
+        lower.set_yticks([-2, 0, 2])
+    upper.set_ylabel(LABELS[quantity][1])
+    lower.set_ylabel("(data - fit)\n/ error [-]")
+    lower.set_xlabel(LABELS[quantity][0])
+    for axes in (upper, lower):
+        axes.grid(alpha=0.3)

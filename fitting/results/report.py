@@ -1,0 +1,247 @@
+"""A fit in words and numbers, laid out as lmfit's fit_report does."""
+
+import numpy as np
+
+from fitting.parameters.keypaths import leaf_names
+from fitting.parameters.layout import to_scene
+from fitting.parameters.priors import Smooth
+from fitting.solvers.problem import ASSUMED
+from fitting.uncertainty.covariance import residual_rows
+from rubberfric.io.scene_files.hdf5 import UNITS
+
+METHODS = {"lm": "Levenberg-Marquardt", "lbfgs": "limited-memory BFGS", "adam": "Adam"}
+# Elements of one key path that are listed; of longer ones only the first and the last.
+LISTED = 24
+# Correlations that are reported: above this size, and how many.
+CORRELATED, PAIRS = 0.5, 20
+
+
+def report(result):
+    """The report of a `fitting.FitResult` as text of several lines.
+
+    Sections: [[Fit]], [[Data]], [[Statistics]], [[Variables]] with value, standard error and
+    start; where there are any, [[Tied]], [[Priors]], [[Not identified]] (what the reasons of
+    withheld error bars refer to by number), [[Minima]] (of several starts), [[Correlations]].
+    A fit that did not succeed says so in the first line. Of an array with more than `LISTED`
+    free elements only the first and the last are listed.
+    """
+    lines = [] if result.success else [f"THE FIT DID NOT SUCCEED: {result.message}", ""]
+    sections = {
+        "Fit": _fit(result),
+        "Data": _data(result),
+        "Statistics": _statistics(result),
+        "Variables": _variables(result),
+        "Tied": tied_lines(result),
+        "Priors": _priors(result),
+        "Not identified": [f"{i}: {d.text}" for i, d in enumerate(result.unidentified, 1)],
+        "Minima": _minima(result),
+        "Correlations": _correlations(result),
+    }
+    for title, content in sections.items():
+        if content:
+            lines += [f"[[{title}]]", *(f"    {line}" for line in content)]
+    return "\n".join(lines) + "\n"
+
+
+def unit(scene, path):
+    """Unit of the number of a scene that a key path names, "" if it is dimensionless."""
+    *owners, name = path.split("[")[0].split(".")
+    owner = scene
+    for step in owners:
+        owner = getattr(owner, step)
+    found = UNITS[type(owner)][name]
+    return "" if found == "-" else found
+
+
+def _fit(result):
+    values = result.problem.targets.measured.size
+    return _aligned(
+        {
+            "method": f"{result.method} ({METHODS.get(result.method, 'other')})",
+            "message": result.message,
+            "data": f"{_count(len(result.data), 'set')}, {_count(values, 'value')}",
+            "evaluations": f"{result.nfev} of the residuals, {result.njev} of their derivatives",
+            "time": f"{result.seconds:.3g} s",
+        }
+    )
+
+
+def _data(result):
+    rows = residual_rows(result.problem, result.x)
+    lines = []
+    for i, (one, where, scale) in enumerate(
+        zip(result.data, result.problem.order, result.estimated, strict=True), 1
+    ):
+        lines.append(f"{i}: {one.label}: {_count(len(one), 'value')}, {_errors(one, scale, result.success)}")
+        lines.append(f"   chi-square per value = {np.mean(rows[where] ** 2):.4g}")
+    return lines
+
+
+def _errors(data, scale, success):
+    """Where the errors of a data set come from."""
+    if scale is not None:
+        if scale == ASSUMED:
+            why = "too few values to estimate" if success else "not estimated without success"
+            return f"no errors given: {100 * ASSUMED:g} % assumed, {why}"
+        return f"no errors given: {100 * scale:.3g} % estimated from the scatter"
+    if data.relative is None:
+        return "errors given"
+    low, high = (f"{100 * end:.3g}" for end in (data.relative.min(), data.relative.max()))
+    return f"errors given (relative {low if low == high else f'{low} ... {high}'} %)"
+
+
+def _statistics(result):
+    structure, known = result.problem.structure, result.uncertainty
+    redchi = f"{result.redchi:.5g}" if np.isfinite(result.redchi) else "none: no degrees of freedom"
+    rows = {
+        "chi-square": f"{result.chisqr:.6g}",
+        "reduced chi-square": redchi,
+        "degrees of freedom": f"{result.freedom:.5g}",
+        "cost": f"{result.cost:.6g}",
+        "rank": f"{known.rank} of {len(result.names)}",
+        "condition": f"{known.condition:.3g}",
+    }
+    if structure.loss != "linear":
+        width = float(result.problem.numbers.width)
+        rows["loss"] = f"{structure.loss}, width {width:g} standard error{'s' * (width != 1)}"
+    return _aligned(rows)
+
+
+def _variables(result):
+    rows = []
+    for row in variable_rows(result):
+        if isinstance(row, tuple):
+            name, value, error, scale, share, start, note = row
+            share = f"({share})" if share else ""
+            row = (f"{name}:", value, f"+/- {error}", scale, share, f"(start = {start})", note)
+        rows.append(row)
+    cells = [row for row in rows if isinstance(row, tuple)]
+    widths = [max(len(row[k]) for row in cells) for k in range(7)]
+    lines = []
+    for row in rows:
+        if isinstance(row, tuple):
+            padded = (
+                cell.rjust(width) if k in (1, 4) else cell.ljust(width)
+                for k, (cell, width) in enumerate(zip(row, widths, strict=True))
+            )
+            row = "  ".join(padded).rstrip().replace("  +/-", " +/-", 1)
+        lines.append(row)
+    return lines
+
+
+def variable_rows(result):
+    """Texts of every free element: name, value, error, unit, relative error, start and a remark.
+
+    One text stands for the elements of a long array that are left out.
+    """
+    values, starts, errors = result.values, result.start_values, result.stderr
+    names, rows = result.names, []
+    for group in result.layout.groups:
+        if group.kind == "Tied":
+            continue
+        slot, scale = list(range(*group.slot)), unit(result.scene_at_start, group.path)
+        hidden = slot[LISTED // 2 : -(LISTED // 2)] if len(slot) > LISTED else []
+        for i in slot:
+            if i in hidden:
+                if i == hidden[0]:
+                    rows.append(_left_out(result, hidden))
+                continue
+            reason = result.withheld.get(names[i])
+            error, share, note = "?", "", f"error bar withheld: {reason}"
+            if reason is None:
+                error, note = f"{errors[i]:#.2g}", ""
+                share = f"{100 * abs(errors[i] / values[i]):.2f} %" if values[i] else ""
+            value = _digits(values[i], np.nan if reason else errors[i])
+            rows.append((names[i], value, error, scale, share, f"{starts[i]:.6g}", note))
+    return rows
+
+
+def _left_out(result, elements):
+    """One line for the elements of a long array that are not listed."""
+    bare = sum(result.names[i] in result.withheld for i in elements)
+    note = f", {bare} of them without an error bar" if bare else ""
+    return f"... {len(elements)} more, see result.values{note}"
+
+
+def _digits(value, error):
+    """A value with as many digits as its error deserves: two of the error's."""
+    if not (error > 0 and value and np.isfinite(value)):
+        return f"{value:.6g}"
+    digits = int(np.floor(np.log10(abs(value))) - np.floor(np.log10(error))) + 2
+    return f"{value:#.{min(max(digits, 2), 12)}g}"
+
+
+def tied_lines(result):
+    """A line for every key path that is tied to another: its value, and to what."""
+    constants = result.problem.numbers.constants
+    scene = to_scene(result.layout, constants, result.x)
+    lines, tied = [], [group for group in result.layout.groups if group.kind == "Tied"]
+    for group, ratio in zip(tied, constants.ratios, strict=True):
+        name, ratio = group.path.split("[")[0], np.asarray(ratio)
+        source = result.free[group.path].to
+        value = scene
+        for step in name.split("."):
+            value = getattr(value, step)
+        values = np.atleast_1d(value) if group.elements is None else np.asarray(value)[list(group.elements)]
+        scale = unit(result.scene_at_start, group.path)
+        said = f"{ratio[0]:.6g} times" if np.ptp(ratio) == 0 else "in a fixed ratio to"
+        ends = f"{values[0]:.6g}" if values.size == 1 else f"{values[0]:.6g} ... {values[-1]:.6g}"
+        lines.append(f"{group.path}: {ends}{f' {scale}' * bool(scale)}, {said} {source}")
+    return lines
+
+
+def _priors(result):
+    fitted = dict(zip(result.names, result.values, strict=True))
+    groups = {group.path: group for group in result.layout.groups}
+    lines = []
+    for path, prior in result.prior.items():
+        if isinstance(prior, Smooth):
+            lines.append(f"{path}: smooth, slopes change by about {prior.sigma:g} from term to term")
+            continue
+        names = leaf_names(path, groups[path].elements)
+        scale = unit(result.scene_at_start, path)
+        away = max((abs(fitted[name] - prior.mean) / prior.sigma for name in names), default=0.0)
+        what = "fitted value" if len(names) == 1 else "farthest fitted value"
+        said = f"{prior.mean:g} +/- {prior.sigma:g}{f' {scale}' * bool(scale)}"
+        lines.append(f"{path}: {said}, {what} {away:.2g} of these errors away")
+    return lines
+
+
+def _minima(result):
+    count = sum(minimum.count for minimum in result.minima)
+    if count < 2:
+        return []
+    lines = [f"cost {m.cost:<12.6g} reached by {_count(m.count, 'start')}" for m in result.minima]
+    if any(scale is not None for scale in result.estimated):
+        lines.append(f"(with the errors assumed to be {100 * ASSUMED:g} %, before they were estimated)")
+    return lines
+
+
+def _correlations(result):
+    names, correlation = result.names, result.correlation
+    pairs = [
+        (abs(correlation[i, j]), correlation[i, j], names[i], names[j])
+        for i in range(len(names))
+        for j in range(i + 1, len(names))
+        if abs(correlation[i, j]) > CORRELATED  # False for NaN, which withheld ones have
+    ]
+    if not pairs:
+        return []
+    pairs.sort(key=lambda pair: -pair[0])
+    shown = [(f"C({one}, {two})", value) for _, value, one, two in pairs[:PAIRS]]
+    width = max(len(name) for name, _ in shown)
+    # Rounded up, to stay above the largest that is left out.
+    below = CORRELATED if len(pairs) <= PAIRS else np.ceil(1000 * pairs[PAIRS][0]) / 1000
+    return [
+        *(f"{name:<{width}} = {value:+.4f}" for name, value in shown),
+        f"(unreported correlations are < {below:.3f})",
+    ]
+
+
+def _aligned(rows):
+    width = max(map(len, rows))
+    return [f"{name:<{width}} = {text}" for name, text in rows.items()]
+
+
+def _count(count, what):
+    return f"{count} {what}{'s' * (count != 1)}"

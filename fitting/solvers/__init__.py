@@ -1,0 +1,1 @@
+"""A fit as a least-squares problem, and what solves it."""

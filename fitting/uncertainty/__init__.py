@@ -1,0 +1,1 @@
+"""What the data say about the free parameters, and what they do not."""

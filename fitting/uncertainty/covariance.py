@@ -1,0 +1,183 @@
+r"""What the data say about the free parameters, and what they do not.
+
+With the Jacobian at the minimum, J = U diag(s) V^T (rows in units of their errors, priors
+included), the covariance of x is V diag(1/s^2) V^T. A direction V_k whose deviation 1/s_k
+exceeds one - a factor e in Positive parameters - is not identified: linear error bars
+along it would be an invention. Parameters that it leaves open by more than that get none.
+
+A parameter that ended at a bound, or was driven to zero, hardly moves with its x: there the
+rows would not see it, and what trades with it would look known. Its column is the one for a
+change of its value by a quarter of its range, or by its start value.
+
+For robust losses the covariance is the sandwich A^-1 B A^-1 of M-estimators, A = J^T J with
+the curvature of the loss, B from the squared slopes.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from fitting.parameters.layout import element_names, slopes
+from fitting.solvers.levenberg_marquardt import linearised
+from fitting.solvers.problem import data_rows, predictions, residuals
+from fitting.uncertainty.directions import direction_in_words
+
+# Deviation in x beyond which nothing is called known: a factor e, or a bounded parameter's
+# whole middle range.
+KNOWN = 1.0
+# An unidentified direction counts as this long: a parameter with a thousandth of a part in
+# it is known still.
+OPEN = 100.0
+# Of a Bounded parameter's range: closer to a bound than this, it is at it.
+AT_BOUND = 1e-3
+# Rows are linearised no closer to a bound than this, where the slope still has digits.
+EDGE = 1e-6
+# A Positive parameter that fell by more than this factor was driven towards zero.
+VANISHED = 1e6
+
+
+class Direction(NamedTuple):
+    """A combination of parameters that the data do not determine."""
+
+    loadings: np.ndarray  # unit vector in x, shape (size,)
+    deviation: float  # standard deviation of x along it; inf if the data do not change at all
+    text: str
+
+
+class Uncertainty(NamedTuple):
+    """See the module's docstring; arrays over the free elements."""
+
+    deviation: np.ndarray  # of x; NaN where withheld
+    covariance: np.ndarray  # of the values; NaN rows and columns where withheld
+    correlation: np.ndarray  # of x; NaN rows and columns where withheld
+    withheld: dict  # name -> why it has no error bar
+    unidentified: tuple  # of Direction
+    rank: int  # directions that the data see at all
+    condition: float  # largest over smallest singular value
+    directions: np.ndarray  # V, columns, shape (size, size)
+    deviations: np.ndarray  # along them, shape (size,); inf where the data see nothing
+    spread: np.ndarray  # covariance of y = x / stretch, all directions, OPEN for those beyond, (size, size)
+    x: np.ndarray  # where the rows are linearised: the solution, a little inside its bounds
+    stretch: np.ndarray  # 1; more for parameters at a bound or zero, see the module's docstring
+    parameters: float  # effective number that the data determine
+    chisqr: float  # sum of squares of the data's residuals
+
+
+def residual_rows(problem, x):
+    """Residuals of the data, then of the priors, in units of their errors."""
+    return np.asarray(_residuals(problem.structure, problem.numbers, problem.targets, x))
+
+
+def model_rows(problem, x):
+    """What the model predicts in place of the measured values (their logarithms, where relative)."""
+    return np.asarray(_predictions(problem.structure, problem.numbers, x))
+
+
+def uncertainty(problem, x):
+    """Uncertainty of a problem's solution x."""
+    structure, numbers = problem.structure, problem.numbers
+    withheld, inside, stretch = _at_bounds(structure, numbers, x)
+    plain, weights, jacobian = jax.tree.map(
+        np.asarray, _linearised(structure, numbers, problem.targets, jnp.asarray(inside))
+    )
+    jacobian = jacobian * stretch
+    count, names = data_rows(structure), element_names(structure.layout)
+    # All of V is needed, also where there are fewer rows than columns; all of U never.
+    U, s, Vt = np.linalg.svd(jacobian, full_matrices=jacobian.shape[0] < jacobian.shape[1])
+    V = Vt.T
+    s = np.concatenate([s, np.zeros(V.shape[0] - s.size)])
+    # Below this a singular value is the rounding of the Jacobian.
+    noise = s[0] * np.finfo(jacobian.dtype).eps * max(jacobian.shape)
+    seen = s > noise
+    deviations = np.where(seen, 1 / np.where(seen, s, 1.0), np.inf)
+
+    determined = float(np.sum(U[:count, : s.size][:, seen[: U.shape[1]]] ** 2))
+    spread, along = _spread(structure, jacobian, plain, weights, V, deviations, determined)
+    deviation = np.sqrt(np.diag(spread))
+    far = along > KNOWN
+    # Of a sandwich the directions are no principal axes: all may be short, and a parameter not.
+    if np.any(deviation > KNOWN) and not far.any():
+        far[np.argmax(along)] = True
+    unidentified = tuple(
+        Direction(V[:, k], float(deviations[k]), direction_in_words(structure.layout, V[:, k], deviations[k]))
+        for k in np.flatnonzero(far)
+    )
+    for i in np.flatnonzero(deviation > KNOWN):
+        which = int(np.argmax([abs(d.loadings[i]) * min(d.deviation, OPEN) for d in unidentified]))
+        withheld.setdefault(names[i], f"not identified, see direction {which + 1}")
+    hidden = np.array([name in withheld for name in names])
+    slope = stretch * np.asarray(slopes(structure.layout, numbers.constants, jnp.asarray(inside)))
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlation = spread / np.outer(deviation, deviation)
+    covariance = spread * np.outer(slope, slope)
+    for array in (covariance, correlation):
+        array[hidden, :] = array[:, hidden] = np.nan
+    return Uncertainty(
+        deviation=np.where(hidden, np.nan, deviation),
+        covariance=covariance,
+        correlation=correlation,
+        withheld=withheld,
+        unidentified=unidentified,
+        rank=int(seen.sum()),
+        condition=float(s[0] / s[-1]) if s[-1] > 0 else np.inf,
+        directions=V,
+        deviations=deviations,
+        spread=spread,
+        x=inside,
+        stretch=stretch,
+        parameters=determined,
+        chisqr=float(np.sum(residual_rows(problem, x)[:count] ** 2)),
+    )
+
+
+_linearised = jax.jit(linearised, static_argnums=0)
+_residuals = jax.jit(residuals, static_argnums=0)
+_predictions = jax.jit(lambda structure, numbers, x: predictions(structure, numbers, x)[0], static_argnums=0)
+
+
+def _spread(structure, jacobian, plain, weights, V, deviations, parameters):
+    """Covariance of x, no direction longer than OPEN, and the deviations along the directions."""
+    length = np.minimum(deviations, OPEN)
+    if structure.loss == "linear":
+        return (V * length**2) @ V.T, deviations
+    # The product of both factors is the slope of the loss; the Jacobian has the second in it.
+    influence = jacobian.copy()
+    count = data_rows(structure)
+    influence[:count] *= (plain * weights[0])[:count, None]
+    # Residuals of a fit are smaller than errors, by as many as it has parameters.
+    influence[:count] *= np.sqrt(count / max(count - parameters, 1.0))
+    middle = V.T @ (influence.T @ influence) @ V
+    inner = middle * np.outer(length**2, length**2)
+    beyond = deviations > OPEN
+    inner[beyond, :] = inner[:, beyond] = 0.0
+    inner[beyond, beyond] = OPEN**2
+    return V @ inner @ V.T, np.sqrt(np.where(beyond, OPEN**2, np.diag(inner)))
+
+
+def _at_bounds(structure, numbers, x):
+    """(name -> reason, x a little inside, stretch) for parameters at a bound or driven to zero."""
+    layout, constants = structure.layout, numbers.constants
+    names, reasons = element_names(layout), {}
+    inside, stretch = np.array(x), np.ones(layout.size, np.asarray(x).dtype)
+    edge = np.log(1 / EDGE - 1)
+    for group in layout.own:
+        for i in range(*group.slot):
+            if group.kind == "Bounded":
+                place = 1 / (1 + np.exp(-np.clip(x[i], -edge, edge)))
+                if AT_BOUND <= place <= 1 - AT_BOUND:
+                    continue
+                low, width = float(constants.low[i]), float(constants.width[i])
+                side, bound = ("lower", low) if place < 0.5 else ("upper", low + width)
+                reasons[names[i]] = f"at its {side} bound {bound:g}"
+                inside[i], stretch[i] = np.clip(x[i], -edge, edge), 0.25 / (place * (1 - place))
+            elif group.kind == "Positive":
+                leaf = np.asarray(constants.leaves[group.leaf])
+                start = np.log(
+                    float(leaf if group.elements is None else leaf[group.elements[i - group.slot[0]]])
+                )
+                if x[i] < start - np.log(VANISHED):
+                    reasons[names[i]] = "driven towards zero: the data want it absent"
+                    inside[i], stretch[i] = start - np.log(VANISHED), VANISHED
+    return reasons, inside, stretch

@@ -1,0 +1,111 @@
+r"""The posterior of a fit as a function, for samplers.
+
+.. math:: \ln p(x \,|\, data) = -\frac12 \sum_i \rho(r_i^2) - \frac12 \sum_k p_k^2 + const
+
+over the fit's own variables x, which know no bounds (`fitting.parameters.layout`): any sampler that
+takes an unconstrained log density and its gradient can use it, numpyro's NUTS or blackjax.
+"""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+
+from fitting.parameters.layout import element_names, to_scene, to_values
+from fitting.solvers.problem import Problem, cost_at
+
+# What a prior that says nothing is flat in.
+FLAT = ("x", "values")
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class LogDensity:
+    """A log density over x, and the way from x to values; made by `log_density`.
+
+    Called with x, shape (n,), it gives the logarithm of the density but for a constant, a scalar;
+    jit, vmap and grad go through.
+    """
+
+    problem: Problem
+    flat: str
+
+    def __call__(self, x):
+        structure, numbers, targets, *_ = self.problem
+        return _density(structure, self.flat, numbers, targets, jnp.asarray(x))
+
+    @property
+    def names(self):
+        """Key path of every element of x."""
+        return tuple(element_names(self.problem.structure.layout))
+
+    def values(self, x):
+        """Values of the free elements at x; both of shape (..., n)."""
+        x = jnp.asarray(x)
+        layout, constants = self.problem.structure.layout, self.problem.numbers.constants
+        one = jax.vmap(lambda x: to_values(layout, constants, x))
+        return one(x.reshape(-1, x.shape[-1])).reshape(x.shape)
+
+    def scene(self, x):
+        """The scene with the free elements at x, shape (n,): what a draw predicts is computed from it."""
+        return to_scene(self.problem.structure.layout, self.problem.numbers.constants, x)
+
+
+def log_density(result, flat="x"):
+    r"""Log density of the free parameters of a fit, given its data and priors.
+
+    .. math:: \ln p(x) = -cost(x) \qquad\text{or}\qquad
+              \ln p(x) = -cost(x) + \sum_k \ln\left|\frac{d\,value_k}{dx_k}\right|
+
+    Parameters
+    ----------
+    result : FitResult
+        whose data, errors (estimated ones as estimated), loss and priors are taken as they are.
+    flat : "x" or "values"
+        what a parameter without a prior is evenly distributed in: the fit's variable (for a
+        Positive one its logarithm, for a Bounded one its logit), or the value itself. With "x"
+        the density is highest at the fit, and the covariance is that of its Gaussian approximation.
+
+    Returns
+    -------
+    LogDensity : a function of x, shape (n,), with `names`, `values(x)` and `scene(x)`;
+        n = len(result.names), start at result.x.
+
+    Raises
+    ------
+    ValueError : flat is neither.
+
+    Notes
+    -----
+    A density need not have a finite integral: what the data leave open (`result.unidentified`)
+    stays open in x, and a sampler walks away along it. Give such a parameter a Gaussian prior, or
+    hold it; a Bounded one is safe with "values". For a robust loss exp(-cost) is a density whose width
+    is not that of the fit's standard errors, which allow for outliers in another way.
+    """
+    if flat not in FLAT:
+        raise ValueError(f"flat = {flat!r}: must be one of {', '.join(FLAT)}")
+    return LogDensity(result.problem, flat)
+
+
+def _log_slopes(layout, width, x):
+    """Sum of ln |d value / d x|, in logarithms: far out a slope itself is zero."""
+    total = 0.0
+    for group in layout.own:
+        here, scale = x[slice(*group.slot)], jnp.log(jnp.abs(width[slice(*group.slot)]))
+        if group.kind == "Positive":
+            total += jnp.sum(here)
+        elif group.kind == "Bounded":
+            total += jnp.sum(scale + jax.nn.log_sigmoid(here) + jax.nn.log_sigmoid(-here))
+        else:
+            total += jnp.sum(scale)
+    return total
+
+
+def _of(structure, flat, numbers, targets, x):
+    density = -cost_at(structure, numbers, targets, x)
+    if flat == "x":
+        return density
+    return density + _log_slopes(structure.layout, numbers.constants.width, x)
+
+
+# One for all results: a second density of the same kind compiles nothing.
+_density = jax.jit(_of, static_argnums=(0, 1))

@@ -1,0 +1,137 @@
+r"""How much a quantity depends on every number of a scene, over the sliding velocity.
+
+.. math:: s_{ki} = \frac{\partial \ln Q(v_i)}{\partial \ln \theta_k}
+
+s = 0.1 says that one per cent more of theta_k gives a tenth of a per cent more of Q. Where
+|s| is small at all velocities, no fit to Q will find theta_k; rows that are proportional to
+each other cannot be told apart.
+"""
+
+import functools
+from collections.abc import Iterable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import rubberfric as rf
+from fitting.data.measured import one_line
+from fitting.parameters.keypaths import find, leaf_names
+from rubberfric.analysis.jacobian import value_and_jacobian
+from rubberfric.base.checks import as_leaf
+from rubberfric.scene.scene import cast, result_dtype
+
+_DEFAULT = rf.Quadrature()
+
+
+def sensitivity(
+    scene, velocity, pressure, parameters, temperature=None, *, quantity="friction", quadrature=_DEFAULT
+):
+    r"""d ln Q / d ln theta of a quantity with respect to numbers of the scene.
+
+    .. math:: \frac{\partial \ln |Q|}{\partial \ln \theta_k}
+              = \frac1Q \left.\frac{\partial Q(\theta_k e^x)}{\partial x}\right|_{x=0}
+
+    Parameters
+    ----------
+    scene : Scene
+    velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
+        as for `rubberfric.solve`.
+    parameters : key path, or a sequence of them (a dict gives its keys)
+        such as "gamma", "upper.material.E" (all elements), "upper.material.E[3]" or
+        "upper.material.E[2:5]".
+    quantity : "friction", or any other field of `rubberfric.Solution` that is a number
+    quadrature : Quadrature, static
+
+    Returns
+    -------
+    array, shape (n_parameters, *broadcast shape) [-]
+        a row for each element, in the order of `sensitivity_names`.
+
+    Raises
+    ------
+    ValueError : a path that names nothing (the message has the close ones), a static field or an
+        object; an unknown quantity; and as `rubberfric.solve`.
+
+    Notes
+    -----
+    0 where theta_k = 0, which no factor changes, and by definition where Q = 0: friction at
+    rest, or of a scene that has none, has no logarithm, but no parameter changes it either.
+    jit, vmap and grad go through. Memory does not grow with points times parameters beyond the
+    result: points are taken in blocks, and the derivatives of all parameters together cost a
+    few evaluations (with a TabulatedModulus, each costs one).
+    """
+    known = [name for name in rf.Solution._fields if name != "converged"]  # which is no number
+    if quantity not in known:
+        raise ValueError(f"quantity = {quantity!r}: must be one of {', '.join(known)}")
+    names = ("velocity", "pressure", "temperature")
+    conditions = tuple(
+        None if value is None else as_leaf(name, value, np.ndim(value))
+        for name, value in zip(names, (velocity, pressure, temperature), strict=True)
+    )
+    # `solve` refuses what is wrong before it computes anything, and here it computes nothing.
+    jax.eval_shape(lambda: rf.solve(scene, *conditions, quadrature=quadrature, quantities=(quantity,)))
+    rows = tuple(row for path in _paths(parameters) for row in _rows(scene, path))
+    dtype = result_dtype(scene, *conditions)
+    return _sensitivity(
+        cast(scene, dtype), *cast(conditions, dtype), rows=rows, quantity=quantity, quadrature=quadrature
+    )
+
+
+def sensitivity_names(scene, parameters):
+    """Key path of every row that `sensitivity` returns for the same `parameters`.
+
+    Returns
+    -------
+    tuple of str
+
+    Raises
+    ------
+    ValueError : as `sensitivity`, for paths that are wrong.
+    """
+    return tuple(name for path in _paths(parameters) for name in leaf_names(path, find(scene, path)[1]))
+
+
+def _paths(parameters):
+    if isinstance(parameters, str):
+        return (parameters,)
+    if not isinstance(parameters, Iterable) or not (paths := tuple(parameters)):
+        raise ValueError(f"parameters = {one_line(parameters)}: must be one key path or more")
+    return paths
+
+
+def _rows(scene, path):
+    """(leaf, element) of every number that a key path names; element None of a scalar leaf."""
+    leaf, elements = find(scene, path)
+    return [(leaf, element) for element in elements or (None,)]
+
+
+# Jitted with the structure static: a second call of the same kind compiles nothing.
+@functools.partial(jax.jit, static_argnames=("rows", "quantity", "quadrature"))
+def _sensitivity(scene, velocity, pressure, temperature, *, rows, quantity, quadrature):
+    leaves, tree = jax.tree_util.tree_flatten(scene)
+
+    def moved(x):
+        """The scene with every named number times e^x of its row; a number named twice, with both."""
+        exponents = {}
+        for leaf in dict.fromkeys(leaf for leaf, _ in rows):
+            own = [k for k, row in enumerate(rows) if row[0] == leaf]
+            where = [rows[k][1] for k in own]
+            zero = jnp.zeros_like(leaves[leaf])
+            here = x[np.array(own)]
+            exponents[leaf] = jnp.sum(here) if where[0] is None else zero.at[np.array(where)].add(here)
+        new = [old * jnp.exp(exponents[i]) if i in exponents else old for i, old in enumerate(leaves)]
+        return jax.tree_util.tree_unflatten(tree, new)
+
+    given = [c for c in (velocity, pressure, temperature) if c is not None]
+    shape = jnp.broadcast_shapes(*(c.shape for c in given))
+    points = [
+        None if c is None else jnp.broadcast_to(c, shape).reshape(-1)
+        for c in (velocity, pressure, temperature)
+    ]
+    x = jnp.zeros(len(rows), given[0].dtype)
+    value, slope = value_and_jacobian(moved, x, points, quantity, quadrature)
+    nothing = value == 0
+    # Divided by one where Q = 0: the quotient not taken must have no NaN, nor have its derivatives.
+    ratio = jnp.where(nothing[:, None], 0.0, slope / jnp.where(nothing, 1.0, value)[:, None])
+    return ratio.T.reshape(len(rows), *shape)

@@ -1,0 +1,30 @@
+"""What follows from the theory: maps, each length scale's part, the interface, power, errors."""
+
+from rubberfric.analysis.by_wavevector import Profile, profile
+from rubberfric.analysis.error_and_time.settings import quadrature_for
+from rubberfric.analysis.error_and_time.sweep import accuracy
+from rubberfric.analysis.extrapolation import friction_outside_table
+from rubberfric.analysis.interface import (
+    SeparationProfile,
+    contact_stiffness,
+    separation_profile,
+    stress_distribution,
+)
+from rubberfric.analysis.maps.friction_map import FrictionMap, friction_map
+from rubberfric.analysis.power import DissipatedPower, dissipated_power
+
+__all__ = [
+    "DissipatedPower",
+    "FrictionMap",
+    "Profile",
+    "SeparationProfile",
+    "accuracy",
+    "contact_stiffness",
+    "dissipated_power",
+    "friction_map",
+    "friction_outside_table",
+    "profile",
+    "quadrature_for",
+    "separation_profile",
+    "stress_distribution",
+]

@@ -1,0 +1,204 @@
+"""What a sweep over accuracy settings found: rows, the cheapest of them, report and CSV table."""
+
+import csv
+import dataclasses
+import textwrap
+from typing import NamedTuple
+
+from rubberfric.analysis.error_and_time.reference import TRUSTED, Errors
+from rubberfric.base.atomic import check_writable, replacing
+from rubberfric.base.quadrature import Quadrature
+
+# An error this many times the disagreement of the two refinements, or less, is only bounded by it.
+_KNOWN = 3.0
+
+_KNOBS = tuple(field.name for field in dataclasses.fields(Quadrature))
+
+
+class Row(NamedTuple):
+    """One setting: how far off it is, and what it costs for all points."""
+
+    method: str  # "panels" or "textbook"
+    setting: object  # Quadrature, or (nodes in ln q, nodes in phi)
+    dtype: str  # "float64" or "float32"
+    nodes: int  # in q; textbook: in q and phi
+    errors: Errors
+    forward: float | None = None  # median run time of all three quantities [s]
+    gradient: float | None = None  # of them and the gradient of their sum [s]; None for the textbook method
+    compile_forward: float | None = None  # [s]; tracing included, as far as JAX has not kept it
+    compile_gradient: float | None = None  # [s]
+
+
+class Accuracy(NamedTuple):
+    """Result of `rubberfric.analysis.accuracy`."""
+
+    error: float  # wanted
+    rows: tuple
+    agreement: Errors  # of the two refinements that the reference is made of
+    points: int
+    gradient_points: int  # points at which gradients are compared
+    left_out: str = ""  # why single precision is
+
+    @property
+    def chosen(self):
+        """The row of the cheapest setting that meets the error with values and gradients, or None.
+
+        That of fewest nodes, in the precision that was quicker: what a setting costs grows with its
+        nodes, and run times scatter.
+        """
+        return self._cheapest(lambda errors: errors.worst, lambda row: row.gradient)
+
+    @property
+    def chosen_values(self):
+        """The row of the cheapest setting that meets the error with its values, or None."""
+        return self._cheapest(lambda errors: errors.value, lambda row: row.forward)
+
+    def known(self, row):
+        """Errors of a row, those that the reference cannot tell from less raised to what it can."""
+        bounds = [_KNOWN * agreement for agreement in self.agreement]
+        return Errors(*(None if e is None else max(e, b) for e, b in zip(row.errors, bounds, strict=True)))
+
+    def report(self):
+        """The table and the cheapest settings, as lines of at most 110 characters in one text."""
+        return "\n".join(self._lines())
+
+    def _repr_html_(self):
+        """A table for notebooks."""
+        from rubberfric.base.html import table
+
+        knobs = self._varied()
+        names = ("area", "mu", "u_bar")
+        headings = ("method", "/".join(knobs), "nodes", *(f"error of {name} [-]" for name in names))
+        headings += (*(f"of its gradient: {name} [-]" for name in names), "time [ms]", "with gradient [ms]")
+        headings += ("compile [s]", "with gradient [s]")
+        rows = [
+            (
+                f"{row.method}, {row.dtype}",
+                short_setting(row.setting, knobs),
+                f"{row.nodes}",
+                *self._cells(row),
+            )
+            for row in self.rows
+        ]
+        return table([*rows, *self._about_reference(), *self._choices()], headings, self._about())
+
+    def write(self, path):
+        """Write the rows as a CSV table with two header rows, names and units, whole or not at all.
+
+        An error that the reference cannot tell from less is written as what it can.
+        ValueError if the file cannot be written.
+        """
+        check_writable(path, (".csv",))
+        quantities = ("area", "friction", "separation")
+        errors = [f"error_{name}" for name in quantities] + [f"error_gradient_{name}" for name in quantities]
+        times = ("forward", "gradient", "compile_forward", "compile_gradient")
+        names = ["method", "dtype", *_KNOBS, "nodes_q", "nodes_phi", "nodes", *errors, *times]
+        with replacing(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
+            file.write("# Relative errors and median run times; " + self._about() + "\n")
+            for line in self._about_reference():
+                file.write(f"# {line}\n")
+            table = csv.writer(file, lineterminator="\n")
+            table.writerow(names)
+            table.writerow(["s" if name in times else "-" for name in names])
+            for row in self.rows:
+                panels = row.method == "panels"
+                knobs = [getattr(row.setting, knob) if panels else "" for knob in _KNOBS]
+                sizes = ["", ""] if panels else row.setting
+                seconds = [getattr(row, name) for name in times]
+                numbers = [*knobs, *sizes, row.nodes, *self.known(row), *seconds]
+                table.writerow([row.method, row.dtype, *("" if x is None else x for x in numbers)])
+
+    def _cheapest(self, error, seconds):
+        if error(self.agreement) > TRUSTED * self.error:
+            return None
+        rows = [row for row in self.rows if row.method == "panels" and error(row.errors) <= self.error]
+        return min(rows, key=lambda row: (row.nodes, seconds(row)), default=None)
+
+    def _about(self):
+        return f"{self.points} points, gradients at {self.gradient_points} of them"
+
+    def _about_reference(self):
+        yield (
+            "reference: two refinements, which agree to "
+            f"{self.agreement.value:.1e} (values) and {self.agreement.gradient:.1e} (gradients)"
+        )
+        if self.left_out:
+            yield f"float32 is left out: {self.left_out}"
+        else:
+            yield "float32 is compared at the inputs that it sees, rounded to it"
+
+    def _lines(self):
+        yield self._about()
+        for text in self._about_reference():
+            yield from textwrap.wrap(text, 110)
+        knobs = self._varied()
+        yield f"settings: {'/'.join(knobs)}"
+        yield ""
+        yield f"{'':27s}{'relative error':>21s}{'of the gradient':>21s}{'time [ms]':>16s}{'compile [s]':>16s}"
+        errors = "".join(f"{name:>7s}" for name in 2 * ("area", "mu", "u_bar"))
+        yield f"{'':20s}{'nodes':>7s}{errors}" + 2 * f"{'value':>8s}{'grad':>8s}"
+        group = None
+        for row in self.rows:
+            if group != (row.method, row.dtype):
+                group = (row.method, row.dtype)
+                yield row.dtype if row.method == "panels" else "textbook method, NumPy: ln q x phi"
+            yield self._line(row, knobs)
+        yield ""
+        yield from self._choices()
+
+    def _varied(self):
+        """The knobs of the settings; without those of parts that few scenes have where none changes them."""
+        settings = [row.setting for row in self.rows if row.method == "panels"]
+        same = {knob for knob in ("angle", "heat") if len({getattr(one, knob) for one in settings}) < 2}
+        return tuple(knob for knob in _KNOBS if knob not in same)
+
+    def _line(self, row, knobs):
+        cells = self._cells(row)
+        return (
+            f"  {short_setting(row.setting, knobs):18s}{row.nodes:7d}"
+            + "".join(f"{error:>7s}" for error in cells[:6])
+            + "".join(f"{time:>8s}" for time in cells[6:])
+        )
+
+    def _cells(self, row):
+        """Texts of a row: six errors, two run times [ms] and two times of compiling [s]."""
+        errors = (
+            "-" if error is None else "<" * (known > error) + f"{known:.0e}"
+            for error, known in zip(row.errors, self.known(row), strict=True)
+        )
+        times = (None if t is None else 1e3 * t for t in (row.forward, row.gradient))
+        seconds = (*times, row.compile_forward, row.compile_gradient)
+        return (*errors, *("-" if t is None else f"{t:.3g}" for t in seconds))
+
+    def _choices(self):
+        """Lines about the cheapest settings: one for both uses where it is the same."""
+        values, both = self.chosen_values, self.chosen
+        if values is None or values is not both:
+            yield from self._choice("values", values, self.agreement.value)
+        yield from self._choice("values and gradients", both, self.agreement.worst)
+        textbook = [row for row in self.rows if row.method == "textbook"]
+        if textbook and values is not None:
+            last, size = textbook[-1], short_setting(textbook[-1].setting, ())
+            longer = last.forward / values.forward
+            yield (
+                f"the textbook method with {size} nodes takes {longer:.0f} times as long as the "
+                f"{'first' if values is not both else 'values'}, and is {last.errors.value:.0e} off"
+            )
+
+    def _choice(self, what, row, agreement):
+        wanted = f"{what} to {self.error:g}"
+        if agreement > TRUSTED * self.error:
+            yield f"{wanted}: no reference, for its refinements agree to {agreement:.0e} only; none chosen"
+        elif row is None:
+            yield f"{wanted}: no setting meets it"
+        else:
+            knobs = ", ".join(f"{knob}={getattr(row.setting, knob)}" for knob in self._varied())
+            yield f"{wanted}: Quadrature({knobs}), {row.dtype}"
+            yield f"  {1e3 * row.forward:.3g} ms, with the gradient {1e3 * row.gradient:.3g} ms"
+
+
+def short_setting(setting, knobs):
+    """A setting in a few characters: its values of the knobs, or the sizes of the textbook method."""
+    if not isinstance(setting, Quadrature):
+        return f"{setting[0]} x {setting[1]}"
+    return "/".join(f"{getattr(setting, knob):g}" for knob in knobs)

@@ -1,0 +1,110 @@
+"""Accuracy settings of increasing work, and the cheapest that meets an error on a scene."""
+
+import bisect
+import dataclasses
+
+import jax
+import numpy as np
+
+from rubberfric.analysis.error_and_time import reference
+from rubberfric.base.quadrature import Quadrature
+from rubberfric.materials.materials import TabulatedModulus
+from rubberfric.roughness.mesh import build_mesh
+from rubberfric.roughness.spectra import broken_power_law
+from rubberfric.scene.scene import rough_pairs
+
+# Few others of as few nodes have errors as small, on a road and on a pair of rubbers from 1e-8 to
+# 1e2 m/s and from 1e3 to 1e7 Pa; the last two are for ranges far wider. The angle is for
+# tabulated moduli alone.
+LADDER = (
+    Quadrature(order=4, panels=3, graded=1, ratio=6.0, angular_order=4, angle=24),
+    Quadrature(order=7, panels=3, graded=1, ratio=4.0, angular_order=7, angle=24),
+    Quadrature(order=8, panels=5, graded=1, ratio=3.5, angular_order=7, angle=48),
+    Quadrature(order=8, panels=6, graded=1, ratio=6.0, angular_order=7, angle=48),
+    Quadrature(order=10, panels=7, graded=2, ratio=4.5, angular_order=10, angle=96),
+    Quadrature(order=14, panels=7, graded=4, ratio=3.0, angular_order=12, angle=96),
+    Quadrature(),
+    Quadrature(order=16, panels=20, graded=12, ratio=4.0, angular_order=16, angle=768),
+)
+
+
+def settings_for(scene):
+    """The ladder for a scene; its angles are the default where nothing needs them."""
+    bodies = (scene.lower, scene.upper)
+    if any(isinstance(body.material, TabulatedModulus) for body in bodies):
+        return LADDER
+    return tuple(dataclasses.replace(setting, angle=Quadrature().angle) for setting in LADDER)
+
+
+def node_count(scene, quadrature):
+    """Nodes in q that a point costs: where the contact is evaluated and where the stiffness is."""
+    laws = [broken_power_law(rough.spectrum) for rough, _ in rough_pairs(scene)]
+    if not laws:
+        return 0
+
+    def nodes():
+        mesh = build_mesh(laws, quadrature)
+        return mesh.q, mesh.angular_q
+
+    return sum(x.size for x in jax.eval_shape(nodes))
+
+
+def check_error(error):
+    """ValueError unless a wanted error is a number between 0 and 1."""
+    if isinstance(error, bool) or not isinstance(error, int | float) or not 0 < error < 1:
+        raise ValueError(f"error = {error!r}: must be a number, > 0 and < 1")
+
+
+def quadrature_for(scene, error, velocity=None, pressure=None, temperature=None, *, gradients=True):
+    """The setting of least work that meets a relative error on a scene.
+
+    Out of `LADDER`, in double precision, against a reference that validates itself
+    (`rubberfric.analysis.error_and_time.reference`): 10 ... 30 s, most of them spent compiling.
+
+    Parameters
+    ----------
+    scene : Scene
+    error : largest relative error of area, friction, separation [-], 0 ... 1
+    velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
+        where the error must be met: every condition of use or its extremes. None: velocities
+        1e-8 ... 1e2 m/s and pressures 1e3 ... 1e7 Pa, one a decade; every shift at its
+        reference temperature.
+    gradients : bool
+        whether the gradients of the three must meet it as well.
+
+    Returns
+    -------
+    Quadrature
+
+    Raises
+    ------
+    ValueError : as `solve`; none meets the error, or there is no reference that could tell;
+        double precision is switched off.
+    """
+    check_error(error)
+    velocity = np.logspace(-8, 2, 11)[:, None] if velocity is None else velocity
+    pressure = np.logspace(3, 7, 5) if pressure is None else pressure
+    points = reference.points_of(scene, velocity, pressure, temperature)
+    exact = reference.reference(points, gradients)
+    agreement = exact.agreement.worst
+    if agreement > reference.TRUSTED * error:
+        raise ValueError(
+            f"error = {error:g}: there is no reference for it on this scene, for two refinements "
+            f"agree to {agreement:.1e} only; must be >= {agreement / reference.TRUSTED:.1e}"
+        )
+    settings = settings_for(scene)
+    reached = {}
+
+    def meets(setting):
+        found, _ = reference.measured(points, setting, gradients)
+        reached[setting] = reference.compare(found, exact.exact, points).worst
+        return reached[setting] <= error
+
+    # By halves, for each compiles anew.
+    first = bisect.bisect_left(settings, True, key=meets)
+    if first == len(settings):
+        raise ValueError(
+            f"error = {error:g}: none of {first} settings meets it on this scene; "
+            f"the best is {min(reached.values()):.1e} off"
+        )
+    return settings[first]

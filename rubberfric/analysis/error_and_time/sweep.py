@@ -1,0 +1,185 @@
+"""Error against run time of one scene: accuracy settings of increasing work, and the textbook method."""
+
+import time
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rubberfric.analysis.error_and_time import reference
+from rubberfric.analysis.error_and_time.report import Accuracy, Row
+from rubberfric.analysis.error_and_time.settings import check_error, node_count, settings_for
+from rubberfric.analysis.error_and_time.textbook import covers
+from rubberfric.analysis.error_and_time.textbook import solve as textbook_solve
+from rubberfric.base.quadrature import Quadrature
+from rubberfric.theory.model import QUANTITIES
+
+# Nodes of the textbook method, (ln q, phi).
+TEXTBOOK = ((50, 16), (100, 32), (200, 64), (400, 128))
+
+# Rounding in single precision adds about this error.
+_ROUNDING = 1e-6
+
+# A function that has taken this long in all [s] is not timed again.
+_LONG = 2.0
+
+
+def accuracy(
+    scene,
+    velocity,
+    pressure,
+    temperature=None,
+    *,
+    error=1e-6,
+    settings=None,
+    textbook=TEXTBOOK,
+    repeats=25,
+    progress=None,
+):
+    """Errors and run times of a scene over accuracy settings, in double and single precision.
+
+    Errors of area, friction and separation and of their gradients are against a reference that
+    validates itself (`rubberfric.analysis.error_and_time.reference`); single precision is compared at the inputs it sees,
+    rounded, and left out where it cannot hold the scene. Times are medians over alternating rounds
+    of calls that were compiled before, for all three quantities at all points; the gradient is that
+    of their sum with respect to every number of the scene and the conditions, and comes with the
+    values.
+
+    Parameters
+    ----------
+    scene : Scene
+    velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
+        the points that errors and times are for. Gradients are compared at 30 of them at most,
+        equally spread; at 6 where a modulus is tabulated.
+    error : wanted relative error [-], 0 ... 1
+    settings : sequence of Quadrature, or None
+        None: the ladder, from a few nodes to far more than the default has.
+    textbook : sequence of (nodes in ln q, nodes in phi)
+        sizes of the textbook method (`rubberfric.analysis.error_and_time.textbook`), which has no gradient; () for none, as for
+        scenes that it does not cover: heated, softened or anisotropic ones.
+    repeats : int, >= 1
+        rounds of timing.
+    progress : function of a line of text, or None
+        called before every step: a sweep takes half a minute and more.
+
+    Returns
+    -------
+    Accuracy. `chosen` is its cheapest setting for values and gradients, `chosen_values` that for
+    values alone: None where none meets `error`, and where the refinements of the reference do not
+    agree to a tenth of it, for nothing is known then.
+
+    Raises
+    ------
+    ValueError : as `solve`; an argument outside its range; double precision is switched off.
+    """
+    check_error(error)
+    tell = progress or (lambda text: None)
+    points = reference.points_of(scene, velocity, pressure, temperature)
+    settings = settings_for(scene) if settings is None else tuple(settings)
+    _check(settings, textbook, repeats)
+    tell("reference")
+    exact = reference.reference(points)
+
+    measured = []
+    for setting in settings:
+        tell(f"float64, {setting}")
+        measured.append(_panels(points, exact.exact, setting, jnp.float64))
+    left_out = reference.refused(points)
+    single = [] if left_out else single_precision(settings, [row.errors.worst for row, _ in measured])
+    if single:
+        tell("reference for float32")
+        at_rounded = reference.sample(exact.compiled, reference.rounded(points))
+    for setting in single:
+        tell(f"float32, {setting}")
+        measured.append(_panels(points, at_rounded, setting, jnp.float32))
+    for size in textbook if covers(scene) else ():
+        tell(f"textbook, {size[0]} x {size[1]}")
+        measured.append(_textbook(points, exact.exact, size))
+
+    tell("run times")
+    functions = {(i, name): f for i, (_, calls) in enumerate(measured) for name, f in calls.items()}
+    medians = in_turns(functions, repeats)
+    rows = tuple(
+        row._replace(forward=medians[i, "forward"], gradient=medians.get((i, "gradient")))
+        for i, (row, _) in enumerate(measured)
+    )
+    count = points.conditions[0].size
+    return Accuracy(error, rows, exact.agreement, count, points.chosen.size, left_out)
+
+
+def single_precision(settings, errors):
+    """Settings worth trying in single precision, from their errors in double precision.
+
+    Every second, for most of a sweep is compiling, up to the first that is lost in rounding.
+    """
+    tried = []
+    for setting, error in zip(settings[::2], errors[::2], strict=True):
+        tried.append(setting)
+        if error < _ROUNDING:
+            break
+    return tried
+
+
+def in_turns(functions, rounds):
+    """Median times of several functions [s], called one after the other in every round."""
+    times = {name: [] for name in functions}
+    for function in functions.values():
+        jax.block_until_ready(function())
+    for _ in range(rounds):
+        for name, function in functions.items():
+            if len(times[name]) > 2 and sum(times[name]) > _LONG:
+                continue
+            # Who came before may leave cold caches: the second call counts, unless the first
+            # took too long to notice.
+            for _ in range(2):
+                begin = time.perf_counter()
+                jax.block_until_ready(function())
+                elapsed = time.perf_counter() - begin
+                if elapsed > 0.02:
+                    break
+            times[name].append(elapsed)
+    return {name: float(np.median(values)) for name, values in times.items()}
+
+
+def _panels(points, exact, setting, dtype):
+    """Row of a setting without its run times, and the calls to time."""
+    at, ones = reference.arguments(points, dtype)
+    forward, forward_seconds = reference.compiled(reference.forward_of(setting), *at)
+    gradient, gradient_seconds = reference.compiled(reference.gradient_of(setting), *at, ones)
+    found = reference.sample(gradient, points, dtype)
+    row = Row(
+        method="panels",
+        setting=setting,
+        dtype=np.dtype(dtype).name,
+        nodes=node_count(points.scene, setting),
+        errors=reference.compare(found, exact, points),
+        compile_forward=forward_seconds,
+        compile_gradient=gradient_seconds,
+    )
+    return row, {"forward": lambda: forward(*at), "gradient": lambda: gradient(*at, ones)}
+
+
+def _textbook(points, exact, size):
+    """The same for a size of the textbook method."""
+
+    def forward():
+        return textbook_solve(points.scene, *points.conditions, nodes=size)
+
+    found = forward()
+    sample = reference.Sample(np.stack([found[name] for name in QUANTITIES]))
+    errors = reference.compare(sample, exact, points)
+    row = Row("textbook", tuple(size), "float64", size[0] * size[1], errors)
+    return row, {"forward": forward}
+
+
+def _check(settings, textbook, repeats):
+    for setting in settings:
+        if not isinstance(setting, Quadrature):
+            raise ValueError(f"settings has {setting!r}: must be Quadrature objects")
+    if not settings:
+        raise ValueError("settings is empty: must have at least one")
+    for size in textbook:
+        if np.shape(size) != (2,) or not all(isinstance(n, int) and n >= 2 for n in size):
+            raise ValueError(f"textbook has {size!r}: must be pairs of integers >= 2")
+    if isinstance(repeats, bool) or not isinstance(repeats, int) or repeats < 1:
+        raise ValueError(f"repeats = {repeats!r}: must be an integer >= 1")

@@ -1,0 +1,51 @@
+"""How far a friction rests on the extrapolation of tabulated moduli."""
+
+import dataclasses
+
+import jax.numpy as jnp
+
+from rubberfric.base.quadrature import Quadrature
+from rubberfric.materials.materials import TabulatedModulus
+from rubberfric.theory.model import solve
+
+_DEFAULT = Quadrature()
+
+
+def friction_outside_table(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT):
+    r"""Share of the viscoelastic friction that comes from frequencies outside the tabulated moduli.
+
+    .. math:: 1 - \mu_\mathrm{none} / \mu
+
+    with :math:`\mu` the viscoelastic friction, without contact shear, and
+    :math:`\mu_\mathrm{none}` the same when E'' is zero outside the tables
+    (`TabulatedModulus.outside` = "none"). Near 1, the result says more about the
+    extrapolation than about the material.
+
+    Parameters
+    ----------
+    scene : Scene with at least one TabulatedModulus
+    velocity, pressure, temperature, quadrature : as for `friction`
+
+    Returns
+    -------
+    array, broadcast shape [-]; 0 where there is no viscoelastic friction
+
+    Raises
+    ------
+    ValueError : as `contact_area`, or a scene without a tabulated modulus.
+    """
+    bodies = {"lower": scene.lower, "upper": scene.upper}
+    tabulated = {name: body for name, body in bodies.items() if isinstance(body.material, TabulatedModulus)}
+    if not tabulated:
+        raise ValueError("scene: no material is a TabulatedModulus; one must be")
+    cut = {
+        name: dataclasses.replace(body, material=dataclasses.replace(body.material, outside="none"))
+        for name, body in tabulated.items()
+    }
+    conditions = (velocity, pressure, temperature)
+    part = "viscoelastic_friction"
+    whole, inside = (
+        getattr(solve(s, *conditions, quadrature=quadrature, quantities=(part,)), part)
+        for s in (scene, dataclasses.replace(scene, **cut))
+    )
+    return jnp.where(whole != 0, 1 - inside / jnp.where(whole != 0, whole, 1.0), 0.0)

@@ -1,0 +1,1 @@
+"""Friction maps: quantities over velocity, pressure and temperature."""

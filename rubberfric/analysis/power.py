@@ -1,0 +1,95 @@
+r"""Where the frictional power goes: into the lower solid, the upper solid and the sheared contact.
+
+.. math:: \sigma_0 \mu v = \sigma_0 v\,(\mu_2 + \mu_1 + \mu_\mathrm{con}),\qquad
+          \mu_j = \frac{1}{\sigma_0}\int d^2q\, S P\, C_j\, q\cos\varphi\,\mathrm{Im}K_j
+"""
+
+import functools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from rubberfric.base.blocks import over_points
+from rubberfric.base.quadrature import Quadrature
+from rubberfric.scene.scene import dissipates
+from rubberfric.scene.shear import shear_friction
+from rubberfric.theory.integrals import prepare, solved
+from rubberfric.theory.model import checked
+from rubberfric.theory.stress_fluctuation import contact_area, friction_terms
+from rubberfric.theory.temperatures import shear_temperature
+
+BLOCK = 128  # points evaluated at once
+_DEFAULT = Quadrature()
+
+
+class DissipatedPower(NamedTuple):
+    """Results of `dissipated_power`, each of the broadcast shape [W/m^2]."""
+
+    lower: jax.Array  # in the lower solid, by the roughness of the upper one
+    upper: jax.Array  # in the upper solid, by the roughness of the lower one
+    shear: jax.Array  # in the area of real contact; 0 in a scene without contact shear
+    total: jax.Array  # their sum, mu sigma_0 v
+
+
+def dissipated_power(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT):
+    r"""Power dissipated per nominal area, by where it goes.
+
+    .. math:: p_\mathrm{lower} = v \int d^2q\, S P\, C_2\, q\cos\varphi\,\mathrm{Im}K_2,\qquad
+              p_\mathrm{upper} = v \int d^2q\, S P\, C_1\, q\cos\varphi\,\mathrm{Im}K_1,\qquad
+              p_\mathrm{shear} = \sigma_0 \mu_\mathrm{con} v
+
+    [the terms of Scaraggi & Persson, eq. (A17)]
+
+    Parameters
+    ----------
+    scene : Scene
+    velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
+    quadrature : Quadrature, static
+
+    Returns
+    -------
+    DissipatedPower, >= 0 and even in the velocity
+
+    Raises
+    ------
+    ValueError : as `contact_area`.
+
+    Notes
+    -----
+    Roughness of one solid strains the other periodically, and its own only statically: a solid that
+    is rough against a smooth one dissipates nothing. Zero, not computed, for a solid that does not
+    relax or faces a smooth one.
+    """
+    scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
+    return _dissipated_power(scene, *conditions, quadrature=quadrature)
+
+
+@functools.partial(jax.jit, static_argnames=("quadrature",))
+def _dissipated_power(scene, velocity, pressure, temperature, *, quadrature):
+    wanted = (("area",) if scene.shear is not None else ()) + ("friction",) * dissipates(scene)
+    prepared = prepare(scene, wanted, quadrature)
+    # Roughness of the lower solid strains the upper one, and the other way round.
+    strained = [
+        name for name, rough in (("upper", scene.lower), ("lower", scene.upper)) if rough.spectrum is not None
+    ]
+
+    def powers(points):
+        velocity, pressure, temperature = (*points, None)[:3]
+        results = dict.fromkeys(("lower", "upper", "shear"), jnp.zeros_like(pressure))
+        area = jnp.ones_like(pressure)
+        if prepared.wanted:
+            state, temperatures = solved(prepared, velocity, pressure, temperature)
+            area = contact_area(prepared, state)
+            if temperatures is not None:
+                temperature = shear_temperature(scene.heating, temperatures.flash, temperature)
+            found = friction_terms(prepared, state) if "dissipation" in prepared.wanted else {}
+            for j, terms in found.items():
+                results[strained[j]] = jnp.sum(terms, (0, 2)) * pressure * velocity
+        if scene.shear is not None:
+            mu = shear_friction(scene.shear, area, velocity, pressure, temperature)
+            results["shear"] = mu * pressure * velocity
+        return results
+
+    parts = over_points(powers, (velocity, pressure, temperature), BLOCK)
+    return DissipatedPower(**parts, total=parts["lower"] + parts["upper"] + parts["shear"])

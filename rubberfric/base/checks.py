@@ -1,0 +1,101 @@
+"""Rules for numbers, and the wording of errors: what was wrong, where, and what it must be."""
+
+import difflib
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+# Rules for leaf values: (text for the error message, test on a NumPy array).
+POSITIVE = ("must be > 0", lambda x: x > 0)
+NONNEGATIVE = ("must be >= 0", lambda x: x >= 0)
+FINITE = ("must be finite", lambda x: np.isfinite(x))
+
+
+def shown(value):
+    """How a wrong value is shown: a number as a number, anything else on one line, cut to a readable length."""
+    value = value.item() if isinstance(value, np.generic) else value
+    text = " ".join(repr(value).split())  # a matrix has lines
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def between(low, high):
+    """Rule: low <= value <= high."""
+    return (f"must be between {low} and {high}", lambda x: (x >= low) & (x <= high))
+
+
+def is_concrete(value):
+    """False for tracers: their values are not known while tracing."""
+    return not isinstance(value, jax.core.Tracer)
+
+
+def check_values(name, value, rule):
+    """Raise ValueError naming the first element of a concrete value that breaks the rule."""
+    if not is_concrete(value):
+        return
+    array = np.asarray(value)
+    text, test = rule
+    with np.errstate(invalid="ignore"):
+        good = np.isfinite(array) & test(array)
+    if not good.all():
+        where = np.unravel_index(np.argmin(good), good.shape)
+        index = "".join(f"[{i}]" for i in where)
+        if not np.isfinite(array[where]) and text != FINITE[0]:
+            text = f"must be finite, and {text}"
+        raise ValueError(f"{name}{index} = {shown(array[where])}: {text}")
+
+
+def as_leaf(name, value, ndim):
+    """A float array of the wanted rank; Python scalars stay weakly typed floats.
+
+    Weak typing lets a float32 scene keep float32 although its Poisson ratio was
+    left at the Python default 0.5 and x64 is on.
+    """
+    if isinstance(value, bool | str | bytes) or value is None:
+        kind = "a number" if ndim == 0 else "a sequence of numbers"
+        raise ValueError(f"{name} = {shown(value)}: must be {kind}")
+    if isinstance(value, int | float) and ndim == 0:
+        try:
+            return float(value)
+        except OverflowError:
+            raise ValueError(f"{name} = {shown(value)}: must be within floating-point range") from None
+    try:
+        array = value if isinstance(value, jax.Array) else np.asarray(value)
+        if not jnp.issubdtype(array.dtype, jnp.floating):
+            if not jnp.issubdtype(array.dtype, jnp.integer):
+                raise TypeError
+            array = array.astype(float)
+    except (TypeError, ValueError):
+        kind = "a real number" if ndim == 0 else "a sequence of real numbers"
+        raise ValueError(f"{name} = {shown(value)}: must be {kind}") from None
+    if array.ndim != ndim:
+        kind = ("a scalar", "one-dimensional", "two-dimensional")[ndim]
+        raise ValueError(f"{name} has shape {array.shape}: must be {kind}")
+    return jnp.asarray(array)
+
+
+def check_lengths(owner, **vectors):
+    """Raise ValueError unless all vectors of one object have the same length."""
+    lengths = {name: vector.shape[0] for name, vector in vectors.items()}
+    if len(set(lengths.values())) > 1:
+        shown = ", ".join(f"{name} has {n}" for name, n in lengths.items())
+        raise ValueError(f"{owner}: lengths differ ({shown}); they must be equal")
+
+
+def check_increasing(name, vector):
+    """Raise ValueError unless a concrete vector increases strictly."""
+    if is_concrete(vector):
+        array = np.asarray(vector)
+        bad = np.flatnonzero(~(np.diff(array) > 0))
+        if bad.size:
+            i = int(bad[0]) + 1
+            raise ValueError(
+                f"{name}[{i}] = {shown(array[i])} after {shown(array[i - 1])}: must increase strictly"
+            )
+
+
+def closest(name, allowed):
+    """End of an error message on an unknown name: the nearest allowed one, and all of them."""
+    near = difflib.get_close_matches(str(name), list(allowed), n=1)
+    hint = f"did you mean {near[0]!r}? " if near else ""
+    return f"{hint}must be one of {', '.join(allowed)}" if allowed else "there must be none"

@@ -1,0 +1,158 @@
+"""Progress of long work, in a terminal or a notebook; silent where there is neither."""
+
+import contextlib
+import html
+import numbers
+import sys
+import time
+import weakref
+
+from rubberfric.base.checks import shown
+
+# Seconds between two pictures in a notebook: each is a message to its page.
+_PAUSE = 0.1
+# Characters of a line in a terminal: a longer one would wrap, and could not be replaced.
+_WIDTH = 79
+
+
+def progress(label=""):
+    """A function that shows how far long work is: to be its `progress=` or `callback=`.
+
+    ::
+
+        rf.friction_map(scene, v, p, T, progress=rf.progress("map"))
+        fitting.fit(scene, data, free, callback=rf.progress("fit"))
+        result.bootstrap(callback=rf.progress("bootstrap"))
+
+    In a terminal (standard error) it is a line that replaces the last one, in a notebook a bar that
+    moves, and elsewhere nothing, as in a script whose output goes to a file.
+
+    Parameters
+    ----------
+    label : what is being done, text on one line
+
+    Returns
+    -------
+    function of (points done, points in all), (step, cost) or (text,)
+        as `friction_map`, `fitting.fit`, the bootstrap and the profile of a fit, and `accuracy` call it.
+        Its line ends when nothing holds it any more, or at the end of a `with` block that it begins.
+
+    Raises
+    ------
+    ValueError : the label is no text on one line.
+    """
+    if not isinstance(label, str) or not label.isprintable():
+        raise ValueError(f"label = {shown(label)}: must be text on one line")
+    return Progress(label, _place())
+
+
+class Progress:
+    """See `progress`; `place` has the methods show(text, part) and end(), or is None."""
+
+    def __init__(self, label, place, clock=time.monotonic):
+        self._label, self._place, self._clock = label, place, clock
+        self._begin = clock()
+        if place is not None:
+            self._end = weakref.finalize(self, place.end)
+
+    def __call__(self, done, of=None):
+        """Show points done of all, a step and its cost, or a text."""
+        if self._place is None:
+            return
+        text, part = describe(done, of, self._clock() - self._begin)
+        self._place.show(f"{self._label}: {text}" if self._label else text, part)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *error):
+        if self._place is not None:
+            self._end()
+
+
+def describe(done, of, seconds, before=0):
+    """(text, part done or None) of points done of all, of a step and its cost, or of a text.
+
+    before : points that were done when the time began
+    """
+    if of is None:
+        return str(done), None
+    if not isinstance(of, numbers.Integral):
+        return f"step {done}, cost {of:.6g}, {seconds:.0f} s", None
+    part = done / max(of, 1)
+    text = f"{of} points, {100 * done // max(of, 1):3d} %"
+    if before < done < of:
+        text += f", {seconds * (of - done) / (done - before):.0f} s left"
+    elif done > before:
+        text += f", {seconds:.0f} s"
+    return text, part
+
+
+class _Terminal:
+    """A line of standard error, in place of the last one."""
+
+    def __init__(self, stream):
+        self._stream, self._open = stream, False
+
+    def show(self, text, part):
+        print(f"\r\033[K{text[:_WIDTH]}", end="", file=self._stream, flush=True)
+        self._open = True
+
+    def end(self):
+        if self._open:
+            with contextlib.suppress(ValueError, OSError):  # the stream may be closed before
+                print(file=self._stream, flush=True)
+        self._open = False
+
+
+class _Notebook:
+    """A bar and a text in the output of a notebook's cell, in place of the last ones."""
+
+    def __init__(self, display, clock=time.monotonic):
+        self._display, self._clock = display, clock
+        self._handle = self._waiting = self._last = None
+
+    def show(self, text, part):
+        picture = _Bar(text, part)
+        if self._handle is None:
+            self._handle = self._display(picture, display_id=True)
+        elif part != 1 and self._clock() - self._last < _PAUSE:
+            self._waiting = picture
+            return
+        else:
+            self._handle.update(picture)
+        self._waiting, self._last = None, self._clock()
+
+    def end(self):
+        if self._waiting is not None:
+            self._handle.update(self._waiting)
+        self._waiting = None
+
+
+class _Bar:
+    """What a notebook shows: a bar if a part is known, and a text."""
+
+    def __init__(self, text, part):
+        self._text, self._part = text, part
+
+    def __repr__(self):
+        return self._text
+
+    def _repr_html_(self):
+        bar = "" if self._part is None else f"<progress max='1' value='{self._part:.4f}'></progress> "
+        return f"<div>{bar}{html.escape(self._text)}</div>"
+
+
+def _place():
+    """Where progress is shown: the notebook whose kernel this is, a terminal, or None."""
+    # A kernel has imported IPython; where nobody has, it is not imported.
+    if "IPython" in sys.modules:
+        from IPython import get_ipython
+
+        if getattr(get_ipython(), "kernel", None) is not None:
+            from IPython.display import display
+
+            return _Notebook(display)
+    if sys.stderr is not None and sys.stderr.isatty():
+        return _Terminal(sys.stderr)
+    return None

@@ -1,0 +1,155 @@
+"""The command `rubberfric map`: quantities of a scene file over velocity, temperature and pressure."""
+
+import os
+import sys
+import time
+
+import jax
+import numpy as np
+
+from rubberfric.analysis.maps.friction_map import QUANTITIES, friction_map
+from rubberfric.analysis.maps.unfinished import folder_of
+from rubberfric.base.atomic import check_writable
+from rubberfric.base.progress import describe
+from rubberfric.commands.reliability import convergence_note
+from rubberfric.commands.terminal import progress
+from rubberfric.io.files import read_computable
+from rubberfric.io.results import CONDITIONS, result_shape
+from rubberfric.io.results import QUANTITIES as UNITS
+from rubberfric.plot.map import check_map, save_map_plot
+from rubberfric.plot.save import check_plot
+from rubberfric.theory.model import Solution
+
+_SEVERAL = {"velocity": "velocities", "pressure": "pressures", "temperature": "temperatures"}
+
+
+def add(commands):
+    """Add the command to argparse's subparsers."""
+    parser = commands.add_parser(
+        "map",
+        help="compute a scene over velocity, temperature and pressure",
+        description="Compute a scene at every combination of the velocities, pressures and temperatures of "
+        "the table [map] of its file, or of [run] if there is none; print the range of each quantity, and "
+        "where its largest value is. A map of which a file is written, and that is interrupted or killed "
+        "after some seconds, leaves what is done in the folder FILE.h5.partial.",
+    )
+    parser.add_argument("scene", metavar="SCENE", help="scene file (.toml) or result file (.h5)")
+    parser.add_argument("--out", metavar="FILE.h5", help="write the map and the scene that made it")
+    parser.add_argument(
+        "--resume", action="store_true", help="go on with what an interrupted map left, if there is anything"
+    )
+    parser.add_argument("--plot", metavar="FILE.png", help="draw the map (.png, .pdf or .svg)")
+    parser.add_argument(
+        "--quantity",
+        nargs="+",
+        choices=Solution._fields,
+        default=QUANTITIES,
+        metavar="NAME",
+        help=f"what to compute, out of {', '.join(Solution._fields)} (default: {' '.join(QUANTITIES)})",
+    )
+    parser.add_argument(
+        "--devices",
+        type=int,
+        metavar="N",
+        help="devices that JAX makes of the processor (default: one for each core); nothing to other devices",
+    )
+    parser.set_defaults(run=run)
+
+
+def run(arguments):
+    """`rubberfric map`: a friction map of a scene file."""
+    make_devices(arguments.devices)  # before the scene is read, for with that JAX begins
+    if arguments.out is not None:
+        check_writable(arguments.out, (".h5",))
+    if arguments.plot is not None:
+        check_plot(arguments.plot)
+    scene, conditions, title = read_computable(arguments.scene, "map")
+    if arguments.plot is not None:
+        try:
+            check_map(conditions)
+        except ValueError as error:
+            raise ValueError(f"{arguments.scene}: {error}") from None
+    quantities = list(arguments.quantity)
+    if scene.heating is not None and "converged" not in quantities:
+        quantities.append("converged")
+    with progress() as show:
+        result = _computed(arguments, (scene, *conditions), quantities, bar(show), title)
+    if arguments.plot is not None:
+        save_map_plot(arguments.plot, result)
+    for line in summary(result):
+        print(line)
+    note = convergence_note(result)
+    if note:
+        print(f"\n{note}")
+    sys.stdout.flush()
+    return 0
+
+
+def make_devices(count):
+    """One device of the processor for each of its cores, or as many as asked for.
+
+    ValueError if they are not a number > 0, or if JAX has others already.
+    """
+    if count is not None and count < 1:
+        raise ValueError(f"--devices {count}: must be > 0")
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
+    wanted = count or cores
+    try:
+        jax.config.update("jax_num_cpu_devices", wanted)
+    except RuntimeError:  # JAX has begun, which only a caller from Python can have done
+        found = jax.local_device_count("cpu")
+        if count not in (None, found):
+            raise ValueError(f"--devices {count}: JAX has begun with {found}: must be that") from None
+
+
+def _computed(arguments, at, quantities, tell, title):
+    """The map; an interrupt says what it left."""
+    out = arguments.out
+    try:
+        return friction_map(
+            *at, quantities=quantities, progress=tell, path=out, resume=arguments.resume, title=title
+        )
+    except KeyboardInterrupt:
+        if out is not None and folder_of(out).exists():
+            raise KeyboardInterrupt(f"--resume goes on with {folder_of(out).name}") from None
+        raise
+
+
+def bar(show, clock=time.monotonic):
+    """A progress function of points done and points in all, that shows percentage and remaining time."""
+    begin, before = clock(), None
+
+    def tell(done, points):
+        nonlocal before
+        before = done if before is None else before  # what is resumed took no time
+        show(describe(done, points, clock() - begin, before)[0])
+
+    return tell
+
+
+def summary(result):
+    """Lines that say what a map covers, and the range of each of its quantities."""
+    if result.title:
+        yield result.title
+    for name, units in CONDITIONS.items():
+        values = getattr(result.conditions, name)
+        if values is None:
+            continue
+        several = f"{values.size} {_SEVERAL[name]}" if values.size > 1 else name
+        ends = dict.fromkeys((f"{values.min():.6g}", f"{values.max():.6g}"))
+        yield f"{several}: {' ... '.join(ends)} {units}"
+    yield f"{np.prod(result_shape(result.conditions))} points"
+    yield ""
+    v, p, T = result.conditions
+    headings = ["smallest", "largest", "at v [m/s]", "p [MPa]"] + ([] if T is None else ["T [K]"])
+    yield " ".join((f"{'':>25}", *(f"{heading:>11}" for heading in headings)))
+    for name, values in result.solution._asdict().items():
+        if values is None or name == "converged":
+            continue
+        # A temperature at a time: an array that stays in its file is not read at once.
+        low = min(float(plane.min()) for plane in values)
+        i = int(np.argmax([float(plane.max()) for plane in values]))
+        j, k = np.unravel_index(int(values[i].argmax()), values.shape[1:])
+        at = [f"{v[k]:.4g}", f"{p[j] / 1e6:.6g}"] + ([] if T is None else [f"{T[i]:.6g}"])
+        columns = (f"{low:.5g}", f"{float(values[i, j, k]):.5g}", *at)
+        yield " ".join((f"{f'{name} [{UNITS[name]}]':25}", *(f"{column:>11}" for column in columns)))

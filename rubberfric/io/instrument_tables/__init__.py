@@ -1,0 +1,1 @@
+"""Tables as instruments and other programs write them."""

@@ -1,0 +1,1 @@
+"""Prony series as cards of finite-element programs."""

@@ -1,0 +1,1 @@
+"""Solids in series as one Prony series."""

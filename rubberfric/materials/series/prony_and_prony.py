@@ -1,0 +1,257 @@
+r"""Two relaxing solids in series are one Prony solid, whatever times they share.
+
+For f(s) = f_rest + sum_i f_i s/(s + l_i) and g likewise,
+
+.. math:: \frac{f g}{f + g} = \frac{f_\infty g_\infty}{f_\infty + g_\infty} + \sum_i h_i \frac{s}{s + l_i'}
+
+with one rate l' in every interval between neighbouring rates of the two together, the first
+between 0 and the slowest: the zeros of f + g. There f = -g, and with w_j the weights of both,
+
+.. math:: h_i = \frac{f(-l_i')^2}{l_i' F_i},\qquad F_i = \sum_j w_j l_j / (l_j - l_i')^2
+
+A rate is kept as its shares of the interval, l' = left + theta width = right - phi width, the
+smaller of the two by its logarithm, and the equation multiplied by theta phi width / l':
+
+.. math:: H = \varphi \sum_{left} w_j A_j - \theta \sum_{right} w_j A_j = 0,\qquad
+          A_j = \frac{\theta\,width}{l' - l_j}\ \text{or}\ \frac{\varphi\,width}{l_j - l'}
+
+where f_rest + g_rest is the weight of a rate 0. All A_j lie between 0 and 1, and nothing is
+singular where both solids have a rate in common: the interval between the two has no width,
+theta = f_i / (f_i + g_j), and the term has the weight f_i g_j / (f_i + g_j), as it must.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from rubberfric.materials.series.prony_and_spring import HALVINGS, NEWTON_STEPS, quotient
+
+
+class _Rates(NamedTuple):
+    """All rates l_j (columns) as the intervals (rows) see them, by quotients that no decade overflows."""
+
+    left: jax.Array  # whether l_j <= left end
+    own: jax.Array  # whether l_j is an end of the interval
+    near: jax.Array  # logarithm of the slower over the faster of l_j and the end nearer to it, <= 0
+    low: jax.Array  # left end over right end, (rows,); 0 for the first
+    width: jax.Array  # 1 - low, its digits kept where the ends are close
+
+
+class _Solids(NamedTuple):
+    """Rests () and weights (rates,) of both solids over all rates; a weight of the other's rates is 0."""
+
+    rest: tuple
+    weight: tuple
+
+
+def two_in_series(first, second):
+    """Prony series of two solids in series.
+
+    Parameters
+    ----------
+    first, second : (rest, weight, tau) of a solid each
+        rest >= 0, shape () or (nodes,); weight >= 0, shape (n,) or (nodes, n), n >= 0; tau [s],
+        shape (n,) or (nodes, n), any order, equal ones allowed.
+
+    Returns
+    -------
+    rest, weight, tau of the series solid, of as many terms as both together: shapes (nodes,),
+    (nodes, terms), (nodes, terms), without the nodes if nothing given has them.
+
+    Limits: as `rubberfric.materials.series.prony_and_spring.in_series`.
+    """
+    ranks = (0, 1, 1)
+    axes = tuple(
+        tuple(0 if x.ndim > rank else None for x, rank in zip(solid, ranks, strict=True))
+        for solid in (first, second)
+    )
+    by_node = any(axis == 0 for solid in axes for axis in solid)
+    return jax.vmap(_pair, in_axes=axes)(first, second) if by_node else _pair(first, second)
+
+
+def _pair(first, second):
+    tau = jnp.concatenate([first[2], second[2]])
+    # In the middle of the spectrum, so that logarithms of the rates keep their digits.
+    middle = jax.lax.stop_gradient(jnp.sqrt(jnp.min(tau)) * jnp.sqrt(jnp.max(tau)))
+    slowest = jax.lax.stop_gradient(-jnp.log(jnp.max(tau) / middle))
+    parts = []
+    for i, (_, weight, tau) in enumerate((first, second)):
+        # What equal times leave over is put where no other rate is, of neither solid.
+        parked = slowest - 1 - i - 2 * jnp.arange(tau.shape[0], dtype=tau.dtype)
+        parts.append(_distinct(weight, tau, -jnp.log(tau / middle), parked))
+    solids, unit = _floored((first[0], second[0]), [part[0] for part in parts])
+    tau, log_rate = (jnp.concatenate([part[k] for part in parts]) for k in (1, 2))
+    order = jnp.argsort(log_rate)
+    weight, relative = _solve(_Solids(solids.rest, tuple(w[order] for w in solids.weight)), log_rate[order])
+    soft, hard = jnp.minimum(first[0], second[0]), jnp.maximum(first[0], second[0])
+    # Written as soft / (1 + soft/hard): no product that overflows, and 0 for two liquids.
+    rest = soft / (1 + soft / jnp.where(hard > 0, hard, 1.0))
+    return rest, unit * weight, tau[order] / relative
+
+
+def _distinct(weight, tau, log_rate, parked):
+    """Terms of equal times as one, at the mean of their logarithms; those left over without weight.
+
+    The mean moves with every time by its share of the weight: the same derivative, to all orders
+    of the moduli, as that of the terms apart.
+    """
+    count = tau.shape[0]
+    if count < 2:
+        return weight, tau, log_rate
+    order = jnp.argsort(log_rate)
+    weight, tau, log_rate = weight[order], tau[order], log_rate[order]
+    new = jnp.concatenate([jnp.ones(1, bool), log_rate[1:] != log_rate[:-1]])
+    group = jnp.cumsum(new) - 1
+    total = jnp.zeros_like(weight).at[group].add(weight)
+    # Terms without weight share equally.
+    size = jnp.zeros_like(weight).at[group].add(1.0)
+    share = jnp.where(total > 0, quotient(weight, jnp.where(total > 0, total, 1.0)[group]), 1 / size[group])
+    moved = jnp.zeros_like(weight).at[group].add(share * (log_rate - jax.lax.stop_gradient(log_rate)))
+    filled = jnp.arange(count) <= group[-1]
+    at = jnp.zeros_like(group).at[group].set(jnp.arange(count))  # one term of every group
+    still = jax.lax.stop_gradient(log_rate[at])
+    rate = jnp.where(filled, still + moved, parked)
+    away = jax.lax.stop_gradient(rate) - still  # 0 for a group
+    return total, jax.lax.stop_gradient(tau[at]) * jnp.exp(-away - jnp.where(filled, moved, 0.0)), rate
+
+
+def _floored(rests, weights):
+    """Both solids over the rates of both, in units of the stiffer, and that unit.
+
+    A term or a rest of no stiffness would put a root on a rate, 0/0. A term of 1e-30 of its
+    solid, a rest of 1e-60 (float32: 1e-16, 1e-30) is as good as none, and the derivative with
+    respect to it stays that of the original.
+    """
+    single = weights[0].dtype != jnp.float64
+    sizes = [rest + jnp.sum(weight) for rest, weight in zip(rests, weights, strict=True)]
+    largest = jnp.maximum(*sizes)
+    largest = jax.lax.stop_gradient(jnp.where(largest > 0, largest, 1.0))
+    least = largest * (1e-30 if single else 1e-60)
+    sizes = [jax.lax.stop_gradient(jnp.maximum(size, least)) for size in sizes]
+    one, two = (
+        (
+            rest / largest + size / largest * (1e-30 if single else 1e-60),
+            weight / largest + size / largest * (1e-16 if single else 1e-30),
+        )
+        for rest, weight, size in zip(rests, weights, sizes, strict=True)
+    )
+    zeros = [jnp.zeros_like(weight) for weight in weights]
+    weights = jnp.concatenate([one[1], zeros[1]]), jnp.concatenate([zeros[0], two[1]])
+    return _Solids((one[0], two[0]), weights), largest
+
+
+def _seen(log_rate):
+    """`_Rates` of ascending rates."""
+    index = jnp.arange(log_rate.shape[0])
+    row, column = index[:, None], index[None, :]
+    left = column < row
+    previous = jnp.maximum(index - 1, 0)
+    end = jnp.where(left, log_rate[previous][:, None], log_rate[:, None])
+    own = (column == row) | (column == row - 1)
+    ahead = log_rate[None, :] - end
+    near = jnp.where(own, 0.0, jnp.where(left, ahead, -ahead))
+    step = jnp.where(index == 0, 0.0, log_rate - log_rate[previous])
+    low = jnp.where(index == 0, 0.0, jnp.exp(-step))
+    width = jnp.where(index == 0, 1.0, -jnp.expm1(-step))
+    return _Rates(left, own, near, low, width)
+
+
+def _shares(rates, theta, phi):
+    """A_j, shape (rows, columns); that of rate 0, shape (rows,); and of the right side A_j l_right / l_j."""
+    gap = -jnp.expm1(rates.near)
+    nearer = jnp.exp(rates.near)
+    low, width = rates.low[:, None], rates.width[:, None]
+    small = jnp.where(rates.left, theta[:, None], phi[:, None])
+    # Ends of the interval count in full, also where it has no width.
+    base = jnp.where(rates.own, 0.0, jnp.where(rates.left, low * gap, gap))
+    slope = jnp.where(rates.own, 1.0, width)
+    reach = small * slope
+    whole = base + reach * jnp.where(rates.left, 1.0, nearer)
+    over = quotient(reach, whole)
+    share = jnp.where(rates.left, over, over * nearer)
+    zero = quotient(theta * rates.width, rates.low + theta * rates.width)
+    return share, zero, over, nearer
+
+
+def _sides(rest, weight, shares, left):
+    """Positive parts of H: what stands with phi and what with theta."""
+    share, zero = shares[:2]
+    below = jnp.sum(jnp.where(left, weight * share, 0.0), -1) + rest * zero
+    return below, jnp.sum(jnp.where(left, 0.0, weight * share), -1)
+
+
+def _both(small, right):
+    """theta and phi from the smaller of the two."""
+    return jnp.where(right, 1 - small, small), jnp.where(right, small, 1 - small)
+
+
+def _residual(rest, weight, rates, small, right):
+    """H, which falls with theta."""
+    theta, phi = _both(small, right)
+    below, above = _sides(rest, weight, _shares(rates, theta, phi), rates.left)
+    return phi * below - theta * above
+
+
+def _solve(solids, log_rate):
+    """Weights of the series solid, and its rates over the right ends of their intervals."""
+    rest, weight = sum(solids.rest), sum(solids.weight)
+    small, right = _roots(rest, weight, log_rate)
+    theta, phi = _both(small, right)
+    rates = _seen(log_rate)
+    shares = _shares(rates, theta, phi)
+    share, _, over, nearer = shares
+    # f = -g at a root: the solid whose terms are the smaller has lost the fewer digits.
+    (below1, above1), (below2, above2) = (
+        _sides(r, w, shares, rates.left) for r, w in zip(solids.rest, solids.weight, strict=True)
+    )
+    terms1, terms2 = phi * below1 + theta * above1, phi * below2 + theta * above2
+    value = jnp.where(terms1 < terms2, phi * below1 - theta * above1, theta * above2 - phi * below2)
+    relative = jnp.where(right, 1 - phi * rates.width, rates.low + theta * rates.width)
+    left = jnp.sum(jnp.where(rates.left, weight * share * share * nearer, 0.0), -1)
+    beyond = jnp.sum(jnp.where(rates.left, 0.0, weight * nearer * over * over), -1)
+    # l' F (theta phi width / l')^2, no square of theta alone: 1e-30 has none in float32.
+    steep = phi * phi * quotient(rates.low, relative) * left + theta * quotient(theta, relative) * beyond
+    return value * quotient(value, steep), relative
+
+
+@jax.custom_jvp
+def _roots(rest, weight, log_rate):
+    """The smaller of theta and phi for every interval, and whether it is phi."""
+    rates = _seen(log_rate)
+    half = jnp.full_like(log_rate, 0.5)
+    right = _residual(rest, weight, rates, half, jnp.zeros(half.shape, bool)) > 0
+
+    def value(small):
+        return _residual(rest, weight, rates, small, right)
+
+    def halve(_, bounds):
+        low, high = bounds
+        middle = jnp.sqrt(low) * jnp.sqrt(high)
+        further = (value(middle) > 0) != right
+        return jnp.where(further, middle, low), jnp.where(further, high, middle)
+
+    # Below the shares of the smallest weights in the widest intervals.
+    low = jnp.full_like(half, 1e-150 if half.dtype == jnp.float64 else 1e-36)
+    low, high = jax.lax.fori_loop(0, HALVINGS, halve, (low, half))
+    small = jnp.sqrt(low) * jnp.sqrt(high)
+
+    def improve(_, small):
+        residual, slope = jax.jvp(value, (small,), (jnp.ones_like(small),))
+        # In the logarithm, where the balance of two ends is all but linear too.
+        return small * jnp.exp(-quotient(quotient(residual, small), slope))
+
+    return jax.lax.fori_loop(0, NEWTON_STEPS, improve, small), right
+
+
+@_roots.defjvp
+def _roots_jvp(primals, tangents):
+    small, right = _roots(*primals)
+
+    def at(rest, weight, log_rate, small):
+        return _residual(rest, weight, _seen(log_rate), small, right)
+
+    _, by_parameters = jax.jvp(at, (*primals, small), (*tangents, jnp.zeros_like(small)))
+    _, by_share = jax.jvp(lambda s: at(*primals, s), (small,), (jnp.ones_like(small),))
+    fixed = jnp.zeros(right.shape, jax.dtypes.float0)
+    return (small, right), (-by_parameters / by_share, fixed)

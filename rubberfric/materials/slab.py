@@ -1,0 +1,66 @@
+"""Layers: how a finite thickness stiffens a solid, M = 2 / (q E_r Sbar(q d))."""
+
+import jax.numpy as jnp
+import numpy as np
+
+from rubberfric.base.checks import POSITIVE
+from rubberfric.base.objects import leaf, physical, static
+
+# sinh(2x) - 2x = sum_{k>=1} (2x)^(2k+1) / (2k+1)!: exact to rounding for x <= 1.
+_SINH_SERIES = 1.0 / np.cumprod([6.0] + [(2 * k) * (2 * k + 1) for k in range(2, 13)])
+
+
+@physical
+class Slab:
+    """A solid of finite thickness on a rigid base.
+
+    Parameters
+    ----------
+    thickness : d [m], > 0
+    base : "bonded" or "frictionless" (static)
+        whether the far side sticks to the base or slides on it.
+    """
+
+    thickness: float = leaf(POSITIVE)
+    base: str = static(("bonded", "frictionless"), default="bonded")
+
+
+def stiffening(layer, poisson, q):
+    r"""Sbar(q d) [-]: stiffness of the layered solid over that of the half-space.
+
+    Bonded [Scaraggi & Persson, below (A10), scaled by exp(-2x)], x = q d, a = 3 - 4 nu:
+
+    .. math:: \bar S = \frac{2a\sinh^2 x + 2x^2 + 8(1-\nu)^2}{a(\sinh 2x - 2x) + 4(1-2\nu)x}
+
+    Frictionless: coth x + x / sinh^2 x.
+
+    Parameters
+    ----------
+    layer : Slab
+    poisson : of the layer's material [-]
+    q : wavevector [1/m], any shape
+
+    Limits: 1 for x -> infinity; bonded and incompressible 3/(2 x^3) for x -> 0, so
+    float32 overflows in Sbar^2 for x below 1e-6.
+    """
+    x = q * layer.thickness
+    # Beyond x = 60 every correction is below e^-120; the clip keeps x^2 e^-2x from inf * 0.
+    x = jnp.minimum(x, 60.0)
+    decay, rise = jnp.exp(-2 * x), -jnp.expm1(-2 * x)
+    if layer.base == "frictionless":
+        return (1 + decay) / rise + 4 * x * decay / rise**2
+    a = 3 - 4 * poisson
+    top = 0.5 * a * rise**2 + (2 * x**2 + 8 * (1 - poisson) ** 2) * decay
+    bottom = a * sinh_minus_linear(x, decay) + 4 * (1 - 2 * poisson) * x * decay
+    return top / bottom
+
+
+def sinh_minus_linear(x, decay):
+    """(sinh 2x - 2x) e^(-2x) without the cancellation at small x."""
+    small = jnp.minimum(x, 1.0)
+    y = (2 * small) ** 2
+    series = jnp.zeros_like(x)
+    for coefficient in _SINH_SERIES[::-1]:
+        series = series * y + float(coefficient)
+    near = 2 * small * y * series * jnp.exp(-2 * small)
+    return jnp.where(x < 1, near, 0.5 * (1 - decay**2) - 2 * x * decay)

@@ -1,0 +1,210 @@
+"""Pictures of quantities over the sliding velocity. They need matplotlib, as `rubberfric.plot`."""
+
+import numpy as np
+
+from rubberfric.base.checks import closest
+from rubberfric.io.results import Result
+from rubberfric.plot.style import (
+    LOG_V,
+    PANELS,
+    check_kind,
+    legend,
+    looks,
+    one_axes,
+    several_axes,
+    shown_velocities,
+    vector,
+)
+
+# Parts of the friction: line style, marker of a single point, and name.
+PARTS = {
+    "viscoelastic_friction": ("--", "s", "viscoelastic"),
+    "shear_friction": (":", "^", "contact shear"),
+}
+
+
+def plot_result(result, ax=None):
+    """Draw A/A0, mu, mean separation and more over log10 v: a panel each, a line per condition.
+
+    Transverse friction and flash temperature have a panel where the solution has them.
+
+    The parts of the friction, where the solution has them, are thin dashed and dotted lines in its panel.
+
+    Parameters
+    ----------
+    result : Result
+        see `rubberfric.io.results`. Velocities <= 0 have no logarithm and are left out.
+    ax : sequence of as many matplotlib axes as the solution has of these quantities, or None
+        None: axes of a new figure of its own, `ax[0].figure`, which pyplot does not know.
+
+    Returns
+    -------
+    sequence of the axes, top to bottom
+
+    Raises
+    ------
+    ValueError : `result` is none, or `ax` has another number of axes.
+    """
+    check_kind("result", result, Result)
+    names = [name for name in PANELS if getattr(result.solution, name) is not None]
+    if ax is None:
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(6.4, 0.8 + 2.3 * len(names)), layout="constrained")
+        ax = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
+        if result.title:
+            figure.suptitle(result.title, fontsize="medium", wrap=True)
+    several_axes(ax, names)
+    for i, (name, axes) in enumerate(zip(names, ax, strict=True)):
+        _draw(axes, result, name, named=i == 0)
+    ax[-1].set_xlabel(LOG_V)
+    return ax
+
+
+def plot_friction(result, ax=None):
+    """Draw mu over log10 v, a line for each pressure and temperature, its parts thin below it.
+
+    Parameters
+    ----------
+    result : Result
+        of `rubberfric.friction_map` or a result file; see `plot_curve` for bare arrays. Velocities
+        <= 0 have no logarithm and are left out.
+    ax : matplotlib axes, or None
+        None: axes of a new figure of its own, `ax.figure`, which pyplot does not know.
+
+    Returns
+    -------
+    the axes
+
+    Raises
+    ------
+    ValueError : the quantity was not computed, no velocity is > 0, or `ax` is no axes.
+    """
+    return _quantity(result, "friction", ax)
+
+
+def plot_area(result, ax=None):
+    """Draw A/A0 over log10 v, a line for each pressure and temperature; all else as `plot_friction`."""
+    return _quantity(result, "area", ax)
+
+
+def plot_separation(result, ax=None):
+    """Draw the mean separation over log10 v in µm; all else as `plot_friction`."""
+    return _quantity(result, "separation", ax)
+
+
+def plot_curve(velocity, values, quantity="friction", ax=None):
+    """Draw one quantity over log10 v from arrays.
+
+    Parameters
+    ----------
+    velocity : [m/s], shape (n,); those <= 0 have no logarithm and are left out
+    values : of the quantity, in SI units, shape (n,); or a dict of label -> such an array
+    quantity : "friction", "area", "separation", "transverse_friction" or "flash_temperature"
+    ax : matplotlib axes, or None
+        None: axes of a new figure of its own, `ax.figure`, which pyplot does not know.
+
+    Returns
+    -------
+    the axes
+
+    Raises
+    ------
+    ValueError : shapes that differ, an unknown quantity, no velocity > 0, or `ax` is no axes.
+    """
+    if quantity not in PANELS:
+        raise ValueError(f"quantity = {quantity!r}: {closest(quantity, tuple(PANELS))}")
+    velocity = vector("velocity", velocity)
+    curves = values if isinstance(values, dict) else {None: values}
+    names = [f"values[{name!r}]" if isinstance(values, dict) else "values" for name in curves]
+    curves = {
+        label: vector(name, curve, velocity.size)
+        for name, (label, curve) in zip(names, curves.items(), strict=True)
+    }
+    shown = _some_velocities(velocity)
+    axes = one_axes(ax)
+    _lines(axes, velocity, list(curves.values()), curves, shown, quantity)
+    _from_zero(axes, quantity)
+    axes.set_xlabel(LOG_V)
+    if isinstance(values, dict):
+        legend(axes)
+    return axes
+
+
+def curve_labels(conditions):
+    """(index of temperature, index of pressure) -> text naming that curve's conditions."""
+    temperatures = [None] if conditions.temperature is None else conditions.temperature
+    return {
+        (i, j): f"{p / 1e6:.6g} MPa" + ("" if T is None else f", {T - 273.15:.6g} °C")
+        for i, T in enumerate(temperatures)
+        for j, p in enumerate(conditions.pressure)
+    }
+
+
+def _quantity(result, name, ax):
+    check_kind("result", result, Result)
+    if getattr(result.solution, name) is None:
+        known = [one for one, values in result.solution._asdict().items() if values is not None]
+        raise ValueError(f"result has no {name}, only {', '.join(known) or 'nothing'}: must be computed")
+    _some_velocities(result.conditions.velocity)
+    axes = one_axes(ax)
+    _draw(axes, result, name)
+    axes.set_xlabel(LOG_V)
+    if ax is None and result.title:
+        axes.figure.suptitle(result.title, fontsize="medium", wrap=True)
+    return axes
+
+
+def _draw(axes, result, name, named=True):
+    """One quantity of a result; a legend of its conditions if `named`, and of its parts."""
+    labels, velocity = curve_labels(result.conditions), np.asarray(result.conditions.velocity)
+    shown = shown_velocities(velocity)
+    curves = [np.asarray(getattr(result.solution, name))[i, j] for i, j in labels]
+    lines = _lines(axes, velocity, curves, labels.values(), shown, name)
+    parts = _parts(axes, result, shown, lines) if name == "friction" else []
+    _from_zero(axes, name)
+    legend(axes, (lines if named and len(labels) > 1 else []) + parts)
+
+
+def _lines(axes, velocity, curves, labels, shown, quantity):
+    """Draw the curves in a quantity's panel; the handles of a legend."""
+    label, scale, offset = PANELS[quantity]
+    drawn = looks(len(labels), shown.size)
+    handles = [
+        axes.plot(np.log10(velocity[shown]), scale * curve[shown] + offset, label=text, **look)[0]
+        for curve, text, look in zip(curves, labels, drawn, strict=True)
+    ]
+    axes.set_ylabel(label)
+    axes.grid(alpha=0.3)
+    return handles
+
+
+def _from_zero(axes, quantity):
+    """Begin the panel of what is >= 0 at zero."""
+    if quantity in ("area", "friction", "separation") and axes.dataLim.y0 >= 0:
+        axes.set_ylim(bottom=0, auto=None)  # what is drawn next may still raise the top
+
+
+def _parts(axes, result, shown, lines):
+    """Parts of the friction in the colours of its lines; the handles of a legend."""
+    from matplotlib.lines import Line2D
+
+    labels = curve_labels(result.conditions)
+    log_v = np.log10(np.asarray(result.conditions.velocity)[shown])
+    handles = []
+    for name, (style, marker, label) in PARTS.items():
+        if getattr(result.solution, name) is None:
+            continue
+        look = {"linestyle": style, "linewidth": 1.2, "marker": marker if shown.size < 2 else None}
+        for (i, j), line in zip(labels, lines, strict=True):
+            part = np.asarray(getattr(result.solution, name))[i, j, shown]
+            axes.plot(log_v, part, color=line.get_color(), **look)
+        handles.append(Line2D([], [], color="0.3", label=label, **look))
+    return handles
+
+
+def _some_velocities(velocity):
+    shown = shown_velocities(velocity)
+    if shown.size == 0:
+        raise ValueError("velocity has no value > 0: must have one at least, for log10 v")
+    return shown

@@ -1,0 +1,165 @@
+"""Pictures of friction maps. They need matplotlib: pip install 'rubberfric[plot]'."""
+
+import numpy as np
+
+from rubberfric.base.atomic import replacing
+from rubberfric.base.checks import closest
+from rubberfric.io.results import QUANTITIES, Result
+from rubberfric.plot.style import LOG_V, PANELS, check_kind, several_axes
+from rubberfric.theory.model import Solution
+
+# Panels of a figure, and points drawn along an axis: a picture has no room for more.
+_PANELS = 4
+_DRAWN = 800
+
+# Drawn over a logarithmic scale if it is > 0: it spans decades.
+_LOGARITHMIC = ("area",)
+
+
+def plot_map(result, quantity="friction", ax=None, *, temperature=None, pressure=None):
+    """Draw a quantity over log10 v and temperature, a panel for each pressure; contours are labelled.
+
+    With one temperature, or where `temperature` picks one, a single panel over log10 v and log10 p.
+
+    Parameters
+    ----------
+    result : FrictionMap, or any Result
+        at two velocities > 0 or more (others have no logarithm and are left out), and at two
+        pressures or temperatures or more.
+    quantity : name of a field of its solution
+    ax : sequence of as many matplotlib axes as there are panels, or None
+        None: axes of a new figure of its own, `ax[0].figure`, which pyplot does not know.
+    temperature : index of the one temperature to draw over the pressure, or None
+    pressure : index of the one pressure to draw over the temperature, or None
+        None: every pressure; of more than four, four from the first to the last.
+
+    Returns
+    -------
+    sequence of the axes, one for each panel
+
+    Raises
+    ------
+    ValueError : nothing to draw, as above; the quantity was not computed; `ax` has another number of axes.
+    """
+    check_kind("result", result, Result)
+    check_map(result.conditions, temperature, pressure)
+    field = getattr(result.solution, quantity) if quantity in Solution._fields else None
+    if field is None:
+        known = [name for name, values in result.solution._asdict().items() if values is not None]
+        raise ValueError(f"quantity = {quantity!r}: {closest(quantity, known)}")
+    other = (f"{quantity.replace('_', ' ')} [{QUANTITIES[quantity]}]", 1.0, 0.0)
+    label, scale, offset = PANELS.get(quantity, other)
+    panels = _panels(result.conditions, temperature, pressure)
+    if ax is None:
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=_size(len(panels), 1), layout="constrained")
+        ax = figure.subplots(1, len(panels), sharex=True, sharey=True, squeeze=False)[0]
+        if result.title:
+            figure.suptitle(result.title, fontsize="medium", wrap=True)
+    several_axes(ax, [title or "the map" for _, _, title, _ in panels])
+    columns, log_v = _axis(np.log10, result.conditions.velocity)
+    drawn = []
+    for (rows, y, title, place), axes in zip(panels, ax, strict=True):
+        values = scale * np.asarray(field[place][rows][:, columns]) + offset
+        drawn.append((axes, y, values))
+        axes.set_title(title, fontsize="small")
+        axes.set_xlabel(LOG_V)
+    _draw(drawn, log_v, label.replace("\n", " "), quantity in _LOGARITHMIC)
+    over_pressure = _over_pressure(result.conditions, temperature)
+    ax[0].set_ylabel("$\\log_{10}(p\\;/\\;\\mathrm{MPa})$" if over_pressure else "temperature [°C]")
+    return ax
+
+
+def save_map_plot(path, result):
+    """Draw all quantities of a map to a file, a row of panels for each, whole or not at all."""
+    from matplotlib.figure import Figure
+
+    names = [name for name, values in result.solution._asdict().items() if values is not None]
+    columns = len(_panels(result.conditions, None, None))
+    figure = Figure(figsize=_size(columns, len(names)), layout="constrained")
+    axes = figure.subplots(len(names), columns, sharex=True, sharey=True, squeeze=False)
+    figure.suptitle(result.title, fontsize="medium", wrap=True)
+    for name, row in zip(names, axes, strict=True):
+        plot_map(result, name, row)
+    for below in axes[1:].ravel():
+        below.set_title("")
+    for above in axes[:-1].ravel():
+        above.set_xlabel("")
+    with replacing(path) as temporary:
+        figure.savefig(temporary, dpi=150)
+
+
+def check_map(conditions, temperature=None, pressure=None):
+    """ValueError unless conditions, and indices that pick some of them, leave a plane to draw."""
+    count = np.unique(conditions.velocity[conditions.velocity > 0]).size
+    if count < 2:
+        raise ValueError(f"velocity has {count} different values > 0: must have 2 or more for a map")
+    for name, index in (("temperature", temperature), ("pressure", pressure)):
+        values = getattr(conditions, name)
+        size = 1 if values is None else values.size
+        if index is not None and not (isinstance(index, int | np.integer) and -size <= index < size):
+            raise ValueError(f"{name} = {index!r}: must be an index of {size} values, or None")
+    name = "pressure" if _over_pressure(conditions, temperature) else "temperature"
+    values = getattr(conditions, name)
+    picked = pressure if name == "pressure" else temperature
+    if picked is not None or np.unique(values).size < 2:
+        raise ValueError(f"{name} has one value: must have 2 or more for a map, unless the other has")
+
+
+def _over_pressure(conditions, temperature):
+    T = conditions.temperature
+    return temperature is not None or T is None or T.size == 1
+
+
+def _panels(conditions, temperature, pressure):
+    """(rows, their y, title, where in the result) of every panel."""
+    T, p = conditions.temperature, conditions.pressure
+    if _over_pressure(conditions, temperature):
+        i = 0 if temperature is None else temperature
+        rows, y = _axis(lambda x: np.log10(x / 1e6), p)
+        return [(rows, y, "" if T is None else f"{T[i] - 273.15:.6g} °C", i)]
+    chosen = range(p.size) if pressure is None else [pressure]
+    if len(chosen) > _PANELS:
+        chosen = np.linspace(0, p.size - 1, _PANELS).round().astype(int)
+    rows, y = _axis(lambda x: x - 273.15, T)
+    return [(rows, y, f"{p[j] / 1e6:.4g} MPa", (slice(None), j)) for j in chosen]
+
+
+def _axis(scale, values):
+    """Indices of the values > 0 in increasing order, as many as are drawn, and these values scaled."""
+    unique, index = np.unique(values, return_index=True)
+    index = index[unique > 0]
+    if index.size > _DRAWN:
+        index = index[np.linspace(0, index.size - 1, _DRAWN).round().astype(int)]
+    return index, scale(np.asarray(values)[index])
+
+
+def _draw(drawn, x, label, logarithmic):
+    """Heat maps (axes, y, values) with one colour scale and contours in the contrary of what is below."""
+    from matplotlib.colors import LogNorm, Normalize
+    from matplotlib.ticker import LogLocator, MaxNLocator
+
+    low = min(float(values.min()) for _, _, values in drawn)
+    high = max(float(values.max()) for _, _, values in drawn)
+    logarithmic = logarithmic and low > 0
+    norm = (LogNorm if logarithmic else Normalize)(low, high if high > low else low + 1.0)
+    locator = MaxNLocator(7)
+    if logarithmic:
+        locator = LogLocator(subs=(1, 2, 5) if high < 1e3 * low else (1, 3))
+    # cividis: equal steps look equal, in grey and to the colour-blind as well.
+    look = {"cmap": "cividis", "norm": norm, "shading": "nearest", "rasterized": True}
+    for axes, y, values in drawn:
+        mesh = axes.pcolormesh(x, y, values, **look)
+        levels = [level for level in locator.tick_values(low, high) if values.min() < level < values.max()]
+        if levels:
+            colours = ["white" if norm(level) < 0.55 else "black" for level in levels]
+            lines = axes.contour(x, y, values, levels, colors=colours, linewidths=0.7)
+            axes.clabel(lines, fontsize="x-small", fmt="%g")
+    bar = drawn[0][0].figure.colorbar(mesh, ax=[axes for axes, _, _ in drawn])
+    bar.set_label(label)
+
+
+def _size(columns, rows):
+    """Width and height of a figure of panels [inch]."""
+    return 1.6 + max(3.0 * columns, 4.2), 0.7 + (3.2 if rows == 1 else 2.7 * rows)

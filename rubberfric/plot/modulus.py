@@ -1,0 +1,171 @@
+"""Picture of a complex modulus over frequency. It needs matplotlib, as `rubberfric.plot`."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rubberfric.materials.materials import (
+    Elastic,
+    Prony,
+    PronyShear,
+    Rigid,
+    TabulatedModulus,
+    complex_modulus,
+)
+from rubberfric.plot.style import colours, legend, one_axes, vector
+
+_POINTS = 400
+# Points up to which each has room.
+_LARGE = 60
+# Decades beyond the relaxation times, where the solid is relaxed or glassy, and beyond a table.
+_BEYOND, _BEYOND_TABLE = 2.0, 1.0
+# Line, marker of measured points and of entries of a table, and name, of E', E'' and tan delta.
+_LOOKS = (
+    ("-", "o", "storage $E'$"),
+    ("--", "s", "loss $E''$"),
+    (":", "^", "$\\tan\\delta$ (right)"),
+)
+
+_modulus = jax.jit(complex_modulus)
+
+
+def plot_modulus(material, ax=None, omega=None, temperature=None, data=None):
+    r"""Draw E' and E'' over omega in log-log, and tan delta = E''/E' on a linear scale of its own.
+
+    Parameters
+    ----------
+    material : Elastic, Prony, PronyShear or TabulatedModulus
+        entries of a table are points.
+    ax : matplotlib axes, or None
+        None: axes of a new figure of its own, `ax.figure`, which pyplot does not know. The scale of
+        tan delta is the last of `ax.figure.axes`.
+    omega : angular frequencies [rad/s], > 0, shape (n,)
+        None: two decades more than the relaxation times span, one more than a table, and the data.
+    temperature : [K], or None for the reference temperature
+    data : measured points to draw as well, with arrays omega, storage and loss, as
+        `fitting.ModulusData` has them, or None
+        those at other temperatures are shifted to this one by the material's shift.
+
+    Returns
+    -------
+    the axes of E' and E''
+
+    Raises
+    ------
+    ValueError : the material is rigid or none; a temperature without a shift; a wrong omega, data or ax.
+    """
+    if isinstance(material, Rigid) or not isinstance(
+        material, Elastic | Prony | PronyShear | TabulatedModulus
+    ):
+        raise ValueError(f"material is a {type(material).__name__}: must be one that deforms")
+    _check_temperature(material, temperature)
+    points = None if data is None else _shifted(material, temperature, data)
+    table = _table(material, temperature)
+    if omega is None:
+        omega = _range(material, temperature, [one[0] for one in (points, table) if one is not None])
+    else:
+        omega = np.sort(vector("omega", omega, positive=True))
+    modulus = np.asarray(_modulus(material, omega, temperature))
+    axes = one_axes(ax, (7.4, 4.0))
+    right = axes.twinx()
+    lines = (modulus.real, modulus.imag, modulus.imag / modulus.real)
+    handles = []
+    for tone, place, (style, _, name), line in zip(
+        colours(3), (axes, axes, right), _LOOKS, lines, strict=True
+    ):
+        if (line > 0).any():  # an elastic solid has no loss
+            look = {"color": tone, "linestyle": style, "linewidth": 1.8, "label": name}
+            handles += place.plot(omega, np.where(line > 0, line, np.nan), **look)
+    handles += _points(axes, right, table, "entries of the table", "white")
+    handles += _points(axes, right, points, "measured", None)
+    _dress(axes, right, temperature)
+    right.set_visible(bool(right.lines))
+    legend(axes, handles, scale_right=bool(right.lines), inside="upper left")
+    return axes
+
+
+def _check_temperature(material, temperature):
+    if temperature is None:
+        return
+    if getattr(material, "shift", None) is None:
+        raise ValueError(f"temperature = {temperature!r}: must be None, for the material has no shift")
+    if np.ndim(temperature) != 0:
+        raise ValueError(f"temperature has shape {np.shape(temperature)}: must be one number")
+    material.shift.check_temperature(temperature)
+
+
+def _log_shift(material, temperature):
+    """ln a_T, 0 at the reference temperature."""
+    if temperature is None or getattr(material, "shift", None) is None:
+        return 0.0
+    return np.asarray(material.shift.log_factor(jnp.asarray(temperature, float)), float)
+
+
+def _range(material, temperature, known):
+    """Frequencies over all that the material and the points at `known` frequencies show."""
+    ends = [np.array([one.min(), one.max()]) for one in known]
+    beyond = _BEYOND_TABLE
+    if isinstance(material, Prony | PronyShear):
+        beyond = _BEYOND
+        rates = np.exp(-_log_shift(material, temperature)) / np.asarray(material.tau, float)
+        ends.append(np.array([rates.min(), rates.max()]))
+    ends = np.concatenate(ends) if ends else np.array([1e-2, 1e2])  # elastic: any will do
+    return np.geomspace(ends.min() / 10**beyond, ends.max() * 10**beyond, _POINTS)
+
+
+def _table(material, temperature):
+    """(omega, E', E'') of the entries of a table, or None."""
+    if not isinstance(material, TabulatedModulus):
+        return None
+    omega, *values = (np.asarray(x, float) for x in (material.omega, material.storage, material.loss))
+    return omega * np.exp(-_log_shift(material, temperature)), *values
+
+
+def _shifted(material, temperature, data):
+    """(omega, E', E'') of measured points, at the temperature of the picture."""
+    for name in ("omega", "storage", "loss"):
+        if not hasattr(data, name):
+            raise ValueError(
+                f"data is a {type(data).__name__} without {name}: must have omega, storage, loss"
+            )
+    omega = vector("data.omega", data.omega, positive=True)
+    storage, loss = (vector(f"data.{x}", getattr(data, x), omega.size) for x in ("storage", "loss"))
+    at = getattr(data, "temperature", None)
+    if at is not None:
+        at = np.broadcast_to(np.asarray(at, float), omega.shape)
+        if getattr(material, "shift", None) is None and np.ptp(at) > 0:
+            raise ValueError("data.temperature: has several values; the material must have a shift then")
+        if getattr(material, "shift", None) is not None:
+            material.shift.check_temperature(at)
+        omega = omega * np.exp(_log_shift(material, at) - _log_shift(material, temperature))
+    return omega, storage, loss
+
+
+def _points(axes, right, points, name, face):
+    """Draw points of E', E'' and tan delta; the handle of a legend."""
+    from matplotlib.lines import Line2D
+
+    if points is None:
+        return []
+    omega, storage, loss = points
+    with np.errstate(divide="ignore", invalid="ignore"):
+        values = (storage, loss, loss / storage)
+    size = 3.5 if omega.size <= _LARGE else 2.0
+    look = {"linestyle": "none", "markersize": size, "markeredgewidth": 0.8}
+    for tone, place, (_, marker, _), value in zip(
+        colours(3), (axes, axes, right), _LOOKS, values, strict=True
+    ):
+        place.plot(omega, value, marker=marker, color=tone, markerfacecolor=face or tone, **look)
+    return [Line2D([], [], color="0.3", marker="o", markerfacecolor=face or "0.3", label=name, **look)]
+
+
+def _dress(axes, right, temperature):
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel("angular frequency $\\omega$ [rad/s]")
+    axes.set_ylabel("modulus $E'$, $E''$ [Pa]")
+    if temperature is not None:
+        axes.set_title(f"{float(temperature) - 273.15:.6g} °C", fontsize="medium")
+    right.set_ylabel("$\\tan\\delta = E''/E'$ [-]")
+    right.set_ylim(bottom=0)
+    axes.grid(alpha=0.3)

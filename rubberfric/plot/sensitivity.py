@@ -1,0 +1,85 @@
+"""Picture of what each relaxation time does to a quantity. It needs matplotlib, as `rubberfric.plot`."""
+
+import numpy as np
+
+from rubberfric.plot.style import LOG_V, one_axes, vector
+
+_LABEL = "$\\partial \\ln \\mu \\;/\\; \\partial \\ln E_i$ [-]"
+
+
+def plot_sensitivity(velocity, tau, values, ax=None, *, label=_LABEL):
+    r"""Draw d ln mu / d ln E_i as a heat map over log10 v and log10 tau_i.
+
+    Colours are balanced about 0. Contours say the sign without them: solid above 0, dashed below,
+    thick at 0.
+
+    Parameters
+    ----------
+    velocity : [m/s], shape (n,), two different ones > 0 or more; those <= 0 are left out
+    tau : relaxation times [s], > 0, all different, shape (m,), m >= 2
+    values : [-], shape (m, n)
+        of `fitting.sensitivity(scene, velocity, pressure, "upper.material.E")`
+    ax : matplotlib axes, or None
+        None: axes of a new figure of its own, `ax.figure`, which pyplot does not know. The scale of
+        colours is the last of `ax.figure.axes`.
+    label : text beside the scale of colours
+
+    Returns
+    -------
+    the axes
+
+    Raises
+    ------
+    ValueError : shapes that do not fit, too few velocities or times, values that are not finite, or
+        `ax` is no axes.
+    """
+    columns, x = _axis("velocity", vector("velocity", velocity))
+    rows, y = _axis("tau", vector("tau", tau, positive=True))
+    if rows.size < np.size(tau):
+        raise ValueError("tau has equal entries: must all be different, to lie beside each other")
+    values, wanted = np.asarray(values, float), (np.size(tau), np.size(velocity))
+    if values.shape != wanted:
+        raise ValueError(f"values has shape {values.shape}: must be {wanted}, (tau, velocity)")
+    values = values[rows][:, columns]
+    if not np.isfinite(values).all():
+        raise ValueError("values has a number that is not finite: must be finite where v > 0")
+    axes = one_axes(ax, (6.8, 4.2))
+    _draw(axes, x, y, values, label)
+    axes.set_xlabel(LOG_V)
+    axes.set_ylabel("$\\log_{10}(\\tau_i\\;/\\;\\mathrm{s})$")
+    return axes
+
+
+def diverging():
+    """Red above, blue below, white at 0; not so dark at its ends that black lines were lost on it."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(colormaps["RdBu_r"](np.linspace(0.15, 0.85, 256)))
+
+
+def _axis(name, values):
+    """Indices of the different values > 0 in increasing order, and their logarithms."""
+    unique, index = np.unique(values, return_index=True)
+    index = index[(unique > 0) & np.isfinite(unique)]
+    if index.size < 2:
+        raise ValueError(f"{name} has {index.size} different values > 0: must have 2 or more for a map")
+    return index, np.log10(values[index])
+
+
+def _draw(axes, x, y, values, label):
+    from matplotlib.ticker import MaxNLocator
+
+    largest = float(np.abs(values).max()) or 1.0
+    look = {"cmap": diverging(), "vmin": -largest, "vmax": largest, "shading": "nearest", "rasterized": True}
+    mesh = axes.pcolormesh(x, y, values, **look)
+    levels = MaxNLocator(9, symmetric=True).tick_values(-largest, largest)
+    levels = [level for level in levels if values.min() < level < values.max()]
+    if levels:
+        style = {
+            "linestyles": ["dashed" if level < 0 else "solid" for level in levels],
+            "linewidths": [1.6 if level == 0 else 0.7 for level in levels],
+        }
+        lines = axes.contour(x, y, values, levels, colors="black", **style)
+        axes.clabel(lines, fontsize="x-small", fmt="%g")
+    axes.figure.colorbar(mesh, ax=axes).set_label(label)

@@ -1,0 +1,36 @@
+"""Roughness: power spectra, their moments and normalisations, and how they come from measured heights."""
+
+from rubberfric.roughness.anisotropy import Anisotropic, TabulatedAnisotropic, from_grid, harmonics_left_out
+from rubberfric.roughness.joining import JoinedSpectra, Joint, join_spectra, resample
+from rubberfric.roughness.moments import cutoff, moment, rms_height, rms_slope, with_cutoff
+from rubberfric.roughness.normalisation import areal_spectrum, line_spectrum, spectrum_as, spectrum_from
+from rubberfric.roughness.spectra import SelfAffine, TabulatedSpectrum, power_spectrum
+from rubberfric.roughness.surface_objects import spectrum_of_surface
+from rubberfric.roughness.topography import MeasuredSpectrum, spectrum_of_profile, spectrum_of_topography
+
+__all__ = [
+    "Anisotropic",
+    "JoinedSpectra",
+    "Joint",
+    "MeasuredSpectrum",
+    "SelfAffine",
+    "TabulatedAnisotropic",
+    "TabulatedSpectrum",
+    "areal_spectrum",
+    "cutoff",
+    "from_grid",
+    "harmonics_left_out",
+    "join_spectra",
+    "line_spectrum",
+    "moment",
+    "power_spectrum",
+    "resample",
+    "rms_height",
+    "rms_slope",
+    "spectrum_as",
+    "spectrum_from",
+    "spectrum_of_profile",
+    "spectrum_of_surface",
+    "spectrum_of_topography",
+    "with_cutoff",
+]

@@ -1,0 +1,262 @@
+r"""Measured spectra joined and resampled: log-log throughout, one table at the end.
+
+A profilometer sees long waves, an atomic force microscope short ones. Where both see, ln C
+crosses over from one to the other; where neither does, a straight line in log-log bridges the gap.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rubberfric.base.checks import shown
+from rubberfric.roughness.moments import moment
+from rubberfric.roughness.spectra import (
+    TabulatedSpectrum,
+    broken_power_law,
+    log_power_spectrum,
+    log_ratio,
+    mean_growth,
+)
+
+METHODS = ("crossover", "mean")
+# Neighbouring entries closer than this, relative, are one.
+_SAME = 1e-9
+# Steps of Newton's method for two moments; quadratic, from a few per cent.
+_STEPS = 8
+
+
+class Joint(NamedTuple):
+    """How two spectra met.
+
+    Attributes
+    ----------
+    low, high : ends of the overlap, or of the gap [1/m]
+    overlap : bool
+    jump : ln(C of the upper / C of the lower), the mean over ln q of the overlap; over a gap, of both
+        continued with their end slopes (over half a decade) to its middle
+    scatter : root-mean-square deviation from that mean; 0 over a gap
+    """
+
+    low: float
+    high: float
+    overlap: bool
+    jump: float
+    scatter: float
+
+
+class JoinedSpectra(NamedTuple):
+    """spectrum : TabulatedSpectrum; joints : tuple of `Joint`, one fewer than the spectra."""
+
+    spectrum: TabulatedSpectrum
+    joints: tuple
+
+    def report(self):
+        """What met where, and how well, a line for each joint."""
+        return "\n".join(
+            f"{'overlap' if one.overlap else 'gap'} {one.low:.4g} ... {one.high:.4g} 1/m:"
+            f" the upper spectrum is {np.exp(one.jump):.3g} times the lower"
+            + f", scatter {one.scatter:.2g} of ln C"
+            * one.overlap
+            for one in self.joints
+        )
+
+
+def join_spectra(*spectra, method="crossover", weights=(0.5, 0.5)):
+    r"""One table from spectra measured over different ranges.
+
+    .. math:: \ln C = (1 - s) \ln C_a + s \ln C_b, \qquad s = t^2 (3 - 2t),\quad
+              t = \frac{\ln q/q_\mathrm{low}}{\ln q_\mathrm{high}/q_\mathrm{low}}
+
+    where a and b overlap ("crossover"), or s the share of b in `weights` ("mean"); a or b alone
+    elsewhere, and a straight line in log-log over a gap.
+
+    Parameters
+    ----------
+    spectra : two or more, SelfAffine or TabulatedSpectrum, by increasing range: each begins and ends
+        at larger q than the one before
+    method : "crossover" or "mean"
+    weights : of the lower and the upper spectrum for "mean", >= 0, such as their inverse variances
+
+    Returns
+    -------
+    JoinedSpectra : spectrum, with the entries of all, and the joints. A jump is reported, not mended:
+        "crossover" spreads it over the overlap, "mean" leaves a part at either end.
+
+    Raises
+    ------
+    ValueError : fewer than two, in another order, one within another, or zero.
+
+    Notes
+    -----
+    Differentiable in C and in heights; wavevectors must be concrete, since they say which entries
+    there are. Scale one of them first if the jump is an error of calibration.
+    """
+    if len(spectra) < 2:
+        raise ValueError(f"join_spectra: has {len(spectra)} spectra: must be two at least")
+    if not isinstance(method, str) or method not in METHODS:
+        raise ValueError(f"method = {shown(method)}: must be one of {', '.join(METHODS)}")
+    weights = np.asarray(weights, float)
+    if weights.shape != (2,) or not (
+        np.isfinite(weights).all() and (weights >= 0).all() and weights.sum() > 0
+    ):
+        raise ValueError(f"weights = {shown(weights.tolist())}: must be two numbers >= 0, not both 0")
+    share = None if method == "crossover" else float(weights[1] / weights.sum())
+    joined, joints = spectra[0], []
+    for upper in spectra[1:]:
+        joined, joint = _join(joined, upper, share, len(joints))
+        joints.append(joint)
+    return JoinedSpectra(joined, tuple(joints))
+
+
+def _join(lower, upper, share, number):
+    """(TabulatedSpectrum, Joint) of two spectra; share None: a cross-over."""
+    laws = [broken_power_law(one) for one in (lower, upper)]
+    (a, b), (qa, qb) = laws, (np.asarray(law.q, float) for law in laws)
+    for i, (law, q) in enumerate(zip(laws, (qa, qb), strict=True)):
+        if not isinstance(law.height2, jax.core.Tracer) and not law.height2 > 0:
+            raise ValueError(f"join_spectra: spectrum {number + i} is zero: must be rough")
+        if not q[0] < q[-1]:
+            raise ValueError(f"join_spectra: spectrum {number + i} has no range: must have one")
+    if not (qa[0] < qb[0] and qa[-1] < qb[-1]):
+        raise ValueError(
+            f"join_spectra: spectrum {number + 1} has {qb[0]:g} ... {qb[-1]:g} 1/m after {qa[0]:g} ..."
+            f" {qa[-1]:g}: must begin and end at larger q than the one before"
+        )
+    overlap = bool(qb[0] < qa[-1])
+    low, high = (qb[0], qa[-1]) if overlap else (qa[-1], qb[0])
+    if overlap:
+        q = _merged(np.concatenate([qa, qb]))
+        place = np.clip(np.log(q / low) / np.log(high / low), 0, 1)
+        s = place**2 * (3 - 2 * place)
+        if share is not None:
+            s = np.where(q < low * (1 - _SAME), 0.0, np.where(q > high * (1 + _SAME), 1.0, share))
+        log_C = (1 - s) * log_power_spectrum(a, q) + s * log_power_spectrum(b, q)
+        inside = np.unique(np.clip(q, low, high))
+        difference = np.asarray(_plain(log_power_spectrum(b, inside) - log_power_spectrum(a, inside)))
+        # The difference is linear in ln q between the entries of both.
+        width = np.diff(np.log(inside)) / np.log(high / low)
+        left, right = difference[:-1], difference[1:]
+        jump = np.sum(width * (left + right) / 2)
+        left, right = left - jump, right - jump
+        scatter = np.sqrt(np.sum(width * (left**2 + left * right + right**2) / 3))
+    else:
+        q = np.concatenate([qa, qb])
+        log_C = jnp.concatenate([log_power_spectrum(a, qa), log_power_spectrum(b, qb)])
+        middle = np.sqrt(low) * np.sqrt(high)
+        below, above = (np.asarray(_plain(x)) for x in (log_C[: qa.size], log_C[qa.size :]))
+        jump = _continued(qb, above, middle, qb <= qb[0] * 10**0.5)
+        jump, scatter = jump - _continued(qa, below, middle, qa >= qa[-1] / 10**0.5), 0.0
+    C = jnp.exp(log_C)
+    return TabulatedSpectrum(jnp.asarray(q, C.dtype), C), Joint(
+        low, high, overlap, float(jump), float(scatter)
+    )
+
+
+def _plain(x):
+    return jax.lax.stop_gradient(x)
+
+
+def _merged(q):
+    """Sorted wavevectors, of those that differ by rounding only one."""
+    q = np.unique(q)
+    return q[np.concatenate([[True], np.diff(q) > _SAME * q[:-1]])]
+
+
+def _continued(q, log_C, at, near):
+    """ln C at a q beyond the table, by the line through the entries near its end, two at least."""
+    if near.sum() < 2:
+        near = np.argsort(np.abs(np.log(q / at)))[:2]
+    _, level = np.polyfit(np.log(q[near] / at), log_C[near], 1)
+    return level
+
+
+def resample(spectrum, q=None, *, per_decade=None, preserve=False):
+    r"""A spectrum as a table at other wavevectors.
+
+    Parameters
+    ----------
+    spectrum : SelfAffine or TabulatedSpectrum
+    q : wavevectors, strictly increasing, within the spectrum's range [1/m], shape (n,), n >= 2; or
+    per_decade : entries a decade at least, evenly in ln q from its first to its last wavevector
+    preserve : bool
+        False: C at q, the log-log line. True: averages over bins whose borders are the geometric means of
+        neighbouring q, int q C dq / int q dq, times A q^B, so that the table has the rms height and the rms
+        slope that the spectrum has from q[0] to q[-1], to 1e-12; C is smooth where the spectrum scatters.
+
+    Returns
+    -------
+    TabulatedSpectrum
+
+    Raises
+    ------
+    ValueError : q outside the range or in wrong order; both or none of q and per_decade.
+
+    Notes
+    -----
+    Without `preserve`, straight pieces stay as they are and rms height and slope change only by what
+    happens between the new entries: of a self-affine road with its roll-off between entries by
+    0.9 % and 0.03 % at 10 entries a decade, of a scattering measured table by per cents.
+    Differentiable in the spectrum's C and heights.
+    """
+    law = broken_power_law(spectrum)
+    if (q is None) == (per_decade is None):
+        raise ValueError("resample: must be given one of q and per_decade")
+    ends = np.asarray(law.q, float)[[0, -1]]
+    if q is None:
+        if (
+            isinstance(per_decade, bool)
+            or not isinstance(per_decade, int | float)
+            or not 0 < per_decade <= 1e4
+        ):
+            raise ValueError(f"per_decade = {shown(per_decade)}: must be a number > 0")
+        points = int(np.ceil(per_decade * np.log10(ends[1] / ends[0]) - 1e-6)) + 1
+        q = np.geomspace(*ends, max(points, 2))
+        q[[0, -1]] = ends
+    q = np.asarray(q, float)
+    if q.ndim != 1 or q.size < 2 or not (np.diff(q) > 0).all():
+        raise ValueError(f"q of shape {q.shape}: must be two wavevectors at least, strictly increasing")
+    if not (q[0] >= ends[0] * (1 - _SAME) and q[-1] <= ends[1] * (1 + _SAME)):
+        raise ValueError(
+            f"q = {q[0]:g} ... {q[-1]:g}: must be within the spectrum's {ends[0]:g} ... {ends[1]:g} 1/m"
+        )
+    log_C = log_power_spectrum(law, q)
+    if not preserve:
+        return TabulatedSpectrum(jnp.asarray(q, log_C.dtype), jnp.exp(log_C))
+    borders = np.concatenate([q[:1], np.sqrt(q[:-1]) * np.sqrt(q[1:]), q[-1:]])
+    C = _partial(law, 0, borders) / jnp.asarray(np.pi * np.diff(borders**2), log_C.dtype)
+    wanted = jnp.log(jnp.stack([jnp.sum(_partial(law, order, q[[0, -1]])) for order in (0, 2)]))
+    return _with_moments(jnp.asarray(q, log_C.dtype), C, wanted)
+
+
+def _partial(law, order, borders):
+    """2 pi int q^(1 + order) C dq between neighbouring borders, exact."""
+    left = jnp.clip(law.q[:-1], borders[:-1, None], borders[1:, None])
+    right = jnp.clip(law.q[1:], borders[:-1, None], borders[1:, None])
+    # The first and the last piece go on to a border that rounding has put outside.
+    width = log_ratio(right, left)
+    start = law.log_value[:-1] + law.exponent * log_ratio(left, law.q[:-1]) + order * jnp.log(left)
+    start = jnp.where(width > 0, start, 0.0)  # far from its piece a steep line overflows
+    pieces = jnp.exp(start) * width * mean_growth((law.exponent + order) * width)
+    return 2 * jnp.pi * law.height2 * jnp.sum(pieces, 1)
+
+
+def _with_moments(q, C, wanted):
+    """The table C exp(a + b ln q) whose moments 0 and 2 have the wanted logarithms."""
+    place = jnp.log(q / q[-1])
+
+    def table(x):
+        return TabulatedSpectrum(q, C * jnp.exp(x[0] + x[1] * place))
+
+    def miss(x):
+        return jnp.log(jnp.stack([moment(table(x), order) for order in (0, 2)])) - wanted
+
+    @jax.jit
+    def solved():
+        x = jnp.zeros_like(wanted)
+        for _ in range(_STEPS):
+            x = x - jnp.linalg.solve(jax.jacfwd(miss)(x), miss(x))
+        return x
+
+    return table(solved())

@@ -1,0 +1,242 @@
+r"""Radial meshes: where the integrals over t = ln(q / q_start) are evaluated.
+
+Two kinds of nodes. The angular integrals of the stiffness are analytic in ln q, with no
+singularity nearer than i pi/2, whatever the spectra do: they are evaluated at a few
+*angular nodes* and interpolated. The spectra have kinks, and the contact factors P, S,
+Psi fall within ln(q/q0) ~ 1e-18 ... 1 of the wavevector where roughness begins: they are
+evaluated at *contact nodes*, on panels with borders at every kink (the borders move with
+q0, q_r and q1, so gradients are right) and graded towards every beginning, with the map
+t ~ s^2 that removes the t^(-1/2) there. C is exact at the contact nodes: a table with
+many knots costs no evaluation of the stiffness.
+
+Nothing here depends on velocity or pressure: one mesh serves all points of a call.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rubberfric.base.quadrature import between, gauss, legendre_transform, typed
+from rubberfric.roughness.spectra import log_ratio
+
+
+class Mesh(NamedTuple):
+    """Nodes, spectra at the nodes, and the way from angular to contact nodes."""
+
+    angular_q: jax.Array  # wavevectors of the angular nodes [1/m], (angular panels, angular_order)
+    q: jax.Array  # of the contact nodes [1/m], (contact panels, order)
+    measure: jax.Array  # dt / d(node coordinate), same shape
+    roughness: tuple  # q^4 C_j at the contact nodes, one array for each spectrum
+    between_q: jax.Array | None  # nodes between the contact nodes [1/m], for cumulative integrals
+    between_roughness: tuple | None  # q^4 C_j dt / d(node coordinate) there
+    panel: jax.Array  # the angular panel that serves each contact panel, (contact panels,)
+    interpolate: jax.Array  # from angular to contact nodes, (contact panels, order, angular_order)
+    between_interpolate: jax.Array | None  # to the nodes between, if asked for
+    last: jax.Array  # largest wavevector of the roughness [1/m]
+    marks: jax.Array | None  # how many contact panels lie before each mark, if there are marks
+
+
+def build_mesh(laws, quadrature, graded=True, logarithmic=False, marks=None):
+    """Mesh for one or two broken power laws.
+
+    Parameters
+    ----------
+    laws : sequence of BrokenPowerLaw
+    quadrature : Quadrature
+    graded : bool
+        False leaves out the panels graded towards the beginnings and the nodes for
+        cumulative integrals; enough for G(q1), as the contact area needs.
+    logarithmic : bool
+        True adds the interpolation to the nodes for cumulative integrals.
+    marks : wavevectors that must be borders of contact panels [1/m], shape (n,), or None
+        Integrals up to a mark are then sums over whole panels. One outside the roughness counts as
+        its nearer end.
+    """
+    begins = jnp.stack([law.q[0] for law in laws])
+    leader = jnp.argmin(jax.lax.stop_gradient(begins))
+    first = begins[leader]
+    kinks = [_from_first(law.q, first, leader == j) for j, law in enumerate(laws)]
+    start = jnp.log(first)
+    # Only beginnings and kinks carry gradients: where the other borders are does not matter.
+    fixed_kinks = jax.lax.stop_gradient(kinks)
+    end = _reduce(jnp.maximum, [kink[-1] for kink in fixed_kinks])
+    width, uniform = _uniform_borders(laws, fixed_kinks, quadrature.panels)
+    # These stay where they are when the first wavevector moves, from which t counts.
+    uniform = uniform - (start - jax.lax.stop_gradient(start))
+    borders = [uniform, *kinks]
+    if graded:
+        fractions = typed(quadrature.ratio ** (-2.0 * np.arange(1, quadrature.graded + 1)), end)
+        # These hang on the beginning and move with it: held, the innermost panel, 1e-10
+        # wide, would stretch with q0, and its quadrature error with it.
+        borders += [
+            jnp.minimum(kink[0] + width(fixed[0]) * fractions, end)
+            for kink, fixed in zip(kinks, fixed_kinks, strict=True)
+        ]
+    if marks is not None:
+        # Selected, not clipped: a clip would give half the derivative to a mark at an end.
+        distance = log_ratio(jnp.where(marks >= first, marks, first), first)
+        borders.append(jnp.where(distance <= end, distance, end))
+    t = jnp.concatenate(borders)
+    rank = _ranks(jax.lax.stop_gradient(t))
+    t = jnp.sort(t)
+    left, right = t[:-1], t[1:]
+
+    # Rank in the sorted list, not comparison of values, says what lies inside what:
+    # borders that coincide (two spectra with equal q1) keep their one-sided derivatives.
+    def passed(begin, count):
+        return jnp.sum(rank[begin : begin + count] <= np.arange(t.shape[0] - 1)[:, None], -1)
+
+    panel = passed(0, uniform.shape[0])
+    begins = uniform.shape[0] + np.cumsum([0] + [kink.shape[0] for kink in kinks])
+    pieces = [passed(int(begin), kink.shape[0]) - 1 for begin, kink in zip(begins, kinks, strict=False)]
+    origin = _origin(fixed_kinks, pieces)
+
+    def at(coordinate):
+        """t, dt / d coordinate and q^4 C_j at the same coordinates in [0, 1] of every panel."""
+        relative, stretch = _node_map(left, right, origin, coordinate)
+        nodes = left[:, None] + (right - left)[:, None] * relative
+        spectra = zip(laws, kinks, pieces, strict=True)
+        roughness = tuple(_roughness(law, kink, piece, nodes, start) for law, kink, piece in spectra)
+        return nodes, (right - left)[:, None] * stretch, roughness
+
+    nodes, measure, roughness = at(typed(gauss(quadrature.order)[0], t))
+    between_q = between_roughness = between_interpolate = None
+    if graded:
+        inner, inner_measure, inner_roughness = at(typed(between(quadrature.order), t))
+        between_q = jnp.exp(start + inner)
+        between_roughness = tuple(values * inner_measure for values in inner_roughness)
+    # The outer angular nodes move with the ends of the roughness: held, the contact nodes there
+    # would move along the interpolant, whose slope is 1e3 times less accurate than its values.
+    begin = _reduce(jnp.minimum, [kink[0] for kink in kinks])
+    last = _reduce(jnp.maximum, [kink[-1] for kink in kinks])
+    edges = jnp.concatenate([begin[None], uniform, last[None]])
+    serving = edges[panel], edges[panel + 1], quadrature.angular_order
+    if graded and logarithmic:
+        between_interpolate = _interpolation(inner, *serving)
+    angular_node = typed(gauss(quadrature.angular_order)[0], t)
+    angular_nodes = edges[:-1, None] + jnp.diff(edges)[:, None] * angular_node
+
+    return Mesh(
+        angular_q=jnp.exp(start + angular_nodes),
+        q=jnp.exp(start + nodes),
+        measure=measure,
+        roughness=roughness,
+        between_q=between_q,
+        between_roughness=between_roughness,
+        panel=panel,
+        interpolate=_interpolation(nodes, *serving),
+        between_interpolate=between_interpolate,
+        last=jnp.exp(start + last),
+        marks=None if marks is None else rank[-marks.shape[0] :],
+    )
+
+
+def _from_first(q, first, leads):
+    """ln(q / first) of the wavevectors of a law, which `leads` if its first is that of all.
+
+    Then that one is 0 whatever moves. Written as a difference of two that move alike, it would
+    leave their rounding, times 1 over the innermost panel's width of 1e-14, in reverse mode.
+    """
+    t = log_ratio(q, first)
+    return jnp.concatenate([jnp.where(leads, 0.0, t[:1]), t[1:]])
+
+
+def _reduce(function, values):
+    result = values[0]
+    for value in values[1:]:
+        result = function(result, value)
+    return result
+
+
+def _ranks(values):
+    """Position of every value in the sorted list, equal ones in the order given."""
+    index = np.arange(values.shape[0])
+    before = (values < values[:, None]) | ((values == values[:, None]) & (index < index[:, None]))
+    return jnp.sum(before, -1)
+
+
+def _uniform_borders(laws, kinks, panels):
+    """Borders that share out the range, closer where the roughness rises steeply.
+
+    On the plateau G ~ q^4, so that P may switch within a quarter of e-fold: there a
+    piece counts 1 + 3/4 of its exponent of q^2 C (2 on the plateau), elsewhere 1.
+
+    Returns
+    -------
+    width : function, width of one share that begins at t
+    uniform : the borders between `panels` equal shares, shape (panels - 1,)
+    """
+    slopes = [0.75 * jnp.clip(jax.lax.stop_gradient(law.exponent), 0.0, 2.0) for law in laws]
+
+    def share(t):
+        steep = [_ramps(t, kink, slope) for kink, slope in zip(kinks, slopes, strict=True)]
+        return t + _reduce(jnp.add, steep)
+
+    knots = kinks[0] if len(kinks) == 1 else jnp.sort(jnp.concatenate(kinks))
+    shares = share(knots)
+    rise = jnp.diff(shares)
+    back = jnp.diff(knots) / jnp.where(rise > 0, rise, 1.0)
+    step = shares[-1] / panels
+
+    def width(begin):
+        return _ramps(jnp.minimum(share(begin) + step, shares[-1]), shares, back) - begin
+
+    return width, _ramps(step * np.arange(1, panels), shares, back)
+
+
+def _ramps(t, knots, slopes):
+    """Continuous piecewise linear function, 0 at the first knot, with given slopes.
+
+    A sum over pieces: for the few knots of a spectrum quicker than a search.
+    """
+    return jnp.sum(slopes * jnp.clip(t[..., None] - knots[:-1], 0.0, jnp.diff(knots)), -1)
+
+
+def _origin(kinks, pieces):
+    """Where the roughness that matters in a panel began (the later spectrum, once it has)."""
+    if len(kinks) == 1:
+        return kinks[0][0]
+    later = jnp.maximum(kinks[0][0], kinks[1][0])
+    both = (pieces[0] >= 0) & (pieces[1] >= 0)
+    return jnp.where(both, later, 0.0)
+
+
+def _node_map(left, right, origin, node):
+    """Nodes in a panel as fractions of its width, and d fraction / d node coordinate.
+
+    Uniform in s = sqrt(t - origin), in which the integrands are smooth; in the panel at
+    the origin, where u_bar goes like s ln s, uniform in sqrt(s).
+    """
+    left, right = jax.lax.stop_gradient((left, right))
+    span = right - origin
+    # A panel of no width at the origin has 0/0 here; any map will do for it.
+    ratio = jnp.sqrt(jnp.maximum(left - origin, 0.0) / jnp.where(span > 0, span, 1.0))[:, None]
+    first = (left <= origin)[:, None]
+    relative = jnp.where(first, node**4, node * (2 * ratio + (1 - ratio) * node) / (1 + ratio))
+    stretch = jnp.where(first, 4 * node**3, 2 * (ratio + (1 - ratio) * node) / (1 + ratio))
+    return relative, stretch
+
+
+def _roughness(law, kink, piece, nodes, start):
+    """q^4 C at the contact nodes; zero in panels outside the spectrum."""
+    count = law.exponent.shape[0]
+    inside = (piece >= 0) & (piece < count)
+    piece = jnp.clip(piece, 0, count - 1)
+    distance = nodes - kink[piece][:, None]
+    # Outside, the distance is set to zero first: a power law continued far may overflow.
+    distance = jnp.where(inside[:, None], distance, 0.0)
+    log_value = law.log_value[piece][:, None] + law.exponent[piece][:, None] * distance
+    value = law.height2 * jnp.exp(log_value + 2 * (start + nodes))
+    return jnp.where(inside[:, None], value, 0.0)
+
+
+def _interpolation(nodes, left, right, order):
+    """Lagrange basis of the angular nodes at the contact nodes, through Legendre polynomials."""
+    width = (right - left)[:, None]
+    x = 2 * (nodes - left[:, None]) / jnp.where(width > 0, width, 1.0) - 1
+    basis = [jnp.ones_like(x), x]
+    for n in range(1, order - 1):
+        basis.append(((2 * n + 1) * x * basis[n] - n * basis[n - 1]) / (n + 1))
+    return jnp.stack(basis, -1) @ typed(legendre_transform(order), x)

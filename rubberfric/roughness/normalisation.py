@@ -1,0 +1,242 @@
+r"""Normalisations of measured power spectra, and spectra along a line.
+
+Programs and papers publish the same roughness as
+
+    name                     unit   mean square height               from C
+    "C"                      m^4    h^2 = 2 pi int q C dq            as it is [Persson]
+    "C_iso"                  m^4    h^2 = (1/2 pi) int q C_iso dq    4 pi^2 C
+    "C_1D"                   m^3    h^2 = 2 int C_1D dq              see below [Persson]
+    "C_1D_surfacetopography" m^3    h^2 = (1/pi) int C_1D dq         2 pi times the line above
+
+all integrals from 0 to infinity. C_iso and the last one are those of contact.engineering
+and SurfaceTopography [Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001].
+
+The spectrum along a line and that of the surface are a pair of Abel's,
+
+.. math:: C_\mathrm{1D}(q) = \int_{-\infty}^\infty dq_y\, C\big(\sqrt{q^2 + q_y^2}\big),\qquad
+          C(q) = -\frac{1}{\pi} \int_q^\infty \frac{C_\mathrm{1D}'(x)}{\sqrt{x^2 - q^2}}\, dx
+
+(`line_spectrum`, `areal_spectrum`): C at q takes C_1D at all larger wavevectors. For a power
+law without ends the pair is a factor (`spectrum_from`), which is wrong at a roll-off, on a
+plateau and within a factor 2 of a cut-off.
+"""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rubberfric.base.checks import (
+    POSITIVE,
+    as_leaf,
+    between,
+    check_increasing,
+    check_lengths,
+    check_values,
+    shown,
+)
+from rubberfric.base.quadrature import gauss, typed
+from rubberfric.roughness.spectra import broken_power_law, log_ratio, mean_growth
+
+# What C is multiplied by, for a line after the self-affine factor.
+NORMALISATIONS = {"C": 1.0, "C_iso": 4 * math.pi**2, "C_1D": 1.0, "C_1D_surfacetopography": 2 * math.pi}
+LINES = ("C_1D", "C_1D_surfacetopography")
+NORMALISATION_RULE = (
+    'must be "C" (h_rms^2 = 2 pi int q C dq), "C_iso" (contact.engineering, 4 pi^2 times that), "C_1D"'
+    ' (along a line, h_rms^2 = 2 int C_1D dq) or "C_1D_surfacetopography" (2 pi times C_1D)'
+)
+
+# Of Abel's kernel: Gauss nodes between q and 2 q, terms of its series beyond, each 1/4 of the last.
+_NODES = 24
+_TERMS = 27
+
+
+def spectrum_from(normalisation, q, values, hurst=None):
+    r"""C(q) from a spectrum in another normalisation.
+
+    .. math:: C = \frac{C_\mathrm{iso}}{4\pi^2},\qquad
+              C = \frac{C_\mathrm{1D}}{q}\, \frac{\Gamma(1 + H)}{\sqrt\pi\, \Gamma(H + 1/2)}
+
+    Parameters
+    ----------
+    normalisation : "C", "C_iso", "C_1D" or "C_1D_surfacetopography", see the module's docstring
+    q : wavevectors [1/m], any shape
+    values : spectrum in that normalisation, [m^4], or [m^3] along a line
+    hurst : H [-], 0 ... 1; needed along a line, where the surface is taken as self-affine
+
+    Returns
+    -------
+    C [m^4], h_rms^2 = 2 pi int q C dq
+
+    Raises
+    ------
+    ValueError : unknown normalisation; H missing, outside 0 ... 1, or given where it has no use;
+        masked entries.
+
+    Notes
+    -----
+    The factor for a line is exact for C ~ q^(-2(1 + H)) without ends. Below the roll-off it is of
+    the order of q/q_r, and within a factor 2 of a cut-off it is too small; `areal_spectrum` needs
+    no such assumption.
+    """
+    if np.ma.is_masked(values) or np.ma.is_masked(q):
+        raise ValueError("q or values: has masked entries: must have none; leave them out, q[~values.mask]")
+    return jnp.asarray(values) / _factor(normalisation, q, hurst)
+
+
+def spectrum_as(normalisation, q, C, hurst=None):
+    """A spectrum C(q) [m^4] in another normalisation; the inverse of `spectrum_from`."""
+    return jnp.asarray(C) * _factor(normalisation, q, hurst)
+
+
+def check_normalisation(normalisation, hurst, what="normalisation", where="hurst"):
+    """ValueError unless there is such a normalisation, and H stands beside those that need it."""
+    if not isinstance(normalisation, str) or normalisation not in NORMALISATIONS:
+        raise ValueError(f"{what} = {shown(normalisation)}: {NORMALISATION_RULE}")
+    if normalisation not in LINES:
+        if hurst is not None:
+            raise ValueError(
+                f'{where} = {shown(hurst)}: must be absent; {what} = "{normalisation}" needs none'
+            )
+        return
+    if hurst is None:
+        raise ValueError(
+            f'{where} is missing: must be given, 0 ... 1; {what} = "{normalisation}" is converted'
+            " as of a self-affine surface"
+        )
+    check_values(where, as_leaf(where, hurst, 0), between(0.0, 1.0))
+
+
+def _factor(normalisation, q, hurst):
+    """What C(q) is multiplied by."""
+    check_normalisation(normalisation, hurst)
+    scale = NORMALISATIONS[normalisation]
+    if normalisation not in LINES:
+        return scale
+    H = jnp.asarray(hurst)
+    ratio = jnp.exp(jax.scipy.special.gammaln(H + 0.5) - jax.scipy.special.gammaln(H + 1))
+    return scale * math.sqrt(math.pi) * ratio * jnp.asarray(q)
+
+
+def line_spectrum(spectrum, q):
+    r"""Spectrum along a line of an isotropic surface, exact for its broken power law.
+
+    .. math:: C_\mathrm{1D}(q) = 2 \int_q^\infty \frac{C(x)\, x}{\sqrt{x^2 - q^2}}\, dx,\qquad
+              h_\mathrm{rms}^2 = 2 \int_0^\infty C_\mathrm{1D}\, dq
+
+    Parameters
+    ----------
+    spectrum : SelfAffine or TabulatedSpectrum
+    q : wavevectors along the line, > 0 [1/m], any shape; also below the spectrum's range, where
+        C_1D tends to a constant, and above, where it is 0
+
+    Returns
+    -------
+    C_1D [m^3], shape of q, to 1e-13 for slopes d ln C / d ln q of -20 ... 20
+
+    Notes
+    -----
+    Differentiable in the spectrum and in q, except where C jumps (its ends): C_1D has the slope of
+    a square root there.
+    """
+    law = broken_power_law(spectrum)
+    q = _positive("q", q)
+    pieces = (law.q[:-1], law.q[1:], law.log_value[:-1], law.exponent, jnp.ones_like(law.exponent))
+    return 2 * law.height2 * _abel(q, *pieces)
+
+
+def areal_spectrum(q, C_1D, at=None):
+    r"""Spectrum C of an isotropic surface from that along a line, by Abel's inversion.
+
+    .. math:: C(q) = -\frac{1}{\pi} \int_q^\infty \frac{C_\mathrm{1D}'(x)}{\sqrt{x^2 - q^2}}\, dx
+
+    Exact for a table that is log-log linear between its entries, and goes on beyond the last
+    with the slope of its last piece.
+
+    Parameters
+    ----------
+    q : wavevectors along the line, strictly increasing, > 0 [1/m], shape (n,), n >= 2
+    C_1D : spectrum along a line, > 0 [m^3], shape (n,), h_rms^2 = 2 int C_1D dq
+    at : wavevectors, >= q[0] [1/m], any shape, or None for q
+
+    Returns
+    -------
+    C [m^4], shape of `at`
+
+    Raises
+    ------
+    ValueError : a table of another kind, or one that does not fall at its end.
+
+    Notes
+    -----
+    The result is as sensitive to noise as a derivative, and is negative where C_1D rises much: no
+    isotropic surface has such a C_1D. Smooth it before (`resample`), or take `spectrum_from`.
+    """
+    q, C_1D = (as_leaf(name, value, 1) for name, value in (("q", q), ("C_1D", C_1D)))
+    check_lengths("areal_spectrum", q=q, C_1D=C_1D)
+    if q.shape[0] < 2:
+        raise ValueError(f"q has {q.shape[0]} entries: must have at least 2")
+    for name, value in (("q", q), ("C_1D", C_1D)):
+        check_values(name, value, POSITIVE)
+    check_increasing("q", q)
+    log = jnp.log(C_1D)
+    slope = jnp.diff(log) / log_ratio(q[1:], q[:-1])
+    check_values("slope of C_1D at its end", slope[-1], ("must be < 0", lambda x: x < 0))
+    at = q if at is None else _positive("at", at)
+    # The last piece a second time, from the last entry on; its end is nowhere.
+    last = slope[-1:]
+    slope = jnp.concatenate([slope, last])
+    end = jnp.concatenate([q[1:], jnp.full_like(last, jnp.inf)])
+    return _abel(at, q, end, log, slope, -slope) / math.pi
+
+
+def _positive(name, value):
+    value = jnp.asarray(value)
+    value = value if jnp.issubdtype(value.dtype, jnp.floating) else value.astype(float)
+    check_values(name, value, POSITIVE)
+    return value
+
+
+@jax.jit
+def _abel(x, start, end, log_value, exponent, weight):
+    r"""Sum over pieces of weight int f(q) / (q sqrt(q^2 - x^2)) dq, the part with q > x.
+
+    f is exp(log_value) at a piece's start and a power of q from there on. Up to q = 2 x by Gauss
+    nodes in arcosh(q/x), which takes the root away; beyond by the series of the root in (x/q)^2,
+    each term a power of q.
+    """
+    x = x[..., None]
+    shape = (*x.shape[:-1], start.shape[0])
+    start, end, log_value, exponent = (jnp.broadcast_to(a, shape) for a in (start, end, log_value, exponent))
+    u0, u1 = (_arcosh(jnp.clip(border, x, 2 * x), x) for border in (start, end))
+    nodes, weights = (typed(table, x) for table in gauss(_NODES))
+    u = u0[..., None] + (u1 - u0)[..., None] * nodes
+    ratio = jnp.log(jnp.cosh(u)) + jnp.log(x / start)[..., None]
+    # An empty piece far from x must not overflow before it is multiplied by its width 0.
+    ratio = jnp.where((u1 > u0)[..., None], ratio, 0.0)
+    near = jnp.exp(log_value[..., None] + exponent[..., None] * ratio) / jnp.cosh(u)
+    near = (u1 - u0) * jnp.sum(near * weights, -1) / x
+    begin = jnp.maximum(start, 2 * x)
+    empty = end <= begin
+    begin = jnp.where(empty, start, begin)
+    endless = jnp.isinf(end)
+    width = log_ratio(jnp.where(endless | empty, begin, end), begin)
+    k = np.arange(_TERMS)
+    root = typed([math.comb(2 * n, n) / 4.0**n for n in range(_TERMS)], x)
+    powers = jnp.exp(typed(2.0 * k, x) * jnp.log(jnp.where(empty, 0.5, x / begin))[..., None])
+    order = exponent[..., None] - typed(1.0 + 2 * k, x)
+    endless, width = endless[..., None], width[..., None]
+    falling = jnp.where(endless, order, -1.0)  # the order of another piece may be 0
+    terms = jnp.where(endless, -1 / falling, width * mean_growth(order * width))
+    series = jnp.sum(root * powers * terms, -1)
+    far = jnp.exp(log_value + exponent * jnp.log(begin / start)) / begin * series
+    return jnp.sum(weight * (near + jnp.where(empty, 0.0, far)), -1)
+
+
+def _arcosh(q, x):
+    """arcosh(q / x) for x <= q <= 2 x; at q = x its derivative is infinite but that of q / x is 0."""
+    excess = (q - x) / x
+    beyond = excess > 0
+    excess = jnp.where(beyond, excess, 1.0)
+    return jnp.where(beyond, jnp.log1p(excess + jnp.sqrt(excess * (excess + 2))), 0.0)

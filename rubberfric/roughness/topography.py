@@ -1,0 +1,220 @@
+r"""Power spectra of measured heights: profiles along a line, and height maps.
+
+Host-side NumPy, for measured data: not differentiable, not for jit. Heights are detrended,
+multiplied by a window w and transformed,
+
+.. math:: C(\mathbf q) = \frac{\Delta x\, \Delta y}{(2\pi)^2\, N\, \langle w^2\rangle}
+                         \Big|\sum_{kl} w_{kl} h_{kl} e^{-i \mathbf q \mathbf x_{kl}}\Big|^2,\qquad
+          C_\mathrm{1D}(q) = \frac{\Delta x}{2\pi\, N\, \langle w^2\rangle}
+                         \Big|\sum_k w_k h_k e^{-i q x_k}\Big|^2
+
+so that the sum of C over all modes times their cell dq_x dq_y is <w^2 h^2>/<w^2> to rounding
+(Parseval), the mean square height where the surface is alike everywhere. Modes are then averaged
+in bins of equal width in log q.
+
+What no normalisation mends: without a window the edges of a surface that is not periodic add a
+false tail, C ~ q^-3 and C_1D ~ q^-2; "hann" puts that at q^-7 and q^-6, below any self-affine surface,
+but spreads each mode over its neighbours, so the first two or three modes are not to be trusted.
+Detrending takes height from the same modes. The instrument's resolution and noise are in the spectrum.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from rubberfric.base.checks import shown
+from rubberfric.roughness.spectra import TabulatedSpectrum
+
+WINDOWS = ("hann", "none")
+# Detrending by polynomials in x (and y) of up to this degree; more would eat roughness.
+_DEGREES = (None, 0, 1, 2)
+
+
+class MeasuredSpectrum(NamedTuple):
+    """A binned power spectrum of measured heights; arrays of one length, bins without modes left out.
+
+    Attributes
+    ----------
+    q : geometric mean of the modes' wavevectors [1/m]
+    C : mean over the modes of a bin: C of a map [m^4], C_1D of a profile [m^3] (h_rms^2 = 2 int C_1D dq)
+    modes : how many, q and -q counted both
+    relative : standard error of ln C that a Gaussian surface has, from the independent modes [-]
+        for `fitting.SpectrumData`; too small for bins of a few modes.
+    cell : area dq_x dq_y [1/m^2] of a mode, or its length dq [1/m]
+    left_out : mean square height [m^2] in the modes of no bin: the corners of a map
+    h_rms : of the detrended heights in the window [m]; h_rms^2 = cell sum(modes C) + left_out
+    """
+
+    q: np.ndarray
+    C: np.ndarray
+    modes: np.ndarray
+    relative: np.ndarray
+    cell: float
+    left_out: float
+    h_rms: float
+
+    def table(self):
+        """TabulatedSpectrum of a map; a profile's C_1D must be converted first (`rubberfric.roughness.normalisation`)."""
+        return TabulatedSpectrum(self.q, self.C)
+
+
+def spectrum_of_profile(x, height, *, window="hann", detrend=1, per_decade=20):
+    r"""Spectrum C_1D(q) of a height profile; host-side, not differentiable.
+
+    .. math:: h_\mathrm{rms}^2 = 2\int_0^\infty C_\mathrm{1D}\, dq
+
+    Parameters
+    ----------
+    x : spacing of the heights, > 0 [m], or their positions, evenly spaced to 1e-6 [m], shape (n,)
+    height : heights [m], shape (n,), n >= 8; finite
+    window : "hann", or "none" for a profile that repeats itself with period n times the spacing
+    detrend : degree of the polynomial that is subtracted first, 0, 1 or 2, or None for none
+    per_decade : bins a decade, > 0, or None for every mode by itself
+
+    Returns
+    -------
+    MeasuredSpectrum, q from 2 pi / length to pi / spacing; C_1D of the self-affine factor and of
+    Abel's inversion: `spectrum_from("C_1D", q, C, hurst)`, `areal_spectrum(q, C)`.
+
+    Raises
+    ------
+    ValueError : one line on what is wrong with which argument.
+
+    Notes
+    -----
+    The mean of a bin is that of a power law C ~ q^-s at the bin's q but for a factor
+    1 + (s ln r)^2/24, r the ratio of its borders: 1 % for s = 4 and 20 bins a decade.
+    """
+    height = _heights(height, 1, 8)
+    spacing = _spacing(x, height.size)
+    kx = np.fft.fftfreq(height.size, spacing) * 2 * np.pi
+    return _spectrum(height, (spacing,), np.abs(kx), window, detrend, per_decade)
+
+
+def spectrum_of_topography(heights, dx, dy=None, *, window="hann", detrend=1, per_decade=20):
+    r"""Radially averaged spectrum C(q) of a height map; host-side, not differentiable.
+
+    .. math:: h_\mathrm{rms}^2 = 2\pi \int q\, C\, dq
+
+    Parameters
+    ----------
+    heights : [m], shape (nx, ny), at least 8 x 8; finite
+    dx, dy : spacing along the first and the second axis, > 0 [m]; dy None: as dx
+    window : "hann" (in x times in y), or "none" for a map that repeats itself
+    detrend : degree of the polynomial in x and y that is subtracted first, 0, 1, 2, or None
+    per_decade : bins a decade, > 0, or None for every |q| by itself
+
+    Returns
+    -------
+    MeasuredSpectrum, q from 2 pi / longer side to pi / larger spacing, where circles are complete;
+    the corners beyond are `left_out`. Its `table()` goes into a scene.
+
+    Raises, Notes : as `spectrum_of_profile`. Directions are averaged whether or not they are alike.
+    """
+    heights = _heights(heights, 2, 8)
+    dx = _spacing(dx, None, "dx")
+    dy = dx if dy is None else _spacing(dy, None, "dy")
+    kx, ky = (np.fft.fftfreq(n, d) * 2 * np.pi for n, d in zip(heights.shape, (dx, dy), strict=True))
+    return _spectrum(heights, (dx, dy), np.hypot(kx[:, None], ky), window, detrend, per_decade)
+
+
+def _spectrum(height, spacings, q, window, detrend, per_decade):
+    """The binned spectrum of heights on a grid, q the |wavevector| of every mode."""
+    if not isinstance(window, str) or window not in WINDOWS:
+        raise ValueError(f"window = {shown(window)}: must be one of {', '.join(WINDOWS)}")
+    if isinstance(detrend, bool) or detrend not in _DEGREES:
+        raise ValueError(f"detrend = {shown(detrend)}: must be 0, 1, 2 or None")
+    if per_decade is not None and not (isinstance(per_decade, int | float) and 0 < per_decade <= 1e4):
+        raise ValueError(f"per_decade = {shown(per_decade)}: must be a number > 0 or None")
+    height = _detrended(height, detrend)
+    w = np.ones(())
+    for n in height.shape:
+        # Periodic: its transform is three modes exactly.
+        side = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n) if window == "hann" else np.ones(n)
+        w = w[..., None] * side
+    power = np.mean(w**2)
+    cell = float(np.prod([2 * np.pi / (n * d) for n, d in zip(height.shape, spacings, strict=True)]))
+    mean_square = np.abs(np.fft.fftn(w * height)) ** 2 / (height.size**2 * power)
+    # A real field: modes q and -q are one, and a window ties neighbours together.
+    dependent = 2 * np.mean(w**4) / power**2
+    index, inside = _bins(q, np.pi / max(spacings), per_decade)
+    count = np.bincount(index)
+    kept = count > 0
+    count = count[kept]
+
+    def mean(values):
+        return np.bincount(index, values[inside])[kept] / count
+
+    C = mean(mean_square) / cell
+    return MeasuredSpectrum(
+        q=np.exp(mean(np.log(np.where(q > 0, q, 1.0)))),
+        C=C,
+        modes=count,
+        relative=np.sqrt(dependent / count),
+        cell=cell,
+        left_out=float(np.sum(mean_square[~inside])),
+        h_rms=float(np.sqrt(np.sum(mean_square))),
+    )
+
+
+def _bins(q, highest, per_decade):
+    """Number of the bin of every mode that is in one, and which modes those are."""
+    lowest = q[q > 0].min()
+    inside = (q > 0) & (q <= highest * (1 + 1e-9))
+    if per_decade is None:
+        # Equal |q| of different directions differ by rounding.
+        steps = np.round(np.log(q[inside] / lowest) / 1e-9)
+        return np.unique(steps, return_inverse=True)[1].ravel(), inside
+    place = np.log10(q[inside] / lowest) * per_decade
+    return np.floor(place + 1e-9).astype(int), inside
+
+
+def _detrended(height, degree):
+    """Heights minus the polynomial of a total degree that fits them best."""
+    if degree is None:
+        return height
+    axes = np.meshgrid(*(np.linspace(-1, 1, n) for n in height.shape), indexing="ij")
+    powers = [p for p in np.ndindex(*([degree + 1] * height.ndim)) if sum(p) <= degree]
+    basis = np.stack([np.prod([a**k for a, k in zip(axes, p, strict=True)], 0).ravel() for p in powers], 1)
+    return height - (basis @ np.linalg.lstsq(basis, height.ravel())[0]).reshape(height.shape)
+
+
+def _heights(height, ndim, least):
+    """Heights as a float64 array; ValueError if they are no such grid."""
+    array = np.asarray(height)
+    if (
+        array.dtype.kind not in "fiu"
+        or array.ndim != ndim
+        or min(array.shape) < least
+        or np.ma.is_masked(height)
+    ):
+        raise ValueError(
+            f"heights of shape {array.shape}, type {array.dtype}: must be real, {ndim}-dimensional, without"
+            f" masked points, at least {least} along each axis"
+        )
+    array = array.astype(float)
+    if not np.isfinite(array).all():
+        where = ", ".join(map(str, np.argwhere(~np.isfinite(array))[0]))
+        raise ValueError(f"heights[{where}] is not finite: must be; fill in missing points before")
+    return array
+
+
+def _spacing(x, n, name="x"):
+    """The spacing of heights, given as it is or by their positions."""
+    x = np.asarray(x)
+    if x.dtype.kind not in "fiu" or x.shape not in ((), (n,)) or not np.isfinite(x).all():
+        raise ValueError(
+            f"{name} of shape {x.shape}: must be a finite spacing" + (f", or {n} positions" if n else "")
+        )
+    if x.ndim == 0:
+        if not x > 0:
+            raise ValueError(f"{name} = {float(x)!r}: must be > 0 [m]")
+        return float(x)
+    spacing = (x[-1] - x[0]) / (n - 1)
+    uneven = np.abs(np.diff(x) - spacing)
+    if not spacing > 0 or uneven.max() > 1e-6 * spacing:
+        i = int(np.argmax(uneven)) + 1
+        raise ValueError(
+            f"{name}[{i}] = {float(x[i])!r}: positions must increase evenly, to 1e-6 of {spacing:g}"
+        )
+    return float(spacing)

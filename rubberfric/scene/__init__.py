@@ -1,0 +1,14 @@
+"""Scenes: two bodies, what is between them, and which version of the theory to use."""
+
+from rubberfric.scene.heating import Heating
+from rubberfric.scene.scene import Body, Scene
+from rubberfric.scene.shear import ContactShear
+from rubberfric.scene.softening import Softening
+
+__all__ = [
+    "Body",
+    "ContactShear",
+    "Heating",
+    "Scene",
+    "Softening",
+]

@@ -1,0 +1,194 @@
+r"""Frictional heating: how hot a solid is at each length scale.
+
+Roughness up to q sees the temperature averaged over the depth and width 1/q, the heat of all
+scales q' diffusing for the time t_0 = R/v in which a macroasperity contact of size R slides past:
+
+.. math:: T_q = T_0 + \int dq'\, g(q, q')\, f(q'),\qquad
+          f(q) = \frac{2 v q^3}{\rho c_p P_m} S P\, C \int d\varphi \cos\varphi\, \mathrm{Im}K
+.. math:: g = \frac{1}{\pi}\int_0^\infty dk\, \frac{1 - e^{-D k^2 t_0}}{D k^2}\,
+          \frac{4q'}{k^2 + 4q'^2}\, \frac{4q^2}{k^2 + 4q^2},\qquad D = \frac{\lambda}{\rho c_p}
+
+so that the energy closes, rho c_p int f/(2q) dq = mu sigma_0 v / P_m. The kernel is summed over k
+instead of being taken in its closed form: the integrand is a product of one factor of q, one of q'
+and one of v alone, so that all temperatures are two matrix products with matrices of the scene,
+and nothing cancels where q = q'. Its end at small k, which falls slowly, is known in closed form.
+"""
+
+import functools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from rubberfric.base.checks import POSITIVE, between
+from rubberfric.base.objects import leaf, physical, static
+from rubberfric.base.quadrature import typed
+
+# e-folds of k below the smallest and above the largest 2q: the rest is below 1e-10.
+_BELOW, _ABOVE = 12.0, 8.0
+
+
+@physical
+class Heating:
+    """Heat of friction in the deformable solids of a scene.
+
+    Parameters
+    ----------
+    density : [kg/m^3], about 1.2e3 for rubber
+    heat_capacity : [J/(kg K)], about 1.6e3
+    conductivity : [W/(m K)], about 0.23
+    radius : R, size of the macroasperity contacts [m], > 0
+    area_fraction : P_m, share of the nominal area in macroasperity contacts [-], 0 ... 1;
+        None: P(q_m) at q_m = pi / R.
+    shear_share : share of the heat of contact shear that goes into each deformable solid [-], 0 ... 1
+    shear_at : "flash" or "background" (static)
+        whether contact shear has the temperature of the contact or that far away.
+
+    Both solids have these values if both deform; without roughness there is no scale to be hot, and
+    they keep the temperature far away. Temperatures must be given wherever a heated scene
+    is computed: they are those far from the contact.
+    """
+
+    density: float = leaf(POSITIVE)
+    heat_capacity: float = leaf(POSITIVE)
+    conductivity: float = leaf(POSITIVE)
+    radius: float = leaf(POSITIVE)
+    area_fraction: float | None = leaf(between(1e-12, 1.0), optional=True, default=None)
+    shear_share: float = leaf(between(0.0, 1.0), default=0.5)
+    shear_at: str = static(("flash", "background"), default="flash")
+
+
+class Diffusion(NamedTuple):
+    """The sum over k: factors of the sources and of the places where the temperature is wanted."""
+
+    k: jax.Array  # [1/m], (m,)
+    step: jax.Array  # of ln k
+    reference: jax.Array  # x for which the integral over k is known in closed form [1/m]
+    source: jax.Array  # x^2 / (k^2 + x^2) with x = 2 q', (sources, m)
+    target: jax.Array  # the same with x = 2 q, (targets, m)
+    wavevector: jax.Array  # q of the targets [1/m]
+
+
+def diffusion(source_q, target_q, ends, count):
+    """`Diffusion` from wavevectors of sources to those of targets.
+
+    Parameters
+    ----------
+    source_q, target_q : shape (n,) [1/m]
+    ends : (smallest, largest) of all of them; need not be exact, and carry no gradient
+    count : nodes of the sum over ln k
+    """
+    low, high = (jnp.log(2 * jax.lax.stop_gradient(q)) for q in ends)
+    step = (high - low + _BELOW + _ABOVE) / (count - 1)
+    k = jnp.exp(low - _BELOW + step * np.arange(count))
+    source, target = (_share(2 * q[:, None], k) for q in (source_q, target_q))
+    return Diffusion(k, step, jnp.exp(low), source, target, target_q)
+
+
+def _share(x, k):
+    """x^2 / (k^2 + x^2), of the quotient: squares leave float32."""
+    return 1 / (1 + (k / x) ** 2)
+
+
+class Memory(NamedTuple):
+    """How the heat of a velocity spreads: what no temperature changes."""
+
+    diffusion: Diffusion
+    weight: jax.Array  # of the sum over k [m], (points, m)
+    closed: jax.Array  # what the sum leaves out, known in closed form [m], (points,)
+    surface: jax.Array | None  # of heat set free at the surface [m], (points, targets)
+    heat: jax.Array  # heat capacity of a volume [J/(m^3 K)]
+
+
+def memory(heating, ready, velocity, surface):
+    """`Memory` at velocities of shape (points,) [m/s]; `surface`: whether heat is set free there too."""
+    weight = _memory(heating, ready.k, velocity) * (ready.step * ready.k)
+    known = weight @ _share(ready.reference, ready.k) ** 2
+    closed = _closed(heating, ready.reference, velocity, "double") - known
+    below = _closed(heating, 2 * ready.wavevector, velocity[:, None], "single") if surface else None
+    return Memory(ready, weight, closed, below, heating.density * heating.heat_capacity)
+
+
+def rise_inside(memory, power):
+    r"""Temperature rise of heat set free inside the solid, over q.
+
+    Parameters
+    ----------
+    memory : Memory
+    power : heat over velocity for each source, per area of macroasperity contact [Pa], (points, sources)
+
+    Returns
+    -------
+    array (points, targets) [K]
+    """
+    summed = (memory.weight * (power @ memory.diffusion.source)) @ memory.diffusion.target.T
+    closed = memory.closed * jnp.sum(power, -1)
+    return 2 / jnp.pi * (summed + closed[:, None]) / memory.heat
+
+
+def rise_below_surface(memory, power):
+    """Temperature rise of heat set free at the surface, over q: [K], shape (points, targets).
+
+    power : heat over velocity per area of macroasperity contact [Pa], shape (points,)
+    """
+    return 2 / jnp.pi * power[:, None] * memory.surface / memory.heat
+
+
+def diffusivity(heating):
+    """D = lambda / (rho c_p) [m^2/s]."""
+    return heating.conductivity / (heating.density * heating.heat_capacity)
+
+
+def _memory(heating, k, velocity):
+    """v (1 - e^(-D k^2 R / v)) / (D k^2): how far the heat of wavevector k is remembered [m], odd in v."""
+    # D k^2 R, whose square root is formed: k^2 leaves float32.
+    rate = (k * jnp.sqrt(diffusivity(heating) * heating.radius)) ** 2
+    speed = jnp.abs(velocity)[:, None]
+    # Beyond 80 the exponential is 0 to the last bit; v = 0 stays away from 1/0.
+    y = rate / jnp.maximum(speed, rate / 80)
+    return velocity[:, None] * (-jnp.expm1(-y) / rate) * heating.radius
+
+
+def _closed(heating, x, velocity, kind):
+    """The integral of `_memory` times x^2/(k^2 + x^2), "double": times its square, over k; any shapes."""
+    root = jnp.sqrt(diffusivity(heating) * heating.radius)
+    # s = sqrt(D R / v); of the root of v, whose derivative at v = 0 is infinite, only v / sqrt(v) is left.
+    speed = jnp.maximum(jnp.abs(velocity), float(jnp.finfo(jnp.result_type(velocity)).tiny) ** 0.5)
+    z = x * root / jnp.sqrt(speed)
+    share = z / (1 + z)
+    table = typed(_tables()[kind], z)
+    u = 1 - 2 / (1 + z)
+    return velocity * (root / jnp.sqrt(speed)) * share * _chebyshev(table, u) * (heating.radius / root**2)
+
+
+def _chebyshev(coefficients, u):
+    """Clenshaw's sum."""
+    one = two = jnp.zeros_like(u)
+    for k in range(coefficients.shape[0] - 1, 0, -1):
+        one, two = coefficients[k] + 2 * u * one - two, one
+    return coefficients[0] + u * one - two
+
+
+@functools.cache
+def _tables():
+    r"""Chebyshev coefficients over u = (z - 1)/(z + 1) of (1 + z)/z times
+
+    .. math:: z^2 \int_0^\infty dp \frac{1 - e^{-p^2}}{p^2 (p^2 + z^2)} \quad\text{("single")},\qquad
+              z^4 \int_0^\infty dp \frac{1 - e^{-p^2}}{p^2 (p^2 + z^2)^2} \quad\text{("double")}
+
+    By the trapezoidal rule in ln p, exact to rounding. The first is
+    sqrt(pi) - (pi/2)(1 - erfcx z)/z, which cancels at small z.
+    """
+    p = np.exp(np.arange(-45.0, 45.0, 0.1))
+    memory = -np.expm1(-(p**2)) / p * 0.1  # times p, for d ln p
+
+    def function(u, power):
+        z = ((1 + u) / (1 - u))[:, None]
+        return np.sum(memory * (1 / (1 + (p / z) ** 2)) ** power, -1) * ((1 + z) / z)[:, 0]
+
+    return {
+        kind: chebyshev.chebinterpolate(lambda u, power=power: function(u, power), 26)
+        for kind, power in {"single": 1, "double": 2}.items()
+    }

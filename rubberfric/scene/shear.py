@@ -1,0 +1,90 @@
+r"""Contact shear: what the rubber in real contact resists to being sheared, besides its viscoelastic losses.
+
+.. math:: \mu_\mathrm{con} = \frac{\tau_f(v^*)}{\sigma_0}\frac{A}{A_0},\qquad
+          \tau_f = \tau_{f0}\, e^{-c\,[\log_{10}(v^*/v_0)]^2},\qquad v^* = a_T' v
+"""
+
+import math
+
+import jax
+import jax.numpy as jnp
+
+from rubberfric.base.checks import NONNEGATIVE, POSITIVE
+from rubberfric.base.objects import child, leaf, physical
+from rubberfric.materials.materials import SHIFTS
+
+_LN_10 = math.log(10.0)  # a Python float: a NumPy one would widen float32
+
+
+@physical
+class ContactShear:
+    r"""Shear stress in the area of real contact, a bell over the logarithm of the velocity.
+
+    .. math:: \tau_f = \tau_{f0} \exp\left(-c\,[\log_{10}(a_T' v / v_0)]^2\right)
+
+    Parameters
+    ----------
+    tau_f0 : largest shear stress, >= 0 [Pa]; 6.5e6 for a tread compound
+    c : how fast it falls on either side of v0, >= 0 [-]; about 0.1
+    v0 : velocity of the largest stress at the reference temperature, > 0 [m/s]; 6e-3, others find up to 10
+    shift : WLF, Arrhenius, TabulatedShift or None
+        how v0 moves with temperature, apart from the shift of the material: a_T' = 1 if None,
+        or without a temperature. Arrhenius(energy, T_ref), energy about 0.97 eV, is the law
+        ln a_T' = (energy / k_B) (1/T - 1/T_ref).
+
+    Limits: odd in the velocity. For c > 0 smooth through v = 0, where value and slope are 0:
+    tau_f falls faster than any power of v (it takes 10^(1/sqrt(c)) in v to lose a factor e,
+    so that a tiny c looks like c = 0 over every velocity there is a number for). For c = 0 it
+    is dry friction, tau_f0 sign(v): discontinuous at v = 0, where value and derivatives are
+    given as 0. ln a_T' saturates at a quarter of the exponent range (see `rubberfric.materials.shifts`).
+    """
+
+    tau_f0: float = leaf(NONNEGATIVE)
+    c: float = leaf(NONNEGATIVE)
+    v0: float = leaf(POSITIVE)
+    shift: object = child(SHIFTS, default=None)
+
+
+def shear_friction(shear, area, velocity, pressure, temperature=None):
+    r"""Friction coefficient of the contact shear, (tau_f / sigma_0) (A / A_0) sign(v).
+
+    Parameters
+    ----------
+    shear : ContactShear
+    area : A/A0, array [-]
+    velocity, pressure, temperature : arrays, broadcastable [m/s], [Pa], [K]
+
+    Returns
+    -------
+    array, broadcast shape [-]
+    """
+    log_ratio = _log(jnp.abs(velocity)) - _log(shear.v0)
+    if temperature is not None and shear.shift is not None:
+        log_ratio = log_ratio + shear.shift.log_factor(temperature)
+    largest = shear.tau_f0 * area / pressure
+    return jnp.sign(velocity) * largest * _bell(shear.c, log_ratio / _LN_10)
+
+
+def _log(speed):
+    """ln of a speed >= 0, which is finite at 0 and has derivative 0 there.
+
+    Held below the smallest normal number: at rest the factor sign(v) = 0 is exact, and
+    would meet ln 0 and 1/0 in the value and in the derivatives.
+    """
+    smallest = float(jnp.finfo(jnp.result_type(speed, 1.0)).tiny)
+    return jnp.log(jnp.maximum(speed, smallest))
+
+
+@jax.custom_jvp
+def _bell(c, x):
+    """exp(-c x^2)."""
+    return jnp.exp(-c * x * x)
+
+
+@_bell.defjvp
+def _bell_jvp(primals, tangents):
+    # The value comes first in every product: by the chain rule of forward mode c x dx, which
+    # may overflow at c = 1e30 or dx = dv/v = 1e30, would meet e^(-c x^2) = 0.
+    c, x = primals
+    value = _bell(c, x)
+    return value, -(value * x * x) * tangents[0] - (2 * (value * c) * x) * tangents[1]

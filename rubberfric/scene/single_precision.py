@@ -1,0 +1,130 @@
+"""What single precision cannot hold: scenes refused in float32 that float64 computes.
+
+Inside these limits, tried over extreme scenes, float32 is good to 1e-5 or better. Values that
+are known only at run time (under jit) pass unchecked.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rubberfric.base.checks import is_concrete
+from rubberfric.materials.coating import Coating, coated_spring
+from rubberfric.materials.materials import Prony, PronyShear, Rigid, glassy_reduced
+from rubberfric.materials.shifts import largest_log_factor
+from rubberfric.materials.slab import stiffening
+from rubberfric.roughness.anisotropy import TabulatedAnisotropic
+from rubberfric.roughness.spectra import TabulatedSpectrum, broken_power_law
+from rubberfric.scene.scene import relaxes
+
+# Sbar^2 must not overflow.
+STIFFEST_LAYER = 1e18
+# Between neighbouring relaxation times where both solids deform: see `rubberfric.materials.series.prony_and_spring`.
+DECADES = 30
+
+
+def check_single(scene, temperature):
+    """ValueError naming what in a scene of float32 numbers needs float64."""
+    for name in ("lower", "upper"):
+        body = getattr(scene, name)
+        if isinstance(body.spectrum, TabulatedSpectrum | TabulatedAnisotropic):
+            _check_table(f"{name}.spectrum.C", body.spectrum.C)
+        if isinstance(body.material, Rigid):
+            continue
+        if body.layer is not None:
+            _check_layer(f"{name}.layer", body, _first_wavevectors(scene))
+        deforming = _two_deform(scene)
+        if isinstance(body.layer, Coating) and relaxes(body):
+            deforming = True  # two solids of one body
+            if isinstance(body.layer.base, Prony):
+                _check_times(f"{name}.layer.base.tau", body.layer.base.tau)
+            if _liquid(body.material) and _liquid(body.layer.base):
+                raise ValueError(
+                    f"{name}.material.E_inf and {name}.layer.base.E_inf are 0: one must be > 0 in float32; "
+                    "use float64"
+                )
+        # A relaxing shear is in series with the bulk modulus, whatever it faces.
+        if isinstance(body.material, PronyShear) or (isinstance(body.material, Prony) and deforming):
+            _check_times(f"{name}.material.tau", body.material.tau)
+    if _two_deform(scene) and all(_liquid(body.material) for body in (scene.lower, scene.upper)):
+        raise ValueError(
+            "lower.material and upper.material are liquids, with an E_inf or G_inf of 0: one must be > 0 "
+            "in float32; use float64"
+        )
+    if temperature is not None:
+        for name in ("lower.material", "upper.material", "shear"):
+            shift = getattr(_part(scene, name), "shift", None)
+            if shift is not None:
+                _check_shift(name, shift, temperature)
+
+
+def _part(scene, name):
+    first, _, second = name.partition(".")
+    return getattr(getattr(scene, first), second) if second else getattr(scene, first)
+
+
+def _two_deform(scene):
+    return not any(isinstance(body.material, Rigid) for body in (scene.lower, scene.upper))
+
+
+def _liquid(material):
+    if not isinstance(material, Prony | PronyShear):
+        return False
+    rest = material.E_inf if isinstance(material, Prony) else material.G_inf
+    return is_concrete(rest) and not np.any(rest)
+
+
+def _first_wavevectors(scene):
+    spectra = [body.spectrum for body in (scene.lower, scene.upper) if body.spectrum is not None]
+    return [broken_power_law(s).q[0] for s in spectra]
+
+
+def _check_layer(name, body, wavevectors):
+    for q in wavevectors:
+        if not all(map(is_concrete, jax.tree.leaves((q, body.layer, body.material)))):
+            continue
+        if isinstance(body.layer, Coating):
+            # The thinner, the more of it is the base.
+            layer, base = glassy_reduced(body.material), glassy_reduced(body.layer.base)
+            stiffer = float(jnp.max(coated_spring(body, layer, base, q) / layer))
+        else:
+            stiffer = float(jnp.max(stiffening(body.layer, body.material.poisson, q)))
+        if not stiffer < STIFFEST_LAYER:
+            raise ValueError(
+                f"{name}.thickness = {float(body.layer.thickness):g}: so thin, it is {stiffer:.2g} times "
+                f"as stiff as a half-space at q = {float(q):g} 1/m, and must be below {STIFFEST_LAYER:g} "
+                "times in float32; use float64"
+            )
+
+
+def _check_table(name, C):
+    smallest = float(jnp.finfo(jnp.float32).tiny)
+    if is_concrete(C) and np.min(C) < smallest:
+        raise ValueError(
+            f"{name} has values below {smallest:.2g} m^4, the least that float32 holds; use float64"
+        )
+
+
+def _check_times(name, tau):
+    if not is_concrete(tau):
+        return
+    gaps = np.diff(np.sort(np.log10(np.asarray(tau, float))))
+    if gaps.size and gaps.max() > DECADES:
+        raise ValueError(
+            f"{name} has neighbours {gaps.max():.3g} decades apart: must be at most {DECADES} in float32 "
+            "where it is in series with another stiffness; use float64"
+        )
+
+
+def _check_shift(name, shift, temperature):
+    log_factor = shift.log_factor(temperature)
+    limit = largest_log_factor(log_factor.dtype)
+    if not is_concrete(log_factor):
+        return
+    saturated = np.abs(np.asarray(log_factor)) >= limit
+    if saturated.any():
+        T = np.broadcast_to(np.asarray(temperature), saturated.shape)[saturated].flat[0]
+        raise ValueError(
+            f"temperature = {float(T):g} K: ln a_T of {name}.shift must be within {limit:.3g} in float32; "
+            "use float64"
+        )

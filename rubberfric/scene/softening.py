@@ -1,0 +1,126 @@
+r"""Strain softening of filled rubber (Payne effect), scale by scale.
+
+.. math:: E' \to f(\varepsilon)\,E',\qquad E'' \to g(\varepsilon)\,E'',\qquad
+          \varepsilon(q) = factor \times h'(q),\qquad
+          h'(q)^2 = 2\pi\int_{q_0}^{q} q'^3 \sum_j C_j\,dq'
+
+The rubber deformed by the asperities up to q has the strain of their slope.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from rubberfric.base.checks import POSITIVE, check_increasing, check_lengths
+from rubberfric.base.objects import leaf, physical
+from rubberfric.roughness.moments import cumulative_moment
+from rubberfric.roughness.spectra import broken_power_law, log_ratio
+from rubberfric.scene.scene import rough_pairs
+
+# Halvings of ln t from 1e-40 to the whole range leave 1e-10 of t, which Newton's steps square.
+_HALVINGS, _NEWTON_STEPS = 40, 3
+
+
+@physical
+class Softening:
+    r"""Softening of all viscoelastic solids of a scene.
+
+    f and g are linear in ln(strain) between the entries; outside, their end values hold.
+
+    Parameters
+    ----------
+    strain : strictly increasing [-], > 0, shape (n,), n >= 2
+    storage, loss : f and g [-], > 0, shape (n,)
+    factor : strain over rms slope [-], > 0
+
+    Limits: elastic solids do not soften. Where both solids deform there is no closed form and the
+    angular integrals are done by quadrature, which is slower.
+    """
+
+    strain: object = leaf(POSITIVE, ndim=1)
+    storage: object = leaf(POSITIVE, ndim=1)
+    loss: object = leaf(POSITIVE, ndim=1)
+    factor: float = leaf(POSITIVE, default=1.0)
+
+    def _check(self):
+        check_lengths("Softening", strain=self.strain, storage=self.storage, loss=self.loss)
+        if self.strain.shape[0] < 2:
+            raise ValueError(f"Softening.strain has {self.strain.shape[0]} entries: must have at least 2")
+        check_increasing("Softening.strain", self.strain)
+
+
+class Softened(NamedTuple):
+    """Softening of a scene with this roughness."""
+
+    softening: Softening
+    laws: tuple  # BrokenPowerLaw of every rough solid
+
+
+def softened_of(scene):
+    """`Softened` of a scene, None if nothing softens."""
+    if scene.softening is None:
+        return None
+    laws = tuple(broken_power_law(rough.spectrum) for rough, _ in rough_pairs(scene))
+    return Softened(scene.softening, laws)
+
+
+def strain(softened, q):
+    """Strain of the scale q [1/m], any shape; 0 below the roughness [-]."""
+    return softened.softening.factor * jnp.sqrt(_square_slope(softened.laws, q))
+
+
+def softening_factors(softened, q):
+    """f and g at q [1/m], any shape."""
+    softening = softened.softening
+    # Below the roughness, and where the slope underflows, ln 0 has no finite derivative.
+    square = jnp.maximum(_square_slope(softened.laws, q), float(jnp.finfo(jnp.result_type(q)).tiny))
+    log_strain = jnp.log(softening.factor) + 0.5 * jnp.log(square)
+    knots = jnp.log(softening.strain)
+    return jnp.interp(log_strain, knots, softening.storage), jnp.interp(log_strain, knots, softening.loss)
+
+
+def knots(softened):
+    """Wavevectors where the strain meets an entry of the table, f and g have kinks there [1/m].
+
+    The ends of the roughness where it does not.
+    """
+    laws, softening = softened.laws, softened.softening
+    first = jax.lax.stop_gradient(_extreme(jnp.minimum, [law.q[0] for law in laws]))
+    last = jax.lax.stop_gradient(_extreme(jnp.maximum, [law.q[-1] for law in laws]))
+    log_target = 2 * (jnp.log(softening.strain) - jnp.log(softening.factor))
+    target = jax.lax.stop_gradient(jnp.exp(log_target))
+    end = jnp.log(last / first)
+    tiny = jnp.log(jnp.asarray(1e-30, end.dtype))
+
+    def square(t):
+        return _square_slope(laws, first * jnp.exp(t))
+
+    def halve(_, bounds):
+        low, high = bounds
+        middle = 0.5 * (low + high)
+        below = square(jnp.exp(middle)) < target
+        return jnp.where(below, middle, low), jnp.where(below, high, middle)
+
+    bounds = jnp.full_like(target, tiny), jnp.full_like(target, jnp.log(end))
+    low, high = jax.lax.fori_loop(0, _HALVINGS, halve, jax.lax.stop_gradient(bounds))
+    t = jax.lax.stop_gradient(jnp.exp(0.5 * (low + high)))
+    inside = jax.lax.stop_gradient((target > square(jnp.exp(tiny))) & (target < square(end)))
+    # Far outside the square overflows, and its derivative with it.
+    target = jnp.exp(jnp.where(inside, log_target, 0.0))
+    for _ in range(_NEWTON_STEPS):
+        value, slope = jax.jvp(square, (t,), (jnp.ones_like(t),))
+        # Outside there is no root, and no slope.
+        t = jnp.where(inside, t - (value - target) / jnp.where(inside, slope, 1.0), t)
+    return first * jnp.exp(t)
+
+
+def _square_slope(laws, q):
+    return sum(cumulative_moment(law, 2, log_ratio(q, law.q[0])) for law in laws)
+
+
+def _extreme(function, values):
+    result = values[0]
+    for value in values[1:]:
+        result = function(result, value)
+    return result

@@ -1,0 +1,111 @@
+r"""S inside G: the universal map from the plain G to the corrected one.
+
+With the elastic-energy factor in the diffusion function, dG = S(P(G)) dg where g is the
+plain G: a function of g and gamma alone, whatever the surfaces and materials. It is
+solved once for the gamma at hand, as a table of ln G over ln g, exact to about 1e-11:
+
+.. math:: g(G) = \int_0^G \frac{dG'}{S(P(G'))}
+
+by Gauss panels in ln G, inverted by Newton's method at uniform ln g, and quintic between
+the entries with the exact first and second derivatives (dG/dg = S). What is kept is ln(G/g):
+ln g itself, 60 at light loads, has no digits to spare in float32.
+"""
+
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.special import erf
+
+from rubberfric.base.quadrature import gauss
+
+# P = 1 to the last bit below the first (x > 6), P < 1e-8 above the last: G = gamma g + const.
+_LOWEST, _HIGHEST = math.log(1 / 144), math.log(1e16)
+_PANELS, _ORDER, _ENTRIES = 60, 10, 513
+
+
+class CorrectionTable(NamedTuple):
+    """ln(G/g), which stays small, and its derivatives by ln g, at uniform ln g."""
+
+    start: jax.Array
+    step: jax.Array
+    value: jax.Array
+    slope: jax.Array
+    curvature: jax.Array
+
+
+def correction_table(gamma):
+    """Table of the corrected G for one gamma in 0 ... 1."""
+    dtype = jnp.result_type(gamma)
+    node, weight = (jnp.asarray(x, dtype) for x in gauss(_ORDER))
+    edges = jnp.asarray(np.linspace(_LOWEST, _HIGHEST, _PANELS + 1), dtype)
+    width = (_HIGHEST - _LOWEST) / _PANELS
+    nodes = edges[:-1, None] + width * node
+    panels = width * (jnp.exp(nodes) / _energy(nodes, gamma)[0]) @ weight
+    # Plain G at the panel borders; S = 1 below the first.
+    plain = math.exp(_LOWEST) + jnp.concatenate([jnp.zeros(1, dtype), jnp.cumsum(panels)])
+    log_plain = jnp.log(plain)
+    # Where the entries are does not matter; moving with gamma, the last would at gamma = 0 do so
+    # by 1e16, and the derivatives drown in it.
+    start, end = jax.lax.stop_gradient((log_plain[0], log_plain[-1]))
+    step = (end - start) / (_ENTRIES - 1)
+    target = start + step * np.arange(_ENTRIES)
+
+    value = jnp.interp(target, log_plain, edges)
+    panel = jnp.clip(jnp.searchsorted(edges, value, side="right") - 1, 0, _PANELS - 1)
+
+    def plain_at(value):
+        reach = (value - edges[panel])[:, None]
+        inner = edges[panel][:, None] + reach * node
+        return plain[panel] + (reach * jnp.exp(inner) / _energy(inner, gamma)[0]) @ weight
+
+    # From an error of 1e-2, squared each time; derivatives need the last two steps only.
+    value = jax.lax.stop_gradient(value)
+    for iteration in range(5):
+        if iteration == 3:
+            value = jax.lax.stop_gradient(value)
+        here = plain_at(value)
+        value = value - (jnp.log(here) - target) * _energy(value, gamma)[0] * here / jnp.exp(value)
+    return CorrectionTable(start, step, *_derivatives(value, plain_at(value), gamma))
+
+
+def correct_argument(table, x):
+    """x = 1/(2 sqrt(G)) from the plain x; both 27 at most."""
+    log_plain = -2 * jnp.log(2 * x)
+    position = (log_plain - table.start) / table.step
+    last = table.value.shape[0] - 2
+    index = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)).astype(int), 0, last)
+    # Within the table; outside, G goes on as the power law it has become.
+    t = jnp.clip(position - index, 0.0, 1.0)
+    h = table.step
+    f0, f1 = table.value[index], table.value[index + 1]
+    d0, d1 = h * table.slope[index], h * table.slope[index + 1]
+    c0, c1 = h * h * table.curvature[index], h * h * table.curvature[index + 1]
+    # Quintic Hermite in Taylor form about the left entry.
+    rise = f1 - f0 - d0 - 0.5 * c0
+    tilt = d1 - d0 - c0
+    bend = c1 - c0
+    a3 = 10 * rise - 4 * tilt + 0.5 * bend
+    a4 = -15 * rise + 7 * tilt - bend
+    a5 = 6 * rise - 3 * tilt + 0.5 * bend
+    value = f0 + t * (d0 + t * (0.5 * c0 + t * (a3 + t * (a4 + t * a5))))
+    value = value + jnp.minimum(position, 0.0) * h * table.slope[0]
+    value = value + jnp.maximum(position - (last + 1), 0.0) * h * table.slope[-1]
+    return x * jnp.exp(-0.5 * value)
+
+
+def _energy(log_G, gamma):
+    """S at ln G, and dS / d ln G."""
+    x = 0.5 * jnp.exp(-0.5 * log_G)
+    P = erf(x)
+    return gamma + (1 - gamma) * P * P, -2 * (1 - gamma) * P * x * jnp.exp(-x * x) / math.sqrt(math.pi)
+
+
+def _derivatives(log_G, g, gamma):
+    """ln(G/g) and its first and second derivative by ln g."""
+    S, dS = _energy(log_G, gamma)
+    ratio = jnp.exp(log_G) / g
+    slope = S / ratio
+    return jnp.log(ratio), slope - 1, slope * (slope * dS / S + 1 - slope)

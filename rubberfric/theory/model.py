@@ -1,0 +1,297 @@
+r"""The forward model: contact area, friction and separation of a sliding scene.
+
+Scaraggi & Persson's general case in three lines, for roughness on either solid and
+series stiffness K_j (see `rubberfric.theory.stiffness.series`):
+
+.. math:: G(q) = \frac{1}{2\sigma_0^2}\int_{q_0}^{q} d^2q \sum_j C_j |K_j|^2,\qquad
+          P = \mathrm{erf}\frac{1}{2\sqrt G}
+.. math:: \mu = \frac{1}{\sigma_0}\int d^2q\, S P \sum_j C_j\, q\cos\varphi\,\mathrm{Im} K_j
+.. math:: \bar u = \int d^2q \sum_j C_j\,\mathrm{Re} K_j
+          \int_{\sigma_0}^\infty \frac{dp}{2p}\frac{\partial[SP]}{\partial p}
+
+mu is the viscoelastic friction; contact shear (`rubberfric.scene.shear`) adds to it where the scene has it.
+Strain softening (`rubberfric.scene.softening`) and frictional heating (`rubberfric.scene.heating`) change K_j.
+"""
+
+import functools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rubberfric.base.blocks import over_points
+from rubberfric.base.checks import FINITE, POSITIVE, as_leaf, check_values
+from rubberfric.base.quadrature import Quadrature
+from rubberfric.scene.scene import Scene, cast, check_background, result_dtype, shifts, takes_temperature
+from rubberfric.scene.shear import shear_friction
+from rubberfric.scene.single_precision import check_single
+from rubberfric.theory.integrals import evaluate, prepare, pulls_aside
+from rubberfric.theory.temperatures import shear_temperature
+
+QUANTITIES = ("area", "friction", "separation")
+BLOCK = 512  # points evaluated at once
+
+
+class Solution(NamedTuple):
+    """Results of `solve`; quantities not asked for are None."""
+
+    area: jax.Array | None = None  # A/A0 [-]
+    friction: jax.Array | None = None  # mu, the sum of its two parts below [-]
+    separation: jax.Array | None = None  # u_bar [m]
+    viscoelastic_friction: jax.Array | None = None  # [-]
+    shear_friction: jax.Array | None = None  # mu_con; 0 in a scene without contact shear [-]
+    transverse_friction: jax.Array | None = None  # across the sliding; 0 if isotropic [-]
+    flash_temperature: jax.Array | None = None  # of the contact, of two deformable solids the mean [K]
+    converged: jax.Array | None = None  # whether the temperatures of a heated scene did, bool
+
+
+_DEFAULT = Quadrature()
+
+
+def contact_area(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT):
+    r"""Relative area of real contact [Scaraggi & Persson, eqs. (10), (A11)].
+
+    .. math:: A/A_0 = \mathrm{erf}\frac{1}{2\sqrt{G(q_1)}},\qquad
+              G(q_1) = \frac{1}{2\sigma_0^2}\int d^2q \sum_j C_j |K_j(q v \cos\varphi)|^2
+
+    Parameters
+    ----------
+    scene : Scene
+    velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
+        temperature None: every shift at its reference temperature. A heated scene needs one: that
+        far from the contact.
+    quadrature : Quadrature, static
+
+    Returns
+    -------
+    array, broadcast shape [-], 0 ... 1
+
+    Raises
+    ------
+    ValueError : concrete pressure <= 0, any NaN, a temperature outside a shift's range,
+        a temperature although nothing in the scene depends on it, or none although the scene is
+        heated; in float32 also what single precision cannot hold (`rubberfric.scene.single_precision`).
+
+    Notes
+    -----
+    Needs G at the largest wavevector only: no graded panels and no cumulative integral.
+    """
+    return solve(scene, velocity, pressure, temperature, quadrature=quadrature, quantities=("area",)).area
+
+
+def friction(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT):
+    r"""Friction coefficient of steady sliding [Scaraggi & Persson, eq. (A17) over v sigma_0].
+
+    .. math:: \mu = \frac{1}{\sigma_0} \int d^2q\, S P \sum_j C_j\, q \cos\varphi\,
+              \mathrm{Im} K_j(q v \cos\varphi) \;[\,+\,\mu_\mathrm{con}\,]
+
+    Parameters
+    ----------
+    scene : Scene
+    velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
+    quadrature : Quadrature, static
+
+    Returns
+    -------
+    array, broadcast shape [-]; odd in the velocity. Viscoelastic part, plus contact shear if
+    `scene.shear` is set; `solve` gives the parts.
+
+    Raises
+    ------
+    ValueError : as `contact_area`.
+
+    Notes
+    -----
+    The viscoelastic part is zero, not computed, when no rough solid faces a viscoelastic one
+    (Cases II, III).
+    """
+    return solve(
+        scene, velocity, pressure, temperature, quadrature=quadrature, quantities=("friction",)
+    ).friction
+
+
+def separation(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT):
+    r"""Mean interfacial separation [Scaraggi & Persson, eq. (A18)].
+
+    .. math:: \bar u = \int d^2q \sum_j C_j\,\mathrm{Re} K_j\, \frac{x}{2\sigma_0}\Psi(x),\qquad
+              x = \frac{1}{2\sqrt{G(q)}}
+
+    with the pressure integral in closed form (`rubberfric.theory.partial_contact.separation_weight`).
+
+    Parameters
+    ----------
+    scene : Scene
+    velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
+    quadrature : Quadrature, static
+
+    Returns
+    -------
+    array, broadcast shape [m], >= 0
+
+    Raises
+    ------
+    ValueError : as `contact_area`.
+
+    Notes
+    -----
+    Uses the plain G(q) whatever `scene.area_correction` says: against boundary-element
+    ratios of separations the plain G is off by 1 %, S in G by 9 to 18 %.
+    """
+    return solve(
+        scene, velocity, pressure, temperature, quadrature=quadrature, quantities=("separation",)
+    ).separation
+
+
+def solve(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT, quantities=QUANTITIES):
+    """Several quantities at once, sharing the stiffness and G(q).
+
+    Parameters
+    ----------
+    scene : Scene
+    velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
+    quadrature : Quadrature, static
+    quantities : names out of "area", "friction", "separation", and for the parts of the friction
+        "viscoelastic_friction", "shear_friction"; "transverse_friction", the
+        same force, on the lower solid along positive velocities, 90 degrees to the left of them, which
+        anisotropic roughness causes (where it is negative the upper solid is pushed to the left);
+        of a heated scene "flash_temperature" (at the largest
+        wavevector) and "converged": False where the temperatures are a last iterate, not a solution.
+        Only these are computed. The contact shear needs no more than the area.
+
+    Returns
+    -------
+    Solution, fields of the broadcast shape, None for what was not asked for: take the fields by name.
+
+    Raises
+    ------
+    ValueError : as `contact_area`, an unknown quantity, or one of heating although the scene has none.
+    """
+    quantities = (quantities,) if isinstance(quantities, str) else tuple(quantities)
+    for name in quantities:
+        if name not in Solution._fields:
+            raise ValueError(f"quantities has {name!r}: must be out of {', '.join(Solution._fields)}")
+    scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
+    check_heated(scene, quantities)
+    return _solve(scene, *conditions, quadrature=quadrature, quantities=quantities)
+
+
+def quantities_of(scene):
+    """All quantities that say something about a scene: the three, and what its parts add to them."""
+    names = list(QUANTITIES)
+    if scene.shear is not None:
+        names += ["viscoelastic_friction", "shear_friction"]
+    if pulls_aside(scene):
+        names.append("transverse_friction")
+    if scene.heating is not None:
+        names += ["flash_temperature", "converged"]
+    return tuple(names)
+
+
+def check_heated(scene, quantities):
+    """ValueError for quantities of heating although the scene has none."""
+    if scene.heating is None and {"flash_temperature", "converged"} & set(quantities):
+        raise ValueError("quantities has 'flash_temperature' or 'converged': the scene must have heating")
+
+
+def checked(scene, velocity, pressure, temperature, quadrature):
+    """Scene and conditions (velocity, pressure, temperature) as arrays of one dtype, or ValueError."""
+    check_kinds(scene, quadrature)
+    velocity = _condition("velocity", velocity, FINITE)
+    pressure = _condition("pressure", pressure, POSITIVE)
+    if temperature is not None:
+        temperature = _condition("temperature", temperature, POSITIVE)
+        _check_temperature(scene, temperature)
+    else:
+        check_background(scene)
+
+    shapes = {"velocity": jnp.shape(velocity), "pressure": jnp.shape(pressure)}
+    if temperature is not None:
+        shapes["temperature"] = jnp.shape(temperature)
+    try:
+        jnp.broadcast_shapes(*shapes.values())
+    except ValueError:
+        shown = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+        raise ValueError(f"shapes differ ({shown}): must broadcast against each other") from None
+
+    dtype = result_dtype(scene, velocity, pressure, temperature)
+    conditions = cast((velocity, pressure, temperature), dtype)
+    scene = cast(scene, dtype)
+    if dtype == jnp.float32:
+        check_single(scene, conditions[2])
+    return scene, conditions
+
+
+def check_kinds(scene, quadrature):
+    """ValueError unless they are a Scene and a Quadrature."""
+    for name, value, cls in (("scene", scene, Scene), ("quadrature", quadrature, Quadrature)):
+        if not isinstance(value, cls):
+            raise ValueError(f"{name} is a {type(value).__name__}: must be a {cls.__name__}")
+
+
+# Jitted so that a plain call compiles once for its structure instead of operation by
+# operation; inside a user's jit it is traced through.
+@functools.partial(jax.jit, static_argnames=("quadrature", "quantities"))
+def _solve(scene, velocity, pressure, temperature, *, quadrature, quantities):
+    ready = prepare_quantities(scene, quantities, quadrature)
+    block = functools.partial(evaluate_quantities, ready, quantities)
+    return Solution(**over_points(block, (velocity, pressure, temperature), BLOCK))
+
+
+def prepare_quantities(scene, quantities, quadrature):
+    """All that no velocity, pressure or temperature changes, for `evaluate_quantities`."""
+    return prepare(scene, _integrals(scene, quantities), quadrature), scene.shear
+
+
+def evaluate_quantities(ready, quantities, points):
+    """Quantities at points [velocity, pressure(, temperature)] of shape (n,): dict of arrays (n,)."""
+    prepared, shear = ready
+    results = _with_shear(shear, prepared.thermal, evaluate(prepared, *points), quantities, points)
+    return {name: jnp.broadcast_to(results[name], points[0].shape) for name in quantities}
+
+
+def _integrals(scene, quantities):
+    """The radial integrals that the quantities are made of."""
+    sheared = scene.shear is not None and {"friction", "shear_friction"} & set(quantities)
+    needed = {
+        "area": "area" in quantities or sheared,
+        "friction": "friction" in quantities or "viscoelastic_friction" in quantities,
+        "separation": "separation" in quantities,
+        "transverse_friction": "transverse_friction" in quantities,
+        "flash_temperature": "flash_temperature" in quantities,
+        "converged": "converged" in quantities,
+    }
+    return tuple(name for name in needed if needed[name])
+
+
+def _with_shear(shear, thermal, integrals, quantities, points):
+    """All quantities at points from the radial integrals, of which the friction is viscoelastic."""
+    results = dict(integrals)
+    if "viscoelastic_friction" in quantities:
+        results["viscoelastic_friction"] = integrals["friction"]
+    if shear is None and "shear_friction" in quantities:
+        results["shear_friction"] = jnp.zeros_like(points[0])
+    if shear is not None and {"friction", "shear_friction"} & set(quantities):
+        if thermal is not None:
+            *others, background = points
+            surface = shear_temperature(thermal.heating, integrals["flash_temperature"], background)
+            points = (*others, surface)
+        results["shear_friction"] = shear_friction(shear, integrals["area"], *points)
+    if shear is not None and "friction" in quantities:
+        results["friction"] = integrals["friction"] + results["shear_friction"]
+    return results
+
+
+def _condition(name, value, rule):
+    """A velocity, pressure or temperature as an array, its concrete values checked."""
+    if not isinstance(value, int | float):
+        value = as_leaf(name, value, np.ndim(value))
+    check_values(name, value, rule)
+    return value
+
+
+def _check_temperature(scene, temperature):
+    if not takes_temperature(scene):
+        raise ValueError("temperature is given, but nothing in the scene has a shift: must be None")
+    for shift in shifts(scene):
+        shift.check_temperature(temperature)

@@ -1,0 +1,1 @@
+"""Stiffness of two solids in series, and its means over the direction of sliding."""

@@ -1,0 +1,205 @@
+"""Error against run time of the fit's solvers; off by default:
+
+    python -m pytest -m benchmark -s tests/benchmarks/test_fit_benchmarks.py
+
+The twin fit of data/ (20 parameters, 240 friction coefficients with 3 % noise) from its job's
+first guess, and from a start near the minimum, which all solvers find. The error of a solver
+at a time is the root mean square distance of its parameters from the minimum, in standard
+errors. Times are without compilation. `FIGURE` in the environment names a .png to draw the
+table of the near start into.
+"""
+
+import os
+import time
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.optimize
+import scipy.special
+from support.twin import FREE, GUESS, TRUTH, twin
+
+import rubberfric as rf
+from fitting.parameters.layout import to_scene
+from fitting.solvers.first_order import LBFGS, Adam
+from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.problem import make_problem, residuals, residuals_and_jacobian
+from fitting.solvers.runs import _init, _step
+from fitting.solvers.status import RUNNING
+from fitting.uncertainty.covariance import uncertainty
+
+pytestmark = pytest.mark.benchmark
+
+NODES_Q, NODES_PHI = 200, 64  # of the textbook method
+
+
+def numpy_friction(scene, velocity, pressure, temperature):
+    """Viscoelastic friction and contact shear by uniform trapezoids in ln q and phi, all points at once."""
+    material, road, shear = scene.upper.material, scene.lower.spectrum, scene.shear
+    q = np.geomspace(float(road.q0), float(road.q1), NODES_Q)
+    phi = np.linspace(0, 2 * np.pi, NODES_PHI, endpoint=False)
+    above = temperature - float(material.shift.T_ref)
+    shift = 10 ** (-float(material.shift.C1) * above / (float(material.shift.C2) + above))
+    s = 1j * q[None, :, None] * (velocity * shift)[:, None, None] * np.cos(phi)
+    modulus = np.full(s.shape, float(material.E_inf), complex)
+    for weight, tau in zip(np.asarray(material.E), np.asarray(material.tau), strict=True):
+        modulus += weight * (s * tau) / (1 + s * tau)
+    modulus /= 1 - float(material.poisson) ** 2
+    H, qr, h2 = float(road.hurst), float(road.qr), float(road.h_rms) ** 2
+    norm = 1 - (q[0] / qr) ** 2 + (1 - (q[-1] / qr) ** (-2 * H)) / H
+    C = h2 / (np.pi * qr**2 * norm) * np.where(q > qr, (q / qr) ** (-2 * (1 + H)), 1.0)
+    step, p = 2 * np.pi / NODES_PHI, pressure[:, None]
+    density = q**4 * C / (8 * p**2) * np.sum(abs(modulus) ** 2, -1) * step
+    G = scipy.integrate.cumulative_trapezoid(density, np.log(q), axis=-1, initial=0.0)
+    with np.errstate(divide="ignore"):
+        P = scipy.special.erf(0.5 / np.sqrt(G))
+    S = 0.5 + 0.5 * P**2
+    integrand = q**4 * C * S * P * np.sum(np.cos(phi) * modulus.imag, -1) * step / (2 * p)
+    energy = float(shear.shift.energy) / 8.617333262e-5
+    arrhenius = energy * (1 / temperature - 1 / float(shear.shift.T_ref)) / np.log(10)
+    log_v = np.log10(velocity / float(shear.v0)) + arrhenius
+    stress = float(shear.tau_f0) * np.exp(-float(shear.c) * log_v**2)
+    return np.trapezoid(integrand, np.log(q), axis=-1) + stress / pressure * P[:, -1]
+
+
+@pytest.fixture(scope="module")
+def problem():
+    return make_problem(GUESS, [twin()], FREE)
+
+
+def near(problem):
+    """The same problem from a start that is off by 0.2 in every x, up or down."""
+    truth = make_problem(TRUTH, [twin()], FREE).start
+    sign = np.random.default_rng(0).choice([-1.0, 1.0], truth.size)
+    return problem._replace(start=truth + 0.2 * sign)
+
+
+def trace(solver, problem, budget):
+    """(seconds, x, cost) after every step of a solver, compiled beforehand."""
+    one = jax.tree.map(lambda a: jnp.asarray(a)[None], problem.targets)
+    at = (solver, problem.structure, problem.numbers, one)
+    state = _init(*at, problem.start[None])
+    jax.block_until_ready(_step(*at, state))
+    points, begin = [], time.perf_counter()
+    state = _init(*at, problem.start[None])
+    while time.perf_counter() - begin < budget:
+        points.append((time.perf_counter() - begin, np.asarray(state.x[0]), float(state.cost[0])))
+        if int(state.status[0]) != RUNNING or len(points) > solver.max_steps:
+            break
+        state = jax.block_until_ready(_step(*at, state))
+    return points
+
+
+def scipy_trace(function, problem, slopes):
+    """The same for scipy.optimize.least_squares, whose iterates are seen at its Jacobian."""
+    points, begin = [], time.perf_counter()
+
+    def jacobian(x):
+        points.append((time.perf_counter() - begin, x.copy(), np.nan))
+        return slopes(x)
+
+    result = scipy.optimize.least_squares(function, problem.start, jac=jacobian, xtol=1e-10, ftol=1e-10)
+    points.append((time.perf_counter() - begin, result.x, result.cost))
+    return points
+
+
+def differences(function, x):
+    """Jacobian by forward differences, as scipy's default."""
+    steps = np.sqrt(np.finfo(float).eps) * np.maximum(np.abs(x), 1e-2)
+    base = function(x)
+    return np.stack([(function(x + h * e) - base) / h for h, e in zip(steps, np.eye(x.size), strict=True)], 1)
+
+
+@pytest.mark.parametrize("start", ["near", "guess"])
+def test_error_against_run_time(problem, start):
+    problem = near(problem) if start == "near" else problem
+    at = (problem.structure, problem.numbers, jax.tree.map(jnp.asarray, problem.targets))
+    model = jax.jit(lambda x: residuals(*at, x))
+    both = jax.jit(lambda x: residuals_and_jacobian(*at, x))
+    jax.block_until_ready((model(problem.start), both(problem.start)))
+    data = twin()
+
+    def rows(x):
+        return np.asarray(model(x))
+
+    def numpy_rows(x):
+        scene = to_scene(problem.structure.layout, problem.numbers.constants, jnp.asarray(x))
+        mu = numpy_friction(scene, data.velocity, data.pressure, data.temperature)
+        return np.log(mu / data.measured) / data.error
+
+    traces = {
+        "lm": trace(LevenbergMarquardt(), problem, 60),
+        "lbfgs": trace(LBFGS(), problem, 60),
+        "adam": trace(Adam(), problem, 60),
+        "scipy, Jacobian of ours": scipy_trace(rows, problem, lambda x: np.asarray(both(x)[1])),
+        "scipy, differences of ours": scipy_trace(rows, problem, lambda x: differences(rows, x)),
+    }
+    if start == "near":  # minutes
+        traces["scipy, differences of NumPy"] = scipy_trace(
+            numpy_rows, problem, lambda x: differences(numpy_rows, x)
+        )
+    end = {name: points[-1] for name, points in traces.items()}
+    minimum = end["lm"][1]
+    deviation = uncertainty(problem, minimum).deviation
+    print(f"\nfrom the start {start!r}, seconds until the error is below 1, 0.1, 0.001 and stays there")
+    print(
+        f"{'':28s} {'steps':>6s} {'1':>9s} {'0.1':>9s} {'0.001':>9s} {'end':>9s} {'error':>8s} {'cost':>12s}"
+    )
+    errors = {}
+    for name, points in traces.items():
+        seconds = np.array([point[0] for point in points])
+        error = np.array([np.sqrt(np.mean(((x - minimum) / deviation) ** 2)) for _, x, _ in points])
+        errors[name] = (seconds, error)
+        shown = []
+        for bound in (1.0, 0.1, 1e-3):
+            above = np.flatnonzero(error > bound)
+            first = above[-1] + 1 if above.size else 0
+            shown.append(f"{seconds[first]:8.3f}s" if first < error.size else "        -")
+        print(
+            f"{name:28s} {len(points) - 1:6d} {' '.join(shown)} {seconds[-1]:8.3f}s {error[-1]:8.1e}"
+            f" {end[name][2]:12.5f}"
+        )
+    lm = end["lm"][0]
+    assert end["lm"][2] <= min(cost for name, (_, _, cost) in end.items() if "NumPy" not in name) * (1 + 1e-9)
+    if start == "near":
+        textbook = end["scipy, differences of NumPy"][0]
+        print(f"lm {lm:.3f} s; scipy with differences of NumPy takes {textbook / lm:.0f} times as long")
+        if os.environ.get("FIGURE"):
+            draw(os.environ["FIGURE"], errors)
+        assert textbook > 100 * lm
+    assert lm <= 1.0
+
+
+def draw(path, errors):
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6.4, 4.0), layout="constrained")
+    ax = figure.subplots()
+    styles = ["o-", "s-", "^-", "D--", "v--", "x:"]
+    for style, (name, (seconds, error)) in zip(styles, errors.items(), strict=True):
+        every = max(1, len(seconds) // 25)
+        ax.loglog(
+            np.maximum(seconds, 5e-3),
+            np.maximum(error, 1e-6),
+            style,
+            label=name,
+            markevery=every,
+            markersize=4,
+        )
+    ax.axhline(1.0, color="0.6", linewidth=0.8)
+    ax.annotate("one standard error", (5e-3, 1.15), color="0.4", fontsize="small")
+    ax.set_xlabel("seconds after compilation")
+    ax.set_ylabel("distance from the minimum\n[standard errors]")
+    ax.set_ylim(1e-6, None)
+    ax.legend(fontsize="small")
+    ax.grid(alpha=0.3)
+    figure.savefig(path, dpi=110)
+
+
+def test_numpy_model_is_the_same_model():
+    data = twin()
+    mu = numpy_friction(GUESS, data.velocity, data.pressure, data.temperature)
+    ours = np.asarray(rf.friction(GUESS, data.velocity, data.pressure, data.temperature))
+    print(f"\nNumPy 200 x 64 against rubberfric: at most {np.max(np.abs(mu / ours - 1)):.1e} off")
+    assert np.max(np.abs(mu / ours - 1)) < 0.05

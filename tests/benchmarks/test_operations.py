@@ -1,0 +1,157 @@
+"""The table of what every kind of scene costs; off by default:
+
+    TABLE=notebooks/operations.md python -m pytest -m benchmark -s tests/benchmarks/test_operations.py
+
+prints it, and writes it where TABLE is given.
+"""
+
+import os
+import platform
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.folders import DATA, ROOT
+from support.operations import costly, per_point
+
+import rubberfric as rf
+from rubberfric.io.files import read_scene_file
+
+pytestmark = pytest.mark.benchmark
+
+VELOCITY = np.logspace(-6, 1, 50)
+PRESSURE = 2e5
+
+HEADER = """# What a scene costs
+
+What a scene does not contain is not traced. Counted on the jaxpr, for the default `rf.Quadrature()`:
+*roots* are all operations that cost more than an addition (square roots, divisions, exp, log, erf),
+element by element, the body of a loop once; *products* the multiply-adds of matrix products. Both once for
+a scene, whatever the number of velocities, and for each velocity. The bound of the closed form is one
+square root and one division for each angular node (168) and Prony term.
+
+*First call* is what a new process waits for a curve of 50 velocities, and *gradient* for its gradient
+with respect to every number of the scene: tracing, compilation and evaluation, without the import
+({imported}). Later calls with equal structure compile nothing. *Again* is the same in a second process
+that finds what the first compiled: with `JAX_COMPILATION_CACHE_DIR=<folder>` and
+`JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS=0` in the environment of both.
+
+| {columns} |
+|{rule}
+"""
+COLUMNS = (
+    "scene",
+    "quantity",
+    "once: roots",
+    "once: products",
+    "each velocity: roots",
+    "each velocity: products",
+    "first call",
+    "again",
+    "gradient",
+    "again",
+)
+
+FOOTER = """
+Made by `TABLE=notebooks/operations.md python -m pytest -m benchmark -s tests/benchmarks/test_operations.py`
+on {machine}.
+"""
+
+
+def scenes():
+    """Kinds of scenes by name: (scene, temperature or None)."""
+    found = {}
+    for name, file in {
+        "smooth rubber on a rigid road": "tread_on_asphalt",
+        "rough rubber on a rigid road": "rough_tread_on_asphalt",
+        "two rough rubbers": "two_rubbers",
+        "a rubber layer on a rigid road": "thin_layer",
+        "with contact shear": "sheared_tread_on_asphalt",
+        "tabulated modulus and spectrum": "tabulated_tread",
+    }.items():
+        read = read_scene_file(DATA / f"{file}.toml")
+        T = read.conditions.temperature
+        found[name] = read.scene, None if T is None else float(T[0])
+    plain = found["smooth rubber on a rigid road"][0]
+    road, rubber = sorted((plain.lower, plain.upper), key=lambda body: body.spectrum is None)
+    rigid = rf.Body(rf.Rigid())
+    found["smooth on smooth"] = rf.Scene(rubber, rigid), None
+    worn = rf.Body(rubber.material, road.spectrum)
+    found["rough rubber on a smooth rigid solid (case II)"] = rf.Scene(worn, rigid), None
+    found["elastic block on a rigid road"] = rf.Scene(rf.Body(rf.Elastic(1e7, 0.4)), road), None
+    found["S in G"] = rf.Scene(rubber, road, area_correction=True), None
+    return found
+
+
+FIRST = """
+import sys, time
+begin = time.perf_counter()
+import jax
+jax.config.update("jax_enable_x64", True)
+import numpy as np, rubberfric as rf
+imported = time.perf_counter() - begin
+sys.path.insert(0, {tests!r})
+from test_operations import PRESSURE, VELOCITY, scenes
+scene, T = scenes()[{name!r}]
+jax.block_until_ready(jax.numpy.zeros(3) + 1)
+begin = time.perf_counter()
+jax.block_until_ready(rf.solve(scene, VELOCITY, PRESSURE, T, quantities=({quantity!r},)))
+first = time.perf_counter() - begin
+total = lambda s: getattr(rf.solve(s, VELOCITY, PRESSURE, T, quantities=({quantity!r},)), {quantity!r}).sum()
+begin = time.perf_counter()
+jax.block_until_ready(jax.jit(jax.grad(total))(scene))
+print(imported, first, time.perf_counter() - begin)
+"""
+
+
+def first_calls(name, quantity, cache):
+    """Seconds of import, first curve and first gradient in a process of its own, which finds `cache`."""
+    script = FIRST.format(tests=str(ROOT / "tests"), name=name, quantity=quantity)
+    environment = os.environ | {
+        "JAX_COMPILATION_CACHE_DIR": str(cache),
+        "JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS": "0",
+    }
+    done = subprocess.run(
+        [sys.executable, "-c", script], check=True, capture_output=True, text=True, env=environment
+    )
+    return tuple(map(float, done.stdout.split()))
+
+
+def counts(scene, T, quantity):
+    """Costly operations and multiply-adds, once and for each velocity."""
+
+    def function(scene, velocity):
+        return getattr(rf.solve(scene, velocity, PRESSURE, T, quantities=(quantity,)), quantity)
+
+    each, once = per_point(function, VELOCITY, scene)
+    return costly(once), once["multiply-add"], costly(each), each["multiply-add"]
+
+
+def test_table(tmp_path):
+    lines, imports = [], []
+    for name, (scene, T) in scenes().items():
+        for quantity in ("area", "friction", "separation"):
+            once, products, each, each_products = counts(scene, T, quantity)
+            cache = tmp_path / f"{len(lines)}"
+            imported, first, gradient = first_calls(name, quantity, cache)
+            _, again, gradient_again = first_calls(name, quantity, cache)
+            imports.append(imported)
+            lines.append(
+                f"| {name} | {quantity} | {once:.0f} | {products:.0f} | {each:.0f} | {each_products:.0f} "
+                f"| {first:.2f} s | {again:.2f} s | {gradient:.2f} s | {gradient_again:.2f} s |"
+            )
+            print(lines[-1])
+    machine = f"{os.cpu_count()} cores, Python {platform.python_version()}, jax {version('jax')}, float64"
+    text = (
+        HEADER.format(
+            imported=f"{np.median(imports):.2f} s", columns=" | ".join(COLUMNS), rule="---|" * len(COLUMNS)
+        )
+        + "\n".join(lines)
+        + "\n"
+    )
+    text += FOOTER.format(machine=machine)
+    if "TABLE" in os.environ:
+        Path(os.environ["TABLE"]).write_text(text)

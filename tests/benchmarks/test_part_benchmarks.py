@@ -1,0 +1,94 @@
+"""What the optional parts of a scene cost; off by default:
+
+    python -m pytest -m benchmark -s tests/benchmarks/test_part_benchmarks.py
+
+A friction curve of 50 velocities and its gradient with respect to every number of the scene, in turns
+with the same curve without the part; errors against a finer quadrature.
+"""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from test_benchmarks import PRESSURE, ROAD, TREAD, TWO, VELOCITY, in_turns
+
+import rubberfric as rf
+
+pytestmark = pytest.mark.benchmark
+
+T = 293.15  # [K]
+FINE = rf.Quadrature(order=20, panels=24, graded=12, ratio=4.0, angular_order=24, heat=320)
+STRAIN = np.array([1e-4, 3e-4, 1e-3, 3e-3, 1e-2, 3e-2, 1e-1, 3e-1, 1.0, 3.0])
+SOFTENING = rf.Softening(STRAIN, 0.12 + 0.88 / (1 + STRAIN / 0.02), 0.15 + 0.85 / (1 + STRAIN / 0.08))
+HEATING = rf.Heating(density=1200.0, heat_capacity=1600.0, conductivity=0.23, radius=2e-3)
+SHEAR = rf.ContactShear(6.5e6, 0.1, 6e-3, rf.Arrhenius(0.97, T))
+WARM = replace(TREAD, shift=rf.WLF(12.0, 150.0, T))
+PHI = np.pi * np.arange(32) / 32
+
+
+def stretched(ratio, harmonics):
+    return rf.Anisotropic(ROAD, ratio, angle=0.5, harmonics=harmonics)
+
+
+def table():
+    """The stretched road as a table over 32 directions."""
+    q = np.geomspace(100.0, 3.1e4, 24)
+    shape = (2 * np.cos(PHI - 0.5) ** 2 + np.sin(PHI - 0.5) ** 2 / 2) ** -1.8
+    return rf.TabulatedAnisotropic(q, np.asarray(rf.power_spectrum(ROAD, q))[:, None] * shape / shape.mean())
+
+
+def on(spectrum, upper=TREAD, layer=None):
+    return rf.Scene(rf.Body(rf.Rigid(), spectrum), rf.Body(upper, None, layer))
+
+
+CLOSED, SHIFTED = on(ROAD), on(ROAD, WARM)
+BASE = rf.Prony(1e6, np.array([2e8, 8e6, 5e5]), np.array([1e-9, 1e-5, 1e-1]), 0.5)
+
+# Name: (scene with the part, scene without, temperature).
+PARTS = {
+    "heating": (replace(SHIFTED, heating=HEATING), SHIFTED, T),
+    "heating and contact shear": (
+        replace(SHIFTED, heating=HEATING, shear=SHEAR),
+        replace(SHIFTED, shear=SHEAR),
+        T,
+    ),
+    "softening": (replace(CLOSED, softening=SOFTENING), CLOSED, None),
+    "softening, two rubbers": (replace(TWO, softening=SOFTENING), TWO, None),
+    "anisotropy, ratio 2, 16 harmonics": (on(stretched(2.0, 16)), CLOSED, None),
+    "anisotropy, table of 32 directions": (on(table()), CLOSED, None),
+    "a coating": (on(ROAD, layer=rf.Coating(2e-3, BASE)), CLOSED, None),
+    "a relaxing Poisson's ratio": (
+        on(ROAD, rf.PronyShear(1.2e6, TREAD.E / 3, TREAD.tau, bulk=2e9)),
+        CLOSED,
+        None,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_part(name):
+    scene, without, temperature = PARTS[name]
+
+    def curve(scene, quadrature=None):
+        return rf.friction(scene, VELOCITY, PRESSURE, temperature, quadrature=quadrature or rf.Quadrature())
+
+    forward, gradient = jax.jit(curve), jax.jit(jax.grad(lambda scene: jnp.sum(curve(scene))))
+    times = in_turns(
+        {
+            "without": lambda: forward(without),
+            "without, gradient": lambda: gradient(without),
+            "with": lambda: forward(scene),
+            "with, gradient": lambda: gradient(scene),
+        },
+        rounds=12,
+    )
+    error = float(jnp.max(jnp.abs(forward(scene) / curve(scene, FINE) - 1)))
+    value, slope = times["with"], times["with, gradient"]
+    print(
+        f"\n{name:36s} {1e3 * value:8.2f} ms = {value / times['without']:6.1f} x without, gradient "
+        f"{1e3 * slope:8.2f} ms = {slope / value:.1f} x values = {slope / times['without, gradient']:.1f} x "
+        f"gradient without; error {error:.1e}"
+    )
+    assert error < 1e-8

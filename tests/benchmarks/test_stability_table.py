@@ -1,0 +1,100 @@
+"""The table of errors of every extreme case; off by default:
+
+    TABLE=notebooks/stability.md python -m pytest -m benchmark -s tests/benchmarks/test_stability_table.py
+
+Without TABLE in the environment it only prints. About five minutes, nearly all of it compilation.
+"""
+
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+from support.cases import reverse
+from support.extremes import BASES, CASES, GROUPS, changed
+from test_extremes import (
+    REFUSED,
+    conditions,
+    elements,
+    errors,
+    names_of,
+    rounded,
+    slope_errors,
+    slope_scale,
+    value_errors,
+    value_floor,
+)
+
+pytestmark = pytest.mark.benchmark
+
+INTRODUCTION = f"""\
+# Errors on stiff and extreme scenes
+
+Every scene below is a change made to one of {len(BASES)} base scenes: rough rubber with three relaxation
+times on a rough rigid solid (`one`), on a second rubber (`two`) and on an elastic solid (`on-elastic`); both
+rubbers as slabs bonded to rigid bases (`slabs`), the first as a slab that slides on its base (`layer`); with
+S in G (`corrected`), with WLF shifts and contact shear (`sheared`), on a tabulated spectrum (`measured`).
+`tests/support/extremes.py` lists them, {len(CASES)} scenes. A row is the worst of its scenes.
+
+- **value**: the largest relative error of contact area, friction and separation. A friction below 1e-18 and
+  a separation below 1e-6 of the rms height count from there upwards.
+- **gradient**: the largest relative error of the derivatives of the three with respect to every number of
+  scene, velocity, pressure and temperature. One that matters less than 1e-3 of the one that matters most (as
+  theta dQ/dtheta, or Q itself) counts from there upwards.
+- **float64** is held against references of 25 digits and more, stored in `tests/reference/extremes.json` and
+  computed by `tests/reference/make_extremes.py` in 120-digit arithmetic: the theory's integrals, without the
+  library's arrangements against cancellation, on two meshes that must agree; derivatives are differences
+  with a relative step of 1e-32. Tests bound these errors by 1e-9 (values) and 1e-7 (gradients; 1e-4 and
+  1e-5 for Poisson's ratio of two incompressible films, on which Sbar depends 1e16-fold).
+- **float32** is held against float64 at the same numbers, those that float32 has: what rounding them costs,
+  up to 1e-5 for a spectrum from 200 to 200.2 1/m, is no error of the computation. Tests bound the error of
+  values by 1e-5. Where a weight E_i is 0, a friction counts from 1e-12 upwards. Scenes marked `refused`
+  are beyond float32, and the library says so. Its gradients are finite, and mostly good to 1e-3; not where
+  they are what large terms leave (all weights zero, bands of 1e-3, thin films).
+
+`Quadrature` is the default but for `gamma-0-light` in float64, with `graded=16`. Made by
+
+    TABLE=notebooks/stability.md python -m pytest -m benchmark -s tests/benchmarks/test_stability_table.py
+
+| extreme | case | scenes | float64 value | float64 gradient | float32 value | float32 gradient |
+|---|---|---|---|---|---|---|
+"""
+
+
+def single_precision(name):
+    """Largest relative errors of values and of derivatives in float32."""
+    case = changed(*CASES[name])
+    single, double = rounded(case)
+    found, slopes = reverse(single)
+    expected, exact = reverse(double)
+    expected, exact = np.asarray(expected), elements(exact)
+    scale = slope_scale(case, names_of(conditions(case)), expected, exact)
+    floor = value_floor(case, found.dtype)
+    value = errors(np.abs(np.asarray(found, float) - expected), np.abs(expected) + floor)
+    return value.max(), errors(np.abs(elements(slopes) - exact), scale).max()
+
+
+def row(name, bases):
+    """Largest errors over the scenes of a case: value and gradient in float64, and in float32."""
+    scenes = [f"{name}-{base}" for base in bases.split()]
+    double = [(value_errors(scene).max(), slope_errors(scene)[1].max()) for scene in scenes]
+    single = [single_precision(scene) for scene in scenes if scene not in REFUSED]
+    worst = [*np.max(double, axis=0), *np.max(single, axis=0)] if single else np.max(double, axis=0)
+    return [shown(error) for error in worst] + ["refused"] * (4 - len(worst))
+
+
+def shown(error):
+    return "0" if error == 0 else f"{error:.0e}"
+
+
+def test_table():
+    lines = []
+    for group, cases in GROUPS.items():
+        for name, (bases, _) in cases.items():
+            refused = {base for base in bases.split() if f"{name}-{base}" in REFUSED}
+            scenes = ", ".join(f"{base} (refused)" if base in refused else base for base in bases.split())
+            lines.append(f"| {' | '.join([group, name, scenes, *row(name, bases)])} |")
+            group = ""
+            print(lines[-1], flush=True)
+    if os.environ.get("TABLE"):
+        Path(os.environ["TABLE"]).write_text(INTRODUCTION + "\n".join(lines) + "\n")

@@ -1,0 +1,267 @@
+"""Prony series from moduli: known ones found again, SciPy's minimum, absent terms, and what is refused."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+import scipy.optimize
+from support.html_tables import cells
+
+import rubberfric as rf
+from fitting import FrictionData, ModulusData, PronyFit, fit_prony
+from fitting.characterise.nonnegative import nonnegative, nonnegative_logarithmic
+from fitting.characterise.prony import _bounded
+
+TAU = np.geomspace(1e-6, 1.0, 7)
+TRUTH = rf.Prony(2e6, np.array([9e8, 2e8, 5e7, 8e6, 3e6, 2e6, 1e6]), TAU, 0.49)
+OMEGA = np.geomspace(1.0, 1e6, 40)
+
+
+def modulus_data(material, omega=OMEGA, noise=0.0, seed=0, **options):
+    """Data of a material, with relative noise."""
+    modulus = np.asarray(rf.complex_modulus(material, omega, options.get("temperature")))
+    normal = np.random.default_rng(seed).standard_normal((2, omega.size))
+    storage, loss = np.exp(noise * normal) * [modulus.real, modulus.imag]
+    return ModulusData(omega, storage, loss, **options)
+
+
+def assert_same(material, expected, rtol=1e-6):
+    order = np.argsort(material.tau)
+    np.testing.assert_allclose(material.tau[order], expected.tau, rtol=1e-12)
+    np.testing.assert_allclose(material.E[order], expected.E, rtol=rtol)
+    np.testing.assert_allclose(material.E_inf, expected.E_inf, rtol=rtol)
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    return fit_prony(modulus_data(TRUTH, noise=0.04, name="sample A"), poisson=0.49)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_nonnegative_equal_to_scipy(seed):
+    rng = np.random.default_rng(seed)
+    A = rng.standard_normal((30, 12)) * 10.0 ** rng.uniform(-6, 6, 12)
+    b = rng.standard_normal(30)
+    x, rest = scipy.optimize.nnls(A, b)
+    found = nonnegative(A, b)
+    assert 0 < np.count_nonzero(x == 0) < 12
+    np.testing.assert_array_equal(found == 0, x == 0)
+    np.testing.assert_allclose(found, x, rtol=1e-10)
+    assert np.linalg.norm(A @ found - b) <= rest * (1 + 1e-12)
+
+
+def test_nonnegative_survives_what_is_degenerate():
+    A = np.array([[1.0, 1.0, 0.0], [2.0, 2.0, 0.0]])
+    found = nonnegative(A, np.array([1.0, 2.0]))
+    assert (found >= 0).all() and found[2] == 0
+    np.testing.assert_allclose(A @ found, [1.0, 2.0], rtol=1e-12)
+    assert (nonnegative(A, np.array([-1.0, -2.0])) == 0).all()
+    # Four terms a decade are nearly the same column.
+    a = OMEGA[:, None] * np.geomspace(1e-6, 1.0, 25)
+    A = a / (1 + a**2)
+    b = A @ np.linspace(1.0, 2.0, 25)
+    assert np.linalg.norm(A @ nonnegative(A, b) - b) <= 1e-12 * np.linalg.norm(b)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_minimum_of_the_logarithms(seed):
+    """No direction that is allowed goes down: the conditions of Karush, Kuhn and Tucker."""
+    rng = np.random.default_rng(seed)
+    a = OMEGA[:, None] * np.geomspace(1e-6, 1.0, 13)
+    A = np.concatenate([a**2 / (1 + a**2), a / (1 + a**2)])
+    known = np.repeat([2e6, 0.0], OMEGA.size)
+    error = rng.uniform(0.5, 2.0, known.size)
+    b = (A @ 10 ** rng.uniform(6, 9, 13) + known) * np.exp(0.2 * rng.standard_normal(known.size))
+    x = nonnegative_logarithmic(A, b, known, error)
+    model = A @ x + known
+    rows = A / (model * error)[:, None]
+    gradient = rows.T @ (np.log(model / b) / error) / np.linalg.norm(rows, axis=0)
+    assert 0 < np.count_nonzero(x == 0) < 8
+    assert (gradient[x == 0] > 0).all()
+    np.testing.assert_allclose(gradient[x > 0], 0, atol=1e-6)
+
+
+def test_known_series_is_found_on_its_own_times():
+    found = fit_prony(modulus_data(TRUTH), poisson=0.49)
+    assert isinstance(found, PronyFit) and found.fit.success
+    assert_same(found.material, TRUTH)
+    assert float(found.material.poisson) == 0.49
+    assert found.dropped.size == 0
+    assert found.rms_storage < 1e-8 and found.rms_loss < 1e-8
+
+
+def test_any_order_of_times_and_frequencies():
+    shuffled = np.random.default_rng(1).permutation(40)
+    found = fit_prony(modulus_data(TRUTH, OMEGA[shuffled], body="upper"), tau=TAU[::-1])
+    assert_same(found.material, TRUTH)
+    np.testing.assert_allclose(found.material.tau, TAU[::-1])
+    assert found.fit.names[0] == "upper.material.E[0]"
+
+
+@pytest.mark.parametrize("term", [3, 4])  # exactly zero, and 1e-15 of the others by rounding
+def test_absent_term_is_dropped(term):
+    gone = dataclasses.replace(TRUTH, E=TRUTH.E.at[term].set(0.0))
+    found = fit_prony(modulus_data(gone))
+    np.testing.assert_allclose(found.dropped, TAU[[term]])
+    left = np.arange(7) != term
+    assert_same(found.material, rf.Prony(2e6, gone.E[left], TAU[left]))
+    assert f"absent, since the data are met best without them: tau = {TAU[term]:.3g} s" in found.report()
+
+
+def test_liquid_is_found_and_said():
+    liquid = dataclasses.replace(TRUTH, E_inf=0.0)
+    found = fit_prony(modulus_data(liquid))
+    assert_same(found.material, liquid)
+    assert found.dropped.tolist() == [np.inf]
+    assert "without E_inf it is a liquid" in found.report()
+
+
+@pytest.mark.parametrize("E_inf", [0.0, 2e6])
+def test_relaxed_modulus_held(E_inf):
+    truth = dataclasses.replace(TRUTH, E_inf=E_inf)
+    found = fit_prony(modulus_data(truth), E_inf=E_inf)
+    assert_same(found.material, truth)
+    assert found.dropped.size == 0 and len(found.fit.names) == 7
+    assert "(fixed)" in found.report()
+
+
+def test_raw_curves_are_superposed_by_their_shift():
+    shift = rf.WLF(8.0, 110.0, 293.15)
+    shifted = dataclasses.replace(TRUTH, shift=shift)
+    omega, T = (x.ravel() for x in np.meshgrid(np.geomspace(1.0, 1e3, 8), [263.15, 283.15, 293.15, 318.15]))
+    reduced = omega * np.exp(np.asarray(shift.log_factor(T)))
+    data = modulus_data(shifted, omega, temperature=T)
+    found = fit_prony(data, tau=TAU, shift=shift)
+    assert_same(found.material, TRUTH)
+    assert float(found.material.shift.C2) == 110.0
+    default = fit_prony(data, shift=shift)
+    times = np.sort(np.append(default.material.tau, default.dropped))
+    np.testing.assert_allclose(times[[0, -1]], [1 / reduced.max(), 1 / reduced.min()])
+    spacing = np.diff(np.log10(times))
+    assert spacing.min() > 0.5 and spacing.max() <= 1.0
+
+
+def test_error_bars_of_noisy_data(noisy):
+    assert noisy.fit.success and not noisy.fit.withheld
+    truth = np.append(TRUTH.E, TRUTH.E_inf)
+    pull = (noisy.fit.values - truth) / noisy.fit.stderr
+    assert np.abs(pull).max() < 4 and 0.3 < np.sqrt(np.mean(pull**2)) < 2
+    assert noisy.fit.estimated[0] == pytest.approx(0.04, rel=0.25)
+    assert noisy.rms_storage == pytest.approx(0.04, rel=0.3)
+    assert noisy.rms_loss == pytest.approx(0.04, rel=0.3)
+
+
+def test_residuals_are_those_of_the_material(noisy):
+    data = modulus_data(TRUTH, noise=0.04)
+    modulus = np.asarray(rf.complex_modulus(noisy.material, OMEGA))
+    np.testing.assert_allclose(noisy.residuals[0], np.log(modulus.real / data.storage), rtol=1e-9, atol=1e-13)
+    np.testing.assert_allclose(noisy.residuals[1], np.log(modulus.imag / data.loss), rtol=1e-9, atol=1e-13)
+
+
+def test_report(noisy):
+    lines = noisy.report().splitlines()
+    assert lines[0] == "Prony series of sample A: 7 terms, tau = 1e-06 ... 1 s"
+    assert f"E' {noisy.rms_storage:.2%}, E'' {noisy.rms_loss:.2%}" in lines[2]
+    assert len(lines) == 4 + 8
+    value, error = noisy.fit.values[2], noisy.fit.stderr[2]
+    assert lines[7].split() == ["0.0001", f"{value:.4g}", "+/-", f"{error:.2g}", f"({error / value:.1%})"]
+    assert repr(noisy).startswith("<PronyFit: 7 terms")
+    headings, relaxed, *terms, rms = cells(noisy)
+    assert headings == ["tau [s]", "E [Pa]", "error [Pa]"] and relaxed[0] == "inf" and len(terms) == 7
+    assert terms[2] == ["0.0001", f"{value:.4g}", f"+/- {error:.2g} ({error / value:.1%})"]
+    assert rms == [lines[2].strip()]
+
+
+def test_absolute_errors_weight_the_points():
+    data = modulus_data(TRUTH, noise=0.03)
+    spoiled = data.measured.copy()
+    spoiled[[5, 60]] *= 3.0
+    error = 0.03 * data.measured
+    error[[5, 60]] *= 1e4
+    sigma = {"sigma_storage": error[:40], "sigma_loss": error[40:]}
+    found = fit_prony(ModulusData(OMEGA, spoiled[:40], spoiled[40:], **sigma))
+    assert found.fit.success
+    pull = (found.fit.values - np.append(TRUTH.E, TRUTH.E_inf)) / found.fit.stderr
+    assert np.abs(pull).max() < 4
+    # The start has the same weights: it says which terms are absent.
+    gone = dataclasses.replace(TRUTH, E=TRUTH.E.at[3].set(0.0))
+    clean = np.where(error > data.measured, 3.0, 1.0) * modulus_data(gone).measured
+    E, E_inf = _bounded(ModulusData(OMEGA, clean[:40], clean[40:], **sigma), OMEGA, TAU, None)
+    assert E[3] < 1e-6 * E[4] and E_inf == pytest.approx(2e6, rel=1e-4)
+    # Noise may take a loss below zero, where it has no logarithm.
+    spoiled[60] = -1.0
+    low = fit_prony(ModulusData(OMEGA, spoiled[:40], spoiled[40:], **sigma, check_units=False))
+    assert np.isnan(low.residuals[1, 20]) and np.isfinite(low.rms_loss)
+
+
+def test_smooth_series_has_no_gaps():
+    gap = (OMEGA < 1e2) | (OMEGA > 2e4)
+    found = fit_prony(modulus_data(TRUTH, OMEGA[gap], noise=0.05), 2.0, smooth=1.0)
+    E = np.asarray(found.material.E)
+    assert found.fit.success and E.size == 13 and found.dropped.size == 0
+    slopes = np.diff(np.log(E)) * 2
+    assert np.abs(np.diff(slopes)).max() < 3.0
+    modulus, true = (np.asarray(rf.complex_modulus(m, OMEGA)) for m in (found.material, TRUTH))
+    assert np.abs(np.log(modulus.real / true.real)).max() < 0.3
+
+
+def test_material_serves_a_scene(noisy):
+    scene = rf.Scene(rf.Body(noisy.material), rf.Body(rf.Rigid(), rf.SelfAffine(100.0, 1e3, 3e4, 0.8, 5e-4)))
+    true = dataclasses.replace(scene, lower=rf.Body(TRUTH))
+    mu, expected = (rf.friction(s, np.array([1e-3, 0.1]), 2e5) for s in (scene, true))
+    np.testing.assert_allclose(mu, expected, rtol=0.05)
+    assert all(isinstance(leaf, jax.Array) or np.isscalar(leaf) for leaf in jax.tree.leaves(noisy.material))
+    assert noisy.material.E.dtype == jnp.float64
+
+
+GOOD = modulus_data(TRUTH)
+FEW = modulus_data(TRUTH, OMEGA[::13])
+WARM = modulus_data(
+    dataclasses.replace(TRUTH, shift=rf.WLF(8.0, 110.0, 293.15)), temperature=np.full(40, 300.0)
+)
+APART = ModulusData(
+    np.geomspace(1.0, 10.0, 8).repeat(2), np.full(16, 2e6), np.full(16, 2e5), temperature=[250.0, 330.0] * 8
+)
+
+
+@pytest.mark.parametrize(
+    ("data", "options", "said"),
+    [
+        (FrictionData(1.0, 0.5, pressure=1e5), {}, "data is a FrictionData: must be ModulusData"),
+        (None, {}, "data is a NoneType: must be ModulusData"),
+        (WARM, {}, "no shift is given: must be WLF"),
+        (WARM, {"shift": 3.0}, "Prony.shift = 3.0"),
+        (WARM, {"shift": rf.WLF(8.0, 10.0, 330.0)}, "pole of the WLF law"),
+        (APART, {"shift": rf.WLF(8.0, 110.0, 293.15)}, "nothing between the reduced frequencies"),
+        (
+            modulus_data(TRUTH, OMEGA[[*range(9), *range(32, 40)]]),
+            {},
+            "curves must overlap, or .* give smooth",
+        ),
+        (FEW, {"per_decade": 3.0}, "8 values for 20 unknowns: must be as many"),
+        (GOOD, {"per_decade": 0.0}, "per_decade = 0.0: must be a number > 0"),
+        (GOOD, {"per_decade": "many"}, "per_decade = 'many': must be"),
+        (GOOD, {"tau": [1e-3, 1e-3]}, "must all be different"),
+        (GOOD, {"tau": [1e-3, 0.0]}, r"tau\[1\] = 0.0: must be > 0"),
+        (GOOD, {"tau": []}, "tau is empty"),
+        (GOOD, {"tau": "short"}, "tau = 'short': must be a sequence of numbers"),
+        (GOOD, {"tau": [1e-3, 1e-9]}, r"tau\[1\] = 1e-09 s: .* 1e-06 \.\.\. 1 s"),
+        (GOOD, {"tau": [1e3, 1e-3]}, r"tau\[0\] = 1000 s: data .* do not reach it"),
+        (GOOD, {"E_inf": -1.0}, "E_inf = -1.0: must be 'fit' or a number >= 0"),
+        (GOOD, {"E_inf": "free"}, "E_inf = 'free': must be"),
+        (GOOD, {"poisson": 0.6}, "poisson = 0.6"),
+        (GOOD, {"smooth": 0.0}, "smooth = 0.0: must be None or a number > 0"),
+        (GOOD, {"smooth": 1.0, "tau": [1e-3, 1e-2]}, "three or more different relaxation times"),
+        (
+            ModulusData([1.0, 2.0], [2e6, 2e6], [-1.0, -1.0], [1.0, 1.0], [1.0, 1.0], check_units=False),
+            {},
+            "want no relaxing term",
+        ),
+    ],
+)
+def test_bad_input(data, options, said):
+    with pytest.raises(ValueError, match=said) as caught:
+        fit_prony(data, **options)
+    assert "\n" not in str(caught.value)

@@ -1,0 +1,295 @@
+"""What a fit refuses, each with one line that says what was wrong, where, and what to do."""
+
+import os
+import subprocess
+import sys
+
+import jax
+import numpy as np
+import pytest
+
+import rubberfric as rf
+from fitting import (
+    AreaData,
+    Bounded,
+    FrictionData,
+    Gaussian,
+    ModulusData,
+    Positive,
+    Smooth,
+    SpectrumData,
+    fit,
+)
+
+QUADRATURE = rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0)
+AFFINE = rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4)
+ROAD = rf.Body(rf.Rigid(), AFFINE)
+RUBBER = rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3], shift=rf.WLF(12.0, 150.0, 293.15))
+PLAIN = rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3])
+SCENE = rf.Scene(ROAD, rf.Body(RUBBER))
+E = "upper.material.E"
+FREE = {E: Positive()}
+MODULUS = ModulusData([1e2, 1e3, 1e4], [5e6, 8e6, 1e7], [2e6, 4e6, 4e6], relative=0.05)
+
+
+def refused(text, *arguments, error=ValueError, **options):
+    """Check that a fit is refused, with one line in which `text` stands."""
+    with pytest.raises(error) as caught:
+        fit(*arguments, **options)
+    message = str(caught.value)
+    assert text in message
+    assert "\n" not in message and len(message) < 400
+
+
+# --- arguments
+
+
+@pytest.mark.parametrize("scene", [3, None, "scene.toml", ROAD])
+def test_scene(scene):
+    refused(f"scene is a {type(scene).__name__}: must be a Scene", scene, MODULUS, FREE)
+
+
+@pytest.mark.parametrize(
+    ("data", "text"),
+    [
+        ([], "data is empty: must hold at least one data set"),
+        ((), "data is empty"),
+        (None, "data is a NoneType: must be FrictionData, AreaData, ModulusData or SpectrumData, or a list"),
+        (5, "data is a int: must be"),
+        ("friction.csv", "data is a str: must be"),
+        ({"a": MODULUS}, "data is a dict: must be"),
+        (np.ones((3, 2)), "data is a ndarray: must be"),
+        (ModulusData, "data is a type: must be"),
+        (
+            [MODULUS, None],
+            "data[1] is a NoneType: must be FrictionData, AreaData, ModulusData or SpectrumData",
+        ),
+        ([[MODULUS]], "data[0] is a list: must be"),
+    ],
+)
+def test_data(data, text):
+    refused(text, SCENE, data, FREE)
+
+
+@pytest.mark.parametrize(
+    ("options", "text"),
+    [
+        ({"method": "newton"}, "method = 'newton': must be one of lm, lbfgs, adam"),
+        ({"method": ["lm"]}, "method = ['lm']: must be one of"),
+        ({"method": None}, "method = None: must be one of"),
+        ({"loss": "l2"}, "loss = 'l2': must be one of linear, huber, soft_l1, cauchy"),
+        ({"loss": ["huber"]}, "loss = ['huber']: must be one of"),
+        ({"loss_width": 0.0, "loss": "huber"}, "loss_width = 0.0: must be a finite number > 0"),
+        ({"loss_width": np.inf, "loss": "huber"}, "loss_width = inf: must be a finite number > 0"),
+        ({"loss_width": "wide"}, "loss_width = 'wide': must be a finite number > 0"),
+        ({"starts": 0}, "starts = 0: must be an integer >= 1"),
+        ({"starts": 2.0}, "starts = 2.0: must be an integer >= 1"),
+        ({"starts": True}, "starts = True: must be an integer >= 1"),
+        ({"starts": None}, "starts = None: must be an integer >= 1"),
+        ({"max_steps": 0}, "max_steps = 0: must be an integer >= 1"),
+        ({"max_steps": -1}, "max_steps = -1: must be an integer >= 1"),
+        ({"max_steps": 2.5}, "max_steps = 2.5: must be an integer >= 1"),
+        ({"tolerance": 0.0}, "tolerance = 0.0: must be a finite number > 0"),
+        ({"tolerance": "small"}, "tolerance = 'small': must be a finite number > 0"),
+        ({"decades": np.nan, "starts": 2}, "decades = nan: must be a finite number > 0"),
+        ({"decades": -1.0, "starts": 2}, "decades = -1.0: must be a finite number > 0"),
+        ({"key": 3, "starts": 2}, "key = 3: must be a jax.random.key, such as jax.random.key(1)"),
+        ({"callback": 3}, "callback = 3: must be a function of (step, cost), or None"),
+        ({"prior": [Smooth()]}, "must be a dict of key path -> Gaussian or Smooth, or None"),
+        ({"quadrature": 16}, "quadrature is a int: must be a Quadrature, or None"),
+    ],
+)
+def test_options(options, text):
+    refused(text, SCENE, MODULUS, FREE, **options)
+
+
+def test_integers_of_any_kind_are_integers():
+    assert fit(SCENE, MODULUS, FREE, starts=np.int64(1), max_steps=np.int32(1)).njev == 1
+
+
+# --- data that the scene cannot predict
+
+
+@pytest.mark.parametrize(
+    ("scene", "data", "text"),
+    [
+        (
+            rf.Scene(ROAD, rf.Body(PLAIN)),
+            FrictionData([1.0], [0.3], pressure=1e5, temperature=300.0),
+            "have a temperature, but no part of the scene has a shift:"
+            " give the scene one, or the data no temperature",
+        ),
+        (
+            rf.Scene(ROAD, rf.Body(PLAIN)),
+            AreaData([1.0], [0.3], pressure=1e5, temperature=300.0),
+            "have a temperature, but no part of the scene has a shift",
+        ),
+        (
+            rf.Scene(ROAD, rf.Body(PLAIN)),
+            ModulusData([1.0], [1e7], [1e6], temperature=300.0),
+            "have a temperature, but upper.material has no shift",
+        ),
+        (
+            SCENE,
+            FrictionData([1.0], [0.3], pressure=1e5, temperature=120.0),
+            "temperature[0] = 120.0: must be > 143.15 K, the pole of the WLF law",
+        ),
+        (
+            SCENE,
+            ModulusData([1.0], [1e7], [1e6], body="lower"),
+            "body = 'lower': must be a viscoelastic solid, 'upper'",
+        ),
+        (
+            rf.Scene(rf.Body(PLAIN, AFFINE), rf.Body(PLAIN)),
+            ModulusData([1.0], [1e7], [1e6]),
+            "no body is given: must be a viscoelastic solid, 'lower' or 'upper'",
+        ),
+        (
+            rf.Scene(ROAD, rf.Body(rf.Elastic(1e7, 0.5))),
+            ModulusData([1.0], [1e7], [1e6]),
+            "no body is given: must be a viscoelastic solid, but the scene has no viscoelastic solid",
+        ),
+        (
+            rf.Scene(ROAD, rf.Body(PLAIN, AFFINE)),
+            SpectrumData([1e3], [1e-14]),
+            "no body is given: must be a solid with a spectrum, 'lower' or 'upper'",
+        ),
+        (
+            SCENE,
+            SpectrumData([1e3], [1e-14], body="upper"),
+            "body = 'upper': must be a solid with a spectrum, 'lower'",
+        ),
+    ],
+)
+def test_data_that_the_scene_cannot_predict(scene, data, text):
+    refused(text, scene, data, {"gamma": Bounded(0.0, 1.0)})
+    refused(data.label, scene, data, {"gamma": Bounded(0.0, 1.0)})
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        rf.Scene(rf.Body(rf.Rigid()), rf.Body(PLAIN, AFFINE)),  # Case II: the roughness moves with the rubber
+        rf.Scene(ROAD, rf.Body(rf.Elastic(1e7, 0.5))),
+        rf.Scene(rf.Body(rf.Rigid()), rf.Body(PLAIN)),
+    ],
+)
+@pytest.mark.parametrize("errors", [{"relative": 0.1}, {"sigma": 0.1}])
+def test_friction_of_a_scene_that_has_none(scene, errors):
+    """ln 0 with relative errors; with absolute ones, a fit of nothing."""
+    data = FrictionData([1e-3, 1.0], [0.3, 0.4], pressure=1e5, name="dry run", **errors)
+    refused(
+        "data 'dry run': the scene has no friction: a rough solid must face a viscoelastic one,"
+        " or the scene must have contact shear",
+        scene,
+        [AreaData([1.0, 2.0], [0.1, 0.1], pressure=1e5), data],
+        {"gamma": Bounded(0.0, 1.0)},
+    )
+
+
+def test_contact_shear_is_friction():
+    """With absolute errors at rest and backwards, too."""
+    scene = rf.Scene(ROAD, rf.Body(rf.Elastic(1e7, 0.5)), shear=rf.ContactShear(6.5e6, 0.1, 6e-3))
+    data = FrictionData([1e-3, 0.1, 0.0, -0.1], [0.3, 0.4, 0.05, -0.3], [0.1] * 4, pressure=1e5)
+    result = fit(scene, data, {"shear.tau_f0": Positive()}, quadrature=QUADRATURE)
+    assert result.success and 0 < result.stderr[0] < 0.3 * result.values[0]
+
+
+@pytest.mark.parametrize("velocity", [0.0, -1e-2])
+def test_logarithm_of_a_friction_that_is_not_positive(velocity):
+    """The model is 0 at rest and odd in the velocity; the data have relative errors."""
+    scene = rf.Scene(ROAD, rf.Body(rf.Elastic(1e7, 0.5)), shear=rf.ContactShear(6.5e6, 0.1, 6e-3))
+    data = FrictionData([1e-3, velocity], [0.3, 0.4], pressure=1e5, relative=0.1)
+    text = (
+        f"the model is not finite at the start at 1 of 2 values, first at velocity = {velocity:g} m/s,"
+        " pressure = 100000 Pa: check the start values of the free parameters, and give absolute"
+        " errors (sigma) where the model may be 0 or less, as at velocities <= 0"
+    )
+    free = {"shear.tau_f0": Positive()}
+    refused(text, scene, data, free, error=FloatingPointError, quadrature=QUADRATURE)
+
+
+def test_a_smooth_prior_of_a_series_with_a_zero_in_it():
+    scene = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, [5e7, 0.0, 8e6], [1e-5, 1e-4, 1e-3])))
+    refused(
+        "a prior is not finite at the start: Smooth needs all moduli of its series > 0",
+        scene,
+        MODULUS,
+        {E + "[0]": Positive()},
+        prior={E: Smooth()},
+        error=FloatingPointError,
+    )
+
+
+# --- too many parameters
+
+
+def test_more_parameters_than_data():
+    data = ModulusData([1e3], [8e6], [4e6], relative=0.05)
+    free = FREE | {"upper.material.E_inf": Positive()}
+    text = (
+        "3 free parameters, but only 2 measured values and 0 rows of priors:"
+        " free fewer, tie some, or add a prior"
+    )
+    refused(text, SCENE, data, free)
+    result = fit(SCENE, data, free, prior={E: Gaussian(1e7, 1e6), "upper.material.E_inf": Gaussian(3e6, 3e5)})
+    assert result.success and not result.withheld and np.isfinite(result.stderr).all()
+
+
+def test_as_many_parameters_as_data_leave_no_scatter():
+    """No estimate of the error, no reduced chi square; but values, and the error that was assumed."""
+    result = fit(SCENE, ModulusData([1e4], [1.15e7], [5.9e6]), FREE)
+    assert result.success and result.cost < 1e-12
+    assert result.freedom == pytest.approx(0.0, abs=1e-6) and np.isnan(result.redchi)
+    assert result.estimated == (0.1,) and np.isfinite(result.stderr).all()
+
+
+# --- single precision
+
+SINGLE = """
+import numpy as np
+import rubberfric as rf
+from fitting import FrictionData, ModulusData, Positive, fit
+
+road = rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4))
+scene = rf.Scene(road, rf.Body(rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3])))
+omega = np.logspace(1, 6, 10)
+a = omega[:, None] * np.array([1e-5, 1e-3])
+terms = np.array([5e7, 8e6]) * (a**2 + 1j * a) / (1 + a**2)
+exact = 3e6 + terms.sum(1)
+noise = np.exp(0.03 * np.random.default_rng(0).standard_normal((2, 10)))
+data = ModulusData(omega, exact.real * noise[0], exact.imag * noise[1], relative=0.03)
+result = fit(scene, data, {"upper.material.E": Positive(1e7)})
+print(result.success, result.values.dtype, *result.values, *result.stderr, sep=",")
+"""
+
+
+@pytest.mark.slow
+def test_single_precision():
+    """Without x64, in a process of its own; against the same fit in double precision."""
+    environment = {**os.environ, "JAX_ENABLE_X64": "0", "PYTHONPATH": os.pathsep.join(sys.path)}
+    done = subprocess.run(
+        [sys.executable, "-W", "error", "-c", SINGLE],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    success, dtype, *numbers = done.stdout.strip().split(",")
+    assert (success, dtype) == ("True", "float32")
+    values, stderr = np.split(np.array(numbers, float), 2)
+    here = {}
+    exec(SINGLE, here)  # in this process, with x64
+    np.testing.assert_allclose(
+        values, here["result"].values, atol=0.05 * here["result"].stderr.min(), rtol=1e-3
+    )
+    np.testing.assert_allclose(stderr, here["result"].stderr, rtol=1e-2)
+
+
+def test_a_single_precision_scene_is_fitted_in_its_own_precision():
+    scene = rf.scene.scene.cast(SCENE, np.float32)
+    result = fit(scene, MODULUS, FREE, starts=2)
+    assert result.success
+    assert {leaf.dtype for leaf in jax.tree.leaves(result.scene)} == {np.dtype(np.float32)}
+    np.testing.assert_allclose(result.values, fit(SCENE, MODULUS, FREE).values, rtol=1e-2)

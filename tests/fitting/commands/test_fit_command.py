@@ -1,0 +1,550 @@
+"""The command rubberfric-fit and its job files: what they accept, print and write, and how they end."""
+
+import functools
+import importlib.metadata
+import os
+import re
+import signal
+import subprocess
+import sys
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import fitting
+import rubberfric as rf
+from fitting.commands import main as command
+from fitting.commands.job import read_job
+from fitting.results.hdf5 import load
+from fitting.solvers.problem import cost_of, residuals
+
+SCENE = """
+[lower]
+material = { kind = "rigid" }
+spectrum = { kind = "self_affine", q0 = 100, qr = 1000, q1 = 1e4, hurst = 0.8, h_rms = 1e-4 }
+[upper]
+material = { kind = "prony", E_inf = 1e6, E = [1e8, 1e7], tau = [1e-6, 1e-4] }
+"""
+JOB = """
+title = "Small fit"
+scene = "scene.toml"
+[[data]]
+file = "modulus.csv"
+body = "upper"
+relative = 0.03
+[free]
+"upper.material.E" = { rule = "positive", start = [5e7, 2e7] }
+"upper.material.tau[1]" = "positive"
+"upper.material.E_inf" = { rule = "bounded", low = 1e5, high = 1e7 }
+[prior]
+"upper.material.E_inf" = { mean = 1e6, sigma = 1e5 }
+[fit]
+method = "lm"
+starts = 2
+"""
+
+
+@pytest.fixture
+def job(tmp_path, monkeypatch):
+    """A job file with its scene and data in the working directory."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "scene.toml").write_text(SCENE)
+    (tmp_path / "job.toml").write_text(JOB)
+    omega = np.logspace(0, 7, 10)
+    E = np.asarray(rf.complex_modulus(rf.Prony(1e6, [1e8, 1e7], [1e-6, 1e-4]), omega))
+    noise = np.exp(0.03 * np.random.default_rng(0).standard_normal((2, 10)))
+    fitting.write("modulus.csv", fitting.ModulusData(omega, E.real * noise[0], E.imag * noise[1]))
+    v = np.logspace(-3, 1, 5)
+    fitting.write("friction.h5", fitting.FrictionData(v, 0.1 + 0.01 * v, pressure=1e5, name="own"))
+    (tmp_path / "friction.csv").write_text("v,mu\nm/s,-\n1e-2,0.1\n1e-1,0.2\n")
+    return tmp_path / "job.toml"
+
+
+INPUTS = ["friction.csv", "friction.h5", "job.toml", "modulus.csv", "scene.toml"]
+
+
+@pytest.fixture
+def call(call_main):
+    """Run the command in this process: exit status, stdout, stderr."""
+    return functools.partial(call_main, command.main)
+
+
+def test_report_file_and_picture(call, job, tmp_path):
+    status, printed, complaint = call(job, "--out", "fit.h5", "--plot", "fit.png")
+    assert (status, complaint) == (0, "")
+    assert sorted(os.listdir()) == sorted([*INPUTS, "fit.h5", "fit.png"])
+    assert (tmp_path / "fit.png").read_bytes().startswith(b"\x89PNG\r\n")
+    result = load("fit.h5")
+    assert printed == "Small fit\n" + result.report()
+    assert result.success
+    assert result.names == (
+        *("upper.material.E[0]", "upper.material.E[1]", "upper.material.tau[1]", "upper.material.E_inf"),
+    )
+    np.testing.assert_allclose(result.values, [1e8, 1e7, 1e-4, 1e6], rtol=0.1)
+    np.testing.assert_allclose(result.start_values, [5e7, 2e7, 1e-4, 1e6])
+    assert sum(minimum.count for minimum in result.minima) == 2
+
+    # the same in Python
+    read = read_job(job)
+    again = fitting.fit(read.scene, read.data, read.free, prior=read.prior, **read.options)
+    np.testing.assert_array_equal(again.values, result.values)
+
+
+def test_everything_a_job_can_say(job):
+    job.write_text("""
+    scene = "scene.h5"
+    [[data]]
+    file = "friction.csv"
+    pressure = 2e5
+    relative = 0.05
+    name = "Läufer 2"
+    [[data]]
+    file = "friction.h5"
+    [[data]]
+    file = "modulus.csv"
+    body = "upper"
+    [free]
+    "upper.material.E" = "positive"
+    "upper.material.E_inf" = { rule = "tied", to = "lower.spectrum.h_rms", ratio = 1e10 }
+    "lower.spectrum.h_rms" = { rule = "positive", start = 2e-4 }
+    "lower.spectrum.hurst" = { rule = "bounded", low = 0.3, high = 1, start = 0.75 }
+    gamma = { rule = "free", start = 0.4, scale = 0.1 }
+    [prior]
+    "lower.spectrum.hurst" = { mean = 0.8, sigma = 0.05 }
+    "upper.material.E" = { smooth = 2 }
+    [fit]
+    method = "lbfgs"
+    starts = 4
+    seed = 7
+    loss = "huber"
+    loss_width = 2
+    decades = 0.5
+    max_steps = 10
+    tolerance = 1e-6
+    """)
+    rf.save_scene("scene.h5", rf.load_scene("scene.toml"))
+    read = read_job(job)
+    assert isinstance(read.scene, rf.Scene)
+    friction, stored, modulus = read.data
+    assert friction.pressure.tolist() == [2e5, 2e5]
+    assert friction.relative.tolist() == [0.05, 0.05]
+    assert [friction.name, stored.name, modulus.body] == ["Läufer 2", "own", "upper"]
+    assert read.free == {
+        "upper.material.E": fitting.Positive(),
+        "upper.material.E_inf": fitting.Tied("lower.spectrum.h_rms", 1e10),
+        "lower.spectrum.h_rms": fitting.Positive(2e-4),
+        "lower.spectrum.hurst": fitting.Bounded(0.3, 1.0, 0.75),
+        "gamma": fitting.Free(0.4, 0.1),
+    }
+    assert read.prior == {
+        "lower.spectrum.hurst": fitting.Gaussian(0.8, 0.05),
+        "upper.material.E": fitting.Smooth(2.0),
+    }
+    key = read.options.pop("key")
+    assert jax.random.key_data(key).tolist() == jax.random.key_data(jax.random.key(7)).tolist()
+    assert read.options == {
+        **{"method": "lbfgs", "starts": 4, "loss": "huber", "loss_width": 2.0, "decades": 0.5},
+        **{"max_steps": 10, "tolerance": 1e-6},
+    }
+    assert read.title == ""
+
+
+E_LINE = '"upper.material.E" = { rule = "positive", start = [5e7, 2e7] }'
+INF_LINE = '"upper.material.E_inf" = { rule = "bounded", low = 1e5, high = 1e7 }'
+PRIOR = '"upper.material.E_inf" = { mean = 1e6, sigma = 1e5 }'
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[free]", "[free", "is not TOML"),
+        ("[free]", "[fre]", "fre: unknown key; did you mean 'free'? must be one of title, scene, data"),
+        ('scene = "scene.toml"', "", "scene: is missing; must be given"),
+        ('scene = "scene.toml"', "scene = 3", "scene = 3: must be one line of text"),
+        ("scene.toml", "no.toml", "scene: no.toml: cannot be read: No such file"),
+        ("scene.toml", "scene.yaml", "suffix '.yaml': must be .toml or .h5"),
+        ("Small fit", "Small\\nfit", "title = 'Small\\nfit': must be one line of text"),
+        (
+            "[[data]]",
+            "[data]",
+            "data = {'file': 'modulus.csv', 'body': 'upper', 'relative': 0.03}: must be tables",
+        ),
+        ('file = "modulus.csv"', "", "data[0].file: is missing; must be given"),
+        ('body = "upper"', 'bdy = "upper"', "data[0].bdy: unknown key; did you mean 'body'?"),
+        (
+            'body = "upper"',
+            'body = "up"',
+            "data[0].file: modulus.csv: ModulusData.body = 'up': must be 'low",
+        ),
+        ("modulus.csv", "no.csv", "data[0].file: no.csv: cannot be read: No such file"),
+        ("modulus.csv", "friction.h5", "body = 'upper': must not be given; friction data have none"),
+        ("relative = 0.03", "relative = -0.03", "ModulusData.relative = -0.03: must be > 0"),
+        ("relative = 0.03", "relative = [1, 2]", "data[0].relative = [1, 2]: must be one number"),
+        ("relative = 0.03", 'relative = "3 %"', "data[0].relative = '3 %': must be a number"),
+        (
+            "relative = 0.03",
+            "pressure = 1e5",
+            "pressure = 100000.0: must not be given; modulus data have none",
+        ),
+        ("relative = 0.03", "name = 3", "data[0].name = 3: must be one line of text"),
+        (JOB[JOB.index("[free]") :], "[free]", "free: is empty; must name the key paths that are free"),
+        (
+            E_LINE,
+            'upper.material.E = "positive"',
+            'free.upper.material.E: put the key path in quotes: "upper.mater',
+        ),
+        (
+            E_LINE,
+            'upper.material.E = { rule = "positive" }',
+            'put the key path in quotes: "upper.material.E" =',
+        ),
+        (f"[free]\n{E_LINE}", '[free.lower.spectrum]\nq1 = "free"\n[free]', '"lower.spectrum.q1" = ...'),
+        (
+            PRIOR,
+            "upper.material.E_inf = { mean = 1e6, sigma = 1e5 }",
+            'in quotes: "upper.material.E_inf" = ...',
+        ),
+        (
+            '"upper.material.tau[1]" = "positive"',
+            "gamma = { rul = 1 }",
+            "free.'gamma'.rul: unknown key; did you mean 'r",
+        ),
+        (
+            "upper.material.tau[1]",
+            "upper.material.tua",
+            "'upper.material.tua': unknown key path; did you mean 'upper.ma",
+        ),
+        (
+            "upper.material.tau[1]",
+            "upper.material.tau[2]",
+            "has the elements [0] ... [1]; must name one of them",
+        ),
+        (
+            'tau[1]" = "positive"',
+            'tau[1]" = "postive"',
+            "rule = 'postive': did you mean 'positive'? must be one",
+        ),
+        (
+            'tau[1]" = "positive"',
+            'tau[1]" = "bounded"',
+            "free.'upper.material.tau[1]'.low: is missing; must be given",
+        ),
+        (
+            'tau[1]" = "positive"',
+            'tau[1]" = 3',
+            'tau[1]\' = 3: must be "positive" or a table with the key rule',
+        ),
+        (E_LINE, '"upper.material.E" = {}', "free.'upper.material.E'.rule: is missing; must be given"),
+        (
+            '"positive", start',
+            '"positive", low = 1, start',
+            "free.'upper.material.E'.low: unknown key; must be one of",
+        ),
+        (
+            "[5e7, 2e7]",
+            "[5e7, 2e7, 1]",
+            "free['upper.material.E']: start = [50000000.0, 20000000.0, 1.0]: must be one",
+        ),
+        (
+            "[5e7, 2e7]",
+            "-1",
+            "free['upper.material.E']: starts at -1: a Positive one must start > 0; give start=",
+        ),
+        (
+            "low = 1e5",
+            "low = 1e8",
+            "free.'upper.material.E_inf': Bounded(100000000.0, 10000000.0): must be finite",
+        ),
+        ("low = 1e5", 'low = "a"', "free.'upper.material.E_inf'.low = 'a': must be a number"),
+        ("low = 1e5, high = 1e7", "low = 2e6, high = 1e7", "starts at 1e+06: must start inside the bounds"),
+        (
+            INF_LINE,
+            '"upper.material.E_inf" = { rule = "tied", to = 3 }',
+            "E_inf'.to = 3: must be one line of text",
+        ),
+        (
+            INF_LINE,
+            '"upper.material.E_inf" = { rule = "tied", to = "gamma" }',
+            "tied to 'gamma': must be a key of fr",
+        ),
+        (
+            PRIOR,
+            '"gamma" = { mean = 1, sigma = 1 }',
+            "prior['gamma']: must be a free parameter: upper.material.E,",
+        ),
+        (
+            "sigma = 1e5",
+            "sgma = 1e5",
+            "prior.'upper.material.E_inf'.sgma: unknown key; did you mean 'sigma'?",
+        ),
+        (", sigma = 1e5", "", "prior.'upper.material.E_inf'.sigma: is missing; must be given"),
+        ("sigma = 1e5", "sigma = 0", "prior.'upper.material.E_inf': Gaussian: sigma = 0.0: must be"),
+        (
+            "mean = 1e6",
+            "smooth = 1",
+            "prior.'upper.material.E_inf'.sigma: unknown key; must be one of smooth",
+        ),
+        (PRIOR, '"upper.material.E" = 3', "prior.'upper.material.E' = 3: must be a table"),
+        ('"lm"', '"ml"', "fit.method = 'ml': must be one of lm, lbfgs, adam"),
+        (
+            "starts = 2",
+            "start = 2",
+            "fit.start: unknown key; did you mean 'starts'? must be one of method, starts",
+        ),
+        ("starts = 2", "starts = 0", "fit.starts = 0: must be an integer >= 1"),
+        ("starts = 2", "seed = 1.5", "fit.seed = 1.5: must be an integer >= 0"),
+        ("starts = 2", "starts = true", "fit.starts = True: must be an integer >= 1"),
+        (
+            "starts = 2",
+            'loss = "l1"',
+            "fit.loss = 'l1': must be one of linear, huber",
+        ),
+        ("starts = 2", "loss_width = 0", "fit.loss_width = 0.0: must be > 0 and finite"),
+        ("starts = 2", "tolerance = inf", "fit.tolerance = inf: must be > 0 and finite"),
+        ("starts = 2", "decades = [1]", "fit.decades = [1]: must be one number"),
+        ("starts = 2", "max_steps = 1e3", "fit.max_steps = 1000.0: must be an integer >= 1"),
+    ],
+)
+def test_bad_jobs(call, job, monkeypatch, old, new, message):
+    assert JOB.count(old) >= 1
+    job.write_text(JOB.replace(old, new, 1))
+    monkeypatch.setattr(sys.modules["fitting.fit"], "run_problem", None)  # nothing may be computed
+    status, printed, complaint = call("job.toml", "--out", "fit.h5", "--plot", "fit.png")
+    assert (status, printed, complaint.count("\n")) == (2, "", 1)
+    assert message in complaint
+    assert complaint.startswith("rubberfric-fit: job.toml: ")
+    assert sorted(os.listdir()) == INPUTS
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((), "JOB"),
+        (("no.toml",), "no.toml: cannot be read: No such file"),
+        (("job.json",), "job.json: suffix '.json': must be .toml"),
+        (("job.toml", "--fast"), "unrecognized arguments: --fast"),
+        (("job.toml", "--out", "fit.csv"), "fit.csv: suffix '.csv': must be .h5"),
+        (("job.toml", "--out", "no/fit.h5"), "there is no folder 'no'; it must exist"),
+        (("job.toml", "--plot", "fit.gif"), "must be .png or .pdf or .svg"),
+        (("job.toml", "--plot", "no/fit.png"), "there is no folder 'no'; it must exist"),
+    ],
+)
+def test_bad_arguments(call, job, monkeypatch, arguments, message):
+    monkeypatch.setattr(command, "fit", None)  # nothing may be computed
+    status, printed, complaint = call(*arguments)
+    assert (status, printed, complaint.count("\n")) == (2, "", 1)
+    assert message in complaint
+    assert complaint.startswith("rubberfric-fit: ")
+    assert sorted(os.listdir()) == INPUTS
+
+
+def test_plot_without_matplotlib(call, job, monkeypatch):
+    monkeypatch.setattr(command.importlib.util, "find_spec", lambda name: None)
+    status, printed, complaint = call(job, "--plot", "fit.png")
+    assert (status, printed) == (2, "")
+    assert complaint == (
+        "rubberfric-fit: --plot needs matplotlib; install it with: pip install 'rubberfric[plot]'\n"
+    )
+
+
+def test_version_and_help(call):
+    assert call("--version") == (0, f"rubberfric-fit {importlib.metadata.version('rubberfric')}\n", "")
+    status, printed, _ = call("--help")
+    assert status == 0
+    assert "--plot" in printed
+
+
+def test_command_needs_no_matplotlib_and_switches_double_precision_on(job):
+    """In a process of its own: conftest switches double precision on here."""
+    program = """
+import sys
+sys.modules["matplotlib"] = None
+import jax, fitting
+from fitting.commands.main import main
+assert not jax.config.jax_enable_x64
+status = main(["job.toml"])
+assert jax.config.jax_enable_x64
+sys.exit(status)
+"""
+    done = subprocess.run([sys.executable, "-W", "error", "-c", program], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("Small fit\n[[Fit]]\n")
+
+
+def test_a_fit_that_does_not_converge_is_written_and_reported_all_the_same(call, job):
+    job.write_text(JOB + "max_steps = 1\n")
+    status, printed, complaint = call(job, "--out", "fit.h5")
+    assert (status, complaint) == (1, "rubberfric-fit: not converged: out of steps; raise max_steps\n")
+    assert printed.startswith("Small fit\nTHE FIT DID NOT SUCCEED: not converged: out of steps")
+    assert not load("fit.h5").success
+
+
+def test_a_full_disk_does_not_cost_the_report(call, job, monkeypatch):
+    def full(*arguments):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("fitting.results.hdf5.write_object", full)
+    status, printed, complaint = call(job, "--out", "fit.h5", "--plot", "fit.png")
+    assert (status, complaint) == (1, "rubberfric-fit: [Errno 28] No space left on device\n")
+    assert "[[Variables]]" in printed
+    assert sorted(os.listdir()) == sorted([*INPUTS, "fit.png"])
+
+
+@pytest.mark.parametrize("error", [FloatingPointError("not finite"), np.linalg.LinAlgError("no SVD")])
+def test_failed_work(call, job, monkeypatch, error):
+    def fail(*arguments, **options):
+        raise error
+
+    monkeypatch.setattr(command, "fit", fail)
+    assert call(job, "--out", "fit.h5") == (1, "", f"rubberfric-fit: {error}\n")
+    assert sorted(os.listdir()) == INPUTS
+
+
+def test_reader_that_goes_away(job):
+    """`rubberfric-fit ... | head` ends without a traceback, but writes what it was asked for."""
+    program = (
+        "import sys; from fitting.commands.main import main; sys.exit(main(['job.toml', '--out', 'fit.h5']))"
+    )
+    arguments = [sys.executable, "-c", program]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        process.stdout.close()
+        complaint = process.stderr.read()
+    assert (process.returncode, complaint) == (1, "")
+    assert load("fit.h5").success
+
+
+def start_cost(result):
+    """Cost of a fit's start values."""
+    structure, numbers, targets = result.problem[:3]
+    start = jnp.asarray(result.problem.start)
+    return float(cost_of(structure, numbers, residuals(structure, numbers, targets, start)))
+
+
+def test_interrupt_in_the_middle_of_a_fit(job):
+    """A process of its own with a terminal: Ctrl-C ends it with the best values so far in the file."""
+    pty = pytest.importorskip("pty")
+    job.write_text(
+        JOB.replace('method = "lm"', 'method = "adam"\ntolerance = 1e-300').replace("starts = 2", "")
+    )
+    program = (
+        "import sys; from fitting.commands.main import main; sys.exit(main(['job.toml', '--out', 'fit.h5']))"
+    )
+    master, slave = pty.openpty()
+    seen = b""
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=slave, text=True
+    ) as process:
+        os.close(slave)
+        sent = False
+        while chunk := _read(master):
+            seen += chunk
+            if b"step 20," in seen and not sent:
+                process.send_signal(signal.SIGINT)
+                sent = True
+        printed = process.stdout.read()
+    os.close(master)
+    assert process.returncode == 1
+    assert sorted(os.listdir()) == sorted([*INPUTS, "fit.h5"])
+    result = load("fit.h5")
+    assert result.message == "interrupted: these are the best values so far"
+    assert result.cost < 0.9 * start_cost(result)
+    assert result.problem.targets.measured.size == 20
+    assert printed == f"Small fit\n{result.report()}"
+    assert printed.startswith("Small fit\nTHE FIT DID NOT SUCCEED: interrupted: these are the best values")
+
+    # the progress is rewritten in place and gone at the end
+    *shown, cleared, last = seen.decode().split("\r")[1:-1]
+    assert shown[0] == "compiling ..."
+    assert all(re.fullmatch(r"step \d+, cost \S+ *", line) for line in shown[1:])
+    steps = [int(line.split()[1][:-1]) for line in shown[1:]]
+    assert steps == list(range(1, len(steps) + 1))
+    assert len(steps) < 3000
+    assert cleared.strip() == "" and len(cleared) >= len(shown[-1].rstrip())
+    assert last == "rubberfric-fit: interrupted: these are the best values so far"
+
+
+def _read(descriptor):
+    try:
+        return os.read(descriptor, 4096)
+    except OSError:  # how Linux says that the other end is closed
+        return b""
+
+
+def sending(*signals, at):
+    """A stand-in for `fitting.fit` that gets signals from within its callback at a step."""
+
+    def interrupted(*arguments, callback, **options):
+        def wrapped(step, cost):
+            if step == at:
+                for which in signals:
+                    os.kill(os.getpid(), which)
+            callback(step, cost)
+
+        return fitting.fit(*arguments, callback=wrapped, **options)
+
+    return interrupted
+
+
+def test_a_request_to_terminate_is_an_interrupt(call, job, monkeypatch):
+    before = signal.getsignal(signal.SIGTERM)
+    monkeypatch.setattr(command, "fit", sending(signal.SIGTERM, at=2))
+    status, printed, complaint = call(job, "--out", "fit.h5")
+    assert (status, complaint) == (1, "rubberfric-fit: interrupted: these are the best values so far\n")
+    assert "THE FIT DID NOT SUCCEED" in printed
+    result = load("fit.h5")
+    assert 0 < result.cost < start_cost(result)
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_an_interrupt_after_one_start_had_converged(call, job, monkeypatch):
+    """The values are good, but not all that was asked for was done."""
+
+    def interrupted(*arguments, callback, **options):
+        result = fitting.fit(*arguments, **options)
+        os.kill(os.getpid(), signal.SIGINT)
+        with pytest.raises(KeyboardInterrupt):
+            callback(99, 1.0)
+        return result
+
+    monkeypatch.setattr(command, "fit", interrupted)
+    status, printed, complaint = call(job)
+    assert status == 1
+    assert complaint == "rubberfric-fit: interrupted: a start had converged, others had not\n"
+    assert printed.startswith("Small fit\n[[Fit]]")
+
+
+def test_an_interrupt_while_saving_waits_until_the_file_is_whole(call, job, monkeypatch):
+    def slow(*arguments):
+        os.kill(os.getpid(), signal.SIGINT)
+        return command_save(*arguments)
+
+    command_save = command.save
+    monkeypatch.setattr(command, "save", slow)
+    status, _, complaint = call(job, "--out", "fit.h5")
+    assert (status, complaint) == (0, "")
+    assert load("fit.h5").success
+
+
+def test_a_second_interrupt_does_not_wait_and_leaves_no_half_file(call, job, monkeypatch):
+    def impatient(*arguments):
+        os.kill(os.getpid(), signal.SIGINT)
+        os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr("fitting.results.hdf5.write_minima", impatient)
+    status, printed, complaint = call(job, "--out", "fit.h5")
+    assert (status, printed) == (1, "")
+    assert complaint == "rubberfric-fit: interrupted; what was not yet complete is not written\n"
+    assert sorted(os.listdir()) == INPUTS
+
+
+def test_an_interrupt_before_the_fit(call, job, monkeypatch):
+    def read(path):
+        os.kill(os.getpid(), signal.SIGINT)
+        raise AssertionError("must not get here")
+
+    monkeypatch.setattr(command, "read_job", read)
+    status, printed, complaint = call(job, "--out", "fit.h5")
+    assert (status, printed, complaint.count("\n")) == (1, "", 1)
+    assert sorted(os.listdir()) == INPUTS

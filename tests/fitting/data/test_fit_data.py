@@ -1,0 +1,585 @@
+"""Measured data: what the constructors refuse, what a fit sees, and files that keep every bit."""
+
+import dataclasses
+import os
+
+import h5py
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from support.folders import TYRE
+from test_files import refused
+
+from fitting.data.files import COLUMN, read, read_group, write, write_group
+from fitting.data.kinds import AreaData, FrictionData, ModulusData, SpectrumData
+from fitting.data.measured import FIELDS
+from rubberfric.io.tables import COLUMNS
+
+GOOD = {
+    FrictionData: {"velocity": [1e-3, 1.0], "friction": [0.5, 0.9], "pressure": 1e5, "temperature": 293.15},
+    AreaData: {"velocity": [1e-3, 1.0], "area": [0.1, 0.05], "pressure": 1e5, "temperature": 293.15},
+    ModulusData: {"omega": [2.0, 1.0], "storage": [1e6, 2e6], "loss": [1e5, 2e5], "temperature": 293.15},
+    SpectrumData: {"q": [1e3, 1e2], "C": [1e-12, 1e-9]},
+}
+KINDS = list(GOOD)
+FIELD = [(cls, name) for cls in KINDS for name in GOOD[cls]]
+SIGMA = [(cls, name) for cls in KINDS for name in (*cls.sigmas, "relative")]
+
+
+def good(cls, **changes):
+    return cls(**GOOD[cls] | changes)
+
+
+def absolute(cls, **changes):
+    """Data with absolute errors."""
+    return good(cls, **dict(zip(cls.sigmas, ([0.1, 0.2], [0.3, 0.4]), strict=False)) | changes)
+
+
+def message(call):
+    """The message, one line, of the ValueError that `call` raises."""
+    with pytest.raises(ValueError, match="must") as caught:
+        call()
+    assert "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def equal(one, other):
+    """Whether two data sets are the same to the last bit."""
+    assert type(one) is type(other)
+    for field in dataclasses.fields(one):
+        x, y = getattr(one, field.name), getattr(other, field.name)
+        if isinstance(x, np.ndarray):
+            assert (x.dtype, y.dtype) == (np.float64, np.float64)
+            np.testing.assert_array_equal(x, y)
+        else:
+            assert x == y, field.name
+
+
+# --- constructors
+
+
+@pytest.mark.parametrize(("cls", "name"), [*FIELD, *SIGMA])
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (["a", "b"], " = ['a', 'b']: must be real numbers"),
+        ("1.0", " = '1.0': must be real numbers"),
+        (True, " = True: must be real numbers"),
+        ([[1, 2], [3, 4j]], " = [[1, 2], [3, 4j]]: must be real numbers"),
+        (np.array([[1, 2], [3, 4j]]), ": must be real numbers"),
+        ([1.0, [2.0, 3.0]], " = [1.0, [2.0, 3.0]]: must be real numbers"),
+        ([1.0, None], " = [1.0, None]: must be real numbers"),
+        ([10**400], ": must be real numbers"),
+        (np.ma.array([1.0, 2.0], mask=[False, True]), ": must be real numbers"),
+        ([], " is empty: must have at least one value"),
+        ([1.0, np.nan], "[1] = nan: must be finite"),
+        ([np.inf, 1.0], "[0] = inf: must be finite"),
+        ([[0.5], [-np.inf]], "[1][0] = -inf: must be finite"),
+    ],
+)
+def test_every_field_must_be_finite_real_numbers(cls, name, value, text):
+    for make in (good, absolute) if name != "relative" and name not in cls.sigmas else (good,):
+        given = {name: value}
+        if name in cls.sigmas:
+            given = dict.fromkeys(cls.sigmas, 0.1) | given
+        for check_units in (True, False):
+            got = message(
+                lambda make=make, given=given, check=check_units: make(cls, **given, check_units=check)
+            )
+            assert got.startswith(f"{cls.__name__}.{name}"), got
+            assert text in got, got
+
+
+@pytest.mark.parametrize(("cls", "name"), FIELD)
+def test_missing_fields(cls, name):
+    if name == "temperature":
+        assert good(cls, temperature=None).temperature is None
+    else:
+        unit = FIELDS[name].unit
+        expected = f"{cls.__name__}.{name} is missing: must be given, in {unit}"
+        assert message(lambda: good(cls, **{name: None})) == expected
+
+
+def test_pressure_has_no_default():
+    assert "pressure is missing: must be given, in Pa" in message(lambda: FrictionData(1.0, 0.5))
+    assert "pressure is missing: must be given, in Pa" in message(lambda: AreaData(1.0, 0.5, 0.1))
+
+
+@pytest.mark.parametrize(("cls", "name"), [*FIELD, *SIGMA])
+@pytest.mark.parametrize("value", [0.0, -1.0])
+def test_signs(cls, name, value):
+    given = {name: [0.5, value]}
+    if name in cls.sigmas:
+        given = dict.fromkeys(cls.sigmas, 0.1) | given
+    if name == "velocity":
+        assert good(cls, **given).velocity[1] == value
+        return
+    if name in ("pressure", "temperature", "storage", "loss"):
+        given = {name: [1e4, value] if name != "temperature" else [300.0, value]}
+    expected = f"{cls.__name__}.{name}[1] = {value}: must be > 0"
+    assert expected in message(lambda: good(cls, **given))
+    if name == "friction":
+        assert message(lambda: good(cls, **given)).endswith(
+            "with relative errors or none; give sigma instead"
+        )
+        assert expected in message(lambda: good(cls, **given, relative=0.1))
+        assert absolute(cls, **given).friction[1] == value
+    elif name in cls.values:
+        assert message(lambda: absolute(cls, **given)) == expected
+        # noise may leave the range where the residual does not need it
+        assert getattr(absolute(cls, **given, check_units=False), name)[1] == value
+        assert "give sigma" in message(lambda: good(cls, **given, check_units=False))
+    else:
+        assert expected == message(lambda: good(cls, **given, check_units=False))
+
+
+@pytest.mark.parametrize(
+    ("cls", "name", "value", "text"),
+    [
+        (FrictionData, "velocity", 2e6, "must be -1000 ... 1000 m/s; is it in mm/s or um/s?"),
+        (AreaData, "velocity", -2e6, "must be -1000 ... 1000 m/s; is it in mm/s or um/s?"),
+        (FrictionData, "pressure", 0.15, "must be >= 1 Pa; is it in MPa or GPa?"),
+        (AreaData, "pressure", 1.1e10, "must be <= 1e10 Pa"),
+        (FrictionData, "temperature", 20.0, "must be >= 100 K; is it in °C? then add 273.15"),
+        (AreaData, "temperature", 2930.0, "must be <= 2000 K"),
+        (ModulusData, "temperature", 20.0, "must be >= 100 K; is it in °C? then add 273.15"),
+        (FrictionData, "friction", 80.0, "must be -50 ... 50; is it in percent?"),
+        (AreaData, "area", 5.0, "must be <= 1; is it in percent, or not divided by A0?"),
+        (ModulusData, "storage", 4.3, "must be >= 1e3 Pa; is it in MPa or GPa?"),
+        (ModulusData, "storage", 1e14, "must be <= 1e13 Pa"),
+        (ModulusData, "loss", 0.3, "must be >= 1 Pa; is it in MPa or GPa, or tan(delta)?"),
+        (ModulusData, "loss", 1e14, "must be <= 1e13 Pa"),
+        (SpectrumData, "q", 1e13, "must be 1e-6 ... 1e12 1/m"),
+        (SpectrumData, "q", 1e-7, "must be 1e-6 ... 1e12 1/m"),
+        (SpectrumData, "C", 1e6, "must be <= 1e3 m^4; is it in mm^4 or um^4?"),
+        *((cls, "relative", 5.0, "must be <= 3; is it in percent? 3 % is 0.03") for cls in KINDS),
+    ],
+)
+def test_values_that_look_like_a_wrong_unit(cls, name, value, text):
+    expected = f"{cls.__name__}.{name} = {value}: {text} (check_units=False accepts it)"
+    assert message(lambda: good(cls, **{name: value})) == expected
+    data = good(cls, **{name: value}, check_units=False)
+    np.testing.assert_array_equal(getattr(data, name), [value, value])
+
+
+def test_bounds_leave_real_measurements_alone():
+    FrictionData(
+        [-300.0, 0.0, 1e-12], [1e-4, 2.5, 10.0], pressure=[10.0, 1e9, 1e5], temperature=[110, 300, 1300]
+    )
+    AreaData(1e-9, [1e-9, 1.0], pressure=[1.0, 1e10])
+    ModulusData([1e-12, 1e14], [1e3, 1e12], [1.0, 1e11])
+    SpectrumData([1e-2, 1e11], [1.0, 1e-48])
+
+
+@pytest.mark.parametrize("cls", KINDS)
+def test_errors_are_absolute_or_relative(cls):
+    both = " and ".join(cls.sigmas)
+    expected = f"{cls.__name__}: {both} and relative are given: must be one or the other"
+    assert message(lambda: absolute(cls, relative=0.1)) == expected
+
+
+def test_errors_of_a_modulus_come_together():
+    got = message(lambda: good(ModulusData, sigma_storage=1e4))
+    assert got == "ModulusData.sigma_loss is missing: must be given together with sigma_storage"
+    got = message(lambda: good(ModulusData, sigma_loss=1e4))
+    assert got == "ModulusData.sigma_storage is missing: must be given together with sigma_loss"
+
+
+@pytest.mark.parametrize(("cls", "name"), [*FIELD, *SIGMA])
+def test_shapes_that_do_not_broadcast(cls, name):
+    given = {
+        name: np.full(3, {"pressure": 1e5, "temperature": 300.0, "storage": 1e6, "loss": 1e5}.get(name, 0.5))
+    }
+    if name in cls.sigmas:
+        given = dict.fromkeys(cls.sigmas, 0.1) | given
+    got = message(lambda: good(cls, **given))
+    assert got.startswith(f"{cls.__name__}: shapes differ (")
+    assert f"{name} has (3,)" in got
+    assert "has (2,)" in got
+    assert got.endswith("; they must broadcast")
+
+
+@pytest.mark.parametrize("cls", KINDS)
+def test_texts_and_flags(cls):
+    for name in (1.0, None, "two\nlines", "\0"):
+        assert f"{cls.__name__}.name = {name!r}: must be text on one line" in message(
+            lambda name=name: good(cls, name=name)
+        )
+    assert f"{cls.__name__}.check_units = 1: must be True or False" in message(
+        lambda: good(cls, check_units=1)
+    )
+    if cls in (ModulusData, SpectrumData):
+        for body in ("middle", 1, True, ["lower"]):
+            expected = f"{cls.__name__}.body = {body!r}: must be 'lower', 'upper' or None"
+            assert message(lambda body=body: good(cls, body=body)) == expected
+        assert [good(cls, body=body).body for body in ("lower", "upper", None)] == ["lower", "upper", None]
+    else:
+        with pytest.raises(TypeError, match="body"):
+            good(cls, body="lower")
+
+
+# --- what a fit sees
+
+
+def test_order_of_arguments():
+    data = FrictionData(1.0, 0.5, 0.1, 1e5, 300.0)
+    assert [x.item() for x in (data.sigma, data.pressure, data.temperature)] == [0.1, 1e5, 300.0]
+    data = AreaData(1.0, 0.5, 0.1, 1e5, 300.0)
+    assert [x.item() for x in (data.sigma, data.pressure, data.temperature)] == [0.1, 1e5, 300.0]
+    data = ModulusData(1.0, 2e6, 3e5, 4e4, 5e3, 300.0)
+    values = (data.omega, data.storage, data.loss, data.sigma_storage, data.sigma_loss, data.temperature)
+    assert [x.item() for x in values] == [1.0, 2e6, 3e5, 4e4, 5e3, 300.0]
+    data = SpectrumData(1e3, 1e-12, 1e-13)
+    assert [x.item() for x in (data.q, data.C, data.sigma)] == [1e3, 1e-12, 1e-13]
+
+
+def test_fields_broadcast():
+    data = FrictionData([1.0, 2.0, 3.0], 0.5, 0.1, [[1e5], [2e5]], np.float32(300))
+    np.testing.assert_array_equal(data.velocity, [1, 2, 3, 1, 2, 3])
+    np.testing.assert_array_equal(data.pressure, [1e5, 1e5, 1e5, 2e5, 2e5, 2e5])
+    for name in ("velocity", "friction", "sigma", "pressure", "temperature"):
+        assert getattr(data, name).shape == (6,)
+        assert getattr(data, name).dtype == np.float64
+    assert FrictionData(1, 0.5, pressure=100_000).temperature is None
+    assert len(data) == 6
+
+
+def test_arrays_are_the_data_s_own():
+    velocity = np.array([1.0, 2.0])
+    data = FrictionData(velocity, jnp.array([0.5, 0.6]), pressure=1e5)
+    velocity[0] = np.nan
+    assert data.velocity[0] == 1.0
+    assert isinstance(data.friction, np.ndarray)
+    with pytest.raises(ValueError, match="read-only"):
+        data.velocity[0] = 2.0
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        data.velocity = velocity
+    assert "must be real numbers" in message(
+        lambda: jax.jit(lambda v: FrictionData(v, 0.5, pressure=1e5))(1.0)
+    )
+
+
+@pytest.mark.parametrize("cls", KINDS)
+def test_measured_values_and_their_errors(cls):
+    values = np.concatenate([GOOD[cls][name] for name in cls.values])
+    n = len(values)
+    unknown, relative, known = good(cls), good(cls, relative=[0.1, 0.2]), absolute(cls)
+    for data in (unknown, relative, known):
+        np.testing.assert_array_equal(data.measured, values)
+        assert len(data) == n
+    assert (unknown.logarithmic, relative.logarithmic, known.logarithmic) == (True, True, False)
+    assert unknown.error is None
+    np.testing.assert_array_equal(relative.error, [0.1, 0.2] * (n // 2))
+    np.testing.assert_array_equal(known.error, [0.1, 0.2, 0.3, 0.4][:n])
+
+
+@pytest.mark.parametrize("cls", KINDS)
+def test_replaced(cls):
+    n = len(good(cls))
+    for data in (good(cls, name="name", relative=0.1), absolute(cls, name="name")):
+        other = data.replaced(jnp.asarray(data.measured)[::-1])
+        np.testing.assert_array_equal(other.measured, data.measured[::-1])
+        rest = {name: getattr(data, name) for name in cls.values}
+        equal(data, dataclasses.replace(other, **rest))
+        got = message(lambda data=data: data.replaced(np.ones(n + 1)))
+        assert got == f"{cls.__name__}.measured has shape ({n + 1},): must be ({n},)"
+        assert "must be finite" in message(lambda data=data: data.replaced(np.full(n, np.nan)))
+        assert "measured = ['x']: must be real" in message(lambda data=data: data.replaced(["x"]))
+    # noise goes where it goes, except where there is no logarithm
+    np.testing.assert_array_equal(absolute(cls).replaced(np.full(n, -7.0)).measured, np.full(n, -7.0))
+    assert "must be > 0 with relative" in message(lambda: good(cls).replaced(np.full(n, -7.0)))
+    np.testing.assert_array_equal(good(cls).replaced(np.full(n, 1e20)).measured, np.full(n, 1e20))
+
+
+def test_labels():
+    assert FrictionData(np.arange(40.0), 0.5, pressure=0.15e6, temperature=293.15).label == (
+        "friction, 40 points, 0.15 MPa, 20 °C"
+    )
+    data = AreaData(1.0, 0.5, pressure=[1e5, 3e5], temperature=[273.15, 313.15])
+    assert data.label == "area, 2 points, 0.1 ... 0.3 MPa, 0 ... 40 °C"
+    assert AreaData(1.0, 0.5, pressure=1e5).label == "area, 1 point, 0.1 MPa"
+    assert good(ModulusData).label == "modulus, 2 points, 20 °C"
+    assert good(SpectrumData, body="lower").label == "spectrum of the lower body, 2 points"
+    assert good(SpectrumData, name="asphalt").label == "asphalt"
+    assert repr(good(SpectrumData, name="asphalt")) == "<SpectrumData: asphalt>"
+    assert [cls.quantity for cls in KINDS] == ["friction", "area", "modulus", "spectrum"]
+
+
+# --- files
+
+
+def examples():
+    """Each kind with unknown, relative and absolute errors, with awkward numbers."""
+    rng = np.random.default_rng(0)
+    for cls in KINDS:
+        rough = {name: values * rng.uniform(0.9, 1.0, 2) for name, values in GOOD[cls].items()}
+        yield cls(**rough)
+        yield cls(**rough | {"temperature": None} if "temperature" in rough else rough, name="µ (20 °C), 5 %")
+        yield cls(**rough, relative=rng.uniform(0.01, 0.1, 2))
+        yield cls(**rough, **{name: rng.uniform(1e-3, 1e-2, 2) for name in cls.sigmas}, name="name")
+    yield FrictionData([-1.0, 0.0], [-0.5, 0.0], 0.1, 1e5)
+    yield FrictionData(1e9, 0.5, pressure=1e-9, temperature=1.0, check_units=False)
+
+
+@pytest.mark.parametrize("data", list(examples()), ids=lambda data: data.quantity)
+def test_files_keep_every_bit(data, tmp_path):
+    data.write(tmp_path / "data.h5")
+    equal(data, read(tmp_path / "data.h5"))
+    data.write(str(tmp_path / "data.csv"))
+    again = read(str(tmp_path / "data.csv"), check_units=False)
+    assert again.name == ""
+    equal(dataclasses.replace(data, name="", check_units=False), again)
+    first = (tmp_path / "data.csv").read_text(encoding="utf-8").splitlines()[0]
+    assert not data.name or first == f"# {data.name}"
+    assert sorted(os.listdir(tmp_path)) == ["data.csv", "data.h5"]
+
+
+@pytest.mark.parametrize("cls", [ModulusData, SpectrumData])
+def test_body_in_files(cls, tmp_path):
+    data = good(cls, body="upper", name="name")
+    write(tmp_path / "data.h5", data)
+    equal(data, read(tmp_path / "data.h5"))
+    assert "body = 'lower': must not be given; the file has it" in message(
+        lambda: read(tmp_path / "data.h5", body="lower")
+    )
+    write(tmp_path / "data.csv", data)
+    assert (tmp_path / "data.csv").read_text().startswith("# name\n# of the upper body\n")
+    assert read(tmp_path / "data.csv").body is None
+    equal(dataclasses.replace(data, name=""), read(tmp_path / "data.csv", body="upper"))
+
+
+def test_columns_are_in_the_units_of_the_fields():
+    for cls, columns in COLUMN.items():
+        numeric = {field.name for field in dataclasses.fields(cls)} - {"name", "body"}
+        assert set(columns) == numeric
+        for name, column in columns.items():
+            assert next(iter(COLUMNS[column].units)) == cls.unit(name)
+            assert COLUMNS[column].name == column
+
+
+def csv(folder, text):
+    path = folder / "data.csv"
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_units_of_a_table(tmp_path):
+    data = read(csv(tmp_path, "log10_v,mu,relative_sigma,p,T\nlog10(mm/s),-,%,MPa,C\n0,0.5,3,0.15,20\n"))
+    equal(data, FrictionData(1e-3, 0.5, pressure=0.15e6, temperature=293.15, relative=0.03))
+    data = read(csv(tmp_path, "v,A_over_A0,sigma,p\num/s,-,-,kPa\n2,0.5,0.01,150\n2,0.4,0.01,150\n"))
+    equal(data, AreaData([2e-6, 2e-6], [0.5, 0.4], 0.01, 0.15e6))
+    data = read(csv(tmp_path, "f,E_stor,E_loss,sigma_stor,sigma_loss\nHz,MPa,MPa,kPa,GPa\n2,4,3,20,0.001\n"))
+    equal(data, ModulusData(4 * np.pi, 4e6, 3e6, 2e4, 1e6))
+    data = read(csv(tmp_path, "q,C,sigma_C\n1/mm,um^4,mm^4\n2,4,0.5\n1,3,0.5\n"))
+    equal(data, SpectrumData([2e3, 1e3], np.array([4.0, 3.0]) * 1e-24, 5e-13))
+
+
+FRICTION = "v,mu\nm/s,-\n1,0.5\n"
+MODULUS = "f,E_stor,E_loss\nHz,Pa,Pa\n1,1e6,1e5\n"
+SPECTRUM = "q,C\n1/m,m^4\n1e3,1e-12\n"
+
+
+def test_what_a_file_lacks(tmp_path):
+    data = read(csv(tmp_path, FRICTION), pressure=1e5, temperature=300.0, relative=0.1)
+    equal(data, FrictionData(1.0, 0.5, pressure=1e5, temperature=300.0, relative=0.1))
+    data = read(csv(tmp_path, FRICTION), pressure=[1e5, 2e5])
+    equal(data, FrictionData(1.0, 0.5, pressure=[1e5, 2e5]))
+    data = read(csv(tmp_path, MODULUS), temperature=300.0, relative=0.1, body="upper")
+    equal(data, ModulusData(2 * np.pi, 1e6, 1e5, temperature=300.0, relative=0.1, body="upper"))
+    data = FrictionData(1.0, 0.5, pressure=1e5)
+    data.write(tmp_path / "data.h5")
+    again = read(tmp_path / "data.h5", temperature=300.0, relative=0.1)
+    equal(again, dataclasses.replace(data, temperature=300.0, relative=0.1))
+
+
+ALL_KINDS = (
+    "must be those of one kind of data: friction has v or log10_v, mu, p; "
+    "area has v or log10_v, A_over_A0, p; modulus has omega or f, E_stor, E_loss; "
+    "spectrum has q or log10_q, C or log10_C"
+)
+ABSENT = "must not be given; "
+
+
+@pytest.mark.parametrize(
+    ("text", "given", "expected"),
+    [
+        ("", {}, "has 0 rows: must have a name row"),
+        ("v,mu\nm/s,-\n", {}, "has 2 rows: must have a name row"),
+        ("v,mue\nm/s,-\n1,0.5\n", {}, f"columns v, mue: 'mue': did you mean 'mu'? {ALL_KINDS}"),
+        ("f,E_store,E_loss\nHz,Pa,Pa\n1,1e6,1e5\n", {}, "'E_store': did you mean 'E_stor'? must be"),
+        ("T,aT\nK,-\n300,1\n", {}, f"columns T, aT: {ALL_KINDS}"),
+        ("v,mu,A_over_A0\nm/s,-,-\n1,0.5,0.1\n", {}, f"columns v, mu, A_over_A0: {ALL_KINDS}"),
+        ("v,mu,pp\nm/s,-,Pa\n1,0.5,1e5\n", {}, "line 1: column 'pp': did you mean 'p'? must be one of"),
+        ("v,mu,E_loss\nm/s,-,Pa\n1,0.5,1e5\n", {}, "line 1: column 'E_loss': must be one of"),
+        ("v,mu,sigma_C\nm/s,-,m^4\n1,0.5,1e5\n", {}, "line 1: column 'sigma_C': did you mean 'sigma'?"),
+        ("mu,p\n-,Pa\n0.5,1e5\n", {}, "no column v or log10_v: the table must have one"),
+        ("f,E_stor\nHz,Pa\n1,1e6\n", {}, "no column E_loss: the table must have one"),
+        ("v,log10_v,mu\nm/s,log10(m/s),-\n1,0,0.5\n", {}, "column 'log10_v': v is given twice"),
+        ("v,mu,p\nm/s,-,psi\n1,0.5,1\n", {}, "column p: unit 'psi': must be one of Pa, kPa, MPa, GPa"),
+        ("v,mu,p\nm/s,-,Pa\n1,0.5,-1\n", {}, "line 3: p = '-1': must be > 0"),
+        ("v,mu,p\nm/s,-,Pa\n1,nan,1\n", {}, "line 3: mu = 'nan': must be finite"),
+        ("v,A_over_A0\nm/s,-\n1,0\n", {"pressure": 1e5}, "line 3: A_over_A0 = '0': must be > 0"),
+        ("v,mu,p,T\nm/s,-,MPa,K\n1,0.5,1,20\n", {}, "FrictionData.temperature[0] = 20.0: must be >= 100 K"),
+        (FRICTION, {}, "no column p: the table must have one, or pressure=... be given [Pa]"),
+        (FRICTION, {"pressure": 0.1}, "FrictionData.pressure = 0.1: must be >= 1 Pa; is it in MPa"),
+        (FRICTION, {"pressure": [1e5, -1]}, "FrictionData.pressure[1] = -1.0: must be > 0"),
+        (FRICTION, {"pressure": 1e5, "body": "upper"}, f"body = 'upper': {ABSENT}friction data have none"),
+        (MODULUS, {"pressure": 1e5}, f"pressure = 100000.0: {ABSENT}modulus data have none"),
+        (SPECTRUM, {"temperature": 300.0}, f"temperature = 300.0: {ABSENT}spectrum data have none"),
+        (SPECTRUM, {"temperature": np.ones((2, 2))}, f"{ABSENT}spectrum data have none"),
+        (SPECTRUM, {"body": "middle"}, "SpectrumData.body = 'middle': must be 'lower', 'upper' or None"),
+        (
+            "v,mu,p\nm/s,-,Pa\n1,0.5,1e5\n",
+            {"pressure": 1e5},
+            f"pressure = 100000.0: {ABSENT}the file has it",
+        ),
+        (
+            "f,E_stor,E_loss,T\nHz,Pa,Pa,C\n1,1e6,1e5,20\n",
+            {"temperature": 300},
+            f"temperature = 300: {ABSENT}the file has it",
+        ),
+        (
+            "q,C,relative_sigma\n1/m,m^4,%\n1e3,1e-12,5\n",
+            {"relative": 0.1},
+            f"relative = 0.1: {ABSENT}the file has it",
+        ),
+        (
+            "q,C,sigma_C\n1/m,m^4,m^4\n1e3,1e-12,1e-13\n",
+            {"relative": 0.1},
+            "SpectrumData: sigma and relative are given: must be one or the other",
+        ),
+        (
+            "f,E_stor,E_loss,sigma_stor\nHz,Pa,Pa,Pa\n1,1e6,1e5,1e4\n",
+            {},
+            "ModulusData.sigma_loss is missing: must be given together with sigma_storage",
+        ),
+    ],
+)
+def test_faulty_tables(tmp_path, text, given, expected):
+    path = csv(tmp_path, text)
+    assert expected in refused(path, lambda: read(path, **given))
+
+
+@pytest.mark.parametrize("name", ["data.docx", "data", "data.toml"])
+def test_other_suffixes(tmp_path, name):
+    path = tmp_path / name
+    assert "must be .csv, .txt, .tsv, .dat or .h5" in refused(path, lambda: read(path))
+    assert "must be .csv or .h5" in refused(path, lambda: good(FrictionData).write(path))
+
+
+def test_nothing_is_written_of_what_cannot_be(tmp_path):
+    for name in ("data.csv", "data.h5"):
+        path = tmp_path / name
+        assert "No such file" in refused(path, lambda path=path: read(path))
+        expected = "data = 1.0: must be one of FrictionData, AreaData, ModulusData, SpectrumData"
+        assert expected in refused(path, lambda path=path: write(path, 1.0))
+        missing = tmp_path / "no" / name
+        refused(missing, lambda path=missing: write(path, good(AreaData)))
+    path = tmp_path / "data.csv"
+    noisy = absolute(ModulusData).replaced([1e6, 2e6, -3.0, 1e5])
+    assert "E_loss[0] = -3.0: must be > 0" in refused(path, lambda: noisy.write(path))
+    assert os.listdir(tmp_path) == []
+    noisy.write(tmp_path / "data.h5")
+    equal(noisy, read(tmp_path / "data.h5"))
+
+
+def test_several_in_one_file(tmp_path):
+    sets = list(examples())
+    with h5py.File(tmp_path / "fit.h5", "w") as file:
+        for i, data in enumerate(sets):
+            write_group(file.create_group(f"data/{i}"), data)
+    with h5py.File(tmp_path / "fit.h5") as file:
+        for i, data in enumerate(sets):
+            equal(data, read_group(file[f"data/{i}"]))
+
+
+def test_file_says_what_it_holds(tmp_path):
+    path = tmp_path / "data.h5"
+    absolute(ModulusData, body="upper", name="rubber").write(path)
+    with h5py.File(path) as file:
+        assert (file.attrs["format"], file.attrs["format_version"]) == ("rubberfric data", 1)
+        assert dict(file["data"].attrs) == {"kind": "modulus", "name": "rubber", "body": "upper"}
+        units = {name: values.attrs["units"] for name, values in file["data"].items()}
+    assert units.pop("omega") == "rad/s"
+    assert units.pop("temperature") == "K"
+    assert units == dict.fromkeys(("storage", "loss", "sigma_storage", "sigma_loss"), "Pa")
+
+
+def dataset(name, values, units):
+    def change(file):
+        if name in file["data"]:
+            del file["data"][name]
+        file["data"][name] = values
+        file["data"][name].attrs["units"] = units
+
+    return change
+
+
+@pytest.mark.parametrize(
+    ("change", "expected"),
+    [
+        (lambda f: f.attrs.create("format", "rubberfric scene"), "must be 'rubberfric data'"),
+        (lambda f: f.attrs.create("format_version", 2), "format_version = 2: must be 1"),
+        (lambda f: f.__delitem__("data"), "/data: is missing; must be a group"),
+        (lambda f: f.create_group("more"), "/more: unknown field; "),
+        (lambda f: f["data"].attrs.create("kind", "frictions"), "/data: kind = 'frictions': did you mean"),
+        (lambda f: f["data"].attrs.__delitem__("kind"), "/data: kind = None: must be one of friction, area"),
+        (lambda f: f["data"].attrs.create("kind", [1, 2]), "/data: kind = "),
+        (lambda f: f["data"].attrs.create("kind", "spectrum"), "/data/friction: unknown field"),
+        (lambda f: f["data"].attrs.create("body", "lower"), "/data: attribute 'body' is unknown"),
+        (lambda f: f["data"].attrs.create("name", 1), "/data: FrictionData.name = 1: must be text"),
+        (lambda f: f["data"].__delitem__("friction"), "/data/friction: is missing; must be a dataset"),
+        (lambda f: f["data"].__delitem__("pressure"), "/data/pressure: is missing; must be a dataset"),
+        (dataset("pressure", 0.1, "MPa"), "/data/pressure: units = 'MPa': must be 'Pa'"),
+        (dataset("pressure", -0.1, "Pa"), "/data: FrictionData.pressure = -0.1: must be > 0"),
+        (dataset("friction", [1, 2], "-"), "/data/friction: has type int64"),
+        (dataset("friction", [1.0, np.nan], "-"), "/data: FrictionData.friction[1] = nan: must be finite"),
+        (dataset("friction", [1.0, 1.0, 1.0], "-"), "/data: FrictionData: shapes differ"),
+        (dataset("relative", 0.1, "%"), "/data/relative: units = '%': must be '-'"),
+        (dataset("sigma_C", 0.1, "m^4"), "/data/sigma_C: unknown field; did you mean 'sigma'?"),
+    ],
+)
+def test_faulty_hdf5(tmp_path, change, expected):
+    path = tmp_path / "data.h5"
+    good(FrictionData).write(path)
+    with h5py.File(path, "r+") as file:
+        change(file)
+    assert expected in refused(path, lambda: read(path))
+
+
+def test_what_is_no_data(tmp_path):
+    path = tmp_path / "data.h5"
+    with h5py.File(path, "w") as file:
+        file.attrs.update({"format": "rubberfric data", "format_version": 1})
+        file["data"] = 1.0
+    assert "/data: is a dataset: must be a group" in refused(path, lambda: read(path))
+    path.write_bytes(b"v,mu\n")
+    assert "must be a whole HDF5 file" in refused(path, lambda: read(path))
+
+
+@pytest.mark.skipif(not TYRE.is_dir(), reason="no measured tyre data beside the project")
+def test_measured_tyre_data(tmp_path):
+    """Tables as an engineer has them: no pressure, no errors, frequencies in Hz."""
+    for compound in ("R20", "R40"):
+        path = TYRE / f"measured_friction_{compound}.csv"
+        assert "no column p" in refused(path, lambda path=path: read(path))
+        data = read(path, pressure=0.3e6, temperature=293.15, relative=0.05)
+        v, mu = np.loadtxt(path, delimiter=",", skiprows=2).T
+        equal(data, FrictionData(v, mu, None, 0.3e6, 293.15, relative=0.05))
+        assert data.label == "friction, 6 points, 0.3 MPa, 20 °C"
+    for compound in ("R00", "R20", "R40"):
+        path = TYRE / f"master_curve_{compound}.csv"
+        f, storage, loss = np.loadtxt(path, delimiter=",", skiprows=2).T
+        equal(read(path, body="upper"), ModulusData(2 * np.pi * f, storage, loss, body="upper"))
+    q, C = np.loadtxt(TYRE / "psd_asphalt.csv", delimiter=",", skiprows=2).T
+    equal(read(TYRE / "psd_asphalt.csv"), SpectrumData(q, C))
+    path = TYRE / "program_linear_R00.csv"
+    assert "or kind must say which" in refused(path, lambda: read(path, pressure=0.3e6))
+    log10_v, mu, area = np.loadtxt(path, delimiter=",", skiprows=2).T
+    for data, values in (
+        (read(path, kind="friction", pressure=3e5), mu),
+        (read(path, kind="area", pressure=3e5), area),
+    ):
+        np.testing.assert_allclose(data.velocity, 10**log10_v, rtol=1e-14)
+        np.testing.assert_array_equal(data.measured, values)

@@ -1,0 +1,315 @@
+"""Priors and robust losses: rows beside the residuals, and how much a residual counts."""
+
+import dataclasses
+import itertools
+
+import jax
+import jax.numpy as jnp
+import mpmath
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+import rubberfric as rf
+from fitting import Bounded, Free, Gaussian, ModulusData, Positive, Smooth, Tied, fit
+from fitting.parameters.layout import free_parameters, to_scene, to_values
+from fitting.parameters.priors import prior_residuals, prior_size, read_priors
+from fitting.solvers.losses import WIDTHS, factors, rho
+from fitting.solvers.problem import cost_of, make_problem, residuals
+from rubberfric.scene.scene import cast
+
+TAU = np.array([1e-7, 1e-4, 1e-5, 1e-1])  # neither in order nor evenly spaced
+MODULI = np.array([5e8, 8e6, 5e7, 2e6])
+RUBBER = rf.Prony(3e6, MODULI, TAU)
+ROAD = rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4))
+SCENE = cast(rf.Scene(ROAD, rf.Body(RUBBER)), np.float64)
+E = "upper.material.E"
+LOSSES = tuple(WIDTHS)
+
+
+def rows(free, prior, shift=0.0):
+    """Rows of the priors at the start values plus a shift of x."""
+    layout, constants, x = free_parameters(SCENE, free)
+    prior_layout, numbers = read_priors(SCENE, layout, constants, prior)
+    x = jnp.asarray(x + shift)
+    found = np.asarray(prior_residuals(prior_layout, numbers, to_scene(layout, constants, x), x))
+    assert found.shape == (prior_size(prior_layout),)
+    return found
+
+
+# --- Gaussian priors
+
+
+def test_gaussian_prior_of_a_positive_parameter_is_gaussian_in_its_logarithm():
+    mean, sigma = 4e6, 5e5
+    found = rows({"upper.material.E_inf": Positive()}, {"upper.material.E_inf": Gaussian(mean, sigma)})
+    np.testing.assert_allclose(found, [np.log(3e6 / mean) / (sigma / mean)], rtol=1e-13)
+
+
+def test_gaussian_prior_of_a_bounded_parameter_is_gaussian_in_its_logit():
+    low, high, mean, sigma = 0.3, 1.0, 0.7, 0.05
+    free = {"lower.spectrum.hurst": Bounded(low, high)}
+    found = rows(free, {"lower.spectrum.hurst": Gaussian(mean, sigma)})
+
+    def logit(value):
+        return np.log((value - low) / (high - value))
+
+    slope = (high - low) / ((mean - low) * (high - mean))  # d logit / d value
+    np.testing.assert_allclose(found, [(logit(0.8) - logit(mean)) / (sigma * slope)], rtol=1e-13)
+
+
+def test_gaussian_prior_of_a_free_parameter_is_gaussian_in_its_value():
+    free = {"upper.material.E_inf": Free(scale=7.0)}
+    found = rows(free, {"upper.material.E_inf": Gaussian(-2e6, 4e6)})
+    np.testing.assert_allclose(found, [(3e6 + 2e6) / 4e6], rtol=1e-13)
+
+
+@pytest.mark.parametrize(
+    ("rule", "mean"), [(Positive(), 4e6), (Bounded(1e6, 9e6), 4e6), (Free(), 4e6), (Free(scale=3.0), 0.0)]
+)
+def test_gaussian_prior_is_one_sigma_off_at_mean_plus_sigma(rule, mean):
+    """To first order: the width is in the unit of the parameter."""
+    sigma = 10.0
+    free = {"upper.material.E_inf": dataclasses.replace(rule, start=mean + sigma)}
+    found = rows(free, {"upper.material.E_inf": Gaussian(mean, sigma)})
+    np.testing.assert_allclose(found, [1.0], rtol=1e-5)
+
+
+def test_gaussian_prior_counts_for_every_element_and_only_for_its_own():
+    free = {"gamma": Bounded(0.0, 1.0), E + "[1:]": Positive(), "upper.material.E_inf": Positive()}
+    prior = {E + "[1:]": Gaussian(1e7, 1e6), "gamma": Gaussian(0.5, 0.1)}
+    found = rows(free, prior)
+    np.testing.assert_allclose(found[:3], np.log(MODULI[1:] / 1e7) / 0.1, rtol=1e-13)
+    np.testing.assert_allclose(found[3], 0.0, atol=1e-14)
+    moved = rows(free, prior, shift=np.array([0, 0.5, 0, 0, 9.0]))
+    np.testing.assert_allclose(moved - found, [5.0, 0, 0, 0], atol=1e-13)
+
+
+# --- smooth spectra
+
+
+def by_hand(moduli, tau, sigma):
+    """Second differences of ln E over log10 tau, in the order of tau."""
+    order = sorted(range(len(tau)), key=lambda i: tau[i])
+    slopes = []
+    for i, k in itertools.pairwise(order):
+        slopes.append((np.log(moduli[k]) - np.log(moduli[i])) / (np.log10(tau[k]) - np.log10(tau[i])))
+    return np.array([b - a for a, b in itertools.pairwise(slopes)]) / sigma
+
+
+@pytest.mark.parametrize("sigma", [1.0, 0.25])
+@pytest.mark.parametrize("path", [E, E + "[2]", E + "[:3]"])
+def test_smooth_rows(path, sigma):
+    found = rows({path: Positive()}, {E: Smooth(sigma)})
+    np.testing.assert_allclose(found, by_hand(MODULI, TAU, sigma), rtol=1e-12)
+
+
+def test_smooth_rows_of_a_power_law_are_zero():
+    free = {E: Positive([1e9 * t**-0.4 for t in TAU])}
+    np.testing.assert_allclose(rows(free, {E: Smooth(0.1)}), 0.0, atol=1e-12)
+
+
+def test_smooth_rows_follow_free_relaxation_times():
+    """The order of the times, too, when they pass each other."""
+    shift = np.log([1.0, 1e-4, 1.0, 1.0])
+    found = rows({E + "[0]": Positive(), "upper.material.tau": Positive()}, {E: Smooth()}, [0.0, *shift])
+    np.testing.assert_allclose(found, by_hand(MODULI, TAU * np.exp(shift), 1.0), rtol=1e-12)
+
+
+def test_smooth_and_gaussian_priors_side_by_side():
+    found = rows({E: Positive()}, {E: Smooth(0.5)})
+    both = rows({E: Positive(), "gamma": Bounded(0.0, 1.0)}, {"gamma": Gaussian(0.4, 0.1), E: Smooth(0.5)})
+    np.testing.assert_allclose(both[1:], found, rtol=1e-13)
+    assert both[0] > 0.9
+
+
+@pytest.mark.parametrize(
+    ("prior", "text"),
+    [
+        ({"gama": Gaussian(0.5, 0.1)}, "'gama': unknown key path; did you mean 'gamma'?"),
+        ({"upper.material.tau": Gaussian(1, 1)}, f"must be a free parameter: {E}, gamma"),
+        ({E + "[1]": Gaussian(1e7, 1e6)}, f"must be a free parameter: {E}, gamma"),
+        ({"upper.material.E_inf": Gaussian(1e7, 1e6)}, f"must be a free parameter: {E}, gamma"),
+        ({E: Gaussian(-1e7, 1e6)}, "mean = -1e+07: must be > 0, for the parameter is Positive"),
+        ({"gamma": Gaussian(1.0, 0.1)}, "mean = 1: must be inside the parameter's bounds"),
+        ({"gamma": Gaussian(7.0, 0.1)}, "mean = 7: must be inside the parameter's bounds"),
+        ({E: 0.3}, f"prior['{E}'] = 0.3: must be Gaussian or Smooth"),
+        ({E: Gaussian}, "must be Gaussian or Smooth"),
+        ({E: Positive()}, "must be Gaussian or Smooth"),
+        ({E + "[1:]": Smooth()}, "Smooth is for a whole relaxation spectrum; must end in .E"),
+        ({"gamma": Smooth()}, "must end in .E"),
+    ],
+)
+def test_wrong_priors(prior, text):
+    free = {E: Positive(), "gamma": Bounded(0.0, 1.0), "upper.material.E_inf": Tied("gamma")}
+    with pytest.raises(ValueError, match="must") as caught:
+        rows(free, prior)
+    assert text in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_smooth_needs_a_free_series_of_three_different_times():
+    with pytest.raises(ValueError, match="must be a key of free, wholly or in elements"):
+        rows({"gamma": Positive()}, {E: Smooth()})
+    for moduli, tau in (([1e8, 1e7], [1e-5, 1e-3]), ([1e8, 1e7, 1e6], [1e-5, 1e-3, 1e-3])):
+        scene = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, moduli, tau)))
+        data = ModulusData([1.0, 2.0], [1e7] * 2, [1e6] * 2)
+        with pytest.raises(ValueError, match=r"upper\.material\.tau must hold three or more different"):
+            fit(scene, data, {E: Positive()}, prior={E: Smooth()})
+
+
+@pytest.mark.parametrize(
+    ("make", "text"),
+    [
+        (lambda: Gaussian(np.nan, 1.0), "mean = nan: must be a finite number"),
+        (lambda: Gaussian("soft", 1.0), "mean = 'soft': must be a finite number"),
+        (lambda: Gaussian(1.0, 0.0), "sigma = 0.0: must be a finite number > 0"),
+        (lambda: Gaussian(1.0, -1.0), "must be a finite number > 0"),
+        (lambda: Gaussian(1.0, np.inf), "must be a finite number > 0"),
+        (lambda: Gaussian(1.0, [1.0, 2.0]), "must be a finite number > 0"),
+        (lambda: Smooth(0.0), "sigma = 0.0: must be a finite number > 0"),
+        (lambda: Smooth(None), "must be a finite number > 0"),
+    ],
+)
+def test_wrong_numbers(make, text):
+    with pytest.raises(ValueError, match="must") as caught:
+        make()
+    assert text in str(caught.value) and "\n" not in str(caught.value)
+
+
+# --- what priors do to a fit
+
+
+def test_a_prior_beside_data_weighs_like_one_more_measurement():
+    """A linear problem: the mean weighted with the inverse variances, in closed form."""
+    scene = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, [5e7], [1e-3])))
+    omega = np.array([1e-2, 1e-1])  # E' = E_inf here, to 1e-8 of it
+    storage, sigma = np.array([3.2e6, 2.9e6]), np.array([2e5, 3e5])
+    data = ModulusData(omega, storage, [5e2, 5e3], sigma, [1e9, 1e9])
+    free = {"upper.material.E_inf": Free()}
+    result = fit(scene, data, free, prior={"upper.material.E_inf": Gaussian(2.5e6, 1e5)})
+    weights = np.array([*sigma, 1e5]) ** -2
+    expected = np.sum(weights * [*storage, 2.5e6]) / np.sum(weights)
+    np.testing.assert_allclose(result.values, [expected], rtol=1e-7)
+    np.testing.assert_allclose(result.stderr, [np.sum(weights) ** -0.5], rtol=1e-7)
+    # The cost counts the prior's square, the sum over the data does not.
+    np.testing.assert_allclose(
+        2 * result.cost - result.chisqr, ((result.values[0] - 2.5e6) / 1e5) ** 2, rtol=1e-6
+    )
+
+
+def test_robust_losses_leave_priors_quadratic():
+    problem = make_problem(
+        SCENE,
+        [ModulusData([1.0, 2.0], [1e7, 1e7], [1e6, 1e6], relative=0.1)],
+        {"upper.material.E_inf": Positive()},
+        {"upper.material.E_inf": Gaussian(3e9, 3e7)},
+        loss="cauchy",
+    )
+    found = np.asarray(
+        residuals(problem.structure, problem.numbers, problem.targets, jnp.asarray(problem.start))
+    )
+    assert found[-1] == pytest.approx(np.log(1e-3) / 0.01, rel=1e-12)
+    width = WIDTHS["cauchy"]
+    expected = 0.5 * (width**2 * np.sum(np.log1p((found[:-1] / width) ** 2)) + found[-1] ** 2)
+    assert float(cost_of(problem.structure, problem.numbers, found)) == pytest.approx(expected, rel=1e-14)
+
+
+# --- losses
+
+RESIDUALS = np.concatenate([[0.0], np.logspace(-8, 4, 37), -np.logspace(-3, 3, 7)])
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize("width", [0.1, 1.0, 2.5])
+def test_cost_is_scipys(loss, width):
+    """0.5 sum C^2 rho((r / C)^2), C = f_scale, evaluated by `least_squares` itself."""
+    result = least_squares(
+        lambda x: RESIDUALS + 0 * x,
+        [0.0],
+        loss=loss,
+        f_scale=width,
+        max_nfev=1,
+        jac=lambda x: 0 * RESIDUALS[:, None],
+    )
+    cost = 0.5 * np.sum(rho(loss, width, jnp.asarray(RESIDUALS))[0])
+    np.testing.assert_allclose(cost, result.cost, rtol=1e-13)
+
+
+def textbook(loss, width):
+    """rho as a function of z0 = r^2, in mpmath."""
+    width2 = mpmath.mpf(width) ** 2
+    return {
+        "linear": lambda s: s,
+        "huber": lambda s: s if s <= width2 else width2 * (2 * mpmath.sqrt(s / width2) - 1),
+        "soft_l1": lambda s: 2 * width2 * (mpmath.sqrt(1 + s / width2) - 1),
+        "cauchy": lambda s: width2 * mpmath.log(1 + s / width2),
+    }[loss]
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize("width", [0.3, 1.0, 4.0])
+def test_values_and_derivatives_of_the_losses(loss, width):
+    residual = np.array([1e-6, 1e-3, 0.1, 0.2, 0.9, 1.2, 3.0, 5.0, 40.0, 1e4, 1e8])
+    with mpmath.workdps(60):
+        exact = textbook(loss, width)
+        expected = [
+            [
+                float(mpmath.diff(exact, mpmath.mpf(r) ** 2, n, h=mpmath.mpf(r) ** 2 * mpmath.mpf("1e-12")))
+                for r in residual
+            ]
+            if n
+            else [float(exact(mpmath.mpf(r) ** 2)) for r in residual]
+            for n in range(3)
+        ]
+    for found, exact, tolerance in zip(
+        rho(loss, width, jnp.asarray(residual)), expected, (1e-14, 1e-10, 1e-10), strict=True
+    ):
+        np.testing.assert_allclose(found, exact, rtol=tolerance, atol=1e-30)
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+def test_factors_give_the_gradient_and_a_positive_curvature(loss):
+    width = WIDTHS[loss]
+    first, second = factors(loss, width, jnp.asarray(RESIDUALS))
+    slope = jax.vmap(jax.grad(lambda r: 0.5 * rho(loss, width, r)[0]))(jnp.asarray(RESIDUALS))
+    # d(rho / 2) / dr = r rho': rows times both factors.
+    np.testing.assert_allclose(RESIDUALS * first * second, slope, rtol=1e-13, atol=1e-300)
+    assert np.all(np.asarray(second) > 0)
+    curvature = jax.vmap(jax.grad(jax.grad(lambda r: 0.5 * rho(loss, width, r)[0])))(jnp.asarray(RESIDUALS))
+    convex = np.asarray(curvature) > 0.2 * np.asarray(first * second)
+    np.testing.assert_allclose(np.asarray(second)[convex] ** 2, curvature[convex], rtol=1e-10)
+
+
+@pytest.mark.parametrize("loss", LOSSES)
+@pytest.mark.parametrize("width", [1e-2, 1.0, 10.0])
+def test_no_residual_breaks_a_loss(loss, width):
+    residual = jnp.asarray([0.0, -0.0, 1e-200, 1e150, -1e150, width, -width])
+    for part in (*rho(loss, width, residual), *factors(loss, width, residual)):
+        assert np.isfinite(part).all()
+    value, first, _ = rho(loss, width, residual)
+    assert value[0] == 0 and first[0] == 1
+    gradient = jax.vmap(jax.grad(lambda r: rho(loss, width, r)[0]))(residual)
+    assert np.isfinite(gradient).all() and gradient[0] == 0
+
+
+@pytest.mark.parametrize("loss", [loss for loss in LOSSES if loss != "linear"])
+def test_widths_make_gaussian_data_95_percent_efficient(loss):
+    """(E psi')^2 / E psi^2 of a location estimate, by quadrature over the normal distribution."""
+    r = jnp.linspace(-12, 12, 200_001)
+    weight = np.exp(-0.5 * np.asarray(r) ** 2)
+    weight /= weight.sum()
+    slope = jax.grad(lambda r: 0.5 * rho(loss, WIDTHS[loss], r)[0])
+    psi, bend = np.asarray(jax.vmap(slope)(r)), np.asarray(jax.vmap(jax.grad(slope))(r))
+    assert np.sum(weight * bend) ** 2 / np.sum(weight * psi**2) == pytest.approx(0.95, abs=1e-3)
+
+
+def test_values_at_x_are_those_of_a_prior_fit_without_data_to_speak_of():
+    """With errors of e^3 the data say nothing, and the priors alone decide."""
+    data = ModulusData(np.logspace(-2, 2, 4), [1e7] * 4, [1e6] * 4, relative=3.0)
+    free = {E: Positive(), "upper.material.E_inf": Positive()}
+    prior = {E: Gaussian(1e7, 1e3), "upper.material.E_inf": Gaussian(2e6, 2e2)}
+    result = fit(SCENE, data, free, prior=prior)
+    np.testing.assert_allclose(result.values, [1e7] * 4 + [2e6], rtol=1e-6)
+    np.testing.assert_allclose(result.stderr, [1e3] * 4 + [2e2], rtol=1e-3)
+    layout, constants, _ = free_parameters(SCENE, free)
+    np.testing.assert_allclose(to_values(layout, constants, jnp.asarray(result.x)), result.values, rtol=1e-13)

@@ -1,0 +1,453 @@
+"""Solvers: the minima of other programs, from near and far, alone and side by side."""
+
+import functools
+import itertools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix
+import pytest
+from scipy.optimize import least_squares
+from support.compilations import compilations
+
+import rubberfric as rf
+from fitting import Bounded, Free, FrictionData, ModulusData, Positive, Smooth, fit
+from fitting.parameters.layout import random_starts, to_values
+from fitting.solvers.first_order import LBFGS, Adam
+from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.losses import WIDTHS
+from fitting.solvers.problem import cost_of, make_problem, residuals, residuals_and_jacobian
+from fitting.solvers.runs import run, run_problem
+from fitting.solvers.status import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, PERFECT
+
+LM = LevenbergMarquardt()
+QUADRATURE = rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0)
+MODULI, TAU = [5e8, 5e7, 8e6, 2e6], [1e-7, 1e-5, 1e-3, 1e-1]
+ROAD = rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4))
+SCENE = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, MODULI, TAU)))
+E = "upper.material.E"
+FREE = {E: Positive(), "lower.spectrum.hurst": Bounded(0.3, 1.0)}
+VELOCITY = np.logspace(-4, 1, 24)
+OMEGA = np.logspace(-2, 7, 20)
+
+
+def noise(count, seed=0):
+    return np.exp(0.02 * np.random.default_rng(seed).standard_normal(count))
+
+
+@functools.cache
+def friction():
+    return np.asarray(rf.friction(SCENE, VELOCITY, 1e5, quadrature=QUADRATURE))
+
+
+def friction_data(seed=0):
+    return FrictionData(VELOCITY, friction() * noise(24, seed), pressure=1e5, relative=0.02)
+
+
+def modulus_data(seed=0, omega=OMEGA, relative=0.02):
+    exact = np.asarray(rf.complex_modulus(SCENE.upper.material, omega))
+    measured = np.concatenate([exact.real, exact.imag]) * noise(2 * omega.size, seed)
+    return ModulusData(omega, *np.split(measured, 2), relative=relative)
+
+
+@functools.cache
+def curve():
+    """Friction: 24 points, 5 free parameters."""
+    return make_problem(SCENE, [friction_data()], FREE, quadrature=QUADRATURE)
+
+
+@functools.cache
+def master(loss="linear"):
+    """A modulus: 40 values, 5 free parameters; with one outlier in twenty if the loss is robust."""
+    data = modulus_data()
+    if loss != "linear":
+        data = data.replaced(np.where(np.arange(40) % 20 == 7, 3.0, 1.0) * data.measured)
+    return make_problem(SCENE, [data], {E: Positive(), "upper.material.E_inf": Positive()}, loss=loss)
+
+
+def with_data(problem, measured):
+    return problem._replace(targets=problem.targets._replace(measured=np.log(measured)))
+
+
+def best(problem, starts, solver=LM):
+    """The lowest end of fits from the rows of `starts`, four side by side."""
+    starts = np.atleast_2d(starts)
+    starts = np.concatenate([starts, np.tile(problem.start, (max(0, 4 - len(starts)), 1))])
+    runs = run_problem(solver, problem, starts)
+    return runs.row(int(np.argmin(runs.cost)))
+
+
+_rows = jax.jit(residuals, static_argnums=0)
+_both = jax.jit(residuals_and_jacobian, static_argnums=0)
+
+
+def other_program(problem):
+    """Residuals, and them with their Jacobian, as plain functions of x."""
+    at = (problem.structure, problem.numbers, problem.targets)
+    return functools.partial(_rows, *at), functools.partial(_both, *at)
+
+
+def deviations(problem, x):
+    """Standard deviations of x for least squares."""
+    jacobian = np.asarray(other_program(problem)[1](jnp.asarray(x))[1])
+    return np.sqrt(np.diag(np.linalg.inv(jacobian.T @ jacobian)))
+
+
+# --- against other programs
+
+
+@pytest.mark.parametrize("loss", list(WIDTHS))
+def test_minimum_of_every_loss_is_that_of_scipy(loss):
+    problem = master(loss)
+    plain, both = other_program(problem)
+    theirs = least_squares(
+        lambda x: np.asarray(plain(x)),
+        problem.start,
+        lambda x: np.asarray(both(x)[1]),
+        loss=loss,
+        f_scale=WIDTHS[loss],
+        xtol=1e-15,
+        ftol=1e-15,
+        gtol=1e-12,
+        max_nfev=2000,
+    )
+    ours = run_problem(LevenbergMarquardt(tolerance=1e-12), problem, problem.start[None]).row(0)
+    assert ours.status == CONVERGED
+    assert float(ours.cost) == pytest.approx(theirs.cost, rel=1e-8)
+    # A cost that is 1e-9 of itself too high is this far from the minimum.
+    off = np.sqrt(2e-9 * theirs.cost)
+    np.testing.assert_array_less(np.abs(ours.x - theirs.x) / deviations(problem, theirs.x), off)
+
+
+@pytest.mark.slow
+def test_friction_minimum_is_that_of_scipy_and_optimistix():
+    problem = curve()
+    plain, both = other_program(problem)
+    x = problem.start + np.array([1.0, -1.0, 1.0, -1.0, -1.0])
+    ours = best(problem, x)
+    scipys = least_squares(lambda x: np.asarray(plain(x)), x, lambda x: np.asarray(both(x)[1]), xtol=1e-14)
+    theirs = optimistix.least_squares(
+        lambda x, _: plain(x),
+        optimistix.LevenbergMarquardt(rtol=1e-10, atol=1e-10),
+        jnp.asarray(x),
+        max_steps=500,
+    ).value
+    optimistix_cost = 0.5 * float(jnp.sum(plain(theirs) ** 2))
+    assert float(ours.cost) == pytest.approx(scipys.cost, rel=1e-8)
+    assert float(ours.cost) == pytest.approx(optimistix_cost, rel=1e-8)
+    deviation = deviations(problem, ours.x)
+    off = np.sqrt(2e-8 * scipys.cost)
+    np.testing.assert_array_less(np.abs(ours.x - scipys.x) / deviation, off)
+    np.testing.assert_array_less(np.abs(ours.x - np.asarray(theirs)) / deviation, off)
+
+
+@pytest.mark.parametrize(
+    ("solver", "loss"),
+    [(LBFGS(), "linear"), (Adam(), "linear"), (Adam(), "cauchy")],
+    ids=["lbfgs", "adam", "adam-cauchy"],
+)
+@pytest.mark.slow
+def test_first_order_methods_reach_the_same_minimum(solver, loss):
+    problem = master(loss)
+    ours = run_problem(LM, problem, problem.start[None]).row(0)
+    other = run_problem(solver, problem, (problem.start + 0.5)[None]).row(0)
+    assert other.status == CONVERGED
+    assert float(other.cost) == pytest.approx(float(ours.cost), rel=1e-5)
+    assert other.njev > 3 * ours.njev
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("method", ["lbfgs", "adam"])
+def test_first_order_methods_reach_the_same_minimum_of_friction(method):
+    other = fit(SCENE, friction_data(), FREE, method, quadrature=QUADRATURE)
+    assert other.success
+    assert other.cost == pytest.approx(float(best(curve(), curve().start).cost), rel=1e-5)
+
+
+@pytest.mark.parametrize("problem", [curve, master])
+def test_jacobian_is_that_of_the_residuals(problem):
+    problem = problem()
+    plain, both = other_program(problem)
+    x = jnp.asarray(problem.start) + 0.1
+    rows, jacobian = both(x)
+    np.testing.assert_allclose(rows, plain(x), rtol=1e-10, atol=1e-10)
+    columns = [(plain(x + h) - plain(x - h)) / 2e-6 for h in 1e-6 * np.eye(x.size)]
+    np.testing.assert_allclose(jacobian, np.stack(columns, 1), rtol=1e-5, atol=1e-5 * np.abs(jacobian).max())
+
+
+# --- from far away
+
+
+@pytest.mark.slow
+def test_data_without_noise_are_met_to_rounding():
+    problem = with_data(curve(), friction())
+    signs = np.array(list(itertools.product([-1, 1], repeat=2)))
+    runs = run_problem(
+        LM, problem, problem.start + 2.0 * signs @ np.array([[1, 1, 0, -1, 0.3], [0, -1, 1, 1, 0.5]])
+    )
+    assert np.all(runs.status == PERFECT)
+    assert runs.cost.max() < 1e-18
+    values = np.asarray(to_values(problem.structure.layout, problem.numbers.constants, runs.x[0]))
+    np.testing.assert_allclose(values, [*MODULI, 0.8], rtol=1e-7)
+
+
+def test_a_fit_that_starts_at_its_minimum_stays_there():
+    exact = np.asarray(rf.complex_modulus(SCENE.upper.material, OMEGA))
+    problem = with_data(master(), np.concatenate([exact.real, exact.imag]))
+    end = run_problem(LM, problem, problem.start[None]).row(0)
+    assert end.status == PERFECT and end.njev <= 1
+    np.testing.assert_allclose(end.x, problem.start, atol=1e-12)
+    first = run_problem(LM, master(), master().start[None]).row(0)
+    again = run_problem(LM, master(), first.x[None]).row(0)
+    assert again.status == CONVERGED and again.cost <= first.cost
+    np.testing.assert_allclose(again.x, first.x, atol=1e-4)
+
+
+def test_starts_off_by_ten_in_every_modulus_reach_the_same_minimum():
+    """All signs of the first three; hurst off by 0.3, or as far as its bound is."""
+    problem = curve()
+    near = float(best(problem, problem.start).cost)
+    starts = []
+    for i, signs in enumerate(itertools.product([-1, 1], repeat=3)):
+        hurst = 0.5 if i % 2 else 0.99
+        shift = np.log(10) * np.array([*signs, (-1) ** (i // 2)])
+        starts.append([*(problem.start[:4] + shift), np.log((hurst - 0.3) / (1 - hurst))])
+    runs = run_problem(LM, problem, starts)
+    assert np.all(runs.status == CONVERGED)
+    np.testing.assert_allclose(runs.cost, near, rtol=1e-6)
+
+
+def test_wild_starts_give_numbers():
+    """A factor 1e6 off, and any place inside the bounds: perhaps not the minimum, but no NaN."""
+    problem = curve()
+    rng = np.random.default_rng(2)
+    starts = np.concatenate(
+        [
+            problem.start[:4] + np.log(1e6) * rng.uniform(-1, 1, (12, 4)),
+            rng.choice([-30.0, -5.0, 0.0, 5.0, 30.0], (12, 1)),
+        ],
+        1,
+    )
+    begun = [
+        float(cost_of(problem.structure, problem.numbers, other_program(problem)[0](jnp.asarray(x))))
+        for x in starts[:3]
+    ]
+    runs = run_problem(LM, problem, starts)
+    assert np.isfinite(runs.x).all() and np.isfinite(runs.cost).all()
+    assert NOT_FINITE not in runs.status
+    assert np.all(runs.cost[:3] < begun)
+    assert np.mean(runs.cost < runs.cost.min() * (1 + 1e-6)) >= 0.5
+
+
+def test_starts_that_are_not_finite_spoil_no_other():
+    problem = master()
+    starts = np.tile(problem.start, (5, 1))
+    starts[1, 2] = np.nan
+    starts[3, 0] = 1e4  # exp of it is beyond all numbers
+    for solver in (LM, Adam(max_steps=20)):
+        runs = run(solver, problem.structure, problem.numbers, lead(problem.targets), starts, lanes=2)
+        assert (runs.status == NOT_FINITE).tolist() == [False, True, False, True, False]
+        assert np.isfinite(runs.cost[[0, 2, 4]]).all() and np.isfinite(runs.x[[0, 2, 4]]).all()
+        np.testing.assert_allclose(runs.x[[2, 4]], runs.x[[0, 0]], rtol=1e-12)
+
+
+def test_a_start_that_is_not_finite_does_not_end_a_fit():
+    """Negative moduli have no logarithm: the smoothness prior is NaN at some of the random starts."""
+    free = {E: Free(scale=1e10)}
+    prior = {E: Smooth(3.0)}
+    result = fit(SCENE, modulus_data(), free, prior=prior, starts=4)
+    problem = result.problem
+    starts = random_starts(problem.structure.layout, problem.start, jax.random.key(0), 4)
+    assert np.any(np.asarray(starts[1:]) < 0) and sum(m.count for m in result.minima) < 4
+    assert result.success and result.redchi < 2
+
+
+# --- side by side
+
+
+def lead(targets):
+    return jax.tree.map(lambda a: a[None], targets)
+
+
+def test_lanes_do_not_change_a_fit():
+    problem = master()
+    starts = problem.start + np.random.default_rng(0).uniform(-3, 3, (5, 5))
+    first, second = (
+        run(LM, problem.structure, problem.numbers, lead(problem.targets), starts, lanes=n) for n in (1, 3)
+    )
+    np.testing.assert_allclose(second.cost, first.cost, rtol=1e-12)
+    # Products of other sizes round differently, and a fit stops within 1e-5 of its standard errors.
+    np.testing.assert_allclose(second.x, first.x, atol=1e-7)
+    for counted in ("status", "nfev", "njev"):
+        np.testing.assert_array_equal(getattr(second, counted), getattr(first, counted))
+
+
+def test_fits_of_different_data_keep_to_their_own():
+    problem = master()
+    measured = np.stack([np.log(modulus_data(seed).measured) for seed in range(5)])
+    targets = lead(problem.targets)._replace(measured=measured)
+    starts = np.tile(problem.start, (5, 1))
+    runs = run(LM, problem.structure, problem.numbers, targets, starts, lanes=3)
+    for i in range(5):
+        alone = problem._replace(targets=problem.targets._replace(measured=measured[i]))
+        np.testing.assert_allclose(runs.x[i], run_problem(LM, alone, starts[:1]).x[0], rtol=1e-10)
+    assert len(np.unique(runs.cost)) == 5
+
+
+def test_vmap_of_init_and_step_is_a_loop():
+    problem = master()
+    at = (problem.structure, problem.numbers, problem.targets)
+    x = jnp.asarray(problem.start + np.random.default_rng(1).uniform(-2, 2, (3, 5)))
+
+    def steps(x):
+        return LM.step(*at, LM.step(*at, LM.init(*at, x)))
+
+    together, one = jax.jit(jax.vmap(steps))(x), jax.jit(steps)
+    for i in range(3):
+        for a, b in zip(jax.tree.leaves(one(x[i])), jax.tree.leaves(together), strict=True):
+            np.testing.assert_allclose(a, b[i], rtol=1e-10)
+
+
+@pytest.mark.parametrize("solver", [LM, LBFGS(), Adam(max_steps=300)], ids=["lm", "lbfgs", "adam"])
+@pytest.mark.slow
+def test_held_parameters_stay_exactly(solver):
+    problem = master()
+    held = np.array([1.0, 0.0, 1.0, 1.0, 0.0])
+    start = problem.start + 0.3
+    fixed = problem._replace(targets=problem.targets._replace(held=held))
+    end = run_problem(solver, fixed, start[None]).row(0)
+    assert np.all(end.x[held == 0] == start[held == 0])
+    assert np.all(np.abs(end.x - start)[held == 1] > 0.01)
+    free = run_problem(LM, problem, start[None]).row(0)
+    assert end.cost > 1.1 * free.cost
+
+
+# --- how a fit ends
+
+
+def test_out_of_steps():
+    result = fit(SCENE, modulus_data(), {E: Positive(1e7), "upper.material.E_inf": Positive()}, max_steps=2)
+    assert result.status == OUT_OF_STEPS and not result.success
+    assert result.message == "not converged: out of steps; raise max_steps"
+    assert result.njev == 2
+    assert fit(SCENE, modulus_data(), {E: Positive(1e7), "upper.material.E_inf": Positive()}).success
+
+
+def test_callback_sees_every_step_and_a_cost_that_never_rises():
+    seen = []
+    free = {E: Positive(1e7), "upper.material.E_inf": Positive()}
+    result = fit(SCENE, modulus_data(), free, callback=lambda step, cost: seen.append((step, cost)))
+    steps, costs = zip(*seen, strict=True)
+    assert steps == tuple(range(1, result.njev + 1))
+    assert all(isinstance(cost, float) for cost in costs)
+    assert np.all(np.diff(costs) <= 0) and costs[-1] == result.cost < costs[0]
+
+
+def test_an_interrupt_leaves_the_best_so_far():
+    problem = make_problem(SCENE, [modulus_data()], {E: Positive(1e7), "upper.material.E_inf": Positive()})
+    start = float(
+        cost_of(problem.structure, problem.numbers, other_program(problem)[0](jnp.asarray(problem.start)))
+    )
+    seen = []
+
+    def interrupt(step, cost):
+        seen.append(cost)
+        if step == 2:
+            raise KeyboardInterrupt
+
+    free = {E: Positive(1e7), "upper.material.E_inf": Positive()}
+    result = fit(SCENE, modulus_data(), free, callback=interrupt)
+    assert result.status == INTERRUPTED and not result.success
+    assert result.message.startswith("interrupted") and len(seen) == 2
+    whole = fit(SCENE, modulus_data(), free)
+    assert 1.001 * whole.cost < result.cost == seen[-1] < start
+    assert np.isfinite(result.values).all() and np.isfinite(result.redchi)
+
+
+def test_an_interrupt_of_several_fits_keeps_those_that_are_done():
+    problem = master()
+    starts = np.tile(problem.start, (6, 1))
+    starts[1:] += 3.0
+
+    def interrupt(step, cost):
+        if step == 5:
+            raise KeyboardInterrupt
+
+    runs = run(
+        LM, problem.structure, problem.numbers, lead(problem.targets), starts, callback=interrupt, lanes=2
+    )
+    assert runs.status[0] == CONVERGED and INTERRUPTED in runs.status
+    never = ~np.isin(runs.status, (CONVERGED, INTERRUPTED))
+    assert never.any() and np.isinf(runs.cost[never]).all()
+    np.testing.assert_array_equal(runs.x[never], starts[never])
+
+
+# --- several starts
+
+
+def one_peak(**options):
+    """The loss of two relaxations, and a scene with one: it can be either of them."""
+    exact = np.asarray(rf.complex_modulus(rf.Prony(3e6, [4e6, 6e6], [1.0, 1e-5]), OMEGA))
+    data = ModulusData(OMEGA, exact.real, exact.imag, np.full(20, 1e12), np.full(20, 1e5))
+    scene = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, [5e6], [3e-2])))
+    return fit(scene, data, {"upper.material.tau": Positive()}, decades=4.0, **options)
+
+
+def test_several_starts_find_several_minima_and_the_lowest():
+    result = one_peak(starts=12)
+    assert len(result.minima) >= 2
+    costs = [minimum.cost for minimum in result.minima]
+    assert np.all(np.diff(costs) > 0) and result.cost == costs[0]
+    assert sum(minimum.count for minimum in result.minima) <= 12
+    assert max(minimum.count for minimum in result.minima) > 1
+    np.testing.assert_allclose(result.values, result.minima[0].values, rtol=1e-12)
+    tau = sorted(minimum.values[0] for minimum in result.minima[:2])
+    assert tau[0] < 1e-3 < 1e-2 < tau[1]
+    # One start, beside the worse of the two, finds that.
+    assert len(one_peak().minima) == 1 and one_peak().cost >= result.cost
+
+
+def test_several_starts_are_decided_by_their_key():
+    one, two = (one_peak(starts=3, key=jax.random.key(5)) for _ in range(2))
+    np.testing.assert_array_equal(one.values, two.values)
+    assert one.nfev == two.nfev and one.cost == two.cost
+    drawn = [random_starts(one.layout, one.x, jax.random.key(k), 3) for k in (5, 6)]
+    assert np.all(drawn[0][1:] != drawn[1][1:])
+
+
+# --- outliers
+
+
+def test_outliers_move_the_robust_estimate_less_than_its_error_bars():
+    omega = np.logspace(-2, 7, 60)
+    data = modulus_data(3, omega)
+    rng = np.random.default_rng(0)
+    struck = rng.choice(120, 6, replace=False)
+    measured = data.measured.copy()
+    measured[struck] *= 3.0
+    free = {E: Positive(), "upper.material.E_inf": Positive()}
+    moved = {}
+    for loss in ("linear", "cauchy"):
+        before, after = (fit(SCENE, d, free, loss=loss) for d in (data, data.replaced(measured)))
+        assert before.success and after.success
+        moved[loss] = np.max(np.abs(after.x - before.x) / before.uncertainty.deviation)
+    assert moved["cauchy"] < 1.0
+    assert moved["linear"] > 5.0
+
+
+# --- compilation
+
+
+@pytest.mark.slow
+def test_a_second_fit_of_the_same_kind_compiles_nothing():
+    """Other data, start, bounds and errors: all of these are numbers."""
+    free = {E + "[1:]": Positive(), "upper.material.E_inf": Bounded(1e6, 9e6), E + "[0]": Free()}
+    scene = rf.Scene(ROAD, rf.Body(rf.Prony(2.5e6, [4e8, 6e7, 9e6, 3e6], TAU)))
+    other = free | {"upper.material.E_inf": Bounded(5e5, 2e7)}
+    with compilations() as compiled:
+        fit(SCENE, modulus_data(), free, starts=2)
+        assert compiled
+        compiled.clear()
+        result = fit(scene, modulus_data(1, relative=0.03), other, starts=2, key=jax.random.key(1))
+    assert result.success and not compiled

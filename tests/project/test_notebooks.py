@@ -1,0 +1,86 @@
+"""Notebooks: each runs from top to bottom, and what is stored of it is whole, clean and small."""
+
+import base64
+import os
+import re
+import shutil
+import time
+
+import pytest
+from support.folders import ROOT
+
+WHY = "notebooks need pip install 'rubberfric[notebooks]'"
+for name in ("matplotlib", "ipykernel", "numpyro"):
+    pytest.importorskip(name, reason=WHY)
+nbformat = pytest.importorskip("nbformat", reason=WHY)
+nbclient = pytest.importorskip("nbclient", reason=WHY)
+
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+SECONDS = 150  # for one notebook; on a quiet core each takes a small part of it
+LARGEST, ALL = 250_000, 1_000_000  # bytes
+MACHINE = re.compile(r"(?<![\w.])/(home|tmp|work|root|usr|opt)\b|site-packages|[A-Z]:\\\\Users")
+
+each = pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda path: path.stem)
+
+
+def code_of(notebook):
+    return [cell for cell in notebook.cells if cell.cell_type == "code"]
+
+
+def outputs_of(notebook):
+    return [output for cell in code_of(notebook) for output in cell.outputs]
+
+
+def texts_of(notebook):
+    """All that is written in a notebook but for its pictures."""
+    yield str(dict(notebook.metadata))
+    for cell in notebook.cells:
+        yield cell.source
+        for output in cell.get("outputs", ()):
+            yield output.get("text", "")
+            yield from (str(data) for kind, data in output.get("data", {}).items() if "image" not in kind)
+
+
+@each
+def test_runs_from_top_to_bottom(path, tmp_path, monkeypatch):
+    """In a copy of its folder beside the data, against this checkout, compiled as `conftest` has it."""
+    folder = tmp_path / "notebooks"
+    folder.mkdir()
+    shutil.copytree(ROOT / "data", tmp_path / "data")
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.setenv("JUPYTER_CONFIG_DIR", str(tmp_path))
+    notebook = nbformat.read(path, as_version=4)
+    end = time.monotonic() + SECONDS
+    client = nbclient.NotebookClient(
+        notebook,
+        kernel_name="python3",
+        timeout_func=lambda cell: max(1, int(end - time.monotonic())),
+        resources={"metadata": {"path": str(folder)}},
+    )
+    client.execute()
+    assert not [output for output in outputs_of(notebook) if output.output_type == "error"]
+
+
+@each
+def test_is_stored_executed_and_clean(path):
+    notebook = nbformat.read(path, as_version=4)
+    nbformat.validate(notebook)
+    assert path.stat().st_size < LARGEST
+    code = code_of(notebook)
+    assert [cell.execution_count for cell in code] == list(range(1, len(code) + 1))
+    kinds = {(output.output_type, output.get("name")) for output in outputs_of(notebook)}
+    assert kinds and not {("error", None), ("stream", "stderr")} & kinds
+    assert {key for cell in notebook.cells for key in cell.metadata} == set()
+    assert notebook.metadata.kernelspec.name == "python3"
+    for text in texts_of(notebook):
+        assert not MACHINE.search(text), MACHINE.search(text)
+    assert 'jax.config.update("jax_enable_x64", True)' in code[0].source
+    pictures = [output.get("data", {}).get("image/png") for output in outputs_of(notebook)]
+    assert any(pictures)
+    for picture in filter(None, pictures):
+        assert base64.b64decode(picture).startswith(b"\x89PNG")
+
+
+def test_together_they_are_small():
+    assert len(NOTEBOOKS) == 6
+    assert sum(os.path.getsize(path) for path in NOTEBOOKS) < ALL

@@ -1,0 +1,343 @@
+"""Calls, files and commands as a new user gets them wrong, and the one line that answers each.
+
+Cases that belong to one object or file format are with its tests; these are the mistakes between them.
+"""
+
+import numpy as np
+import pytest
+
+import fitting
+import rubberfric as rf
+from fitting import FrictionData, Positive
+from fitting.commands.main import main as fit_main
+from rubberfric.commands.main import main
+
+ROAD = rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4))
+PLAIN = rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3])
+SHIFTED = rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3], shift=rf.WLF(12.0, 150.0, 293.15))
+SCENE = rf.Scene(ROAD, rf.Body(SHIFTED))
+DATA = FrictionData([1e-3, 1.0], [0.3, 0.4], pressure=1e5)
+
+
+def answer(call, error=ValueError):
+    """The one line that a wrong call is answered by."""
+    with pytest.raises(error) as caught:
+        call()
+    message = str(caught.value)
+    assert "\n" not in message and len(message) < 400, message
+    return message
+
+
+# --- calls
+
+
+CALLS = {
+    "wave vectors in the reverse order": (
+        lambda: rf.SelfAffine(3e4, 1e3, 1e2, 0.8, 5e-4),
+        ("SelfAffine.qr = 1000.0", "must be >= q0 = 30000.0"),
+    ),
+    "a number as text": (lambda: rf.Elastic("1e7", 0.5), ("Elastic.young = '1e7'", "must be a number")),
+    "Poisson's ratio in percent": (
+        lambda: rf.Elastic(1e7, 50),
+        ("Elastic.poisson = 50", "between 0.0 and 0.5"),
+    ),
+    "a modulus for each of no times": (
+        lambda: rf.Prony(1e6, 1e6, 1.0),
+        ("Prony.E has shape ()", "must be one-dimensional"),
+    ),
+    "a material by its name": (
+        lambda: rf.Body("rubber"),
+        ("Body.material = 'rubber'", "must be Rigid, Elastic"),
+    ),
+    "materials without bodies": (
+        lambda: rf.Scene(rf.Rigid(), PLAIN),
+        ("Scene.lower = Rigid()", "must be Body"),
+    ),
+    "roughness before the material": (
+        lambda: rf.Body(ROAD.spectrum, rf.Rigid()),
+        ("Body.material = SelfAffine", "must be Rigid, Elastic"),
+    ),
+    "pressure 0": (lambda: rf.friction(SCENE, 1.0, 0.0), ("pressure = 0.0", "must be > 0")),
+    "velocities as text": (
+        lambda: rf.friction(SCENE, ["1", "2"], 1e5),
+        ("velocity = ['1', '2']", "must be a sequence of real numbers"),
+    ),
+    "no velocity": (lambda: rf.friction(SCENE, None, 1e5), ("velocity = None", "must be a number")),
+    "a complex velocity": (lambda: rf.friction(SCENE, 1 + 1j, 1e5), ("velocity = (1+1j)", "must be a real")),
+    "a temperature that nothing depends on": (
+        lambda: rf.friction(rf.Scene(ROAD, rf.Body(PLAIN)), 1.0, 1e5, 300.0),
+        ("temperature is given, but nothing in the scene has a shift", "must be None"),
+    ),
+    "a temperature in °C": (
+        lambda: rf.friction(SCENE, 1.0, 1e5, 20.0),
+        ("temperature = 20.0", "must be > 143.15 K"),
+    ),
+    "points that do not go together": (
+        lambda: rf.friction(SCENE, [1.0, 2.0, 3.0], [1e5, 2e5]),
+        ("shapes differ (velocity (3,), pressure (2,))", "must broadcast"),
+    ),
+    "a file in place of a scene": (
+        lambda: rf.friction("scene.toml", 1.0, 1e5),
+        ("scene is a str", "must be a Scene"),
+    ),
+    "a body in place of a scene": (
+        lambda: rf.friction(ROAD, 1.0, 1e5),
+        ("scene is a Body", "must be a Scene"),
+    ),
+    "nodes in place of a quadrature": (
+        lambda: rf.friction(SCENE, 1.0, 1e5, quadrature=16),
+        ("quadrature is a int", "must be a Quadrature"),
+    ),
+    "a quantity by its symbol": (
+        lambda: rf.solve(SCENE, 1.0, 1e5, quantities="mu"),
+        ("quantities has 'mu'", "must be out of area, friction"),
+    ),
+    "the modulus of a scene": (
+        lambda: rf.complex_modulus(SCENE, 1.0),
+        ("material is a Scene", "must be Elastic, Prony"),
+    ),
+    "a frequency as text": (
+        lambda: rf.complex_modulus(PLAIN, "1 Hz"),
+        ("omega = '1 Hz'", "must be a number"),
+    ),
+    "the slope of a body": (lambda: rf.rms_slope(ROAD), ("spectrum is a Body", "must be SelfAffine, Tab")),
+    "the spectrum of a rubber": (
+        lambda: rf.power_spectrum(PLAIN, 1e3),
+        ("spectrum is a Prony", "must be Self"),
+    ),
+    "a scene before its file": (
+        lambda: rf.save_scene(SCENE, "scene.h5"),
+        ("path is a Scene", "must be the path of a file"),
+    ),
+    "a file that is none": (
+        lambda: rf.load_scene(None),
+        ("path is a NoneType", "must be the path of a file"),
+    ),
+    "data that are arrays already": (
+        lambda: fitting.read(np.ones(3)),
+        ("path is a ndarray", "must be the path"),
+    ),
+    "fit of data to a scene, turned round": (
+        lambda: fitting.fit(DATA, SCENE, {"gamma": Positive()}),
+        ("data is a Scene", "must be FrictionData, AreaData"),
+    ),
+    "free parameters as a list": (
+        lambda: fitting.fit(SCENE, DATA, ["gamma"]),
+        ("free: must be a dict of key",),
+    ),
+    "a rule without brackets": (
+        lambda: fitting.fit(SCENE, DATA, {"upper.material.E": Positive}),
+        ("free['upper.material.E']", "a class, must be made with Positive(...)"),
+    ),
+    "a rule as text": (
+        lambda: fitting.fit(SCENE, DATA, {"upper.material.E": "positive"}),
+        ("free['upper.material.E'] = 'positive'", "must be Positive, Bounded, Free or Tied"),
+    ),
+    "the path of one body in the other": (
+        lambda: fitting.fit(SCENE, DATA, {"lower.material.E": Positive()}),
+        ("'lower.material.E': unknown key path", "did you mean 'upper.material.E'?"),
+    ),
+    "velocities in km/h": (
+        lambda: FrictionData([1.0, 3600.0], [0.3, 0.4], pressure=1e5),
+        ("FrictionData.velocity[1] = 3600.0", "is it in mm/s or um/s?"),
+    ),
+    "a file in place of data": (
+        lambda: fitting.fit_prony("master_curve.csv"),
+        ("data is a str", "must be ModulusData, such as fitting.read gives"),
+    ),
+    "a start value as text": (
+        lambda: fitting.fit(SCENE, DATA, {"upper.material.E": Positive("1e6")}),
+        ("free['upper.material.E']: start = '1e6'", "must be"),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", CALLS)
+def test_calls(name):
+    call, words = CALLS[name]
+    message = answer(call)
+    for text in words:
+        assert text in message, message
+
+
+def test_a_folder_in_place_of_a_file(tmp_path):
+    assert "must be .toml or .h5; it is a folder" in answer(lambda: rf.load_scene(tmp_path))
+    assert "or .h5; it is a folder" in answer(lambda: fitting.read(tmp_path))
+    (tmp_path / "scene.toml").mkdir()
+    assert "cannot be read: Is a directory" in answer(lambda: rf.load_scene(tmp_path / "scene.toml"))
+    assert "scene is a Prony: must be a Scene" in answer(lambda: rf.save_scene(tmp_path / "x.h5", PLAIN))
+
+
+@pytest.mark.parametrize("name", ["fit", "FrictionData", "Positive", "sensitivity"])
+def test_what_is_in_the_other_package(name):
+    wanted = f"rubberfric has no {name!r}, fitting has: from fitting import {name}"
+    namespace = {}
+    assert wanted in answer(lambda: exec(f"from rubberfric import {name}", namespace), ImportError)
+    assert "no attribute 'Pronny'" in answer(lambda: rf.Pronny, AttributeError)
+    assert set(rf._FITTING) <= set(fitting.__all__)
+
+
+def test_single_precision_is_no_surprise():
+    """A float32 among the arguments does not make the scene one, and a float32 scene stays one."""
+    assert rf.friction(SCENE, np.float32(1.0), 1e5).dtype == np.float64
+    assert rf.friction(rf.scene.scene.cast(SCENE, np.float32), 1.0, 1e5).dtype == np.float32
+
+
+# --- files
+
+
+ROAD_TOML = """[lower]
+material = { kind = "rigid" }
+spectrum = { kind = "self_affine", q0 = 1e2, qr = 1e3, q1 = 3e4, hurst = 0.8, h_rms = 5e-4 }
+"""
+SCENE_TOML = (
+    ROAD_TOML
+    + """[upper]
+material = { kind = "prony", E_inf = 3e6, E = [5e7, 8e6], tau = [1e-5, 1e-3], shift = SHIFT }
+[run]
+velocity = [1e-3, 1.0]
+pressure = 1e5
+temperature = 293.15
+"""
+).replace("SHIFT", '{ kind = "wlf", C1 = 12.0, C2 = 150.0, T_ref = 293.15 }')
+
+SCENES = {
+    "a pressure in MPa": (
+        "1e5",
+        "0.1",
+        "run.pressure = 0.1 Pa: must be 1 ... 1e+10 Pa; is it in MPa or GPa?",
+    ),
+    "moduli in MPa": (
+        "E_inf = 3e6, E = [5e7, 8e6]",
+        "E_inf = 3, E = [50, 8]",
+        "upper.material.E_inf + sum(E) = 61 Pa: must be 100 ... 1e+13 Pa; is it in MPa or GPa?",
+    ),
+    "a reference temperature in °C": (
+        "T_ref = 293.15",
+        "T_ref = 20.0",
+        "T_ref = 20 K: must be 100 ... 1000 K; is",
+    ),
+    "a velocity in um/s": (
+        "[1e-3, 1.0]",
+        "[1e3, 1e6]",
+        "run.velocity[1] = 1e+06 m/s: must be at most 10000 m/s",
+    ),
+    "terms of different lengths": ("[1e-5, 1e-3]", "[1e-5]", "lengths differ (E has 2, tau has 1)"),
+    "a number in quotes": ("hurst = 0.8", 'hurst = "0.8"', "lower.spectrum.hurst = '0.8': must be a number"),
+    "a decimal comma": ("hurst = 0.8", "hurst = 0,8", "is not TOML"),
+    "a key of another name": ("h_rms", "hrms", "lower.spectrum.hrms: unknown key; did you mean 'h_rms'?"),
+    "a kind as its class is called": ('"prony"', '"Prony"', "kind = 'Prony': did you mean 'prony'?"),
+    "a section at the wrong place": (
+        "[run]",
+        "[upper.run]",
+        "upper.run: unknown key; must be one of material",
+    ),
+    "plausible as text": ("[lower]", 'plausible = "no"\n[lower]', "plausible = 'no': must be true or false"),
+}
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_scene_files(name, tmp_path):
+    old, new, words = SCENES[name]
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE_TOML.replace(old, new), encoding="utf-8")
+    message = answer(lambda: rf.load_scene(path))
+    assert message.startswith(f"{path}: ") and words in message, message
+    if "; is it in" in message:
+        assert message.endswith(" plausible = false at the top of the file accepts it")
+        path.write_text("plausible = false\n" + path.read_text(encoding="utf-8"), encoding="utf-8")
+        assert isinstance(rf.load_scene(path), rf.Scene)
+
+
+def test_line_ends_and_marks_of_other_systems(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_bytes(b"\xef\xbb\xbf" + SCENE_TOML.replace("\n", "\r\n").encode())
+    assert rf.load_scene(path).gamma == 0.5
+
+
+FRICTION = "v,mu,p\nm/s,-,MPa\n0.001,0.3,0.1\n1,0.4,0.1\n"
+TABLES = {
+    "velocities in km/h": ("m/s", "km/h", "column v: unit 'km/h': must be one of m/s, mm/s, um/s"),
+    "values behind their unit": ("0.001,", "0.001 m/s,", "line 3: v = '0.001 m/s': must be a number"),
+    "no units": ("m/s,-,MPa\n", "", "unit '0.001': must be one of m/s"),
+    "decimal commas between commas": ("0.001,0.3,0.1", "0,001,0,3,0,1", "line 3: has 6 fields: must have 3"),
+    "friction in percent": ("0.3,", "30,", ""),
+    "a pressure in Pa that is in MPa": (
+        ",MPa",
+        ",Pa",
+        "pressure[0] = 0.1: must be >= 1 Pa; is it in MPa or GPa?",
+    ),
+    "a modulus in Pa that is in MPa": (
+        FRICTION,
+        "f,E_stor,E_loss\nHz,Pa,Pa\n1,12,3\n",
+        "storage[0] = 12.0: must be >= 1e3 Pa; is it in MPa or GPa? (check_units=False accepts it)",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_tables(name, tmp_path):
+    old, new, words = TABLES[name]
+    path = tmp_path / "friction.csv"
+    path.write_text(FRICTION.replace(old, new), encoding="utf-8")
+    if not words:  # 30 may be a friction; beyond 50 it is asked
+        path.write_text(FRICTION.replace("0.3,", "60,"), encoding="utf-8")
+        words = "friction[0] = 60.0: must be -50 ... 50; is it in percent?"
+    message = answer(lambda: fitting.read(path))
+    assert message.startswith(f"{path}: ") and words in message, message
+
+
+# --- commands
+
+
+def test_commands(call_main, tmp_path):
+    scene, table, job = tmp_path / "scene.toml", tmp_path / "friction.csv", tmp_path / "job.toml"
+    scene.write_text(SCENE_TOML, encoding="utf-8")
+    table.write_text(FRICTION.replace("MPa", "Pa"), encoding="utf-8")
+    head = 'scene = "scene.toml"\n'
+    data, free = '[[data]]\nfile = "friction.csv"\n', '[free]\n"upper.material.E" = "positive"\n'
+    cases = [
+        (main, ("run", tmp_path), "must be .toml or .h5; it is a folder"),
+        (main, ("run", table), "suffix '.csv': must be .toml or .h5"),
+        (main, ("run", job), "No such file"),
+        (main, ("rnu", scene), "invalid choice: 'rnu'"),
+        (main, ("run", scene, "--out", tmp_path / "r.csv"), "suffix '.csv': must be .h5"),
+        (main, ("run", scene, "--out", tmp_path / "no" / "r.h5"), "there is no folder"),
+        (fit_main, (scene,), "data: is missing; must be given"),
+    ]
+    for text, words in (
+        (head + free, "data: is missing; must be given"),
+        (head + data, "free: is missing; must be given"),
+        (head + data + free, "pressure[0] = 0.1: must be >= 1 Pa"),
+        (
+            head + data + "check_unit = false\n" + free,
+            "data[0].check_unit: unknown key; did you mean 'check_units'?",
+        ),
+        (head.replace("scene.toml", "scene.tml") + data + free, "suffix '.tml': must be .toml or .h5"),
+        (head + data.replace(".csv", ".xlsx") + free, "save a sheet as .csv"),
+        (head + '[data]\nfile = "friction.csv"\n' + free, "must be tables, each headed [[data]]"),
+    ):
+        job.write_text(text, encoding="utf-8")
+        status, out, err = call_main(fit_main, job)
+        assert status == 2 and not out and words in err and err.count("\n") == 1, err
+    job.unlink()
+    for command, arguments, words in cases:
+        if command is fit_main:
+            words = "must"
+        status, out, err = call_main(command, *arguments)
+        assert status == 2 and not out and words in err and err.count("\n") == 1, err
+
+
+def test_a_data_set_that_may_have_any_unit(tmp_path):
+    """check_units of a job, as of `fitting.read`."""
+    from fitting.commands.job import read_job
+
+    (tmp_path / "scene.toml").write_text(SCENE_TOML, encoding="utf-8")
+    (tmp_path / "friction.csv").write_text(FRICTION.replace("MPa", "Pa"), encoding="utf-8")
+    job = tmp_path / "job.toml"
+    job.write_text(
+        'scene = "scene.toml"\n[[data]]\nfile = "friction.csv"\ncheck_units = false\n'
+        '[free]\n"gamma" = "free"\n',
+        encoding="utf-8",
+    )
+    np.testing.assert_array_equal(read_job(job).data[0].pressure, [0.1, 0.1])

@@ -1,0 +1,484 @@
+"""Errors against run time: that the errors are errors, and that the choice keeps its word."""
+
+import csv
+import functools
+import importlib.util
+import io
+import os
+import subprocess
+import sys
+import unittest.mock
+from pathlib import Path
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from support import html_tables
+from support.cases import QUANTITIES, reference, scene, three
+from support.folders import DATA
+
+import rubberfric as rf
+from rubberfric.analysis.error_and_time import sweep
+from rubberfric.analysis.error_and_time.reference import (
+    Errors,
+    Reference,
+    Sample,
+    arguments,
+    compare,
+    points_of,
+    rounded,
+)
+from rubberfric.analysis.error_and_time.reference import reference as reference_of
+from rubberfric.analysis.error_and_time.report import Accuracy, Row
+from rubberfric.analysis.error_and_time.settings import LADDER, node_count, settings_for
+from rubberfric.commands import accuracy as accuracy_command
+from rubberfric.commands import main as command
+from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.plot.save import plot_accuracy
+
+CASE = reference("forward_cases")["smooth-rubber-rough-rigid-0"]
+AT = scene(CASE), CASE["v"], CASE["pressure"]
+COARSE = rf.Quadrature(order=4, panels=3, graded=1, ratio=6.0, angular_order=4)
+MIDDLE = rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0, angular_order=10)
+TREAD = rf.Prony(3e6, [4e8, 5e7, 8e6], [1e-7, 1e-5, 1e-3], 0.5, rf.WLF(12.0, 150.0, 293.15))
+ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
+SCENE = rf.Scene(rf.Body(TREAD), rf.Body(rf.Rigid(), ROAD))
+VELOCITY = np.array([1e-5, 1e-2, 1.0])
+
+
+@functools.cache
+def known():
+    """The reference of a case whose values are known by brute force."""
+    return reference_of(points_of(*AT))
+
+
+@functools.cache
+def found():
+    """A sweep over that case."""
+    with unittest.mock.patch("rubberfric.analysis.error_and_time.reference.reference", lambda *_: known()):
+        options = {"settings": (MIDDLE, COARSE), "textbook": ((60, 24), (120, 48)), "repeats": 3}
+        return rf.analysis.accuracy(*AT, **options)
+
+
+@functools.cache
+def value_error(setting):
+    """Of area, friction and separation against brute force."""
+    here = np.array(three(rf.solve(*AT, quadrature=setting)))
+    return np.abs(here / np.array([CASE[name] for name in QUANTITIES]) - 1)
+
+
+@pytest.mark.slow
+def test_errors_are_differences_from_brute_force():
+    for row in found().rows[:2]:
+        np.testing.assert_allclose(row.errors[:3], value_error(row.setting), rtol=1e-3, atol=3e-10)
+    assert min(found().rows[1].errors[:3]) > 1e-7
+
+
+def test_rows_of_a_sweep():
+    middle, coarse, single, rough, fine = found().rows
+    methods = [(row.method, row.dtype) for row in found().rows]
+    assert methods == [*2 * [("panels", "float64")], ("panels", "float32"), *2 * [("textbook", "float64")]]
+    assert middle.setting == single.setting == MIDDLE and coarse.setting == COARSE
+    assert middle.errors.value < 1e-7 < single.errors.value < 1e-5 < coarse.errors.value
+    assert middle.errors.gradient < 1e-3 * coarse.errors.gradient
+    assert single.errors.gradient < 1e-4
+    assert 0 < fine.errors.value < 0.7 * rough.errors.value
+    assert fine.errors.gradient is None and fine.gradient is None
+    for row in found().rows:
+        assert row.forward > 0
+        if row.method == "panels":
+            assert row.gradient > 0 and row.compile_gradient > 0 and row.compile_forward > 0
+    assert (middle.nodes, rough.nodes) == (node_count(AT[0], MIDDLE), 60 * 24)
+    assert found().agreement.worst < 1e-11
+
+
+def test_single_precision_is_tried_until_it_is_lost_in_rounding():
+    assert sweep.single_precision("abcdefg", [1e-1, 1, 1e-3, 1, 1e-7, 1, 1e-9]) == ["a", "c", "e"]
+    assert sweep.single_precision("abc", [1e-1, 1e-8, 1e-3]) == ["a", "c"]
+
+
+def test_gradient_errors_are_those_of_all_sensitivities():
+    """The definition, written out with a plain Jacobian."""
+
+    def values(scene, conditions):
+        return jnp.stack(three(rf.solve(scene, *conditions, quadrature=COARSE)))
+
+    at, exact = points_of(*AT)[:2], known().exact.sensitivities[:, 0]
+    jacobian = jax.jit(jax.jacrev(values, (0, 1)))(*at)
+    leaves = zip(jax.tree.leaves(jacobian), jax.tree.leaves(at), strict=True)
+    coarse = np.concatenate([np.reshape(d * x, (3, -1)) for d, x in leaves], 1)
+    expected = np.max(np.abs(coarse - exact), 1) / np.max(np.abs(exact), 1)
+    np.testing.assert_allclose(found().rows[1].errors[3:], expected, rtol=1e-3)
+
+
+def test_errors_of_samples():
+    """Worst over the points; a vanishing quantity, and what is not finite."""
+    points = points_of(SCENE, VELOCITY, 1e5)
+    values = np.array([[0.5, 0.2, 0.1], [0.0, 1.0, 1.0], [1e-4, 1e-5, 1e-300]])
+    slopes = np.ones((3, points.chosen.size, 4))
+    exact = Sample(values, slopes)
+    assert compare(exact, exact, points) == Errors(0, 0, 0, 0, 0, 0)
+    off = values.copy()
+    off[0, 1] *= 1.25
+    off[2, 2] = 0.0  # 1e-300 m is no separation: nobody needs its digits
+    steeper = slopes.copy()
+    steeper[1, 2, 3] = 1.5
+    errors = compare(Sample(off, steeper), exact, points)
+    np.testing.assert_allclose(errors, [0.25, 0, 0, 0, 0.5, 0], atol=1e-12, rtol=1e-5)
+    assert compare(Sample(off), exact, points).gradient is None
+    off[1, 0] = 1e-30  # not zero where zero is exact
+    assert compare(Sample(off), exact, points).friction == np.inf
+    off[0, 0] = np.nan
+    assert compare(Sample(off), exact, points).area == np.inf
+
+
+def test_single_precision_is_compared_at_its_own_inputs():
+    points = points_of(SCENE, VELOCITY, 1.1e5, 283.15)
+    near = rounded(points)
+    assert near.conditions[0].dtype == near.scene.upper.spectrum.q1.dtype == "float64"
+    assert float(near.conditions[2][0]) == float(np.float32(283.15)) != 283.15
+    (single, conditions), _ = arguments(points, jnp.float32)
+    assert single.lower.material.E.dtype == conditions[0].dtype == "float32"
+    np.testing.assert_array_equal(np.asarray(conditions[1], float), near.conditions[1])
+
+
+@pytest.fixture
+def compared(monkeypatch):
+    """What every row of a sweep is compared with, its precision beside it; nothing is compiled."""
+    seen = []
+
+    def panels(points, exact, setting, dtype):
+        seen.append((exact, dtype))
+        return Row("panels", setting, str(dtype), 1, Errors(*[0.1] * 6)), {"forward": list, "gradient": list}
+
+    monkeypatch.setattr(sweep, "_panels", panels)
+    nothing = Reference("compiled", "exact", Errors(*[0.0] * 6))
+    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.reference", lambda *_: nothing)
+    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.sample", lambda *arguments: arguments)
+    return seen
+
+
+def test_single_precision_is_compared_with_the_reference_at_rounded_inputs(compared):
+    rf.analysis.accuracy(SCENE, VELOCITY, 1.1e5, 283.15, settings=(COARSE,), textbook=(), repeats=1)
+    assert compared[0] == ("exact", jnp.float64)
+    (function, points), dtype = compared[1]
+    assert (function, dtype) == ("compiled", jnp.float32)
+    assert float(points.conditions[2][0]) == float(np.float32(283.15))
+
+
+def test_single_precision_is_left_out_where_it_cannot_hold_the_scene(compared):
+    fine = rf.TabulatedSpectrum([1e8, 1e9], [1e-36, 1e-40])
+    result = rf.analysis.accuracy(
+        rf.Scene(rf.Body(TREAD), rf.Body(rf.Rigid(), fine)),
+        1.0,
+        1e5,
+        settings=(COARSE,),
+        textbook=(),
+        repeats=1,
+    )
+    assert [dtype for _, dtype in compared] == [jnp.float64]
+    assert "float32 is left out: upper.spectrum.C has values below" in result.report()
+
+
+def test_errors_fall_along_the_ladder():
+    settings = settings_for(SCENE)
+    nodes = [node_count(SCENE, setting) for setting in settings]
+    assert len(settings) >= 8 and np.all(np.diff(nodes) > 0)
+    assert nodes[0] < 50 and nodes[-1] > node_count(SCENE, rf.Quadrature())
+    first, middle, last = (np.max(value_error(settings[i])) for i in (0, 3, 5))
+    assert first > 1e-4 and middle < 1e-2 * first and last < 1e-2 * middle
+
+
+def test_the_angle_is_left_alone_where_nothing_needs_it():
+    assert {setting.angle for setting in settings_for(SCENE)} == {rf.Quadrature().angle}
+    tabulated = rf.load_scene(DATA / "tabulated_tread.toml")
+    assert settings_for(tabulated) == LADDER
+    angles = [setting.angle for setting in LADDER]
+    assert angles == sorted(angles) and angles[0] < rf.Quadrature().angle < angles[-1]
+
+
+def test_for_error_keeps_its_word(monkeypatch):
+    """The cheapest setting with which the values are as near to brute force as wanted."""
+    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.reference", lambda *_: known())
+    settings = settings_for(AT[0])
+    chosen = settings.index(rf.analysis.quadrature_for(AT[0], 1e-5, *AT[1:], gradients=False))
+    assert np.max(value_error(settings[chosen])) <= 1e-5 < np.max(value_error(settings[chosen - 1]))
+
+
+def test_for_error_with_and_without_gradients(monkeypatch):
+    """Values and gradients must meet it, or the values alone; by default where the docstring says."""
+    errors = {COARSE: Errors(*3 * [1e-8], *3 * [1e-3]), MIDDLE: Errors(*6 * [1e-9])}
+    seen = []
+
+    def measured(points, setting, gradients):
+        seen.append(points.conditions)
+        return Errors(*errors[setting][: None if gradients else 3]), None
+
+    monkeypatch.setattr("rubberfric.analysis.error_and_time.settings.LADDER", (COARSE, MIDDLE))
+    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.measured", measured)
+    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.compare", lambda found, *_: found)
+    nothing = Reference(None, None, Errors(*6 * [1e-12]))
+    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.reference", lambda *_: nothing)
+    assert rf.analysis.quadrature_for(SCENE, 1e-6) == MIDDLE
+    assert rf.analysis.quadrature_for(SCENE, 1e-6, gradients=False) == COARSE
+    velocity, pressure = seen[0]
+    assert velocity.shape == pressure.shape == (55,)
+    limits = [velocity.min(), velocity.max(), pressure.min(), pressure.max()]
+    np.testing.assert_allclose(limits, [1e-8, 1e2, 1e3, 1e7], rtol=1e-12)
+    message = "error = 1e-10: none of 2 settings meets it on this scene; the best is 1.0e-09 off"
+    with pytest.raises(ValueError, match=message):
+        rf.analysis.quadrature_for(SCENE, 1e-10)
+
+
+@pytest.mark.slow
+def test_no_reference_for_a_noisy_table(monkeypatch):
+    """The kinks of a table leave errors that refinement does not see the end of: nothing is claimed."""
+    at = rf.load_scene(DATA / "tabulated_tread.toml"), 1e-3, 1.5e5, 278.15
+    exact = reference_of(points_of(*at), gradients=False)
+    assert exact.agreement.worst > 1e-10
+    row = Row("panels", COARSE, "float64", 100, Errors(*[1e-11] * 6), 1e-3, 1e-2, 1.0, 2.0)
+    result = Accuracy(1e-9, (row,), Errors(*exact.agreement[:3], *exact.agreement[:3]), 1, 1)
+    assert result.chosen is None and result.chosen_values is None
+    assert result.report().count("to 1e-09: no reference, for its refinements agree to") == 2
+    assert result.report().count("<") == 6  # none of these errors is known
+    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.reference", lambda *_: exact)
+    with pytest.raises(ValueError, match=r"error = 1e-09: there is no reference for it on this scene"):
+        rf.analysis.quadrature_for(at[0], 1e-9, *at[1:], gradients=False)
+
+
+def made(errors, agreement=1e-12, error=1e-6):
+    """A result of settings of growing work, each in both precisions, of which the single is the quicker."""
+    rows = tuple(
+        Row("panels", MIDDLE, dtype, 100 * (i + 1), Errors(*e), (i + 1) * unit, 2 * (i + 1) * unit, 1.0, 2.0)
+        for dtype, unit in (("float64", 1e-3), ("float32", 0.9e-3))
+        for i, e in enumerate(errors if dtype == "float64" else [[max(x, 3e-7) for x in e] for e in errors])
+    )
+    textbook = Row("textbook", (200, 64), "float64", 12800, Errors(1e-3, 2e-3, 3e-3), 0.09)
+    return Accuracy(error, (*rows, textbook), Errors(*[agreement] * 6), 41, 30)
+
+
+def test_the_cheapest_is_chosen_for_either_use():
+    fine, coarse_slopes = [1e-8] * 6, [1e-8] * 3 + [1e-3] * 3
+    result = made([[1e-2] * 6, coarse_slopes, fine, fine])
+    assert result.chosen_values is result.rows[5] and result.rows[5].dtype == "float32"
+    assert result.chosen is result.rows[6]
+    assert result._replace(error=1e-7).chosen is result.rows[2]  # too fine for single precision
+    text = result.report()
+    assert max(map(len, text.splitlines())) <= 110
+    assert "takes 50 times as long as the first" in text and "3e-03 off" in text
+    assert made([[1e-2] * 6]).chosen_values is None
+    assert "values and gradients to 1e-06: no setting meets it" in made([[1e-2] * 6]).report()
+    assert made([fine], agreement=2e-7).chosen is None
+    assert "no reference" in made([fine], agreement=2e-7).report()
+    # Less than three times what the refinements disagree by is a bound, not an error.
+    assert " <3e-08" in made([fine], agreement=1e-8).report()
+    assert made([fine], agreement=1e-8).known(result.rows[1]).value == pytest.approx(3e-8)
+
+
+def test_csv_holds_every_row(tmp_path):
+    path = tmp_path / "t.csv"
+    found().write(path)
+    lines = [line for line in path.read_text(encoding="utf-8").splitlines() if not line.startswith("#")]
+    names, units, *rows = csv.reader(lines)
+    assert len(rows) == len(found().rows) and set(units) == {"-", "s"}
+    assert [unit for name, unit in zip(names, units, strict=True) if name == "compile_gradient"] == ["s"]
+    for cells, row in zip(rows, found().rows, strict=True):
+        cells = dict(zip(names, cells, strict=True))
+        assert (cells["method"], cells["dtype"], int(cells["nodes"])) == (row.method, row.dtype, row.nodes)
+        assert float(cells["forward"]) == row.forward
+        assert float(cells["error_area"]) == found().known(row).area
+        if row.method == "panels":
+            assert float(cells["error_gradient_separation"]) == found().known(row).separation_gradient
+            knobs = {name: cells[name] for name in ("order", "panels", "graded", "ratio", "angular_order")}
+            assert all(float(text) == getattr(row.setting, name) for name, text in knobs.items())
+        else:
+            assert cells["order"] == cells["gradient"] == cells["error_gradient_area"] == ""
+            assert (int(cells["nodes_q"]), int(cells["nodes_phi"])) == row.setting
+    with pytest.raises(ValueError, match=r"t.txt: suffix '.txt': must be .csv"):
+        found().write(tmp_path / "t.txt")
+
+
+def test_table_in_a_notebook():
+    headings, *rows = html_tables.cells(found())
+    assert headings[0] == "method" and headings[3] == "error of area [-]" and "time [ms]" in headings
+    table = [row for row in rows if len(row) > 1]
+    assert [row[0] for row in table[:3]] == ["panels, float64", "panels, float64", "panels, float32"]
+    assert all(len(row) == len(headings) == 13 for row in table) and len(table) == len(found().rows)
+    assert table[1][2:9] == [str(found().rows[1].nodes), *(f"{e:.0e}" for e in found().rows[1].errors)]
+    assert ["".join(row) for row in rows[len(table) :]][-1] in found().report()
+
+
+def test_plot_draws_every_row():
+    ax = plot_accuracy(found())
+    lines = {line.get_label(): line.get_xydata() for line in ax.lines}
+    for dtype in ("float64", "float32"):
+        rows = [row for row in found().rows if (row.method, row.dtype) == ("panels", dtype)]
+        values = [(1e3 * row.forward, found().known(row).value) for row in rows]
+        gradients = [(1e3 * row.gradient, found().known(row).gradient) for row in rows]
+        np.testing.assert_allclose(lines[f"values, {dtype}"], values)
+        np.testing.assert_allclose(lines[f"gradients, {dtype}"], gradients)
+    assert lines["values, textbook method in NumPy"].shape == (2, 2)
+    assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log")
+    assert plot_accuracy(found(), ax) is ax
+    textbook = plot_accuracy(found(), unit=found().rows[-1]).lines[-2]
+    np.testing.assert_allclose(
+        textbook.get_xdata(), [found().rows[-2].forward / found().rows[-1].forward, 1.0]
+    )
+
+
+def test_page_of_the_notebook(tmp_path):
+    spec = importlib.util.spec_from_file_location("page", DATA.parent / "notebooks" / "error_over_time.py")
+    notebook = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(notebook)
+    result = made([[1e-2] * 6, [1e-8] * 3 + [1e-13] * 3])
+    sweeps = {("tread_on_asphalt", "smooth rubber"): result, ("two_rubbers", "two rubbers"): result}
+    notebook.draw(tmp_path / "f.png", sweeps)
+    assert (tmp_path / "f.png").read_bytes().startswith(b"\x89PNG")
+    lines = list(notebook.page(sweeps, 60.0))
+    assert "## Two rubbers (`data/two_rubbers.toml`)" in lines
+    knobs = "order=10, panels=6, graded=3, ratio=6, angular_order=10"
+    assert f"| `{knobs}` | float64 | 1e-02 | 1e-02 | 90 | 45 | 1.0 + 2.0 |" in lines
+    assert f"| `{knobs}` | float64 | 1e-08 | < 3e-12 | 45 | 22 | 1.0 + 2.0 |" in lines
+    assert "| textbook, 200 x 64 | float64 | 3e-03 |  | 1 |  |  |" in lines
+    assert all((DATA / f"{name}.toml").exists() for name in notebook.SCENES)
+
+
+def test_times_are_medians_over_alternating_rounds():
+    calls = []
+    functions = {name: functools.partial(calls.append, name) for name in "ab"}
+    times = sweep.in_turns(functions, 3)
+    assert "".join(calls) == "ab" + 3 * "aabb"
+    assert all(0 <= t < 1e-3 for t in times.values())
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"error": -1e-6}, "error = -1e-06: must be a number, > 0 and < 1"),
+        ({"error": float("nan")}, "error = nan: must be a number"),
+        ({"error": "small"}, "error = 'small': must be a number"),
+        ({"settings": ()}, "settings is empty"),
+        ({"settings": (12,)}, "settings has 12: must be Quadrature objects"),
+        ({"textbook": ((200, 1),)}, r"textbook has \(200, 1\): must be pairs of integers >= 2"),
+        ({"textbook": (200, 64)}, "textbook has 200: must be pairs"),
+        ({"repeats": 0}, "repeats = 0: must be an integer >= 1"),
+        ({"scene": 3}, "scene is a int: must be a Scene"),
+        ({"pressure": -1.0}, "pressure = -1.0: must be > 0"),
+        ({"velocity": []}, "velocity, pressure and temperature have no point in common"),
+        ({"velocity": [1.0, 2.0], "pressure": [1e5, 1e5, 1e5]}, "must broadcast"),
+        ({"temperature": 100.0}, "temperature = 100.0: must be > 143.15 K"),
+    ],
+)
+def test_bad_arguments(changed, message):
+    given = {"scene": SCENE, "velocity": VELOCITY, "pressure": 1e5} | changed
+    with pytest.raises(ValueError, match=message):
+        rf.analysis.accuracy(given.pop("scene"), **given)
+
+
+def test_double_precision_is_needed():
+    """In a process of its own: conftest switches it on here."""
+    program = (
+        "import rubberfric as rf\n"
+        "scene = rf.Scene(rf.Body(rf.Elastic(1e6, 0.5)), rf.Body(rf.Rigid()))\n"
+        "for call in (lambda: rf.analysis.accuracy(scene, 1.0, 1e5), lambda: rf.analysis.quadrature_for(scene, 1e-6)):\n"
+        "    try:\n        call()\n    except ValueError as error:\n        print(error)\n"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert done.stdout.count('write jax.config.update("jax_enable_x64", True) first\n') == 2
+
+
+TEXT = """
+title = "Small"
+[lower]
+material = { kind = "rigid" }
+spectrum = { kind = "self_affine", q0 = 100, qr = 1000, q1 = 1e4, hurst = 0.8, h_rms = 1e-4 }
+[upper]
+material = { kind = "prony", E_inf = 1e6, E = [1e8], tau = [1e-5] }
+[run]
+velocity = { from = 1e-3, to = 1e1, points = 90 }
+pressure = 1e5
+"""
+
+
+@pytest.fixture
+def call(call_main, tmp_path, monkeypatch):
+    """Run the command in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    Path("scene.toml").write_text(TEXT)
+    return functools.partial(call_main, command.main)
+
+
+def test_command(call, monkeypatch):
+    seen = {}
+
+    def sweep_of(scene, *at, error, progress):
+        seen.update(at=at, error=error)
+        progress("working")  # not a terminal: nothing is shown
+        return found()
+
+    monkeypatch.setattr(accuracy_command, "accuracy", sweep_of)
+    arguments = ("accuracy", "scene.toml", "--error", "1e-4", "--out", "t.csv", "--plot", "t.png")
+    status, printed, complaint = call(*arguments)
+    assert (status, complaint) == (0, "")
+    assert printed == f"Small\n60 of 90 velocities, equally spread\n{found().report()}\n"
+    assert seen["error"] == 1e-4 and seen["at"][2] is None
+    velocity, pressure = seen["at"][:2]
+    assert velocity.shape == (60,) and (velocity[0], velocity[-1]) == pytest.approx((1e-3, 10))
+    assert pressure.shape == (1, 1)
+    assert sorted(os.listdir()) == ["scene.toml", "t.csv", "t.png"]
+    assert Path("t.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_progress_is_one_line_on_a_terminal(monkeypatch):
+    class Terminal(io.StringIO):
+        def isatty(self):
+            return True
+
+    for stream, shown in ((Terminal(), "\r\033[Kreference\r\033[K"), (io.StringIO(), "")):
+        monkeypatch.setattr(sys, "stderr", stream)
+        with accuracy_command.progress() as tell:
+            tell("reference")
+        assert stream.getvalue() == shown
+
+
+def test_velocities_are_thinned_to_a_number_of_points():
+    conditions = Conditions(np.logspace(-8, 2, 41), np.array([1e5, 2e5]), np.array([283.15, 293.15, 303.15]))
+    velocity = accuracy_command.thinned(conditions)
+    assert velocity.size == 10 and set(velocity) < set(conditions.velocity)
+    few = conditions._replace(velocity=np.array([1.0, -2.0]))
+    np.testing.assert_array_equal(accuracy_command.thinned(few), [1.0, -2.0])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("no.toml",), "no.toml: cannot be read: No such file"),
+        (("scene.toml", "--error", "-1"), "error = -1.0: must be a number, > 0 and < 1"),
+        (("scene.toml", "--error", "small"), "argument --error: invalid float value: 'small'"),
+        (("scene.toml", "--out", "t.h5"), "t.h5: suffix '.h5': must be .csv"),
+        (("scene.toml", "--out", "no/t.csv"), "there is no folder 'no'; it must exist"),
+        (("scene.toml", "--plot", "t.csv"), "t.csv: suffix '.csv': must be .png or .pdf or .svg"),
+        (("bare.h5",), "bare.h5: run: is missing; must hold velocity and pressure"),
+        ((), "SCENE"),
+    ],
+)
+def test_command_with_bad_input(call, monkeypatch, arguments, message):
+    rf.save_scene("bare.h5", SCENE)
+    monkeypatch.setattr(
+        "rubberfric.analysis.error_and_time.reference.points_of", None
+    )  # nothing may be computed
+    before = sorted(os.listdir())
+    status, printed, complaint = call("accuracy", *arguments)
+    assert (status, printed, complaint.count("\n")) == (2, "", 1)
+    assert message in complaint and complaint.startswith("rubberfric")
+    assert sorted(os.listdir()) == before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", sorted(p for p in DATA.glob("*.toml") if "_fit" not in p.stem), ids=str)
+def test_scenes_of_the_data_folder(call, path):
+    error = "1e-2" if "tabulated" in path.stem else "1e-6"
+    status, printed, complaint = call("accuracy", path, "--error", error, "--plot", "t.png", "--out", "t.csv")
+    assert (status, complaint) == (0, "")
+    assert "Quadrature(" in printed and "no setting" not in printed and "times as long" in printed

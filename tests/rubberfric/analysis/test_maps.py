@@ -1,0 +1,470 @@
+"""Friction maps: the same numbers as point by point, in batches, in memory or in a file; their picture."""
+
+import json
+import math
+import os
+import subprocess
+import sys
+
+import h5py
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from support.compilations import compilations
+from support.folders import ROOT
+
+import rubberfric as rf
+from rubberfric.analysis.maps import batches
+from rubberfric.analysis.maps import friction_map as maps
+from rubberfric.commands import main as command
+from rubberfric.commands.map import bar
+from rubberfric.io.files import read_computable
+from rubberfric.io.results import load_result
+from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.plot.map import plot_map
+
+WLF = rf.WLF(8.0, 100.0, 293.15)
+TREAD = rf.Prony(1e6, [1e8, 1e7], [1e-5, 1e-2], shift=WLF)
+ROAD = rf.SelfAffine(100.0, 1000.0, 1e4, 0.8, 1e-4)
+SCENE = rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(TREAD), shear=rf.ContactShear(6.5e6, 0.1, 6e-3))
+QUICK = rf.Quadrature(order=6, panels=4, graded=2)
+VELOCITY, PRESSURE, TEMPERATURE = np.logspace(-6, 1, 9), np.array([3e5, 1e5]), np.linspace(263.15, 333.15, 5)
+POINTS = (VELOCITY, PRESSURE, TEMPERATURE)
+# Few sizes of batches and sets of quantities in all, for each is compiled.
+BLOCK = 7
+
+
+@pytest.mark.parametrize("block", [BLOCK, None])
+def test_a_map_is_solve_at_every_point(block):
+    """Whatever the batches: of 90 points they leave an odd rest, or there is one batch."""
+    names = rf.quantities_of(SCENE)
+    found = rf.friction_map(SCENE, *POINTS, quantities=names, quadrature=QUICK, block=block, title="T")
+    T, p, v = (x.ravel() for x in np.meshgrid(TEMPERATURE, PRESSURE, VELOCITY, indexing="ij"))
+    expected = rf.solve(SCENE, v, p, T, quadrature=QUICK, quantities=names)
+    for name in names:
+        values = getattr(found.solution, name)
+        assert isinstance(values, np.ndarray) and values.shape == (5, 2, 9)
+        np.testing.assert_allclose(values.ravel(), getattr(expected, name), rtol=1e-13, err_msg=name)
+    assert (found.scene, found.quadrature, found.title) == (SCENE, QUICK, "T")
+    for axis, given in zip(found.conditions, POINTS, strict=True):
+        np.testing.assert_array_equal(axis, given)
+
+
+def test_only_what_is_asked_for_and_one_temperature_if_there_is_none():
+    found = rf.friction_map(SCENE, VELOCITY, 1e5, quantities="area", quadrature=QUICK)
+    expected = rf.contact_area(SCENE, VELOCITY, np.full(9, 1e5), quadrature=QUICK)
+    assert found.conditions.temperature is None
+    assert found.solution.friction is None
+    np.testing.assert_allclose(found.solution.area[0, 0], expected, rtol=1e-13)
+    default = rf.friction_map(SCENE, *POINTS, quadrature=QUICK, block=BLOCK).solution
+    assert [name for name in default._fields if getattr(default, name) is not None] == ["area", "friction"]
+
+
+def test_single_precision_stays_single():
+    scene = jax.tree.map(lambda x: jnp.asarray(x, "float32"), SCENE)
+    found = rf.friction_map(scene, 0.5, 1e5, 300.0, quadrature=QUICK)
+    assert found.solution.friction.dtype == np.float32
+    assert found.conditions.velocity.dtype == np.float32
+    point = [np.array([x], np.float32) for x in (0.5, 1e5, 300.0)]
+    expected = rf.solve(scene, *point, quadrature=QUICK, quantities=maps.QUANTITIES)
+    np.testing.assert_array_equal(found.solution.friction, expected.friction[None, None])
+
+
+@pytest.mark.slow
+def test_one_program_for_all_batches_and_maps():
+    with compilations() as compiled:
+        rf.friction_map(SCENE, *POINTS, quadrature=QUICK, block=BLOCK)
+        rf.friction_map(SCENE, VELOCITY[:7], PRESSURE, TEMPERATURE, quadrature=QUICK, block=BLOCK)
+    assert [name for name in compiled if "_evaluate" in name] == ["jit(_evaluate)"]
+
+
+def test_streaming_to_a_file_equals_memory(tmp_path, monkeypatch):
+    path = tmp_path / "m.h5"
+    whole = rf.friction_map(SCENE, *POINTS, quadrature=QUICK, path=path, title="Map", block=BLOCK)
+    written = load_result(path)
+    path.unlink()
+    monkeypatch.setattr(maps, "LARGEST", 0)
+    streamed = rf.friction_map(SCENE, *POINTS, quadrature=QUICK, path=path, title="Map", block=BLOCK)
+    again = load_result(path)
+    for name in maps.QUANTITIES:
+        assert isinstance(getattr(streamed.solution, name), np.memmap)
+        assert not getattr(streamed.solution, name).flags.writeable
+        for found in (streamed, written, again):
+            values = getattr(found.solution, name)
+            np.testing.assert_allclose(values, getattr(whole.solution, name), rtol=1e-13)
+    assert streamed.solution.separation is again.solution.separation is None
+    assert (again.title, again.quadrature) == (written.title, written.quadrature) == ("Map", QUICK)
+    with h5py.File(path) as file:
+        assert [dim.label for dim in file["friction"].dims] == ["temperature", "pressure", "velocity"]
+        assert file["friction"].attrs["units"] == "-"
+    assert os.listdir(tmp_path) == ["m.h5"]
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"velocity": [1.0, math.nan]}, "velocity[1] = nan: must be finite"),
+        ({"velocity": [[1.0]]}, "velocity has shape (1, 1): must be one number or a list"),
+        ({"velocity": "fast"}, "velocity = 'fast': must be a number"),
+        ({"velocity": None}, "velocity = None: must be a number"),
+        ({"pressure": [1e5, 0.0]}, "pressure[1] = 0.0: must be > 0"),
+        ({"pressure": []}, "pressure has shape (0,): must be one number or a list"),
+        ({"temperature": [293.15, 150.0]}, "must be > 193.15 K, the pole of the WLF law"),
+        ({"quantities": ("area", "mu")}, "quantities has 'mu': must be one of area, friction"),
+        ({"quantities": ("frictoin",)}, "did you mean 'friction'?"),
+        ({"quantities": ()}, "quantities is empty: must have at least one"),
+        ({"block": 0}, "block = 0: must be an integer >= 1"),
+        ({"block": True}, "block = True: must be an integer >= 1"),
+        ({"scene": "scene"}, "scene is a str: must be a Scene"),
+        ({"quadrature": None}, "quadrature is a NoneType: must be a Quadrature"),
+        ({"path": "m.csv"}, "m.csv: suffix '.csv': must be .h5"),
+        ({"path": "no/m.h5"}, "there is no folder 'no'; it must exist"),
+        (
+            {"velocity": np.logspace(0, 1, 1000), "pressure": np.logspace(5, 6, 1000)},
+            "path is None: must name a file for the 0.0745 GiB of results, of which memory holds 0.00",
+        ),
+    ],
+)
+def test_bad_arguments_are_one_line(tmp_path, monkeypatch, change, message):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(maps, "LARGEST", 2**23)
+    monkeypatch.setattr(batches, "launch", None)  # nothing may be computed
+    good = dict(scene=SCENE, velocity=VELOCITY, pressure=PRESSURE, temperature=TEMPERATURE)
+    with pytest.raises(ValueError) as caught:
+        rf.friction_map(**good | change)
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert os.listdir() == []
+
+
+def test_a_temperature_that_nothing_depends_on():
+    scene = rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(rf.Elastic(1e7, 0.5)))
+    with pytest.raises(ValueError, match="must be absent, for nothing in the scene has a shift"):
+        rf.friction_map(scene, 1.0, 1e5, 293.15)
+
+
+def test_progress_is_told_before_the_first_and_after_every_batch():
+    told = []
+    rf.friction_map(SCENE, *POINTS, quadrature=QUICK, block=BLOCK, progress=lambda *at: told.append(at))
+    assert told == [(done, 90) for done in range(0, 91, 6)]
+
+
+@pytest.mark.parametrize("streamed", [False, True])
+def test_a_stopped_map_leaves_no_file_and_an_old_one_alone(tmp_path, monkeypatch, streamed):
+    monkeypatch.setattr(maps, "LARGEST", 0 if streamed else 2**28)
+    path = tmp_path / "m.h5"
+
+    def interrupt(done, points):
+        if done:
+            raise KeyboardInterrupt
+
+    def stopped():
+        with pytest.raises(KeyboardInterrupt):
+            rf.friction_map(SCENE, *POINTS, quadrature=QUICK, block=BLOCK, path=path, progress=interrupt)
+
+    stopped()
+    assert os.listdir(tmp_path) == []
+    path.write_bytes(b"old")
+    stopped()
+    assert path.read_bytes() == b"old"
+    assert os.listdir(tmp_path) == ["m.h5"]
+
+
+@pytest.mark.parametrize("streamed", [False, True])
+def test_a_point_that_is_not_finite_is_named(tmp_path, monkeypatch, streamed):
+    def launch(layout, scene, conditions, batch, options):
+        velocity, pressure, _ = batches.points(conditions, batch)
+        return {"area": np.ones((pressure.size, 1)) / (velocity - VELOCITY[3]), "friction": np.ones((2, 45))}
+
+    monkeypatch.setattr(maps, "LARGEST", 0 if streamed else 2**28)
+    monkeypatch.setattr(batches, "launch", launch)
+    where = f"area = inf at velocity = {VELOCITY[3]:g}, pressure = 300000, temperature = 263.15: not finite"
+    with (
+        np.errstate(divide="ignore"),
+        pytest.raises(FloatingPointError, match=where.replace(".", r"\.").replace("+", r"\+")),
+    ):
+        rf.friction_map(SCENE, *POINTS, path=tmp_path / "m.h5")
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize(("nv", "nT", "nP"), [(1000, 500, 1), (300, 20, 40), (7, 1, 3)])
+def test_a_batch_takes_little_memory_however_large_the_map(nv, nT, nP):
+    """What the one compiled program holds; all else is results, bounded by LARGEST, or in the file."""
+    conditions = Conditions(np.ones(nv), np.full(nP, 1e5), np.full(nT, 300.0))
+    layout = batches.plan(nv * nT, nP)
+    scene = batches.on_all(layout.mesh, jax.tree.map(jnp.asarray, SCENE))
+    options = {"quadrature": rf.Quadrature(), "quantities": rf.quantities_of(SCENE)}
+    assert batches.fitted(layout, scene, conditions, options) == layout
+    batch = batches.program_bytes(layout, scene, conditions, options)
+    assert 0 < batch < 2**23
+    # Of a program no more than batches.MEMORY; two hold results; half a GiB for JAX itself.
+    assert 2 * batches.MEMORY + maps.LARGEST + 2**29 < 2**31
+
+
+# In a process of its own: the largest resident set never falls again.
+LARGE = """
+import json, resource, sys, time
+import jax; jax.config.update("jax_enable_x64", True)
+import numpy as np, rubberfric as rf
+from rubberfric.analysis.maps import friction_map as maps
+from rubberfric.io.files import read_scene_file
+path, streamed, nv, nT, setting = json.loads(sys.argv[1])
+scene, conditions, _ = read_scene_file("data/tread_on_asphalt.toml", "map")
+v, T = np.logspace(-6, 2, nv), np.linspace(243.15, 373.15, nT)
+if streamed:
+    maps.LARGEST = 2**20
+quadrature = rf.Quadrature(**setting)
+rf.friction_map(scene, v, conditions.pressure[:2], T[: 1 + nT // 20], quadrature=quadrature)
+begin = time.perf_counter()
+found = rf.friction_map(scene, v, conditions.pressure[:2], T, quadrature=quadrature, path=path)
+seconds = time.perf_counter() - begin
+assert isinstance(found.solution.friction, np.memmap) == streamed
+finest = rf.Quadrature(order=20, panels=24, graded=12, ratio=4.0, angular_order=24)
+i, k = slice(None, None, max(1, nT // 7)), slice(None, None, max(1, nv // 50))
+at = conditions._replace(velocity=v[k], pressure=conditions.pressure[:2], temperature=T[i])
+exact = rf.solve(scene, *at.grid(), quadrature=finest)
+error = max(
+    float(np.max(np.abs(getattr(found.solution, name)[i, :, k] / getattr(exact, name) - 1)))
+    for name in maps.QUANTITIES
+)
+used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
+print(json.dumps([found.solution.friction.size, seconds, used, error]))
+"""
+
+
+def large_map(path, streamed, nv, nT, **setting):
+    """Points, seconds, largest memory [GiB] and error of a map of two pressures."""
+    done = subprocess.run(
+        [sys.executable, "-c", LARGE, json.dumps([path and str(path), streamed, nv, nT, setting])],
+        check=True,
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+    )
+    return json.loads(done.stdout)
+
+
+@pytest.mark.slow
+def test_a_million_points_stay_below_two_gibibytes(tmp_path):
+    points, _, used, error = large_map(tmp_path / "m.h5", True, 1000, 501)
+    assert points >= 1e6
+    assert used < 2.0
+    assert error < 1e-9
+
+
+@pytest.mark.benchmark
+def test_points_per_second_of_a_million(tmp_path):
+    cheap = {"order": 10, "panels": 6, "graded": 3, "ratio": 6.0}
+    for label, path, streamed, setting in (
+        ("default, in memory", None, False, {}),
+        ("default, streamed to a file", tmp_path / "m.h5", True, {}),
+        (f"{cheap}, in memory", None, False, cheap),
+    ):
+        points, seconds, used, error = large_map(path, streamed, 1000, 500, **setting)
+        print(
+            f"\n{label}: {points} points in {seconds:.1f} s on {len(os.sched_getaffinity(0))} core(s), "
+            f"{points / seconds:.3g} points/s, {used:.2f} GiB at most, error {error:.1e}"
+        )
+        assert used < 2.0
+        assert error < 1e-8
+
+
+# --- pictures
+
+
+def drawn_map(velocity, pressure, temperature):
+    """A map of invented values, which its conditions tell apart."""
+    v, p, T = (np.asarray(x, float) for x in (velocity, pressure, temperature))
+    grid = np.log10(np.abs(v) + 1) + (p / 1e6)[:, None] + (T / 100)[:, None, None]
+    solution = rf.Solution(friction=grid, area=np.exp(-5 * grid), shear_friction=0 * grid)
+    return rf.FrictionMap(SCENE, Conditions(v, p, T), solution, QUICK, "Title")
+
+
+def test_panels_are_pressures_over_velocity_and_temperature():
+    result = drawn_map([1.0, -1.0, 0.01, 0.0], [3e5, 1e5], [293.15, 273.15, 283.15])
+    axes = plot_map(result)
+    assert [panel.get_title() for panel in axes] == ["0.3 MPa", "0.1 MPa"]
+    for j, panel in enumerate(axes):
+        mesh = panel.collections[0]
+        # sorted, without velocities that have no logarithm
+        expected = result.solution.friction[np.ix_([1, 2, 0], [j], [2, 0])][:, 0]
+        np.testing.assert_array_equal(mesh.get_array().reshape(3, 2), expected)
+        assert len(panel.collections) == 2 and panel.texts  # contours, labelled
+    np.testing.assert_allclose(mesh.get_coordinates()[0, :, 0], [-3, -1, 1])
+    np.testing.assert_allclose(mesh.get_coordinates()[:, 0, 1], [-5, 5, 15, 25])
+    assert axes[0].get_ylabel() == "temperature [°C]"
+    assert "log" in axes[0].get_xlabel()
+    figure = axes[0].figure
+    assert figure.get_suptitle() == "Title"
+    assert figure.axes[-1].get_ylabel() == "friction coefficient $\\mu$ [-]"
+    assert [panel.get_title() for panel in plot_map(result, pressure=1)] == ["0.1 MPa"]
+
+
+def test_one_temperature_is_drawn_over_pressure():
+    many = drawn_map([0.1, 1.0, 10.0], [1e5, 1e6], [283.15, 293.15])
+    one = drawn_map([0.1, 1.0, 10.0], [1e5, 1e6], [293.15])
+    for result, index in ((many, 1), (one, None)):
+        (panel,) = plot_map(result, "area", temperature=index)
+        assert panel.get_title() == "20 °C"
+        assert panel.get_ylabel() == "$\\log_{10}(p\\;/\\;\\mathrm{MPa})$"
+        np.testing.assert_array_equal(
+            panel.collections[0].get_array().reshape(2, 3), result.solution.area[-1]
+        )
+        assert "LogNorm" in type(panel.collections[0].norm).__name__
+
+
+def test_picture_of_many_pressures_points_and_a_constant():
+    result = drawn_map(np.logspace(-6, 2, 1000), np.logspace(4, 7, 9), [283.15, 293.15])
+    axes = plot_map(result, "shear_friction")
+    assert len(axes) == 4
+    assert axes[0].get_title() == "0.01 MPa" and axes[-1].get_title() == "10 MPa"
+    assert axes[0].collections[0].get_array().size == 2 * 800
+    assert axes[0].figure.axes[-1].get_ylabel() == "shear friction [-]"
+    assert len(axes[0].collections) == 1  # no contour of a constant
+    given = axes[0].figure.__class__().subplots(1, 4)
+    assert plot_map(result, ax=given) is given
+
+
+@pytest.mark.parametrize(
+    ("conditions", "options", "message"),
+    [
+        (([1.0], [1e5, 2e5], [283.0, 293.0]), {}, "velocity has 1 different values > 0: must have 2 or more"),
+        (([1.0, -1.0], [1e5, 2e5], [283.0]), {}, "velocity has 1 different values > 0"),
+        (([1.0, 2.0], [1e5], [283.0]), {}, "pressure has one value: must have 2 or more for a map"),
+        (([1.0, 2.0], [1e5], [283.0, 293.0]), {"temperature": 0}, "pressure has one value"),
+        (([1.0, 2.0], [1e5], [283.0, 293.0]), {"temperature": 2}, "temperature = 2: must be an index of 2"),
+        (([1.0, 2.0], [1e5], [283.0, 293.0]), {"pressure": 0.5}, "pressure = 0.5: must be an index of 1"),
+        (([1.0, 2.0], [1e5], [283.0, 293.0]), {"quantity": "separation"}, "must be one of area, friction"),
+        (([1.0, 2.0], [1e5], [283.0, 293.0]), {"quantity": "mu"}, "quantity = 'mu': must be one of"),
+    ],
+)
+def test_what_cannot_be_drawn(conditions, options, message):
+    with pytest.raises(ValueError) as caught:
+        plot_map(drawn_map(*conditions), **options)
+    assert message in str(caught.value)
+
+
+# --- the command
+
+FILE = """
+title = "Small scene"
+[lower]
+material = { kind = "rigid" }
+spectrum = { kind = "self_affine", q0 = 100, qr = 1000, q1 = 1e4, hurst = 0.8, h_rms = 1e-4 }
+[upper.material]
+kind = "prony"
+E_inf = 1e6
+E = [1e8]
+tau = [1e-5]
+shift = { kind = "wlf", C1 = 8.0, C2 = 100.0, T_ref = 293.15 }
+[run]
+velocity = 1.0
+pressure = 1e5
+[map]
+velocity = { from = 1e-3, to = 1e1, points = 5 }
+pressure = { from = 1e5, to = 4e5, points = 3 }
+temperature = { from = 273.15, to = 293.15, points = 3 }
+"""
+
+
+@pytest.fixture
+def scene_file(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(FILE)
+    return path
+
+
+def test_command_writes_draws_and_sums_up(call_main, scene_file, tmp_path):
+    out, picture = tmp_path / "m.h5", tmp_path / "m.png"
+    status, printed, complaint = call_main(command.main, "map", scene_file, "--out", out, "--plot", picture)
+    assert (status, complaint) == (0, "")
+    assert sorted(os.listdir(tmp_path)) == ["m.h5", "m.png", "scene.toml"]
+    assert picture.read_bytes().startswith(b"\x89PNG\r\n")
+
+    found = load_result(out)
+    np.testing.assert_allclose(found.conditions.velocity, 10.0 ** np.arange(-3, 2), rtol=1e-13)
+    np.testing.assert_allclose(found.conditions.pressure, [1e5, 2e5, 4e5], rtol=1e-13)
+    np.testing.assert_allclose(found.conditions.temperature, [273.15, 283.15, 293.15], rtol=1e-13)
+    v, p, T = (np.broadcast_to(x, (3, 3, 5)).ravel() for x in found.conditions.grid())
+    expected = rf.solve(rf.load_scene(scene_file), v, p, T, quantities=maps.QUANTITIES)
+    for name in maps.QUANTITIES:
+        np.testing.assert_allclose(getattr(found.solution, name).ravel(), getattr(expected, name), rtol=1e-13)
+
+    lines = printed.splitlines()
+    assert max(map(len, lines)) <= 90
+    assert lines[:5] == [
+        "Small scene",
+        "5 velocities: 0.001 ... 10 m/s",
+        "3 pressures: 100000 ... 400000 Pa",
+        "3 temperatures: 273.15 ... 293.15 K",
+        "45 points",
+    ]
+    mu = np.asarray(expected.friction)
+    where = [x[mu.argmax()] for x in (v, p / 1e6, T)]
+    name, unit, *numbers = lines[-1].split()
+    assert (name, unit) == ("friction", "[-]")
+    np.testing.assert_allclose([float(x) for x in numbers], [mu.min(), mu.max(), *where], rtol=1e-4)
+
+    # the file of a map is computed again
+    status, again, _ = call_main(command.main, "map", out)
+    assert (status, again) == (0, printed)
+
+
+def test_each_command_has_its_table(scene_file):
+    """[map] is nothing to the other commands, and without it a map is that of [run]."""
+    assert read_computable(scene_file).conditions.velocity == [1.0]
+    assert read_computable(scene_file, "map").conditions.velocity.size == 5
+    scene_file.write_text(FILE[: FILE.index("[map]")])
+    assert read_computable(scene_file, "map").conditions.velocity == [1.0]
+    scene_file.write_text(FILE.replace("[run]\nvelocity = 1.0\npressure = 1e5", ""))
+    with pytest.raises(ValueError, match="run: is missing; must hold velocity and pressure"):
+        read_computable(scene_file)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "options", "message"),
+    [
+        ("points = 3 }\ntemp", "points = 1 }\ntemp", (), "map.pressure.points = 1: must be an integer, 2 to"),
+        ("from = 1e5", "from = 0", (), "map.pressure.from = 0.0: must be > 0"),
+        ("from = 273.15", "from = 100", (), "map.temperature[0] = 100.0: must be > 193.15 K"),
+        ("[map]", "[map]\nspeed = 1", (), "map.speed: unknown key; must be one of velocity"),
+        ("[map]\nvelocity", "[map]\nvelocities", (), "map.velocities: unknown key; did you mean 'velocity'?"),
+        (FILE[FILE.index("[run]") :], "", (), "map: is missing; must hold velocity and pressure"),
+        (FILE[FILE.index("[map]") :], "", ("--plot", "m.png"), "velocity has 1 different values > 0"),
+        ("", "", ("--quantity", "mu"), "invalid choice: 'mu'"),
+        ("", "", ("--out", "m.csv"), "suffix '.csv': must be .h5"),
+        ("", "", ("--plot", "m.txt"), "must be .png or .pdf or .svg"),
+    ],
+)
+def test_bad_input_of_the_command(call_main, scene_file, monkeypatch, old, new, options, message):
+    monkeypatch.chdir(scene_file.parent)
+    monkeypatch.setattr(batches, "launch", None)  # nothing may be computed
+    scene_file.write_text(FILE.replace(old, new) if old else FILE)
+    status, printed, complaint = call_main(command.main, "map", "scene.toml", *options)
+    assert (status, printed, complaint.count("\n")) == (2, "", 1)
+    assert message in complaint
+    if not options:
+        assert complaint.startswith("rubberfric: scene.toml: map")
+    assert os.listdir() == ["scene.toml"]
+
+
+def test_an_interrupted_command_says_so_and_writes_nothing(call_main, scene_file, monkeypatch):
+    def launch(*arguments):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(batches, "launch", launch)
+    status, printed, complaint = call_main(
+        command.main, "map", scene_file, "--out", scene_file.parent / "m.h5"
+    )
+    assert (status, printed) == (1, "")
+    assert complaint == "rubberfric: interrupted; what was not yet complete is not written\n"
+    assert os.listdir(scene_file.parent) == ["scene.toml"]
+
+
+def test_line_of_progress():
+    shown = []
+    tell = bar(shown.append, iter([0.0, 1.0, 3.0, 12.0]).__next__)
+    for done in (0, 30, 120):
+        tell(done, 120)
+    assert shown == ["120 points,   0 %", "120 points,  25 %, 9 s left", "120 points, 100 %, 12 s"]

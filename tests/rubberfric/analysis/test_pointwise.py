@@ -1,0 +1,128 @@
+"""Jacobians of many points against forward mode, for every structure of scene."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import rubberfric as rf
+from rubberfric.analysis.jacobian import BLOCK, value_and_jacobian
+from rubberfric.scene.scene import cast
+
+COARSE = rf.Quadrature(order=6, panels=4, graded=3, angular_order=6, angle=24)
+WLF = rf.WLF(12.0, 150.0, 293.15)
+TREAD = rf.Prony(3e6, [1e9, 1e8, 1e7], [1e-8, 1e-5, 1e-2], shift=WLF)
+TABLE = rf.TabulatedModulus(
+    np.logspace(-3, 6, 10), np.geomspace(1e6, 1e9, 10), np.geomspace(1e5, 3e8, 10), shift=WLF
+)
+ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
+WORN = rf.SelfAffine(150.0, 2000.0, 5e4, 0.7, 5e-5)
+PLATE = rf.TabulatedSpectrum(np.logspace(2, 5, 6), np.geomspace(1e-12, 1e-20, 6))
+SHEAR = rf.ContactShear(6.5e6, 0.1, 6e-3, rf.Arrhenius(0.97, 293.15))
+RIGID = rf.Rigid()
+SCENES = {
+    "smooth rubber": rf.Scene(rf.Body(RIGID, ROAD), rf.Body(TREAD)),
+    "sheared": rf.Scene(rf.Body(RIGID, ROAD), rf.Body(TREAD), shear=SHEAR),
+    "corrected": rf.Scene(rf.Body(RIGID, ROAD), rf.Body(TREAD), 0.6, area_correction=True, shear=SHEAR),
+    "two rubbers": rf.Scene(rf.Body(rf.Prony(2e6, [3e8], [1e-6]), ROAD), rf.Body(TREAD, WORN)),
+    "layers": rf.Scene(
+        rf.Body(rf.Elastic(1e8, 0.3), PLATE, rf.Slab(1e-3)), rf.Body(TREAD, WORN, rf.Slab(2e-3))
+    ),
+    "tabulated": rf.Scene(rf.Body(RIGID, PLATE), rf.Body(TABLE)),
+    "elastic": rf.Scene(rf.Body(RIGID, ROAD), rf.Body(rf.Elastic(1e7, 0.5)), shear=SHEAR),
+}
+
+
+def arguments(scene, count):
+    rng = np.random.default_rng(3)
+    scene = cast(scene, float)
+    shifted = "Elastic" not in str(type(scene.upper.material))
+    conditions = (
+        10 ** rng.uniform(-5, 1, count),
+        10 ** rng.uniform(4, 6.5, count),
+        rng.uniform(270.0, 320.0, count) if shifted else None,
+    )
+    leaves, tree = jax.tree_util.tree_flatten(scene)
+    sizes = np.cumsum([leaf.size for leaf in leaves])[:-1]
+
+    def scene_of(x):
+        """All leaves times e^x."""
+        parts = jnp.split(x, sizes)
+        scaled = [leaf * jnp.exp(part.reshape(leaf.shape)) for leaf, part in zip(leaves, parts, strict=True)]
+        return tree.unflatten(scaled)
+
+    return scene_of, jnp.zeros(sum(leaf.size for leaf in leaves)), conditions
+
+
+ORDINARY = {("sheared", "friction")}
+CASES = [
+    pytest.param(name, quantity, marks=() if (name, quantity) in ORDINARY else pytest.mark.slow)
+    for name in SCENES
+    for quantity in ("area", "friction", "separation")
+]
+
+
+def compiled(scene_of, x, conditions, quantity):
+    return jax.jit(lambda x: value_and_jacobian(scene_of, x, conditions, quantity, COARSE))(x)
+
+
+@pytest.mark.parametrize(("name", "quantity"), CASES)
+def test_equals_forward_mode(name, quantity):
+    scene_of, x, conditions = arguments(SCENES[name], 5)
+
+    def plain(x):
+        solution = rf.solve(scene_of(x), *conditions, quadrature=COARSE, quantities=(quantity,))
+        return getattr(solution, quantity)
+
+    values, jacobian = compiled(scene_of, x, conditions, quantity)
+    np.testing.assert_allclose(values, plain(x), rtol=1e-13)
+    expected = np.asarray(jax.jit(jax.jacfwd(plain))(x))
+    scale = np.abs(expected).max(1, keepdims=True) + np.abs(np.asarray(values))[:, None]
+    assert np.max(np.abs(jacobian - expected) / scale) < 1e-12
+    assert np.any(expected != 0)
+
+
+@pytest.mark.slow
+def test_more_points_than_a_block():
+    scene_of, x, conditions = arguments(SCENES["sheared"], 2 * BLOCK + 7)
+    values, jacobian = compiled(scene_of, x, conditions, "area")
+    assert values.shape == (2 * BLOCK + 7,) and jacobian.shape == (2 * BLOCK + 7, x.size)
+    for part in (slice(BLOCK - 1, BLOCK + 2), slice(-3, None)):
+        here = tuple(c[part] for c in conditions)
+        few, slopes = compiled(scene_of, x, here, "area")
+        np.testing.assert_allclose(few, values[part], rtol=1e-13)
+        np.testing.assert_allclose(slopes, jacobian[part], rtol=1e-9, atol=1e-12)
+
+
+def test_nothing_depends_on_the_parameters():
+    scene_of, x, conditions = arguments(SCENES["smooth rubber"], 4)
+    fixed = scene_of(x)
+    values, jacobian = compiled(lambda x: fixed, x, conditions, "friction")
+    assert np.all(values > 0) and np.all(np.asarray(jacobian) == 0)
+
+
+def test_float32_stays():
+    scene_of, x, conditions = arguments(SCENES["smooth rubber"], 3)
+    single = cast(scene_of(x), jnp.float32)
+
+    def scaled(y):
+        return jax.tree.map(lambda leaf: leaf * jnp.exp(y[0]), single)
+
+    at = tuple(np.asarray(c, np.float32) for c in conditions)
+    values, jacobian = compiled(scaled, jnp.zeros(1, jnp.float32), at, "area")
+    assert values.dtype == jacobian.dtype == jnp.float32
+    assert np.all(np.isfinite(jacobian))
+
+
+@pytest.mark.parametrize("lanes", [3, pytest.param(4, marks=pytest.mark.slow)])
+def test_vmap_is_a_loop(lanes):
+    """jax 0.12.0 read uninitialised memory where the products were added up one by one."""
+    scene_of, x, conditions = arguments(SCENES["smooth rubber"], 24)
+    starts = x + 0.1 * jnp.arange(lanes)[:, None]
+
+    def one(x):
+        return value_and_jacobian(scene_of, x, conditions, "friction", COARSE)[1]
+
+    together, single = jax.jit(jax.vmap(one))(starts), jax.jit(one)
+    for x, jacobian in zip(starts, together, strict=True):
+        np.testing.assert_allclose(jacobian, single(x), rtol=1e-10, atol=1e-14)

@@ -1,0 +1,258 @@
+"""What each length scale does, against brute force on roughness cut at each wavevector."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from support import oracle
+from support.cases import scene as scene_of
+
+import rubberfric as rf
+
+RUBBER = {
+    "kind": "prony",
+    "E_inf": 3.6e6,
+    "E": [1e9, 1e8, 1e7],
+    "tau": [1e-9, 1e-6, 1e-3],
+    "nu": 0.5,
+    "thickness": None,
+}
+HARDER = {"kind": "prony", "E_inf": 2e7, "E": [5e8, 4e7], "tau": [1e-7, 1e-4], "nu": 0.4, "thickness": 2e-3}
+TABLE = {
+    "kind": "table",
+    "omega": [1.0, 1e3, 1e6, 1e9],
+    "storage": [4e6, 1e7, 1e8, 1e9],
+    "loss": [3e5, 3e6, 4e7, 1e8],
+    "nu": 0.5,
+    "thickness": None,
+}
+RIGID = {"kind": "rigid"}
+ELASTIC = {"kind": "elastic", "E": 1e8, "nu": 0.3, "thickness": None}
+ROAD = {"q": [100.0, 1000.0, 3.1e4], "C": [3e-13, 2e-13, 2e-18]}
+WORN = {"q": [300.0, 4000.0, 1e5], "C": [4e-17, 3e-17, 1e-21]}
+
+
+def case(solid1, solid2, psd1=None, psd2=None, v=1e-2, pressure=2e5, **options):
+    conditions = {"v": v, "pressure": pressure, "gamma": 0.45}
+    return {"solid1": solid1, "solid2": solid2, "psd1": psd1, "psd2": psd2, **conditions, **options}
+
+
+TYRE = case(RUBBER, RIGID, psd2=ROAD)
+CASES = {
+    "tyre": TYRE,
+    "S in G": {**TYRE, "area_correction": True},
+    "static": case(ELASTIC, RIGID, psd2=ROAD),
+    "two rubbers": case(RUBBER, HARDER, WORN, ROAD, v=0.3),
+    "two rubbers, S in G": case(RUBBER, HARDER, WORN, ROAD, v=-0.3, area_correction=True),
+    "table": case(TABLE, RIGID, psd2=ROAD, v=0.013),
+    "layer": case({**RUBBER, "thickness": 5e-3}, RIGID, psd2=ROAD),
+    "rough rubber on elastic": case(RUBBER, ELASTIC, WORN, WORN),
+    "light": {**TYRE, "pressure": 1e-3},
+    "heavy": {**TYRE, "pressure": 1e7},
+}
+Q = np.array([50.0, 100.0, 100.0 * (1 + 1e-6), 317.0, 1000.0, 2.7e4, 2e5])  # kinks, and beyond both ends
+WHERE = [2, 3, 4, 5]  # strictly inside the roughness
+
+
+def ordinary(*names):
+    return [n if n in names else pytest.param(n, marks=pytest.mark.slow) for n in CASES]
+
+
+def truncated(psd, q, keep):
+    """The part of a tabulated spectrum below or above q."""
+    if psd is None:
+        return None
+    knots, C = np.array(psd["q"]), np.array(psd["C"])
+    low, high = (knots[0], min(q, knots[-1])) if keep == "below" else (max(q, knots[0]), knots[-1])
+    if not high > low:
+        return None
+    inner = (knots > low) & (knots < high)
+    at = np.concatenate([[low], knots[inner], [high]])
+    at_C = np.exp(np.interp(np.log(at), np.log(knots), np.log(C)))
+    return {"q": list(at), "C": list(at_C)}
+
+
+def cut(known, q, keep="below"):
+    return {**known, "psd1": truncated(known["psd1"], q, keep), "psd2": truncated(known["psd2"], q, keep)}
+
+
+def law_moment(psd, order, q):
+    """2 pi int q^(1 + order) C dq by Gauss panels between the knots."""
+    part = truncated(psd, q, "below")
+    if part is None:
+        return 0.0
+    node, weight = np.polynomial.legendre.leggauss(60)
+    total = 0.0
+    for a, b, Ca, Cb in zip(part["q"], part["q"][1:], part["C"], part["C"][1:], strict=False):
+        t = 0.5 * np.log(b / a) * (1 + node)
+        C = Ca * np.exp(t * np.log(Cb / Ca) / np.log(b / a))
+        total += np.pi * np.log(b / a) * np.sum(weight * C * (a * np.exp(t)) ** (2 + order))
+    return total
+
+
+def conditions(known):
+    return scene_of(known), known["v"], known["pressure"]
+
+
+@pytest.mark.parametrize("name", ordinary("tyre"))
+def test_profile_is_the_scene_cut_at_each_wavevector(name):
+    """Contact and friction up to q do not know what lies beyond q."""
+    known = CASES[name]
+    found = rf.analysis.profile(*conditions(known), q=Q)
+    for i in WHERE:
+        # The first 1e-6 of the roughness sees only the end of an angular panel, on which the means of
+        # a tabulated modulus, interpolated, are far less accurate than in its integral.
+        rel = 1e-8 if name != "table" else 1e-4 if i == WHERE[0] else 1e-6
+        exact = oracle.solve(cut(known, Q[i]))
+        assert found.area[i] == pytest.approx(exact["area"], rel=0.1 * rel)
+        assert found.friction[i] == pytest.approx(exact["friction"], rel=rel, abs=1e-30)
+        S = known["gamma"] + (1 - known["gamma"]) * exact["area"] ** 2
+        assert found.energy_factor[i] == pytest.approx(S, rel=0.1 * rel)
+        for order, value in ((2, found.rms_slope[i]), (0, found.rms_height[i])):
+            wanted = sum(law_moment(known[psd], order, Q[i]) for psd in ("psd1", "psd2"))
+            assert value == pytest.approx(np.sqrt(wanted), rel=1e-11)
+    assert (
+        (found.area[:2] == 1).all() and (found.fluctuation[:2] == 0).all() and (found.friction[:2] == 0).all()
+    )
+    whole = rf.solve(*conditions(known))
+    assert found.area[-1] == pytest.approx(float(whole.area), rel=1e-9)
+    assert found.friction[-1] == pytest.approx(float(whole.friction), rel=rel, abs=1e-30)
+    assert found.friction_density[0] == found.friction_density[-1] == 0
+    first = min(known[psd]["q"][0] for psd in ("psd1", "psd2") if known[psd])
+    np.testing.assert_allclose(found.magnification, Q / first, rtol=1e-15)
+
+
+@pytest.mark.parametrize("name", ordinary("tyre"))
+def test_density_integrates_to_the_friction(name):
+    """By Gauss nodes of its own between two wavevectors on one side of the kinks; P goes with G."""
+    node, weight = np.polynomial.legendre.leggauss(30)
+    a, b = 1100.0, 3900.0
+    q = np.concatenate([[a, b], a * (b / a) ** (0.5 * (1 + node))])
+    found = rf.analysis.profile(*conditions(CASES[name]), q=q)
+    integral = 0.5 * np.log(b / a) * np.sum(weight * found.friction_density[2:])
+    difference = float(found.friction[1] - found.friction[0])
+    rel = 1e-6 if name == "table" else 1e-8
+    assert integral == pytest.approx(difference, rel=rel, abs=1e-9 * float(abs(found.friction[1])))
+    np.testing.assert_allclose(
+        found.area, jax.scipy.special.erf(0.5 / np.sqrt(found.fluctuation)), rtol=1e-12
+    )
+
+
+# Agreement of the two modes is not a matter of accuracy.
+COARSE = rf.Quadrature(order=5, panels=3, graded=1, angular_order=5, angle=48)
+
+
+def some_fields(scene, v, p, q):
+    found = rf.analysis.profile(scene, v, p, q=q, quadrature=COARSE)
+    return jnp.stack([found.area, found.friction, found.friction_density, found.rms_slope])
+
+
+@pytest.mark.parametrize("name", ordinary("tyre"))
+@pytest.mark.slow
+def test_forward_and_reverse_derivatives_agree(name):
+    scene, v, p = jax.tree.map(lambda x: jnp.asarray(x, float), conditions(CASES[name]))
+    q = jnp.array([150.0, 1e3, 2e4])
+    arguments = (0, 1, 2, 3)
+    forward, reverse = (jax.jit(j(some_fields, arguments))(scene, v, p, q) for j in (jax.jacfwd, jax.jacrev))
+    for one, other in zip(jax.tree.leaves(forward), jax.tree.leaves(reverse), strict=True):
+        assert np.isfinite(one).all()
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-11 * np.max(np.abs(one)))
+
+
+@pytest.mark.slow
+def test_derivatives_by_the_wavevector():
+    """By brute force on roughness cut a little before and after; dmu/dq also by the density."""
+    q = jnp.array([150.0, 1e3, 2e4])
+
+    def fields(q):
+        found = rf.analysis.profile(*conditions(TYRE), q=q)
+        return jnp.stack([found.area, found.friction, found.friction_density])
+
+    by_q = jax.jit(jax.jacfwd(fields))(q)
+    for i in (0, 2):
+        h = 1e-3 * q[i]
+        ends = [oracle.solve(cut(TYRE, float(q[i] + k * h))) for k in (-2, -1, 1, 2)]
+        for row, quantity in enumerate(("area", "friction")):
+            f = [end[quantity] for end in ends]
+            exact = (f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * h)
+            assert by_q[row, i, i] == pytest.approx(float(exact), rel=1e-7)
+    np.testing.assert_allclose(np.diag(by_q[1])[::2] * q[::2], fields(q)[2, ::2], rtol=1e-7)
+
+
+def test_default_wavevectors_and_shapes():
+    scene, *_ = conditions(TYRE)
+    v, p = np.logspace(-4, 0, 3), np.array([[1e5], [1e6]])
+    found = rf.analysis.profile(scene, v, p)
+    assert found.q.shape == (200,) and found.area.shape == found.friction.shape == (2, 3, 200)
+    assert (found.q[0], found.q[-1]) == (100.0, 3.1e4) and found.temperature is None and found.strain is None
+    np.testing.assert_allclose(np.diff(np.log(found.q)), np.log(310.0) / 199, rtol=1e-11)
+    whole = rf.solve(scene, v, p)
+    np.testing.assert_allclose(found.area[..., -1], whole.area, rtol=1e-11)
+    np.testing.assert_allclose(found.friction[..., -1], whole.friction, rtol=1e-8)
+    assert (found.friction_density[..., 0] > 0).all() and (found.friction_density[..., -1] > 0).all()
+
+
+@pytest.mark.parametrize("v", [0.0, 1e-30, 1e12])
+@pytest.mark.parametrize("p", [1e-3, 1e7])
+def test_extreme_conditions_stay_finite_and_ordered(v, p):
+    scene, *_ = conditions(TYRE)
+    found = rf.analysis.profile(scene, np.array([[v]]), np.array([p]), q=Q)
+    for field in found[:9]:
+        assert np.isfinite(field).all()
+    assert (np.diff(found.area[0, 0]) <= 0).all() and (np.diff(found.friction[0, 0]) >= 0).all()
+    assert (np.diff(found.fluctuation[0, 0]) >= 0).all()
+    if v == 0:
+        assert not np.any(found.friction) and not np.any(found.friction_density)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("q1", [100.1, 1e12])
+def test_extreme_ranges(q1):
+    road = rf.SelfAffine(100.0, 100.05 if q1 < 101 else 1000.0, q1, 0.8, 5e-4)
+    scene = rf.Scene(rf.Body(scene_of(TYRE).lower.material), rf.Body(rf.Rigid(), road))
+    found = rf.analysis.profile(scene, 1e-2, 2e5)
+    whole = rf.solve(scene, 1e-2, 2e5)
+    assert found.area[-1] == pytest.approx(float(whole.area), rel=1e-9)
+    assert found.friction[-1] == pytest.approx(float(whole.friction), rel=1e-8)
+    assert all(np.isfinite(field).all() for field in found[:9])
+
+
+def test_smooth_scene():
+    scene = rf.Scene(rf.Body(rf.Elastic(1e6, 0.5)), rf.Body(rf.Rigid()))
+    found = rf.analysis.profile(scene, np.ones(3), 1e5, q=[10.0, 30.0])
+    assert found.area.shape == (3, 2) and (found.area == 1).all() and (found.energy_factor == 1).all()
+    assert not np.any(found.friction) and not np.any(found.rms_slope) and not np.any(found.fluctuation)
+    with pytest.raises(ValueError, match=r"^q is None, but nothing in the scene is rough: must be given$"):
+        rf.analysis.profile(scene, 1.0, 1e5)
+
+
+@pytest.mark.parametrize("q", [[1.0, -1.0], [0.0], [np.nan]])
+def test_wavevectors_must_be_positive(q):
+    with pytest.raises(ValueError, match=r"^q\[\d\] = .*must be .*> 0$"):
+        rf.analysis.profile(*conditions(TYRE), q=q)
+
+
+def test_single_precision_stays_single():
+    arguments = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), conditions(TYRE))
+    found = rf.analysis.profile(*arguments, q=Q)
+    assert {field.dtype for field in found[:9]} == {jnp.dtype(jnp.float32)}
+    exact = rf.analysis.profile(*conditions(TYRE), q=Q)
+    for name in ("area", "friction", "friction_density", "rms_slope", "energy_factor"):
+        wanted = getattr(exact, name)
+        # 1e-6 beside the first wavevector is not a difference in single precision.
+        apart = np.arange(Q.size) != 2
+        np.testing.assert_allclose(getattr(found, name)[apart], wanted[apart], rtol=2e-5)
+
+
+def test_plot():
+    pytest.importorskip("matplotlib")
+    from rubberfric.plot.profile import plot_profile
+
+    scene, *_ = conditions(TYRE)
+    axes = plot_profile(
+        rf.analysis.profile(scene, np.array([1e-3, 1.0]), 2e5, q=Q[::-1]), labels=["slow", "fast"]
+    )
+    assert [len(a.lines) for a in axes] == [2, 2, 1]
+    assert (np.diff(axes[0].lines[0].get_xdata()) > 0).all()
+    assert [text.get_text() for text in axes[0].get_legend().get_texts()] == ["slow", "fast"]
+    assert all("[" in a.get_ylabel() for a in axes)

@@ -1,0 +1,421 @@
+"""The command: what it prints, writes and draws; one line and status 2 for every bad input."""
+
+import functools
+import importlib.metadata
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+from support.cases import three
+from support.folders import DATA
+
+import rubberfric as rf
+from rubberfric.commands import main as command
+from rubberfric.io.results import Result, load_result
+from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.plot.save import plot_result
+
+SCENE_FILES = sorted(path for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
+LONG = {"tabulated_tread", "softened_tread_on_asphalt", "coated_base"}  # to compile
+PRONY = '{ kind = "prony", E_inf = 1e6, E = [1e8], tau = [1e-5], shift = SHIFT }'
+WLF = '{ kind = "wlf", C1 = 8.0, C2 = 100.0, T_ref = 293.15 }'
+SCENE = f"""
+title = "Small scene"
+[lower]
+material = {{ kind = "rigid" }}
+spectrum = {{ kind = "self_affine", q0 = 100, qr = 1000, q1 = 1e4, hurst = 0.8, h_rms = 1e-4 }}
+[upper]
+material = {PRONY.replace("SHIFT", WLF)}
+[run]
+velocity = {{ from = 1e-3, to = 1e1, points = 5 }}
+pressure = [1e5, 3e5]
+temperature = [283.15, 293.15, 303.15]
+"""
+
+
+@pytest.fixture
+def scene_file(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(SCENE)
+    return path
+
+
+@pytest.fixture
+def call(call_main):
+    """Run the command in this process: exit status, stdout, stderr."""
+    return functools.partial(call_main, command.main)
+
+
+def numbers(text):
+    """The rows of numbers in a printed text."""
+    rows = [line.split() for line in text.splitlines() if re.match(r"\s+-?\d", line)]
+    return np.array(rows, float)
+
+
+def test_table_result_and_plot_agree_with_solve(call, scene_file, tmp_path):
+    out, picture = tmp_path / "r.h5", tmp_path / "r.png"
+    status, printed, complaint = call("run", scene_file, "--out", out, "--plot", picture)
+    assert (status, complaint) == (0, "")
+    assert sorted(os.listdir(tmp_path)) == ["r.h5", "r.png", "scene.toml"]
+    assert picture.read_bytes().startswith(b"\x89PNG\r\n")
+
+    result = load_result(out)
+    scene, v = rf.load_scene(scene_file), np.logspace(-3, 1, 5)[None, None]
+    T, p = np.array([283.15, 293.15, 303.15])[:, None, None], np.array([1e5, 3e5])[None, :, None]
+    expected = jax.jit(rf.solve)(scene, v, p, T)
+    for got, want in zip(three(result.solution), three(expected), strict=True):
+        assert got.shape == (3, 2, 5)
+        np.testing.assert_allclose(got, want, rtol=1e-12)
+    assert result.solution.viscoelastic_friction is None
+    assert result.solution.shear_friction is None
+    assert result.title == "Small scene"
+    assert result.quadrature == rf.Quadrature()
+
+    lines = printed.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert lines[0] == "Small scene"
+    assert lines[2] == "pressure 0.1 MPa, temperature 283.15 K (10 °C)"
+    assert lines[3].split() == ["v", "[m/s]", "A/A0", "[-]", "mu", "[-]", "u_bar", "[um]"]
+    table = numbers(printed).reshape(3, 2, 5, 4)
+    np.testing.assert_allclose(table[..., 0], np.broadcast_to(v, (3, 2, 5)), rtol=1e-4)
+    for column, scale, values in zip((1, 2, 3), (1, 1, 1e6), three(expected), strict=True):
+        np.testing.assert_allclose(table[..., column], scale * values, rtol=1e-5)
+
+    # the result file is a scene file that gives the same result to the last bit
+    status, printed_again, _ = call("run", out, "--out", tmp_path / "again.h5")
+    assert (status, printed_again) == (0, printed)
+    for x, y in zip(result.solution, load_result(tmp_path / "again.h5").solution, strict=True):
+        np.testing.assert_array_equal(x, y)
+
+
+SHEAR = (
+    "[shear]\ntau_f0 = 6.5e6\nc = 0.1\nv0 = 6e-3\nshift = { kind = 'arrhenius', energy = 1, T_ref = 293 }\n"
+)
+
+
+def test_contact_shear_shows_in_table_result_and_plot(call, scene_file, tmp_path):
+    out, picture = tmp_path / "r.h5", tmp_path / "r.png"
+    scene_file.write_text(SCENE.replace("[run]", SHEAR + "[run]"))
+    status, printed, complaint = call("run", scene_file, "--out", out, "--plot", picture)
+    assert (status, complaint) == (0, "")
+    solution = load_result(out).solution
+    solution = type(solution)(*(values for values in solution if values is not None))
+    assert all(values.shape == (3, 2, 5) for values in solution[:5])
+    total = solution.viscoelastic_friction + solution.shear_friction
+    np.testing.assert_allclose(solution.friction, total, rtol=1e-15)
+    assert np.all(solution.shear_friction > 0.1)
+
+    lines = printed.splitlines()
+    assert max(map(len, lines)) <= 80
+    heading = "     v [m/s]     A/A0 [-]       mu [-]   u_bar [um]  mu_visc [-] mu_shear [-]"
+    assert lines[3] == heading
+    table = numbers(printed).reshape(3, 2, 5, 6)
+    for column, (scale, values) in enumerate(zip((1, 1, 1e6, 1, 1), solution[:5], strict=True), start=1):
+        np.testing.assert_allclose(table[..., column], scale * values, rtol=1e-5)
+
+    # run again from the result, and without the shear: what is left is as ever
+    assert call("run", out) == (0, printed, "")
+    scene_file.write_text(SCENE)
+    plain = numbers(call("run", scene_file)[1]).reshape(3, 2, 5, 4)
+    np.testing.assert_allclose(plain[..., [0, 1, 3]], table[..., [0, 1, 3]], rtol=2e-5)
+    np.testing.assert_allclose(plain[..., 2], table[..., 4], rtol=2e-5)
+
+
+HEATING = "[heating]\ndensity = 1200.0\nheat_capacity = 1600.0\nconductivity = 0.23\nradius = 2e-3\n"
+
+
+def test_heat_shows_in_table_result_and_plot(call, scene_file, tmp_path):
+    out, picture = tmp_path / "r.h5", tmp_path / "r.png"
+    scene_file.write_text(SCENE.replace("[run]", HEATING + "[run]"))
+    status, printed, complaint = call("run", scene_file, "--out", out, "--plot", picture)
+    assert (status, complaint) == (0, "")
+    result = load_result(out)
+    assert result.solution.converged.dtype == bool and result.solution.converged.all()
+    rise = result.solution.flash_temperature - result.conditions.temperature[:, None, None]
+    assert (rise >= 0).all() and rise.max() > 1e-3
+    table = numbers(printed).reshape(3, 2, 5, 5)
+    np.testing.assert_allclose(table[..., 4], result.solution.flash_temperature, rtol=1e-5)
+    assert "did not converge" not in printed
+
+    left = result.solution.converged.copy()
+    left[0, 1, 2] = False
+    note = command.convergence_note(result._replace(solution=result.solution._replace(converged=left)))
+    assert note.startswith("the temperatures did not converge at 1 of 30 points, first at v = ")
+
+    scene_file.write_text(SCENE.replace("[run]", HEATING + "[run]").replace("temperature", "# temperature"))
+    status, _, complaint = call("run", scene_file)
+    assert status == 2 and "run.temperature is missing: a scene with heating needs" in complaint
+
+
+def test_no_viscoelastic_solid_no_friction(call, scene_file):
+    elastic = '{ kind = "elastic", young = 1e7, poisson = 0.5 }'
+    text = SCENE.replace(PRONY.replace("SHIFT", WLF), elastic).replace("temperature", "# temperature")
+    scene_file.write_text(text.replace("[1e5, 3e5]", "1e5").replace('title = "Small scene"', ""))
+    status, printed, _ = call("run", scene_file)
+    assert status == 0
+    assert printed.startswith("\npressure 0.1 MPa\n")
+    assert np.all(numbers(printed)[:, 2] == 0)
+    assert np.ptp(numbers(printed)[:, 1]) == 0
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            "h_rms = 1e-4",
+            "h_rms = -1e-4",
+            "scene.toml: lower.spectrum: SelfAffine.h_rms = -0.0001: must be >= 0",
+        ),
+        (
+            "qr = 1000",
+            "qr = 1e5",
+            "scene.toml: lower.spectrum: SelfAffine.q1 = 10000.0: must be >= qr = 100000.0",
+        ),
+        (
+            "E_inf",
+            "E_in",
+            "scene.toml: upper.material.E_in: unknown key; did you mean 'E_inf'? must be one of",
+        ),
+        ("tau = [1e-5]", "tau = [nan]", "Prony.tau[0] = nan: must be finite"),
+        ("[1e5, 3e5]", "[1e5, 0]", "scene.toml: run.pressure[1] = 0.0: must be > 0"),
+        ("303.15]", "100]", "scene.toml: run.temperature[2] = 100.0: must be > 193.15 K"),
+        ("points = 5", "points = 0", "scene.toml: run.velocity.points = 0: must be an integer"),
+        ("[run]", "[walk]", "scene.toml: walk: unknown key"),
+        (SCENE[SCENE.index("[run]") :], "", "scene.toml: run: is missing; must hold velocity and pressure"),
+        (PRONY.replace("SHIFT", WLF), '{ kind = "rigid" }', "both Rigid; one of the solids must deform"),
+        ("[upper]", "[upper", "scene.toml: is not TOML"),
+    ],
+)
+def test_bad_scene(call, scene_file, tmp_path, old, new, message):
+    assert old in SCENE
+    scene_file.write_text(SCENE.replace(old, new))
+    status, printed, complaint = call(
+        "run", scene_file, "--out", tmp_path / "r.h5", "--plot", tmp_path / "r.png"
+    )
+    assert (status, printed, complaint.count("\n")) == (2, "", 1)
+    assert message in complaint
+    assert complaint.startswith(f"rubberfric: {scene_file}: ")
+    assert os.listdir(tmp_path) == ["scene.toml"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((), "COMMAND"),
+        (("walk",), "invalid choice: 'walk'"),
+        (("run",), "SCENE"),
+        (("run", "no.toml"), "no.toml: cannot be read: No such file"),
+        (("run", "no.h5"), "no.h5: cannot be read: No such file"),
+        (("run", "scene.csv"), "scene.csv: suffix '.csv': must be .toml or .h5"),
+        (("run", "cut.h5"), "cut.h5: must be a whole HDF5 file"),
+        (("run", "bare.h5"), "bare.h5: run: is missing; must hold velocity and pressure"),
+        (("run", "scene.toml", "--out", "r.csv"), "r.csv: suffix '.csv': must be .h5"),
+        (("run", "scene.toml", "--out", "no/r.h5"), "there is no folder 'no'; it must exist"),
+        (("run", "scene.toml", "--out", "folder.h5"), "folder.h5: is a folder; must be a file"),
+        (("run", "scene.toml", "--plot", "r.jpeg2000"), "must be .png or .pdf or .svg"),
+        (("run", "scene.toml", "--plot", "no/r.png"), "there is no folder 'no'; it must exist"),
+        (("run", "scene.toml", "--fast"), "unrecognized arguments: --fast"),
+    ],
+)
+def test_bad_arguments(call, scene_file, tmp_path, monkeypatch, arguments, message):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(command, "solve", None)  # nothing may be computed
+    rf.save_scene("bare.h5", rf.load_scene(scene_file))
+    Path("cut.h5").write_bytes(Path("bare.h5").read_bytes()[:-100])
+    Path("folder.h5").mkdir()
+    before = sorted(os.listdir())
+    status, printed, complaint = call(*arguments)
+    assert (status, printed, complaint.count("\n")) == (2, "", 1)
+    assert message in complaint
+    assert sorted(os.listdir()) == before
+
+
+def test_plot_without_matplotlib(call, scene_file, tmp_path, monkeypatch):
+    monkeypatch.setattr(command.importlib.util, "find_spec", lambda name: None)
+    status, printed, complaint = call("run", scene_file, "--plot", tmp_path / "r.png")
+    assert (status, printed) == (2, "")
+    assert complaint == (
+        "rubberfric: --plot needs matplotlib; install it with: pip install 'rubberfric[plot]'\n"
+    )
+
+
+@pytest.mark.parametrize("failure", ["not finite", "full disk"])
+def test_failed_work(call, scene_file, tmp_path, monkeypatch, failure):
+    """Status 1, and no half-written file."""
+
+    def solve(scene, velocity, pressure, temperature, *, quantities):
+        good = jax.numpy.asarray(velocity + pressure + temperature)
+        return rf.Solution(good, good / (velocity - 1e-3 if failure == "not finite" else 1.0), good)
+
+    def full(*arguments):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(command, "solve", solve)
+    if failure == "full disk":
+        monkeypatch.setattr("rubberfric.io.results.write_object", full)
+    status, printed, complaint = call("run", scene_file, "--out", tmp_path / "r.h5")
+    assert (status, printed, complaint.count("\n")) == (1, "", 1)
+    expected = {
+        "not finite": "friction = inf at v = 0.001 m/s, p = 100000 Pa: not finite",
+        "full disk": "No space left on device",
+    }
+    assert expected[failure] in complaint
+    assert os.listdir(tmp_path) == ["scene.toml"]
+
+
+def test_version_and_help(call):
+    assert call("--version") == (0, f"rubberfric {importlib.metadata.version('rubberfric')}\n", "")
+    status, printed, _ = call("run", "--help")
+    assert status == 0
+    assert "--plot" in printed
+
+
+def test_command_needs_no_matplotlib_and_the_library_leaves_the_precision_alone(scene_file):
+    """In a process of its own: conftest switches double precision on here."""
+    program = f"""
+import sys
+sys.modules["matplotlib"] = None
+import jax, rubberfric
+from rubberfric.commands.main import main
+assert not jax.config.jax_enable_x64
+scene = rubberfric.load_scene({str(scene_file)!r})
+assert not jax.config.jax_enable_x64 and scene.upper.material.E.dtype == "float32"
+status = main(["run", {str(scene_file)!r}])
+assert jax.config.jax_enable_x64
+sys.exit(status)
+"""
+    done = subprocess.run([sys.executable, "-W", "error", "-c", program], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert numbers(done.stdout).shape == (30, 4)
+
+
+def test_reader_that_goes_away(scene_file):
+    """`rubberfric run ... | head` ends without a traceback."""
+    program = (
+        f"import sys; from rubberfric.commands.main import main; sys.exit(main(['run', {str(scene_file)!r}]))"
+    )
+    arguments = [sys.executable, "-c", program]
+    with subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        process.stdout.close()
+        complaint = process.stderr.read()
+    assert (process.returncode, complaint) == (1, "")
+
+
+def some_result(velocity, temperature=None, pressure=(1e5,), **solution):
+    scene = rf.load_scene(DATA / "tread_on_asphalt.toml")
+    temperature = None if temperature is None else np.array(temperature)
+    conditions = Conditions(np.array(velocity), np.array(pressure), temperature)
+    return Result(scene, conditions, rf.Solution(**solution), rf.Quadrature(), "Title")
+
+
+def test_plot_draws_the_curves_over_log10_v():
+    velocity = [1.0, 0.0, -1.0, 0.01]
+    values = np.arange(2 * 1 * 4.0).reshape(2, 1, 4)
+    result = some_result(velocity, [283.15, 293.15], area=values, friction=values, separation=values)
+    axes = plot_result(result)
+    assert len(axes) == 3
+    assert [len(panel.lines) for panel in axes] == [2, 2, 2]
+    for panel, scale in zip(axes, (1, 1, 1e6), strict=True):
+        np.testing.assert_allclose(panel.lines[1].get_xdata(), [-2.0, 0.0], atol=1e-15)
+        np.testing.assert_allclose(panel.lines[1].get_ydata(), [scale * 7.0, scale * 4.0])
+        assert re.search(r"\[(-|µm)\]$", panel.get_ylabel())
+    assert "log" in axes[-1].get_xlabel()
+    labels = [text.get_text() for text in axes[0].get_legend().get_texts()]
+    assert labels == ["0.1 MPa, 10 °C", "0.1 MPa, 20 °C"]
+    assert axes[0].figure.get_suptitle() == "Title"
+
+
+def test_plot_draws_the_parts_of_the_friction_as_thin_lines():
+    values = np.arange(1.0, 9.0).reshape(2, 1, 4)
+    parts = {"viscoelastic_friction": 0.25 * values, "shear_friction": 0.75 * values}
+    result = some_result([1e-2, 1e-1, 1.0, 10.0], [283.15, 293.15], area=values, friction=values, **parts)
+    area, friction = plot_result(result)
+    assert [len(area.lines), len(friction.lines)] == [2, 6]
+    cold, warm = friction.lines[:2]
+    for line, total, style, part in zip(
+        friction.lines[2:],
+        (cold, warm, cold, warm),
+        ("--", "--", ":", ":"),
+        (0.25, 0.25, 0.75, 0.75),
+        strict=True,
+    ):
+        assert (line.get_linestyle(), line.get_color()) == (style, total.get_color())
+        assert line.get_linewidth() < total.get_linewidth()
+        np.testing.assert_allclose(line.get_ydata(), part * total.get_ydata())
+    assert legend(area) == ["0.1 MPa, 10 °C", "0.1 MPa, 20 °C"]
+    assert legend(friction) == ["viscoelastic", "contact shear"]
+
+    # alone in its figure, its one legend says both; a single velocity is drawn as points
+    (friction,) = plot_result(result._replace(solution=result.solution._replace(area=None)))
+    assert legend(friction) == ["0.1 MPa, 10 °C", "0.1 MPa, 20 °C", "viscoelastic", "contact shear"]
+    one = some_result([1.0], friction=np.ones((1, 1, 1)), shear_friction=np.ones((1, 1, 1)))
+    (friction,) = plot_result(one)
+    assert [line.get_marker() for line in friction.lines] == ["o", "^"]
+    assert legend(friction) == ["contact shear"]
+
+
+def legend(axes):
+    return [text.get_text() for text in axes.get_legend().get_texts()]
+
+
+def test_plot_into_given_axes_without_legend():
+    from matplotlib.figure import Figure
+
+    ax = Figure().subplots()
+    result = some_result([1.0], friction=np.ones((1, 1, 1)))
+    (drawn,) = plot_result(result, [ax])
+    assert drawn is ax
+    assert ax.get_legend() is None
+    assert ax.lines[0].get_marker() == "o"
+    with pytest.raises(ValueError, match="ax has 2 axes: must have 1, for friction"):
+        plot_result(result, [ax, ax])
+
+
+@pytest.mark.parametrize(
+    "path", [pytest.param(p, id=p.stem, marks=[pytest.mark.slow] * (p.stem in LONG)) for p in SCENE_FILES]
+)
+def test_scenes_of_the_data_folder(call, path, tmp_path):
+    scene = rf.load_scene(path)
+    text = re.sub(r"points = \d+", "points = 3", path.read_text(encoding="utf-8"))
+    short = tmp_path / "short.toml"
+    short.write_text(re.sub(r'file = "', f'file = "{path.parent.as_posix()}/', text), encoding="utf-8")
+    status, _, complaint = call("run", short, "--out", tmp_path / "r.h5")
+    assert (status, complaint) == (0, "")
+    result = load_result(tmp_path / "r.h5")
+    assert np.all((result.solution.area > 0) & (result.solution.area < 1))
+    assert np.all(result.solution.friction > 0)
+    assert np.all(result.solution.separation > 0)
+    assert type(result.scene.upper.material) is type(scene.upper.material)
+
+
+def test_roughness_of_the_rubber_costs_area_but_hardly_any_friction_at_high_speed():
+    """The red and blue curves of the paper's last figure approach each other as v increases."""
+    flat, rough = (rf.load_scene(DATA / f"{n}.toml") for n in ("tread_on_asphalt", "rough_tread_on_asphalt"))
+    conditions = Conditions(np.array([1e-6, 1e-3, 1e1]), np.array([0.15e6]), np.array([293.15]))
+    red, blue = (command.compute(scene, conditions) for scene in (flat, rough))
+    area, friction = (blue.area / red.area)[0, 0], (blue.friction / red.friction)[0, 0]
+    assert np.all(area < 1)
+    assert np.all(np.diff(area) > 0)
+    assert np.all(np.diff(abs(friction - 1)) < 0)
+
+
+@pytest.mark.slow
+def test_a_tabulated_scene_says_how_much_lies_outside_its_table(call):
+    status, printed, _ = call("run", DATA / "tabulated_tread.toml")
+    last = printed.splitlines()[-1]
+    assert status == 0
+    assert last.startswith("at most ") and last.endswith("outside the tabulated moduli")
+    assert "% of mu comes" in last
+    assert "outside" not in call("run", DATA / "thin_layer.toml")[1]
+    scene = rf.load_scene(DATA / "tabulated_tread.toml")
+    sheared = rf.Scene(scene.lower, scene.upper, shear=rf.ContactShear(6.5e6, 0.1, 6e-3))
+    conditions = Conditions(np.array([1e-3]), np.array([1e5]), None)
+    notes = [
+        command.outside_note(Result(s, conditions, rf.Solution(), rf.Quadrature())) for s in (scene, sheared)
+    ]
+    assert notes[1] == notes[0].replace("of mu", "of the viscoelastic mu")

@@ -1,0 +1,268 @@
+"""Tables as instruments and other programs write them: names, units, separators, preambles."""
+
+import numpy as np
+import pytest
+from test_files import refused
+
+import rubberfric as rf
+from fitting import FrictionData, ModulusData, SpectrumData, read
+from rubberfric.io.tables import read_table
+
+TWO_PI = 2 * np.pi
+
+
+def put(folder, text, name="table.csv"):
+    path = folder / name
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    return path
+
+
+def holds(data, omega, storage, loss, temperature=None):
+    """The numbers of ModulusData, to rounding."""
+    assert isinstance(data, ModulusData)
+    for found, wanted in ((data.omega, omega), (data.storage, storage), (data.loss, loss)):
+        np.testing.assert_allclose(found, wanted, rtol=1e-14)
+    if temperature is None:
+        assert data.temperature is None
+    else:
+        np.testing.assert_allclose(data.temperature, temperature, rtol=1e-14)
+
+
+# --- pyvisco: headers as its examples have them
+
+
+RAW = """f,E_stor,E_loss,T,Set
+Hz, MPa, MPa, C, -
+0.1,8097.2,93.07,-49.96,0
+100,9228.6,407.02,-49.99,0
+0.1,8438.9,87.13,-42.49,1
+"""
+MASTER = """omega,f,E_stor,E_loss,E_comp,tan_del,t,E_relax
+rad/s,Hz,MPa,MPa,MPa,-,s,MPa
+0.6283185,0.1,8097.2,93.07,8097.73,0.0115,10,8000
+6.283185,1,8200.5,95.1,8201.05,0.0116,1,8100
+"""
+
+
+def test_raw_curves_of_several_temperatures(tmp_path):
+    data = read(put(tmp_path, RAW))
+    omega = TWO_PI * np.array([0.1, 100, 0.1])
+    temperature = np.array([-49.96, -49.99, -42.49]) + 273.15
+    holds(data, omega, [8097.2e6, 9228.6e6, 8438.9e6], [93.07e6, 407.02e6, 87.13e6], temperature)
+
+
+def test_master_curve_with_all_its_columns(tmp_path):
+    """omega and f say the same; tan_del and E_comp are not needed, t and E_relax not known."""
+    path = put(tmp_path, MASTER)
+    holds(read(path), [0.6283185, 6.283185], [8097.2e6, 8200.5e6], [93.07e6, 95.1e6])
+    assert set(rf.io.read_columns(path)) == {"omega", "E_stor", "E_loss"}
+    path = put(tmp_path, MASTER.replace("6.283185,1,", "6.283185,2,"))
+    assert "columns 'omega' and 'f': both are omega; must be one" in refused(path, lambda: read(path))
+
+
+def test_set_values_stand_in_for_measured_ones(tmp_path):
+    text = "f_set,T_set,E_stor,E_loss\nHz,C,MPa,MPa\n1,20,5,1\n"
+    holds(read(put(tmp_path, text)), [TWO_PI], [5e6], [1e6], [293.15])
+    text = "f_set,f,T_set,T,E_stor,E_loss\nHz,Hz,C,C,MPa,MPa\n1,1.5,20,20.5,5,1\n"
+    holds(read(put(tmp_path, text)), [1.5 * TWO_PI], [5e6], [1e6], [293.65])
+
+
+def test_shear_moduli_need_a_poisson_ratio(tmp_path):
+    path = put(tmp_path, "f,G_stor,G_loss\nHz,MPa,MPa\n1,2,0.5\n10,3,0.7\n")
+    message = refused(path, lambda: read(path))
+    assert "G_stor, G_loss are shear moduli: poisson must be given, E = 2 (1 + poisson) G" in message
+    holds(read(path, poisson=0.45), [TWO_PI, 10 * TWO_PI], [5.8e6, 8.7e6], [1.45e6, 2.03e6])
+    young = put(tmp_path, "f,E_stor,E_loss\nHz,MPa,MPa\n1,2,0.5\n", "young.csv")
+    assert "poisson = 0.5: must not be given" in refused(young, lambda: read(young, poisson=0.5))
+
+
+def test_shift_factors_as_logarithms(tmp_path):
+    """Falling temperatures are turned round; in a scene file, too."""
+    put(tmp_path, "T,log_aT\nC, -\n25,-4.08\n-5,0\n-50,12.75\n", "aT.csv")
+    table = read_table(tmp_path / "aT.csv", ("T", "aT"))
+    np.testing.assert_allclose(table["T"], [223.15, 268.15, 298.15])
+    np.testing.assert_allclose(table["aT"], 10 ** np.array([12.75, 0, -4.08]), rtol=1e-13)
+
+
+# --- exports of instruments
+
+
+COLUMNS = "Angular frequency\tStorage modulus\tLoss modulus\tTan(delta)\tFrequency\tTemperature\tStep time\n"
+STEP = "\n[step]\nFrequency sweep\nNumber of points\t2\n" + COLUMNS + "rad/s\tMPa\tMPa\t\tHz\t°C\ts\n"
+TRIOS = (
+    "Filename\ttread.txt\nOperator\tA. B.\nTemperature\t20 °C\n"
+    + STEP
+    + "0.628319\t8.1\t0.9\t0.1111\t0.1\t20.1\t12\n6.28319\t9.1\t1.1\t0.1209\t1\t20.2\t13\n"
+    + STEP
+    + "0.628319\t7.1\t0.8\t0.1127\t0.1\t30.1\t12\n6.28319\t7.9\t0.9\t0.1139\t1\t30.2\t13\n"
+)
+TRIOS_NUMBERS = (
+    [0.628319, 6.28319] * 2,
+    [8.1e6, 9.1e6, 7.1e6, 7.9e6],
+    [0.9e6, 1.1e6, 0.8e6, 0.9e6],
+    [293.25, 293.35, 303.25, 303.35],
+)
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1", "utf-16"])
+@pytest.mark.parametrize("ends", ["\n", "\r\n"])
+def test_tabs_a_preamble_and_several_steps(tmp_path, encoding, ends):
+    path = put(tmp_path, TRIOS.replace("\n", ends).encode(encoding), "sweep.txt")
+    holds(read(path), *TRIOS_NUMBERS)
+
+
+def test_decimal_commas(tmp_path):
+    text = "".join(
+        line.replace(".", ",") if line[0].isdigit() else line for line in TRIOS.splitlines(keepends=True)
+    )
+    holds(read(put(tmp_path, text, "sweep.tsv")), *TRIOS_NUMBERS)
+    names, units = '"f";"E\'";"E\'\'";"|E*|";"tan delta";"T"\n', '"Hz";"MPa";"MPa";"MPa";"-";"°C"\n'
+    text = names + units + "0,1;8,1;,9;8,2;1,1e-1;20,1\n"
+    holds(read(put(tmp_path, text)), [0.1 * TWO_PI], [8.1e6], [0.9e6], [293.25])
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        "E' [MPa];E'' [MPa]",
+        "E\u00b4 (MPa);E\u00b4\u00b4 (MPa)",
+        "E\u2019 (N/mm²);E\u201d (N/mm²)",
+        "Storage Modulus [MPa];LOSS MODULUS [MPa]",
+        "log10(E') [log10(MPa)];log E'' [MPa]",
+    ],
+)
+def test_spellings(tmp_path, names):
+    numbers = "0.5;-0.25" if names.startswith("log") else f"{10**0.5!r};{10**-0.25!r}"
+    path = put(tmp_path, f"Frequency (Hz);{names};note\n2;{numbers};good\n")
+    holds(read(path), [2 * TWO_PI], [10**6.5], [10**5.75])
+
+
+def test_storage_and_loss_from_magnitude_and_angle(tmp_path):
+    path = put(tmp_path, "f [Hz];|E*| [MPa];tan delta\n1;5;0.75\n")
+    holds(read(path), [TWO_PI], [4e6], [3e6])
+    path = put(tmp_path, "f,E_stor,tan_del\nHz,MPa,-\n1,4,0.75\n")
+    holds(read(path), [TWO_PI], [4e6], [3e6])
+    path = put(tmp_path, "f [Hz];|G*| [MPa];tan delta\n1;5;0.75\n")
+    holds(read(path, poisson=0.5), [TWO_PI], [12e6], [9e6])
+
+
+def test_a_storage_modulus_is_a_shear_modulus_beside_a_poisson_ratio(tmp_path):
+    """A rheometer and a tension clamp write the same words."""
+    omega, storage, loss, temperature = TRIOS_NUMBERS
+    data = read(put(tmp_path, TRIOS, "sweep.txt"), poisson=0.5)
+    holds(data, omega, 3 * np.array(storage), 3 * np.array(loss), temperature)
+
+
+# --- log10 tables, with and without a header
+
+
+def test_columns_of_a_file_that_does_not_say(tmp_path):
+    path = put(tmp_path, "# frequency, storage, loss\n -3.0  6.5  5.4\n -2.0  6.6  5.5\n", "master.dat")
+    message = refused(path, lambda: read(path))
+    assert "line 2: begins with numbers: must have a row of names" in message and "columns" in message
+    titles = ["log10_f [log10(Hz)]", "log10_E_stor [log10(Pa)]", "log10 E'' [Pa]"]
+    data = read(path, columns=titles)
+    logs = np.array([[6.5, 6.6], [5.4, 5.5]])
+    holds(data, TWO_PI * 10 ** np.array([-3.0, -2.0]), *10**logs)
+    table = rf.io.read_columns(path, columns=[titles[0], "-", "-"])
+    assert list(table) == ["omega"]
+    path = put(tmp_path, "log10_q;log10_C\nlog10(1/m);log10(m^4)\n2;-10\n3;-13\n")
+    found = read(path)
+    assert isinstance(found, SpectrumData)
+    np.testing.assert_allclose(found.C, [1e-10, 1e-13], rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("columns", "message"),
+    [
+        (["f [Hz]", "E_stor [MPa]"], "line 1: has 3 fields: must have 2"),
+        (["f [Hz]", "E_stor", "E_loss [MPa]"], "columns: 'E_stor': must be a known name and unit, such as"),
+        (["f [Hz]", "E_st [MPa]", "E_loss [MPa]"], "columns: 'E_st [MPa]': must be a known name and unit"),
+        ("f", "columns = 'f': must be a list"),
+        ([1, 2, 3], "columns = [1, 2, 3]: must be a list"),
+        (["f [Hz]", "-", "E_loss [MPa]"], "must be those of one kind of data"),
+    ],
+)
+def test_wrong_columns(tmp_path, columns, message):
+    path = put(tmp_path, "1 2 3\n2 3 4\n", "master.dat")
+    assert message in refused(path, lambda: read(path, columns=columns))
+
+
+def test_scene_and_job_files_say_columns_too(tmp_path):
+    put(tmp_path, "-3 6.5 5.4\n-2 6.6 5.5\n", "master.dat")
+    put(tmp_path, "f,G_stor,G_loss\nHz,MPa,MPa\n1,2,0.5\n10,3,0.7\n", "shear.csv")
+    titles = '["log10_f [log10(Hz)]", "log10_E_stor [log10(Pa)]", "log10_E_loss [log10(Pa)]"]'
+    scene = put(
+        tmp_path,
+        f'lower.material = {{kind = "tabulated", file = "master.dat", columns = {titles}}}\n'
+        'upper.material = {kind = "tabulated", file = "shear.csv", poisson = 0.25}\n',
+        "scene.toml",
+    )
+    found = rf.load_scene(scene)
+    np.testing.assert_allclose(found.lower.material.storage, 10 ** np.array([6.5, 6.6]), rtol=1e-14)
+    np.testing.assert_allclose(found.upper.material.storage, [5e6, 7.5e6], rtol=1e-14)
+    scene.write_text(scene.read_text().replace(", poisson = 0.25", ""))
+    assert "poisson must be given" in refused(tmp_path / "shear.csv", lambda: rf.load_scene(scene))
+
+
+# --- what is wrong with a table
+
+
+GOOD = "f [Hz];E' [MPa];E'' [MPa]\n1;5;1\n2;6;2\n"
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("E'' [MPa]", "E' [MPa]", 'columns "E\' [MPa]" and "E\' [MPa]": both are E_stor; must be one'),
+        ("E'' [MPa]", "foo [MPa]", "line 1: no column E_loss: the table must have one"),
+        ("' [MPa]", "' [mPa]", "unit 'mPa': must be one of Pa, kPa, MPa, GPa"),
+        (" [Hz]", "", "column f: unit '-': must be one of Hz"),
+        ("2;6;2", "2;x;2", "line 3: E' [MPa] = 'x': must be a number"),
+        ("2;6;2", "x;6;2", "line 3: 'x;6;2': must be numbers"),
+        ("2;6;2", "2;6", "line 3: has 2 fields: must have 3"),
+        ("2;6;2", "2;6;2;7", "line 3: has 4 fields: must have 3"),
+        ("2;6;2", "2;6,5;2.5", "line 3: '2.5': has a decimal point, others a comma: must be one"),
+        ("2;6;2", "2;-6;2", "line 3: E' [MPa] = '-6': must be > 0"),
+        ("2;6;2", "E' [MPa];f [Hz]\n5;1", "line 3: has other columns than line 1: must be one table a file"),
+    ],
+)
+def test_faulty_exports(tmp_path, old, new, message):
+    assert len(read(put(tmp_path, GOOD))) == 4
+    path = put(tmp_path, GOOD.replace(old, new))
+    assert message in refused(path, lambda: read(path))
+
+
+def test_names_without_units(tmp_path):
+    path = put(tmp_path, "f;E';E''\n1;5;1\n2;6;2\n")
+    assert "has names but no units: must have them in the row below" in refused(path, lambda: read(path))
+
+
+def test_what_read_cannot_take(tmp_path):
+    path = put(tmp_path, "PK", "sweep.xlsx")
+    assert "suffix '.xlsx': must be .csv, .txt, .tsv, .dat or .h5; save a sheet as .csv" in refused(
+        path, lambda: read(path)
+    )
+    path = put(tmp_path, "v,mu\nm/s,-\n1,0.5\n")
+    assert "kind = 'frictoin': did you mean 'friction'?" in refused(path, lambda: read(path, kind="frictoin"))
+    assert isinstance(read(path, pressure=1e5, kind="friction"), FrictionData)
+    assert "none is known" in refused(path, lambda: rf.io.read_columns(put(tmp_path, "a,b\n-,-\n1,2\n")))
+    read(path := put(tmp_path, RAW)).write(tmp_path / "data.h5")
+    path = tmp_path / "data.h5"
+    assert "columns = ['f [Hz]']: must not be given; it is for tables" in refused(
+        path, lambda: read(path, columns=["f [Hz]"])
+    )
+
+
+# --- unit helpers
+
+
+def test_units():
+    assert rf.units.celsius(25.0) == 298.15 and rf.units.to_celsius(298.15) == 25.0
+    assert rf.units.hertz(1.0) == TWO_PI and rf.units.to_hertz(TWO_PI) == 1.0
+    np.testing.assert_allclose(rf.units.young_from_shear(np.array([1e6, 2e6]), 0.5), [3e6, 6e6])
+    np.testing.assert_allclose(rf.units.shear_from_young(3e6, 0.5), 1e6)
+    # Lame: B = lambda + 2 G / 3, lambda = 2 G nu / (1 - 2 nu)
+    G, nu = 2.0, 0.3
+    E = rf.units.young_from_shear(G, nu)
+    np.testing.assert_allclose(rf.units.bulk_from_young(E, nu), 2 * G * nu / (1 - 2 * nu) + 2 * G / 3)

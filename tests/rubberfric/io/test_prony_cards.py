@@ -1,0 +1,312 @@
+"""Prony series as cards of finite-element programs: read by hand here, and back again."""
+
+import re
+
+import numpy as np
+import pytest
+from test_files import refused
+
+import fitting
+import rubberfric as rf
+
+WLF = rf.WLF(8.86, 101.6, 293.15)
+TAU = 10.0 ** np.arange(-7, 2)
+E = 1e9 * np.array([0.7, 0.31, 0.2, 0.11, 0.05, 0.02, 0.01, 0.004, 0.0013])
+RUBBER = rf.Prony(4.2e6, E, TAU, 0.45, WLF)
+SOFT = rf.Prony(4.2e6, E, TAU, 0.5)
+SHEAR = rf.PronyShear(1.4e6, E / 3, TAU, 2.1e9, WLF)
+OMEGA = 10.0 ** np.linspace(-3, 9, 25)
+
+
+def numbers(text, pattern):
+    """Numbers of the lines that follow a line with the pattern, up to the next keyword."""
+    lines = text.splitlines()
+    start = next(i for i, line in enumerate(lines) if re.search(pattern, line))
+    rows = []
+    for line in lines[start + 1 :]:
+        if line.startswith("*"):
+            break
+        rows.append([float(x) for x in line.strip(", ").split(",")])
+    return rows
+
+
+def modulus(shear, g, bulk, k, tau):
+    """E(omega) of relative weights, from E = 9 B G / (3 B + G) with what G and B are at omega."""
+    s = 1j * OMEGA[:, None] * np.asarray(tau)
+    G, B = (m * (1 - np.sum(w) + (np.asarray(w) * s / (1 + s)).sum(1)) for m, w in ((shear, g), (bulk, k)))
+    return 9 * B * G / (3 * B + G)
+
+
+def same(found, expected, rtol):
+    assert type(found) is type(expected)
+    for name in expected.__dataclass_fields__:
+        a, b = getattr(found, name), getattr(expected, name)
+        if name != "shift":
+            np.testing.assert_allclose(a, b, rtol=rtol)
+        elif b is None:
+            assert a is None
+        else:
+            np.testing.assert_allclose([a.C1, a.C2, a.T_ref], [b.C1, b.C2, b.T_ref], rtol=1e-12)
+
+
+# --- abaqus
+
+
+@pytest.mark.parametrize("material", [RUBBER, SHEAR])
+def test_abaqus_cards_have_the_modulus(material):
+    text = rf.io.write_prony(None, material, unit_stress="MPa", density=1200.0)
+    ((young, nu),) = numbers(text, r"^\*ELASTIC, MODULI=INSTANTANEOUS$")
+    g, k, tau = np.array(numbers(text, r"^\*VISCOELASTIC, TIME=PRONY$")).T
+    shear, bulk = young * 1e6 / (2 * (1 + nu)), young * 1e6 / (3 * (1 - 2 * nu))
+    exact = np.asarray(rf.complex_modulus(material, OMEGA))
+    np.testing.assert_allclose(modulus(shear, g, bulk, k, tau), exact, rtol=1e-11)
+    assert numbers(text, r"^\*DENSITY") == [[1.2e-9]]
+    assert numbers(text, r"^\*TRS, DEFINITION=WLF") == [[293.15, 8.86, 101.6]]
+    assert all(len(field) <= 20 for line in text.splitlines() if line[0] != "*" for field in line.split(", "))
+
+
+def test_abaqus_incompressible():
+    text = rf.io.write_prony(None, SOFT)
+    ((_, nu),) = numbers(text, r"^\*ELASTIC")
+    assert nu == 0.5 and all(k == 0 for _, k, _ in numbers(text, r"^\*VISCO")) and "TRS" not in text
+    # with a bulk modulus, the same shear relaxes in a compressible solid
+    text = rf.io.write_prony(None, SOFT, bulk=2e9)
+    ((young, nu),) = numbers(text, r"^\*ELASTIC")
+    np.testing.assert_allclose(young / (2 * (1 + nu)), (4.2e6 + E.sum()) / 3, rtol=1e-13)
+    np.testing.assert_allclose(young / (3 * (1 - 2 * nu)), 2e9, rtol=1e-12)
+
+
+# --- ansys
+
+
+@pytest.mark.parametrize("material", [RUBBER, SHEAR])
+def test_ansys_cards_have_the_modulus(material):
+    text = rf.io.write_prony(None, material, "ansys", unit_stress="MPa", unit_temperature="C")
+    constant = {m[1]: float(m[2]) for m in re.finditer(r"^MP,(\w+),1,(\S+)$", text, re.M)}
+    table, at = {}, None
+    for line in text.splitlines():
+        if line.startswith("TB,"):
+            at = line.split(",")[-1]
+            assert line.startswith(f"TB,PRONY,1,1,{TAU.size},") or at == "WLF"
+        elif line.startswith("TBDATA,"):
+            first, *values = line.split(",")[1:]
+            assert len(values) <= 6 and int(first) == len(table.setdefault(at, [])) + 1
+            table[at] += map(float, values)
+    assert table["WLF"] == pytest.approx([20.0, 8.86, 101.6], rel=1e-13)
+    assert ("BULK" in table) == (material is RUBBER)
+    (g, tau), k = np.reshape(table["SHEAR"], (-1, 2)).T, np.zeros(TAU.size)
+    if material is RUBBER:
+        assert table["BULK"] == table["SHEAR"]
+        k = g
+    young, nu = constant["EX"] * 1e6, constant["PRXY"]
+    found = modulus(young / (2 * (1 + nu)), g, young / (3 * (1 - 2 * nu)), k, tau)
+    np.testing.assert_allclose(found, np.asarray(rf.complex_modulus(material, OMEGA)), rtol=1e-12)
+
+
+# --- lsdyna
+
+
+def test_lsdyna_cards_have_the_modulus():
+    text = rf.io.write_prony(None, SHEAR, "lsdyna", unit_stress="MPa", density=1200.0, shift=False)
+    cards = [line for line in text.splitlines() if line[0] != "$"]
+    assert cards[0] == "*MAT_GENERAL_VISCOELASTIC"
+    fields = [[line[i : i + 10] for i in range(0, len(line), 10)] for line in cards[1:]]
+    assert all(len(field) == 10 for row in fields for field in row)
+    mid, ro, bulk = map(float, fields[0])
+    assert (mid, ro, bulk) == (1, 1.2e-9, 2100.0) and [float(x) for x in fields[1]] == [0.0]
+    G, beta = np.array([[float(x) for x in row] for row in fields[2:]]).T
+    assert beta[0] == 0  # the relaxed modulus
+    tau = 1 / beta[1:]
+    found = modulus(G.sum() * 1e6, G[1:] / G.sum(), bulk * 1e6, 0 * tau, tau)
+    np.testing.assert_allclose(found, np.asarray(rf.complex_modulus(SHEAR, OMEGA)), rtol=3e-6)
+
+
+# --- back again
+
+
+@pytest.mark.parametrize("program", ["abaqus", "ansys"])
+@pytest.mark.parametrize(
+    "material", [RUBBER, SHEAR, SOFT], ids=["relaxing alike", "elastic bulk", "incompressible"]
+)
+@pytest.mark.parametrize("units", [("Pa", "K"), ("MPa", "C")])
+def test_round_trip(program, material, units, tmp_path):
+    path, said = tmp_path / "rubber.inp", {"unit_stress": units[0], "unit_temperature": units[1]}
+    if material is SOFT and program == "ansys":
+        with pytest.raises(ValueError, match=r"it must be < 0\.5 for ansys; give bulk"):
+            rf.io.write_prony(path, material, program, **said)
+        rf.io.write_prony(path, material, program, bulk=2e9, **said)
+        same(rf.io.read_prony(path, poisson=0.5, **said), material, 1e-11)
+        return
+    rf.io.write_prony(path, material, program, **said)
+    same(rf.io.read_prony(path, **said), material, 1e-11)  # E_inf is 1 - sum(g), 1/300 of the glassy modulus
+    assert rf.io.read_prony(path, program, shift=False, **said).shift is None
+
+
+def test_round_trip_lsdyna(tmp_path):
+    path = tmp_path / "rubber.k"
+    rf.io.write_prony(path, SHEAR, "lsdyna", unit_stress="MPa", density=1200.0, shift=False)
+    found = rf.io.read_prony(path, unit_stress="MPa")
+    same(found, rf.PronyShear(SHEAR.G_inf, SHEAR.G, SHEAR.tau, SHEAR.bulk), 1e-6)
+    rf.io.write_prony(path, SOFT, "lsdyna", density=1200.0, bulk=2e9)
+    same(rf.io.read_prony(path, unit_stress="Pa", poisson=0.5), SOFT, 1e-6)
+
+
+def test_round_trip_pyvisco(tmp_path):
+    path = tmp_path / "prony.csv"
+    text = rf.io.write_prony(path, SOFT, "pyvisco", unit_stress="MPa")
+    assert text.startswith("i,tau_i,alpha_i,E_0,E_i\n-,s,-,MPa,MPa\n1,1e-07,")
+    same(rf.io.read_prony(path), SOFT, 1e-12)
+    path.write_text(text.replace("E_", "G_"))
+    assert "G_0 is a shear modulus: poisson must be given" in refused(path, lambda: rf.io.read_prony(path))
+    np.testing.assert_allclose(rf.io.read_prony(path, poisson=0.25).E, 2.5 * E, rtol=1e-12)
+
+
+def test_a_fit_becomes_cards(tmp_path):
+    exact = np.asarray(rf.complex_modulus(SOFT, OMEGA))
+    fit = fitting.fit_prony(fitting.ModulusData(OMEGA, exact.real, exact.imag), tau=TAU)
+    path = tmp_path / "fit.inp"
+    assert rf.io.write_prony(path, fit) == rf.io.write_prony(None, fit.material) == path.read_text()
+    same(rf.io.read_prony(path, unit_stress="Pa"), fit.material, 1e-11)
+
+
+# --- as others write them
+
+
+ABAQUS = """*Heading
+** another tool
+*Material, name="tread 1"
+*Density
+ 1.2e-09,
+*Elastic, moduli=LONG TERM
+ 3., 0.5
+*Viscoelastic, time=PRONY
+ 0.5, 0., 0.1
+ 0.25, , 1.
+*Trs
+ 20., 8.86, 101.6
+*Material, name=other
+*Elastic
+ 1., 0.3
+*Viscoelastic, time=PRONY
+ 0.5, 0., 0.1
+"""
+ANSYS = """! another tool
+MP,EX,2,12.0D0
+mp,prxy,2,0.25
+TB,PRONY,2,1,2,SHEAR
+TBTEMP,0
+TBDATA,,0.5,0.1,0.25
+TBDATA,,1.0
+"""
+LSDYNA = """*KEYWORD
+*MAT_GENERAL_VISCOELASTIC_TITLE
+tread
+         1   1.2E-9    2000.0
+
+$ the terms
+       1.0       0.0
+      2.0,
+*END
+"""
+
+
+def test_cards_of_others(tmp_path):
+    path = tmp_path / "cards"
+    path.write_text(ABAQUS)
+    found = rf.io.read_prony(path, unit_stress="MPa", unit_temperature="C")
+    same(found, rf.Prony(3e6, [6e6, 3e6], [0.1, 1.0], 0.5, WLF), 1e-13)
+    path.write_text(ANSYS)
+    G = 12e6 / 2.5
+    expected = rf.PronyShear(G / 4, [G / 2, G / 4], [0.1, 1.0], 12e6 / 1.5)
+    same(rf.io.read_prony(path, unit_stress="MPa"), expected, 1e-13)
+    path.write_text(LSDYNA.replace("      2.0,", "2.0,10.0").replace("1   1.2E-9", "1 1.200E-9"))
+    same(rf.io.read_prony(path, unit_stress="MPa"), rf.PronyShear(1e6, [2e6], [0.1], 2e9), 1e-13)
+
+
+def test_cards_in_a_scene_file(tmp_path):
+    (tmp_path / "cards.inp").write_text(ABAQUS)
+    (tmp_path / "cards.mac").write_text(ANSYS)
+    path = tmp_path / "scene.toml"
+    shift = 'shift = {kind = "arrhenius", energy = 1.0, T_ref = 300.0}'
+    scene = """lower.material = {kind = "prony", file = "cards.inp", UNITS, unit_temperature = "C"}
+    upper.material = {kind = "prony_shear", file = "cards.mac", UNITS, SHIFT}
+    """.replace("SHIFT", shift).replace("UNITS", 'unit_stress = "MPa"')
+    path.write_text(scene)
+    found = rf.load_scene(path)
+    same(found.lower.material, rf.Prony(3e6, [6e6, 3e6], [0.1, 1.0], 0.5, WLF), 1e-13)
+    assert found.upper.material.shift.energy == 1.0
+    np.testing.assert_allclose(found.upper.material.bulk, 8e6, rtol=1e-13)
+    for old, new, message in (
+        ('"prony_shear"', '"prony"', "upper.material.file = 'cards.mac': holds a PronyShear: must be kind"),
+        ('"cards.inp"', "3", "lower.material.file = 3: must be the name of a file of cards"),
+        ('"cards.inp"', '"cards.inp", E_inf = 1.0', "lower.material.E_inf: unknown key; must be one of file"),
+    ):
+        path.write_text(scene.replace(old, new))
+        assert message in refused(path, lambda: rf.load_scene(path))
+    path.write_text(scene.replace('unit_stress = "MPa", unit_t', "unit_t"))
+    assert "unit_stress is missing" in refused(tmp_path / "cards.inp", lambda: rf.load_scene(path))
+
+
+# --- what is refused
+
+
+LONG = rf.Prony(1e6, np.ones(18), 10.0 ** np.arange(18), 0.5)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((rf.Elastic(1e6, 0.5),), "material is a Elastic: must be Prony or PronyShear; see fit_prony"),
+        ((RUBBER, "nastran"), "program = 'nastran': must be one of abaqus, ansys, lsdyna, pyvisco"),
+        ((RUBBER, "abaqus", {"unit_stress": "psi"}), "unit_stress = 'psi': must be one of Pa, kPa, MPa, GPa"),
+        ((RUBBER, "lsdyna", {"density": 1e3}), "has the shift WLF: lsdyna cards must have none; shift=False"),
+        ((SOFT, "lsdyna", {"density": 1e3}), "bulk is missing: must be given for lsdyna"),
+        ((SOFT, "lsdyna", {"bulk": 2e9}), "density is missing: must be given for lsdyna"),
+        ((LONG, "lsdyna", {"bulk": 2e9, "density": 1e3}), "has 18 terms: must be at most 18 for lsdyna"),
+        ((SHEAR, "abaqus", {"bulk": 1e9}), "bulk = 1000000000.0: must not be given; the PronyShear has"),
+        ((SOFT, "abaqus", {"bulk": 1e6}), "bulk = 1e+06 Pa: must be > 2/3 of the glassy shear modulus"),
+        ((rf.Prony(0.0, [1.0], [1.0]),), "material has no relaxed modulus: it must be > 0 for abaqus"),
+        ((SOFT, "abaqus", {"density": 1e3, "unit_stress": "GPa"}), "unit_stress must be Pa or MPa for it"),
+        ((SHEAR, "pyvisco", {"shift": False}), "pyvisco must have one series of Young's modulus"),
+        (
+            (rf.Prony(1e6, [1e6], [1.0], 0.5, rf.Arrhenius(1.0, 300.0)),),
+            "abaqus cards must have WLF; shift=F",
+        ),
+    ],
+)
+def test_refused_to_write(arguments, message, tmp_path):
+    material, *rest = arguments
+    options = rest[1] if len(rest) > 1 else {}
+    with pytest.raises(ValueError, match="must") as error:
+        rf.io.write_prony(tmp_path / "x", material, *rest[:1], **options)
+    assert message in str(error.value) and "\n" not in str(error.value)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("nothing", "has no Prony series: must be cards of abaqus, ansys or lsdyna, or a pyvisco table"),
+        (ABAQUS.replace("LONG TERM\n 3.", "LONG TERM\n x"), "'x': must be a number"),
+        (ABAQUS.replace(" 0.5, 0., 0.1\n 0.25", " 0.8, 0., 0.1\n 0.25"), "add up to 1.05: must be at most 1"),
+        (ABAQUS.replace("0.5, 0., 0.1", "0.5, 0.2, 0.1").replace("3., 0.5", "3., 0.4"), "term 1: weight 0.2"),
+        (
+            ABAQUS.replace("*Trs", "*Trs, definition=USER"),
+            "must be DEFINITION=WLF; shift=False leaves it out",
+        ),
+        (ABAQUS.replace("time=PRONY", "time=CREEP TEST DATA"), "must be TIME=PRONY"),
+        (ABAQUS.replace("*Elastic", "*Hyperelastic"), "has no *ELASTIC with data: must be there"),
+        (ANSYS.replace("0.25\nTBDATA,,1.0", "0.25"), "must be pairs of weight and time"),
+        (ANSYS.replace("MP,EX", "MP,EY"), "has no MP,EX: must be there"),
+        (LSDYNA.replace("      2.0,", "2.0,1.0,5.0"), "term 2: has KI = 5: must have none"),
+        (LSDYNA.replace("      2.0,", ""), "has no term with a rate: must have one at least"),
+        ("i,tau_i,alpha_i,E_0\n-,s,-,psi\n1,1,0.5,1\n", "column E_0: unit 'psi': must be"),
+    ],
+)
+def test_refused_to_read(text, message, tmp_path):
+    path = tmp_path / "cards"
+    path.write_text(text)
+    stress = None if "tau_i" in text else "MPa"
+    assert message in refused(path, lambda: rf.io.read_prony(path, unit_stress=stress))
+    if "tau_i" not in text and text != "nothing":
+        assert "unit_stress is missing: must be given" in refused(path, lambda: rf.io.read_prony(path))

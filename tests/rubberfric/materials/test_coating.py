@@ -1,0 +1,386 @@
+"""A layer on a deformable half-space: its stiffness from Navier's equations, scenes against the oracle."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import mpmath as mp
+import numpy as np
+import pytest
+from support import oracle
+from support.cases import QUANTITIES, as_arrays, quantities, scene
+
+import rubberfric as rf
+from rubberfric.materials.coating import coated_series, coated_spring
+from rubberfric.materials.materials import reduced_series
+from rubberfric.materials.slab import stiffening
+from rubberfric.scene.scene import dissipates, relaxes
+
+POISSON = [0.0, 0.3, 0.4999999, 0.5]
+FINE = [0.0, 0.2, 0.3, 0.45, 0.4999, 0.4999999999, 0.5]
+
+
+def exact_factor(d, nu1, nu0, mu1, mu0):
+    """Sbar at q = 1, as printed."""
+    c = [mp.mpf(0)] * 6
+    with mp.workdps(mp.mp.dps + 20):
+        a, b, r = 3 - 4 * nu1, 3 - 4 * nu0, mu1 / mu0
+        sinh, cosh = mp.sinh(2 * d), mp.cosh(2 * d)
+        c[0] = 4 * b * (mp.sinh(d) - d) * (mp.sinh(d) + d)
+        c[1] = 2 * (a + b) * sinh + (a - 1) * (b - 1) * mp.expm1(2 * d) + 4 * d * d * (b - 1)
+        c[2] = 2 * a * cosh + 1 + a * a + 4 * d * d
+        c[3] = 2 * b * (sinh + 2 * d)
+        c[4] = 2 * (a + b) * cosh + (a - 1) * (b - 1) * mp.exp(2 * d) - 4 * d * (b - 1)
+        c[5] = 2 * (a * (sinh - 2 * d) + 2 * d * (a - 1))
+        return (c[0] * r * r + c[1] * r + c[2]) / (c[3] * r * r + c[4] * r + c[5])
+
+
+def body_of(d, nu1, nu0, mu1, mu0):
+    """A coated body from traced numbers, checked by no constructor."""
+    made = rf.Body(rf.Elastic(1.0, 0.3), None, rf.Coating(1.0, rf.Elastic(1.0, 0.3)))
+    leaves = [2 * mu1 * (1 + nu1), nu1, d, 2 * mu0 * (1 + nu0), nu0]
+    return jax.tree.unflatten(jax.tree.structure(made), leaves)
+
+
+def of_springs(*numbers):
+    """Sbar at q = 1 of two solids that do not relax."""
+    body = body_of(*numbers)
+    layer, base = 2 * numbers[3] / (1 - numbers[1]), 2 * numbers[4] / (1 - numbers[2])
+    return coated_spring(body, layer, base, jnp.ones(())) / layer
+
+
+def of_series(*numbers):
+    """The same by pairs in series, of solids of which nothing relaxes."""
+    body, term = body_of(*numbers), (jnp.zeros(1), jnp.ones(1))
+    layer, base = 2 * numbers[3] / (1 - numbers[1]), 2 * numbers[4] / (1 - numbers[2])
+    solids = ((layer, *term), (base, *term))
+    return coated_series(body, *solids, jnp.ones(1))[0][0] / layer
+
+
+def evaluated(function, points):
+    """Values and gradients at rows of numbers, one compilation."""
+    both = jax.jit(jax.vmap(jax.value_and_grad(lambda row: function(*row))))
+    return [np.asarray(x) for x in both(jnp.asarray(points, float))]
+
+
+def grid(thickness, poisson, ratio):
+    return [(x, a, b, r, 1.0) for x in thickness for a in poisson for b in poisson for r in ratio]
+
+
+FORMS = pytest.mark.parametrize("form", [of_springs, of_series])
+
+
+@FORMS
+def test_factor(form):
+    """As printed in 50 digits: all thicknesses, shear moduli and Poisson's ratios."""
+    points = grid([1e-8, 1e-3, 0.1, 0.9, 1.1, 10.0, 30.0, 1e8], FINE, [1e-12, 1e-4, 0.7, 1e5, 1e12])
+    with mp.workdps(50):
+        exact = [float(exact_factor(*map(mp.mpf, (min(p[0], 1e3), *p[1:])))) for p in points]
+    np.testing.assert_allclose(evaluated(form, points)[0], exact, rtol=1e-13)
+
+
+@FORMS
+@pytest.mark.slow
+def test_derivatives_of_factor(form):
+    """Per ln d, nu and ln mu, relative to the value or to the derivative where that is larger."""
+    points = grid([1e-8, 1e-3, 0.9, 6.0, 25.0], POISSON, [1e-12, 1.0, 1e12])
+    values, slopes = evaluated(form, points)
+    for point, value, slope in zip(points, values, slopes, strict=True):
+        with mp.workdps(90):
+            at = [mp.mpf(x) for x in point]
+            for i, unit in enumerate((point[0], 1.0, 1.0, point[3], 1.0)):
+                h = mp.mpf(10) ** -30 * (at[i] or 1)
+                ends = [exact_factor(*at[:i], at[i] + s * h, *at[i + 1 :]) for s in (1, -1)]
+                exact = float((ends[0] - ends[1]) / (2 * h))
+                error = abs(slope[i] - exact) * unit
+                assert error < 2e-8 * max(value, abs(exact) * unit), (point, i, slope[i], exact)
+                if form is of_springs:
+                    assert error < 1e-13 * max(value, abs(exact) * unit), (point, i)
+
+
+def navier(x, nu1, nu0, mu1, mu0):
+    """Sbar from displacements and stresses (u_x, u_z, s_xz, s_zz) integrated through the layer, q = 1."""
+
+    def matrix(mu, nu):
+        rise = nu / (1 - nu)
+        return mp.matrix(
+            [
+                [0, 1, 1 / mu, 0],
+                [-rise, 0, 0, (1 - 2 * nu) / (2 * mu * (1 - nu))],
+                [2 * mu / (1 - nu), 0, 0, rise],
+                [0, 0, -1, 0],
+            ]
+        )
+
+    under = matrix(mu0, nu0) + mp.eye(4)
+    decaying = (under * under)[:, :2]  # what dies out below: the eigenvalue -1 is projected away
+    top = mp.expm(matrix(mu1, nu1) * x, method="taylor") * decaying
+    # A pressure on top and no shear: s_xz = 0, s_zz = 1.
+    share = mp.lu_solve(top[2:4, :], mp.matrix([0, 1]))
+    return (1 / (top[1, :] * share)[0]) / (mu1 / (1 - nu1))
+
+
+@pytest.mark.parametrize("nu1", [0.0, 0.3, 0.5])
+def test_factor_solves_the_equations_of_elasticity(nu1):
+    for x, nu0, rho in ((0.01, 0.5, 30.0), (0.4, 0.2, 0.01), (1.3, 0.45, 1e3), (3.0, 0.0, 2.0)):
+        with mp.workdps(50):
+            exact = navier(*(mp.mpf(z) for z in (x, nu1, nu0, rho, 1.0)))
+        assert float(of_springs(x, nu1, nu0, rho, 1.0)) == pytest.approx(float(exact), rel=1e-13)
+
+
+def test_limits():
+    q, layer = jnp.logspace(-3, 2, 11), rf.Elastic(2e6, 0.4)
+
+    def spring(thickness, base, factor=1.0):
+        body = rf.Body(layer, None, rf.Coating(thickness, base))
+        springs = (reduced_series(m, 1.0)[0] for m in (layer, base))
+        return coated_spring(body, *springs, q) * factor
+
+    own = reduced_series(layer, 1.0)[0]
+    soft = rf.Elastic(3e5, 0.2)
+    np.testing.assert_allclose(spring(1e6, soft), own, rtol=1e-15)
+    np.testing.assert_allclose(spring(1e-12, soft), reduced_series(soft, 1.0)[0], rtol=1e-9)
+    np.testing.assert_allclose(spring(0.3, layer), own, rtol=1e-14)
+    slab = stiffening(rf.Slab(0.3), layer.poisson, q)
+    np.testing.assert_allclose(spring(0.3, rf.Elastic(1e25, 0.1)), own * slab, rtol=1e-12)
+    # A liquid below leaves the free plate, a liquid on top nothing.
+    body = rf.Body(layer, None, rf.Coating(0.3, soft))
+    free = coated_spring(body, own, 0.0, q)
+    np.testing.assert_allclose(free, coated_spring(body, own, 1e-30 * own, q), rtol=1e-12)
+    assert (coated_spring(body, 0.0, own, q) == 0).all()
+    assert (coated_spring(body, 0.0, 0.0, q) == 0).all()
+
+
+RUBBER = rf.Prony(3.6e6, [1e9, 1e8, 2e7, 5e6, 1e6], [1e-8, 1e-6, 1e-4, 1e-2, 1.0])
+OTHER = rf.Prony(2e5, [3e7, 5e6, 5e6], [1e-6, 1e-2, 3.0], 0.3)
+LIQUID = rf.Prony(0.0, [1e7, 1e5], [1e-5, 1.0], 0.45)
+
+
+@pytest.mark.parametrize(
+    ("layer", "base"),
+    [
+        pytest.param(RUBBER, OTHER, id="shared times"),
+        pytest.param(RUBBER, rf.Elastic(1e7, 0.3), id="on elastic", marks=pytest.mark.slow),
+        pytest.param(rf.Elastic(1e9, 0.3), OTHER, id="below elastic", marks=pytest.mark.slow),
+        pytest.param(RUBBER, RUBBER, id="same", marks=pytest.mark.slow),
+        pytest.param(OTHER, LIQUID, id="liquid below", marks=pytest.mark.slow),
+    ],
+)
+def test_prony_series_is_the_complex_factor(layer, base):
+    q = np.logspace(0, 6, 13)
+    body = rf.Body(layer, None, rf.Coating(1e-3, base))
+    made = jax.jit(lambda body, *solids: coated_series(body, *solids, q))
+    series = made(body, reduced_series(layer, 1e6), reduced_series(base, 1e6))
+    rest, weight, tau = map(np.asarray, series)
+    assert (rest >= 0).all() and (weight >= 0).all() and (tau > 0).all()
+    coefficients = [
+        np.array([float(c) for c in oracle.coating_coefficients(x, layer.poisson, base.poisson)])
+        for x in 1e-3 * q
+    ]
+    for omega in 10 ** np.random.default_rng(0).uniform(-6, 12, 12):
+        one, two = (complex(rf.complex_modulus(m, omega)) / (2 * (1 + m.poisson)) for m in (layer, base))
+        s = 1j * omega * tau
+        found = rest + np.sum(weight * (s / (1 + s)), -1)
+        powers = np.array([one * one, one * two, two * two])
+        factor = np.array([(c[:3] @ powers) / (c[3:] @ powers) for c in coefficients])
+        exact = 2 * one / (1 - layer.poisson) * factor / 1e6
+        np.testing.assert_allclose(found, exact, rtol=1e-11)
+        np.testing.assert_allclose(found.imag, exact.imag, rtol=1e-9, atol=1e-14 * np.abs(exact).min())
+
+
+# Scenes.
+
+TAU = [1e-8, 1e-6, 1e-4, 1e-2, 1.0]
+ROAD = {"q0": 100.0, "qr": 1000.0, "q1": 3.1e4, "H": 0.8, "h_rms": 5e-4}
+WORN = {"q0": 300.0, "qr": 2000.0, "q1": 1e5, "H": 0.7, "h_rms": 4e-5}
+RIGID = {"kind": "rigid"}
+
+
+def rubber(scale=1.0, nu=0.5, slower=1.0):
+    E = [scale * E for E in (1e9, 1e8, 2e7, 5e6, 1e6)]
+    return {"kind": "prony", "E_inf": 3.6e6 * scale, "E": E, "tau": [slower * t for t in TAU], "nu": nu}
+
+
+def elastic(young, nu):
+    return {"kind": "elastic", "E": young, "nu": nu}
+
+
+def coated(layer, thickness, base):
+    return layer | {"coating": {"thickness": thickness, "base": base}}
+
+
+def case(lower, upper, psd1=None, psd2=ROAD):
+    conditions = {"v": 0.03, "pressure": 2e5, "gamma": 0.5}
+    return {"solid1": lower, "solid2": upper, "psd1": psd1, "psd2": psd2} | conditions
+
+
+CASES = {
+    "both relax": case(coated(rubber(0.1, 0.45), 3e-4, rubber(1.0, 0.3, 3.0)), RIGID, WORN),
+    "shared times": case(coated(rubber(), 1e-3, rubber(0.1)), RIGID),
+    "elastic base": case(coated(rubber(), 1e-3, elastic(1e9, 0.3)), RIGID),
+    "elastic layer": case(coated(elastic(1e9, 0.35), 2e-4, rubber()), RIGID),
+    "facing elastic": case(coated(rubber(), 1e-3, rubber(0.01)), elastic(1e8, 0.3), WORN),
+    "facing rubber": case(coated(rubber(), 1e-3, elastic(1e9, 0.3)), rubber(0.3, 0.49, 2.0), WORN),
+    "two coated": case(
+        coated(rubber(), 1e-3, elastic(1e6, 0.5)), coated(rubber(0.3, 0.49, 2.0), 3e-4, rubber(2.0)), WORN
+    ),
+    "nothing relaxes": case(coated(elastic(1e8, 0.4), 1e-4, elastic(1e6, 0.5)), RIGID),
+}
+SLOW = set(CASES) - {"both relax"}
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n in SLOW)) for n in CASES])
+def test_scenes(name):
+    given = CASES[name]
+    exact = oracle.solve(given, halvings=60, order=10)
+    found = quantities(as_arrays((scene(given), given["v"], given["pressure"])))
+    np.testing.assert_allclose(found, [exact[quantity] for quantity in QUANTITIES], rtol=1e-9)
+
+
+def put(given, path, factor):
+    """A copy of a case with one number multiplied."""
+    *above, last = path
+    copy = inner = dict(given)
+    for name in above:
+        inner[name] = dict(inner[name])
+        inner = inner[name]
+    inner[last] = np.multiply(inner[last], factor).tolist()
+    return copy
+
+
+NUMBERS = {
+    "lower.material.E_inf": ("solid1", "E_inf"),
+    "lower.material.poisson": ("solid1", "nu"),
+    "lower.layer.thickness": ("solid1", "coating", "thickness"),
+    "lower.layer.base.poisson": ("solid1", "coating", "base", "nu"),
+    "lower.layer.base.E": ("solid1", "coating", "base", "E"),
+    "lower.layer.base.tau": ("solid1", "coating", "base", "tau"),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["both relax", "shared times", "facing elastic"])
+def test_gradients(name):
+    """Forward = reverse, and against differences of the oracle; the times of both solids scaled as one."""
+    given = CASES[name]
+    arguments = as_arrays((scene(given), given["v"], given["pressure"]))
+    reverse = jax.jit(jax.jacrev(quantities))(arguments)
+    forward = jax.jit(jax.jacfwd(quantities))(arguments)
+    value = np.asarray(quantities(arguments))
+    for a, b, x in zip(*map(jax.tree.leaves, (reverse, forward, arguments)), strict=True):
+        a, b = (np.asarray(z) * np.maximum(np.abs(x), 1e-3) for z in (a, b))
+        np.testing.assert_allclose(a, b, rtol=1e-9, atol=1e-11)
+    for path, where in NUMBERS.items():
+        slope, number = reverse[0], arguments[0]
+        for field in path.split("."):
+            slope, number = getattr(slope, field), getattr(number, field)
+        found = np.sum((np.asarray(slope) * np.asarray(number)).reshape(3, -1), -1)
+        # An incompressible solid has no ratio above: one-sided, of second order as the other.
+        steps = (-2e-4, -1e-4, 0.0) if path.endswith("poisson") else (-1e-4, 1e-4)
+        ends = [oracle.solve(put(given, where, 1 + h), halvings=60, order=10) for h in steps]
+        ends = np.array([[end[quantity] for quantity in QUANTITIES] for end in ends])
+        weights = (0.5, -2.0, 1.5) if len(steps) == 3 else (-0.5, 0.5)
+        exact = np.array(weights) @ ends / 1e-4
+        np.testing.assert_allclose(found, exact, rtol=2e-6, atol=2e-6 * value.max(), err_msg=path)
+
+
+def test_elastic_layer_on_rubber_dissipates():
+    def body(layer, base, spectrum=None):
+        return rf.Body(layer, spectrum, rf.Coating(1e-3, base))
+
+    stiff, road = rf.Elastic(1e9, 0.3), rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
+    rigid = rf.Body(rf.Rigid(), road)
+    assert relaxes(body(stiff, RUBBER)) and relaxes(body(RUBBER, stiff)) and not relaxes(body(stiff, stiff))
+    assert dissipates(rf.Scene(body(stiff, RUBBER), rigid))
+    assert not dissipates(rf.Scene(body(stiff, RUBBER, road), rf.Body(rf.Rigid())))
+    assert not dissipates(rf.Scene(body(stiff, stiff), rigid))
+
+
+@pytest.mark.slow
+def test_extremes_are_finite():
+    """Thin, thick, stiff, soft and liquid, values and gradients, from one compilation."""
+    road = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
+    base = rf.Prony(1.0, [1.0, 1.0], [1.0, 1.0], 0.4)
+    layer = rf.Prony(1.0, [1.0, 1.0], [1.0, 1.0], 0.4)
+    made = rf.Scene(rf.Body(layer, None, rf.Coating(1.0, base)), rf.Body(rf.Rigid(), road))
+    setting = rf.Quadrature(order=4, panels=3, graded=1, ratio=6.0, angular_order=4)
+
+    def total(s, v):
+        solution = rf.solve(s, v, 1e5, quadrature=setting)
+        return sum(jnp.log1p(getattr(solution, name)) for name in QUANTITIES)
+
+    both = jax.jit(jax.value_and_grad(total, (0, 1)))
+    for d in (1e-12, 1e-4, 1e6):
+        for E_inf, E in ((0.0, [1e6, 1e6]), (1e-6, [1e14, 0.0]), (1e6, [0.0, 0.0])):
+            for soft, nu in ((1.0, 0.5), (1e12, 0.0), (1e-12, 0.5)):
+                tau, v = [1e-20, 1e20], 1e-3
+                one = rf.Prony(E_inf, np.array(E), np.array(tau), 0.5)
+                two = rf.Prony(1e5 * soft, soft * np.array([1e6, 1e3]), np.array([1.0, 1.0]), nu)
+                bodies = rf.Body(one, None, rf.Coating(d, two)), made.upper
+                value, slopes = both(*as_arrays((rf.Scene(*bodies), v)))
+                assert np.isfinite(value) and value >= 0, (d, E_inf, soft)
+                assert all(np.isfinite(x).all() for x in jax.tree.leaves(slopes)), (d, E_inf, soft)
+
+
+@pytest.mark.slow
+def test_temperature_moves_layer_and_base_as_one():
+    law = rf.WLF(8.86, 101.6, 293.15)
+    shifted = dataclasses.replace(RUBBER, shift=law)
+    rigid = rf.Body(rf.Rigid(), rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4))
+    plain, warm = (
+        rf.Scene(rf.Body(material, None, rf.Coating(1e-3, OTHER)), rigid) for material in (RUBBER, shifted)
+    )
+    moved = 0.1 * np.exp(float(law.log_factor(320.0)))
+    np.testing.assert_allclose(rf.friction(warm, 0.1, 1e5, 320.0), rf.friction(plain, moved, 1e5), rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_single_precision():
+    rigid = rf.Body(rf.Rigid(), rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4))
+    double = rf.Scene(rf.Body(RUBBER, None, rf.Coating(1e-3, OTHER)), rigid)
+    v = np.array([1e-4, 0.1])
+    single = rf.solve(as_arrays(double, jnp.float32), jnp.float32(v), jnp.float32(1e5))
+    for name, exact in zip(QUANTITIES, map(rf.solve(double, v, 1e5)._asdict().get, QUANTITIES), strict=True):
+        assert getattr(single, name).dtype == jnp.float32
+        np.testing.assert_allclose(getattr(single, name), exact, rtol=1e-5)
+
+
+def test_what_single_precision_cannot_hold():
+    rigid = rf.Body(rf.Rigid(), rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4))
+    wide = rf.Prony(1e6, [1e6, 1e6], [1e-18, 1e14])
+    for layer, base, name in (
+        (RUBBER, wide, "lower.layer.base.tau"),
+        (LIQUID, LIQUID, "lower.layer.base.E_inf"),
+    ):
+        single = as_arrays(rf.Scene(rf.Body(layer, None, rf.Coating(1e-3, base)), rigid), jnp.float32)
+        with pytest.raises(ValueError, match=f"{name}.*float32.*float64"):
+            rf.solve(single, jnp.float32(0.1), jnp.float32(1e5))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (
+            lambda: rf.Coating(1e-3, rf.Rigid()),
+            r"^Coating\.base = Rigid\(\): must be Elastic, Prony .*use Slab",
+        ),
+        (
+            lambda: rf.Coating(1e-3, dataclasses.replace(RUBBER, shift=rf.WLF(8.0, 100.0, 293.0))),
+            r"^Coating\.base\.shift is given: must be None",
+        ),
+        (
+            lambda: rf.Coating(1e-3, rf.TabulatedModulus([1.0, 2.0], [1.0, 2.0], [1.0, 2.0])),
+            r"^Coating\.base = .*: must be Elastic, Prony",
+        ),
+        (
+            lambda: rf.Body(
+                rf.TabulatedModulus([1.0, 2.0], [1.0, 2.0], [1.0, 2.0]), None, rf.Coating(1e-3, RUBBER)
+            ),
+            r"^Body\.material is a TabulatedModulus with a Coating: must be Elastic or Prony$",
+        ),
+    ],
+)
+def test_refused(make, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        make()
+    assert "\n" not in str(caught.value)

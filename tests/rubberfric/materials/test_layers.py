@@ -1,0 +1,73 @@
+"""Stiffening factor of slabs against the printed formula in 60 digits."""
+
+import jax
+import jax.numpy as jnp
+import mpmath as mp
+import numpy as np
+import pytest
+from support.oracle import slab_factor
+
+import rubberfric as rf
+from rubberfric.materials.slab import stiffening
+
+X = np.array([*np.logspace(-8, 2, 41), 0.999999, 1.0, 1.000001, 59.9, 60.1, 1e4, 1e8])
+POISSON = [0.0, 0.2, 0.3, 0.45, 0.499, 0.4999999999, 0.5]
+
+
+def factor(x, poisson, base="bonded"):
+    return stiffening(rf.Slab(1.0, base), poisson, x)
+
+
+@pytest.mark.parametrize("poisson", POISSON)
+def test_bonded(poisson):
+    exact = [float(slab_factor(x, poisson)) for x in X]
+    np.testing.assert_allclose(factor(X, poisson), exact, rtol=2e-14)
+
+
+def test_frictionless():
+    exact = [float(slab_factor(x, 0.3, "frictionless")) for x in X]
+    np.testing.assert_allclose(factor(X, 0.3, "frictionless"), exact, rtol=2e-14)
+
+
+def exact_derivative(function, at):
+    """Central difference in 120 digits; the step is far below the x^2 = 1e-16 over which nu = 1/2 acts."""
+    with mp.workdps(120):
+        h = mp.mpf(at or 1) * mp.mpf(10) ** -35
+        return float((function(mp.mpf(at) + h) - function(mp.mpf(at) - h)) / (2 * h))
+
+
+def exact_factor(x, nu):
+    """The printed formula again, on mpmath numbers, so that it can be differentiated."""
+    a = 3 - 4 * nu
+    top = 2 * a * mp.sinh(x) ** 2 + 2 * x**2 + 8 * (1 - nu) ** 2
+    return top / (a * (mp.sinh(2 * x) - 2 * x) + 4 * (1 - 2 * nu) * x)
+
+
+@pytest.mark.parametrize("x", [1e-8, 1e-5, 1e-3, 0.1, 0.9, 1.1, 3.0, 10.0, 50.0])
+@pytest.mark.parametrize("poisson", [0.0, 0.3, 0.49, 0.5])
+def test_bonded_derivatives(x, poisson):
+    """Relative to the value per unit ln x, and per unit Poisson ratio."""
+    value, (by_x, by_poisson) = jax.value_and_grad(factor, argnums=(0, 1))(x, poisson)
+    exact_x = exact_derivative(lambda x: exact_factor(x, mp.mpf(poisson)), x)
+    # One-sided at 1/2 would do; the formula itself goes on beyond, and so does the difference.
+    exact_poisson = exact_derivative(lambda nu: exact_factor(mp.mpf(x), nu), poisson)
+    assert abs(by_x - exact_x) * x < 1e-12 * value
+    assert by_poisson == pytest.approx(exact_poisson, rel=1e-10, abs=1e-12 * float(value))
+
+
+@pytest.mark.parametrize("base", ["bonded", "frictionless"])
+def test_thick_is_half_space(base):
+    assert factor(1e8, 0.4, base) == 1.0
+    assert jax.grad(factor)(1e8, 0.4, base) == 0.0
+
+
+def test_thin_incompressible():
+    np.testing.assert_allclose(factor(1e-8, 0.5), 1.5e24, rtol=1e-12)
+
+
+@pytest.mark.parametrize("base", ["bonded", "frictionless"])
+def test_single_precision(base):
+    x = np.logspace(-6, 8, 57)
+    single = stiffening(rf.Slab(jnp.float32(1.0), base), jnp.float32(0.45), jnp.asarray(x, jnp.float32))
+    assert single.dtype == jnp.float32
+    np.testing.assert_allclose(single, factor(x, 0.45, base), rtol=2e-6)

@@ -1,0 +1,176 @@
+"""A relaxing shear with a constant bulk modulus, against complex arithmetic and the oracle."""
+
+import jax
+import jax.numpy as jnp
+import mpmath as mp
+import numpy as np
+import pytest
+from support import oracle
+from support.cases import QUANTITIES, as_arrays, quantities, scene
+
+import rubberfric as rf
+from rubberfric.materials.materials import glassy_reduced, reduced_series, static_modulus, static_reduced
+
+G_INF, G = 1.2e6, [3e8, 0.0, 5e6, 4e5, 4e5]
+TAU = [1e-9, 1e-7, 1e-4, 1e-2, 1e-2]
+OMEGA = np.array([0.0, *np.logspace(-6, 14, 21)])
+
+
+def material(bulk=2e9, shift=None, scale=1.0):
+    return rf.PronyShear(scale * G_INF, scale * np.array(G), np.array(TAU), bulk, shift)
+
+
+def exact(omega, bulk, scale=1.0):
+    """G, E, nu and E_r, complex."""
+    s = [mp.mpc(0, mp.mpf(float(omega)) * mp.mpf(t)) for t in TAU]
+    shear = scale * (G_INF + sum(w * z / (1 + z) for w, z in zip(G, s, strict=True)))
+    bulk = mp.mpf(bulk)
+    young, poisson = 9 * bulk * shear / (3 * bulk + shear), (3 * bulk - 2 * shear) / (6 * bulk + 2 * shear)
+    return shear, young, poisson, young / (1 - poisson**2)
+
+
+@pytest.mark.parametrize("bulk", [1e5, 1e8, 2e9, 1e14])
+def test_young(bulk):
+    found = np.asarray(rf.complex_modulus(material(bulk), OMEGA))
+    with mp.workdps(40):
+        young = np.array([complex(exact(omega, bulk)[1]) for omega in OMEGA])
+    np.testing.assert_allclose(found.real, young.real, rtol=1e-14)
+    # Where the bulk modulus bounds E, its loss is what is left of the difference of larger numbers.
+    np.testing.assert_allclose(found.imag, young.imag, rtol=1e-14, atol=1e-15 * np.abs(young).max())
+    assert float(static_modulus(material(bulk))) == pytest.approx(young[0].real, rel=1e-14)
+
+
+series = jax.jit(reduced_series)
+
+
+@pytest.mark.parametrize("scale", [1e-12, 1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("bulk", [1e6, 1e8, 2e9])
+def test_reduced_modulus_is_a_prony_series(bulk, scale):
+    """With Poisson's ratio complex, from nearly 1/2 to below 0 within one spectrum."""
+    solid = material(bulk, scale=scale)
+    rest, weight, tau = (np.asarray(x) for x in series(solid, scale * 1e6))
+    assert rest > 0 and (weight >= 0).all() and weight.shape == tau.shape == (2 * len(TAU),)
+    for omega in OMEGA:
+        s = 1j * omega * tau
+        found = scale * 1e6 * (rest + np.sum(weight * (s / (1 + s))))
+        with mp.workdps(40):
+            wanted = complex(exact(omega, bulk, scale)[3])
+        assert abs(found - wanted) < 1e-13 * abs(wanted), omega
+        assert abs(found.imag - wanted.imag) <= 1e-9 * abs(wanted.imag) + 1e-15 * abs(wanted), omega
+    with mp.workdps(40):
+        ends = [float(exact(omega, bulk, scale)[3].real) for omega in (0.0, 1e30)]
+    found = [float(end(solid)) for end in (static_reduced, glassy_reduced)]
+    np.testing.assert_allclose(found, ends, rtol=1e-13)
+
+
+def test_huge_bulk_modulus_is_an_incompressible_solid():
+    rest, weight, tau = (np.asarray(x) for x in series(material(1e22), 1e6))
+    alike = rf.Prony(3 * G_INF, 3 * np.array(G), TAU, 0.5)
+    for omega in OMEGA:
+        s = 1j * omega * tau
+        found = rest + np.sum(weight * (s / (1 + s)))
+        wanted = complex(rf.complex_modulus(alike, omega)) / 0.75e6
+        assert found == pytest.approx(wanted, rel=1e-13)
+
+
+@pytest.mark.slow
+def test_derivatives_of_the_reduced_modulus():
+    """With respect to every number, at real s, against differences in 50 digits."""
+    s = 1e3
+
+    def value(solid):
+        rest, weight, tau = reduced_series(solid, 1e6)
+        return rest + jnp.sum(weight * (s * tau / (1 + s * tau)))
+
+    def exactly(numbers):
+        relaxing = sum(w * s * t / (1 + s * t) for w, t in zip(numbers[1:6], numbers[6:11], strict=True))
+        shear, bulk = numbers[0] + relaxing, numbers[11]
+        return (shear + 9 * bulk * shear / (3 * bulk + 4 * shear)) / 10**6
+
+    for bulk in (1e4, 1e7, 1e12):
+        solid = as_arrays(material(bulk))
+        numbers = np.concatenate([np.ravel(x) for x in jax.tree.leaves(solid)])
+        slope = jax.jit(jax.grad(value))(solid)
+        found = np.concatenate([np.ravel(x) for x in jax.tree.leaves(slope)])
+        scale = np.where(numbers > 0, numbers, 1e6)
+        with mp.workdps(50):
+            at, wanted = [mp.mpf(x) for x in numbers], []
+            for i, size in enumerate(scale):
+                h = size * mp.mpf(10) ** -20
+                ends = [exactly([*at[:i], at[i] + sign * h, *at[i + 1 :]]) for sign in (1, -1)]
+                wanted.append(float((ends[0] - ends[1]) / (2 * h)))
+        np.testing.assert_allclose(found * scale, np.array(wanted) * scale, rtol=1e-8, atol=1e-11)
+
+
+ROAD = {"q0": 100.0, "qr": 1000.0, "q1": 3.1e4, "H": 0.8, "h_rms": 5e-4}
+WORN = {"q0": 300.0, "qr": 2000.0, "q1": 1e5, "H": 0.7, "h_rms": 4e-5}
+RIGID = {"kind": "rigid"}
+STEEL = {"kind": "elastic", "E": 2e8, "nu": 0.3}
+RUBBER = {"kind": "prony", "E_inf": 2e6, "E": [1e8, 3e6], "tau": [1e-7, 1e-4], "nu": 0.49}
+
+
+def shear(bulk):
+    return {"kind": "shear", "G_inf": G_INF, "G": G, "tau": TAU, "bulk": bulk}
+
+
+CASES = {
+    "rigid road": (shear(1e8), RIGID, None, ROAD),
+    "nearly incompressible": (shear(2e9), RIGID, WORN, ROAD),
+    "facing elastic": (shear(2e7), STEEL, WORN, ROAD),
+    "facing rubber": (RUBBER, shear(1e6), WORN, ROAD),
+    "facing a slab": (RUBBER | {"thickness": 1e-3}, shear(1e6), WORN, ROAD),
+}
+SLOW = set(CASES) - {"facing elastic"}
+
+
+@pytest.mark.parametrize("name", [pytest.param(n, marks=[pytest.mark.slow] * (n in SLOW)) for n in CASES])
+def test_scenes(name):
+    names = ("solid1", "solid2", "psd1", "psd2")
+    given = dict(zip(names, CASES[name], strict=True)) | {"v": 0.03, "pressure": 2e5, "gamma": 0.5}
+    exact = oracle.solve(given, halvings=60, order=10)
+    found = quantities(as_arrays((scene(given), given["v"], given["pressure"])))
+    np.testing.assert_allclose(found, [exact[quantity] for quantity in QUANTITIES], rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_gradients():
+    """Forward = reverse, and against differences of the oracle for the bulk modulus and all G."""
+    names = ("solid1", "solid2", "psd1", "psd2")
+    given = dict(zip(names, CASES["facing elastic"], strict=True)) | {
+        "v": 0.03,
+        "pressure": 2e5,
+        "gamma": 0.5,
+    }
+    arguments = as_arrays((scene(given), given["v"], given["pressure"]))
+    reverse, forward = (jax.jit(d(quantities))(arguments) for d in (jax.jacrev, jax.jacfwd))
+    for a, b, x in zip(*map(jax.tree.leaves, (reverse, forward, arguments)), strict=True):
+        scale = np.maximum(np.abs(x), 1e-3)
+        np.testing.assert_allclose(a * scale, b * scale, rtol=1e-9, atol=1e-11)
+    slopes, numbers = reverse[0].lower.material, arguments[0].lower.material
+    for name in ("bulk", "G", "tau"):
+        found = np.sum((np.asarray(getattr(slopes, name)) * getattr(numbers, name)).reshape(3, -1), -1)
+        ends = []
+        for h in (-1e-4, 1e-4):
+            solid = given["solid1"] | {name: (np.array(given["solid1"][name]) * (1 + h)).tolist()}
+            end = oracle.solve(given | {"solid1": solid}, halvings=60, order=10)
+            ends.append([end[quantity] for quantity in QUANTITIES])
+        np.testing.assert_allclose(found, (np.array(ends[1]) - ends[0]) / 2e-4, rtol=2e-6, atol=1e-12)
+
+
+def test_temperature_shifts_the_shear():
+    law = rf.WLF(8.86, 101.6, 293.15)
+    moved = rf.complex_modulus(material(shift=law), 10.0, 320.0)
+    wanted = rf.complex_modulus(material(), 10.0 * np.exp(float(law.log_factor(320.0))))
+    assert complex(moved) == pytest.approx(complex(wanted), rel=1e-12)
+
+
+def test_single_precision():
+    rest, weight, tau = series(as_arrays(material(1e8), jnp.float32), jnp.float32(1e6))
+    assert rest.dtype == weight.dtype == tau.dtype == jnp.float32
+    wide = np.asarray(series(material(1e8), 1e6)[1])
+    assert float(weight.sum()) == pytest.approx(wide.sum(), rel=1e-5)
+    wide = rf.PronyShear(1e6, [1e6, 1e6], [1e-18, 1e14], 1e9)
+    rigid = rf.Body(rf.Rigid(), rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4))
+    single = as_arrays(rf.Scene(rf.Body(wide), rigid), jnp.float32)
+    with pytest.raises(ValueError, match=r"lower\.material\.tau.*float32.*float64"):
+        rf.solve(single, jnp.float32(0.1), jnp.float32(1e5))

@@ -1,0 +1,165 @@
+"""Spectra against their definition in 40 digits."""
+
+import jax
+import jax.numpy as jnp
+import mpmath as mp
+import numpy as np
+import pytest
+
+import rubberfric as rf
+from rubberfric.roughness.spectra import broken_power_law
+
+SPECTRA = [
+    (100.0, 1000.0, 3.1e4, 0.8),
+    (100.0, 1000.0, 1e12, 0.8),
+    (100.0, 100.0, 3e6, 0.7),
+    (100.0, 3e4, 3e4, 0.7),
+    (100.0, 100.05, 100.1, 0.6),
+    (100.0, 1000.0, 3.1e6, 0.0),
+    (100.0, 1000.0, 3.1e6, 1e-12),
+    (100.0, 1000.0, 3.1e6, 1e-3),
+    (100.0, 1000.0, 3.1e6, 1.0),
+    (1e-3, 1e2, 1e10, 0.5),
+]
+H_RMS = 3e-4
+
+
+def exact_moment(spectrum, order, C0=None):
+    """2 pi int q^(1 + order) C dq; C0 from h_rms unless given."""
+    with mp.workdps(40):
+        q0, qr, q1, hurst = (mp.mpf(x) for x in spectrum)
+        if C0 is None:
+            C0 = mp.mpf(H_RMS) ** 2 / exact_moment(spectrum, 0, mp.mpf(1))
+        k = order - 2 * hurst
+        width = mp.log(q1 / qr)
+        tail = width if k == 0 else mp.expm1(k * width) / k
+        return (
+            2
+            * mp.pi
+            * C0
+            * ((qr ** (order + 2) - q0 ** (order + 2)) / (order + 2) + qr ** (order + 2) * tail)
+        )
+
+
+@pytest.mark.parametrize("spectrum", SPECTRA, ids=str)
+@pytest.mark.parametrize("order", [0, 1, 2, 4])
+def test_moments(spectrum, order):
+    # ln q1 - ln q0 keeps 13 digits of a range of 1.001.
+    rel = 2e-13 if spectrum[2] > 2 * spectrum[0] else 2e-12
+    exact = float(exact_moment(spectrum, order))
+    assert rf.roughness.moment(rf.SelfAffine(*spectrum, H_RMS), order) == pytest.approx(exact, rel=rel)
+
+
+@pytest.mark.parametrize("spectrum", SPECTRA, ids=str)
+def test_values(spectrum):
+    q0, qr, q1, hurst = spectrum
+    with mp.workdps(40):
+        plateau = mp.mpf(H_RMS) ** 2 / exact_moment(spectrum, 0, mp.mpf(1))
+        q = [q0 * (1 + 1e-9), 0.7 * q0 + 0.3 * qr, 0.3 * qr + 0.7 * q1, q1 * (1 - 1e-9)]
+        q = [x for x in q if q0 < x < q1]
+        exact = [float(plateau * min(mp.mpf(1), (mp.mpf(x) / qr) ** (-2 * (1 + mp.mpf(hurst))))) for x in q]
+    values = rf.power_spectrum(rf.SelfAffine(*spectrum, H_RMS), np.array(q))
+    np.testing.assert_allclose(values, exact, rtol=2e-13)
+
+
+def test_zero_outside():
+    spectrum = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, H_RMS)
+    assert (rf.power_spectrum(spectrum, np.array([1e-3, 99.0, 3.2e4, 1e30])) == 0).all()
+
+
+@pytest.mark.parametrize("spectrum", SPECTRA, ids=str)
+def test_from_C0(spectrum):
+    C0 = 3e-13
+    made = rf.SelfAffine.from_C0(*spectrum, C0)
+    assert made.h_rms**2 == pytest.approx(float(exact_moment(spectrum, 0, mp.mpf(C0))), rel=2e-13)
+    assert rf.SelfAffine.from_C0(*spectrum, 0.0).h_rms == 0.0
+
+
+@pytest.mark.parametrize("spectrum", SPECTRA[:2] + SPECTRA[5:], ids=str)
+@pytest.mark.parametrize("order", [0, 2])
+def test_moment_derivatives(spectrum, order):
+    """d ln moment / d ln theta, and d/dH, in 40 digits; order 0 is h_rms^2 whatever the rest."""
+    leaves = (*spectrum, H_RMS)
+    slopes = jax.grad(lambda s: jnp.log(rf.roughness.moment(s, order)))(rf.SelfAffine(*leaves))
+    slopes = jax.tree.leaves(slopes)
+    for i in range(4):
+        with mp.workdps(40):
+            h = mp.mpf(10) ** -12 * (mp.mpf(spectrum[i]) if i < 3 else 1)
+
+            def shifted(step, i=i):
+                return tuple(mp.mpf(x) + (step if k == i else 0) for k, x in enumerate(spectrum))
+
+            exact = (mp.log(exact_moment(shifted(h), order)) - mp.log(exact_moment(shifted(-h), order))) / (
+                2 * h
+            )
+        scale = float(spectrum[i]) if i < 3 else 1.0
+        assert slopes[i] * scale == pytest.approx(float(exact) * scale, rel=1e-10, abs=1e-11)
+    assert slopes[4] * H_RMS == pytest.approx(2.0, rel=1e-12)
+
+
+@pytest.mark.parametrize("hurst", [0.0, 0.3, 1.0])
+def test_table_with_a_knot_at_the_rolloff_is_self_affine(hurst):
+    spectrum = rf.SelfAffine(100.0, 1000.0, 3.1e6, hurst, H_RMS)
+    q = np.array([100.0, 300.0, 1000.0, 4e3, 9e4, 3.1e6])
+    # The table is read just inside the ends, where rounding cannot put it outside.
+    inside = q * np.array([1 + 1e-12, 1, 1, 1, 1, 1 - 1e-12])
+    table = rf.TabulatedSpectrum(q, rf.power_spectrum(spectrum, inside))
+    for order in (0, 2, 4):
+        np.testing.assert_allclose(
+            rf.roughness.moment(table, order), rf.roughness.moment(spectrum, order), rtol=1e-10
+        )
+    between = np.array([170.0, 999.0, 1001.0, 2e4, 1e6])
+    np.testing.assert_allclose(
+        rf.power_spectrum(table, between), rf.power_spectrum(spectrum, between), rtol=1e-10
+    )
+
+
+def test_table_is_log_log_linear():
+    q, C = np.array([60.0, 150.0, 2e3, 8e5]), np.array([4e-13, 9e-13, 1e-14, 2e-24])
+    at = np.array([60.0, 90.0, 150.0, 1e3, 5e4, 7.9e5])
+    exact = np.exp(np.interp(np.log(at), np.log(q), np.log(C)))
+    table = rf.TabulatedSpectrum(q, C)
+    np.testing.assert_allclose(rf.power_spectrum(table, at), exact, rtol=1e-12)
+    assert (rf.power_spectrum(table, np.array([59.9, 8.1e5])) == 0).all()
+
+
+@pytest.mark.parametrize("slope", [-2.0, -4.0, -2.0 + 1e-13, -4.0 + 1e-9])
+def test_table_moments_where_the_exponent_vanishes(slope):
+    """q C or q^3 C falling like 1/q integrates to a logarithm: 0/0 in the power law's formula."""
+    table = rf.TabulatedSpectrum(np.array([1e2, 1e6]), 1e-12 * np.array([1.0, 1e4**slope]))
+    for order in (0, 2):
+        with mp.workdps(40):
+            k = (
+                mp.log(mp.mpf(float(table.C[1])) / mp.mpf(float(table.C[0]))) / mp.log(mp.mpf(10) ** 4)
+                + 2
+                + order
+            )
+            width = mp.log(mp.mpf(10) ** 4)
+            mean = width if k == 0 else mp.expm1(k * width) / k
+            exact = 2 * mp.pi * mp.mpf(float(table.C[0])) * mp.mpf(100) ** (2 + order) * mean
+        assert rf.roughness.moment(table, order) == pytest.approx(float(exact), rel=1e-12)
+
+
+def test_rms_slope():
+    assert rf.rms_slope(rf.SelfAffine(*SPECTRA[0], H_RMS)) == pytest.approx(
+        float(mp.sqrt(exact_moment(SPECTRA[0], 2)))
+    )
+
+
+@pytest.mark.parametrize("spectrum", SPECTRA, ids=str)
+def test_gradients_finite(spectrum):
+    for order in (0, 2, 4):
+        slopes = jax.grad(rf.roughness.moment)(rf.SelfAffine(*spectrum, H_RMS), order)
+        assert all(np.isfinite(x) for x in jax.tree.leaves(slopes))
+
+
+def test_single_precision_with_underflowing_C():
+    """C = 1e-39 m^4 at q = 1e9 does not exist in float32; q^2 C does."""
+    spectrum = (100.0, 1000.0, 1e9, 0.8)
+    single = rf.SelfAffine(*(jnp.float32(x) for x in (*spectrum, H_RMS)))
+    law = broken_power_law(single)
+    assert {x.dtype for x in law} == {jnp.dtype(jnp.float32)}
+    for order in (0, 2):
+        assert rf.roughness.moment(single, order) == pytest.approx(
+            float(exact_moment(spectrum, order)), rel=1e-5
+        )

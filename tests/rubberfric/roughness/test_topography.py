@@ -1,0 +1,181 @@
+"""Spectra of measured heights: Parseval, sine waves, and synthetic surfaces of a known spectrum."""
+
+import numpy as np
+import pytest
+
+import rubberfric as rf
+
+rng = np.random.default_rng
+
+
+@pytest.mark.parametrize("per_decade", [None, 3, 20])
+@pytest.mark.parametrize("window", ["none", "hann"])
+def test_parseval(window, per_decade):
+    height = rng(1).standard_normal(601).cumsum() * 1e-6
+    n = np.arange(601)
+    w = 0.5 - 0.5 * np.cos(2 * np.pi * n / 601) if window == "hann" else np.ones(601)
+    flat = height - np.polyval(np.polyfit(n, height, 1), n)
+    exact = np.mean((w * flat) ** 2) / np.mean(w**2)
+    found = rf.roughness.spectrum_of_profile(1e-5, height, window=window, per_decade=per_decade)
+    mean = np.mean(w * flat) ** 2 / np.mean(w**2)  # the mode q = 0, in no bin
+    assert found.left_out == pytest.approx(mean, rel=1e-9, abs=1e-9 * exact)
+    assert found.cell * np.sum(found.modes * found.C) + found.left_out == pytest.approx(exact, rel=1e-12)
+    assert found.h_rms**2 == pytest.approx(exact, rel=1e-12)
+    surface = rng(2).standard_normal((40, 33)).cumsum(0).cumsum(1)
+    found = rf.roughness.spectrum_of_topography(
+        surface, 1e-5, 2e-5, window=window, detrend=None, per_decade=per_decade
+    )
+    w = (1 - np.cos(2 * np.pi * np.arange(40) / 40))[:, None] * (1 - np.cos(2 * np.pi * np.arange(33) / 33))
+    w = w if window == "hann" else np.ones((40, 33))
+    exact = np.mean((w * surface) ** 2) / np.mean(w**2)
+    assert found.cell * np.sum(found.modes * found.C) + found.left_out == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize("window", ["none", "hann"])
+def test_a_sine_wave(window):
+    """All of its a^2/2 is at its wavevector: in one mode, or in the three of the Hann window."""
+    length, a, k = 2e-3, 3e-6, 25
+    x = np.linspace(0, length, 512, endpoint=False)
+    q = 2 * np.pi * k / length
+    found = rf.roughness.spectrum_of_profile(
+        x, a * np.sin(q * x + 0.3), window=window, detrend=None, per_decade=None
+    )
+    share = found.cell * found.modes * found.C / (a**2 / 2)
+    expected = {"none": [0, 1, 0], "hann": np.array([1, 4, 1]) / 6}[window]
+    np.testing.assert_allclose(share[k - 2 : k + 1], expected, atol=1e-12)
+    np.testing.assert_allclose(found.q[k - 1], q, rtol=1e-9)
+    assert share.sum() == pytest.approx(1, rel=1e-12)
+    # in a map along (20, 15): |q| = 25 periods
+    grid = 2 * np.pi * np.arange(128) / 128
+    wave = a * np.cos(20 * grid[:, None] + 15 * grid)
+    found = rf.roughness.spectrum_of_topography(wave, length / 128, window="none", detrend=None)
+    at = np.argmax(found.C)
+    assert found.cell * found.modes[at] * found.C[at] == pytest.approx(a**2 / 2, rel=1e-12)
+    assert found.q[at] == pytest.approx(q, rel=0.06)
+
+
+def surface(spectrum, n, length, seed):
+    """A Gaussian periodic surface: independent modes of mean square C dqx dqy each."""
+    k = np.fft.fftfreq(n, length / n) * 2 * np.pi
+    q = np.hypot(k[:, None], k)
+    C = np.asarray(rf.power_spectrum(spectrum, np.where(q > 0, q, 1e-9)))
+    noise = np.fft.fft2(rng(seed).standard_normal((n, n))) / n  # white: mean square 1 in every mode
+    return np.fft.ifft2(noise * np.sqrt(C) * 2 * np.pi / length).real * n * n
+
+
+N, LENGTH = 128, 0.04
+TRUTH = rf.SelfAffine(2 * np.pi / LENGTH, 1000.0, 1.0e4, 0.8, 3e-4)
+
+
+@pytest.fixture(scope="module")
+def maps():
+    return [surface(TRUTH, N, LENGTH, seed) for seed in range(40)]
+
+
+def test_known_surfaces(maps):
+    """The mean over realisations is the truth's bin mean within 5 standard errors; the scatter as said."""
+    found = [rf.roughness.spectrum_of_topography(h, LENGTH / N, window="none", detrend=None) for h in maps]
+    C = np.stack([one.C for one in found])
+    k = np.fft.fftfreq(N, LENGTH / N) * 2 * np.pi
+    q = np.hypot(k[:, None], k)
+    exact = np.asarray(rf.power_spectrum(TRUTH, np.where(q > 0, q, 1.0)))
+    lowest = q[q > 0].min()
+    bins = np.floor(np.log10(np.where(q > 0, q, lowest) / lowest) * 20 + 1e-9)
+    bins = np.where((q > 0) & (q <= k.max() * N / (N - 2) * (1 + 1e-9)), bins, -1)
+    expected = np.array([exact[bins == b].mean() for b in np.unique(bins[bins >= 0])])
+    # modes within a bin differ in C, too: their own scatter adds to the error of the mean
+    spread = np.array([(exact[bins == b] ** 2).mean() for b in np.unique(bins[bins >= 0])]) / expected**2
+    error = found[0].relative * np.sqrt(spread)
+    pull = (C.mean(0) / expected - 1) / (error / np.sqrt(len(maps)))
+    assert np.abs(pull).max() < 5 and 0.5 < np.sqrt(np.mean(pull**2)) < 1.5
+    scatter = C.std(0) / expected / error
+    assert 0.7 < scatter.mean() < 1.3
+    h2 = np.mean([one.h_rms**2 for one in found])
+    sum_C = np.sum(exact[q > 0]) * found[0].cell
+    # var(h^2) = 2 sum over modes of (C cell)^2
+    sigma = np.sqrt(2 * np.sum((exact[q > 0] * found[0].cell) ** 2) / len(maps))
+    assert abs(h2 - sum_C) < 5 * sigma
+
+
+def test_profiles_of_known_surfaces(maps):
+    """C_1D of all lines of the maps is int C dqy, sums in place of integrals."""
+    found = [rf.roughness.spectrum_of_profile(LENGTH / N, h[:, j], window="none", detrend=None, per_decade=None)
+             for h in maps for j in range(0, N, 16)]  # fmt: skip
+    k = np.fft.fftfreq(N, LENGTH / N) * 2 * np.pi
+    q = np.hypot(k[:, None], k)
+    exact = np.asarray(rf.power_spectrum(TRUTH, np.where(q > 0, q, 1e-9))).sum(1) * 2 * np.pi / LENGTH
+    ratio = np.mean([one.C for one in found], 0)[:-1] / exact[1 : N // 2]
+    # 320 lines, 8 of a map and not independent: at least 40 with two modes each
+    assert np.abs(ratio - 1).max() < 5 / np.sqrt(40) and abs(ratio.mean() - 1) < 0.05
+
+
+def test_window_keeps_the_level_and_no_window_adds_a_tail(maps):
+    """Cut out of a larger surface, the edges do not match."""
+    cut = [h[:64, :64] for h in maps]
+    with_window = [rf.roughness.spectrum_of_topography(h, LENGTH / N, per_decade=8) for h in cut]
+    without = [rf.roughness.spectrum_of_topography(h, LENGTH / N, window="none", per_decade=8) for h in cut]
+    q = with_window[0].q
+    exact = np.asarray(rf.power_spectrum(TRUTH, np.minimum(q, 9999.0)))
+    kept = (q > 1500.0) & (q < 7000.0)
+    ratio = (np.mean([one.C for one in with_window], 0) / exact)[kept]
+    assert np.abs(ratio - 1).max() < 0.15
+    assert (np.mean([one.C for one in without], 0) / exact)[kept][-1] > 1.3
+
+
+def test_table_goes_into_a_scene(maps):
+    table = rf.roughness.spectrum_of_topography(maps[0], LENGTH / N, per_decade=8).table()
+    assert isinstance(table, rf.TabulatedSpectrum)
+    assert rf.roughness.moment(table, 0) == pytest.approx(np.mean(maps[0] ** 2), rel=0.5)
+
+
+def test_detrending():
+    x, y = np.meshgrid(np.arange(20.0), np.arange(30.0), indexing="ij")
+    trend = 3 + 2 * x - y + 0.1 * x * y - 0.3 * y**2
+    assert rf.roughness.spectrum_of_topography(trend, 1.0, detrend=2).h_rms < 1e-10
+    assert rf.roughness.spectrum_of_topography(trend, 1.0, detrend=1).h_rms > 1
+    assert rf.roughness.spectrum_of_profile(1.0, 2 + 3 * np.arange(20)).h_rms < 1e-12
+
+
+FLAT = np.zeros(20)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: rf.roughness.spectrum_of_profile(0.0, FLAT), "x = 0.0: must be > 0"),
+        (
+            lambda: rf.roughness.spectrum_of_profile(np.arange(19), FLAT),
+            "x of shape (19,): must be a finite spacing, or 20",
+        ),
+        (
+            lambda: rf.roughness.spectrum_of_profile(np.arange(20) ** 2, FLAT),
+            "positions must increase evenly",
+        ),
+        (
+            lambda: rf.roughness.spectrum_of_profile(1.0, FLAT[:5]),
+            "heights of shape (5,), type float64: must be real, 1-dim",
+        ),
+        (
+            lambda: rf.roughness.spectrum_of_profile(1.0, FLAT + np.nan),
+            "heights[0] is not finite: must be; fill in",
+        ),
+        (
+            lambda: rf.roughness.spectrum_of_profile(1.0, FLAT, window="kaiser"),
+            "window = 'kaiser': must be one of hann, none",
+        ),
+        (
+            lambda: rf.roughness.spectrum_of_profile(1.0, FLAT, detrend=3),
+            "detrend = 3: must be 0, 1, 2 or None",
+        ),
+        (
+            lambda: rf.roughness.spectrum_of_profile(1.0, FLAT, per_decade=0),
+            "per_decade = 0: must be a number > 0 or None",
+        ),
+        (lambda: rf.roughness.spectrum_of_topography(FLAT, 1.0), "must be real, 2-dimensional"),
+        (lambda: rf.roughness.spectrum_of_topography(np.zeros((9, 9)), 1.0, -1.0), "dy = -1.0: must be > 0"),
+    ],
+)
+def test_what_is_refused(call, message):
+    with pytest.raises(ValueError, match="must") as error:
+        call()
+    assert message in str(error.value) and "\n" not in str(error.value)

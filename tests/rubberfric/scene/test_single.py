@@ -1,0 +1,59 @@
+"""Single precision: what it cannot hold is refused with the reason, never computed wrongly."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from support.cases import as_arrays
+
+import rubberfric as rf
+
+ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
+RUBBER = rf.Prony(3.6e6, [1e9, 1e8, 1e7], [1e-9, 1e-6, 1e-3])
+RIGID = rf.Body(rf.Rigid(), ROAD)
+LIQUID = rf.Prony(0.0, [1e6], [1.0])
+WIDE = rf.Prony(1e6, [1e6, 1e6], [1e-18, 1e14])
+COLD = rf.Prony(3.6e6, [1e9], [1e-6], shift=rf.WLF(8.9, 101.6, 293.15))
+FINE = rf.TabulatedSpectrum([1e2, 1e9], [1e-10, 1e-39])
+
+REFUSED = {
+    "lower.layer.thickness": (rf.Scene(rf.Body(RUBBER, None, rf.Slab(1e-10)), RIGID), None),
+    "lower.material.tau": (rf.Scene(rf.Body(WIDE), rf.Body(rf.Elastic(1e9, 0.3), ROAD)), None),
+    "E_inf": (rf.Scene(rf.Body(LIQUID), rf.Body(LIQUID, ROAD)), None),
+    "upper.spectrum.C": (rf.Scene(rf.Body(RUBBER), rf.Body(rf.Rigid(), FINE)), None),
+    "lower.material.shift": (rf.Scene(rf.Body(COLD), RIGID), 200.0),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refused_in_single_precision_only(name):
+    scene, temperature = REFUSED[name]
+    conditions = (np.array([0.1]), 1e5, temperature)
+    result = rf.solve(scene, *conditions)
+    assert all(np.isfinite(x).all() for x in result if x is not None)
+    single = as_arrays(scene, jnp.float32)
+    with pytest.raises(ValueError, match=f"(?s){name}.*float32.*float64"):
+        rf.solve(single, *(None if c is None else jnp.asarray(c, jnp.float32) for c in conditions))
+
+
+def test_under_jit_nothing_is_refused():
+    scene, temperature = REFUSED["lower.material.shift"]
+    single, v, T = as_arrays((scene, np.array([0.1]), temperature), jnp.float32)
+    assert np.isfinite(jax.jit(rf.friction)(single, v, jnp.float32(1e5), T)).all()
+
+
+@pytest.mark.slow
+def test_ordinary_scenes_pass():
+    layered = rf.Scene(rf.Body(RUBBER, None, rf.Slab(1e-4)), rf.Body(rf.Elastic(1e12, 0.3), ROAD))
+    single = as_arrays(layered, jnp.float32)
+    found = rf.friction(single, jnp.float32([0.1]), jnp.float32(1e5))
+    assert found.dtype == jnp.float32
+    np.testing.assert_allclose(found, rf.friction(layered, [0.1], 1e5), rtol=1e-5)
+
+
+def test_full_contact_is_no_more_than_one():
+    """JAX's erf in float32 passes 1 where x is 3.7 ... 3.83."""
+    x = jnp.linspace(3.6, 4.0, 4001, dtype=jnp.float32)
+    from rubberfric.theory.partial_contact import contact_fraction
+
+    assert np.max(contact_fraction(x)) == 1

@@ -1,0 +1,372 @@
+"""Heated scenes against brute force: values, derivatives, fits, and what they do in extreme conditions.
+
+The kernel of the temperatures is in test_heating.py. Calls of one structure share a compiled function,
+at `POINTS` points.
+"""
+
+import dataclasses
+import json
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from reference.heated import ALL, BASE, CASES, HEAT, HEATING, MACRO, STEP, along, difference
+from support import oracle, oracle_heating
+from support.cases import as_arrays, paths, reference, scene
+
+import fitting
+import rubberfric as rf
+from rubberfric.analysis.jacobian import value_and_jacobian
+from rubberfric.base import fixed_point
+
+NAMES = ("area", "viscoelastic_friction", "shear_friction", "friction", "separation", "flash_temperature")
+POINTS = 8
+SHEARED = CASES["sheared"]  # the cheapest with a fixed point
+ORDINARY = ("one", "slow", "backwards", "light")  # of one structure
+
+
+def some(names, ordinary=ORDINARY):
+    return [name if name in ordinary else pytest.param(name, marks=pytest.mark.slow) for name in names]
+
+
+def solved(scene, velocity, pressure, temperature, quadrature=None):
+    found = rf.solve(
+        scene,
+        velocity,
+        pressure,
+        temperature,
+        quantities=(*NAMES, "converged"),
+        quadrature=quadrature or rf.Quadrature(),
+    )
+    return {name: getattr(found, name) for name in (*NAMES, "converged")}
+
+
+compiled = jax.jit(solved, static_argnames="quadrature")
+
+
+def conditions(case, **changes):
+    """Scene and conditions at POINTS points, `changes` made to the case; lists spread over the points."""
+    case = case | changes
+    spread = [np.resize(np.array(case[name], float), POINTS) for name in ("v", "pressure", "temperature")]
+    return as_arrays((scene(case), *spread))
+
+
+def found(case, dtype=float, quadrature=None, **changes):
+    at = as_arrays(conditions(case, **changes), dtype)
+    return {name: np.asarray(x) for name, x in compiled(*at, quadrature=quadrature).items()}
+
+
+def assert_is(values, wanted, rtol, temperature):
+    """The flash temperature by its rise."""
+    for name in NAMES:
+        base = temperature if name == "flash_temperature" else 0.0
+        np.testing.assert_allclose(
+            values[name] - base, wanted[name] - base, rtol=rtol, atol=1e-300, err_msg=name
+        )
+
+
+@pytest.mark.parametrize("name", some(CASES))
+def test_brute_force(name):
+    case = CASES[name]
+    values = found(case)
+    assert values["converged"].all()
+    assert_is(values, reference("heated_cases")[name], 1e-8, case["temperature"])
+
+
+def test_references_are_those_of_the_cases():
+    stored = reference("heated_cases")
+    assert list(stored) == list(CASES)
+    for name, case in CASES.items():
+        assert {key: stored[name][key] for key in case} == json.loads(json.dumps(case))
+
+
+@pytest.mark.parametrize("name", some(CASES, ("macro", "background-shear")))
+def test_references_are_fixed_points_of_coarser_panels_too(name):
+    known = reference("heated_cases")[name]
+    again = oracle_heating.solve(CASES[name], 20, 6, start=np.array(known["rises"]))
+    assert_is(again, known, 1e-8, CASES[name]["temperature"])
+
+
+def test_cold_limit():
+    """An enormous heat capacity."""
+    hot = found(BASE, heating=HEATING | {"heat_capacity": 1e30})
+    cold = oracle.solve({key: x for key, x in BASE.items() if key != "heating"}, 40, 12)
+    for name in ("area", "friction", "separation"):
+        np.testing.assert_allclose(hot[name], cold[name], rtol=1e-10)
+    np.testing.assert_allclose(hot["flash_temperature"], BASE["temperature"], rtol=1e-13)
+
+
+def test_symmetry_in_the_velocity():
+    v = np.array([1e-30, 1e-3, 1.0, 1e3])
+    values = found(BASE, v=np.stack([v, -v], 1).ravel())
+    for name in NAMES:
+        sign = -1 if name.endswith("friction") else 1
+        np.testing.assert_array_equal(values[name][::2], sign * values[name][1::2])
+
+
+EXTREMES = {
+    "mild": {},
+    "insulating": {"conductivity": 1e-12},
+    "conducting": {"conductivity": 1e12},
+    "small-contacts": {"radius": 1e-9},
+    "large-contacts": {"radius": 1e3},
+    "light-matter": {"density": 1e-6},
+}
+VELOCITIES = [0.0, 1e-30, 1e-6, 1e-2, 10.0, 1e3, 1e6, 1e12]
+PRESSURES = [1e-3, 1.0, 1e3, 1e4, 1e5, 1e6, 1e7, 1e9]
+SCENES = {"one": BASE, "sheared": SHEARED} | {n: CASES[n] for n in ("macro", "flash-shear", "two-rubbers")}
+
+
+@pytest.mark.parametrize("change", EXTREMES)
+@pytest.mark.parametrize("name", some(SCENES))
+def test_extremes_are_finite(name, change):
+    case = SCENES[name]
+    law = case["heating"] | EXTREMES[change]
+    for where in ({"v": VELOCITIES}, {"pressure": PRESSURES}):
+        values = found(case, heating=law, **where)
+        assert all(np.isfinite(values[quantity]).all() for quantity in NAMES)
+        assert (values["flash_temperature"] >= case["temperature"]).all()
+        assert ((values["area"] > 0) & (values["area"] <= 1)).all()
+        assert (values["friction"] >= 0).all() and (values["separation"] >= 0).all()
+        if change not in ("large-contacts", "light-matter") and name != "flash-shear":
+            assert values["converged"].all()
+
+
+def test_at_rest():
+    values = found(BASE, v=0.0)
+    assert (values["flash_temperature"] == BASE["temperature"]).all() and (values["friction"] == 0).all()
+    # The rise goes like |v|^1.5 or more.
+    slow = found(BASE, v=[1e-8, 1e-7])["flash_temperature"] - BASE["temperature"]
+    assert (slow >= 0).all() and (slow < 1e-4).all()
+
+
+QUANTITIES = ("area", "friction", "separation", "flash_temperature")
+
+
+def smooth(case):
+    """Without the wavevectors that are two things at once: there the derivatives differ on either side."""
+    case = case | {"psd1": case["psd1"] | {"qr": 900.0}}
+    return case if case["psd2"] is None else case | {"psd2": case["psd2"] | {"q0": 350.0, "q1": 2.5e4}}
+
+
+def scalar_arguments(case):
+    return as_arrays((scene(case), case["v"], case["pressure"], case["temperature"]))
+
+
+def quantities(at, **setting):
+    values = solved(*at, **setting)
+    return jnp.stack([values[name] for name in QUANTITIES])
+
+
+# Changes of the logarithms, all of a row at once.
+LAW = {"E_inf": 1.0, "E": 0.7, "tau": -0.5}
+DIRECTIONS = {
+    "heat": {"heating": HEAT},
+    "solids": {"solid2": LAW, "psd1": {"h_rms": 1.0, "q0": 0.2, "q1": -0.3, "H": 0.1}},
+    "conditions": {"v": 1.0, "pressure": -0.6, "temperature": 0.05},
+}
+
+
+def tangent(case, step):
+    """The derivative of the arguments along a direction: of powers, so that two points give it."""
+    base, up, down = (scalar_arguments(along(case, step, h)) for h in (0.0, 1e-3, -1e-3))
+    return base, jax.tree.map(
+        lambda x, a, b: jnp.where(x > 0, x * jnp.log(a / b) / 2e-3, 0.0), base, up, down
+    )
+
+
+def brute_slopes(case, step, start, *accuracy):
+    steps = (-2, -1, 1, 2)
+    known = {k: oracle_heating.solve(along(case, step, k * STEP), *accuracy, start=start) for k in steps}
+    return {name: difference({k: x[name] for k, x in known.items()}) for name in QUANTITIES}
+
+
+def test_derivative_of_the_cheapest_by_brute_force():
+    at, step = tangent(SHEARED, ALL)
+    slope = jax.jit(lambda at, step: jax.jvp(lambda at: rf.friction(*at), (at,), (step,))[1])(at, step)
+    assert slope == pytest.approx(reference("heated_cases")["sheared"]["friction_slope"], rel=1e-8)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("direction", DIRECTIONS)
+@pytest.mark.parametrize("name", ["one", "macro", "two-rubbers"])
+def test_derivatives_by_brute_force(name, direction):
+    case = smooth(CASES[name])
+    start = oracle_heating.solve(case, 20, 6)["rises"]
+    wanted = brute_slopes(case, DIRECTIONS[direction], start, 20, 6)
+    at, step = tangent(case, DIRECTIONS[direction])
+    values, slopes = jax.jit(lambda at, step: jax.jvp(quantities, (at,), (step,)))(at, step)
+    for name, value, slope in zip(QUANTITIES, values, slopes, strict=True):
+        assert slope == pytest.approx(wanted[name], rel=1e-8, abs=1e-9 * float(abs(value))), name
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["macro", "flash-shear", "two-rubbers", "sheared"])
+def test_derivatives_leaf_by_leaf(name, monkeypatch):
+    """Forward mode is reverse mode, and both are differences of the values.
+
+    Those are iterated further than usual, for where the iteration ends, differences enlarge.
+    """
+    case = smooth(CASES[name])
+    at = scalar_arguments(case)
+    jacobian = jax.jit(jax.jacrev(quantities))(at)
+    forward = jax.jit(lambda at, step: jax.jvp(quantities, (at,), (step,))[1])
+    monkeypatch.setattr(fixed_point, "_TOLERANCE", 1e-12)
+    # A setting of its own is compiled anew.
+    values = jax.jit(lambda at: quantities(at, quadrature=rf.Quadrature(heat=178)))
+    size = np.abs(values(at))
+    leaves, tree = jax.tree.flatten(at)
+    for i, path in enumerate(paths(at)):
+        steps = [x if j == i else jnp.zeros_like(x) for j, x in enumerate(leaves)]
+        reverse = np.tensordot(jax.tree.leaves(jacobian)[i], leaves[i], leaves[i].ndim)
+        scale = np.maximum(np.abs(reverse), 1e-3 * size)
+        assert np.isfinite(reverse).all(), path
+        assert (np.abs(forward(at, tree.unflatten(steps)) - reverse) <= 1e-9 * scale).all(), path
+        # A per cent of a temperature is much, for a shift.
+        part = 0.1 if path.endswith("T_ref") or path == "[3]" else 1.0
+
+        def moved(k, steps=steps, part=part):
+            there = [x + k * STEP * part * d for x, d in zip(leaves, steps, strict=True)]
+            return np.asarray(values(tree.unflatten(there)))
+
+        slope = difference({k: moved(k) for k in (-2, -1, 1, 2)}) / part
+        assert (np.abs(slope - reverse) <= 5e-7 * scale).all(), path
+
+
+@pytest.mark.slow
+def test_gradient_at_rest_is_finite():
+    for case in (BASE, SHEARED, CASES["flash-shear"]):
+        at = scalar_arguments(case | {"v": 0.0})
+        jacobian = jax.jit(jax.jacrev(quantities))(at)
+        assert all(np.isfinite(x).all() for x in jax.tree.leaves(jacobian))
+
+
+@pytest.mark.slow
+def test_vmap_over_scenes_and_jit():
+    scenes = [scalar_arguments(BASE | {"heating": HEATING | {"radius": r}}) for r in (1e-3, 2e-3, 5e-3)]
+    together = jax.jit(jax.vmap(quantities))(jax.tree.map(lambda *x: jnp.stack(x), *scenes))
+    for one, row in zip(scenes, together, strict=True):
+        np.testing.assert_allclose(quantities(one), row, rtol=1e-11)
+        np.testing.assert_allclose(jax.jit(quantities)(one), row, rtol=1e-11)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "quantity"), [("macro", "area"), ("flash-shear", "friction")])
+def test_pointwise_jacobian(name, quantity):
+    at, *_ = scalar_arguments(CASES[name])
+    leaves, tree = jax.tree.flatten(at)
+
+    def scene_of(x):
+        return tree.unflatten([leaf * jnp.exp(x[i]) for i, leaf in enumerate(leaves)])
+
+    points = (np.array([1e-3, 0.3, 5.0]), np.array([1e5, 1e6, 3e5]), np.array([280.0, 290.0, 300.0]))
+    x = jnp.zeros(len(leaves))
+    _, jacobian = jax.jit(lambda x: value_and_jacobian(scene_of, x, points, quantity, rf.Quadrature()))(x)
+    plain = jax.jit(
+        jax.jacfwd(lambda x: getattr(rf.solve(scene_of(x), *points, quantities=quantity), quantity))
+    )(x)
+    np.testing.assert_allclose(jacobian, plain, rtol=1e-9, atol=1e-10 * float(np.abs(plain).max()))
+
+
+@pytest.mark.slow
+def test_fit_finds_conductivity_and_radius():
+    truth = scene(BASE)
+    v = np.logspace(-2, 2, 12)
+    measured = np.asarray(rf.friction(truth, v, 3e5, 290.0))
+    start = scene(BASE | {"heating": HEATING | {"conductivity": 0.5, "radius": 1e-3}})
+    data = fitting.FrictionData(v, measured, pressure=3e5, temperature=290.0)
+    free = {"heating.conductivity": fitting.Positive(), "heating.radius": fitting.Positive()}
+    result = fitting.fit(start, data, free)
+    assert result.success and tuple(result.names) == tuple(free)
+    np.testing.assert_allclose(result.values, [HEATING["conductivity"], HEATING["radius"]], rtol=1e-6)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", some(["one", "macro", "flash-shear"], ()))
+def test_single_precision(name):
+    case = CASES[name]
+    single = found(case, jnp.float32)
+    assert all(single[quantity].dtype == np.float32 for quantity in NAMES)
+    assert single["converged"].all()
+    double = found(case)
+    for quantity in NAMES:
+        np.testing.assert_allclose(single[quantity], double[quantity], rtol=3e-5, atol=1e-30)
+
+
+def test_fixed_point_and_its_derivatives():
+    def root(s):
+        return fixed_point.fixed_point(lambda y: 0.9 * jnp.cos(s * y), jnp.zeros((3, 5)))
+
+    @jax.jit
+    def everything(s):
+        slope = jax.jvp(lambda s: root(s)[0][0, 0], (s,), (1.0,))[1]
+        return *root(s), slope, jax.grad(lambda s: root(s)[0][0, 0])(s)
+
+    y, converged, forward, reverse = everything(1.3)
+    assert converged.all()
+    np.testing.assert_allclose(y, 0.9 * np.cos(1.3 * y), rtol=1e-10)
+    sine = 0.9 * np.sin(1.3 * y[0, 0])
+    np.testing.assert_allclose([forward, reverse], -sine * y[0, 0] / (1 + 1.3 * sine), rtol=1e-9)
+
+
+def test_what_did_not_converge_says_so(monkeypatch):
+    monkeypatch.setattr(fixed_point, "_MOST_STEPS", 3)
+    y, converged = fixed_point.fixed_point(
+        lambda y: jnp.array([[0.0], [1.0]]) * jnp.cos(y), jnp.zeros((2, 5))
+    )
+    assert converged.tolist() == [True, False] and np.isfinite(y).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("steps", [1, 2])
+def test_scenes_that_did_not_converge_are_finite(monkeypatch, steps):
+    monkeypatch.setattr(fixed_point, "_MOST_STEPS", steps)
+    # A setting of its own is compiled anew.
+    values = found(SHEARED, quadrature=rf.Quadrature(heat=160 + steps), v=[0.0, 1e-4, 1.0, 10.0])
+    assert not values["converged"][1:4].any()
+    assert all(np.isfinite(values[name]).all() for name in NAMES)
+
+
+@pytest.mark.slow
+def test_macroasperities_beyond_the_roughness():
+    for radius, fraction in ((1.0, lambda area: 1.0), (1e-5, lambda area: area)):
+        law = MACRO | {"radius": radius}  # q_m = 3 and 3e5
+        own = found(BASE, heating=law, v=0.3)
+        given = found(BASE, heating=law | {"area_fraction": float(fraction(own["area"][0]))}, v=0.3)
+        assert_is(own, given, 1e-9, BASE["temperature"])
+
+
+@pytest.mark.slow
+def test_without_roughness_nothing_is_hot():
+    smooth = rf.Scene(scene(BASE).upper, rf.Body(rf.Rigid()), heating=rf.Heating(**HEATING))
+    values = solved(smooth, 1.0, 1e6, 290.0)
+    wanted = dict.fromkeys(NAMES, 0.0) | {"area": 1.0, "flash_temperature": 290.0}
+    assert {name: float(values[name]) for name in NAMES} == wanted and values["converged"]
+
+
+def test_what_a_heated_scene_must_have():
+    heated = scene(BASE)
+    with pytest.raises(ValueError, match=r"^temperature is missing: a scene with heating needs that far"):
+        rf.friction(heated, 1.0, 1e6)
+    cold = dataclasses.replace(heated, heating=None)
+    for name in ("flash_temperature", "converged"):
+        with pytest.raises(
+            ValueError, match=r"^quantities has 'flash_temperature' or 'converged': the scene"
+        ):
+            rf.solve(cold, 1.0, 1e6, 290.0, quantities=(name,))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["macro", "flash-shear"])
+def test_energy_near_the_surface_is_what_friction_set_free(name):
+    """q -> 0 sees T_q / 2q = int T dz = R (mu + share mu_con) sigma_0 / (P_m rho c_p)."""
+    case = CASES[name] | {"heating": HEATING | {"conductivity": 1e-6}}
+    base = found(case)
+    law, q = case["heating"], np.array([1e-4, 1.0])
+    warm = rf.analysis.profile(*scalar_arguments(case), q=q).temperature
+    heat = law["density"] * law["heat_capacity"] * law["area_fraction"]
+    power = (base["viscoelastic_friction"] + 0.5 * base["shear_friction"])[0] * case["pressure"]
+    rise = warm[1] - case["temperature"]
+    # 1 / q is 1 m, the heat within 1e-3 m.
+    assert float(rise / (2 * q[1])) == pytest.approx(law["radius"] * power / heat, rel=5e-3)

@@ -1,0 +1,321 @@
+"""Random whole scenes: what must hold for every scene at every velocity and pressure.
+
+Structures, which compile, come from a list; numbers, which do not, from hypothesis, one scene
+an example, so that a failure shrinks to the simplest scene of its structure.
+
+Checked on every scene: finite values and derivatives with respect to every leaf, velocity,
+pressure and temperature; 0 <= A/A0 <= 1, u_bar >= 0, mu >= 0 for v > 0; A/A0 and u_bar even and
+mu odd in v; A/A0 growing with the load; forward and reverse mode alike. Checked on some:
+jit, vmap and plain calls alike. Checked on every structure: the dtype.
+
+More, and structures drawn at random: python -m pytest -m slow tests/whole_scenes/test_random_scenes.py
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from hypothesis import Phase, given, settings
+from support.cases import paths, quantities
+from support.strategies import (
+    FAR,
+    LAYERS,
+    MATERIALS,
+    SHIFTS,
+    SINGLE,
+    SPECTRA,
+    Solid,
+    Structure,
+    calls,
+    decades,
+    structures,
+)
+
+import rubberfric as rf
+
+ROAD = Solid("rigid", "affine")
+FIXED = (
+    Structure(Solid("prony"), ROAD),
+    Structure(Solid("prony", "affine", "bonded", "wlf"), Solid("rigid", "table"), True, "arrhenius", True),
+    Structure(
+        Solid("prony", "affine", None, "table"),
+        Solid("prony", "affine", None, "arrhenius", 1),
+        temperature=True,
+    ),
+    Structure(
+        Solid("prony", "affine", "frictionless"), Solid("prony", "table", "bonded", None, 1), shear="plain"
+    ),
+    Structure(Solid("prony", "affine"), Solid("elastic", "affine"), shear="wlf"),
+    Structure(ROAD, Solid("table-fall", None, None, "table"), shear="table", temperature=True),
+    Structure(Solid("table-hold", "affine", "bonded"), Solid("prony", "table")),
+    Structure(Solid("table-none"), Solid("elastic", "affine")),
+    Structure(Solid("elastic", "affine", "frictionless"), Solid("elastic", "table")),
+)
+ROUGH_ROAD, ON_ELASTIC = FIXED[0], FIXED[4]
+# Forward mode besides reverse mode, for these only in the ordinary run: it takes 3 s to compile.
+BOTH_MODES = (ROUGH_ROAD, ON_ELASTIC)
+EPS = np.finfo(float).eps
+# Of forward less reverse mode, for all leaves but the wavevectors and for these: the contact
+# begins within t = ln(q/q0) ~ 1e-10 at light loads, and a derivative with respect to where t = 0
+# is, d/dt ~ 1/t, has the rounding of t in it. Of equal times in series with a stiff spring each has
+# a derivative whose rounding is 1e-16 of spring over solid.
+TOLERANCE = np.array([[1e-6], [1e-5]])
+# What area, friction and separation count from: a separation underflows, ~ e^(-x^2), in full
+# contact, and zero weights stand for 1e-30 of the solid, which may relax.
+FLOOR = np.array([1e-280, 1e-12, 1e-280])
+# Of Euler's identities for stress, length, time and height. Borders of the quadrature stay where
+# they are when wavevectors move, so its error shows in the second: 6e-3 for spectra that fall by
+# ten decades between neighbours. Tabulated moduli are integrated across their kinks, and that over
+# nodes of q v that stay: good to 1e-5 ... 1e-3, as they are.
+SCALING_TOLERANCE = np.array([[1e-9], [5e-2], [1e-9], [1e-9]])
+TABULATED_TOLERANCE = np.array([[1e-9], [5e-2], [3e-3], [1e-9]])
+
+# Every example compiles to the same function: how long one takes says nothing about it.
+ordinary = settings(deadline=None, derandomize=True, database=None)
+many = settings(ordinary, max_examples=3500, derandomize=False)
+fewer = settings(many, max_examples=500)
+
+
+WAVEVECTORS = ("q", "q0", "qr", "q1")
+
+
+def directions(call):
+    """How fast every leaf moves along two directions: all but the wavevectors, and the wavevectors.
+
+    Each at about its own size, zeros at 1.
+    """
+    rng = np.random.default_rng(0)
+
+    def velocities(path, x):
+        name = getattr(path[-1], "name", None)
+        # Terms of equal tau in series with a spring 1e20 times as stiff: each alone has a derivative
+        # of rounding, 1e-16 of that ratio. Their sum has not, so all tau move together.
+        size = (1.0 if name == "tau" else rng.uniform(0.5, 1.5, np.shape(x))) * np.where(x != 0, x, 1.0)
+        one = name in WAVEVECTORS
+        return np.stack([size * (not one), size * one]).astype(x.dtype)
+
+    return jax.tree.map_with_path(velocities, call)
+
+
+@jax.jit
+def everything(call, heavier, directions):
+    """Values at (v, p), (-v, p) and (v, heavier); derivatives of the first along directions, and all."""
+
+    def at_three_points(call):
+        scene, velocity, pressure, *temperature = call
+        velocities = jnp.stack([velocity, -velocity, velocity])
+        return quantities((scene, velocities, jnp.stack([pressure, pressure, heavier]), *temperature))
+
+    values, pull = jax.vjp(at_three_points, call)
+    pick = jnp.zeros((3, 3, 3), values.dtype).at[jnp.arange(3), jnp.arange(3), 0].set(1)
+    reverse = jax.vmap(pull)(pick)[0]
+    if directions is None:
+        return values, None, reverse
+    return values, jax.vmap(lambda d: jax.jvp(at_three_points, (call,), (d,))[1][:, 0])(directions), reverse
+
+
+# How the leaves scale with the units of stress, length and time, and with the height of the
+# roughness at a pressure as much larger; what is not named does not.
+SCALING = {
+    **dict.fromkeys(("E_inf", "E", "young", "storage", "loss"), (1, 0, 0, 0)),
+    **dict.fromkeys(("v", "v0"), (0, 1, -1, 0)),
+    **dict.fromkeys(WAVEVECTORS, (0, -1, 0, 0)),
+    "p": (1, 0, 0, 1),
+    "tau_f0": (1, 0, 0, 2),
+    "tau": (0, 0, 1, 0),
+    "omega": (0, 0, -1, 0),
+    "thickness": (0, 1, 0, 0),
+    "h_rms": (0, 1, 0, 1),
+    "C": (0, 4, 0, 2),
+}
+QUANTITY_SCALING = np.array([[0, 0, 0, 0], [0, 0, 0, 1], [0, 1, 0, 1]])  # area, friction, separation
+
+
+def scaling_error(call, values, reverse):
+    """Euler's identity, sum of exponent x dQ/d ln theta = exponent of Q x Q: error, what it is
+    measured against, both of shape (4, 3)."""
+    total, scale = -QUANTITY_SCALING.T * values[:, 0], np.zeros((4, 3))
+    leaves = jax.tree.leaves_with_path(reverse)
+    for (path, slope), leaf in zip(leaves, jax.tree.leaves(call), strict=True):
+        name = getattr(path[-1], "name", None) or {1: "v", 2: "p"}.get(path[-1].idx)
+        exponent = np.array(SCALING.get(name, (0, 0, 0, 0)))[:, None]
+        change = np.reshape(slope, (3, -1)) * np.ravel(leaf)
+        total += exponent * change.sum(-1)
+        scale += np.abs(change).sum(-1)
+    return np.abs(total), scale + np.abs(values[:, 0]) + FLOOR
+
+
+def tolerance(scene):
+    materials = scene.lower.material, scene.upper.material
+    tabulated = any(isinstance(material, rf.TabulatedModulus) for material in materials)
+    return TABULATED_TOLERANCE if tabulated else SCALING_TOLERANCE
+
+
+def has_zero_moduli(scene):
+    return any(
+        isinstance(body.material, rf.Prony) and (body.material.E_inf == 0 or not np.all(body.material.E))
+        for body in (scene.lower, scene.upper)
+    )
+
+
+def as_numbers(call, dtype=float):
+    return jax.tree.map(lambda x: np.asarray(x, dtype), call)
+
+
+def check_values(values, velocity, eps):
+    area, friction, separation = values
+    assert np.isfinite(values).all()
+    assert (area >= 0).all() and (area <= 1).all()
+    assert (separation >= 0).all()
+    assert (friction * np.sign(velocity) * [1, -1, 1] >= 0).all()
+    if velocity == 0:
+        assert (friction == 0).all()
+    assert friction[1] == -friction[0]
+    assert (area[1], separation[1]) == (area[0], separation[0])
+    assert area[2] >= area[0] * (1 - 4 * eps)
+
+
+def not_finite(slopes):
+    """Names of the leaves whose derivatives are not finite."""
+    return [
+        p for p, s in zip(paths(slopes), jax.tree.leaves(slopes), strict=True) if not np.isfinite(s).all()
+    ]
+
+
+def forward_less_reverse(values, forward, reverse, directions):
+    """|forward - reverse| along every direction, and what it is measured against; shape (2, 3)."""
+    slopes, moves = jax.tree.leaves(reverse), jax.tree.leaves(directions)
+    moved = [
+        np.reshape(move, (2, 1, -1)) * np.reshape(slope, (3, -1))
+        for slope, move in zip(slopes, moves, strict=True)
+    ]
+    moved = np.concatenate(moved, -1)
+    # Single derivatives may cancel to nothing; rounding is relative to the largest.
+    scale = np.abs(values[:, 0]) + np.abs(moved).sum((0, -1)) + FLOOR
+    return np.abs(forward - moved.sum(-1)), scale
+
+
+def check(call, heavier, both_modes):
+    call = as_numbers(call)
+    along = directions(call) if both_modes else None
+    values, forward, reverse = jax.tree.map(np.asarray, everything(call, call[2] * (1 + heavier), along))
+    check_values(values, call[1], EPS)
+    assert not not_finite(reverse)
+    error, scale = scaling_error(call, values, reverse)
+    # What stands for a zero modulus does not scale with it: no identity for stress then.
+    begin = 1 if has_zero_moduli(call[0]) else 0
+    assert (error <= tolerance(call[0]) * scale)[begin:].all()
+    if both_modes:
+        assert np.isfinite(forward).all()
+        difference, scale = forward_less_reverse(values, forward, reverse, along)
+        assert (difference <= TOLERANCE * scale).all()
+
+
+HEAVIER = decades(-15.0, 6.0)
+
+
+def settings_of(structure):
+    return settings(ordinary, max_examples=60 if "table-" in str(structure) else 310)
+
+
+def examples(structure, how, both_modes):
+    """Check scenes of a structure, drawn as the settings say."""
+
+    @how
+    @given(calls(structure), HEAVIER)
+    def run(call, heavier):
+        check(call, heavier, both_modes)
+
+    run()
+
+
+first_ordinary = pytest.mark.parametrize(
+    "structure",
+    [pytest.param(one, marks=[pytest.mark.slow] * (i > 0)) for i, one in enumerate(FIXED)],
+    ids=str,
+)
+
+
+@first_ordinary
+def test_scenes(structure):
+    examples(structure, settings_of(structure), structure in BOTH_MODES)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("structure", FIXED, ids=str)
+def test_many_scenes(structure):
+    examples(structure, many, True)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("structure", structures(40, seed=0), ids=str)
+def test_scenes_of_any_structure(structure):
+    examples(structure, fewer, True)
+
+
+def drawn(structure, count, ranges=FAR, dtype=float):
+    """A list of calls."""
+    found = []
+
+    @settings(ordinary, max_examples=count, phases=[Phase.generate])
+    @given(calls(structure, ranges))
+    def run(call):
+        found.append(as_numbers(call, dtype))
+
+    run()
+    return found
+
+
+# Loops run in another order, whose rounding is that of the worst conditioned: friction in
+# full contact, from a dissipation that cancels.
+ALIKE = {"rtol": 1e-11, "atol": 1e-290}
+
+
+@pytest.mark.parametrize("structure", [ROUGH_ROAD, ON_ELASTIC], ids=str)
+@pytest.mark.slow
+def test_vmap_jit_and_plain_calls_are_alike(structure):
+    found = drawn(structure, 24)
+    batch = jax.tree.map(lambda *leaves: np.stack(leaves), *found)
+    together = jax.jit(jax.vmap(quantities))(batch)
+    compiled = jax.jit(quantities)
+    for call, expected in zip(found, together, strict=True):
+        np.testing.assert_allclose(compiled(call), expected, **ALIKE)
+        np.testing.assert_allclose(quantities(call), expected, **ALIKE)
+
+
+@pytest.mark.slow
+def test_without_jit():
+    coarse = rf.Quadrature(order=4, panels=2, graded=1, angular_order=4)
+    for call in drawn(ROUGH_ROAD, 3):
+        with jax.disable_jit():
+            plain = rf.solve(*call, quadrature=coarse)
+        np.testing.assert_allclose(plain[:3], rf.solve(*call, quadrature=coarse)[:3], **ALIKE)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+@first_ordinary
+def test_dtype_is_kept(structure, dtype):
+    call = drawn(structure, 1, SINGLE, dtype)[0]
+    shapes = jax.eval_shape(everything, call, call[2], None)
+    assert {leaf.dtype for leaf in jax.tree.leaves(shapes)} == {np.dtype(dtype)}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("structure", [s for s in FIXED if "table-" not in str(s)], ids=str)
+def test_single_precision(structure):
+    """Finite and in bounds within `SINGLE`; float32's erf falls by 4 eps where it nears 1."""
+    for call in drawn(structure, 1000, SINGLE, np.float32):
+        values, _, reverse = everything(call, 1.5 * call[2], None)
+        check_values(np.asarray(values), call[1], np.finfo(np.float32).eps)
+        assert not not_finite(reverse)
+
+
+def test_the_list_has_every_class_and_option():
+    solids = [solid for structure in FIXED for solid in structure[:2]]
+    assert {solid.material for solid in solids} == set(MATERIALS)
+    assert {solid.spectrum for solid in solids} == set(SPECTRA)
+    assert {solid.layer for solid in solids} == set(LAYERS)
+    shifts = {solid.shift for solid in solids} | {structure.shear for structure in FIXED}
+    assert shifts == {*SHIFTS, "plain"}
+    assert {structure.area_correction for structure in FIXED} == {False, True}
+    assert {structure.temperature for structure in FIXED} == {False, True}

@@ -1,0 +1,356 @@
+"""Strain softening: the angular means and scenes against quadrature and the oracle, limits, extremes."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from support import oracle
+from support.cases import arguments, as_arrays, scene, slow_if
+from support.part_scenes import CASES, assert_derivatives, assert_scene, expected, reverse, value
+
+import rubberfric as rf
+from rubberfric.scene.softening import knots, softened_of, softening_factors, strain
+from rubberfric.theory.stiffness.angular_means import angular_means
+from rubberfric.theory.stiffness.series import Relaxing
+
+NAMES = [name for name in CASES if name.startswith("soft-")]
+# One compilation serves the first six.
+ORDINARY = ("plain", "slow", "fast", "backwards", "at-rest", "gentle", "two-rubbers")
+# A tabulated modulus is integrated over the angle across its kinks.
+TABLES = ("soft-table-modulus", "soft-table-on-elastic")
+
+
+@pytest.mark.parametrize("name", slow_if(lambda name: name.removeprefix("soft-") not in ORDINARY, NAMES))
+def test_scenes(name):
+    assert_scene(name, 1e-6 if name in TABLES else 1e-10)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", TABLES)
+def test_a_tabulated_modulus_converges(name):
+    """Its kinks are lines of the (q, angle) plane: the error falls with the square of the nodes."""
+    given = CASES[name]
+    at, exact = arguments(given), expected(given)[:3]
+    setting = rf.Quadrature(angle=1200, order=24, panels=48)
+    error = np.abs(np.array(jax.jit(lambda a: rf.solve(*a, quadrature=setting)[:3])(at)) / exact - 1)
+    assert error.max() < 1e-8
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", [n for n in NAMES if "derivatives" in CASES[n]])
+def test_derivatives(name):
+    # Over the velocity a table's kinks run through the panels: with 48 panels and angle=1200 3e-6 is left.
+    assert_derivatives(name, 1e-4 if name in TABLES else 1e-8)
+
+
+# Angular means.
+
+F = {
+    "four terms": Relaxing(1.0, [0.5, 30.0, 1e3, 2e4], [1e2, 1.0, 1e-3, 1e-8]),
+    "equal times": Relaxing(2.0, [1.0, 3.0, 0.0, 5.0], [1.0, 1.0, 1.0, 1.0]),
+    "liquid": Relaxing(0.0, [1.0, 1e-6, 1e6, 1.0], [1e-3, 1e3, 1.0, 2.0]),
+}
+
+
+def by_quadrature(rest, weight, tau, qv):
+    """<F'^2>, <F''^2>, <cos Im F>, <Re F> by Gauss panels in y, sin psi = cos phi, psi = (pi/2) e^-y."""
+    node, share = np.polynomial.legendre.leggauss(20)
+    y = np.arange(0.0, 90.0, 0.5)[:, None] + 0.25 * (1 + node)
+    psi = 0.5 * np.pi * np.exp(-y)
+    measure = 0.25 * share * psi * (2 / np.pi)
+    s = qv * np.sin(psi)[..., None] * tau
+    real = rest + np.sum(weight * s * (s / (1 + s * s)), -1)
+    imaginary = np.sum(weight * s / (1 + s * s), -1)
+    parts = (real**2, imaginary**2, np.sin(psi) * imaginary, real)
+    return [np.sum(measure * part) for part in parts]
+
+
+def split_means(F, qv):
+    found = angular_means(F, qv[None], {"power", "dissipation", "storage"}, rf.Quadrature(), True)
+    return jnp.stack([*found.power, *found.dissipation, *found.storage])[:, 0]
+
+
+@pytest.mark.parametrize("name", F)
+def test_means_of_storage_and_loss_apart(name):
+    """<F'^2> and <F''^2>, over 20 decades of velocity, the small ones to all their digits."""
+    given = Relaxing(*map(np.array, F[name]))
+    qv = np.logspace(-10, 10, 21)
+    found = jax.jit(split_means)(as_arrays(given), jnp.asarray(qv))
+    exact = np.array([by_quadrature(*given, x) for x in qv]).T
+    np.testing.assert_allclose(found, exact, rtol=1e-12)
+
+
+@pytest.mark.slow
+def test_means_have_the_derivatives_of_the_quadrature():
+    """Of <F'^2> and <F''^2>: forward = reverse = the integrals' own derivatives, taken by complex steps."""
+    given, qv = Relaxing(*map(np.array, F["four terms"])), np.array([1e-4, 0.3, 1e3])
+    at = as_arrays(given)
+    forward, reverse = (
+        jax.jit(d(lambda F: split_means(F, jnp.asarray(qv))))(at) for d in (jax.jacfwd, jax.jacrev)
+    )
+    means = np.array([by_quadrature(*given, x) for x in qv]).T
+    for one, other, leaf in zip(*map(jax.tree.leaves, (forward, reverse, at)), strict=True):
+        # A glassy term hangs on its time by 1/a^2 only: digits of the mean, not of that.
+        scale = means.reshape(*means.shape, *(1,) * leaf.ndim)
+        assert (np.abs(one - other) * leaf <= 1e-14 * scale + 1e-12 * np.abs(one * leaf)).all()
+    step = 1e-100
+    for field in ("weight", "tau"):
+        for i in range(4):
+            leaf = np.array(getattr(given, field), complex)
+            leaf[i] *= 1 + 1j * step
+            moved = given._replace(**{field: leaf})
+            exact = np.array([by_quadrature(*moved, x) for x in qv]).T.imag / step
+            found = getattr(forward, field)[..., i] * getattr(given, field)[i]
+            assert (np.abs(found - exact) <= 1e-13 * means + 1e-11 * np.abs(exact)).all()
+
+
+# Strain and its knots.
+
+
+def softened(name):
+    return softened_of(scene(CASES[name]))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["soft-plain", "soft-both-rough"])
+def test_knots(name):
+    """Where the strain meets the table; dq/dc there from c^2 m_2(q) = strain^2, dm_2/dq = 2 pi q^3 C."""
+    case, given = CASES[name], softened(name)
+    spectra = [oracle._Spectrum(case[psd]) for psd in ("psd1", "psd2")]
+    exact = oracle.strain_knots(case["softening"], spectra)
+
+    def of(factor):
+        return knots(given._replace(softening=dataclasses.replace(given.softening, factor=factor)))
+
+    factor = case["softening"]["factor"]
+    q, slope = map(np.asarray, jax.jit(lambda c: jax.jvp(of, (c,), (jnp.ones(()),)))(jnp.asarray(factor)))
+    first, last = (f(s.kinks[i] for s in spectra if s.kinks.size) for f, i in ((min, 0), (max, -1)))
+    inside = (q > first * (1 + 1e-9)) & (q < last * (1 - 1e-9))  # the others are at the ends
+    assert inside.sum() >= 10
+    np.testing.assert_allclose(q[inside], exact, rtol=1e-12)
+    C = sum(np.where((q > s.kinks[0]) & (q < s.kinks[-1]), s(q), 0.0) for s in spectra if s.kinks.size)
+    square = np.array(case["softening"]["strain"]) ** 2
+    np.testing.assert_allclose(
+        slope[inside], (-2 * square / factor**3 / (2 * np.pi * q**3 * C))[inside], rtol=1e-10
+    )
+
+
+@pytest.mark.slow
+def test_strain_and_factors():
+    """Strain from the slope of both surfaces; factors linear in its logarithm, held outside the table."""
+    given, q = softened("soft-both-rough"), np.geomspace(50.0, 5e5, 40)
+    pair = scene(CASES["soft-both-rough"])
+    slope_of = jax.jit(rf.rms_slope)
+    slopes = [np.asarray(slope_of(as_arrays(body.spectrum), q)) for body in (pair.lower, pair.upper)]
+    exact = given.softening.factor * np.hypot(*slopes)
+    np.testing.assert_allclose(jax.jit(strain)(given, q), exact, rtol=1e-12, atol=0)
+    assert exact[0] == 0 and exact[-1] > given.softening.strain[-1]
+    found = jax.jit(softening_factors)(given, q)
+    log = np.log(np.maximum(exact, 1e-300)), np.log(given.softening.strain)
+    for values, table in zip(found, (given.softening.storage, given.softening.loss), strict=True):
+        np.testing.assert_allclose(values, np.interp(*log, table), rtol=1e-12)
+    slope = jax.jit(jax.jacfwd(lambda q: jnp.stack(softening_factors(given, q))))(jnp.array([10.0, 1e2, 1e6]))
+    assert np.isfinite(slope).all()
+
+
+# Scenes whose answer is known otherwise.
+
+PLAIN = CASES["soft-plain"]
+
+
+def solved(changes=(), **softening):
+    """The four quantities of the plain scene with some numbers changed, in the one compiled structure."""
+    given = PLAIN | dict(changes)
+    return np.asarray(value(arguments(given | {"softening": PLAIN["softening"] | softening})))
+
+
+def unsoftened(given, scale=1.0):
+    material = given["solid1"] | {
+        "E_inf": given["solid1"]["E_inf"] * scale,
+        "E": [E * scale for E in given["solid1"]["E"]],
+    }
+    return np.asarray(value(arguments(given | {"softening": None, "solid1": material})))
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.4])
+def test_equal_factors_scale_the_rubber(scale):
+    """f = g = c at all strains is a rubber of moduli c E; c = 1 softens nothing."""
+    flat = [scale] * 20
+    np.testing.assert_allclose(solved(storage=flat, loss=flat), unsoftened(PLAIN, scale), rtol=1e-12)
+
+
+OTHERS = (
+    "slab",
+    "corrected",
+    "warm",
+    "both-rough",
+    "rough-rubber",
+    "table-modulus",
+    "shear-modulus",
+    "on-elastic",
+    "two-rubbers",
+    "table-on-elastic",
+)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OTHERS)
+def test_factors_of_one_soften_nothing(name):
+    given = CASES[f"soft-{name}"]
+    flat = given["softening"] | {"storage": [1.0] * 20, "loss": [1.0] * 20}
+    found, exact = value(arguments(given | {"softening": flat})), unsoftened_of(given)
+    # With two deformable solids or a tabulated modulus one side, or both, is a quadrature over the angle.
+    sampled = "on-elastic" in name or name == "two-rubbers" or "table" in name
+    rtol = 1e-5 if "table" in name else 1e-10 if sampled else 1e-12
+    np.testing.assert_allclose(found, exact, rtol=rtol)
+
+
+def unsoftened_of(given):
+    return np.asarray(value(arguments(given | {"softening": None})))
+
+
+def test_small_and_large_strains_meet_the_ends_of_the_table():
+    for factor, entry in ((1e-6, 0), (1e-200, 0), (1e6, -1), (1e200, -1)):
+        held = {name: [PLAIN["softening"][name][entry]] * 20 for name in ("storage", "loss")}
+        # On another mesh; and at 1e6 the strain passes the table within 1e-12 of the first wavevector.
+        np.testing.assert_allclose(solved(factor=factor), solved(**held), rtol=1e-11)
+
+
+def test_softening_softens():
+    """Lower moduli make more contact and less separation."""
+    soft, stiff = solved(), unsoftened(PLAIN)
+    assert soft[0] > stiff[0] and soft[2] < stiff[2]
+
+
+def test_units_of_stress_cancel():
+    """Moduli of 1e-30 and 1e30 Pa with pressures alike."""
+    for unit in (1e-30, 1e30):
+        solid = PLAIN["solid1"]
+        solid = solid | {"E_inf": solid["E_inf"] * unit, "E": [E * unit for E in solid["E"]]}
+        found = solved({"solid1": solid, "pressure": PLAIN["pressure"] * unit})
+        np.testing.assert_allclose(found, solved(), rtol=1e-12)
+
+
+def test_velocities():
+    """Odd, linear where slow, of a glass where fast."""
+    np.testing.assert_allclose(solved({"v": -0.1}), solved() * [1, -1, 1, 1], rtol=1e-15)
+    slow, slower = solved({"v": 1e-28}), solved({"v": 1e-30})
+    np.testing.assert_allclose(slow, slower * [1, 100, 1, 1], rtol=1e-12)
+    np.testing.assert_allclose(slower * [1, 0, 1, 1], solved({"v": 0.0}), rtol=1e-12)
+    # Glass at all scales: no loss, and the storage of a spring of the sum.
+    fast = solved({"v": 1e18})
+    solid = PLAIN["solid1"]
+    stiff = solid | {"E_inf": solid["E_inf"] + sum(solid["E"]), "E": [0.0] * 4}
+    np.testing.assert_allclose(fast[[0, 2]], solved({"solid1": stiff})[[0, 2]], rtol=1e-9)
+    assert 0 < fast[1] < 1e-9
+
+
+EXTREMES = {
+    "liquid": {"solid1": PLAIN["solid1"] | {"E_inf": 0.0}},
+    "liquid at rest": {"solid1": PLAIN["solid1"] | {"E_inf": 0.0}, "v": 0.0, "pressure": 2e5},
+    "one term": {"solid1": PLAIN["solid1"] | {"E": [0.0, 1e8, 0.0, 0.0]}},
+    "equal times": {"solid1": PLAIN["solid1"] | {"tau": [1e-6] * 4}},
+    "fast": {"v": 1e12, "pressure": 2e7},
+    "light": {"pressure": 1e-2},
+    "heavy": {"pressure": 1e12},
+    "strain meets the last entry at the last wavevector": {
+        "softening": PLAIN["softening"] | {"strain": np.geomspace(1e-8, 0.9, 20).tolist()}
+    },
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", EXTREMES)
+def test_extremes(name):
+    given = PLAIN | EXTREMES[name]
+    found = np.asarray(value(arguments(given)))
+    exact = expected(oracle.solve(given, halvings=60, order=12))
+    floor = 1e-6 * given["psd2"]["h_rms"]  # of a separation
+    np.testing.assert_allclose(found[[0, 1]], exact[[0, 1]], rtol=1e-9, atol=1e-300)
+    np.testing.assert_allclose(found[2], exact[2], rtol=1e-9, atol=1e-9 * floor)
+
+
+@pytest.mark.slow
+def test_gradients_of_extremes_are_finite():
+    changes = [*EXTREMES.values(), {"v": 0.0}, {"v": 1e-30}]
+    changes += [{"softening": PLAIN["softening"] | {"factor": factor}} for factor in (1e-6, 1e6, 1e-200)]
+    for change in changes:
+        slopes = reverse(arguments(PLAIN | change))
+        bad = [x for x in jax.tree.leaves(slopes) if not np.isfinite(x).all()]
+        assert not bad, change
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [1, 40])
+def test_numbers_of_terms(count):
+    tau = np.geomspace(1e-12, 1e2, count).tolist() if count > 1 else [1e-6]
+    solid = PLAIN["solid1"] | {"E": [3e8 / count] * count, "tau": tau}
+    given = PLAIN | {"solid1": solid}
+    exact = expected(oracle.solve(given, halvings=40, order=10))
+    np.testing.assert_allclose(value(arguments(given)), exact, rtol=1e-10)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "name", ["soft-plain", "soft-two-rubbers", "soft-table-modulus", "soft-shear-modulus"]
+)
+def test_single_precision(name):
+    given = CASES[name]
+    found = value(arguments(given, np.float32))
+    assert found.dtype == np.float32
+    np.testing.assert_allclose(found, expected(given), rtol=2e-5)
+
+
+@pytest.mark.slow
+def test_elastic_solids_do_not_soften():
+    stiff = {"kind": "elastic", "E": 2e7, "nu": 0.4}
+    given = PLAIN | {"solid1": stiff}
+    np.testing.assert_allclose(value(arguments(given)), unsoftened_of(given), rtol=1e-13)
+
+
+ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
+SOFTENING = rf.Softening([0.01, 1.0], [1.0, 0.5], [1.0, 0.7])
+RUBBER = rf.Prony(1e6, [1e8], [1e-6])
+STRETCHED = rf.Anisotropic(ROAD, 2.0)
+DIRECTIONS = rf.TabulatedAnisotropic([1e2, 1e4], np.full((2, 5), 1e-12))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: rf.Softening([1.0, 0.5], [1, 1], [1, 1]), r"Softening\.strain\[1\] = 0\.5 after 1\.0"),
+        (lambda: rf.Softening([1.0, 1.0], [1, 1], [1, 1]), r"Softening\.strain\[1\].*increase strictly"),
+        (lambda: rf.Softening([0.0, 1.0], [1, 1], [1, 1]), r"Softening\.strain\[0\] = 0\.0: must be > 0"),
+        (lambda: rf.Softening([0.1, 1.0], [1, -1], [1, 1]), r"Softening\.storage\[1\] = -1.*: must be > 0"),
+        (lambda: rf.Softening([0.1, 1.0], [1, 1], [0, 1]), r"Softening\.loss\[0\] = 0.*: must be > 0"),
+        (lambda: rf.Softening([0.1, 1.0], [1, 1], [1]), r"lengths differ .*loss has 1"),
+        (lambda: rf.Softening([0.1], [1], [1]), r"Softening\.strain has 1 entries: must have at least 2"),
+        (lambda: rf.Softening([0.1, 1.0], [1, 1], [1, 1], 0.0), r"Softening\.factor = 0\.0: must be > 0"),
+        (
+            lambda: rf.Scene(rf.Body(RUBBER), rf.Body(rf.Rigid(), STRETCHED), softening=SOFTENING),
+            r"Scene\.softening: not together with anisotropic roughness",
+        ),
+        (
+            lambda: rf.Scene(rf.Body(RUBBER, DIRECTIONS), rf.Body(rf.Rigid(), ROAD), softening=SOFTENING),
+            r"Scene\.softening: not together with anisotropic roughness",
+        ),
+        (
+            lambda: rf.Scene(
+                rf.Body(RUBBER, None, rf.Coating(1e-3, RUBBER)),
+                rf.Body(rf.Rigid(), ROAD),
+                softening=SOFTENING,
+            ),
+            r"Scene\.softening: not together with a Coating",
+        ),
+        (
+            lambda: rf.Scene(rf.Body(RUBBER), rf.Body(rf.Rigid(), ROAD), softening=0.5),
+            r"Scene\.softening = 0\.5: must be Softening or None",
+        ),
+    ],
+)
+def test_refused(make, message):
+    with pytest.raises(ValueError, match=message) as caught:
+        make()
+    assert "\n" not in str(caught.value)

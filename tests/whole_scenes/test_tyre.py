@@ -1,0 +1,163 @@
+"""A measured tyre compound against the established commercial program (linear case).
+
+The data lie beside the project, not in it; without them there is nothing to compare with.
+"""
+
+import os
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import matplotlib.pyplot as plt
+import numpy as np
+import pytest
+from support.folders import TYRE
+
+import rubberfric as rf
+
+PRESSURE, GAMMA, Q1 = 0.3e6, 0.578, 1.017e6  # [Pa], [-], [1/m]: inferred conditions of the program's run
+
+pytestmark = pytest.mark.skipif(not TYRE.is_dir(), reason="no measured tyre data beside the project")
+
+
+def read(name):
+    return np.loadtxt(TYRE / name, delimiter=",", skiprows=2).T
+
+
+def road():
+    q, C = read("psd_asphalt.csv")
+    kept = q < Q1
+    end = np.exp(np.interp(np.log(Q1), np.log(q), np.log(C)))
+    return rf.TabulatedSpectrum(np.append(q[kept], Q1), np.append(C[kept], end))
+
+
+def scene():
+    f, storage, loss = read("master_curve_R00.csv")
+    rubber = rf.TabulatedModulus(2 * np.pi * f, storage, loss, poisson=0.5)
+    return rf.Scene(rf.Body(rubber), rf.Body(rf.Rigid(), road()), gamma=GAMMA, area_correction=True)
+
+
+def test_friction_and_area_follow_the_program():
+    log_v, mu, area = read("program_linear_R00.csv")
+    ours = rf.solve(scene(), 10**log_v, PRESSURE, quantities=("area", "friction"))
+    for name, value, program, level in (
+        ("friction", ours.friction, mu, 0.014),
+        ("area", ours.area, area, 0.018),
+    ):
+        error = np.log(np.asarray(value) / program)
+        assert error.std() < 0.007, f"{name}: shape is off by {error.std():.2%}"
+        assert abs(error.mean()) < 0.02, f"{name}: level is off by {error.mean():.2%}"
+        # Exact integrals lie this much above the program's coarse rule; closer would be luck.
+        assert error.mean() == pytest.approx(level, abs=0.002)
+
+
+@pytest.mark.slow
+def test_gradients_of_the_real_scene_are_finite():
+    gradient = jax.grad(lambda s: jnp.sum(rf.friction(s, np.logspace(-5, 1, 7), PRESSURE)))(scene())
+    for leaf in jax.tree_util.tree_leaves(gradient):
+        assert bool(jnp.all(jnp.isfinite(leaf)))
+    by_storage, by_loss = gradient.lower.material.storage, gradient.lower.material.loss
+    assert float(jnp.sum(by_loss * scene().lower.material.loss)) > 0
+    assert bool(jnp.any(by_storage != 0))
+
+
+@pytest.mark.parametrize("compound", ["R00", "R20", "R40"])
+def test_shift_tables_of_all_compounds_are_accepted(compound):
+    celsius, factor = read(f"shift_factor_{compound}.csv")
+    kelvin = celsius + 273.15
+    f, storage, loss = read(f"master_curve_{compound}.csv")
+    shift = rf.TabulatedShift(kelvin, factor, T_ref=293.15)
+    rubber = rf.TabulatedModulus(2 * np.pi * f, storage, loss, shift=shift)
+    cold, warm = rf.friction(
+        rf.Scene(rf.Body(rubber), rf.Body(rf.Rigid(), road())), 1e-3, PRESSURE, np.array([283.15, 313.15])
+    )
+    assert np.isfinite(cold) and np.isfinite(warm) and cold != warm
+
+
+@pytest.mark.slow
+def test_little_of_the_friction_comes_from_outside_the_table():
+    crawling, slow, middle = rf.analysis.friction_outside_table(
+        scene(), np.array([1e-12, 1e-5, 1e-2]), PRESSURE
+    )
+    assert abs(slow) < 0.02 and abs(middle) < 0.02
+    assert crawling > 0.5
+
+
+COMPOUND_V = np.logspace(-5, 2, 15)
+COMPOUND_T = np.array([283.15, 333.15])  # cold and hot
+
+
+def wlf(name):
+    """WLF through a table of shift factors: flash temperatures lie above its end."""
+    celsius, factor = read(name)
+    away, log = celsius - 20, np.log10(factor)
+    far = np.abs(away) > 5
+    # log a_T (C2 + T - T_ref) = -C1 (T - T_ref), linear in the constants.
+    C1, C2 = np.linalg.lstsq(np.stack([away, log], 1)[far], -(log * away)[far], rcond=None)[0]
+    return rf.WLF(C1, C2, T_ref=293.15)
+
+
+@pytest.fixture(scope="module")
+def compound():
+    """Solutions [temperature, velocity] of the compound as measured, softening, heated, and both."""
+    strain, f, g = read("strain_softening_R00.csv")
+    rubber = replace(scene().lower.material, shift=wlf("shift_factor_R00.csv"))
+    rough = rf.with_cutoff(road(), rms_slope=1.3)
+    linear = replace(scene(), lower=rf.Body(rubber), upper=rf.Body(rf.Rigid(), rough))
+    softening = rf.Softening(strain, f, g)
+    heating = rf.Heating(density=1200.0, heat_capacity=1600.0, conductivity=0.23, radius=2e-3)
+    scenes = {
+        "linear": linear,
+        "softening": replace(linear, softening=softening),
+        "heating": replace(linear, heating=heating),
+        "both": replace(linear, softening=softening, heating=heating),
+    }
+    return {
+        name: rf.solve(
+            one,
+            COMPOUND_V,
+            PRESSURE,
+            COMPOUND_T[:, None],
+            quadrature=rf.Quadrature(order=8, panels=8, graded=3, ratio=6.0, angular_order=8, angle=48),
+            quantities=rf.quantities_of(one),
+        )
+        for name, one in scenes.items()
+    }
+
+
+@pytest.mark.slow
+def test_the_compound_with_softening_and_heating(compound):
+    """PLOT=compound.png draws the curves."""
+    if "PLOT" in os.environ:
+        draw_compound(os.environ["PLOT"], compound)
+    linear, soft, hot, both = (compound[name] for name in ("linear", "softening", "heating", "both"))
+    for one in compound.values():
+        assert (np.asarray(one.friction) > 0).all() and (np.asarray(one.friction) < 3).all()
+        assert (np.asarray(one.area) > 0).all() and (np.asarray(one.area) < 1).all()
+    # Softer rubber touches more; so does warmer rubber.
+    assert (soft.area > linear.area).all() and (both.area > hot.area).all()
+    assert (hot.area > linear.area * (1 - 1e-4)).all()  # a tabulated modulus is not integrated closer
+    for one in (hot, both):
+        rise = np.asarray(one.flash_temperature) - COMPOUND_T[:, None]
+        assert one.converged.all()
+        assert (np.diff(rise, axis=1) > 0).all()
+        assert rise[:, 0].max() < 2.0 and 10 < rise[:, -1].max() < 150.0
+    # Crawling is isothermal; fast sliding on the glassy side heats itself towards the maximum.
+    np.testing.assert_allclose(hot.friction[:, 0], linear.friction[:, 0], rtol=0.02)
+
+
+def draw_compound(path, compound):
+    figure = plt.figure(figsize=(9, 7), layout="constrained")
+    axes = figure.subplots(2, 2, sharex=True).ravel()
+    for (name, one), colour in zip(compound.items(), ("k", "C0", "C3", "C2"), strict=True):
+        for i, style in enumerate(("-", "--")):
+            label = f"{name}, {COMPOUND_T[i] - 273.15:.0f} °C"
+            for ax, values in zip(axes, (one.friction, one.area, 1e6 * one.separation), strict=False):
+                ax.plot(np.log10(COMPOUND_V), values[i], style, color=colour, label=label)
+            if one.flash_temperature is not None:
+                axes[3].plot(np.log10(COMPOUND_V), one.flash_temperature[i] - 273.15, style, color=colour)
+    for ax, label in zip(axes, ("mu [-]", "A/A0 [-]", "u_bar [µm]", "flash temperature [°C]"), strict=True):
+        ax.set_ylabel(label)
+        ax.grid(alpha=0.3)
+    axes[0].legend(fontsize="x-small")
+    figure.savefig(path, dpi=110)
