@@ -38,8 +38,8 @@ from gmpy2 import mpfr
 HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
-from support.extremes import CASES, changed  # noqa: E402
 from precise_contact import Contact  # noqa: E402
+from support.extremes import CASES, changed  # noqa: E402
 
 STEP = mpfr(10) ** -32
 QUANTITIES = ("area", "friction", "separation")

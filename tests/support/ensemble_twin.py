@@ -11,6 +11,7 @@ import json
 import resource
 import sys
 import time
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -20,6 +21,7 @@ import numpy as np
 SINGLE = "float32" in sys.argv
 if __name__ == "__main__":
     jax.config.update("jax_enable_x64", not SINGLE)
+    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from support.twin import FREE, TRUTH, twin  # noqa: E402
 
