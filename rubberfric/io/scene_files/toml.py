@@ -51,7 +51,7 @@ import dataclasses
 from pathlib import Path
 
 from rubberfric.base.checks import closest, shown
-from rubberfric.io.prony_cards.reading import read_prony
+from rubberfric.io.prony_cards.cards import read_prony
 from rubberfric.io.scene_files.conditions import TABLES, SceneFile, read_conditions
 from rubberfric.io.scene_files.plausibility import check_plausible_conditions, check_plausible_scene
 from rubberfric.io.tables import read_directions, read_table
