@@ -1,6 +1,7 @@
 """The command `rubberfric`.
 
-Exit status: 0 done; 2 bad input, with one line on stderr and nothing written; 1 the work failed.
+Exit status: 0 done; 2 bad input, with one line on stderr and nothing written; 1 the work failed;
+130 interrupted by Ctrl-C (SIGINT), 143 by SIGTERM, within a second, with one line on stderr.
 """
 
 import argparse
@@ -14,6 +15,7 @@ import numpy as np
 from rubberfric import accuracy_command, map_command
 from rubberfric._atomic import check_writable
 from rubberfric.files import read_computable
+from rubberfric.interrupts import LOST, Interrupts
 from rubberfric.model import Solution, quantities_of, solve
 from rubberfric.notes import convergence_note, outside_note
 from rubberfric.plot import check_plot, save_plot
@@ -24,21 +26,24 @@ PROGRAM = "rubberfric"
 
 
 def main(argv=None):
-    """Run the command with arguments `argv` (default: those of the process); returns the exit status."""
+    """Run the command with arguments `argv`; returns the exit status.
+
+    None: those of the process, which a signal then ends (`rubberfric.interrupts`).
+    """
     arguments = _parser().parse_args(argv)
     # The library never does this: the precision of a program is its own choice.
     jax.config.update("jax_enable_x64", True)
-    try:
-        return arguments.run(arguments)
-    except BrokenPipeError:
-        return reader_left()
-    except ValueError as error:
-        return complain(PROGRAM, error, 2)
-    except KeyboardInterrupt as stop:
-        left = str(stop) or "what was not yet complete is not written"
-        return complain(PROGRAM, f"interrupted; {left}", 1)
-    except (OSError, FloatingPointError) as error:
-        return complain(PROGRAM, error, 1)
+    with Interrupts(PROGRAM, lambda: arguments.left(arguments), process=argv is None) as interrupts:
+        try:
+            return arguments.run(arguments)
+        except BrokenPipeError:
+            return reader_left()
+        except ValueError as error:
+            return complain(PROGRAM, error, 2)
+        except KeyboardInterrupt:
+            return interrupts.complain()
+        except (OSError, FloatingPointError) as error:
+            return complain(PROGRAM, error, 1)
 
 
 def run(arguments):
@@ -128,6 +133,7 @@ def _parser():
     )
     version = importlib.metadata.version("rubberfric")
     parser.add_argument("--version", action="version", version=f"rubberfric {version}")
+    parser.set_defaults(left=lambda arguments: LOST)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     one = commands.add_parser(
         "run",
