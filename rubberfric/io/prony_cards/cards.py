@@ -10,7 +10,7 @@ from rubberfric.io.prony_cards.ansys import ANSYS
 from rubberfric.io.prony_cards.lsdyna import LSDYNA
 from rubberfric.io.prony_cards.pyvisco import PYVISCO
 from rubberfric.io.prony_cards.series import STRESS, TEMPERATURE, Material, Units, series_of
-from rubberfric.io.tables import read_text
+from rubberfric.io.tables.text import read_text
 from rubberfric.materials.shifts import WLF
 
 FORMATS = {"abaqus": ABAQUS, "ansys": ANSYS, "lsdyna": LSDYNA, "pyvisco": PYVISCO}
