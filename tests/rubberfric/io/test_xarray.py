@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 import rubberfric as rf
-from rubberfric.io.results import DIMENSIONS, Result, load_result, save_result
+from rubberfric.io.result_files import load_result, save_result
+from rubberfric.io.results import DIMENSIONS, Result
 from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.theory.model import Solution
 
