@@ -2,7 +2,7 @@
 
     python notebooks/error_over_time.py
 
-Needs matplotlib. Every setting of the ladder (`rubberfric.analysis.error_and_time.settings`) is compared with the reference
+Needs matplotlib. Every setting (`rubberfric.analysis.error_and_time.settings`) is compared with the reference
 that validates itself, and timed in turns with the textbook method in NumPy, in one run for each scene.
 """
 

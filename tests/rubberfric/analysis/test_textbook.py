@@ -7,6 +7,7 @@ import pytest
 
 import rubberfric as rf
 from rubberfric.analysis.error_and_time import textbook
+from rubberfric.analysis.error_and_time.textbook_solids import modulus_at
 
 WLF = rf.WLF(12.0, 150.0, 293.15)
 TREAD = rf.Prony(3e6, [4e8, 5e7, 8e6], [1e-7, 1e-5, 1e-3], 0.5, WLF)
@@ -74,9 +75,9 @@ def test_converges_to_the_values_of_the_library(name):
 def test_modulus_outside_its_table(outside):
     material = dataclasses.replace(TABLE, outside=outside)
     omega = np.logspace(-4, 9, 27)
-    found = textbook._modulus(material, omega[None, None], np.array([280.0]))[0, 0]
+    found = modulus_at(material, omega[None, None], np.array([280.0]))[0, 0]
     np.testing.assert_allclose(found, rf.complex_modulus(material, omega, 280.0), rtol=1e-12)
-    mirrored = textbook._modulus(material, -omega[None, None], np.array([280.0]))[0, 0]
+    mirrored = modulus_at(material, -omega[None, None], np.array([280.0]))[0, 0]
     np.testing.assert_allclose(mirrored, found.conj(), rtol=1e-15)
 
 
