@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from support.scenes.job import JOB, SCENE
+from support.scenes.fits import JOB, JOB_SCENE
 
 import fitting
 import rubberfric as rf
@@ -12,7 +12,7 @@ import rubberfric as rf
 def job(tmp_path, monkeypatch):
     """A job file with its scene and data in the working directory."""
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.toml").write_text(SCENE)
+    (tmp_path / "scene.toml").write_text(JOB_SCENE)
     (tmp_path / "job.toml").write_text(JOB)
     omega = np.logspace(0, 7, 10)
     E = np.asarray(rf.complex_modulus(rf.Prony(1e6, [1e8, 1e7], [1e-6, 1e-4]), omega))

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.scenes.job import JOB
+from support.scenes.fits import JOB
 
 import fitting
 import rubberfric as rf

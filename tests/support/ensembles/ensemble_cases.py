@@ -54,7 +54,7 @@ def friction(starts=10):
 
 
 def main(case, out, checkpoint=None, *processes):
-    def callback(done, members):
+    def callback(done, _):
         print(done, flush=True)
         if checkpoint is not None and not processes:
             time.sleep(0.05)  # so that a kill finds it at work
