@@ -12,6 +12,8 @@ import pytest
 
 jax.config.update("jax_enable_x64", True)
 
+pytest.register_assert_rewrite("support")
+
 MAPS = Path("/proc/self/maps")
 _tests = itertools.count(1)
 

@@ -12,8 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from reference.heated import ALL, BASE, CASES, HEAT, HEATING, MACRO, STEP, along, difference
-from support import oracle, oracle_heating
-from support.cases import as_arrays, paths, reference, scene
+from support.cases.stored import as_arrays, paths, reference, scene
+from support.oracles import oracle, oracle_heating
 
 import fitting
 import rubberfric as rf

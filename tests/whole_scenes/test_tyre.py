@@ -12,23 +12,11 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from support.folders import TYRE
+from support.scenes.tyre import GAMMA, PRESSURE, read, road
 
 import rubberfric as rf
 
-PRESSURE, GAMMA, Q1 = 0.3e6, 0.578, 1.017e6  # [Pa], [-], [1/m]: inferred conditions of the program's run
-
 pytestmark = pytest.mark.skipif(not TYRE.is_dir(), reason="no measured tyre data beside the project")
-
-
-def read(name):
-    return np.loadtxt(TYRE / name, delimiter=",", skiprows=2).T
-
-
-def road():
-    q, C = read("psd_asphalt.csv")
-    kept = q < Q1
-    end = np.exp(np.interp(np.log(Q1), np.log(q), np.log(C)))
-    return rf.TabulatedSpectrum(np.append(q[kept], Q1), np.append(C[kept], end))
 
 
 def scene():

@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support.scenes.job import JOB
 
 import fitting
 import rubberfric as rf
@@ -19,48 +20,6 @@ from fitting.commands import main as command
 from fitting.commands.job import read_job
 from fitting.results.hdf5 import load
 from fitting.solvers.problem import cost_of, residuals
-
-SCENE = """
-[lower]
-material = { kind = "rigid" }
-spectrum = { kind = "self_affine", q0 = 100, qr = 1000, q1 = 1e4, hurst = 0.8, h_rms = 1e-4 }
-[upper]
-material = { kind = "prony", E_inf = 1e6, E = [1e8, 1e7], tau = [1e-6, 1e-4] }
-"""
-JOB = """
-title = "Small fit"
-scene = "scene.toml"
-[[data]]
-file = "modulus.csv"
-body = "upper"
-relative = 0.03
-[free]
-"upper.material.E" = { rule = "positive", start = [5e7, 2e7] }
-"upper.material.tau[1]" = "positive"
-"upper.material.E_inf" = { rule = "bounded", low = 1e5, high = 1e7 }
-[prior]
-"upper.material.E_inf" = { mean = 1e6, sigma = 1e5 }
-[fit]
-method = "lm"
-starts = 2
-"""
-
-
-@pytest.fixture
-def job(tmp_path, monkeypatch):
-    """A job file with its scene and data in the working directory."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.toml").write_text(SCENE)
-    (tmp_path / "job.toml").write_text(JOB)
-    omega = np.logspace(0, 7, 10)
-    E = np.asarray(rf.complex_modulus(rf.Prony(1e6, [1e8, 1e7], [1e-6, 1e-4]), omega))
-    noise = np.exp(0.03 * np.random.default_rng(0).standard_normal((2, 10)))
-    fitting.write("modulus.csv", fitting.ModulusData(omega, E.real * noise[0], E.imag * noise[1]))
-    v = np.logspace(-3, 1, 5)
-    fitting.write("friction.h5", fitting.FrictionData(v, 0.1 + 0.01 * v, pressure=1e5, name="own"))
-    (tmp_path / "friction.csv").write_text("v,mu\nm/s,-\n1e-2,0.1\n1e-1,0.2\n")
-    return tmp_path / "job.toml"
-
 
 INPUTS = ["friction.csv", "friction.h5", "job.toml", "modulus.csv", "scene.toml"]
 

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 from support.folders import ROOT
-from test_maps import BLOCK, FILE, POINTS, QUICK, SCENE
+from support.scenes.maps import BLOCK, FILE, POINTS, QUICK, SCENE
 
 import rubberfric as rf
 from rubberfric.analysis.maps import batches, unfinished
@@ -294,7 +294,7 @@ rank, port, path = json.loads(sys.argv[1])
 if rank is not None:
     jax.distributed.initialize(f"127.0.0.1:{port}", 2, rank)
 import numpy as np, rubberfric as rf
-from test_maps import SCENE, QUICK, POINTS
+from support.scenes.maps import SCENE, QUICK, POINTS
 at = POINTS[0], np.append(POINTS[1], 2e5), POINTS[2]
 def whole(**options):
     return rf.friction_map(SCENE, *at, quadrature=QUICK, block=33, **options).solution

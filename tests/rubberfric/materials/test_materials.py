@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from support.oracle import shift_factor, table_modulus
+from support.oracles.oracle import shift_factor, table_modulus
 
 import rubberfric as rf
 from rubberfric.materials.materials import plane_strain, static_modulus
