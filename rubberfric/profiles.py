@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric._pytree import POSITIVE, as_leaf, check_values
-from rubberfric.angular import angular_means
+from rubberfric.angular import angular_means, with_means
 from rubberfric.contact import contact_argument, contact_fraction, energy_factor, friction_weight
 from rubberfric.factors import mix_of, modes_of, node_factors
 from rubberfric.model import checked
@@ -217,12 +217,13 @@ def densities(scene, prepared, laws, q):
         at = jnp.where(inside, q, law.q[0])
         roughness = law.height2 * jnp.exp(log_shape(law, at) + 4 * jnp.log(at))
         modes = modes_of(rough, other, softened)
+        mix = mix_of(rough, modes, q)
         found.append(
             AtWavevectors(
-                stiffness=F,
+                stiffness=with_means(F, {"power", "dissipation"}, prepared.quadrature, modes.split, mix),
                 shift=getattr(other.material, "shift", None),
                 modes=modes,
-                mix=mix_of(rough, modes, q),
+                mix=mix,
                 factors=None if isinstance(F, Static) else node_factors(rough, other, softened, q),
                 roughness=jnp.where(inside, roughness, 0.0),
             )
