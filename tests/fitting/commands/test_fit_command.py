@@ -387,13 +387,14 @@ def test_interrupt_in_the_middle_of_a_fit(job):
     job.write_text(
         JOB.replace('method = "lm"', 'method = "adam"\ntolerance = 1e-300').replace("starts = 2", "")
     )
-    program = (
-        "import sys; from fitting.commands.main import main; sys.exit(main(['job.toml', '--out', 'fit.h5']))"
-    )
+    program = "import sys; from fitting.commands.main import main; sys.exit(main())"
     master, slave = pty.openpty()
     seen = b""
     with subprocess.Popen(
-        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=slave, text=True
+        [sys.executable, "-c", program, "job.toml", "--out", "fit.h5"],
+        stdout=subprocess.PIPE,
+        stderr=slave,
+        text=True,
     ) as process:
         os.close(slave)
         sent = False
@@ -462,6 +463,7 @@ def test_an_interrupt_after_one_start_had_converged(call, job, monkeypatch):
 
     def interrupted(*arguments, callback, **options):
         result = fitting.fit(*arguments, **options)
+        callback(98, 1.0)
         os.kill(os.getpid(), signal.SIGINT)
         with pytest.raises(KeyboardInterrupt):
             callback(99, 1.0)
@@ -493,7 +495,7 @@ def test_a_second_interrupt_does_not_wait_and_leaves_no_half_file(call, job, mon
 
     monkeypatch.setattr("fitting.results.hdf5.write_minima", impatient)
     status, printed, complaint = call(job, "--out", "fit.h5")
-    assert (status, printed) == (1, "")
+    assert (status, printed) == (130, "")
     assert complaint == "rubberfric-fit: interrupted; what was not yet complete is not written\n"
     assert sorted(os.listdir()) == INPUTS
 
@@ -505,5 +507,5 @@ def test_an_interrupt_before_the_fit(call, job, monkeypatch):
 
     monkeypatch.setattr(command, "read_job", read)
     status, printed, complaint = call(job, "--out", "fit.h5")
-    assert (status, printed, complaint.count("\n")) == (1, "", 1)
+    assert (status, printed, complaint.count("\n")) == (130, "", 1)
     assert sorted(os.listdir()) == INPUTS

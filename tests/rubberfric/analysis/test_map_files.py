@@ -178,7 +178,7 @@ def test_the_command_resumes(call_main, tmp_path, monkeypatch, every_batch):
 
     monkeypatch.setattr(batches, "launch", interrupted)
     status, printed, complaint = call_main(command.main, "map", scene, "--out", out)
-    assert (status, printed) == (1, "")
+    assert (status, printed) == (130, "")
     assert complaint == "rubberfric: interrupted; --resume goes on with m.h5.partial\n"
     status, _, complaint = call_main(command.main, "map", scene, "--out", out)
     assert status == 2 and complaint.endswith("holds an interrupted map: must be resumed or removed\n")

@@ -12,8 +12,8 @@ def read(name):
     return np.loadtxt(TYRE / name, delimiter=",", skiprows=2).T
 
 
-def road():
+def road(q1=Q1):
     q, C = read("psd_asphalt.csv")
-    kept = q < Q1
-    end = np.exp(np.interp(np.log(Q1), np.log(q), np.log(C)))
-    return rf.TabulatedSpectrum(np.append(q[kept], Q1), np.append(C[kept], end))
+    kept = q < q1
+    end = np.exp(np.interp(np.log(q1), np.log(q), np.log(C)))
+    return rf.TabulatedSpectrum(np.append(q[kept], q1), np.append(C[kept], end))
