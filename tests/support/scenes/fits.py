@@ -1,5 +1,8 @@
 """What most tests of fits are about: rubbers on a road, and a quadrature that is enough for them."""
 
+import numpy as np
+
+import fitting
 import rubberfric as rf
 
 FAST = rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0)
@@ -34,3 +37,21 @@ relative = 0.03
 method = "lm"
 starts = 2
 """
+
+JOB_FILES = ["friction.csv", "friction.h5", "job.toml", "modulus.csv", "scene.toml"]
+
+
+def write_job(folder):
+    """Write the job and all that it names; its path."""
+    (folder / "scene.toml").write_text(JOB_SCENE)
+    (folder / "job.toml").write_text(JOB)
+    omega = np.logspace(0, 7, 10)
+    E = np.asarray(rf.complex_modulus(rf.Prony(1e6, [1e8, 1e7], [1e-6, 1e-4]), omega))
+    noise = np.exp(0.03 * np.random.default_rng(0).standard_normal((2, 10)))
+    data = fitting.ModulusData(omega, E.real * noise[0], E.imag * noise[1])
+    fitting.write(folder / "modulus.csv", data)
+    v = np.logspace(-3, 1, 5)
+    data = fitting.FrictionData(v, 0.1 + 0.01 * v, pressure=1e5, name="own")
+    fitting.write(folder / "friction.h5", data)
+    (folder / "friction.csv").write_text("v,mu\nm/s,-\n1e-2,0.1\n1e-1,0.2\n")
+    return folder / "job.toml"
