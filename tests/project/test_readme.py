@@ -9,15 +9,13 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from support.folders import ROOT
+from support.folders import README, ROOT, SNIPPETS
 
 import fitting
 import rubberfric
 from fitting.commands.main import main as fit_main
 from rubberfric.commands.main import main as scene_main
 
-README = (ROOT / "README.md").read_text()
-SNIPPETS = re.findall(r"^```python\n(.*?)^```", README, re.M | re.S)
 COMMANDS = re.findall(r"^    .*?\b((?:rubberfric|rubberfric-fit) .*)$", README, re.M)
 LONG = ("rubberfric accuracy",)  # half a minute and more
 
