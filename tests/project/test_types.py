@@ -27,6 +27,7 @@ road.height  # wrong
 scene = rf.Scene(rf.Body(rf.Rigid(), road), rf.Body(rf.Elastic(1e7, 0.5)))
 rf.friction(scene, velocity=1.0, pressure=1e5)
 rf.friction(scene, speed=1.0, pressure=1e5)  # wrong
+rf.fraction(scene, velocity=1.0, pressure=1e5)  # wrong
 fitting.FrictionData(velocity=[1.0], friction=[0.5], pressure=1e5)
 fitting.FrictionData(velocity=[1.0], mu=[0.5], pressure=1e5)  # wrong
 """
