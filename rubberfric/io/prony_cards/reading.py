@@ -8,7 +8,7 @@ from rubberfric.base.checks import closest, shown
 from rubberfric.base.units import bulk_from_young, shear_from_young, young_from_shear
 from rubberfric.io.prony_cards.writing import PROGRAMS, STRESS, TEMPERATURE
 from rubberfric.io.tables import read_text
-from rubberfric.materials.materials import Prony, PronyShear
+from rubberfric.materials.prony import Prony, PronyShear
 from rubberfric.materials.shifts import WLF
 
 _SIGNS = {

@@ -16,7 +16,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.quadrature import gauss
-from rubberfric.materials.master_curve import interpolated_modulus
 
 # Panels in y; short ones first, where the weight psi is: e^-25 of the circle is left out.
 _EDGES = np.array([0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0, 11.0, 25.0])
@@ -29,7 +28,7 @@ def tabulated_means(F, qv, wanted, angle, split=False, mix=None):
     """(power, dissipation, storage, transverse) of a Tabulated stiffness, as `angular.angular_means`."""
     # Far below the table F is its static value and Im F is linear in q v: the means are
     # taken at the floor and the dissipation scaled, so that v = 0 keeps its derivative.
-    floor = jnp.log(F.material.omega[0]) - math.log(1e9)
+    floor = jnp.log(F.material.frequency_range()[0]) - math.log(1e9)
     tiny = jnp.finfo(qv.dtype).tiny
     log_qv = jnp.maximum(jnp.log(jnp.maximum(jnp.abs(qv), tiny)), floor)
     harmonics = 0 if mix is None else mix[0].shape[0]
@@ -43,7 +42,7 @@ def tabulated_means(F, qv, wanted, angle, split=False, mix=None):
         means = _mixed(means, *late)
     power, dissipation, storage, transverse = means
     # If E'' does not vanish at v = 0+, only the sign is left.
-    sign = jnp.sign(qv) if F.material.outside == "hold" else qv * jnp.exp(-log_qv)
+    sign = jnp.sign(qv) if F.material.loss_at_rest else qv * jnp.exp(-log_qv)
     signed = (None if m is None else tuple(mean * sign for mean in m) for m in (dissipation, transverse))
     dissipation, transverse = signed
     return power, dissipation, storage, transverse
@@ -85,7 +84,7 @@ def _direct(F, log_qv, wanted, angle, split, harmonics, mix):
     even, odd = (jnp.asarray(weight * rows, log_qv.dtype) for rows in (even, odd))
     if mix is not None:
         even, odd = even[:1] + mix[0] @ even[1:], (mix[1] @ odd)[None]
-    storage, loss = interpolated_modulus(F.material, log_qv[..., None] + jnp.log(sine))
+    storage, loss = F.material.storage_and_loss(log_qv[..., None] + jnp.log(sine))
     scale = F.scale[..., None] if F.scale.ndim else F.scale
     storage, loss = scale * storage, scale * loss
     power = storage**2 + loss**2
