@@ -30,7 +30,7 @@ from rubberfric.theory.partial_contact import (
     energy_factor,
     friction_weight,
 )
-from rubberfric.theory.stiffness.angular_means import angular_means
+from rubberfric.theory.stiffness.angular_means import angular_means, with_means
 from rubberfric.theory.stiffness.factors import mix_of, modes_of, node_factors
 from rubberfric.theory.stiffness.series import Sampled, Static, series_stiffness
 from rubberfric.theory.stiffness.softened_means import sampled_means
@@ -222,12 +222,13 @@ def densities(scene, prepared, laws, q):
         at = jnp.where(inside, q, law.q[0])
         roughness = law.height2 * jnp.exp(log_shape(law, at) + 4 * jnp.log(at))
         modes = modes_of(rough, other, softened)
+        mix = mix_of(rough, modes, q)
         found.append(
             AtWavevectors(
-                stiffness=F,
+                stiffness=with_means(F, {"power", "dissipation"}, prepared.quadrature, modes.split, mix),
                 shift=getattr(other.material, "shift", None),
                 modes=modes,
-                mix=mix_of(rough, modes, q),
+                mix=mix,
                 factors=None if isinstance(F, Static) else node_factors(rough, other, softened, q),
                 roughness=jnp.where(inside, roughness, 0.0),
             )

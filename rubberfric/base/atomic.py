@@ -2,8 +2,11 @@
 
 import contextlib
 import os
-import tempfile
+import secrets
+import shutil
 from pathlib import Path
+
+_begun = set()  # files and folders that are nothing without what this process has yet to do
 
 
 def as_path(path):
@@ -14,6 +17,39 @@ def as_path(path):
         raise ValueError(f"path is a {type(path).__name__}: must be the path of a file") from None
 
 
+def begin(path):
+    """Have a file or folder removed if a signal ends the process before `finish`."""
+    _begun.add(path)
+
+
+def finish(path):
+    """It may remain, or is removed already."""
+    _begun.discard(path)
+
+
+def remove_begun():
+    """Remove what is not to outlive the process; another thread may be about to do so."""
+    for path in list(_begun):
+        if path.is_dir():
+            shutil.rmtree(path, ignore_errors=True)
+        else:
+            with contextlib.suppress(OSError):
+                path.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def temporary_folder(parent):
+    """A hidden folder in another, removed on leaving, and by `remove_begun`."""
+    folder = Path(parent) / f".writing-{secrets.token_hex(8)}"
+    begin(folder)  # before there is one, so that none is forgotten
+    try:
+        folder.mkdir(0o700)
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+        finish(folder)
+
+
 @contextlib.contextmanager
 def replacing(path):
     """Give a path to write to; on leaving, rename it to `path`, or remove it if writing failed.
@@ -22,8 +58,8 @@ def replacing(path):
     one file system, and has the name of `path`, so that its suffix still says what it is.
     """
     path = Path(path).resolve()  # a link is followed, not replaced
-    with tempfile.TemporaryDirectory(prefix=".writing-", dir=path.parent) as folder:
-        temporary = Path(folder) / path.name
+    with temporary_folder(path.parent) as folder:
+        temporary = folder / path.name
         yield temporary
         os.replace(temporary, path)
 
@@ -38,7 +74,7 @@ def check_writable(path, suffixes):
     if path.is_dir():
         raise ValueError(f"{path}: is a folder; must be a file")
     try:
-        with tempfile.TemporaryDirectory(prefix=".writing-", dir=path.resolve().parent):
+        with temporary_folder(path.resolve().parent):
             pass
     except OSError as error:
         raise ValueError(f"{path}: cannot be written: {error.strerror}") from None

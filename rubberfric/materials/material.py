@@ -55,9 +55,17 @@ class Material(Kind):
         return self.relaxes and not self.has_series
 
     @property
+    def loss_beyond(self) -> str:
+        """E'' of a material without a series beyond `frequency_range`, where E' is constant.
+
+        "fall": as omega below it and as 1/omega above, "hold": its end values, "none": zero.
+        """
+        return "fall"
+
+    @property
     def loss_at_rest(self) -> bool:
         """Whether E'' stays finite for omega -> 0, where friction then jumps with the sign of v."""
-        return False
+        return self.loss_beyond == "hold"
 
     def reduced_series(self, scale: ArrayLike) -> Series | None:
         """E_r over a scale [Pa] as a Prony series, of no terms if nothing relaxes; None if it is none."""
@@ -66,8 +74,7 @@ class Material(Kind):
     def storage_and_loss(self, log_omega: jax.Array) -> tuple[jax.Array, jax.Array]:
         """E' and E'' [Pa] at ln omega, any shape, of a material without a series.
 
-        E' tends to E(0) below `frequency_range`, E'' there to 0 at least as fast as omega, unless
-        `loss_at_rest`.
+        Beyond `frequency_range` E' holds its end values and E'' is as `loss_beyond` says.
         """
         raise NotImplementedError(f"{type(self).__name__}.storage_and_loss")
 

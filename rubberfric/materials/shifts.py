@@ -115,7 +115,8 @@ class TabulatedShift(Shift):
             self._inside("TabulatedShift.T_ref", self.T_ref)
 
     def _inside(self, name, temperature):
-        low, high = float(self.T[0]), float(self.T[-1])
+        # In a trace an entry of a concrete jax array is not concrete; one of a NumPy array is.
+        low, high = np.asarray(self.T)[[0, -1]].tolist()
         rule = (f"must be inside the table, {low:g} to {high:g} K", lambda T: (low <= T) & (high >= T))
         check_values(name, temperature, rule)
 

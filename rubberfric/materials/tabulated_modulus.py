@@ -48,9 +48,9 @@ class TabulatedModulus(Material):
         check_increasing("TabulatedModulus.omega", self.omega)
 
     @property
-    def loss_at_rest(self):
-        """Whether E'' stays finite for omega -> 0."""
-        return self.outside == "hold"
+    def loss_beyond(self):
+        """`outside`."""
+        return self.outside
 
     def frequency_range(self):
         """First and last omega of the table [rad/s]."""

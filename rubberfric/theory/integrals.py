@@ -76,7 +76,7 @@ def prepare(scene, quantities, quadrature, *, laws=None, marks=None):
     )
     scale = modulus_scale(scene)
     channels = tuple(
-        make_channel(mesh, j, pair, softened, scale, wanted, quadrature.order) for j, pair in enumerate(pairs)
+        make_channel(mesh, j, pair, softened, scale, wanted, quadrature) for j, pair in enumerate(pairs)
     )
     corrected = scene.area_correction and ("area" in quantities or "dissipation" in wanted)
     table = correction_table(scene.gamma) if corrected else None

@@ -10,9 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.cases import reverse
-from support.extremes import BASES, CASES, GROUPS, changed
-from test_extremes import (
+from support.cases.extreme_errors import (
     REFUSED,
     conditions,
     elements,
@@ -24,6 +22,8 @@ from test_extremes import (
     value_errors,
     value_floor,
 )
+from support.cases.extremes import BASES, CASES, GROUPS, changed
+from support.cases.stored import reverse
 
 pytestmark = pytest.mark.benchmark
 
@@ -34,7 +34,7 @@ Every scene below is a change made to one of {len(BASES)} base scenes: rough rub
 times on a rough rigid solid (`one`), on a second rubber (`two`) and on an elastic solid (`on-elastic`); both
 rubbers as slabs bonded to rigid bases (`slabs`), the first as a slab that slides on its base (`layer`); with
 S in G (`corrected`), with WLF shifts and contact shear (`sheared`), on a tabulated spectrum (`measured`).
-`tests/support/extremes.py` lists them, {len(CASES)} scenes. A row is the worst of its scenes.
+`tests/support/cases/extremes.py` lists them, {len(CASES)} scenes. A row is the worst of its scenes.
 
 - **value**: the largest relative error of contact area, friction and separation. A friction below 1e-18 and
   a separation below 1e-6 of the rms height count from there upwards.

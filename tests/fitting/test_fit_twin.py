@@ -5,8 +5,8 @@ The twin is 240 friction coefficients with 3 % noise; 20 numbers are free, all s
 
 import numpy as np
 import pytest
-from support.compilations import compilations
-from support.twin import DATA, FREE, GUESS, TRUTH, conditions, make_twin, true_values, twin
+from support.counting.compilations import compilations
+from support.ensembles.twin import DATA, FREE, GUESS, TRUTH, conditions, make_twin, true_values, twin
 
 import fitting
 import rubberfric as rf

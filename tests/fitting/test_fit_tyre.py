@@ -10,14 +10,15 @@ import dataclasses
 import numpy as np
 import pytest
 import scipy.optimize
-from test_tyre import GAMMA, PRESSURE, TYRE, read, road
+from support.folders import TYRE
+from support.scenes.fits import FAST
+from support.scenes.tyre import GAMMA, PRESSURE, read, road
 
 import rubberfric as rf
 from fitting import Bounded, FrictionData, ModulusData, Positive, fit, fit_prony
 
 pytestmark = pytest.mark.skipif(not TYRE.is_dir(), reason="no measured tyre data beside the project")
 
-FAST = rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0)  # 1e-7 here
 SHEAR = {"shear.tau_f0": Positive(), "shear.c": Positive(), "shear.v0": Positive()}
 
 # rms of ln(fit / measured) of E' and E'' at one term a decade. E' of R00 and R20 is off by up

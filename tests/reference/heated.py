@@ -2,9 +2,8 @@
 
 import math
 
-WLF = {"kind": "wlf", "C1": 8.86, "C2": 101.6, "T_ref": 293.15}
-ARRHENIUS = {"kind": "arrhenius", "energy": 0.97, "T_ref": 293.15}
-RIGID = {"kind": "rigid"}
+from support.cases.solids import ARRHENIUS, RIGID, WLF
+
 ELASTIC = {"kind": "elastic", "E": 2.0e7, "nu": 0.3}
 RUBBER = {
     "kind": "prony",

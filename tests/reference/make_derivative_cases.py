@@ -3,22 +3,22 @@
     python tests/reference/make_derivative_cases.py      (about five minutes)
 
 Each is d quantity / d ln parameter, by central differences of the sixth order of values
-that `tests/support/oracle.py` computes to rounding: good to about 1e-10 of the value. Parameters
+that `tests/support/oracles/oracle.py` computes to rounding: good to about 1e-10 of the value. Parameters
 are named as in the scene's dictionary, with the index of a vector's element.
 """
 
 import json
 
 import numpy as np
-from make_option_cases import HERE, RIGID, ROAD, ROUGH_TABLE, SOFT, STIFF, TREAD, WLF, case
-from support.oracle import solve
+from make_option_cases import HERE, STIFF, case
+from support.cases.solids import HARD, MEASURED_ROAD, RIGID, ROAD, SOFT, TREAD, WLF
+from support.oracles.oracle import solve
 
 STEP = 0.01
 OFFSETS = np.array([1, 2, 3])
 WEIGHTS = np.array([3 / 4, -3 / 20, 1 / 60])
 FIXED = ("T_ref", "T", "aT", "omega", "storage", "loss")
 
-HARD = {"kind": "prony", "E_inf": 3.6e6, "E": [1.4e8, 6.5e6], "tau": [1e-8, 1e-5], "nu": 0.5}
 SCENES = [
     case("one-rubber", SOFT, RIGID, TREAD, ROAD, 0.02, 2e5),
     case("rigid-on-rubber", RIGID, SOFT, TREAD, None, 0.02, 2e6),
@@ -31,7 +31,7 @@ SCENES = [
     case(
         "frictionless-slab", SOFT | {"thickness": 2e-3, "base": "frictionless"}, RIGID, None, ROAD, 0.1, 1e5
     ),
-    case("table-spectrum", SOFT, STIFF, TREAD, ROUGH_TABLE, 3e-3, 4e5),
+    case("table-spectrum", SOFT, STIFF, TREAD, MEASURED_ROAD, 3e-3, 4e5),
     case("wlf-hot", SOFT | {"shift": WLF}, RIGID, None, ROAD, 0.1, 2e5, temperature=353.15),
 ]
 

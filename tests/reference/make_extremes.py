@@ -1,4 +1,4 @@
-"""Writes extremes.json: values and derivatives of every case of `tests/support/extremes.py`, to 25 digits or more.
+"""Writes extremes.json: values and derivatives of every case of `tests/support/cases/extremes.py`, to 25 digits or more.
 
     python -m pip install gmpy2 mpmath numpy
     python tests/reference/verify_means.py
@@ -39,7 +39,7 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 from precise_contact import Contact  # noqa: E402
-from support.extremes import CASES, changed  # noqa: E402
+from support.cases.extremes import CASES, changed  # noqa: E402
 
 STEP = mpfr(10) ** -32
 QUANTITIES = ("area", "friction", "separation")

@@ -2,7 +2,7 @@
 
     python tests/reference/make_heated_cases.py
 
-The values come from `tests/support/oracle_heating.py`. Printed beside flash temperature and friction: the
+The values come from `tests/support/oracles/oracle_heating.py`. Printed beside flash temperature and friction: the
 largest relative change with coarser panels, and with other polynomials for the temperatures.
 """
 
@@ -16,7 +16,7 @@ HERE = Path(__file__).resolve().parent
 sys.path[:0] = [str(HERE), str(HERE.parent)]
 
 from heated import ALL, CASES, STEP, along, difference  # noqa: E402
-from support.oracle_heating import POINTS, solve  # noqa: E402
+from support.oracles.oracle_heating import POINTS, solve  # noqa: E402
 
 NAMES = ("area", "viscoelastic_friction", "shear_friction", "friction", "separation", "flash_temperature")
 

@@ -2,7 +2,7 @@
 
     python tests/reference/make_option_cases.py
 
-The values come from `tests/support/oracle.py`.
+The values come from `tests/support/oracles/oracle.py`.
 """
 
 import json
@@ -14,9 +14,9 @@ import numpy as np
 HERE = Path(__file__).resolve().parent
 sys.path.insert(0, str(HERE.parent))
 
-from support.oracle import solve  # noqa: E402
+from support.cases.solids import ARRHENIUS, MEASURED_ROAD, RIGID, ROAD, SOFT, TREAD, WLF  # noqa: E402
+from support.oracles.oracle import solve  # noqa: E402
 
-RIGID = {"kind": "rigid"}
 STIFF = {"kind": "elastic", "E": 4.0e7, "nu": 0.3}
 RUBBER = {
     "kind": "prony",
@@ -25,13 +25,6 @@ RUBBER = {
     "tau": [1e-9, 1e-8, 1e-6, 1e-5, 1e-3, 1.0],
     "nu": 0.5,
 }
-SOFT = {"kind": "prony", "E_inf": 8.0e5, "E": [2.5e7, 4.0e6, 3.0e5], "tau": [3e-7, 2e-4, 0.7], "nu": 0.48}
-ROAD = {"q0": 100.0, "qr": 1000.0, "q1": 3.1e4, "H": 0.8, "h_rms": 5e-4}
-TREAD = {"q0": 300.0, "qr": 2000.0, "q1": 4.0e5, "H": 0.7, "h_rms": 4e-5}
-ROUGH_TABLE = {
-    "q": [60.0, 150.0, 420.0, 2.0e3, 9.0e3, 7.0e4, 8.0e5],
-    "C": [4.0e-13, 9.0e-13, 7.0e-13, 1.2e-14, 7.0e-17, 5.0e-20, 2.0e-24],
-}
 MASTER_CURVE = {
     "kind": "table",
     "omega": [1e-3, 3e-2, 1.0, 40.0, 1e3, 3e4, 1e6, 5e7, 1e9, 1e11],
@@ -39,8 +32,6 @@ MASTER_CURVE = {
     "loss": [2.2e5, 3.4e5, 5.1e5, 7.0e5, 1.5e6, 4.3e6, 1.5e7, 1.2e8, 4.5e8, 1.1e8],
     "nu": 0.49,
 }
-WLF = {"kind": "wlf", "C1": 8.86, "C2": 101.6, "T_ref": 293.15}
-ARRHENIUS = {"kind": "arrhenius", "energy": 0.97, "T_ref": 293.15}
 SHIFT_TABLE = {
     "kind": "table",
     "T": [263.15, 283.15, 303.15, 333.15],
@@ -72,8 +63,8 @@ CASES = [
         0.1,
         3e5,
     ),
-    case("table-spectrum", RUBBER, RIGID, None, ROUGH_TABLE, 0.1, 1e5),
-    case("table-spectrum-starts-inside", RUBBER, STIFF, TREAD, ROUGH_TABLE, 3e-3, 4e5),
+    case("table-spectrum", RUBBER, RIGID, None, MEASURED_ROAD, 0.1, 1e5),
+    case("table-spectrum-starts-inside", RUBBER, STIFF, TREAD, MEASURED_ROAD, 3e-3, 4e5),
     case("table-modulus", MASTER_CURVE, RIGID, None, ROAD, 0.1, 2e5),
     case("table-modulus-below-its-range", MASTER_CURVE, RIGID, None, ROAD, 1e-7, 2e5),
     case("table-modulus-above-its-range", MASTER_CURVE, RIGID, None, ROAD, 1e8, 2e7),

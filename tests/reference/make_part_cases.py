@@ -2,7 +2,7 @@
 
     python tests/reference/make_part_cases.py      (about eight minutes on one core)
 
-Values and derivatives come from `tests/support/oracle.py`, on a mesh on which they have converged to
+Values and derivatives come from `tests/support/oracles/oracle.py`, on a mesh on which they have converged to
 1e-13 and 1e-10. A derivative is d quantity / d ln parameter, by central differences of the
 sixth order; with respect to an angle it is d quantity / d angle.
 """
@@ -11,10 +11,11 @@ import json
 
 import numpy as np
 from make_derivative_cases import OFFSETS, WEIGHTS
-from make_option_cases import ARRHENIUS, HERE, MASTER_CURVE, RIGID, ROAD, ROUGH_TABLE, SOFT, STIFF, TREAD, WLF
+from make_option_cases import HERE, MASTER_CURVE, STIFF
 from make_option_cases import RUBBER as SIX_TERMS
 from make_option_cases import case as option_case
-from support.oracle import solve
+from support.cases.solids import ARRHENIUS, MEASURED_ROAD, RIGID, ROAD, SOFT, TREAD, WLF
+from support.oracles.oracle import solve
 
 RUBBER = SIX_TERMS | {"E": [7.6e8, 1.43e8, 1.55e7, 2.2e6], "tau": [1e-9, 1e-8, 1e-6, 1e-3]}
 SHEAR = {"kind": "shear", "G_inf": 1.2e6, "G": [2.5e8, 5e6, 7e5], "tau": [1e-9, 1e-6, 1e-3], "bulk": 2e9}
@@ -55,7 +56,7 @@ SOFTENED = [
     soft("warm", RUBBER | {"shift": WLF}, RIGID, TREAD, ROAD, 0.1, 2e5, temperature=313.15),
     soft("both-rough", RUBBER, RIGID, TREAD, ROAD, 0.1, 2e5),
     soft("rough-rubber", RUBBER, RIGID, TREAD, None, 0.1, 2e6),
-    soft("table-spectrum", RUBBER, RIGID, None, ROUGH_TABLE, 0.1, 2e5),
+    soft("table-spectrum", RUBBER, RIGID, None, MEASURED_ROAD, 0.1, 2e5),
     soft("table-modulus", MASTER_CURVE, RIGID, None, ROAD, 0.1, 2e5),
     soft("shear-modulus", SHEAR, RIGID, None, ROAD, 0.1, 2e5),
     soft("on-elastic", RUBBER, STIFF, TREAD, ROAD, 0.1, 2e5),
@@ -80,10 +81,10 @@ SOFTENED = [
 # Directions every 20 degrees, of a surface whose grooves turn and deepen towards the small scales.
 DIRECTION = np.pi * np.arange(9) / 9
 TURNING = {
-    "q": ROUGH_TABLE["q"],
+    "q": MEASURED_ROAD["q"],
     "C": [
         [C * np.exp(0.2 * i * np.cos(2 * (phi - 0.15 * i)) + 0.1 * np.sin(4 * phi)) for phi in DIRECTION]
-        for i, C in enumerate(ROUGH_TABLE["C"])
+        for i, C in enumerate(MEASURED_ROAD["C"])
     ],
     "angle": 0.3,
 }

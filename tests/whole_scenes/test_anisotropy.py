@@ -9,9 +9,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support import oracle
-from support.cases import arguments, as_arrays, scene, slow_if
-from support.part_scenes import CASES, assert_derivatives, assert_scene, expected, reverse, value
+from support.cases.parts import CASES, assert_derivatives, assert_scene, expected, reverse, value
+from support.cases.stored import arguments, as_arrays, scene, slow_if
+from support.oracles import oracle
+from support.scenes.common import ROAD
 
 import rubberfric as rf
 from rubberfric.theory.stiffness.angular_means import angular_means
@@ -110,8 +111,6 @@ def test_mixed_harmonics_are_the_sum():
 
 
 # Harmonics of the roughness.
-
-ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
 
 
 def shape(ratio, angle, hurst, phi):

@@ -43,6 +43,7 @@ class Tabulated(NamedTuple):
     material: object
     scale: jax.Array  # f = scale * E [1/Pa], shape () or (nodes,)
     spring: jax.Array | None  # [-], shape () or (nodes,)
+    table: object = None  # `tabulated.Table` of its angular means; None: they are taken at every node
 
 
 class Sampled(NamedTuple):

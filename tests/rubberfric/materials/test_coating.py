@@ -7,8 +7,9 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from support import oracle
-from support.cases import QUANTITIES, as_arrays, quantities, scene
+from support.cases.solids import RIGID, ROAD, WORN
+from support.cases.stored import QUANTITIES, as_arrays, quantities, scene
+from support.oracles import oracle
 
 import rubberfric as rf
 from rubberfric.materials.coating import coated_series, coated_spring
@@ -192,9 +193,6 @@ def test_prony_series_is_the_complex_factor(layer, base):
 # Scenes.
 
 TAU = [1e-8, 1e-6, 1e-4, 1e-2, 1.0]
-ROAD = {"q0": 100.0, "qr": 1000.0, "q1": 3.1e4, "H": 0.8, "h_rms": 5e-4}
-WORN = {"q0": 300.0, "qr": 2000.0, "q1": 1e5, "H": 0.7, "h_rms": 4e-5}
-RIGID = {"kind": "rigid"}
 
 
 def rubber(scale=1.0, nu=0.5, slower=1.0):

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from support.oracle import slab_factor
+from support.oracles.oracle import slab_factor
 
 import rubberfric as rf
 

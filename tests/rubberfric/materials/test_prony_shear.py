@@ -5,8 +5,9 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from support import oracle
-from support.cases import QUANTITIES, as_arrays, quantities, scene
+from support.cases.solids import RIGID, ROAD, WORN
+from support.cases.stored import QUANTITIES, as_arrays, quantities, scene
+from support.oracles import oracle
 
 import rubberfric as rf
 
@@ -101,9 +102,6 @@ def test_derivatives_of_the_reduced_modulus():
         np.testing.assert_allclose(found * scale, np.array(wanted) * scale, rtol=1e-8, atol=1e-11)
 
 
-ROAD = {"q0": 100.0, "qr": 1000.0, "q1": 3.1e4, "H": 0.8, "h_rms": 5e-4}
-WORN = {"q0": 300.0, "qr": 2000.0, "q1": 1e5, "H": 0.7, "h_rms": 4e-5}
-RIGID = {"kind": "rigid"}
 STEEL = {"kind": "elastic", "E": 2e8, "nu": 0.3}
 RUBBER = {"kind": "prony", "E_inf": 2e6, "E": [1e8, 3e6], "tau": [1e-7, 1e-4], "nu": 0.49}
 

@@ -1,6 +1,6 @@
 """One measurement of an ensemble of twin fits, in a process of its own, told as a line of JSON:
 
-    python tests/support/ensemble_twin.py ensemble|loop|parts MEMBERS [float32]
+    python tests/support/ensembles/ensemble_twin.py ensemble|loop|parts MEMBERS [float32]
 
 The members are bootstrap fits of the twin measurements (240 points, 20 parameters), from the
 minimum. JAX_NUM_CPU_DEVICES in the environment says how many devices a processor is.
@@ -21,9 +21,9 @@ import numpy as np
 SINGLE = "float32" in sys.argv
 if __name__ == "__main__":
     jax.config.update("jax_enable_x64", not SINGLE)
-    sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+    sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from support.twin import FREE, TRUTH, twin  # noqa: E402
+from support.ensembles.twin import FREE, TRUTH, twin  # noqa: E402
 
 import fitting  # noqa: E402
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt  # noqa: E402

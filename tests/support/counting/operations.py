@@ -45,6 +45,11 @@ def costly(count):
     return sum(count[name] for name in COSTLY)
 
 
+def work(function, *arguments):
+    """Elements written by operations that cost more than an addition."""
+    return costly(operations(function, *arguments))
+
+
 def per_point(function, velocity, *arguments):
     """Operations that one more velocity adds (the difference of two counts), and those of the scene."""
     n = velocity.size

@@ -13,7 +13,7 @@ import math
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from support import oracle
+from support.oracles import oracle
 
 POINTS = 48  # of the polynomials
 

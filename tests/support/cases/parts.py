@@ -3,7 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
-from support.cases import arguments, reference
+from support.cases.stored import arguments, reference
 
 import rubberfric as rf
 

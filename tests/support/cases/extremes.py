@@ -5,17 +5,9 @@ Plain data, for `test_extremes.py`, the table of `test_stability_table.py` and
 structures compile. The groups are the extremes that every quantity must survive.
 """
 
-RIGID = {"kind": "rigid"}
-SOFT = {"kind": "prony", "E_inf": 8.0e5, "E": [2.5e7, 4.0e6, 3.0e5], "tau": [3e-7, 2e-4, 0.7], "nu": 0.48}
-HARD = {"kind": "prony", "E_inf": 3.6e6, "E": [1.4e8, 6.5e6], "tau": [1e-8, 1e-5], "nu": 0.5}
+from support.cases.solids import HARD, MEASURED_ROAD, RIGID, ROAD, SOFT, TREAD, WLF
+
 ELASTIC = {"kind": "elastic", "E": 1.0e7, "nu": 0.3}
-ROAD = {"q0": 100.0, "qr": 1000.0, "q1": 3.1e4, "H": 0.8, "h_rms": 5e-4}
-TREAD = {"q0": 300.0, "qr": 2000.0, "q1": 4.0e5, "H": 0.7, "h_rms": 4e-5}
-MEASURED_ROAD = {
-    "q": [60.0, 150.0, 420.0, 2.0e3, 9.0e3, 7.0e4, 8.0e5],
-    "C": [4.0e-13, 9.0e-13, 7.0e-13, 1.2e-14, 7.0e-17, 5.0e-20, 2.0e-24],
-}
-WLF = {"kind": "wlf", "C1": 8.86, "C2": 101.6, "T_ref": 293.15}
 SHEAR = {"tau_f0": 6.5e6, "c": 0.1, "v0": 6e-3, "shift": WLF | {"C1": 6.0}}
 
 COMMON = {"psd1": TREAD, "psd2": ROAD, "v": 0.1, "pressure": 3e5, "gamma": 0.5}

@@ -1,12 +1,13 @@
 """Small ensembles, and a program that runs one in a process of its own:
 
-    python tests/support/ensemble_cases.py CASE OUT.npz [CHECKPOINT.h5] [PROCESSES ID PORT]
+    python tests/support/ensembles/ensemble_cases.py CASE OUT.npz [CHECKPOINT.h5] [PROCESSES ID PORT]
 
 JAX_NUM_CPU_DEVICES in the environment says how many devices each process has.
 """
 
 import sys
 import time
+from pathlib import Path
 
 import jax
 import numpy as np
@@ -19,12 +20,13 @@ if __name__ == "__main__":
     if len(sys.argv) > 4:
         # After the imports, which must not begin to use devices, and before anything that does.
         jax.distributed.initialize(f"127.0.0.1:{sys.argv[6]}", int(sys.argv[4]), int(sys.argv[5]))
+    sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+from support.scenes.fits import E_INF, ROAD, E
 
 QUADRATURE = rf.Quadrature(order=8, panels=4, graded=2, ratio=6.0)
-ROAD = rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4))
 MODULI, TAU = [5e8, 2e7, 2e6], [1e-7, 1e-4, 1e-1]
 SCENE = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, MODULI, TAU)))
-E, E_INF = "upper.material.E", "upper.material.E_inf"
 ROWS = ("x", "values", "cost", "status", "nfev", "njev")
 
 
