@@ -57,6 +57,15 @@ def few_memory_maps():
 
 
 @pytest.fixture
+def job(tmp_path, monkeypatch):
+    """A job file of rubberfric-fit, with its scene and data in the working directory."""
+    from support.scenes.fits import write_job
+
+    monkeypatch.chdir(tmp_path)
+    return write_job(tmp_path)
+
+
+@pytest.fixture
 def call_main(capsys):
     """Run a command's `main` in this process: exit status, stdout, stderr."""
 

@@ -4,6 +4,7 @@ The same curve by vectorised NumPy trapezoids (200 q x 64 phi, the textbook meth
 in the same run, in turns with ours, so that the ratios survive a noisy machine.
 """
 
+import os
 import subprocess
 import sys
 
@@ -12,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.counting.timing import in_turns
-from support.folders import ROOT
+from support.folders import PYTHONPATH
 from support.scenes.curves import ONE, PRESSURE, TAU, TWO, VELOCITY, E, numpy_friction
 
 import rubberfric as rf
@@ -121,7 +122,7 @@ def test_memory_of_a_hundred_thousand_points(scene):
         check=True,
         capture_output=True,
         text=True,
-        cwd=ROOT / "tests",
+        env=os.environ | {"PYTHONPATH": PYTHONPATH},
     )
     used = float(result.stdout)
     print(f"\n{scene}: 1e5 points, all quantities and their gradient: {used:.2f} GiB at most")

@@ -13,7 +13,7 @@ import subprocess
 import sys
 
 import pytest
-from support.folders import ROOT
+from support.folders import PYTHONPATH, ROOT
 
 pytestmark = pytest.mark.benchmark
 
@@ -27,8 +27,7 @@ POINTS, PARAMETERS = 240, 20
 
 def measured(what, members, *options, devices=CORES):
     """What `ensemble_twin.py` says."""
-    paths = f"{PROGRAM.parents[2]}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"
-    environment = os.environ | {"JAX_NUM_CPU_DEVICES": str(devices), "PYTHONPATH": paths}
+    environment = os.environ | {"JAX_NUM_CPU_DEVICES": str(devices), "PYTHONPATH": PYTHONPATH}
     command = [sys.executable, str(PROGRAM), what, str(members), *options]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -42,10 +42,10 @@ S in G (`corrected`), with WLF shifts and contact shear (`sheared`), on a tabula
   scene, velocity, pressure and temperature. One that matters less than 1e-3 of the one that matters most (as
   theta dQ/dtheta, or Q itself) counts from there upwards.
 - **float64** is held against references of 25 digits and more, stored in `tests/reference/extremes.json` and
-  computed by `tests/reference/make_extremes.py` in 120-digit arithmetic: the theory's integrals, without the
-  library's arrangements against cancellation, on two meshes that must agree; derivatives are differences
-  with a relative step of 1e-32. Tests bound these errors by 1e-9 (values) and 1e-7 (gradients; 1e-4 and
-  1e-5 for Poisson's ratio of two incompressible films, on which Sbar depends 1e16-fold).
+  computed by `tests/reference/precise/make_extremes.py` in 120-digit arithmetic: the theory's integrals,
+  without the library's arrangements against cancellation, on two meshes that must agree; derivatives are
+  differences with a relative step of 1e-32. Tests bound these errors by 1e-9 (values) and 1e-7 (gradients;
+  1e-4 and 1e-5 for Poisson's ratio of two incompressible films, on which Sbar depends 1e16-fold).
 - **float32** is held against float64 at the same numbers, those that float32 has: what rounding them costs,
   up to 1e-5 for a spectrum from 200 to 200.2 1/m, is no error of the computation. Tests bound the error of
   values by 1e-5. Where a weight E_i is 0, a friction counts from 1e-12 upwards. Scenes marked `refused`

@@ -1,6 +1,6 @@
 """Extreme and stiff scenes against references of 25 digits and more; and single precision.
 
-`extremes.py` lists the scenes, `reference/make_extremes.py` computes their quantities and
+`extremes.py` lists the scenes, `reference/precise/make_extremes.py` computes their quantities and
 the derivatives with respect to every number of scene, velocity, pressure and temperature.
 """
 

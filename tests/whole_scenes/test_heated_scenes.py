@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from reference.heated import ALL, BASE, CASES, HEAT, HEATING, MACRO, STEP, along, difference
+from support.cases.heated import ALL, BASE, CASES, HEAT, HEATING, MACRO, STEP, along, difference
 from support.cases.stored import as_arrays, paths, reference, scene
 from support.oracles import oracle, oracle_heating
 
@@ -358,7 +358,7 @@ def test_scenes_that_did_not_converge_are_finite(monkeypatch, steps):
 
 @pytest.mark.slow
 def test_macroasperities_beyond_the_roughness():
-    for radius, fraction in ((1.0, lambda area: 1.0), (1e-5, lambda area: area)):
+    for radius, fraction in ((1.0, lambda _: 1.0), (1e-5, lambda area: area)):
         law = MACRO | {"radius": radius}  # q_m = 3 and 3e5
         own = found(BASE, heating=law, v=0.3)
         given = found(BASE, heating=law | {"area_fraction": float(fraction(own["area"][0]))}, v=0.3)

@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.scenes.job import JOB
+from support.scenes.fits import JOB, JOB_FILES
 
 import fitting
 import rubberfric as rf
@@ -20,8 +20,6 @@ from fitting.commands import main as command
 from fitting.commands.job import read_job
 from fitting.results.hdf5 import load
 from fitting.solvers.problem import cost_of, residuals
-
-INPUTS = ["friction.csv", "friction.h5", "job.toml", "modulus.csv", "scene.toml"]
 
 
 @pytest.fixture
@@ -33,7 +31,7 @@ def call(call_main):
 def test_report_file_and_picture(call, job, tmp_path):
     status, printed, complaint = call(job, "--out", "fit.h5", "--plot", "fit.png")
     assert (status, complaint) == (0, "")
-    assert sorted(os.listdir()) == sorted([*INPUTS, "fit.h5", "fit.png"])
+    assert sorted(os.listdir()) == sorted([*JOB_FILES, "fit.h5", "fit.png"])
     assert (tmp_path / "fit.png").read_bytes().startswith(b"\x89PNG\r\n")
     result = load("fit.h5")
     assert printed == "Small fit\n" + result.report()
@@ -274,7 +272,7 @@ def test_bad_jobs(call, job, monkeypatch, old, new, message):
     assert (status, printed, complaint.count("\n")) == (2, "", 1)
     assert message in complaint
     assert complaint.startswith("rubberfric-fit: job.toml: ")
-    assert sorted(os.listdir()) == INPUTS
+    assert sorted(os.listdir()) == JOB_FILES
 
 
 @pytest.mark.parametrize(
@@ -296,7 +294,7 @@ def test_bad_arguments(call, job, monkeypatch, arguments, message):
     assert (status, printed, complaint.count("\n")) == (2, "", 1)
     assert message in complaint
     assert complaint.startswith("rubberfric-fit: ")
-    assert sorted(os.listdir()) == INPUTS
+    assert sorted(os.listdir()) == JOB_FILES
 
 
 def test_plot_without_matplotlib(call, job, monkeypatch):
@@ -348,7 +346,7 @@ def test_a_full_disk_does_not_cost_the_report(call, job, monkeypatch):
     status, printed, complaint = call(job, "--out", "fit.h5", "--plot", "fit.png")
     assert (status, complaint) == (1, "rubberfric-fit: [Errno 28] No space left on device\n")
     assert "[[Variables]]" in printed
-    assert sorted(os.listdir()) == sorted([*INPUTS, "fit.png"])
+    assert sorted(os.listdir()) == sorted([*JOB_FILES, "fit.png"])
 
 
 @pytest.mark.parametrize("error", [FloatingPointError("not finite"), np.linalg.LinAlgError("no SVD")])
@@ -358,7 +356,7 @@ def test_failed_work(call, job, monkeypatch, error):
 
     monkeypatch.setattr(command, "fit", fail)
     assert call(job, "--out", "fit.h5") == (1, "", f"rubberfric-fit: {error}\n")
-    assert sorted(os.listdir()) == INPUTS
+    assert sorted(os.listdir()) == JOB_FILES
 
 
 def test_reader_that_goes_away(job):
@@ -406,7 +404,7 @@ def test_interrupt_in_the_middle_of_a_fit(job):
         printed = process.stdout.read()
     os.close(master)
     assert process.returncode == 1
-    assert sorted(os.listdir()) == sorted([*INPUTS, "fit.h5"])
+    assert sorted(os.listdir()) == sorted([*JOB_FILES, "fit.h5"])
     result = load("fit.h5")
     assert result.message == "interrupted: these are the best values so far"
     assert result.cost < 0.9 * start_cost(result)
@@ -497,7 +495,7 @@ def test_a_second_interrupt_does_not_wait_and_leaves_no_half_file(call, job, mon
     status, printed, complaint = call(job, "--out", "fit.h5")
     assert (status, printed) == (130, "")
     assert complaint == "rubberfric-fit: interrupted; what was not yet complete is not written\n"
-    assert sorted(os.listdir()) == INPUTS
+    assert sorted(os.listdir()) == JOB_FILES
 
 
 def test_an_interrupt_before_the_fit(call, job, monkeypatch):
@@ -508,4 +506,4 @@ def test_an_interrupt_before_the_fit(call, job, monkeypatch):
     monkeypatch.setattr(command, "read_job", read)
     status, printed, complaint = call(job, "--out", "fit.h5")
     assert (status, printed, complaint.count("\n")) == (130, "", 1)
-    assert sorted(os.listdir()) == INPUTS
+    assert sorted(os.listdir()) == JOB_FILES

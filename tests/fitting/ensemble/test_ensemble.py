@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 from support.counting.compilations import compilations
 from support.ensembles import ensemble_cases as cases
+from support.folders import PYTHONPATH
 
 import fitting
 from fitting.ensemble.batches import make_lanes
@@ -53,7 +54,7 @@ def start(*arguments, devices=1, **options):
     added = {
         "JAX_NUM_CPU_DEVICES": str(devices),
         "JAX_PLATFORMS": "cpu",
-        "PYTHONPATH": str(PROGRAM.parents[2]),
+        "PYTHONPATH": PYTHONPATH,
     }
     command = [sys.executable, str(PROGRAM), *map(str, arguments)]
     return subprocess.Popen(command, env=os.environ | added, text=True, stdout=subprocess.PIPE, **options)

@@ -11,7 +11,7 @@ import sys
 import h5py
 import numpy as np
 import pytest
-from support.folders import ROOT
+from support.folders import PYTHONPATH, ROOT
 from support.scenes.maps import BLOCK, FILE, POINTS, QUICK, SCENE
 
 import rubberfric as rf
@@ -326,7 +326,7 @@ def shares(tmp_path, ranks, port=None):
             stderr=subprocess.PIPE,
             text=True,
             cwd=ROOT,
-            env=os.environ | {"PYTHONPATH": os.pathsep.join([str(ROOT), str(ROOT / "tests")])},
+            env=os.environ | {"PYTHONPATH": PYTHONPATH},
         )
         for rank in ranks
     ]
@@ -364,7 +364,7 @@ def test_the_command_makes_devices(tmp_path):
     scene = tmp_path / "scene.toml"
     scene.write_text(FILE)
     code = (
-        "import sys, jax\nfrom rubberfric import command\n"
+        "import sys, jax\nfrom rubberfric.commands import main as command\n"
         "def say(n):\n"
         "    print(command.main(['map', sys.argv[1], '--devices', n]), jax.device_count())\n"
         "say('3')\nsay('2')\nsay('0')\n"

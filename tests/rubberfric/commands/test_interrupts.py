@@ -7,7 +7,7 @@ import sys
 
 import pytest
 from support.folders import ROOT
-from test_fit_command import INPUTS, job  # noqa: F401
+from support.scenes.fits import JOB_FILES
 
 from rubberfric.io.results import load_result
 
@@ -115,14 +115,14 @@ def test_a_signal_leaves_what_is_marked_of_a_map(tmp_path):
     assert (load_result(path).solution.area == p * v * T).all()
 
 
-def test_a_signal_before_the_first_step_of_a_fit(job):  # noqa: F811
+def test_a_signal_before_the_first_step_of_a_fit(job):
     """There is nothing yet to report."""
     found = interrupted(FITTING.replace("NAME", "fit"), "job.toml", "--out", "fit.h5")
     assert found == (130, "", f"rubberfric-fit: {LOST}")
-    assert sorted(os.listdir()) == INPUTS
+    assert sorted(os.listdir()) == JOB_FILES
 
 
-def test_a_second_signal_does_not_wait_for_a_fit(job):  # noqa: F811
+def test_a_second_signal_does_not_wait_for_a_fit(job):
     found = interrupted(
         FITTING.replace("NAME", "save"),
         "job.toml",
@@ -132,4 +132,4 @@ def test_a_second_signal_does_not_wait_for_a_fit(job):  # noqa: F811
         after=0.5,
     )
     assert found == (143, "", f"rubberfric-fit: {LOST}")
-    assert sorted(os.listdir()) == INPUTS
+    assert sorted(os.listdir()) == JOB_FILES

@@ -20,7 +20,7 @@ if __name__ == "__main__":
     if len(sys.argv) > 4:
         # After the imports, which must not begin to use devices, and before anything that does.
         jax.distributed.initialize(f"127.0.0.1:{sys.argv[6]}", int(sys.argv[4]), int(sys.argv[5]))
-    sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+    sys.path[:0] = [str(Path(__file__).resolve().parents[i]) for i in (3, 2)]
 
 from support.scenes.fits import E_INF, ROAD, E
 
@@ -54,7 +54,7 @@ def friction(starts=10):
 
 
 def main(case, out, checkpoint=None, *processes):
-    def callback(done, members):
+    def callback(done, _):
         print(done, flush=True)
         if checkpoint is not None and not processes:
             time.sleep(0.05)  # so that a kill finds it at work

@@ -21,7 +21,7 @@ import numpy as np
 SINGLE = "float32" in sys.argv
 if __name__ == "__main__":
     jax.config.update("jax_enable_x64", not SINGLE)
-    sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+    sys.path[:0] = [str(Path(__file__).resolve().parents[i]) for i in (3, 2)]
 
 from support.ensembles.twin import FREE, TRUTH, twin  # noqa: E402
 

@@ -62,17 +62,8 @@ def state(case, halvings=150, order=12, warm=(None, None), marks=()):
     if softening:
         marks = [*marks, *strain_knots(softening, spectra)]
     # solids[i] sees the roughness of the other solid moving and its own at rest.
-    t, weight, q, active = _radial_mesh(spectra, solids, v, halvings, order, marks)
-    soft = np.ones((2, *q.shape))
-    if softening and q.size:
-        rough = sum(
-            np.where(on[:, None], s(q), 0.0) for on, s in zip(active, spectra, strict=True) if on.any()
-        )
-        strain = softening.get("factor", 1.0) * np.sqrt(
-            _cumulative(t, weight, 2 * np.pi * q**4 * rough, order)
-        )
-        for row, name in zip(soft, ("storage", "loss"), strict=True):
-            row[:] = np.interp(np.log(strain), np.log(softening["strain"]), softening[name])
+    weight, q, active = _radial_mesh(spectra, solids, v, halvings, order, marks)
+    soft = _softened(softening, spectra, weight, q, active, order)
     square, odd, real, across = np.zeros((4, *q.shape))
     by_roughness = []
     for on, spectrum, moved in zip(active, spectra, (1, 0), strict=True):
@@ -88,9 +79,9 @@ def state(case, halvings=150, order=12, warm=(None, None), marks=()):
         by_roughness.append(own)
     if not q.size or not square.any():  # nothing rough, or no resistance: full contact
         nothing = {"area": 1.0, "friction": 0.0, "separation": 0.0, "transverse": 0.0}
-        return nothing | {"q": q, "terms": np.zeros((2, *q.shape)), "within": lambda mark: 1.0}
+        return nothing | {"q": q, "terms": np.zeros((2, *q.shape)), "within": lambda _: 1.0}
     area_element = q * q  # q dq = q^2 d ln q
-    g = _cumulative(t, weight, 0.5 * area_element * square, order)  # G sigma^2 [Pa^2]
+    g = _cumulative(weight, 0.5 * area_element * square, order)  # G sigma^2 [Pa^2]
     g_end = np.sum(weight * 0.5 * area_element * square)
     if case.get("area_correction", False):
         flat = np.append(g.ravel(), g_end) / sigma**2
@@ -120,6 +111,19 @@ def state(case, halvings=150, order=12, warm=(None, None), marks=()):
         "terms": terms,
         "within": within,
     }
+
+
+def _softened(softening, spectra, weight, q, active, order):
+    """Factors of storage and loss modulus at every node."""
+    soft = np.ones((2, *q.shape))
+    if softening and q.size:
+        rough = sum(
+            np.where(on[:, None], s(q), 0.0) for on, s in zip(active, spectra, strict=True) if on.any()
+        )
+        strain = softening.get("factor", 1.0) * np.sqrt(_cumulative(weight, 2 * np.pi * q**4 * rough, order))
+        for row, name in zip(soft, ("storage", "loss"), strict=True):
+            row[:] = np.interp(np.log(strain), np.log(softening["strain"]), softening[name])
+    return soft
 
 
 def full_contact_friction(case, order=12):
@@ -344,7 +348,7 @@ class _Spectrum:
         return self.kinks.size > 0 and self.kinks[0] <= left and right <= self.kinks[-1]
 
 
-def _stretched_shape(data, q, phi):
+def _stretched_shape(data, _, phi):
     """D / <D> at every phi."""
 
     def D(phi):
@@ -397,7 +401,7 @@ def strain_knots(softening, spectra):
 
 
 def _radial_mesh(spectra, solids, v, halvings, order, marks=()):
-    """Panels in ln q, halved towards each kink, as (distance from kink, weight, q, active).
+    """Panels in ln q, halved towards each kink, as (weight, q, active).
 
     A knot omega_k of a tabulated modulus starts to matter at q = omega_k / v, like (q - q_k)^(3/2).
     """
@@ -408,7 +412,7 @@ def _radial_mesh(spectra, solids, v, halvings, order, marks=()):
         knots = np.concatenate([knots, np.array(marks)])
         ends = np.concatenate([ends, knots[(knots > ends.min()) & (knots < ends.max())]])
     kinks = np.unique(ends)
-    t, weight, q, active = [], [], [], [[], []]
+    weight, q, active = [], [], [[], []]
     for a, b in pairwise(kinks):
         on = [s.covers(a, b) for s in spectra]
         if not any(on):
@@ -418,17 +422,16 @@ def _radial_mesh(spectra, solids, v, halvings, order, marks=()):
         edges = np.concatenate([[0.0], plain[1] * 0.5 ** np.arange(halvings, 0, -1), plain[1:]])
         half = 0.5 * np.diff(edges)[:, None]
         nodes = edges[:-1, None] + half * (1 + node)
-        t.append(nodes)
         weight.append(half * node_weight)
         q.append(a * np.exp(nodes))
         for j in (0, 1):
             active[j] += [on[j]] * len(half)
-    if not t:
-        return (np.zeros((0, order)),) * 3 + (np.zeros((2, 0), bool),)
-    return np.concatenate(t), np.concatenate(weight), np.concatenate(q), np.array(active)
+    if not q:
+        return (np.zeros((0, order)),) * 2 + (np.zeros((2, 0), bool),)
+    return np.concatenate(weight), np.concatenate(q), np.array(active)
 
 
-def _cumulative(t, weight, density, order):
+def _cumulative(weight, density, order):
     """Integral of the density from the first q up to every node."""
     node, node_weight = np.polynomial.legendre.leggauss(order)
     k = np.arange(order)

@@ -1,9 +1,9 @@
 """Writes heated_cases.json: the scenes of heated.py with their quantities.
 
-    python tests/reference/make_heated_cases.py
+    python tests/reference/oracle/make_heated_cases.py
 
-The values come from `tests/support/oracles/oracle_heating.py`. Printed beside flash temperature and friction: the
-largest relative change with coarser panels, and with other polynomials for the temperatures.
+The values come from `tests/support/oracles/oracle_heating.py`. Printed beside flash temperature and friction:
+the largest relative change with coarser panels, and with other polynomials for the temperatures.
 """
 
 import json
@@ -12,11 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent)]
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from heated import ALL, CASES, STEP, along, difference  # noqa: E402
-from support.oracles.oracle_heating import POINTS, solve  # noqa: E402
+from support.cases.heated import ALL, CASES, STEP, along, difference
+from support.folders import REFERENCE
+from support.oracles.oracle_heating import POINTS, solve
 
 NAMES = ("area", "viscoelastic_friction", "shear_friction", "friction", "separation", "flash_temperature")
 
@@ -43,7 +43,7 @@ def main():
         changes = f"{largest_change(coarse, fine):.0e} {largest_change(other, coarse):.0e}"
         print(f"{name:18} {fine['flash_temperature']:12.6f} {fine['friction']:.6e} {changes}", flush=True)
     text = json.dumps(scenes, indent=1, default=lambda x: np.asarray(x).tolist())
-    (HERE / "heated_cases.json").write_text(text + "\n")
+    (REFERENCE / "heated_cases.json").write_text(text + "\n")
 
 
 if __name__ == "__main__":

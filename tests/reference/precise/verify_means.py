@@ -1,13 +1,15 @@
-"""Holds the angular means of `precise_solids.py` against quadrature over the angle, in 30 digits:
+"""Holds the angular means of `solids.py` against quadrature over the angle.
 
-python tests/reference/verify_means.py
+    python tests/reference/precise/verify_means.py
+
+Both in 30 digits.
 """
 
 import mpmath as mp
 import numpy as np
 from gmpy2 import mpfr
 from make_extremes import exact
-from precise_solids import angular_means
+from solids import angular_means
 
 
 def main():

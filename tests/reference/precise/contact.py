@@ -5,10 +5,10 @@ from itertools import pairwise
 
 import gmpy2
 import numpy as np
+from arithmetic import PI, ROOT_PI, erf, exp, gauss, sqrt, true
+from correction import Correction
 from gmpy2 import mpfr
-from precise import PI, ROOT_PI, erf, exp, gauss, sqrt, true
-from precise_correction import Correction
-from precise_solids import angular_means, forget_poles, shift_factor
+from solids import angular_means, forget_poles, shift_factor
 
 
 def kinks_of(psd):

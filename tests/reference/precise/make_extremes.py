@@ -1,20 +1,20 @@
-"""Writes extremes.json: values and derivatives of every case of `tests/support/cases/extremes.py`, to 25 digits or more.
+"""Writes extremes.json: every case of `tests/support/cases/extremes.py`, to 25 digits or more.
 
     python -m pip install gmpy2 mpmath numpy
-    python tests/reference/verify_means.py
-    python tests/reference/make_extremes.py [--only NAME ...]        (45 minutes, one process)
+    python tests/reference/precise/verify_means.py
+    python tests/reference/precise/make_extremes.py [--only NAME ...]        (45 minutes, one process)
 
-The theory's three lines in 120-digit arithmetic (MPFR), sharing no code with the library and
-none of its arrangements against cancellation, which 120 digits do not need:
+Values and derivatives by the theory's three lines in 120-digit arithmetic (MPFR), sharing no code with the
+library and none of its arrangements against cancellation, which 120 digits do not need:
 
 - The angular means are sums over the poles of the stiffness in the complex plane
-  (`precise_solids.py`); `verify_means.py` holds them against quadrature of the complex modulus
+  (`solids.py`); `verify_means.py` holds them against quadrature of the complex modulus
   over the angle, in 30 digits. With two deformable solids the poles are bracketed, then polished
   by Newton's method.
-- The radial integrals (`precise_contact.py`) are Gauss sums over panels between all kinks of
+- The radial integrals (`contact.py`) are Gauss sums over panels between all kinks of
   both spectra, which double in width away from every place where G = 0. G, and Psi along the
   path from x = inf on, dPsi = -s'(x)/x dx, are cumulative integrals of the panels' interpolants.
-- With S in G (`precise_correction.py`), g(G) = int dG / S is integrated from node to node and
+- With S in G (`correction.py`), g(G) = int dG / S is integrated from node to node and
   inverted by Newton's method.
 - Derivatives are differences of second order with a relative step of 1e-32: central ones, or
   one-sided ones where the parameter is at the border of what is allowed.
@@ -35,11 +35,11 @@ import gmpy2
 import numpy as np
 from gmpy2 import mpfr
 
-HERE = Path(__file__).resolve().parent
-sys.path[:0] = [str(HERE), str(HERE.parent)]
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from precise_contact import Contact  # noqa: E402
-from support.cases.extremes import CASES, changed  # noqa: E402
+from contact import Contact
+from support.cases.extremes import CASES, changed
+from support.folders import REFERENCE
 
 STEP = mpfr(10) ** -32
 QUANTITIES = ("area", "friction", "separation")
@@ -166,7 +166,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--only", nargs="+", default=list(CASES), help="names of cases; the others are kept")
     arguments = parser.parse_args()
-    path = HERE / "extremes.json"
+    path = REFERENCE / "extremes.json"
     entries = json.loads(path.read_text()) if path.exists() else {}
     for name in arguments.only:
         start = time.monotonic()

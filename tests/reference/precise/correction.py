@@ -4,8 +4,8 @@ import math
 
 import gmpy2
 import numpy as np
+from arithmetic import ROOT_PI, erf, exp, gauss, sqrt, true
 from gmpy2 import mpfr
-from precise import ROOT_PI, erf, exp, gauss, sqrt, true
 
 S_IS_ONE = mpfr(1) / 600  # G below which P and S are 1 to 65 digits
 

@@ -101,7 +101,7 @@ def test_contact_shear_from_six_points(fitted):
 
 
 @pytest.mark.slow
-def test_a_fourth_number_is_not_identified(scene, fitted):
+def test_a_fourth_number_is_not_identified(scene):
     """gamma would scale the viscoelastic part: then neither it nor the shape of the shear is known."""
     four = fit(scene, measured("R20"), SHEAR | {"gamma": Bounded(0.01, 1.0)}, quadrature=FAST)
     assert four.success and four.freedom < 2.5

@@ -1,6 +1,6 @@
 """Writes part_cases.json: scenes with strain softening and with anisotropic roughness.
 
-    python tests/reference/make_part_cases.py      (about eight minutes on one core)
+    python tests/reference/oracle/make_part_cases.py      (about eight minutes on one core)
 
 Values and derivatives come from `tests/support/oracles/oracle.py`, on a mesh on which they have converged to
 1e-13 and 1e-10. A derivative is d quantity / d ln parameter, by central differences of the
@@ -11,10 +11,11 @@ import json
 
 import numpy as np
 from make_derivative_cases import OFFSETS, WEIGHTS
-from make_option_cases import HERE, MASTER_CURVE, STIFF
+from make_option_cases import MASTER_CURVE, STIFF
 from make_option_cases import RUBBER as SIX_TERMS
 from make_option_cases import case as option_case
 from support.cases.solids import ARRHENIUS, MEASURED_ROAD, RIGID, ROAD, SOFT, TREAD, WLF
+from support.folders import REFERENCE
 from support.oracles.oracle import solve
 
 RUBBER = SIX_TERMS | {"E": [7.6e8, 1.43e8, 1.55e7, 2.2e6], "tau": [1e-9, 1e-8, 1e-6, 1e-3]}
@@ -171,7 +172,7 @@ def main():
         values = solve(scene, 50, 16)
         out.append(scene | values | ({"derivatives": slopes} if slopes else {}))
         print(f"{scene['name']:28}", *(f"{value:.6e}" for value in values.values()), len(slopes), flush=True)
-    (HERE / "part_cases.json").write_text(json.dumps(out, indent=1) + "\n")
+    (REFERENCE / "part_cases.json").write_text(json.dumps(out, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Writes option_cases.json: scenes for every option that the other reference files leave out.
 
-    python tests/reference/make_option_cases.py
+    python tests/reference/oracle/make_option_cases.py
 
 The values come from `tests/support/oracles/oracle.py`.
 """
@@ -11,11 +11,11 @@ from pathlib import Path
 
 import numpy as np
 
-HERE = Path(__file__).resolve().parent
-sys.path.insert(0, str(HERE.parent))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
-from support.cases.solids import ARRHENIUS, MEASURED_ROAD, RIGID, ROAD, SOFT, TREAD, WLF  # noqa: E402
-from support.oracles.oracle import solve  # noqa: E402
+from support.cases.solids import ARRHENIUS, MEASURED_ROAD, RIGID, ROAD, SOFT, TREAD, WLF
+from support.folders import REFERENCE
+from support.oracles.oracle import solve
 
 STIFF = {"kind": "elastic", "E": 4.0e7, "nu": 0.3}
 RUBBER = {
@@ -100,7 +100,7 @@ CASES = [
 def main():
     scenes = [scene | solve(scene) for scene in CASES]
     text = json.dumps(scenes, indent=1, default=lambda x: np.asarray(x).tolist())
-    (HERE / "option_cases.json").write_text(text + "\n")
+    (REFERENCE / "option_cases.json").write_text(text + "\n")
     for scene in scenes:
         print(f"{scene['name']:32}", *(f"{scene[k]:.6e}" for k in ("area", "friction", "separation")))
 

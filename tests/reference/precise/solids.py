@@ -2,8 +2,8 @@
 
 import gmpy2
 import numpy as np
+from arithmetic import cosh, exp, lesser, sinh, sqrt, true
 from gmpy2 import mpfr
-from precise import cosh, exp, lesser, sinh, sqrt, true
 
 
 def shift_factor(shift, temperature):

@@ -1,6 +1,6 @@
 """Writes derivative_cases.json: derivatives of the oracle's values with respect to every parameter.
 
-    python tests/reference/make_derivative_cases.py      (about five minutes)
+    python tests/reference/oracle/make_derivative_cases.py      (about five minutes)
 
 Each is d quantity / d ln parameter, by central differences of the sixth order of values
 that `tests/support/oracles/oracle.py` computes to rounding: good to about 1e-10 of the value. Parameters
@@ -10,8 +10,9 @@ are named as in the scene's dictionary, with the index of a vector's element.
 import json
 
 import numpy as np
-from make_option_cases import HERE, STIFF, case
+from make_option_cases import STIFF, case
 from support.cases.solids import HARD, MEASURED_ROAD, RIGID, ROAD, SOFT, TREAD, WLF
+from support.folders import REFERENCE
 from support.oracles.oracle import solve
 
 STEP = 0.01
@@ -71,7 +72,7 @@ def main():
         slopes = {".".join(map(str, path)): derivative(scene, path) for path in parameters(scene)}
         out.append(scene | solve(scene) | {"derivatives": slopes})
         print(scene["name"], len(slopes), flush=True)
-    (HERE / "derivative_cases.json").write_text(json.dumps(out, indent=1) + "\n")
+    (REFERENCE / "derivative_cases.json").write_text(json.dumps(out, indent=1) + "\n")
 
 
 if __name__ == "__main__":
