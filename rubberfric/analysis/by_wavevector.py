@@ -19,7 +19,7 @@ from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import cumulative_moment
-from rubberfric.roughness.spectra import broken_power_law, log_ratio, log_shape
+from rubberfric.roughness.spectra import log_ratio, log_shape
 from rubberfric.scene.scene import cast, rough_pairs
 from rubberfric.scene.softening import softened_of
 from rubberfric.theory.integrals import prepare, solved
@@ -113,7 +113,7 @@ def checked_with_q(scene, velocity, pressure, temperature, quadrature, q, ndim=1
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
 def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
-    laws = [broken_power_law(rough.spectrum) for rough, _ in rough_pairs(scene)]
+    laws = [rough.spectrum.power_law() for rough, _ in rough_pairs(scene)]
     if not laws:
         return _without_roughness(q, jnp.broadcast_shapes(velocity.shape, pressure.shape))
     first = functools.reduce(jnp.minimum, [law.q[0] for law in laws])

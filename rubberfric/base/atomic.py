@@ -4,12 +4,15 @@ import contextlib
 import os
 import secrets
 import shutil
+from collections.abc import Iterator
 from pathlib import Path
 
-_begun = set()  # files and folders that are nothing without what this process has yet to do
+StrPath = str | os.PathLike[str]
+
+_begun: set[Path] = set()  # files and folders that are nothing without what this process has yet to do
 
 
-def as_path(path):
+def as_path(path: StrPath) -> Path:
     """A `Path`; ValueError in one line for what cannot be one, such as arguments in the wrong order."""
     try:
         return Path(path)
@@ -17,17 +20,17 @@ def as_path(path):
         raise ValueError(f"path is a {type(path).__name__}: must be the path of a file") from None
 
 
-def begin(path):
+def begin(path: Path) -> None:
     """Have a file or folder removed if a signal ends the process before `finish`."""
     _begun.add(path)
 
 
-def finish(path):
+def finish(path: Path) -> None:
     """It may remain, or is removed already."""
     _begun.discard(path)
 
 
-def remove_begun():
+def remove_begun() -> None:
     """Remove what is not to outlive the process; another thread may be about to do so."""
     for path in list(_begun):
         if path.is_dir():
@@ -38,7 +41,7 @@ def remove_begun():
 
 
 @contextlib.contextmanager
-def temporary_folder(parent):
+def temporary_folder(parent: StrPath) -> Iterator[Path]:
     """A hidden folder in another, removed on leaving, and by `remove_begun`."""
     folder = Path(parent) / f".writing-{secrets.token_hex(8)}"
     begin(folder)  # before there is one, so that none is forgotten
@@ -51,7 +54,7 @@ def temporary_folder(parent):
 
 
 @contextlib.contextmanager
-def replacing(path):
+def replacing(path: StrPath) -> Iterator[Path]:
     """Give a path to write to; on leaving, rename it to `path`, or remove it if writing failed.
 
     The temporary file lies in a hidden folder beside `path`, so that the rename stays on
@@ -64,7 +67,7 @@ def replacing(path):
         os.replace(temporary, path)
 
 
-def check_writable(path, suffixes):
+def check_writable(path: StrPath, suffixes: tuple[str, ...]) -> None:
     """Raise ValueError saying why `path` could not be written: its suffix, its folder, or itself."""
     path = as_path(path)
     if path.suffix.lower() not in suffixes:

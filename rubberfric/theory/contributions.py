@@ -12,7 +12,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.quadrature import between_weights, cumulative, gauss, typed
-from rubberfric.materials.materials import TabulatedModulus
 from rubberfric.scene.scene import relaxes
 from rubberfric.theory.stiffness.angular_means import angular_means, static_means, with_means
 from rubberfric.theory.stiffness.factors import Modes, mix_of, modes_of, node_factors
@@ -55,9 +54,7 @@ class Parts(NamedTuple):
 
 def is_logarithmic(rough, other):
     """Whether <|F|^2> may change by 1e9 within a panel: see `_logarithmic`."""
-    if isinstance(other.material, TabulatedModulus):
-        return True
-    return relaxes(other) and by_node(rough, other)
+    return other.material.needs_quadrature or (relaxes(other) and by_node(rough, other))
 
 
 def make_channel(mesh, j, pair, softened, scale, wanted, quadrature):
@@ -104,7 +101,7 @@ def make_channel(mesh, j, pair, softened, scale, wanted, quadrature):
     return Channel(
         stiffness=with_means(F, wanted, quadrature, modes.split, mix),
         modes=modes,
-        shift=getattr(other.material, "shift", None),
+        shift=other.material.shift,
         by_node=by_node(rough, other) and not static,
         logarithmic=logarithmic,
         power=power,

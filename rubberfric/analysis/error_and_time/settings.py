@@ -8,9 +8,7 @@ import numpy as np
 
 from rubberfric.analysis.error_and_time import reference
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.materials.materials import TabulatedModulus
 from rubberfric.roughness.mesh import build_mesh
-from rubberfric.roughness.spectra import broken_power_law
 from rubberfric.scene.scene import rough_pairs
 
 # Few others of as few nodes have errors as small, on a road and on a pair of rubbers from 1e-8 to
@@ -31,14 +29,14 @@ LADDER = (
 def settings_for(scene):
     """The ladder for a scene; its angles are the default where nothing needs them."""
     bodies = (scene.lower, scene.upper)
-    if any(isinstance(body.material, TabulatedModulus) for body in bodies):
+    if any(body.material.needs_quadrature for body in bodies):
         return LADDER
     return tuple(dataclasses.replace(setting, angle=Quadrature().angle) for setting in LADDER)
 
 
 def node_count(scene, quadrature):
     """Nodes in q that a point costs: where the contact is evaluated and where the stiffness is."""
-    laws = [broken_power_law(rough.spectrum) for rough, _ in rough_pairs(scene)]
+    laws = [rough.spectrum.power_law() for rough, _ in rough_pairs(scene)]
     if not laws:
         return 0
 

@@ -17,7 +17,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.quadrature import gauss
-from rubberfric.materials.master_curve import interpolated_modulus
 
 # Panels in y; short ones first, where the weight psi is: e^-25 of the circle is left out.
 _EDGES = np.array([0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0, 11.0, 25.0])
@@ -52,7 +51,7 @@ def tabulated_means(F, qv, wanted, angle, split=False, mix=None):
     """(power, dissipation, storage, transverse) of a Tabulated stiffness, as `angular.angular_means`."""
     # Far below the table F is its static value and Im F is linear in q v: the means are
     # taken at the floor and the dissipation scaled, so that v = 0 keeps its derivative.
-    floor = jnp.log(F.material.omega[0]) - math.log(1e9)
+    floor = jnp.log(F.material.frequency_range()[0]) - math.log(1e9)
     tiny = jnp.finfo(qv.dtype).tiny
     log_qv = jnp.maximum(jnp.log(jnp.maximum(jnp.abs(qv), tiny)), floor)
     harmonics = 0 if mix is None else mix[0].shape[0]
@@ -66,7 +65,7 @@ def tabulated_means(F, qv, wanted, angle, split=False, mix=None):
         means = _mixed(means, *late)
     power, dissipation, storage, transverse = means
     # If E'' does not vanish at v = 0+, only the sign is left.
-    sign = jnp.sign(qv) if F.material.outside == "hold" else qv * jnp.exp(-log_qv)
+    sign = jnp.sign(qv) if F.material.loss_at_rest else qv * jnp.exp(-log_qv)
     signed = (None if m is None else tuple(mean * sign for mean in m) for m in (dissipation, transverse))
     dissipation, transverse = signed
     return power, dissipation, storage, transverse
@@ -108,7 +107,7 @@ def _direct(F, log_qv, wanted, angle, split, harmonics, mix):
     even, odd = (jnp.asarray(weight * rows, log_qv.dtype) for rows in (even, odd))
     if mix is not None:
         even, odd = even[:1] + mix[0] @ even[1:], (mix[1] @ odd)[None]
-    storage, loss = interpolated_modulus(F.material, log_qv[..., None] + jnp.log(sine))
+    storage, loss = F.material.storage_and_loss(log_qv[..., None] + jnp.log(sine))
     scale = F.scale[..., None] if F.scale.ndim else F.scale
     storage, loss = scale * storage, scale * loss
     power = storage**2 + loss**2
@@ -141,7 +140,7 @@ def means_table(F, wanted, angle, split=False, mix=None):
     harmonics = 0 if mix is None else mix[0].shape[0]
     mix = None if mix is not None and mix[0].ndim > 1 else mix
     count = _ENTRIES_PER_NODE * angle
-    low, high = jax.lax.stop_gradient(jnp.log(F.material.omega[jnp.array([0, -1])]))
+    low, high = jax.lax.stop_gradient(jnp.log(jnp.stack(F.material.frequency_range())))
     step = (high - low + _BELOW + _ABOVE) / (count - 6)
     step = jnp.exp2(jnp.ceil(4 * jnp.log2(step)) / 4)
     first = jnp.floor((low - _BELOW) / step) - 2
@@ -174,7 +173,7 @@ def _by_table(F, log_qv, split):
 
     and above it, where a share e^-x of the circle is within it, P + P' e^-x and D e^-x + D' e^-2x.
     """
-    outside, table = F.material.outside, F.table
+    outside, table = F.material.loss_beyond, F.table
     count = jax.tree.leaves(table.means)[0].shape[0]
     position = log_qv / table.step - table.first
     below, above = (table.step * x for x in (position - 2, position - (count - 3)))

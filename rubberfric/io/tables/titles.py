@@ -2,7 +2,9 @@
 
 import re
 
-# Another name of a column: which of `columns.COLUMNS` it is. "M_..." is E_... or G_..., as the caller says.
+from rubberfric.io.tables.columns import COLUMNS
+
+# Another name of a column: which of `COLUMNS` it is. "M_..." is E_... or G_..., as the caller says.
 ALIASES = {
     "E'": "E_stor",
     "E''": "E_loss",
@@ -49,10 +51,7 @@ OTHERS = (
     "t_set",
     "E_relax",
     "G_relax",
-    "E_stor_filt",
-    "E_loss_filt",
-    "G_stor_filt",
-    "G_loss_filt",
+    *(f"{name}_filt" for name in ("E_stor", "E_loss", "G_stor", "G_loss")),
 )
 
 _UNITS = {
@@ -77,51 +76,49 @@ _UNITS = {
 }
 # Signs that stand for a prime, for two of them, and for the Greek letter mu.
 _PRIMES, _DOUBLE = "\u00b4\u0060\u2018\u2019\u2032\u02b9", '"\u2033\u201d'
-_MARKS = str.maketrans({p: "'" for p in _PRIMES} | {d: "''" for d in _DOUBLE} | {"\u00b5": "\u03bc"})
+_ONE_SIGN = str.maketrans({p: "'" for p in _PRIMES} | {d: "''" for d in _DOUBLE} | {"\u00b5": "\u03bc"})
 _LOGARITHM = re.compile(r"(?:log_?10|log|lg)[ _(]\s*(.+?)\s*\)?")
 _BRACKETS = re.compile(r"(.+?)\s*[\[(]([^\[\]()]*(?:\([^()]*\))?)[\])]")
 
 
-def is_foreign(title, known, columns):
-    """Whether a title, and what `known_name` says of it, is of another program, not of an own table."""
-    name, _ = known
-    return title in OTHERS or (
-        name is not None and (name not in columns or not columns[name].offered or name != title)
-    )
+def is_foreign(title: str, name: str | None) -> bool:
+    """Whether a title, whose `known_name` is `name`, is of another program, not of an own table."""
+    own = name in COLUMNS and COLUMNS[name].offered and name == title
+    return title in OTHERS or (name is not None and not own)
 
 
-def known_name(title, columns, generic):
+def known_name(title: str, generic: str) -> tuple[str | None, str | None]:
     """What a column's title, "name" or "name [unit]", says: (name, unit), or None for what it does not.
 
-    The name is one of `columns` or `SET_VALUES`; a "storage modulus" is one of `generic`, "E" or "G".
+    The name is one of `COLUMNS` or `SET_VALUES`; a "storage modulus" is one of `generic`, "E" or "G".
     """
     title = title.strip()
     for text, unit in ((title, None), *((m[1], m[2]) for m in [_BRACKETS.fullmatch(title)] if m)):
-        known = _known(text, columns)
+        known = _known(text)
         if known is not None:
             return (generic + known[1:] if known.startswith("M_") else known), unit
     return None, None
 
 
-def _known(text, columns):
-    if text in columns or text in SET_VALUES:
-        return text
-    text = " ".join(text.translate(_MARKS).split())
-    if text in ALIASES:
-        return ALIASES[text]
-    words = re.sub(r"[\s_.]+", " ", text).strip().lower()
-    if words in ALIASES:
-        return ALIASES[words]
-    logarithm = _LOGARITHM.fullmatch(text)
-    if logarithm:
-        known = _known(logarithm[1], columns)
-        return f"log10_{known}" if f"log10_{known}" in columns else None
-    return None
-
-
-def known_unit(unit, known, columns):
-    """A unit as `columns.COLUMNS` spells it."""
+def known_unit(unit: str | None, name: str | None) -> str:
+    """A unit as the column of that name spells it."""
     unit = (unit or "").strip().translate(str.maketrans({"\u00b5": "u", "\u03bc": "u"}))
     unit = _UNITS.get(unit, unit)
-    units = columns[known].units if known in columns else ()
+    units = COLUMNS[name].units if name in COLUMNS else ()
     return f"log10({unit})" if unit not in units and f"log10({unit})" in units else unit
+
+
+def _known(text: str) -> str | None:
+    if text in COLUMNS or text in SET_VALUES:
+        return text
+    text = " ".join(text.translate(_ONE_SIGN).split())
+    if text in ALIASES:
+        return ALIASES[text]
+    plain = re.sub(r"[\s_.]+", " ", text).strip().lower()
+    if plain in ALIASES:
+        return ALIASES[plain]
+    logarithm = _LOGARITHM.fullmatch(text)
+    if logarithm:
+        known = f"log10_{_known(logarithm[1])}"
+        return known if known in COLUMNS else None
+    return None

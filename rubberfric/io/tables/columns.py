@@ -1,44 +1,66 @@
 """Columns of the tables: what their names and units mean, and how they become SI."""
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 from rubberfric.base.units import ZERO_CELSIUS, hertz
+
+Units = Mapping[str, float]
 
 
 class Column(NamedTuple):
     """What a column of that name is."""
 
     name: str  # of the quantity it gives in SI
-    units: dict  # unit: (factor, offset), SI value = factor * value + offset
+    units: Units  # unit: factor, value in SI = factor * value + offset
     positive: bool = True
     log10: bool = False  # the file holds the logarithm of the value in the unit
     offered: bool = True  # named in messages; the others are read where another program wrote the table
 
-    def value(self, number, unit):
+    def value(self, number: float, unit: str) -> float:
         """A number of a file in SI."""
-        factor, offset = self.units[unit]
-        return factor * (10.0**number if self.log10 else number) + offset
+        offset = ZERO_CELSIUS if unit in ("C", "°C") else 0.0
+        return self.units[unit] * (10.0**number if self.log10 else number) + offset
+
+    def read(self, where: str, text: str, unit: str) -> float:
+        """A field of a file in SI; ValueError, which begins with `where`, if the column cannot hold it."""
+        try:
+            if "_" in text:  # Python's digit grouping is no CSV number
+                raise ValueError
+            value = float(text)
+        except ValueError:
+            raise ValueError(f"{where}: must be a number") from None
+        if not math.isfinite(value):
+            raise ValueError(f"{where}: must be finite")
+        try:
+            value = self.value(value, unit)
+        except OverflowError:
+            value = math.inf
+        self.check(where, value)
+        return value
+
+    def check(self, where: str, value: float) -> None:
+        """ValueError, which begins with `where`, unless the column may hold a value in SI."""
+        if not math.isfinite(value):
+            raise ValueError(f"{where}: must be finite in SI units")
+        if self.positive and not value > 0:
+            raise ValueError(f"{where}: must be > 0{' K' if self.name == 'T' else ''}")
 
 
-def _scaled(**factors):
-    return {unit: (factor, 0.0) for unit, factor in factors.items()}
+def _logarithms(units: Units) -> Units:
+    return {f"log10({unit})": factor for unit, factor in units.items()}
 
 
-_ONE = {"-": (1.0, 0.0)}
-_RATIO = {"-": (1.0, 0.0), "%": (1e-2, 0.0)}
-_FREQUENCY = _scaled(Hz=hertz(1.0), kHz=hertz(1e3), MHz=hertz(1e6))
-_ANGULAR = {"rad/s": (1.0, 0.0)}
-_PRESSURE = _scaled(Pa=1.0, kPa=1e3, MPa=1e6, GPa=1e9)
-_SPEED = {"m/s": (1.0, 0.0), "mm/s": (1e-3, 0.0), "um/s": (1e-6, 0.0)}
-_RADIAN, _DEGREE = {"rad": (1.0, 0.0)}, {"deg": (math.pi / 180, 0.0)}
-_WAVEVECTOR = {"1/m": (1.0, 0.0), "1/mm": (1e3, 0.0), "1/um": (1e6, 0.0), "1/nm": (1e9, 0.0)}
-_SPECTRUM = {"m^4": (1.0, 0.0), "mm^4": (1e-12, 0.0), "um^4": (1e-24, 0.0), "nm^4": (1e-36, 0.0)}
-_LINE = {"m^3": (1.0, 0.0), "mm^3": (1e-9, 0.0), "um^3": (1e-18, 0.0), "nm^3": (1e-27, 0.0)}
-
-
-def _logarithms(units):
-    return {f"log10({unit})": how for unit, how in units.items()}
+_ONE = {"-": 1.0}
+_RATIO = {"-": 1.0, "%": 1e-2}
+_FREQUENCY = {"Hz": hertz(1.0), "kHz": hertz(1e3), "MHz": hertz(1e6)}
+_ANGULAR = {"rad/s": 1.0}
+_PRESSURE = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9}
+_SPEED = {"m/s": 1.0, "mm/s": 1e-3, "um/s": 1e-6}
+_WAVEVECTOR = {"1/m": 1.0, "1/mm": 1e3, "1/um": 1e6, "1/nm": 1e9}
+_SPECTRUM = {"m^4": 1.0, "mm^4": 1e-12, "um^4": 1e-24, "nm^4": 1e-36}
+_LINE = {"m^3": 1.0, "mm^3": 1e-9, "um^3": 1e-18, "nm^3": 1e-27}
 
 
 # Names a file may use. The first unit of each is SI, in which tables are written.
@@ -53,9 +75,9 @@ COLUMNS = {
     "log10_C": Column("C", _logarithms(_SPECTRUM), log10=True),
     "C_1D": Column("C_1D", _LINE),
     "log10_C_1D": Column("C_1D", _logarithms(_LINE), log10=True),
-    "phi": Column("phi", _RADIAN, positive=False),
-    "phi_deg": Column("phi", _DEGREE, positive=False),
-    "T": Column("T", {"K": (1.0, 0.0), "C": (1.0, ZERO_CELSIUS), "°C": (1.0, ZERO_CELSIUS)}),
+    "phi": Column("phi", {"rad": 1.0}, positive=False),
+    "phi_deg": Column("phi", {"deg": math.pi / 180}, positive=False),
+    "T": Column("T", {"K": 1.0, "C": 1.0, "°C": 1.0}),
     "aT": Column("aT", _ONE),
     "strain": Column("strain", _RATIO),
     "storage_factor": Column("storage_factor", _ONE),
@@ -74,7 +96,7 @@ COLUMNS = {
     "log10_f": Column("omega", _logarithms(_FREQUENCY), log10=True, offered=False),
     "log10_E_stor": Column("E_stor", _logarithms(_PRESSURE), log10=True, offered=False),
     "log10_E_loss": Column("E_loss", _logarithms(_PRESSURE), log10=True, offered=False),
-    "log10_aT": Column("aT", _ONE | _logarithms(_ONE), log10=True, offered=False),
+    "log10_aT": Column("aT", {"-": 1.0, "log10(-)": 1.0}, log10=True, offered=False),
     "log10_p": Column("p", _logarithms(_PRESSURE), log10=True, offered=False),
     "E_comp": Column("E_comp", _PRESSURE, offered=False),
     "G_stor": Column("G_stor", _PRESSURE, offered=False),

@@ -15,29 +15,48 @@ Blank lines and lines that begin with # are skipped.
 import csv
 import io
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from rubberfric.base.atomic import as_path, replacing
+from rubberfric.base.atomic import StrPath
 from rubberfric.base.checks import closest
-from rubberfric.io.columns import COLUMNS, MODULI
-from rubberfric.io.instrument_tables import exports
-from rubberfric.io.instrument_tables.moduli import missing, with_moduli
+from rubberfric.io.tables.columns import COLUMNS, MODULI, Column
+from rubberfric.io.tables.exports import Export, Rows, find_table, headless, pick
+from rubberfric.io.tables.moduli import missing, with_moduli
+from rubberfric.io.tables.text import read_text
+from rubberfric.io.tables.titles import SET_VALUES
 
-# Bytes above ASCII that exports in Latin-1 have: ° µ ² ³ · and German vowels.
-_LATIN = b"\xb0\xb5\xb2\xb3\xb7\xe4\xf6\xfc\xc4\xd6\xdc\xdf"
+
+class Table(NamedTuple):
+    """The columns of a table that are read."""
+
+    where: str  # file and line of the names
+    titles: list[str]  # as they stand in the file
+    columns: list[Column]
+    units: list[str]
+    rows: Rows
 
 
-def read_table(path, wanted, optional=(), increasing=True, columns=None, poisson=None, generic=None):
-    """Columns of a table in SI: one of the project's own, or an export (`rubberfric.io.instrument_tables.exports`).
+def read_table(
+    path: StrPath,
+    needed: Sequence[str],
+    optional: Sequence[str] = (),
+    increasing: bool = True,
+    columns: list[str] | None = None,
+    poisson: float | None = None,
+    generic: str | None = None,
+) -> dict[str, np.ndarray]:
+    """Columns of a table in SI: one of the project's own, or an export (`rubberfric.io.tables.exports`).
 
     Parameters
     ----------
     path : path of the file
-    wanted, optional : tuples of names in SI ("omega", not "f")
+    needed, optional : tuples of names in SI ("omega", not "f")
         columns the file must hold and may hold. E_stor and E_loss may follow from others: tan(delta),
         |E*|, or shear moduli. Further columns are errors in an own table, and left out of an export.
-    increasing : whether the first wanted column must increase strictly; in an export it may also fall
+    increasing : whether the first needed column must increase strictly; in an export it may also fall
     columns : list of "name [unit]", what the columns are of a file that does not say so, or None
     poisson : Poisson's ratio [-] for E = 2 (1 + poisson) G, or None
     generic : "E" or "G", what a "storage modulus" is; None: "G" if poisson is given, else "E"
@@ -56,32 +75,30 @@ def read_table(path, wanted, optional=(), increasing=True, columns=None, poisson
     """
     text = read_text(path, exports=True)
     export = _export(path, text, columns, generic or ("E" if poisson is None else "G"))
-    if export is None:
-        where, titles, kinds, units, data = _own(path, text, wanted, optional)
-    else:
-        where, titles, kinds, units, data = _theirs(export, wanted, optional)
+    found = _own(path, text, needed, optional) if export is None else _of_export(export, needed, optional)
     table = {}
-    for i, (title, column, unit) in enumerate(zip(titles, kinds, units, strict=True)):
-        texts = [(f"{path}: line {line}: {title} = {row[i]!r}", row[i]) for line, row in data]
-        table[column.name] = np.array([_value(at, field, unit, column) for at, field in texts])
+    for i, (title, column, unit) in enumerate(zip(found.titles, found.columns, found.units, strict=True)):
+        texts = [(f"{path}: line {line}: {title} = {row[i]!r}", row[i]) for line, row in found.rows]
+        table[column.name] = np.array([column.read(where, text, unit) for where, text in texts])
     if export is not None or (poisson is not None and generic is None):
-        table = with_moduli(where, table, wanted, optional, poisson, generic is None)
+        table = with_moduli(found.where, table, needed, optional, poisson, generic is None)
     if increasing:
-        first = table[wanted[0]]
+        first = table[needed[0]]
         if export is not None and np.all(np.diff(first) < 0):
             return {name: values[::-1] for name, values in table.items()}
         bad = np.flatnonzero(~(np.diff(first) > 0))
         if bad.size:
-            line, row = data[bad[0] + 1]
-            i = next(i for i, column in enumerate(kinds) if column.name == wanted[0])
-            before = data[bad[0]][1][i]
+            i = [column.name for column in found.columns].index(needed[0])
+            (_, before), (line, row) = found.rows[bad[0] : bad[0] + 2]
             raise ValueError(
-                f"{path}: line {line}: {titles[i]} = {row[i]} after {before}: must increase strictly"
+                f"{path}: line {line}: {found.titles[i]} = {row[i]} after {before[i]}: must increase strictly"
             )
     return table
 
 
-def read_columns(path, columns=None, poisson=None):
+def read_columns(
+    path: StrPath, columns: list[str] | None = None, poisson: float | None = None
+) -> dict[str, np.ndarray]:
     """Everything that a table holds and that has a name here, in SI.
 
     Parameters
@@ -99,14 +116,14 @@ def read_columns(path, columns=None, poisson=None):
     names = read_names(path, columns, "E" if poisson is None else "G")
     quantities = tuple(dict.fromkeys(COLUMNS[name].name for name in names if name in COLUMNS))
     if not quantities:
-        near = closest("".join(names[:1]), COLUMNS)
+        near = closest("".join(names[:1]), tuple(COLUMNS))
         raise ValueError(f"{path}: columns {', '.join(names)}: none is known; {near}")
     moduli = ("E_stor", "E_loss") if {"E_stor", *MODULI} & set(quantities) else ()
     plain = tuple(name for name in quantities if name not in (*MODULI, *moduli))
     return read_table(path, (*plain, *moduli), (), increasing=False, columns=columns, poisson=poisson)
 
 
-def read_directions(path):
+def read_directions(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
     """A spectrum over wavevector and direction from a CSV file with the columns q, phi or phi_deg, and C.
 
     Returns
@@ -139,98 +156,53 @@ def read_directions(path):
     return q[::count], C.reshape(-1, count)
 
 
-def read_names(path, columns=None, generic="E"):
+def read_names(path: StrPath, columns: list[str] | None = None, generic: str = "E") -> list[str]:
     """Names of the columns of a table, in an export only the known; ValueError if it is none."""
     text = read_text(path, exports=True)
     export = _export(path, text, columns, generic)
     if export is None:
         return _rows(path, text)[0][1]
-    return [exports.SET_VALUES.get(name, name) for name in export.known if name is not None]
+    return [SET_VALUES.get(name, name) for name in export.names if name is not None]
 
 
-def write_table(path, table, comment=""):
-    """Write columns in SI (a dict of name -> sequence, names as in `COLUMNS`) as a CSV file.
-
-    Numbers have as many digits as it takes to read the same ones back. `comment` goes to
-    the top, each line behind a #. ValueError if a name is not known in SI, if lengths differ
-    or if a value is one that `read_table` refuses.
-    """
-    for name in table:
-        if name not in COLUMNS or COLUMNS[name].name != name:
-            known = sorted({column.name for column in COLUMNS.values()})
-            raise ValueError(f"{path}: column {name!r}: must be one of {', '.join(known)}")
-    columns = {name: np.asarray(values, float) for name, values in table.items()}
-    lengths = {name: values.shape for name, values in columns.items()}
-    if len(set(lengths.values())) != 1 or any(len(shape) != 1 for shape in lengths.values()):
-        raise ValueError(f"{path}: shapes of columns {lengths}: must be one-dimensional and equal")
-    for name, values in columns.items():
-        for i, value in enumerate(values.tolist()):
-            _check(f"{path}: {name}[{i}] = {value!r}", value, COLUMNS[name])
-    with replacing(path) as temporary, open(temporary, "w", encoding="utf-8", newline="") as file:
-        file.writelines(f"# {line}\n" for line in comment.splitlines())
-        writer = csv.writer(file, lineterminator="\n")
-        writer.writerow(columns)
-        writer.writerow([next(iter(COLUMNS[name].units)) for name in columns])
-        writer.writerows(zip(*(map(repr, values.tolist()) for values in columns.values()), strict=True))
-
-
-def read_text(path, exports=False):
-    """Text of a file; ValueError in one line if it is missing, unreadable or not UTF-8.
-
-    `exports` says that UTF-16 and signs like ° and µ in Latin-1 will do as well.
-    """
-    try:
-        content = as_path(path).read_bytes()
-        if exports and content[:2] in (b"\xff\xfe", b"\xfe\xff"):
-            return content.decode("utf-16")
-        if exports and set(content) - set(range(128)) <= set(_LATIN):
-            return content.decode("latin-1")
-        return content.decode("utf-8-sig")
-    except OSError as error:
-        raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
-    except ValueError as error:  # not UTF-8, or a path with a NUL byte
-        raise ValueError(f"{path}: cannot be read as text: {error}") from None
-
-
-def _export(path, text, titles, generic):
+def _export(path: StrPath, text: str, titles: list[str] | None, generic: str) -> Export | None:
     """The table of another program in a text, or None if it is an own one."""
-    if titles is not None:
-        return exports.headless(path, text, titles, COLUMNS)
-    return exports.find_table(path, text, COLUMNS, generic)
+    return find_table(path, text, generic) if titles is None else headless(path, text, titles)
 
 
-def _own(path, text, wanted, optional):
-    """(where, titles, kinds, units, rows) of an own table."""
-    rows = _rows(path, text)
-    (name_line, names), (unit_line, units), *data = rows
+def _own(path: StrPath, text: str, needed: Sequence[str], optional: Sequence[str]) -> Table:
+    """What is read of an own table: all that it has."""
+    (name_line, names), (unit_line, units), *rows = every = _rows(path, text)
     where = f"{path}: line {name_line}"
-    kinds = _columns(where, names, wanted, optional)
-    for line, row in rows[1:]:
+    columns = _columns(where, names, needed, optional)
+    for line, row in every[1:]:
         if len(row) != len(names):
             raise ValueError(f"{path}: line {line}: has {len(row)} fields: must have {len(names)}")
-    for name, unit, column in zip(names, units, kinds, strict=True):
+    for name, unit, column in zip(names, units, columns, strict=True):
         _check_unit(f"{path}: line {unit_line}: column {name}", unit, column)
-    return where, names, kinds, units, data
+    return Table(where, names, columns, units, rows)
 
 
-def _theirs(export, wanted, optional):
-    """The same of an export: only the columns asked for, and those they may follow from."""
-    more = MODULI if "E_stor" in wanted else ()
-    picked = exports.pick(export, COLUMNS, wanted, (*optional, *more))
+def _of_export(export: Export, needed: Sequence[str], optional: Sequence[str]) -> Table:
+    """What is read of an export: only the columns asked for, and those they may follow from."""
+    more = MODULI if "E_stor" in needed else ()
+    picked = pick(export, (*needed, *optional, *more))
     places = [place for place, _ in picked.values()]
-    kinds = [COLUMNS[known] for _, known in picked.values()]
-    titles, units = ([values[i] for i in places] for values in (export.names, export.units))
-    for title, unit, column in zip(titles, units, kinds, strict=True):
+    columns = [COLUMNS[name] for _, name in picked.values()]
+    titles, units = ([values[i] for i in places] for values in (export.titles, export.units))
+    for title, unit, column in zip(titles, units, columns, strict=True):
         _check_unit(f"{export.where}: column {title}", unit, column)
-    return export.where, titles, kinds, units, [(line, [row[i] for i in places]) for line, row in export.rows]
+    return Table(
+        export.where, titles, columns, units, [(n, [row[i] for i in places]) for n, row in export.rows]
+    )
 
 
-def _check_unit(where, unit, column):
+def _check_unit(where: str, unit: str, column: Column) -> None:
     if unit not in column.units:
         raise ValueError(f"{where}: unit {unit!r}: must be one of {', '.join(column.units)}")
 
 
-def _rows(path, content):
+def _rows(path: StrPath, content: str) -> Rows:
     """(line number, stripped fields) of every line that is neither blank nor a comment."""
     rows = []
     for line, text in enumerate(io.StringIO(content), start=1):
@@ -251,43 +223,17 @@ def _rows(path, content):
     return rows
 
 
-def _columns(where, names, wanted, optional):
+def _columns(where: str, names: list[str], needed: Sequence[str], optional: Sequence[str]) -> list[Column]:
     """The `Column` of every name of a file; ValueError unless they are the ones asked for."""
-    known = {n: c for n, c in COLUMNS.items() if c.name in (*wanted, *optional) and c.offered}
+    known = {n: c for n, c in COLUMNS.items() if c.name in (*needed, *optional) and c.offered}
     for name in names:
         if name not in known:
             raise ValueError(f"{where}: column {name!r}: {closest(name, tuple(known))}")
     given = [known[name].name for name in names]
-    for quantity in wanted:
+    for quantity in needed:
         if quantity not in given:
             raise ValueError(missing(where, quantity))
     for i, quantity in enumerate(given):
         if quantity in given[:i]:
             raise ValueError(f"{where}: column {names[i]!r}: {quantity} is given twice; must be given once")
     return [known[name] for name in names]
-
-
-def _value(where, text, unit, column):
-    """One field as a float in SI."""
-    try:
-        if "_" in text:  # Python's digit grouping is no CSV number
-            raise ValueError
-        value = float(text)
-    except ValueError:
-        raise ValueError(f"{where}: must be a number") from None
-    if not math.isfinite(value):
-        raise ValueError(f"{where}: must be finite")
-    try:
-        value = column.value(value, unit)
-    except OverflowError:
-        value = math.inf
-    _check(where, value, column)
-    return value
-
-
-def _check(where, value, column):
-    """ValueError unless a column may hold the value, which is in SI."""
-    if not math.isfinite(value):
-        raise ValueError(f"{where}: must be finite in SI units")
-    if column.positive and not value > 0:
-        raise ValueError(f"{where}: must be > 0{' K' if column.name == 'T' else ''}")
