@@ -11,8 +11,6 @@ import numpy as np
 
 # Elements of an array that are all shown.
 _ALL = 3
-# Elements beyond which the smallest and largest are not searched: the array may lie in a file.
-_SEARCHED = 2**24
 _LEFT = "text-align:left"
 
 
@@ -80,35 +78,6 @@ def object_rows(value, path=""):
             unit = UNITS.get(type(value), {}).get(field.name, "")
             rows.append((name, with_unit(short(content), unit)))
     return rows
-
-
-def result_html(result):
-    """Tables of a `rubberfric.io.results.Result`: conditions, the range of every quantity, the scene."""
-    from rubberfric.io.results import CONDITIONS, DIMENSIONS, QUANTITIES
-
-    conditions = [
-        (name, with_unit(short(values), CONDITIONS[name]))
-        for name, values in result.conditions._asdict().items()
-        if values is not None
-    ]
-    quantities = [
-        (name, with_unit(_range(values, name), QUANTITIES[name]))
-        for name, values in result.solution._asdict().items()
-        if values is not None
-    ]
-    rows = [*conditions, f"smallest … largest ({' x '.join(DIMENSIONS)})", *quantities]
-    parts = [table(rows, caption=result.title or "Result"), folded("scene", object_html(result.scene))]
-    return "\n".join(parts)
-
-
-def _range(values, name):
-    """The smallest and the largest value, and the shape."""
-    if isinstance(values, jax.core.Tracer) or np.size(values) in (0, 1) or np.size(values) > _SEARCHED:
-        return short(values)
-    array = np.asarray(values)
-    if name == "converged":
-        return f"{np.count_nonzero(array)} of {array.size}"
-    return f"{array.min():.6g} … {array.max():.6g} ({_count(array.shape)})"
 
 
 def _count(shape):
