@@ -12,6 +12,8 @@ import pytest
 
 jax.config.update("jax_enable_x64", True)
 
+pytest.register_assert_rewrite("support")
+
 MAPS = Path("/proc/self/maps")
 _tests = itertools.count(1)
 
@@ -52,6 +54,15 @@ def few_memory_maps():
     yield
     if next(_tests) % 5 == 0 and MAPS.exists() and MAPS.read_bytes().count(b"\n") > 30_000:
         jax.clear_caches()
+
+
+@pytest.fixture
+def job(tmp_path, monkeypatch):
+    """A job file of rubberfric-fit, with its scene and data in the working directory."""
+    from support.scenes.fits import write_job
+
+    monkeypatch.chdir(tmp_path)
+    return write_job(tmp_path)
 
 
 @pytest.fixture

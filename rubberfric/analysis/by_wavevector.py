@@ -19,7 +19,7 @@ from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import cumulative_moment
-from rubberfric.roughness.spectra import broken_power_law, log_ratio, log_shape
+from rubberfric.roughness.spectra import log_ratio, log_shape
 from rubberfric.scene.scene import cast, rough_pairs
 from rubberfric.scene.softening import softened_of
 from rubberfric.theory.integrals import prepare, solved
@@ -30,7 +30,7 @@ from rubberfric.theory.partial_contact import (
     energy_factor,
     friction_weight,
 )
-from rubberfric.theory.stiffness.angular_means import angular_means
+from rubberfric.theory.stiffness.angular_means import angular_means, with_means
 from rubberfric.theory.stiffness.factors import mix_of, modes_of, node_factors
 from rubberfric.theory.stiffness.series import Sampled, Static, series_stiffness
 from rubberfric.theory.stiffness.softened_means import sampled_means
@@ -113,7 +113,7 @@ def checked_with_q(scene, velocity, pressure, temperature, quadrature, q, ndim=1
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
 def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
-    laws = [broken_power_law(rough.spectrum) for rough, _ in rough_pairs(scene)]
+    laws = [rough.spectrum.power_law() for rough, _ in rough_pairs(scene)]
     if not laws:
         return _without_roughness(q, jnp.broadcast_shapes(velocity.shape, pressure.shape))
     first = functools.reduce(jnp.minimum, [law.q[0] for law in laws])
@@ -222,12 +222,13 @@ def densities(scene, prepared, laws, q):
         at = jnp.where(inside, q, law.q[0])
         roughness = law.height2 * jnp.exp(log_shape(law, at) + 4 * jnp.log(at))
         modes = modes_of(rough, other, softened)
+        mix = mix_of(rough, modes, q)
         found.append(
             AtWavevectors(
-                stiffness=F,
+                stiffness=with_means(F, {"power", "dissipation"}, prepared.quadrature, modes.split, mix),
                 shift=getattr(other.material, "shift", None),
                 modes=modes,
-                mix=mix_of(rough, modes, q),
+                mix=mix,
                 factors=None if isinstance(F, Static) else node_factors(rough, other, softened, q),
                 roughness=jnp.where(inside, roughness, 0.0),
             )

@@ -22,7 +22,7 @@ from rubberfric.analysis.by_wavevector import (
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import FINITE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.roughness.spectra import broken_power_law, log_shape
+from rubberfric.roughness.spectra import log_shape
 from rubberfric.scene.scene import cast, rough_pairs
 from rubberfric.theory.integrals import evaluate, prepare, solved
 from rubberfric.theory.model import checked
@@ -76,7 +76,7 @@ def _stress_distribution(scene, stress, velocity, pressure, temperature, q, *, q
     if not pairs:
         return _stress_density(stress, pressure, jnp.zeros_like(pressure + velocity))
     if q is None:
-        q = functools.reduce(jnp.maximum, [broken_power_law(rough.spectrum).q[-1] for rough, _ in pairs])
+        q = functools.reduce(jnp.maximum, [rough.spectrum.power_law().q[-1] for rough, _ in pairs])
     prepared = prepare(scene, ("area",), quadrature, marks=q[None])
 
     def fluctuation(points):
@@ -217,7 +217,7 @@ def separation_profile(scene, velocity, pressure, temperature=None, *, q=None, q
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
 def _separation_profile(scene, velocity, pressure, temperature, q, *, quadrature):
-    laws = [broken_power_law(rough.spectrum) for rough, _ in rough_pairs(scene)]
+    laws = [rough.spectrum.power_law() for rough, _ in rough_pairs(scene)]
     if not laws:
         shape = (*jnp.broadcast_shapes(velocity.shape, pressure.shape), q.shape[0])
         one = jnp.ones(shape, q.dtype)

@@ -14,7 +14,7 @@ from rubberfric.io.files import read_computable
 from rubberfric.io.result_files import save_result
 from rubberfric.io.results import QUANTITIES, Result, result_shape
 from rubberfric.io.scene_files.conditions import Conditions
-from rubberfric.materials.materials import TabulatedModulus
+from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.plot.save import save_plot
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.model import Solution, quantities_of, solve

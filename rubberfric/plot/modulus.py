@@ -8,13 +8,8 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.units import to_celsius
-from rubberfric.materials.materials import (
-    Elastic,
-    Prony,
-    PronyShear,
-    TabulatedModulus,
-    complex_modulus,
-)
+from rubberfric.materials.material import Material, complex_modulus
+from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.plot.style import colours, legend, one_axes, vector
 
 if TYPE_CHECKING:
@@ -33,7 +28,6 @@ _LOOKS = (
     (":", "^", "$\\tan\\delta$ (right)"),
 )
 
-Material = Elastic | Prony | PronyShear | TabulatedModulus
 Points = tuple[np.ndarray, np.ndarray, np.ndarray]  # omega, E', E''
 
 _modulus = jax.jit(complex_modulus)
@@ -70,7 +64,7 @@ def plot_modulus(
     ------
     ValueError : the material is rigid or none; a temperature without a shift; a wrong omega, data or ax.
     """
-    if not isinstance(material, Material):
+    if not isinstance(material, Material) or not material.deforms:
         raise ValueError(f"material is a {type(material).__name__}: must be one that deforms")
     _check_temperature(material, temperature)
     points = None if data is None else _shifted(material, temperature, data)
@@ -101,7 +95,7 @@ def plot_modulus(
 def _check_temperature(material: Material, temperature: float | None) -> None:
     if temperature is None:
         return
-    if getattr(material, "shift", None) is None:
+    if material.shift is None:
         raise ValueError(f"temperature = {temperature!r}: must be None, for the material has no shift")
     if np.ndim(temperature) != 0:
         raise ValueError(f"temperature has shape {np.shape(temperature)}: must be one number")
@@ -110,7 +104,7 @@ def _check_temperature(material: Material, temperature: float | None) -> None:
 
 def _log_shift(material: Material, temperature: ArrayLike | None) -> np.ndarray | float:
     """ln a_T, 0 at the reference temperature."""
-    if temperature is None or getattr(material, "shift", None) is None:
+    if temperature is None or material.shift is None:
         return 0.0
     return np.asarray(material.shift.log_factor(jnp.asarray(temperature, float)), float)
 
@@ -119,10 +113,9 @@ def _range(material: Material, temperature: float | None, known: list[np.ndarray
     """Frequencies over all that the material and the points at `known` frequencies show."""
     ends = [np.array([one.min(), one.max()]) for one in known]
     beyond = _BEYOND_TABLE
-    if isinstance(material, Prony | PronyShear):
+    if not isinstance(material, TabulatedModulus) and (own := material.frequency_range()) is not None:
         beyond = _BEYOND
-        rates = np.exp(-_log_shift(material, temperature)) / np.asarray(material.tau, float)
-        ends.append(np.array([rates.min(), rates.max()]))
+        ends.append(np.exp(-_log_shift(material, temperature)) * np.asarray(own, float))
     ends = np.concatenate(ends) if ends else np.array([1e-2, 1e2])  # elastic: any will do
     return np.geomspace(ends.min() / 10**beyond, ends.max() * 10**beyond, _POINTS)
 
@@ -147,9 +140,9 @@ def _shifted(material: Material, temperature: float | None, data: Any) -> Points
     at = getattr(data, "temperature", None)
     if at is not None:
         at = np.broadcast_to(np.asarray(at, float), omega.shape)
-        if getattr(material, "shift", None) is None and np.ptp(at) > 0:
+        if material.shift is None and np.ptp(at) > 0:
             raise ValueError("data.temperature: has several values; the material must have a shift then")
-        if getattr(material, "shift", None) is not None:
+        if material.shift is not None:
             material.shift.check_temperature(at)
         omega = omega * np.exp(_log_shift(material, at) - _log_shift(material, temperature))
     return omega, storage, loss

@@ -10,7 +10,7 @@ from jax.typing import ArrayLike
 from rubberfric.plot.style import colours, legend, one_axes, vector
 from rubberfric.roughness.anisotropy import Anisotropic, TabulatedAnisotropic
 from rubberfric.roughness.moments import rms_slope
-from rubberfric.roughness.spectra import SelfAffine, TabulatedSpectrum, broken_power_law, log_power_spectrum
+from rubberfric.roughness.spectra import SelfAffine, TabulatedSpectrum, log_power_spectrum
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -141,7 +141,7 @@ def _values(spectrum: Spectrum, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 @jax.jit
 def _log_C_and_slope(spectrum: Spectrum, q: jax.Array) -> tuple[jax.Array, jax.Array]:
-    return log_power_spectrum(broken_power_law(spectrum), q), rms_slope(spectrum, q)
+    return log_power_spectrum(spectrum.power_law(), q), rms_slope(spectrum, q)
 
 
 def _draw(

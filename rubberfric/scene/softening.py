@@ -15,8 +15,7 @@ import jax.numpy as jnp
 from rubberfric.base.checks import POSITIVE, check_increasing, check_lengths
 from rubberfric.base.objects import leaf, physical
 from rubberfric.roughness.moments import cumulative_moment
-from rubberfric.roughness.spectra import broken_power_law, log_ratio
-from rubberfric.scene.scene import rough_pairs
+from rubberfric.roughness.spectra import log_ratio
 
 # Halvings of ln t from 1e-40 to the whole range leave 1e-10 of t, which Newton's steps square.
 _HALVINGS, _NEWTON_STEPS = 40, 3
@@ -61,7 +60,8 @@ def softened_of(scene):
     """`Softened` of a scene, None if nothing softens."""
     if scene.softening is None:
         return None
-    laws = tuple(broken_power_law(rough.spectrum) for rough, _ in rough_pairs(scene))
+    spectra = (body.spectrum for body in (scene.lower, scene.upper))
+    laws = tuple(spectrum.power_law() for spectrum in spectra if spectrum is not None)
     return Softened(scene.softening, laws)
 
 

@@ -12,9 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.quadrature import between_weights, cumulative, gauss, typed
-from rubberfric.materials.materials import TabulatedModulus
 from rubberfric.scene.scene import relaxes
-from rubberfric.theory.stiffness.angular_means import angular_means, static_means
+from rubberfric.theory.stiffness.angular_means import angular_means, static_means, with_means
 from rubberfric.theory.stiffness.factors import Modes, mix_of, modes_of, node_factors
 from rubberfric.theory.stiffness.series import Sampled, Static, by_node, series_stiffness, static_series
 from rubberfric.theory.stiffness.softened_means import sampled_means
@@ -55,12 +54,10 @@ class Parts(NamedTuple):
 
 def is_logarithmic(rough, other):
     """Whether <|F|^2> may change by 1e9 within a panel: see `_logarithmic`."""
-    if isinstance(other.material, TabulatedModulus):
-        return True
-    return relaxes(other) and by_node(rough, other)
+    return other.material.needs_quadrature or (relaxes(other) and by_node(rough, other))
 
 
-def make_channel(mesh, j, pair, softened, scale, wanted, order):
+def make_channel(mesh, j, pair, softened, scale, wanted, quadrature):
     """Channel of the roughness j of a mesh, for the angular means `wanted`.
 
     Parameters
@@ -71,7 +68,7 @@ def make_channel(mesh, j, pair, softened, scale, wanted, order):
     softened : `softening.Softened` or None
     scale : modulus scale [Pa]
     wanted : set of "power", "dissipation", "storage"
-    order : contact nodes of a panel
+    quadrature : Quadrature
     """
     rough, other = pair
     modes = modes_of(rough, other, softened)
@@ -79,7 +76,8 @@ def make_channel(mesh, j, pair, softened, scale, wanted, order):
     F = series_stiffness(rough, other, scale, (nodes.reshape(-1), mesh.q), softened)
     static = isinstance(F, Static)
     logarithmic = is_logarithmic(rough, other) and not modes.at_contact
-    once = mesh.roughness[j] * (mesh.measure * typed(gauss(order)[1], mesh.measure))
+    mix = mix_of(rough, modes, nodes)
+    once = mesh.roughness[j] * (mesh.measure * typed(gauss(quadrature.order)[1], mesh.measure))
     factors = None if static else node_factors(rough, other, softened, mesh.q)
     rule = None
     if static:
@@ -101,9 +99,9 @@ def make_channel(mesh, j, pair, softened, scale, wanted, order):
         return (base,) if static else tuple(base if f is None else base * f for f in getattr(factors, name))
 
     return Channel(
-        stiffness=F,
+        stiffness=with_means(F, wanted, quadrature, modes.split, mix),
         modes=modes,
-        shift=getattr(other.material, "shift", None),
+        shift=other.material.shift,
         by_node=by_node(rough, other) and not static,
         logarithmic=logarithmic,
         power=power,
@@ -111,7 +109,7 @@ def make_channel(mesh, j, pair, softened, scale, wanted, order):
         dissipation=weights_of("dissipation", once),
         storage=weights_of("storage", once / mesh.q),
         transverse=weights_of("transverse", once) if modes.harmonics else None,
-        mix=mix_of(rough, modes, nodes),
+        mix=mix,
     )
 
 

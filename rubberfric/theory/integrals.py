@@ -20,7 +20,6 @@ import jax.numpy as jnp
 
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.mesh import Mesh, build_mesh
-from rubberfric.roughness.spectra import broken_power_law
 from rubberfric.scene.scene import dissipates, rough_pairs
 from rubberfric.scene.softening import knots, softened_of
 from rubberfric.theory.area_correction import correction_table
@@ -69,7 +68,7 @@ def prepare(scene, quantities, quadrature, *, laws=None, marks=None):
     logarithmic = any(is_logarithmic(*pair) for pair in pairs)
     softened = softened_of(scene)
     mesh = build_mesh(
-        [broken_power_law(rough.spectrum) for rough, _ in pairs] if laws is None else laws,
+        [rough.spectrum.power_law() for rough, _ in pairs] if laws is None else laws,
         quadrature,
         graded=wanted != {"power"} or scene.heating is not None or marks is not None,
         logarithmic=logarithmic,
@@ -77,7 +76,7 @@ def prepare(scene, quantities, quadrature, *, laws=None, marks=None):
     )
     scale = modulus_scale(scene)
     channels = tuple(
-        make_channel(mesh, j, pair, softened, scale, wanted, quadrature.order) for j, pair in enumerate(pairs)
+        make_channel(mesh, j, pair, softened, scale, wanted, quadrature) for j, pair in enumerate(pairs)
     )
     corrected = scene.area_correction and ("area" in quantities or "dissipation" in wanted)
     table = correction_table(scene.gamma) if corrected else None

@@ -15,7 +15,6 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.base.fixed_point import fixed_point
-from rubberfric.materials.materials import Rigid
 from rubberfric.scene.heating import Diffusion, Heating, diffusion, memory, rise_below_surface, rise_inside
 from rubberfric.scene.scene import rough_pairs
 from rubberfric.scene.shear import shear_friction
@@ -41,13 +40,13 @@ def macroasperity(heating):
 def prepare_thermal(scene, mesh, quadrature):
     """`Thermal` of a heated scene."""
     pairs = rough_pairs(scene)
-    solids = [body for body in (scene.lower, scene.upper) if not isinstance(body.material, Rigid)]
+    solids = [body for body in (scene.lower, scene.upper) if body.material.deforms]
     others = [other for _, other in pairs]
     exciting = tuple(next((j for j, other in enumerate(others) if other is solid), None) for solid in solids)
     heated = tuple(next((b for b, solid in enumerate(solids) if solid is other), None) for other in others)
     ends = mesh.angular_q[0, 0], mesh.angular_q[-1, -1]
     targets = jnp.concatenate([mesh.angular_q.reshape(-1), mesh.last[None]])
-    shifts = [getattr(solid.material, "shift", None) for solid in solids]
+    shifts = [solid.material.shift for solid in solids]
     sheared = scene.shear is not None and scene.heating.shear_at == "flash"
     if sheared:
         shifts.append(scene.shear.shift)

@@ -22,7 +22,6 @@ from jax.stages import Compiled
 from jax.typing import ArrayLike, DTypeLike
 
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.materials.materials import TabulatedModulus
 from rubberfric.roughness.moments import moment
 from rubberfric.scene.scene import Scene, cast, rough_pairs
 from rubberfric.theory.model import QUANTITIES, solve
@@ -109,7 +108,7 @@ def case_of(
     solve(scene, velocity, pressure, temperature, quantities=())  # checks its arguments, computes nothing
     given = [np.asarray(x, float) for x in (velocity, pressure, temperature) if x is not None]
     conditions = [x.ravel() for x in np.broadcast_arrays(*given)]
-    tabulated = any(isinstance(body.material, TabulatedModulus) for body in (scene.lower, scene.upper))
+    tabulated = any(body.material.needs_quadrature for body in (scene.lower, scene.upper))
     count = min(conditions[0].size, _GRADIENTS_TABULATED if tabulated else _GRADIENTS)
     if conditions[0].size == 0:
         raise ValueError("velocity, pressure and temperature have no point in common: must have at least one")

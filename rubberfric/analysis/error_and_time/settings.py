@@ -9,9 +9,7 @@ from jax.typing import ArrayLike
 
 from rubberfric.analysis.error_and_time import reference
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.materials.materials import TabulatedModulus
 from rubberfric.roughness.mesh import build_mesh
-from rubberfric.roughness.spectra import broken_power_law
 from rubberfric.scene.scene import Scene, rough_pairs
 
 # Of increasing work. Few others of as few nodes have errors as small, on a road and on a pair of rubbers
@@ -32,14 +30,14 @@ SETTINGS = (
 def settings_for(scene: Scene) -> tuple[Quadrature, ...]:
     """Settings of increasing work for a scene; their angles are the default where nothing needs them."""
     bodies = (scene.lower, scene.upper)
-    if any(isinstance(body.material, TabulatedModulus) for body in bodies):
+    if any(body.material.needs_quadrature for body in bodies):
         return SETTINGS
     return tuple(dataclasses.replace(setting, angle=Quadrature().angle) for setting in SETTINGS)
 
 
 def node_count(scene: Scene, quadrature: Quadrature) -> int:
     """Nodes in q that a point costs: where the contact is evaluated and where the stiffness is."""
-    laws = [broken_power_law(rough.spectrum) for rough, _ in rough_pairs(scene)]
+    laws = [rough.spectrum.power_law() for rough, _ in rough_pairs(scene)]
     if not laws:
         return 0
 

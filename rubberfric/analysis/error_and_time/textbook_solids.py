@@ -5,9 +5,11 @@ import math
 import numpy as np
 
 from rubberfric.materials.coating import Coating
-from rubberfric.materials.materials import Elastic, Prony, PronyShear, Rigid, TabulatedModulus
+from rubberfric.materials.elastic import Elastic, Rigid
+from rubberfric.materials.prony import Prony, PronyShear
 from rubberfric.materials.shifts import WLF, Arrhenius, TabulatedShift
 from rubberfric.materials.slab import Slab
+from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.roughness.spectra import SelfAffine, TabulatedSpectrum
 from rubberfric.scene.scene import Body
 

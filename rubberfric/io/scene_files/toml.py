@@ -57,9 +57,11 @@ from rubberfric.io.scene_files.plausibility import check_plausible_conditions, c
 from rubberfric.io.tables.reading import read_directions, read_table
 from rubberfric.io.toml import check_keys, join, number, read_toml
 from rubberfric.materials.coating import Coating
-from rubberfric.materials.materials import Elastic, Prony, PronyShear, Rigid, TabulatedModulus
+from rubberfric.materials.elastic import Elastic, Rigid
+from rubberfric.materials.prony import Prony, PronyShear
 from rubberfric.materials.shifts import WLF, Arrhenius, TabulatedShift
 from rubberfric.materials.slab import Slab
+from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.roughness.anisotropy import Anisotropic, TabulatedAnisotropic
 from rubberfric.roughness.normalisation import LINES, NORMALISATION_RULE, check_normalisation, spectrum_from
 from rubberfric.roughness.spectra import SelfAffine, TabulatedSpectrum

@@ -25,8 +25,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from rubberfric.theory.stiffness.series import Relaxing
-from rubberfric.theory.stiffness.tabulated_means import tabulated_means
+from rubberfric.theory.stiffness.series import Relaxing, Tabulated
+from rubberfric.theory.stiffness.tabulated_means import means_table, tabulated_means
 
 
 class Means(NamedTuple):
@@ -39,6 +39,17 @@ class Means(NamedTuple):
     dissipation: tuple | None
     storage: tuple | None
     transverse: tuple | None = None
+
+
+def with_means(F, wanted, quadrature, split=False, mix=None):
+    """F with the table of its means, if it is Tabulated and they depend on q v alone.
+
+    No velocity or temperature changes the table: it is made once, for every call of `angular_means`
+    with the same split and mix.
+    """
+    if not isinstance(F, Tabulated):
+        return F
+    return F._replace(table=means_table(F, wanted, quadrature.angle, split, mix))
 
 
 def angular_means(F, qv, wanted, quadrature, split=False, mix=None):

@@ -7,14 +7,6 @@ over its means of factor times mean, one of each unless <F'^2> and <F''^2> softe
 
 from typing import NamedTuple
 
-from rubberfric.materials.materials import Rigid
-from rubberfric.roughness.anisotropy import (
-    Anisotropic,
-    TabulatedAnisotropic,
-    harmonic_count,
-    stretched_harmonics,
-    tabulated_harmonics,
-)
 from rubberfric.scene.scene import relaxes
 from rubberfric.scene.softening import softening_factors
 from rubberfric.theory.stiffness.series import layer_factor
@@ -41,11 +33,11 @@ def modes_of(rough, other, softened):
     """`Modes` of roughness on `rough` facing `other`."""
     if not relaxes(other):
         return Modes()
-    of_two = softened is not None and not isinstance(rough.material, Rigid)
+    of_two = softened is not None and rough.material.deforms
     return Modes(
         split=softened is not None and not of_two,
-        harmonics=harmonic_count(rough.spectrum),
-        at_contact=of_two or isinstance(rough.spectrum, TabulatedAnisotropic),
+        harmonics=rough.spectrum.harmonic_count(),
+        at_contact=of_two or rough.spectrum.harmonics_vary,
     )
 
 
@@ -56,9 +48,7 @@ def mix_of(rough, modes, q):
     """
     if not modes.harmonics:
         return None
-    if isinstance(rough.spectrum, Anisotropic):
-        return stretched_harmonics(rough.spectrum)
-    return tabulated_harmonics(rough.spectrum, q)
+    return rough.spectrum.harmonics_at(q)
 
 
 def node_factors(rough, other, softened, q):

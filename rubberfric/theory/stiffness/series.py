@@ -16,18 +16,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from rubberfric.materials.coating import Coating, coated_series, coated_spring
-from rubberfric.materials.materials import (
-    Rigid,
-    TabulatedModulus,
-    glassy_reduced,
-    plane_strain,
-    reduced_series,
-    static_reduced,
-)
+from rubberfric.materials.material import plane_strain
 from rubberfric.materials.series.prony_and_prony import two_in_series
 from rubberfric.materials.series.prony_and_spring import in_series
-from rubberfric.materials.slab import stiffening
 from rubberfric.scene.scene import relaxes
 from rubberfric.scene.softening import softening_factors
 
@@ -52,6 +43,7 @@ class Tabulated(NamedTuple):
     material: object
     scale: jax.Array  # f = scale * E [1/Pa], shape () or (nodes,)
     spring: jax.Array | None  # [-], shape () or (nodes,)
+    table: object = None  # `tabulated.Table` of its angular means; None: they are taken at every node
 
 
 class Sampled(NamedTuple):
@@ -68,8 +60,8 @@ def modulus_scale(scene):
 
     A unit only: results do not depend on it, so no gradient goes through it.
     """
-    bodies = [body for body in (scene.lower, scene.upper) if not isinstance(body.material, Rigid)]
-    highest = [glassy_reduced(body.material) for body in bodies]
+    bodies = [body for body in (scene.lower, scene.upper) if body.material.deforms]
+    highest = [body.material.glassy_reduced() for body in bodies]
     scale = highest[0] if len(highest) == 1 else jnp.minimum(*highest)
     # All moduli can be zero under jit, past the constructor's check: then nothing is stiff.
     return jax.lax.stop_gradient(jnp.where(scale > 0, scale, 1.0))
@@ -93,17 +85,17 @@ def series_stiffness(rough, other, scale, q, softened=None):
     angular_q, contact_q = q
     if not relaxes(other):
         return Static(static_series(rough, other, scale, contact_q, softened))
-    if softened is not None and not isinstance(rough.material, Rigid):
+    if softened is not None and rough.material.deforms:
         return _sampled(rough, other, scale, contact_q, softened)
     nodes = angular_q if by_node(rough, other) else None
-    spring = None if isinstance(rough.material, Rigid) else _spring(rough, scale, nodes)
-    if isinstance(other.layer, Coating):
+    spring = _spring(rough, scale, nodes) if rough.material.deforms else None
+    if other.layer is not None and not other.layer.multiplies:
         return _coated(other, scale, nodes, spring)
     own = None if nodes is None else _layer(other, nodes)
-    if isinstance(other.material, TabulatedModulus):
+    if other.material.needs_quadrature:
         unit = plane_strain(other.material) / scale
         return Tabulated(other.material, unit if own is None else unit * own, spring)
-    series = Relaxing(*reduced_series(other.material, scale))
+    series = Relaxing(*other.material.reduced_series(scale))
     if spring is None:
         return series
     if own is None:
@@ -114,18 +106,17 @@ def series_stiffness(rough, other, scale, q, softened=None):
 def _sampled(rough, other, scale, q, softened):
     """F of a softened solid in series with another one, at the contact nodes q."""
     layer = _layer(other, q)
-    if isinstance(other.material, TabulatedModulus):
+    if other.material.needs_quadrature:
         modulus, layer = other.material, layer * (plane_strain(other.material) / scale)
     else:
-        modulus = Relaxing(*reduced_series(other.material, scale))
+        modulus = Relaxing(*other.material.reduced_series(scale))
     storage, loss = (layer * factor for factor in softening_factors(softened, q))
     return Sampled(modulus, storage, loss, _spring(rough, scale, q, softened))
 
 
 def _coated(body, scale, q, spring):
     """F of a coated body that relaxes, at the nodes q, in series with a spring or None."""
-    layer, base = (reduced_series(material, scale) for material in (body.material, body.layer.base))
-    series = coated_series(body, layer, base, q)
+    series = body.layer.reduced_series(body.material, scale, q)
     if spring is not None:
         nothing = jnp.zeros(0, q.dtype)
         series = two_in_series(series, (spring, nothing, nothing))
@@ -135,19 +126,19 @@ def _coated(body, scale, q, spring):
 def by_node(rough, other):
     """Whether F depends on q: a coating, or two deformable solids, at least one of them a layer."""
     layered = rough.layer is not None or other.layer is not None
-    return isinstance(other.layer, Coating) or (layered and not isinstance(rough.material, Rigid))
+    return (other.layer is not None and not other.layer.multiplies) or (layered and rough.material.deforms)
 
 
 def layer_factor(rough, other, q):
     """Sbar at q where it multiplies all of a relaxing K_j (a slab faces a rigid solid); else None."""
     if other.layer is None or by_node(rough, other):
         return None
-    return stiffening(other.layer, other.material.poisson, q)
+    return other.layer.stiffening(other.material.poisson, q)
 
 
 def static_series(rough, other, scale, q, softened=None):
     """K_j / (q/2 scale) where neither solid's relaxation is excited: two springs in series."""
-    deformable = [body for body in (rough, other) if not isinstance(body.material, Rigid)]
+    deformable = [body for body in (rough, other) if body.material.deforms]
     springs = [_spring(body, scale, q, softened) for body in deformable]
     if len(springs) == 1:
         return springs[0]
@@ -158,11 +149,11 @@ def static_series(rough, other, scale, q, softened=None):
 
 def _spring(body, scale, q, softened=None):
     """E_r(0) Sbar of a body over the scale, at q; q None: of its half-space."""
-    own = static_reduced(body.material) / scale
+    own = body.material.static_reduced() / scale
     if q is None:
         return own
-    if isinstance(body.layer, Coating):
-        return coated_spring(body, own, static_reduced(body.layer.base) / scale, q)
+    if body.layer is not None and not body.layer.multiplies:
+        return body.layer.static_reduced(body.material, scale, q)
     if softened is not None and relaxes(body):
         own = own * softening_factors(softened, q)[0]
     return own * _layer(body, q)
@@ -170,4 +161,4 @@ def _spring(body, scale, q, softened=None):
 
 def _layer(body, q):
     """Sbar of a slab, 1 for a half-space."""
-    return jnp.ones_like(q) if body.layer is None else stiffening(body.layer, body.material.poisson, q)
+    return jnp.ones_like(q) if body.layer is None else body.layer.stiffening(body.material.poisson, q)

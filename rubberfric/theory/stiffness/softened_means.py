@@ -11,8 +11,7 @@ import math
 import jax
 import jax.numpy as jnp
 
-from rubberfric.materials.master_curve import interpolated_modulus
-from rubberfric.materials.materials import TabulatedModulus
+from rubberfric.materials.material import Material
 from rubberfric.theory.stiffness.angular_means import Means
 from rubberfric.theory.stiffness.tabulated_means import angular_rule
 
@@ -28,7 +27,7 @@ def sampled_means(F, qv, wanted, angle):
     angle : nodes of the angular integral over a TabulatedModulus; a Prony solid has half as many
     """
     # Without a table's kinks half the nodes are good to 1e-9.
-    smooth = not isinstance(F.modulus, TabulatedModulus)
+    smooth = not isinstance(F.modulus, Material)
     sine, weight = angular_rule(angle // 2 if smooth else angle, qv.dtype)
 
     def panel(values):
@@ -56,13 +55,13 @@ def sampled_means(F, qv, wanted, angle):
 
 def _modulus(modulus, omega):
     """E' and E'' at omega of any sign, odd in E''."""
-    if isinstance(modulus, TabulatedModulus):
+    if isinstance(modulus, Material):
         # Far below the table E'' is linear in omega: so v = 0 keeps its derivative.
-        floor = jnp.log(modulus.omega[0]) - math.log(1e9)
+        floor = jnp.log(modulus.frequency_range()[0]) - math.log(1e9)
         log_omega = jnp.log(jnp.maximum(jnp.abs(omega), float(jnp.finfo(omega.dtype).tiny)))
         log_omega = jnp.maximum(log_omega, floor)
-        storage, loss = interpolated_modulus(modulus, log_omega)
-        sign = jnp.sign(omega) if modulus.outside == "hold" else omega * jnp.exp(-log_omega)
+        storage, loss = modulus.storage_and_loss(log_omega)
+        sign = jnp.sign(omega) if modulus.loss_at_rest else omega * jnp.exp(-log_omega)
         return storage, loss * sign
 
     # a^2 must not overflow; beyond the bound the terms are glassy to the last bit.

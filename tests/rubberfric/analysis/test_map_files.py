@@ -11,8 +11,8 @@ import sys
 import h5py
 import numpy as np
 import pytest
-from support.folders import ROOT
-from test_maps import FILE, QUICK, SCENE
+from support.folders import PYTHONPATH, ROOT
+from support.scenes.maps import FILE, QUICK, SCENE
 
 import rubberfric as rf
 from rubberfric.analysis.maps import batches
@@ -43,7 +43,7 @@ KILLED = """
 import os, signal, sys
 import jax; jax.config.update("jax_enable_x64", True)
 import numpy as np, rubberfric as rf
-from test_maps import SCENE
+from support.scenes.maps import SCENE
 from rubberfric.analysis.maps import batches
 def launch(tiling, task, batch):  # instead of compiling
     v, p, T = batches.points(task.conditions, batch)
@@ -83,7 +83,7 @@ rank, port, path = json.loads(sys.argv[1])
 if rank is not None:
     jax.distributed.initialize(f"127.0.0.1:{port}", 2, rank)
 import numpy as np, rubberfric as rf
-from test_maps import SCENE, QUICK, POINTS
+from support.scenes.maps import SCENE, QUICK, POINTS
 at = POINTS[0], np.append(POINTS[1], 2e5), POINTS[2]
 def whole(**options):
     return rf.friction_map(SCENE, *at, quadrature=QUICK, block=33, **options).solution
@@ -115,7 +115,7 @@ def shares(tmp_path, ranks, port=None):
             stderr=subprocess.PIPE,
             text=True,
             cwd=ROOT,
-            env=os.environ | {"PYTHONPATH": os.pathsep.join(sys.path)},
+            env=os.environ | {"PYTHONPATH": PYTHONPATH},
         )
         for rank in ranks
     ]

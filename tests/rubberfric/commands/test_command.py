@@ -11,7 +11,7 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
-from support.cases import three
+from support.cases.stored import three
 from support.folders import DATA
 
 import rubberfric as rf
@@ -419,6 +419,7 @@ def test_a_tabulated_scene_says_how_much_lies_outside_its_table(call):
     sheared = rf.Scene(scene.lower, scene.upper, shear=rf.ContactShear(6.5e6, 0.1, 6e-3))
     conditions = Conditions(np.array([1e-3]), np.array([1e5]), None)
     notes = [
-        run_command.extrapolation_line(Result(s, conditions, rf.Solution(), rf.Quadrature())) for s in (scene, sheared)
+        run_command.extrapolation_line(Result(s, conditions, rf.Solution(), rf.Quadrature()))
+        for s in (scene, sheared)
     ]
     assert notes[1] == notes[0].replace("of mu", "of the viscoelastic mu")

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 from support.folders import ROOT
-from test_fit_command import INPUTS, job  # noqa: F401
+from support.scenes.fits import JOB_FILES
 
 SCENE = ROOT / "data" / "tread_on_asphalt.toml"
 LOST = "interrupted; what was not yet complete is not written\n"
@@ -108,14 +108,14 @@ def test_a_signal_while_a_map_is_written_leaves_the_old_file(tmp_path):
     assert os.listdir(tmp_path) == ["m.h5"] and path.read_bytes() == b"old"
 
 
-def test_a_signal_before_the_first_step_of_a_fit(job):  # noqa: F811
+def test_a_signal_before_the_first_step_of_a_fit(job):
     """There is nothing yet to report."""
     found = interrupted(FITTING.replace("NAME", "fit"), "job.toml", "--out", "fit.h5")
     assert found == (130, "", f"rubberfric-fit: {LOST}")
-    assert sorted(os.listdir()) == INPUTS
+    assert sorted(os.listdir()) == JOB_FILES
 
 
-def test_a_second_signal_does_not_wait_for_a_fit(job):  # noqa: F811
+def test_a_second_signal_does_not_wait_for_a_fit(job):
     found = interrupted(
         FITTING.replace("NAME", "save"),
         "job.toml",
@@ -125,4 +125,4 @@ def test_a_second_signal_does_not_wait_for_a_fit(job):  # noqa: F811
         after=0.5,
     )
     assert found == (143, "", f"rubberfric-fit: {LOST}")
-    assert sorted(os.listdir()) == INPUTS
+    assert sorted(os.listdir()) == JOB_FILES

@@ -6,25 +6,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.cases import QUANTITIES
-from support.operations import costly, equations, operations, per_point, primitives
+from support.cases.stored import QUANTITIES
+from support.counting.operations import costly, equations, per_point, primitives, work
+from support.scenes.common import RIGID, ROAD, TREAD, WORN, scene
 
 import rubberfric as rf
-
-TREAD = rf.Prony(3.6e6, [1e9, 1e8, 1e7], [1e-9, 1e-6, 1e-3])
-ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
-WORN = rf.SelfAffine(200.0, 2000.0, 1e5, 0.8, 5e-5)
-RIGID = rf.Rigid()
-
-
-def scene(lower, upper, **options):
-    return rf.Scene(rf.Body(*lower), rf.Body(*upper), **options)
-
-
-def work(function, *arguments):
-    """Elements written by operations that cost more than an addition."""
-    return costly(operations(function, *arguments))
-
 
 VELOCITY = jnp.logspace(-6, 1, 50)
 QUADRATURE = rf.Quadrature()
