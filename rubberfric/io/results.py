@@ -21,9 +21,12 @@ import dataclasses
 from typing import NamedTuple
 
 import h5py
+import jax
 import numpy as np
 
 from rubberfric.base.atomic import replacing
+from rubberfric.base.html import count, folded, short, table, with_unit
+from rubberfric.base.objects.physical import object_html
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.io.hdf5 import check_names, creating, plain, read_values, reading, write_values
 from rubberfric.io.scene_files.conditions import Conditions, SceneFile, check_conditions
@@ -44,6 +47,8 @@ QUANTITIES = {
 }
 DIMENSIONS = ("temperature", "pressure", "velocity")
 
+# Elements beyond which the smallest and largest are not searched: the array may lie in a file.
+_SEARCHED = 2**24
 # NAME of a dimension scale that is no coordinate, as netCDF writes it (with its length).
 _BARE = "This is a netCDF dimension but not a netCDF variable."
 
@@ -57,11 +62,31 @@ class Result(NamedTuple):
     quadrature: Quadrature
     title: str = ""
 
-    def _repr_html_(self):
-        """Tables for notebooks."""
-        from rubberfric.base.html import result_html
+    def _repr_html_(self) -> str:
+        """Tables for notebooks: conditions, the range of every quantity, the scene."""
+        conditions = [
+            (name, with_unit(short(values), CONDITIONS[name]))
+            for name, values in self.conditions._asdict().items()
+            if values is not None
+        ]
+        quantities = [
+            (name, with_unit(_range(values, name), QUANTITIES[name]))
+            for name, values in self.solution._asdict().items()
+            if values is not None
+        ]
+        rows = [*conditions, f"smallest … largest ({' x '.join(DIMENSIONS)})", *quantities]
+        scene = folded("scene", object_html(self.scene))
+        return "\n".join([table(rows, caption=self.title or "Result"), scene])
 
-        return result_html(self)
+
+def _range(values, name):
+    """The smallest and the largest value, and the shape."""
+    if isinstance(values, jax.core.Tracer) or np.size(values) in (0, 1) or np.size(values) > _SEARCHED:
+        return short(values)
+    array = np.asarray(values)
+    if name == "converged":
+        return f"{np.count_nonzero(array)} of {array.size}"
+    return f"{array.min():.6g} … {array.max():.6g} ({count(array.shape)})"
 
 
 def save_result(path, result):
