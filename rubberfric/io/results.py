@@ -5,7 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from rubberfric.base.checks import is_concrete
-from rubberfric.base.html import folded, object_html, short, table, with_unit
+from rubberfric.base.html import count, folded, short, table, with_unit
+from rubberfric.base.objects.physical import object_html
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.scene.scene import Scene
@@ -89,4 +90,4 @@ def _range(values: np.ndarray, name: str) -> str:
     array = np.asarray(values)
     if name == "converged":
         return f"{np.count_nonzero(array)} of {array.size}"
-    return f"{array.min():.6g} … {array.max():.6g} ({' x '.join(map(str, array.shape))})"
+    return f"{array.min():.6g} … {array.max():.6g} ({count(array.shape)})"
