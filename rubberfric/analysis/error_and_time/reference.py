@@ -114,7 +114,8 @@ def case_of(
         raise ValueError("velocity, pressure and temperature have no point in common: must have at least one")
     differentiated = np.unique(np.linspace(0, conditions[0].size - 1, count).round().astype(int))
     height2 = sum(float(moment(rough.spectrum, 0)) for rough, _ in rough_pairs(scene))
-    return Case(*cast((scene, tuple(conditions)), jnp.float64), differentiated, height2**0.5)
+    scene, columns = cast((scene, tuple(conditions)), jnp.float64)
+    return Case(scene, columns, differentiated, height2**0.5)
 
 
 def rounded(case: Case) -> Case:

@@ -27,6 +27,7 @@ from rubberfric.analysis.error_and_time.textbook_solids import (
     spectrum_at,
     stiffness,
 )
+from rubberfric.roughness.spectra import Spectrum
 from rubberfric.scene.scene import Body, Scene
 from rubberfric.scene.shear import ContactShear
 from rubberfric.theory.model import QUANTITIES
@@ -89,11 +90,11 @@ def _block(
     velocity, pressure, *rest = points
     temperature = rest[0] if rest else None
     bodies = ((scene.lower, scene.upper), (scene.upper, scene.lower))
-    pairs = [(rough, other) for rough, other in bodies if rough.spectrum is not None]
+    pairs = [(one.spectrum, one, other) for one, other in bodies if one.spectrum is not None]
     one, zero = np.ones_like(pressure), np.zeros_like(pressure)
     results = {"area": one, "friction": zero, "separation": zero}
     if pairs:
-        limits = [limit for rough, _ in pairs for limit in range_of(rough.spectrum)]
+        limits = [limit for spectrum, _, _ in pairs for limit in range_of(spectrum)]
         q = np.geomspace(min(limits), max(limits), nodes[0])
         log_q = np.log(q)
         power, dissipation, storage = _over_angle(pairs, q, velocity, temperature, nodes[1], quantities)
@@ -117,7 +118,7 @@ def _block(
 
 
 def _over_angle(
-    pairs: list[tuple[Body, Body]],
+    pairs: list[tuple[Spectrum, Body, Body]],
     q: np.ndarray,
     velocity: np.ndarray,
     temperature: np.ndarray | None,
@@ -127,8 +128,8 @@ def _over_angle(
     """Integrals over phi of sum_j C_j times |K_j|^2, cos(phi) Im K_j and Re K_j, shape (points, q)."""
     cosine = np.cos(np.linspace(0, 2 * np.pi, count, endpoint=False))
     power, dissipation, storage = np.zeros((3, velocity.size, q.size))
-    for rough, other in pairs:
-        roughness = 2 * np.pi * spectrum_at(rough.spectrum, q)
+    for spectrum, rough, other in pairs:
+        roughness = 2 * np.pi * spectrum_at(spectrum, q)
         omega = q[:, None] * (velocity[:, None, None] * cosine)
         K = series(stiffness(other, q, omega, temperature), stiffness(rough, q, None, None))
         power = power + roughness * np.mean(np.real(K) ** 2 + np.imag(K) ** 2, -1)

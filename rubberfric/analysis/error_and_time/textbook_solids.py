@@ -6,29 +6,27 @@ import numpy as np
 
 from rubberfric.materials.coating import Coating
 from rubberfric.materials.elastic import Elastic, Rigid
+from rubberfric.materials.material import Material
 from rubberfric.materials.prony import Prony, PronyShear
-from rubberfric.materials.shifts import WLF, Arrhenius, TabulatedShift
+from rubberfric.materials.shifts import WLF, Arrhenius, Shift, TabulatedShift
 from rubberfric.materials.slab import Slab
 from rubberfric.materials.tabulated_modulus import TabulatedModulus
-from rubberfric.roughness.spectra import SelfAffine, TabulatedSpectrum
+from rubberfric.roughness.spectra import SelfAffine, Spectrum, TabulatedSpectrum
 from rubberfric.scene.scene import Body
 
 BOLTZMANN_EV = 8.617333262e-5  # [eV/K]
 
-Material = Rigid | Elastic | Prony | PronyShear | TabulatedModulus
-Shift = WLF | Arrhenius | TabulatedShift
-Spectrum = SelfAffine | TabulatedSpectrum
+_MATERIALS = (Rigid, Elastic, Prony, PronyShear, TabulatedModulus)
+_SHIFTS = (WLF, Arrhenius, TabulatedShift, type(None))
+_LAYERS = (Slab, Coating, type(None))
+_SPECTRA = (SelfAffine, TabulatedSpectrum, type(None))
 
 
 def knows(body: Body) -> bool:
     """Whether the material, its shift, the layer and the spectrum of a body are ones written down here."""
-    shift = getattr(body.material, "shift", None)
-    return (
-        isinstance(body.material, Material)
-        and isinstance(shift, Shift | None)
-        and isinstance(body.layer, Slab | Coating | None)
-        and isinstance(body.spectrum, Spectrum | None)
-    )
+    parts = (body.material, body.material.shift, body.layer, body.spectrum)
+    known = (_MATERIALS, _SHIFTS, _LAYERS, _SPECTRA)
+    return all(isinstance(part, kinds) for part, kinds in zip(parts, known, strict=True))
 
 
 def stiffness(
@@ -41,11 +39,11 @@ def stiffness(
     if isinstance(material, PronyShear):
         shear, bulk = modulus_at(material, omega, temperature), float(material.bulk)
         return 2 * q[:, None] * shear * (3 * bulk + shear) / (3 * bulk + 4 * shear)
-    poisson = float(material.poisson)
+    poisson = _poisson(material)
     factor = q / (2 * (1 - poisson**2))
     if isinstance(body.layer, Coating):
         return factor[:, None] * _coated(material, body.layer, q, omega, temperature)
-    if body.layer is not None:
+    if isinstance(body.layer, Slab):
         factor = factor * _layer(body.layer, poisson, q)
     return factor[:, None] * modulus_at(material, omega, temperature)
 
@@ -58,7 +56,7 @@ def _coated(
     temperature: np.ndarray | None,
 ) -> np.ndarray:
     """E(omega) Sbar(q, omega) of a layer on a half-space, which shares the layer's shift."""
-    nu1, nu0 = float(material.poisson), float(layer.base.poisson)
+    nu1, nu0 = _poisson(material), _poisson(layer.base)
     omega = _shifted(material, omega, temperature)
     modulus = modulus_at(material, omega, None)
     one, two = modulus / (1 + nu1), modulus_at(layer.base, omega, None) / (1 + nu0)
@@ -93,12 +91,13 @@ def modulus_at(
     omega = _shifted(material, omega, temperature)
     if isinstance(material, TabulatedModulus):
         return _interpolated(material, omega)
-    series = (material.E_inf, material.E) if isinstance(material, Prony) else (material.G_inf, material.G)
-    rest, weights = float(series[0]), np.asarray(series[1], float)
+    assert isinstance(material, Prony | PronyShear)
+    shear = isinstance(material, PronyShear)
+    rest, weights = (material.G_inf, material.G) if shear else (material.E_inf, material.E)
     if omega is None:
-        return rest
-    modulus = np.full(omega.shape, rest, complex)
-    for weight, tau in zip(weights, np.asarray(material.tau), strict=True):
+        return float(rest)
+    modulus = np.full(omega.shape, float(rest), complex)
+    for weight, tau in zip(np.asarray(weights, float), np.asarray(material.tau), strict=True):
         s = 1j * omega * tau
         modulus += weight * s / (1 + s)
     return modulus
@@ -119,10 +118,9 @@ def _shifted(
     material: Material, omega: np.ndarray | None, temperature: np.ndarray | None
 ) -> np.ndarray | None:
     """a_T omega."""
-    shift = getattr(material, "shift", None)
-    if omega is None or temperature is None or shift is None:
+    if omega is None or temperature is None or material.shift is None:
         return omega
-    return omega * shift_factor(shift, temperature)[:, None, None]
+    return omega * shift_factor(material.shift, temperature)[:, None, None]
 
 
 def shift_factor(shift: Shift, temperature: np.ndarray) -> np.ndarray:
@@ -132,8 +130,14 @@ def shift_factor(shift: Shift, temperature: np.ndarray) -> np.ndarray:
         return 10 ** (-float(shift.C1) * above / (float(shift.C2) + above))
     if isinstance(shift, Arrhenius):
         return np.exp(float(shift.energy) / BOLTZMANN_EV * (1 / temperature - 1 / float(shift.T_ref)))
+    assert isinstance(shift, TabulatedShift)
     T, log_aT = np.asarray(shift.T), np.log(np.asarray(shift.aT))
     return np.exp(np.interp(temperature, T, log_aT) - np.interp(float(shift.T_ref), T, log_aT))
+
+
+def _poisson(material: Material) -> float:
+    assert material.poisson is not None  # a PronyShear has no layer
+    return float(material.poisson)
 
 
 def _layer(layer: Slab, poisson: float, q: np.ndarray) -> np.ndarray:
@@ -150,6 +154,7 @@ def range_of(spectrum: Spectrum) -> tuple[float, float]:
     """First and last wavevector [1/m]."""
     if isinstance(spectrum, SelfAffine):
         return float(spectrum.q0), float(spectrum.q1)
+    assert isinstance(spectrum, TabulatedSpectrum)
     return float(spectrum.q[0]), float(spectrum.q[-1])
 
 
@@ -162,6 +167,7 @@ def spectrum_at(spectrum: Spectrum, q: np.ndarray) -> np.ndarray:
         plateau = float(spectrum.h_rms) ** 2 / (math.pi * qr**2 * (1 - (first / qr) ** 2 + tail))
         C = plateau * np.where(q < qr, 1.0, (q / qr) ** (-2 * (1 + hurst)))
     else:
+        assert isinstance(spectrum, TabulatedSpectrum)
         C = np.exp(np.interp(np.log(q), np.log(np.asarray(spectrum.q)), np.log(np.asarray(spectrum.C))))
     # A range ends at a node, but the node is rounded.
     return np.where((q >= first * (1 - 1e-12)) & (q <= last * (1 + 1e-12)), C, 0.0)
