@@ -2,6 +2,7 @@
 
 import contextlib
 import importlib.metadata
+from typing import Any
 
 import h5py
 import jax
@@ -58,7 +59,7 @@ def write_values(group, name, values, units):
     return data
 
 
-def read_values(group, name, units):
+def read_values(group: h5py.Group, name: str, units: str) -> np.ndarray | float:
     """Numbers of a dataset, in the units it must be in: a NumPy array, or a float if it is weak."""
     where = f"{group.name.rstrip('/')}/{name}"
     if name not in group or not isinstance(group[name], h5py.Dataset):
@@ -82,7 +83,7 @@ def check_names(group, names, attributes):
             raise ValueError(f"{group.name}: attribute {name!r} is unknown; {closest(name, attributes)}")
 
 
-def plain(attribute):
+def plain(attribute: Any) -> Any:
     """An attribute as Python has it: bool, int, float or str."""
     return attribute.item() if isinstance(attribute, np.generic) else attribute
 

@@ -20,7 +20,8 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.base.checks import POSITIVE, either
-from rubberfric.base.objects import child, kinds, leaf, physical
+from rubberfric.base.objects.fields import Number, child, leaf
+from rubberfric.base.objects.physical import kinds, physical
 from rubberfric.materials.material import Coatable, Series
 from rubberfric.materials.series.prony_and_prony import two_in_series
 from rubberfric.materials.slab import Layer, sinh_minus_linear
@@ -40,8 +41,8 @@ class Coating(Layer):
 
     multiplies: ClassVar[bool] = False
 
-    thickness: float = leaf(POSITIVE)
-    base: Coatable = child(Coatable, optional=False, hint=" (on a rigid base use Slab)")
+    thickness: Number = leaf(POSITIVE, unit="m")
+    base: Coatable = child(hint=" (on a rigid base use Slab)")
 
     def _check(self):
         if self.base.shift is not None:

@@ -4,8 +4,9 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from rubberfric.base.checks import POSITIVE
-from rubberfric.base.objects import leaf, physical
+from rubberfric.base.checks import PLAUSIBLE_STRESS, POSITIVE
+from rubberfric.base.objects.fields import Number, leaf
+from rubberfric.base.objects.physical import physical
 from rubberfric.materials.material import POISSON, Coatable, Material, Series, plane_strain
 
 
@@ -29,8 +30,8 @@ class Elastic(Coatable):
 
     relaxes: ClassVar[bool] = False
 
-    young: float = leaf(POSITIVE)
-    poisson: float = leaf(POISSON)
+    young: Number = leaf(POSITIVE, unit="Pa", plausible=PLAUSIBLE_STRESS)
+    poisson: Number = leaf(POISSON, unit="-")
 
     def reduced_series(self, scale):
         """E_r over a scale [Pa], a Prony series of no terms."""

@@ -13,7 +13,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.checks import as_leaf, between, is_concrete
-from rubberfric.base.objects import Kind, check_kind, kinds
+from rubberfric.base.objects.physical import Kind, check_kind, kinds
 from rubberfric.materials.shifts import Shift
 
 POISSON = between(0.0, 0.5)

@@ -4,8 +4,16 @@ from typing import ClassVar
 
 import jax.numpy as jnp
 
-from rubberfric.base.checks import NONNEGATIVE, POSITIVE, check_lengths, check_values, is_concrete
-from rubberfric.base.objects import child, leaf, physical
+from rubberfric.base.checks import (
+    NONNEGATIVE,
+    PLAUSIBLE_STRESS,
+    POSITIVE,
+    check_lengths,
+    check_values,
+    is_concrete,
+)
+from rubberfric.base.objects.fields import Number, Vector, child, leaf
+from rubberfric.base.objects.physical import physical
 from rubberfric.materials.material import (
     POISSON,
     Coatable,
@@ -34,11 +42,11 @@ class Prony(Coatable):
         how the relaxation times move with temperature: E(omega, T) = E(a_T omega).
     """
 
-    E_inf: float = leaf(NONNEGATIVE)
-    E: object = leaf(NONNEGATIVE, ndim=1)
-    tau: object = leaf(POSITIVE, ndim=1)
-    poisson: float = leaf(POISSON, default=0.5)
-    shift: Shift | None = child(Shift, default=None)
+    E_inf: Number = leaf(NONNEGATIVE, unit="Pa", plausible=PLAUSIBLE_STRESS, plus="E")
+    E: Vector = leaf(NONNEGATIVE, unit="Pa")
+    tau: Vector = leaf(POSITIVE, unit="s")
+    poisson: Number = leaf(POISSON, unit="-", default=0.5)
+    shift: Shift | None = child(default=None)
 
     def _check(self):
         _check_terms("Prony", "E", self.E_inf, self.E, self.tau)
@@ -79,11 +87,11 @@ class PronyShear(Material):
 
     always_in_series: ClassVar[bool] = True  # with the bulk modulus
 
-    G_inf: float = leaf(NONNEGATIVE)
-    G: object = leaf(NONNEGATIVE, ndim=1)
-    tau: object = leaf(POSITIVE, ndim=1)
-    bulk: float = leaf(POSITIVE)
-    shift: Shift | None = child(Shift, default=None)
+    G_inf: Number = leaf(NONNEGATIVE, unit="Pa", plausible=PLAUSIBLE_STRESS, plus="G")
+    G: Vector = leaf(NONNEGATIVE, unit="Pa")
+    tau: Vector = leaf(POSITIVE, unit="s")
+    bulk: Number = leaf(POSITIVE, unit="Pa")
+    shift: Shift | None = child(default=None)
 
     def _check(self):
         _check_terms("PronyShear", "G", self.G_inf, self.G, self.tau)

@@ -5,14 +5,23 @@ finite for every finite T.
 """
 
 import math
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.checks import POSITIVE, check_increasing, check_lengths, check_values, is_concrete
-from rubberfric.base.objects import Kind, leaf, physical
+from rubberfric.base.checks import (
+    PLAUSIBLE_TEMPERATURE,
+    POSITIVE,
+    check_increasing,
+    check_lengths,
+    check_values,
+    is_concrete,
+)
+from rubberfric.base.objects.fields import Number, Vector, leaf
+from rubberfric.base.objects.physical import Kind, physical
 
 BOLTZMANN_EV = 8.617333262e-5  # Boltzmann constant [eV/K], CODATA 2018 (exact to the digits given)
 
@@ -43,9 +52,9 @@ class WLF(Shift):
     raise ValueError; under jit the factor saturates at the largest finite value.
     """
 
-    C1: float = leaf(POSITIVE)
-    C2: float = leaf(POSITIVE)
-    T_ref: float = leaf(POSITIVE)
+    C1: Number = leaf(POSITIVE, unit="-")
+    C2: Number = leaf(POSITIVE, unit="K")
+    T_ref: Number = leaf(POSITIVE, unit="K", plausible=PLAUSIBLE_TEMPERATURE)
 
     def check_temperature(self, temperature):
         """Raise ValueError for concrete temperatures at or below the pole."""
@@ -74,8 +83,8 @@ class Arrhenius(Shift):
     T_ref : [K]
     """
 
-    energy: float = leaf(POSITIVE)
-    T_ref: float = leaf(POSITIVE)
+    energy: Number = leaf(POSITIVE, unit="eV")
+    T_ref: Number = leaf(POSITIVE, unit="K", plausible=PLAUSIBLE_TEMPERATURE)
 
     def log_factor(self, temperature):
         """ln a_T at temperature [K]."""
@@ -102,9 +111,11 @@ class TabulatedShift(Shift):
     shift is a guess); under jit the end values are held.
     """
 
-    T: object = leaf(POSITIVE, ndim=1)
-    aT: object = leaf(POSITIVE, ndim=1)
-    T_ref: float = leaf(POSITIVE)
+    file_kind: ClassVar[str] = "table"
+
+    T: Vector = leaf(POSITIVE, unit="K", column="T")
+    aT: Vector = leaf(POSITIVE, unit="-", column="aT")
+    T_ref: Number = leaf(POSITIVE, unit="K", plausible=PLAUSIBLE_TEMPERATURE)
 
     def _check(self):
         check_lengths("TabulatedShift", T=self.T, aT=self.aT)

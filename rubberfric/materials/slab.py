@@ -1,6 +1,6 @@
 """Layers: how a finite thickness stiffens a solid, M = 2 / (q E_r Sbar(q d))."""
 
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import jax
 import jax.numpy as jnp
@@ -8,7 +8,8 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.checks import POSITIVE
-from rubberfric.base.objects import Kind, leaf, physical, static
+from rubberfric.base.objects.fields import Number, leaf, static
+from rubberfric.base.objects.physical import Kind, physical
 from rubberfric.materials.material import Material, Series
 
 # sinh(2x) - 2x = sum_{k>=1} (2x)^(2k+1) / (2k+1)!: exact to rounding for x <= 1.
@@ -66,8 +67,8 @@ class Slab(Layer):
         whether the far side sticks to the base or slides on it.
     """
 
-    thickness: float = leaf(POSITIVE)
-    base: str = static(("bonded", "frictionless"), default="bonded")
+    thickness: Number = leaf(POSITIVE, unit="m")
+    base: Literal["bonded", "frictionless"] = static(default="bonded")
 
     def stiffening(self, poisson, q):
         r"""Sbar(q d) [-]: stiffness of the layered solid over that of the half-space.

@@ -1,9 +1,12 @@
 """Tabulated moduli: E(omega) between and beyond the entries of a master curve."""
 
+from typing import ClassVar, Literal
+
 import jax.numpy as jnp
 
-from rubberfric.base.checks import POSITIVE, check_increasing, check_lengths
-from rubberfric.base.objects import child, leaf, physical, static
+from rubberfric.base.checks import PLAUSIBLE_STRESS, POSITIVE, check_increasing, check_lengths
+from rubberfric.base.objects.fields import Number, Vector, child, leaf, static
+from rubberfric.base.objects.physical import physical
 from rubberfric.materials.material import POISSON, Material, plane_strain
 from rubberfric.materials.shifts import Shift
 
@@ -32,12 +35,14 @@ class TabulatedModulus(Material):
     table); `Quadrature.angle` lowers them.
     """
 
-    omega: object = leaf(POSITIVE, ndim=1)
-    storage: object = leaf(POSITIVE, ndim=1)
-    loss: object = leaf(POSITIVE, ndim=1)
-    poisson: float = leaf(POISSON, default=0.5)
-    shift: Shift | None = child(Shift, default=None)
-    outside: str = static(("fall", "hold", "none"), default="fall")
+    file_kind: ClassVar[str] = "tabulated"
+
+    omega: Vector = leaf(POSITIVE, unit="rad/s", column="omega")
+    storage: Vector = leaf(POSITIVE, unit="Pa", plausible=PLAUSIBLE_STRESS, column="E_stor")
+    loss: Vector = leaf(POSITIVE, unit="Pa", column="E_loss")
+    poisson: Number = leaf(POISSON, unit="-", default=0.5)
+    shift: Shift | None = child(default=None)
+    outside: Literal["fall", "hold", "none"] = static(default="fall")
 
     def _check(self):
         check_lengths("TabulatedModulus", omega=self.omega, storage=self.storage, loss=self.loss)

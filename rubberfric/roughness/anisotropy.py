@@ -7,21 +7,20 @@ C(q, phi + pi) = C(q, phi): even multiples only.
 """
 
 import dataclasses
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.checks import FINITE, POSITIVE, check_increasing
-from rubberfric.base.objects import check_kind, child, leaf, physical, static
+from rubberfric.base.objects.fields import Matrix, Number, Vector, child, leaf, static
+from rubberfric.base.objects.physical import check_kind, physical
 from rubberfric.roughness.spectra import SelfAffine, Spectrum, log_ratio, tabulated_law
 
 # Directions of which the harmonics of a stretched surface are taken; exact to rounding up to
 # ratios of 30.
 _DIRECTIONS = 1024
-
-HARMONICS = (4, 8, 16, 32, 64)
 
 
 @physical
@@ -47,10 +46,10 @@ class Anisotropic(Spectrum):
 
     endless: ClassVar[bool] = True
 
-    base: SelfAffine = child(SelfAffine, optional=False)
-    ratio: float = leaf(POSITIVE)
-    angle: float = leaf(FINITE, default=0.0)
-    harmonics: int = static(HARMONICS, default=16)
+    base: SelfAffine = child()
+    ratio: Number = leaf(POSITIVE, unit="-")
+    angle: Number = leaf(FINITE, unit="rad", default=0.0)
+    harmonics: Literal[4, 8, 16, 32, 64] = static(default=16)
 
     def power_law(self):
         """That of `base`."""
@@ -106,9 +105,9 @@ class TabulatedAnisotropic(Spectrum):
 
     harmonics_vary: ClassVar[bool] = True
 
-    q: object = leaf(POSITIVE, ndim=1)
-    C: object = leaf(POSITIVE, ndim=2)
-    angle: float = leaf(FINITE, default=0.0)
+    q: Vector = leaf(POSITIVE, unit="1/m", column="q")
+    C: Matrix = leaf(POSITIVE, unit="m^4", column="C")
+    angle: Number = leaf(FINITE, unit="rad", default=0.0)
 
     def _check(self):
         if self.C.shape[0] != self.q.shape[0] or self.q.shape[0] < 2 or self.C.shape[1] < 4:

@@ -26,7 +26,8 @@ from rubberfric.base.checks import (
     either,
     is_concrete,
 )
-from rubberfric.base.objects import Kind, check_kind, kinds, leaf, physical
+from rubberfric.base.objects.fields import Number, Vector, leaf
+from rubberfric.base.objects.physical import Kind, check_kind, kinds, physical
 
 
 class BrokenPowerLaw(NamedTuple):
@@ -105,12 +106,13 @@ class SelfAffine(Spectrum):
     """
 
     endless: ClassVar[bool] = True
+    alternatives: ClassVar = {"C0": "h_rms"}
 
-    q0: float = leaf(POSITIVE)
-    qr: float = leaf(POSITIVE)
-    q1: float = leaf(POSITIVE)
-    hurst: float = leaf(between(0.0, 1.0))
-    h_rms: float = leaf(NONNEGATIVE)
+    q0: Number = leaf(POSITIVE, unit="1/m")
+    qr: Number = leaf(POSITIVE, unit="1/m")
+    q1: Number = leaf(POSITIVE, unit="1/m")
+    hurst: Number = leaf(between(0.0, 1.0), unit="-")
+    h_rms: Number = leaf(NONNEGATIVE, unit="m")
 
     def _check(self):
         if all(is_concrete(x) for x in (self.q0, self.qr, self.q1)):
@@ -170,8 +172,10 @@ class TabulatedSpectrum(Spectrum):
     C : power spectrum [m^4], > 0, shape (n,)
     """
 
-    q: object = leaf(POSITIVE, ndim=1)
-    C: object = leaf(POSITIVE, ndim=1)
+    file_kind: ClassVar[str] = "tabulated"
+
+    q: Vector = leaf(POSITIVE, unit="1/m", column="q")
+    C: Vector = leaf(POSITIVE, unit="m^4", column="C")
 
     def _check(self):
         check_lengths("TabulatedSpectrum", q=self.q, C=self.C)

@@ -15,7 +15,7 @@ and nothing cancels where q = q'. Its end at small k, which falls slowly, is kno
 """
 
 import functools
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -23,7 +23,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from rubberfric.base.checks import POSITIVE, between
-from rubberfric.base.objects import leaf, physical, static
+from rubberfric.base.objects.fields import Number, OptionalNumber, leaf, static
+from rubberfric.base.objects.physical import PhysicalObject, physical
 from rubberfric.base.quadrature import typed
 
 # e-folds of k below the smallest and above the largest 2q: the rest is below 1e-10.
@@ -31,7 +32,7 @@ _BELOW, _ABOVE = 12.0, 8.0
 
 
 @physical
-class Heating:
+class Heating(PhysicalObject):
     """Heat of friction in the deformable solids of a scene.
 
     Parameters
@@ -51,13 +52,13 @@ class Heating:
     is computed: they are those far from the contact.
     """
 
-    density: float = leaf(POSITIVE)
-    heat_capacity: float = leaf(POSITIVE)
-    conductivity: float = leaf(POSITIVE)
-    radius: float = leaf(POSITIVE)
-    area_fraction: float | None = leaf(between(1e-12, 1.0), optional=True, default=None)
-    shear_share: float = leaf(between(0.0, 1.0), default=0.5)
-    shear_at: str = static(("flash", "background"), default="flash")
+    density: Number = leaf(POSITIVE, unit="kg/m^3")
+    heat_capacity: Number = leaf(POSITIVE, unit="J/(kg K)")
+    conductivity: Number = leaf(POSITIVE, unit="W/(m K)")
+    radius: Number = leaf(POSITIVE, unit="m")
+    area_fraction: OptionalNumber = leaf(between(1e-12, 1.0), unit="-", default=None)
+    shear_share: Number = leaf(between(0.0, 1.0), unit="-", default=0.5)
+    shear_at: Literal["flash", "background"] = static(default="flash")
 
 
 class Diffusion(NamedTuple):

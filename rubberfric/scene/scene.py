@@ -4,7 +4,8 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.base.checks import between
-from rubberfric.base.objects import child, leaf, physical, static
+from rubberfric.base.objects.fields import Number, child, leaf, static
+from rubberfric.base.objects.physical import PhysicalObject, physical
 from rubberfric.materials.material import Material
 from rubberfric.materials.slab import Layer
 from rubberfric.roughness.spectra import Spectrum
@@ -14,7 +15,7 @@ from rubberfric.scene.softening import Softening
 
 
 @physical
-class Body:
+class Body(PhysicalObject):
     """One solid.
 
     Parameters
@@ -26,9 +27,9 @@ class Body:
         (Coating, if the material is Elastic or Prony).
     """
 
-    material: Material = child(Material, optional=False)
-    spectrum: Spectrum | None = child(Spectrum, default=None)
-    layer: Layer | None = child(Layer, default=None)
+    material: Material = child()
+    spectrum: Spectrum | None = child(default=None)
+    layer: Layer | None = child(unnamed="slab", default=None)
 
     def _check(self):
         if self.layer is None:
@@ -44,7 +45,7 @@ class Body:
 
 
 @physical
-class Scene:
+class Scene(PhysicalObject):
     """Upper solid (2) sliding over lower solid (1).
 
     Parameters
@@ -69,13 +70,13 @@ class Scene:
     Two rigid bodies raise ValueError: nothing would deform.
     """
 
-    lower: Body = child(Body, optional=False)
-    upper: Body = child(Body, optional=False)
-    gamma: float = leaf(between(0.0, 1.0), default=0.5)
-    area_correction: bool = static((False, True), default=False)
-    shear: ContactShear | None = child(ContactShear, default=None)
-    heating: Heating | None = child(Heating, default=None)
-    softening: Softening | None = child(Softening, default=None)
+    lower: Body = child()
+    upper: Body = child()
+    gamma: Number = leaf(between(0.0, 1.0), unit="-", default=0.5)
+    area_correction: bool = static(default=False)
+    shear: ContactShear | None = child(default=None)
+    heating: Heating | None = child(default=None)
+    softening: Softening | None = child(default=None)
 
     def _check(self):
         if not (self.lower.material.deforms or self.upper.material.deforms):

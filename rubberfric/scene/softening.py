@@ -13,7 +13,8 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.base.checks import POSITIVE, check_increasing, check_lengths
-from rubberfric.base.objects import leaf, physical
+from rubberfric.base.objects.fields import Number, Vector, leaf
+from rubberfric.base.objects.physical import PhysicalObject, physical
 from rubberfric.roughness.moments import cumulative_moment
 from rubberfric.roughness.spectra import log_ratio
 
@@ -22,7 +23,7 @@ _HALVINGS, _NEWTON_STEPS = 40, 3
 
 
 @physical
-class Softening:
+class Softening(PhysicalObject):
     r"""Softening of all viscoelastic solids of a scene.
 
     f and g are linear in ln(strain) between the entries; outside, their end values hold.
@@ -37,10 +38,10 @@ class Softening:
     angular integrals are done by quadrature, which is slower.
     """
 
-    strain: object = leaf(POSITIVE, ndim=1)
-    storage: object = leaf(POSITIVE, ndim=1)
-    loss: object = leaf(POSITIVE, ndim=1)
-    factor: float = leaf(POSITIVE, default=1.0)
+    strain: Vector = leaf(POSITIVE, unit="-", column="strain")
+    storage: Vector = leaf(POSITIVE, unit="-", column="storage_factor")
+    loss: Vector = leaf(POSITIVE, unit="-", column="loss_factor")
+    factor: Number = leaf(POSITIVE, unit="-", default=1.0)
 
     def _check(self):
         check_lengths("Softening", strain=self.strain, storage=self.storage, loss=self.loss)
