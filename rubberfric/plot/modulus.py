@@ -76,7 +76,8 @@ def plot_modulus(
     modulus = np.asarray(_modulus(material, omega, temperature))
     axes = one_axes(ax, (7.4, 4.0))
     right = axes.twinx()
-    lines = (modulus.real, modulus.imag, modulus.imag / modulus.real)
+    storage, loss = np.real(modulus), np.imag(modulus)
+    lines = (storage, loss, loss / storage)
     handles = []
     for tone, place, (style, _, name), line in zip(
         colours(3), (axes, axes, right), _LOOKS, lines, strict=True
@@ -124,8 +125,8 @@ def _table(material: Material, temperature: float | None) -> Points | None:
     """(omega, E', E'') of the entries of a table, or None."""
     if not isinstance(material, TabulatedModulus):
         return None
-    omega, *values = (np.asarray(x, float) for x in (material.omega, material.storage, material.loss))
-    return omega * np.exp(-_log_shift(material, temperature)), *values
+    omega, storage, loss = (np.asarray(x, float) for x in (material.omega, material.storage, material.loss))
+    return omega * np.exp(-_log_shift(material, temperature)), storage, loss
 
 
 def _shifted(material: Material, temperature: float | None, data: Any) -> Points:
