@@ -6,6 +6,8 @@ import numbers
 import sys
 import time
 import weakref
+from collections.abc import Callable
+from typing import Any
 
 from rubberfric.base.checks import shown
 
@@ -15,7 +17,7 @@ _PAUSE = 0.1
 _WIDTH = 79
 
 
-def progress(label=""):
+def progress(label: str = "") -> "Progress":
     """A function that shows how far long work is: to be its `progress=` or `callback=`.
 
     ::
@@ -49,13 +51,15 @@ def progress(label=""):
 class Progress:
     """See `progress`; `place` has the methods show(text, part) and end(), or is None."""
 
-    def __init__(self, label, place, clock=time.monotonic):
+    def __init__(
+        self, label: str, place: "_Terminal | _Notebook | None", clock: Callable[[], float] = time.monotonic
+    ):
         self._label, self._place, self._clock = label, place, clock
         self._begin = clock()
         if place is not None:
             self._end = weakref.finalize(self, place.end)
 
-    def __call__(self, done, of=None):
+    def __call__(self, done: int | str, of: float | None = None) -> None:
         """Show points done of all, a step and its cost, or a text."""
         if self._place is None:
             return
@@ -70,7 +74,7 @@ class Progress:
             self._end()
 
 
-def describe(done, of, seconds, before=0):
+def describe(done: Any, of: float | None, seconds: float, before: int = 0) -> tuple[str, float | None]:
     """(text, part done or None) of points done of all, of a step and its cost, or of a text.
 
     before : points that were done when the time began
@@ -108,9 +112,11 @@ class _Terminal:
 class _Notebook:
     """A bar and a text in the output of a notebook's cell, in place of the last ones."""
 
-    def __init__(self, display, clock=time.monotonic):
+    def __init__(self, display, clock: Callable[[], float] = time.monotonic):
         self._display, self._clock = display, clock
-        self._handle = self._waiting = self._last = None
+        self._handle: Any = None
+        self._waiting: _Bar | None = None
+        self._last = 0.0  # when the last picture was shown
 
     def show(self, text, part):
         picture = _Bar(text, part)
