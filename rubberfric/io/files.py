@@ -1,8 +1,8 @@
 """Scene files of either kind: TOML written by hand, HDF5 written by the library."""
 
 from rubberfric.base.atomic import StrPath, as_path, check_writable
-from rubberfric.io.results import read_scene_hdf5, write_scene_hdf5
-from rubberfric.io.scene_files.conditions import SceneFile
+from rubberfric.io.result_files import read_scene_hdf5, write_scene_hdf5
+from rubberfric.io.scene_files.conditions import Conditions, SceneFile
 from rubberfric.io.scene_files.toml import read_scene_toml
 from rubberfric.scene.scene import Scene
 
@@ -22,12 +22,12 @@ def read_scene_file(path: StrPath, table: str = "run") -> SceneFile:
     return read_scene_toml(path, table) if suffix == ".toml" else read_scene_hdf5(path)
 
 
-def read_computable(path: StrPath, table: str = "run") -> SceneFile:
+def read_computable(path: StrPath, table: str = "run") -> tuple[Scene, Conditions, str]:
     """The same of a file that says at what conditions to compute, or ValueError."""
     found = read_scene_file(path, table)
     if found.conditions is None:
         raise ValueError(f"{path}: {table}: is missing; must hold velocity and pressure to compute at")
-    return found
+    return found.scene, found.conditions, found.title
 
 
 def load_scene(path: StrPath) -> Scene:

@@ -49,9 +49,39 @@ def test_commands(command, call_main):
             assert Path(name).stat().st_size > 1000
 
 
-def test_files_that_are_named_exist():
-    for name in re.findall(r"\]\(([\w./]+)\)", README):
+PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "data/README.md", "notebooks/README.md")
+NAMED = re.compile(r"(?:rubberfric|fitting|tests|notebooks|data)/[\w./]+\.(?:py|md|toml|csv|json|ipynb)")
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_files_that_are_named_exist(page):
+    text = (ROOT / page).read_text()
+    for name in re.findall(r"\]\(([\w./]+)\)", text):
+        assert ((ROOT / page).parent / name).exists(), name
+    for name in NAMED.findall(text):
         assert (ROOT / name).exists(), name
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_modules_that_are_named_exist(page):
+    now = "\n".join(line for line in (ROOT / page).read_text().splitlines() if not line.startswith("| `rf."))
+    for name in re.findall(r"(?<![/\w])((?:rf|rubberfric|fitting)(?:\.[a-zA-Z_]\w*)+)", now):
+        package, *attributes = name.split(".")
+        found = {"rf": rubberfric, "rubberfric": rubberfric, "fitting": fitting}[package]
+        for attribute in attributes:
+            found = getattr(found, attribute)
+
+
+def test_names_of_the_tables_exist():
+    tables = re.findall(r"^\| in (.*?) \| what \|\n\|---\|---\|\n((?:\|.*\n)+)", README, re.M)
+    assert len(tables) == 3
+    for head, rows in tables:
+        for cell in re.findall(r"^\| (.*?) \|", rows, re.M):
+            for name in re.findall(r"`([\w.]+)`", cell):
+                found = fitting if "fitting" in head else rubberfric
+                for part in name.split("."):
+                    assert part in found.__all__, name
+                    found = getattr(found, part)
 
 
 def test_api_reference(tmp_path):
@@ -61,8 +91,9 @@ def test_api_reference(tmp_path):
     pdoc.pdoc(
         "rubberfric", "rubberfric.base.units", "fitting", "fitting.results.plot", output_directory=tmp_path
     )
-    for package in (rubberfric, fitting):
-        page = (tmp_path / f"{package.__name__}.html").read_text()
+    rooms = [getattr(rubberfric, name) for name in ("analysis", "io", "materials", "plot", "roughness")]
+    for package in (rubberfric, *rooms, fitting):
+        page = (tmp_path / f"{package.__name__.replace('.', '/')}.html").read_text()
         for name in package.__all__:
             module = getattr(getattr(package, name), "__name__", "")  # has a page of its own
             own_page = tmp_path / f"{module.replace('.', '/')}.html"

@@ -15,7 +15,8 @@ from support.scenes.examples import EXAMPLES, examples, same
 import rubberfric as rf
 from rubberfric.base.objects.physical import PhysicalObject, kinds, leaves_of
 from rubberfric.io.files import read_scene_file
-from rubberfric.io.results import Result, load_result, save_result
+from rubberfric.io.result_files import load_result, save_result
+from rubberfric.io.results import Result
 from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.io.tables import read_directions, read_table, write_table
 
