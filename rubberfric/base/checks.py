@@ -7,6 +7,7 @@ from typing import Any, TypeAlias
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
 # A rule for numbers: text for the error message, test on a NumPy array.
 Rule: TypeAlias = tuple[str, Callable[[np.ndarray], Any]]
@@ -33,7 +34,7 @@ def between(low: float, high: float) -> Rule:
 
 def is_concrete(value: object) -> bool:
     """False for tracers: their values are not known while tracing."""
-    return not isinstance(value, jax.core.Tracer)
+    return not isinstance(value, Tracer)
 
 
 def check_values(name: str, value: Any, rule: Rule) -> None:
@@ -52,7 +53,7 @@ def check_values(name: str, value: Any, rule: Rule) -> None:
         raise ValueError(f"{name}{index} = {shown(array[where])}: {text}")
 
 
-def as_leaf(name: str, value: Any, ndim: int) -> Any:
+def as_leaf(name: str, value: Any, ndim: int) -> jax.Array:
     """A float array of the wanted rank; Python scalars stay weakly typed floats.
 
     Weak typing lets a float32 scene keep float32 although its Poisson ratio was
@@ -63,7 +64,7 @@ def as_leaf(name: str, value: Any, ndim: int) -> Any:
         raise ValueError(f"{name} = {shown(value)}: must be {kind}")
     if isinstance(value, int | float) and ndim == 0:
         try:
-            return float(value)
+            return float(value)  # pyright: ignore[reportReturnType] (weakly typed, all that an array does)
         except OverflowError:
             raise ValueError(f"{name} = {shown(value)}: must be within floating-point range") from None
     try:

@@ -5,9 +5,10 @@ Nothing is computed: of what is being traced a table says that it is, of arrays 
 
 import html
 from collections.abc import Sequence
+from typing import Any
 
-import jax
 import numpy as np
+from jax.core import Tracer
 
 from rubberfric.base.checks import shown
 
@@ -36,9 +37,9 @@ def preformatted(text: str) -> str:
     return f"<pre>{html.escape(text)}</pre>"
 
 
-def short(value: object) -> str:
+def short(value: Any) -> str:
     """A value in a few characters: numbers to six digits, of arrays the ends and the count."""
-    if isinstance(value, jax.core.Tracer):
+    if isinstance(value, Tracer):
         return f"traced, {value.dtype}" + f" ({count(value.shape)})" * (value.ndim > 0)
     if isinstance(value, str | bool):
         return str(value)

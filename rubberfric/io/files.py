@@ -2,14 +2,14 @@
 
 from rubberfric.base.atomic import StrPath, as_path, check_writable
 from rubberfric.io.result_files import read_scene_hdf5, write_scene_hdf5
-from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.io.scene_files.conditions import Conditions, SceneFile
 from rubberfric.io.scene_files.toml import read_scene_toml
 from rubberfric.scene.scene import Scene
 
 SUFFIXES = (".toml", ".h5")
 
 
-def read_scene_file(path, table="run"):
+def read_scene_file(path: StrPath, table: str = "run") -> SceneFile:
     """Scene, conditions and title of a scene file; see `load_scene`.
 
     A TOML file has conditions in the tables "run" and "map"; an HDF5 file has one set of them.
@@ -30,7 +30,7 @@ def read_computable(path: StrPath, table: str = "run") -> tuple[Scene, Condition
     return found.scene, found.conditions, found.title
 
 
-def load_scene(path):
+def load_scene(path: StrPath) -> Scene:
     """Scene of a file, its curves resolved.
 
     Parameters
@@ -51,7 +51,7 @@ def load_scene(path):
     return read_scene_file(path).scene
 
 
-def save_scene(path, scene):
+def save_scene(path: StrPath, scene: Scene) -> None:
     """Write a scene as an HDF5 file (.h5), whole or not at all; `load_scene` reads it back.
 
     Raises

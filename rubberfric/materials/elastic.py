@@ -3,6 +3,7 @@
 from typing import ClassVar
 
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 
 from rubberfric.base.checks import PLAUSIBLE_STRESS, POSITIVE
 from rubberfric.base.objects.fields import Number, leaf
@@ -33,7 +34,7 @@ class Elastic(Coatable):
     young: Number = leaf(POSITIVE, unit="Pa", plausible=PLAUSIBLE_STRESS)
     poisson: Number = leaf(POISSON, unit="-")
 
-    def reduced_series(self, scale):
+    def reduced_series(self, scale: ArrayLike) -> Series:
         """E_r over a scale [Pa], a Prony series of no terms."""
         nothing = jnp.zeros(0, jnp.result_type(self.young))
         return Series(self.young * (plane_strain(self) / scale), nothing, nothing)

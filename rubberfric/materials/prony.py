@@ -2,7 +2,9 @@
 
 from typing import ClassVar
 
+import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 
 from rubberfric.base.checks import (
     NONNEGATIVE,
@@ -51,12 +53,12 @@ class Prony(Coatable):
     def _check(self):
         _check_terms("Prony", "E", self.E_inf, self.E, self.tau)
 
-    def reduced_series(self, scale):
+    def reduced_series(self, scale: ArrayLike) -> Series:
         """E_r over a scale [Pa] as a Prony series."""
         unit = plane_strain(self) / scale
         return Series(self.E_inf * unit, self.E * unit, self.tau)
 
-    def static_modulus(self):
+    def static_modulus(self) -> jax.Array:
         """E(omega = 0) [Pa]."""
         return self.E_inf
 
@@ -96,7 +98,7 @@ class PronyShear(Material):
     def _check(self):
         _check_terms("PronyShear", "G", self.G_inf, self.G, self.tau)
 
-    def reduced_series(self, scale):
+    def reduced_series(self, scale: ArrayLike) -> Series:
         """E_r over a scale [Pa] as a Prony series of twice the terms."""
         rest, weight, bulk = self.G_inf / scale, self.G / scale, self.bulk / scale
         compressed = Series(*in_series(4 * rest, 4 * weight, self.tau, jnp.asarray(3 * bulk)))
@@ -104,23 +106,23 @@ class PronyShear(Material):
         times = jnp.concatenate([self.tau, compressed.tau])
         return Series(rest + 0.75 * compressed.rest, relaxing, times)
 
-    def relaxation_times(self):
+    def relaxation_times(self) -> jax.Array:
         """Those of the shear [s], shape (n,)."""
         return self.tau
 
-    def modulus(self, omega):
+    def modulus(self, omega: jax.Array) -> jax.Array:
         """E(omega) [Pa], complex."""
         return _young(series_modulus(Series(self.G_inf, self.G, self.tau), omega), self.bulk)
 
-    def static_modulus(self):
+    def static_modulus(self) -> jax.Array:
         """E(omega = 0) [Pa]."""
         return _young(self.G_inf, self.bulk)
 
-    def static_reduced(self):
+    def static_reduced(self) -> jax.Array:
         """E_r(omega = 0) [Pa]."""
         return _reduced(self.G_inf, self.bulk)
 
-    def glassy_reduced(self):
+    def glassy_reduced(self) -> jax.Array:
         """E_r(omega = infinity) [Pa]."""
         return _reduced(self.G_inf + jnp.sum(self.G), self.bulk)
 

@@ -11,6 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
+from numpy.typing import DTypeLike
 
 from rubberfric.base.checks import (
     PLAUSIBLE_TEMPERATURE,
@@ -56,14 +57,14 @@ class WLF(Shift):
     C2: Number = leaf(POSITIVE, unit="K")
     T_ref: Number = leaf(POSITIVE, unit="K", plausible=PLAUSIBLE_TEMPERATURE)
 
-    def check_temperature(self, temperature):
+    def check_temperature(self, temperature: ArrayLike) -> None:
         """Raise ValueError for concrete temperatures at or below the pole."""
         if is_concrete(temperature) and is_concrete(self.T_ref) and is_concrete(self.C2):
             pole = float(self.T_ref) - float(self.C2)
             rule = (f"must be > {pole:g} K, the pole of the WLF law", lambda T: pole < T)
             check_values("temperature", temperature, rule)
 
-    def log_factor(self, temperature):
+    def log_factor(self, temperature: ArrayLike) -> jax.Array:
         """ln a_T at temperature [K]."""
         above = temperature - self.T_ref
         distance = self.C2 + above
@@ -86,7 +87,7 @@ class Arrhenius(Shift):
     energy: Number = leaf(POSITIVE, unit="eV")
     T_ref: Number = leaf(POSITIVE, unit="K", plausible=PLAUSIBLE_TEMPERATURE)
 
-    def log_factor(self, temperature):
+    def log_factor(self, temperature: ArrayLike) -> jax.Array:
         """ln a_T at temperature [K]."""
         # Below 1 K the factor is beyond all numbers; held there, it has a finite derivative at 0.
         temperature = jnp.maximum(temperature, 1.0)
@@ -131,24 +132,24 @@ class TabulatedShift(Shift):
         rule = (f"must be inside the table, {low:g} to {high:g} K", lambda T: (low <= T) & (high >= T))
         check_values(name, temperature, rule)
 
-    def check_temperature(self, temperature):
+    def check_temperature(self, temperature: ArrayLike) -> None:
         """Raise ValueError for concrete temperatures outside the table."""
         if is_concrete(temperature) and is_concrete(self.T):
             self._inside("temperature", temperature)
 
-    def log_factor(self, temperature):
+    def log_factor(self, temperature: ArrayLike) -> jax.Array:
         """ln a_T at temperature [K]."""
         log_aT = jnp.log(self.aT)
         here = jnp.interp(temperature, self.T, log_aT)
         return saturated(here - jnp.interp(self.T_ref, self.T, log_aT))
 
 
-def largest_log_factor(dtype):
+def largest_log_factor(dtype: DTypeLike) -> float:
     """Where |ln a_T| saturates, so that a_T and its products with q v tau stay finite: 177 (float32: 22)."""
     return 0.25 * float(np.log(float(jnp.finfo(dtype).max)))
 
 
-def saturated(log_factor):
+def saturated(log_factor: jax.Array) -> jax.Array:
     """ln a_T within the limits that keep a_T and its products finite."""
     limit = largest_log_factor(jnp.result_type(log_factor))
     return jnp.clip(log_factor, -limit, limit)

@@ -2,6 +2,7 @@
 
 from typing import ClassVar, Literal
 
+import jax
 import jax.numpy as jnp
 
 from rubberfric.base.checks import PLAUSIBLE_STRESS, POSITIVE, check_increasing, check_lengths
@@ -53,23 +54,23 @@ class TabulatedModulus(Material):
         check_increasing("TabulatedModulus.omega", self.omega)
 
     @property
-    def loss_beyond(self):
+    def loss_beyond(self) -> str:
         """`outside`."""
         return self.outside
 
-    def frequency_range(self):
+    def frequency_range(self) -> tuple[jax.Array, jax.Array]:
         """First and last omega of the table [rad/s]."""
         return self.omega[0], self.omega[-1]
 
-    def static_modulus(self):
+    def static_modulus(self) -> jax.Array:
         """E(omega = 0) [Pa]."""
         return self.storage[0]
 
-    def glassy_reduced(self):
+    def glassy_reduced(self) -> jax.Array:
         """The highest E_r' of the table [Pa]."""
         return jnp.max(self.storage) * plane_strain(self)
 
-    def storage_and_loss(self, log_omega):
+    def storage_and_loss(self, log_omega: jax.Array) -> tuple[jax.Array, jax.Array]:
         """E' and E'' [Pa] at ln omega, any shape."""
         knots = jnp.log(self.omega)
         inside = jnp.clip(log_omega, knots[0], knots[-1])

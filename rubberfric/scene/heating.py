@@ -72,7 +72,9 @@ class Diffusion(NamedTuple):
     wavevector: jax.Array  # q of the targets [1/m]
 
 
-def diffusion(source_q, target_q, ends, count):
+def diffusion(
+    source_q: jax.Array, target_q: jax.Array, ends: tuple[jax.Array, jax.Array], count: int
+) -> Diffusion:
     """`Diffusion` from wavevectors of sources to those of targets.
 
     Parameters
@@ -103,7 +105,7 @@ class Memory(NamedTuple):
     heat: jax.Array  # heat capacity of a volume [J/(m^3 K)]
 
 
-def memory(heating, ready, velocity, surface):
+def memory(heating: Heating, ready: Diffusion, velocity: jax.Array, surface: bool) -> Memory:
     """`Memory` at velocities of shape (points,) [m/s]; `surface`: whether heat is set free there too."""
     weight = _memory(heating, ready.k, velocity) * (ready.step * ready.k)
     known = weight @ _share(ready.reference, ready.k) ** 2
@@ -112,7 +114,7 @@ def memory(heating, ready, velocity, surface):
     return Memory(ready, weight, closed, below, heating.density * heating.heat_capacity)
 
 
-def rise_inside(memory, power):
+def rise_inside(memory: Memory, power: jax.Array) -> jax.Array:
     r"""Temperature rise of heat set free inside the solid, over q.
 
     Parameters
@@ -129,15 +131,17 @@ def rise_inside(memory, power):
     return 2 / jnp.pi * (summed + closed[:, None]) / memory.heat
 
 
-def rise_below_surface(memory, power):
+def rise_below_surface(memory: Memory, power: jax.Array) -> jax.Array:
     """Temperature rise of heat set free at the surface, over q: [K], shape (points, targets).
 
     power : heat over velocity per area of macroasperity contact [Pa], shape (points,)
     """
+    if memory.surface is None:
+        raise ValueError("memory.surface is None: must have been made for heat at the surface")
     return 2 / jnp.pi * power[:, None] * memory.surface / memory.heat
 
 
-def diffusivity(heating):
+def diffusivity(heating: Heating) -> jax.Array:
     """D = lambda / (rho c_p) [m^2/s]."""
     return heating.conductivity / (heating.density * heating.heat_capacity)
 

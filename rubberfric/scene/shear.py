@@ -46,7 +46,13 @@ class ContactShear(PhysicalObject):
     shift: Shift | None = child(default=None)
 
 
-def shear_friction(shear, area, velocity, pressure, temperature=None):
+def shear_friction(
+    shear: ContactShear,
+    area: jax.Array,
+    velocity: jax.Array,
+    pressure: jax.Array,
+    temperature: jax.Array | None = None,
+) -> jax.Array:
     r"""Friction coefficient of the contact shear, (tau_f / sigma_0) (A / A_0) sign(v).
 
     Parameters

@@ -7,7 +7,7 @@ r"""Strain softening of filled rubber (Payne effect), scale by scale.
 The rubber deformed by the asperities up to q has the strain of their slope.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -57,7 +57,7 @@ class Softened(NamedTuple):
     laws: tuple  # BrokenPowerLaw of every rough solid
 
 
-def softened_of(scene):
+def softened_of(scene: Any) -> Softened | None:
     """`Softened` of a scene, None if nothing softens."""
     if scene.softening is None:
         return None
@@ -66,12 +66,12 @@ def softened_of(scene):
     return Softened(scene.softening, laws)
 
 
-def strain(softened, q):
+def strain(softened: Softened, q: jax.Array) -> jax.Array:
     """Strain of the scale q [1/m], any shape; 0 below the roughness [-]."""
     return softened.softening.factor * jnp.sqrt(_square_slope(softened.laws, q))
 
 
-def softening_factors(softened, q):
+def softening_factors(softened: Softened, q: jax.Array) -> tuple[jax.Array, jax.Array]:
     """f and g at q [1/m], any shape."""
     softening = softened.softening
     # Below the roughness, and where the slope underflows, ln 0 has no finite derivative.
@@ -81,7 +81,7 @@ def softening_factors(softened, q):
     return jnp.interp(log_strain, knots, softening.storage), jnp.interp(log_strain, knots, softening.loss)
 
 
-def knots(softened):
+def knots(softened: Softened) -> jax.Array:
     """Wavevectors where the strain meets an entry of the table, f and g have kinks there [1/m].
 
     The ends of the roughness where it does not.

@@ -62,8 +62,8 @@ def parse_key_path(path: str) -> KeyPath:
     match = _PATH.fullmatch(path) if isinstance(path, str) else None
     if match is None:
         raise ValueError(f'{path!r}: must be a key path like "upper.material.E" or "upper.material.E[3]"')
-    name, *index = match.groups()
-    return KeyPath(path, tuple(name.split(".")), None if index[0] is None else tuple(index))
+    name, first, colon, last = match.groups()
+    return KeyPath(path, tuple(name.split(".")), None if first is None else (first, colon, last))
 
 
 def with_elements(path: KeyPath, array: Any, new: Any) -> jax.Array:

@@ -50,7 +50,9 @@ the class's `file_kind`.
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
+from rubberfric.base.atomic import StrPath
 from rubberfric.base.checks import closest, shown
 from rubberfric.base.objects.fields import Child, Leaf, Static
 from rubberfric.base.objects.physical import Kind, fields_of, kinds, leaves_of
@@ -64,7 +66,7 @@ from rubberfric.roughness.normalisation import LINES, NORMALISATION_RULE, check_
 from rubberfric.scene.scene import Scene
 
 
-def read_scene_toml(path, table="run"):
+def read_scene_toml(path: StrPath, table: str = "run") -> SceneFile:
     """Scene, conditions and title of a TOML file.
 
     The conditions are those of `table`, "run" or "map", and without [map] those of [run].
@@ -188,7 +190,7 @@ def _read_curves(path, key, cls, content):
     file = path.parent / name
     try:
         if directions:
-            table = dict(zip(("q", "C"), read_directions(file), strict=True))
+            table: dict[str, Any] = dict(zip(("q", "C"), read_directions(file), strict=True))
         else:
             layout = {"columns": content.get("columns"), "poisson": content.get("poisson"), "generic": "E"}
             wanted = tuple(density if column == "C" else column for column in curves.values())
