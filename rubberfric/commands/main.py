@@ -19,7 +19,8 @@ from rubberfric.commands.reliability import convergence_note, outside_note
 from rubberfric.io.files import read_computable
 from rubberfric.io.results import Result, result_shape, save_result
 from rubberfric.plot.save import check_plot, save_plot
-from rubberfric.theory.model import Solution, quantities_of, solve
+from rubberfric.theory.model import solve
+from rubberfric.theory.quantities import Solution, quantities_of
 
 PROGRAM = "rubberfric"
 

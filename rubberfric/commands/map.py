@@ -18,7 +18,7 @@ from rubberfric.io.results import CONDITIONS, result_shape
 from rubberfric.io.results import QUANTITIES as UNITS
 from rubberfric.plot.map import check_map, save_map_plot
 from rubberfric.plot.save import check_plot
-from rubberfric.theory.model import Solution
+from rubberfric.theory.quantities import Solution
 
 _SEVERAL = {"velocity": "velocities", "pressure": "pressures", "temperature": "temperatures"}
 

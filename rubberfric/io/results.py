@@ -29,7 +29,7 @@ from rubberfric.io.hdf5 import check_names, creating, plain, read_values, readin
 from rubberfric.io.scene_files.conditions import Conditions, SceneFile, check_conditions
 from rubberfric.io.scene_files.hdf5 import FORMAT, read_object, write_object
 from rubberfric.scene.scene import Scene
-from rubberfric.theory.model import Solution
+from rubberfric.theory.quantities import Solution
 
 CONDITIONS = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}
 QUANTITIES = {

@@ -6,7 +6,7 @@ from rubberfric.base.atomic import replacing
 from rubberfric.base.checks import closest
 from rubberfric.io.results import QUANTITIES, Result
 from rubberfric.plot.style import LOG_V, PANELS, check_kind, several_axes
-from rubberfric.theory.model import Solution
+from rubberfric.theory.quantities import Solution
 
 # Panels of a figure, and points drawn along an axis: a picture has no room for more.
 _PANELS = 4

@@ -11,9 +11,10 @@ from support.cases import arguments, as_arrays, scene, slow_if
 from support.part_scenes import CASES, assert_derivatives, assert_scene, expected, reverse, value
 
 import rubberfric as rf
-from rubberfric.scene.softening import knots, softened_of, softening_factors, strain
-from rubberfric.theory.stiffness.angular_means import angular_means
-from rubberfric.theory.stiffness.series import Relaxing
+from rubberfric.scene.pairs import pairs_of
+from rubberfric.scene.softening import knots, softening_factors, strain
+from rubberfric.theory.quantities import Needs
+from rubberfric.theory.stiffness.angular_means import Relaxing
 
 NAMES = [name for name in CASES if name.startswith("soft-")]
 # One compilation serves the first six.
@@ -68,7 +69,7 @@ def by_quadrature(rest, weight, tau, qv):
 
 
 def split_means(F, qv):
-    found = angular_means(F, qv[None], {"power", "dissipation", "storage"}, rf.Quadrature(), True)
+    found = F.means(qv[None], Needs(power=True, dissipation=True, storage=True), split=True)
     return jnp.stack([*found.power, *found.dissipation, *found.storage])[:, 0]
 
 
@@ -110,7 +111,7 @@ def test_means_have_the_derivatives_of_the_quadrature():
 
 
 def softened(name):
-    return softened_of(scene(CASES[name]))
+    return pairs_of(scene(CASES[name]))[0].softened
 
 
 @pytest.mark.slow

@@ -22,7 +22,8 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.materials import TabulatedModulus
 from rubberfric.roughness.moments import moment
 from rubberfric.scene.scene import cast, rough_pairs
-from rubberfric.theory.model import QUANTITIES, solve
+from rubberfric.theory.model import solve
+from rubberfric.theory.quantities import QUANTITIES
 
 REFINED = (
     Quadrature(order=16, panels=40, graded=20, ratio=3.0, angular_order=18, angle=900, heat=320),

@@ -10,8 +10,7 @@ from rubberfric.analysis.error_and_time import reference
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.materials import TabulatedModulus
 from rubberfric.roughness.mesh import build_mesh
-from rubberfric.roughness.spectra import broken_power_law
-from rubberfric.scene.scene import rough_pairs
+from rubberfric.scene.pairs import pairs_of
 
 # Few others of as few nodes have errors as small, on a road and on a pair of rubbers from 1e-8 to
 # 1e2 m/s and from 1e3 to 1e7 Pa; the last two are for ranges far wider. The angle is for
@@ -38,7 +37,7 @@ def settings_for(scene):
 
 def node_count(scene, quadrature):
     """Nodes in q that a point costs: where the contact is evaluated and where the stiffness is."""
-    laws = [broken_power_law(rough.spectrum) for rough, _ in rough_pairs(scene)]
+    laws = [pair.law for pair in pairs_of(scene)]
     if not laws:
         return 0
 

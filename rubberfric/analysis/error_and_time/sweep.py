@@ -12,7 +12,7 @@ from rubberfric.analysis.error_and_time.settings import check_error, node_count,
 from rubberfric.analysis.error_and_time.textbook import covers
 from rubberfric.analysis.error_and_time.textbook import solve as textbook_solve
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.theory.model import QUANTITIES
+from rubberfric.theory.quantities import QUANTITIES
 
 # Nodes of the textbook method, (ln q, phi).
 TEXTBOOK = ((50, 16), (100, 32), (200, 64), (400, 128))

@@ -25,100 +25,108 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from rubberfric.theory.stiffness.series import Relaxing
-from rubberfric.theory.stiffness.tabulated_means import tabulated_means
+from rubberfric.theory.quantities import Needs
 
 
 class Means(NamedTuple):
-    """Angular means of F; those not asked for, and a dissipation that is zero, are None.
+    """Angular means of F; those not needed are None.
 
-    Each is a tuple: one array, but of the power two, <F'^2> and <F''^2>, if they are asked for apart.
+    Each is a tuple: one array, but of the power two, <F'^2> and <F''^2>, if they are needed apart.
     """
 
-    power: tuple | None
-    dissipation: tuple | None
-    storage: tuple | None
-    transverse: tuple | None = None
+    power: tuple[jax.Array, ...] | None = None
+    dissipation: tuple[jax.Array, ...] | None = None
+    storage: tuple[jax.Array, ...] | None = None
+    transverse: tuple[jax.Array, ...] | None = None
 
 
-def angular_means(F, qv, wanted, quadrature, split=False, mix=None):
-    """Means of F for roughness passing at q v.
+class Relaxing(NamedTuple):
+    """F(s) = rest + sum_i weight_i s tau_i / (1 + s tau_i), of every node or of all of them."""
 
-    Parameters
-    ----------
-    F : Relaxing or Tabulated
-    qv : q v a_T [1/s], shape (points, nodes); negative for reversed sliding
-    wanted : set of "power", "dissipation", "storage", "transverse"
-    quadrature : Quadrature
-    split : bool
-        whether <F'^2> and <F''^2> are wanted apart.
-    mix : shares (c_m, s_m) of the harmonics, which are added to the means, shape (harmonics,) each, or
-        (harmonics, ...) broadcastable with qv where they depend on q; None: no harmonics. Not with split.
+    rest: jax.Array  # [-], shape () or (nodes,)
+    weight: jax.Array  # [-], shape (n,) or (nodes, n)
+    tau: jax.Array  # [s], same shape
 
-    Returns
-    -------
-    Means, arrays of the shape of qv.
-    """
-    if isinstance(F, Relaxing):
+    @property
+    def by_node(self) -> bool:
+        """Whether every node has its own."""
+        return self.tau.ndim > 1
+
+    def means(
+        self,
+        qv: jax.Array,
+        needs: Needs,
+        split: bool = False,
+        harmonics: tuple[jax.Array, jax.Array] | None = None,
+    ) -> Means:
+        """Means of F for roughness passing at q v.
+
+        Parameters
+        ----------
+        qv : q v a_T [1/s], any shape, (points, nodes) if every node has its own F; negative for
+            reversed sliding
+        needs : Needs
+        split : whether <F'^2> and <F''^2> are needed apart
+        harmonics : shares (c_m, s_m) of the harmonics, which are added to the means, shape (harmonics,)
+            each, or (harmonics, ...) broadcastable with qv where they depend on q; None: there are
+            none. Not with split.
+
+        Returns
+        -------
+        Means, arrays of the shape of qv
+        """
         if split:
-            return _split_form(F, qv, wanted)
-        means = _closed_form(F, qv, wanted)
-        return means if mix is None else _with_harmonics(F, qv, wanted, mix, means)
-    return Means(*tabulated_means(F, qv, wanted, quadrature.angle, split, mix))
+            return _split_form(self, qv, needs)
+        means = _closed_form(self, qv, needs)
+        return means if harmonics is None else _with_harmonics(self, qv, needs, harmonics, means)
 
 
-def static_means(F, wanted):
-    """The same for a stiffness that does not relax (Static): no dissipation."""
-    return Means(
-        (F.value**2,) if "power" in wanted else None, None, (F.value,) if "storage" in wanted else None
-    )
-
-
-def _closed_form(F, qv, wanted):
-    weights = {
-        "power": 2 * F.weight * _at_own_rates(F) if "power" in wanted else None,
-        "dissipation": F.weight if "dissipation" in wanted else None,
-        "storage": F.weight if "storage" in wanted else None,
-    }
-    if F.tau.ndim == 1:
-        sums = _sums(weights, F.tau, qv)
-    else:
-        weights = {name: None if w is None else w.T[:, None, :] for name, w in weights.items()}
+def _closed_form(F, qv, needs):
+    weights = {}
+    if needs.power:
+        weights["power"] = 2 * F.weight * _at_own_rates(F)
+    if needs.dissipation:
+        weights["dissipation"] = F.weight
+    if needs.storage:
+        weights["storage"] = F.weight
+    if F.by_node:
+        weights = {name: weight.T[:, None, :] for name, weight in weights.items()}
         sums = _sums_of_rows(weights, F.tau.T[:, None, :] * qv)
-    return Means(
-        None if sums["power"] is None else (F.rest**2 + sums["power"],),
-        None if sums["dissipation"] is None else (sums["dissipation"],),
-        None if sums["storage"] is None else (F.rest + sums["storage"],),
-    )
-
-
-def _with_harmonics(F, qv, wanted, mix, means):
-    """The closed forms with their harmonics added, summed by Horner's scheme for each node and term."""
-    if F.tau.ndim == 1:
-        front = (slice(None), *(None,) * qv.ndim)
-        a, weight, at_rates = F.tau[front] * qv, F.weight[front], _at_own_rates(F)[front]
     else:
+        sums = _sums(weights, F.tau, qv)
+    if needs.power:
+        sums["power"] = F.rest**2 + sums["power"]
+    if needs.storage:
+        sums["storage"] = F.rest + sums["storage"]
+    return Means(**{name: (value,) for name, value in sums.items()})
+
+
+def _with_harmonics(F, qv, needs, harmonics, means):
+    """The closed forms with their harmonics added, summed by Horner's scheme for each node and term."""
+    if F.by_node:
         a, weight, at_rates = (x.T[:, None, :] for x in (F.tau, F.weight, _at_own_rates(F)))
         a = a * qv
+    else:
+        front = (slice(None), *(None,) * qv.ndim)
+        a, weight, at_rates = F.tau[front] * qv, F.weight[front], _at_own_rates(F)[front]
     _, sine, r, _ = _relaxation_parts(a)
     quotient = sine * r  # a / (1 + r), at most 1
     ratio = quotient**2
-    # Terms of the first harmonic.
-    first = {
-        "power": 2 * weight * at_rates * (ratio / r),
-        "dissipation": weight * (sine / (1 + r)),
-        "storage": weight * (ratio / r),
-        "transverse": weight * (quotient / (1 + r)),
-    }
-    series = {"transverse": _series(mix[1], -ratio) if "transverse" in wanted else None}
-    cosine = _series(mix[0], -ratio)
+    cosine = _series(harmonics[0], -ratio)
 
-    def mixed(name):
-        added = jnp.sum(first[name] * series.get(name, cosine), 0)
-        isotropic = getattr(means, name)
-        return (added if isotropic is None else isotropic[0] + added,)
+    # Terms of the first harmonic, times what the others make of them.
+    def added(name, first):
+        return (getattr(means, name)[0] + jnp.sum(first * cosine, 0),) if getattr(needs, name) else None
 
-    return Means(*(mixed(name) if name in wanted else None for name in Means._fields))
+    transverse = None
+    if needs.transverse:
+        transverse = (jnp.sum(weight * (quotient / (1 + r)) * _series(harmonics[1], -ratio), 0),)
+    return Means(
+        added("power", 2 * weight * at_rates * (ratio / r)),
+        added("dissipation", weight * (sine / (1 + r))),
+        added("storage", weight * (ratio / r)),
+        transverse,
+    )
 
 
 @jax.custom_jvp
@@ -139,7 +147,7 @@ def _series_jvp(primals, tangents):
     return _series(coefficients, x), _series(tangents[0], x) + slope * tangents[1]
 
 
-def _split_form(F, qv, wanted):
+def _split_form(F, qv, needs):
     r"""The same with the power in two, sums over pairs of terms, all positive.
 
     .. math:: \langle F''^2\rangle = \sum_{ij} \frac{F_i F_j s_i s_j}{r_i + r_j},\quad s = \frac{a}{r},\qquad
@@ -152,12 +160,12 @@ def _split_form(F, qv, wanted):
     ones, sines = weight * one, weight * (sine * (1 + r))
     storage = F.rest + jnp.sum(ones, 0)
     power = None
-    if "power" in wanted:
+    if needs.power:
         power = storage**2 + _pairs(ones, r), _pairs(sines, r)
     return Means(
         power,
-        (jnp.sum(weight * sine, 0),) if "dissipation" in wanted else None,
-        (storage,) if "storage" in wanted else None,
+        (jnp.sum(weight * sine, 0),) if needs.dissipation else None,
+        (storage,) if needs.storage else None,
     )
 
 
@@ -185,8 +193,7 @@ def _pairs_jvp(primals, tangents):
 def _sums(weights, tau, qv):
     """Sums over the terms at every q v, in one pass: nothing of the size terms x points is stored."""
     front = (slice(None), *(None,) * qv.ndim)
-    weights = {name: None if w is None else w[front] for name, w in weights.items()}
-    return _sums_of_rows(weights, tau[front] * qv)
+    return _sums_of_rows({name: weight[front] for name, weight in weights.items()}, tau[front] * qv)
 
 
 @_sums.defjvp
@@ -198,14 +205,14 @@ def _sums_as_products(weights, tau, qv):
     """The same as matrix products over one long row of points: slower, but its derivative is quicker."""
     one, sine = _relaxation(tau[:, None] * qv.reshape(-1))
     parts = {"power": one, "dissipation": sine, "storage": one}
-    return {name: None if w is None else (w @ parts[name]).reshape(qv.shape) for name, w in weights.items()}
+    return {name: (weight @ parts[name]).reshape(qv.shape) for name, weight in weights.items()}
 
 
 def _sums_of_rows(weights, a):
     """Sums over the first axis."""
     one, sine = _relaxation(a)
     parts = {"power": one, "dissipation": sine, "storage": one}
-    return {name: None if w is None else jnp.sum(w * parts[name], 0) for name, w in weights.items()}
+    return {name: jnp.sum(weight * parts[name], 0) for name, weight in weights.items()}
 
 
 @jax.custom_jvp

@@ -7,54 +7,62 @@ the other one has no closed form. f and g have kinks over q: F is taken at the c
 """
 
 import math
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from rubberfric.materials.master_curve import interpolated_modulus
 from rubberfric.materials.materials import TabulatedModulus
-from rubberfric.theory.stiffness.angular_means import Means
+from rubberfric.theory.quantities import Needs
+from rubberfric.theory.stiffness.angular_means import Means, Relaxing
 from rubberfric.theory.stiffness.tabulated_means import angular_rule
 
 
-def sampled_means(F, qv, wanted, angle):
-    """`Means` at the contact nodes, (panels, points, order).
+class SoftenedInSeries(NamedTuple):
+    """F of a softened solid in series with a spring, at given wavevectors, (panels, order) each."""
 
-    Parameters
-    ----------
-    F : stiffness.Sampled
-    qv : q v a_T [1/s], (panels, points, order)
-    wanted : set of "power", "dissipation", "storage"
-    angle : nodes of the angular integral over a TabulatedModulus; a Prony solid has half as many
-    """
-    # Without a table's kinks half the nodes are good to 1e-9.
-    smooth = not isinstance(F.modulus, TabulatedModulus)
-    sine, weight = angular_rule(angle // 2 if smooth else angle, qv.dtype)
+    modulus: TabulatedModulus | Relaxing  # the latter in units of the scale
+    storage: jax.Array  # f times what makes it a stiffness in units of the scale
+    loss: jax.Array  # the same with g
+    spring: jax.Array  # the other solid at rest [-]
+    angle: int  # nodes of the angular integral over a TabulatedModulus; a Prony solid has half as many
 
-    def panel(values):
-        qv, storage_factor, loss_factor, spring = values
-        omega = qv[..., None] * sine
-        storage, loss = _modulus(F.modulus, omega)
-        storage, loss = storage_factor[:, None] * storage, loss_factor[:, None] * loss
-        square = storage**2 + loss**2
-        spring = spring[:, None]
-        share = spring / ((storage + spring) ** 2 + loss**2)
-        return (
-            (share * spring * square) @ weight,
-            (share * spring * loss * sine) @ weight,
-            (share * (spring * storage + square)) @ weight,
+    by_node = False  # its panels are those of q
+
+    def means(self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: None = None) -> Means:
+        """`Means` of qv = q v a_T [1/s], shape (panels, points, order); neither split nor harmonics."""
+        del split, harmonics
+        # Without a table's kinks half the nodes are good to 1e-9.
+        smooth = isinstance(self.modulus, Relaxing)
+        sine, weight = angular_rule(self.angle // 2 if smooth else self.angle, qv.dtype)
+
+        def panel(values):
+            qv, storage_factor, loss_factor, spring = values
+            omega = qv[..., None] * sine
+            storage, loss = _modulus(self.modulus, omega)
+            storage, loss = storage_factor[:, None] * storage, loss_factor[:, None] * loss
+            square = storage**2 + loss**2
+            spring = spring[:, None]
+            share = spring / ((storage + spring) ** 2 + loss**2)
+            return (
+                (share * spring * square) @ weight,
+                (share * spring * loss * sine) @ weight,
+                (share * (spring * storage + square)) @ weight,
+            )
+
+        # Panel by panel, and again for the gradient: all angles at once would take gigabytes.
+        power, dissipation, storage = jax.lax.map(
+            jax.checkpoint(panel), (qv, self.storage, self.loss, self.spring)
+        )
+        return Means(
+            (power,) if needs.power else None,
+            (dissipation,) if needs.dissipation else None,
+            (storage,) if needs.storage else None,
         )
 
-    # Panel by panel, and again for the gradient: all angles at once would take gigabytes.
-    power, dissipation, storage = jax.lax.map(jax.checkpoint(panel), (qv, F.storage, F.loss, F.spring))
-    return Means(
-        (power,) if "power" in wanted else None,
-        (dissipation,) if "dissipation" in wanted else None,
-        (storage,) if "storage" in wanted else None,
-    )
 
-
-def _modulus(modulus, omega):
+def _modulus(modulus: TabulatedModulus | Relaxing, omega: jax.Array) -> tuple[jax.Array, jax.Array]:
     """E' and E'' at omega of any sign, odd in E''."""
     if isinstance(modulus, TabulatedModulus):
         # Far below the table E'' is linear in omega: so v = 0 keeps its derivative.

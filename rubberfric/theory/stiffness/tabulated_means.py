@@ -10,6 +10,7 @@ tabulated once over ln(q v) and interpolated for every node and velocity.
 """
 
 import math
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -17,12 +18,35 @@ import numpy as np
 
 from rubberfric.base.quadrature import gauss
 from rubberfric.materials.master_curve import interpolated_modulus
+from rubberfric.materials.materials import TabulatedModulus
+from rubberfric.theory.quantities import Needs
+from rubberfric.theory.stiffness.angular_means import Means
 
 # Panels in y; short ones first, where the weight psi is: e^-25 of the circle is left out.
 _EDGES = np.array([0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0, 11.0, 25.0])
 
 # Entries of the table over ln(q v), for one node of the angular integral.
 _ENTRIES_PER_NODE = 4
+
+
+class Tabulated(NamedTuple):
+    """F = f k / (f + k) with the tabulated f(omega) = scaled E_r and a spring k (None: rigid)."""
+
+    material: TabulatedModulus
+    scale: jax.Array  # f = scale * E [1/Pa], shape () or (nodes,)
+    spring: jax.Array | None  # [-], shape () or (nodes,)
+    angle: int  # nodes of the angular integral
+
+    @property
+    def by_node(self) -> bool:
+        """Whether every node has its own."""
+        return self.scale.ndim > 0
+
+    def means(
+        self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: tuple | None = None
+    ) -> Means:
+        """Means of F for roughness passing at q v; arguments as `Relaxing.means`."""
+        return Means(*tabulated_means(self, qv, needs, self.angle, split, harmonics))
 
 
 def tabulated_means(F, qv, wanted, angle, split=False, mix=None):
@@ -98,10 +122,10 @@ def _direct(F, log_qv, wanted, angle, split, harmonics, mix):
     powers = (storage**2, loss**2) if split else (power,)
 
     def means(name, values, rows):
-        return tuple(jnp.moveaxis(values @ rows.T, -1, 0)) if name in wanted else None
+        return tuple(jnp.moveaxis(values @ rows.T, -1, 0)) if getattr(wanted, name) else None
 
     return (
-        sum((means("power", power, even) for power in powers), ()) if "power" in wanted else None,
+        sum((means("power", power, even) for power in powers), ()) if wanted.power else None,
         means("dissipation", loss * sine, even),
         means("storage", storage, even),
         means("transverse", loss, odd),

@@ -7,7 +7,7 @@ import pytest
 import rubberfric as rf
 from rubberfric.io.results import DIMENSIONS, Result, load_result, save_result
 from rubberfric.io.scene_files.conditions import Conditions
-from rubberfric.theory.model import Solution
+from rubberfric.theory.quantities import Solution
 
 RUBBER = rf.Prony(3e6, [5e7], [1e-5], shift=rf.WLF(12.0, 150.0, 293.15))
 SCENE = rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4)), rf.Body(RUBBER))
