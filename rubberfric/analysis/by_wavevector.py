@@ -215,7 +215,7 @@ def density_of(pair, scale, kind, q, quadrature):
     def density(velocity, temperature):
         by_scale = temperature is not None and temperature.ndim > 1
         means = excited.means(q[None], velocity, temperature[None] if by_scale else temperature)
-        return sum(w * mean[0] for w, mean in zip(weights, getattr(means, kind), strict=True))
+        return sum(w * mean[0] for w, mean in zip(weights, means[kind], strict=True))
 
     return density
 

@@ -145,7 +145,7 @@ def _contact_stiffness(scene, velocity, pressure, temperature, *, quadrature):
     def stiffness(points):
         contact, _ = solved(prepared, *points)
         x, pressure = contact.x, points[1]
-        storage = sum(terms.storage for terms in contact.terms)
+        storage = sum(terms.densities["storage"] for terms in contact.terms)
         compliance = jnp.sum(x * _load_slope(x, scene.gamma) * storage, (0, 2))
         compliance = jnp.pi / 2 * contact.stiffness * compliance
         soft = compliance > 0

@@ -60,7 +60,7 @@ def _iterate(residual, start, tolerance):
         return jnp.max(jnp.abs(r), -1) <= tolerance * jnp.max(jnp.abs(y), -1)
 
     def step(state):
-        k, y, good, last, moves, changes, _ = state
+        k, y, good, last, moves, changes, ended = state
         r = residual(y)
         # Far from a solution a residual may be no number; then half the way back is tried.
         fine = jnp.all(jnp.isfinite(r), -1, keepdims=True)
@@ -79,15 +79,16 @@ def _iterate(residual, start, tolerance):
         share = jnp.linalg.solve(normal, jnp.einsum("mpn,pn->pm", unit, r)[..., None])[..., 0]
         share = share.T / jnp.where(size > 0, size, 1.0)
         further = y + r - jnp.einsum("mp,mpn->pn", share, moves + changes)
-        done = reached(y, r) & fine[:, 0]
+        # A row ends where it itself is there, however long the others take: alone it is the same.
+        following = jnp.where(fine, further, 0.5 * (y + good))
         return (
             k + 1,
-            jnp.where(fine, further, 0.5 * (y + good)),
+            jnp.where(ended[:, None], y, following),
             jnp.where(fine, y, good),
             r,
             moves,
             changes,
-            done,
+            ended | (reached(y, r) & fine[:, 0]),
         )
 
     def unfinished(state):

@@ -6,10 +6,7 @@ Roughness of one solid strains the other periodically, and its own solid only st
 
 from typing import NamedTuple
 
-from rubberfric.materials.coating import Coating
-from rubberfric.materials.materials import Rigid, TabulatedModulus
-from rubberfric.roughness.anisotropy import TabulatedAnisotropic, harmonic_count
-from rubberfric.roughness.spectra import BrokenPowerLaw, broken_power_law
+from rubberfric.roughness.spectra import BrokenPowerLaw
 from rubberfric.scene.scene import Body, Scene, relaxes
 from rubberfric.scene.softening import Softened
 
@@ -31,18 +28,18 @@ class Pair(NamedTuple):
     @property
     def both_deform(self) -> bool:
         """Whether the rough solid deforms as well, in series with the strained one."""
-        return not isinstance(self.rough.material, Rigid)
+        return self.rough.material.deforms
 
     @property
     def by_wavevector(self) -> bool:
         """Whether the stiffness depends on q itself: a coating, or two deformable solids with a layer."""
         layered = self.rough.layer is not None or self.strained.layer is not None
-        return isinstance(self.strained.layer, Coating) or (layered and self.both_deform)
+        return (layered and self.both_deform) or has_coating(self.strained)
 
     @property
     def harmonics(self) -> int:
         """Highest m of the cos(2 m phi) in the roughness that a viscoelastic solid sees."""
-        return harmonic_count(self.rough.spectrum) if self.relaxes else 0
+        return self.rough.spectrum.harmonic_count() if self.relaxes else 0
 
     @property
     def softens_apart(self) -> bool:
@@ -53,20 +50,28 @@ class Pair(NamedTuple):
     def kinked(self) -> bool:
         """Whether the angular means have kinks over q: they are taken at the contact nodes themselves."""
         softens = self.softened is not None and self.both_deform
-        return self.relaxes and (softens or isinstance(self.rough.spectrum, TabulatedAnisotropic))
+        return self.relaxes and (softens or self.rough.spectrum.harmonics_vary)
 
     @property
     def steep(self) -> bool:
         """Whether <|F|^2>, where smooth in ln q, may rise by 1e9 within an e-fold of it."""
-        tabulated = isinstance(self.strained.material, TabulatedModulus)
-        return self.relaxes and not self.kinked and (tabulated or self.by_wavevector)
+        return (
+            self.relaxes
+            and not self.kinked
+            and (self.strained.material.needs_quadrature or self.by_wavevector)
+        )
+
+
+def has_coating(body: Body) -> bool:
+    """Whether a body's layer does more than to multiply its stiffness."""
+    return body.layer is not None and not body.layer.multiplies
 
 
 def pairs_of(scene: Scene) -> tuple[Pair, ...]:
     """The pair of every rough surface, that of the lower solid first."""
     facing = (("upper", scene.lower, scene.upper), ("lower", scene.upper, scene.lower))
     facing = [(side, rough, strained) for side, rough, strained in facing if rough.spectrum is not None]
-    laws = tuple(broken_power_law(rough.spectrum) for _, rough, _ in facing)
+    laws = tuple(rough.spectrum.power_law() for _, rough, _ in facing)
     softened = None if scene.softening is None else Softened(scene.softening, laws)
     return tuple(
         Pair(rough, strained, side, law, softened)

@@ -80,11 +80,12 @@ def prepare(
     roughness = Roughness(
         mesh,
         tuple(contribution(pair, mesh, j, scale, needs, quadrature.angle) for j, pair in enumerate(pairs)),
+        tuple(pair.side for pair in pairs),
         scale,
         scene.gamma,
         correction_table(scene.gamma) if scene.area_correction and needs.area else None,
     )
-    thermal = None if scene.heating is None else prepare_thermal(scene, pairs, mesh, quadrature.heat)
+    thermal = None if scene.heating is None else prepare_thermal(scene, roughness, quadrature.heat)
     return Prepared(needs, roughness, thermal, scene.shear)
 
 
@@ -153,7 +154,7 @@ def _integrated(contact, parts):
         if name in parts and (terms := contact.friction_terms(kind)):
             found[name] = total(jnp.sum(values, (0, 2)) for values in terms.values())
     if "separation" in parts:
-        density = total(terms.storage for terms in contact.terms)
+        density = total(terms.densities["storage"] for terms in contact.terms)
         weight = separation_weight(contact.x, contact.gamma)
         found["separation"] = jnp.pi / 2 * contact.stiffness * jnp.sum(weight * density, (0, 2))
     return found

@@ -6,7 +6,6 @@ from typing import NamedTuple
 
 import jax
 
-from rubberfric.roughness.anisotropy import harmonic_count
 from rubberfric.scene.scene import Scene, dissipates, relaxes, rough_pairs
 
 QUANTITIES = ("area", "friction", "separation")
@@ -38,6 +37,12 @@ class Needs:
     def __or__(self, other: "Needs") -> "Needs":
         pairs = zip(dataclasses.astuple(self), dataclasses.astuple(other), strict=True)
         return Needs(*(one or two for one, two in pairs))
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Which means over the direction of sliding are needed."""
+        kinds = ("power", "dissipation", "storage", "transverse")
+        return tuple(kind for kind in kinds if getattr(self, kind))
 
     @property
     def everywhere(self) -> bool:
@@ -98,4 +103,4 @@ def quantities_of(scene: Scene) -> tuple[str, ...]:
 
 def pulls_aside(scene: Scene) -> bool:
     """Whether roughness that differs with the direction strains a viscoelastic solid."""
-    return any(harmonic_count(rough.spectrum) and relaxes(other) for rough, other in rough_pairs(scene))
+    return any(rough.spectrum.harmonic_count() and relaxes(other) for rough, other in rough_pairs(scene))

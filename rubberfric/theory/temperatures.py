@@ -9,17 +9,13 @@ largest wavevector, the flash temperature. They are a fixed point of
 of several solutions the one that this leads to.
 """
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from rubberfric.base.fixed_point import fixed_point
-from rubberfric.materials.materials import Rigid
-from rubberfric.roughness.mesh import Mesh
 from rubberfric.scene.heating import Diffusion, Heating, diffusion, memory, rise_below_surface, rise_inside
-from rubberfric.scene.pairs import Pair
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import ContactShear, shear_friction
 from rubberfric.theory.stress_fluctuation import Contact, Roughness
@@ -50,12 +46,12 @@ def macroasperity(heating: Heating) -> jax.Array:
     return jnp.asarray(jnp.pi / heating.radius)
 
 
-def prepare_thermal(scene: Scene, pairs: Sequence[Pair], mesh: Mesh, count: int) -> Thermal:
+def prepare_thermal(scene: Scene, roughness: Roughness, count: int) -> Thermal:
     """`Thermal` of a heated scene; count: nodes of the sum over ln k."""
     bodies = {"lower": scene.lower, "upper": scene.upper}
-    solids = [side for side, body in bodies.items() if not isinstance(body.material, Rigid)]
-    sides = [pair.side for pair in pairs]
-    shifts = [getattr(bodies[side].material, "shift", None) for side in solids]
+    solids = [side for side, body in bodies.items() if body.material.deforms]
+    mesh, sides = roughness.mesh, roughness.strained
+    shifts = [bodies[side].material.shift for side in solids]
     if scene.shear is not None and scene.heating.shear_at == "flash":
         shifts.append(scene.shear.shift)
     targets = jnp.concatenate([mesh.angular_q.reshape(-1), mesh.last[None]])

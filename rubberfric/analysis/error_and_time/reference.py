@@ -19,7 +19,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.materials.materials import TabulatedModulus
 from rubberfric.roughness.moments import moment
 from rubberfric.scene.scene import cast, rough_pairs
 from rubberfric.theory.model import solve
@@ -101,7 +100,7 @@ def points_of(scene, velocity, pressure, temperature=None):
     solve(scene, velocity, pressure, temperature, quantities=())  # checks its arguments, computes nothing
     given = [np.asarray(x, float) for x in (velocity, pressure, temperature) if x is not None]
     conditions = [x.ravel() for x in np.broadcast_arrays(*given)]
-    tabulated = any(isinstance(body.material, TabulatedModulus) for body in (scene.lower, scene.upper))
+    tabulated = any(body.material.needs_quadrature for body in (scene.lower, scene.upper))
     count = min(conditions[0].size, _GRADIENTS_TABULATED if tabulated else _GRADIENTS)
     if conditions[0].size == 0:
         raise ValueError("velocity, pressure and temperature have no point in common: must have at least one")

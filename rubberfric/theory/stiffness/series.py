@@ -14,19 +14,10 @@ factor (a slab's Sbar) known at every q, and F of order one: a constant, a Prony
 import jax
 import jax.numpy as jnp
 
-from rubberfric.materials.coating import Coating, coated_series, coated_spring
-from rubberfric.materials.materials import (
-    Rigid,
-    TabulatedModulus,
-    glassy_reduced,
-    plane_strain,
-    reduced_series,
-    static_reduced,
-)
+from rubberfric.materials.material import plane_strain
 from rubberfric.materials.series.prony_and_prony import two_in_series
 from rubberfric.materials.series.prony_and_spring import in_series
-from rubberfric.materials.slab import stiffening
-from rubberfric.scene.pairs import Pair
+from rubberfric.scene.pairs import Pair, has_coating
 from rubberfric.scene.scene import Body, Scene, relaxes
 from rubberfric.scene.softening import Softened, softening_factors
 from rubberfric.theory.stiffness.angular_means import Relaxing
@@ -39,8 +30,8 @@ def modulus_scale(scene: Scene) -> jax.Array:
 
     A unit only: results do not depend on it, so no gradient goes through it.
     """
-    bodies = [body for body in (scene.lower, scene.upper) if not isinstance(body.material, Rigid)]
-    highest = [glassy_reduced(body.material) for body in bodies]
+    bodies = [body for body in (scene.lower, scene.upper) if body.material.deforms]
+    highest = [body.material.glassy_reduced() for body in bodies]
     scale = highest[0] if len(highest) == 1 else jnp.minimum(*highest)
     # All moduli can be zero under jit, past the constructor's check: then nothing is stiff.
     return jax.lax.stop_gradient(jnp.where(scale > 0, scale, 1.0))
@@ -67,13 +58,13 @@ def relaxing_stiffness(
         return _softened(pair, scale, q, angle)
     nodes = q.reshape(-1) if pair.by_wavevector else None
     spring = _spring(rough, scale, nodes) if pair.both_deform else None
-    if isinstance(strained.layer, Coating):
+    if has_coating(strained):
         return _coated(strained, scale, nodes, spring)
     own = None if nodes is None else _layer(strained, nodes)
-    if isinstance(strained.material, TabulatedModulus):
+    if strained.material.needs_quadrature:
         unit = plane_strain(strained.material) / scale
         return Tabulated(strained.material, unit if own is None else unit * own, spring, angle)
-    series = Relaxing(*reduced_series(strained.material, scale))
+    series = Relaxing(*strained.material.reduced_series(scale))
     if spring is None:
         return series
     if own is None:
@@ -83,7 +74,7 @@ def relaxing_stiffness(
 
 def static_stiffness(pair: Pair, scale: jax.Array, q: jax.Array) -> jax.Array:
     """K_j / (q/2 scale) at q of any shape where the strained solid does not relax: springs in series."""
-    deformable = [body for body in (pair.rough, pair.strained) if not isinstance(body.material, Rigid)]
+    deformable = [body for body in (pair.rough, pair.strained) if body.material.deforms]
     springs = [_spring(body, scale, q, pair.softened) for body in deformable]
     if len(springs) == 1:
         return springs[0]
@@ -97,24 +88,23 @@ def layer_factor(pair: Pair, q: jax.Array) -> jax.Array | None:
     strained = pair.strained
     if strained.layer is None or pair.by_wavevector:
         return None
-    return stiffening(strained.layer, strained.material.poisson, q)
+    return strained.layer.stiffening(strained.material.poisson, q)
 
 
 def _softened(pair: Pair, scale: jax.Array, q: jax.Array, angle: int) -> SoftenedInSeries:
     """F of a softened solid in series with another one."""
     material, factor = pair.strained.material, _layer(pair.strained, q)
-    if isinstance(material, TabulatedModulus):
+    if material.needs_quadrature:
         modulus, factor = material, factor * (plane_strain(material) / scale)
     else:
-        modulus = Relaxing(*reduced_series(material, scale))
+        modulus = Relaxing(*material.reduced_series(scale))
     storage, loss = (factor * softened for softened in softening_factors(pair.softened, q))
     return SoftenedInSeries(modulus, storage, loss, _spring(pair.rough, scale, q, pair.softened), angle)
 
 
 def _coated(body: Body, scale: jax.Array, q: jax.Array, spring: jax.Array | None) -> Relaxing:
     """F of a coated body that relaxes, in series with a spring or None."""
-    layer, base = (reduced_series(material, scale) for material in (body.material, body.layer.base))
-    series = coated_series(body, layer, base, q)
+    series = body.layer.reduced_series(body.material, scale, q)
     if spring is not None:
         nothing = jnp.zeros(0, q.dtype)
         series = two_in_series(series, (spring, nothing, nothing))
@@ -123,11 +113,11 @@ def _coated(body: Body, scale: jax.Array, q: jax.Array, spring: jax.Array | None
 
 def _spring(body: Body, scale: jax.Array, q: jax.Array | None, softened: Softened | None = None) -> jax.Array:
     """E_r(0) Sbar of a body over the scale, at q; q None: of its half-space."""
-    own = static_reduced(body.material) / scale
+    if q is not None and has_coating(body):
+        return body.layer.static_reduced(body.material, scale, q)
+    own = body.material.static_reduced() / scale
     if q is None:
         return own
-    if isinstance(body.layer, Coating):
-        return coated_spring(body, own, static_reduced(body.layer.base) / scale, q)
     if softened is not None and relaxes(body):
         own = own * softening_factors(softened, q)[0]
     return own * _layer(body, q)
@@ -135,4 +125,4 @@ def _spring(body: Body, scale: jax.Array, q: jax.Array | None, softened: Softene
 
 def _layer(body: Body, q: jax.Array) -> jax.Array:
     """Sbar of a slab, 1 for a half-space."""
-    return jnp.ones_like(q) if body.layer is None else stiffening(body.layer, body.material.poisson, q)
+    return jnp.ones_like(q) if body.layer is None else body.layer.stiffening(body.material.poisson, q)
