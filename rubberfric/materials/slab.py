@@ -26,9 +26,14 @@ class Layer(Kind):
     multiplies: ClassVar[bool] = True
 
     @property
+    def below(self) -> Material | None:
+        """The material of what deforms below the layer; None on a rigid base."""
+        return None
+
+    @property
     def relaxes(self) -> bool:
         """Whether it has a solid of its own, beside the body's material, that relaxes."""
-        return False
+        return self.below is not None and self.below.relaxes
 
     def check_material(self, material: Material) -> None:
         """ValueError if it cannot be a layer of this material, whose Poisson's ratio is a constant."""

@@ -68,6 +68,7 @@ class Spectrum(Kind):
         piece : of the power law, in which q1 lies
         beyond : ln of q1 over the left end of that piece
         """
+        del q1, piece, beyond
         can = [name for name, kind in kinds(Spectrum).items() if kind.cut is not Spectrum.cut]
         raise ValueError(f"spectrum is a {type(self).__name__}: must be {either(can)}")
 

@@ -178,7 +178,9 @@ def _chebyshev(coefficients, u):
 
 @functools.cache
 def _tables():
-    r"""Chebyshev coefficients over u = (z - 1)/(z + 1) of (1 + z)/z times
+    r"""Chebyshev coefficients over u = (z - 1)/(z + 1) of two functions of z.
+
+    They are (1 + z)/z times
 
     .. math:: z^2 \int_0^\infty dp \frac{1 - e^{-p^2}}{p^2 (p^2 + z^2)} \quad\text{("single")},\qquad
               z^4 \int_0^\infty dp \frac{1 - e^{-p^2}}{p^2 (p^2 + z^2)^2} \quad\text{("double")}

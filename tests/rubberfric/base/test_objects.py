@@ -64,9 +64,9 @@ def test_vmap_is_a_loop(obj):
     stacked = jax.tree.map(lambda *x: jnp.stack(x), *pair)
     loop = np.array([total(x) for x in pair])
     np.testing.assert_allclose(jax.vmap(total)(stacked), loop, rtol=1e-14)
-    axes = jax.tree.map(lambda x: 0, obj)  # an object whose leaves are axes
+    axes = jax.tree.map(lambda _: 0, obj)  # an object whose leaves are axes
     np.testing.assert_allclose(jax.vmap(total, in_axes=(axes,))(stacked), loop, rtol=1e-14)
-    nowhere = jax.tree.map(lambda x: None, obj)
+    nowhere = jax.tree.map(lambda _: None, obj)
     same_twice = jax.vmap(lambda x, i: total(x) + i, in_axes=(nowhere, 0))(obj, jnp.zeros(2))
     np.testing.assert_allclose(same_twice, loop[[0, 0]], rtol=1e-14)
 
@@ -138,6 +138,25 @@ def test_constructors_work_on_traced_values():
         jax.jit(lambda E: rf.Prony(1.0, E, E[:1]))(E)
 
 
+def wrong_matrices(obj, good):
+    for bad in (np.nan, np.inf, -1.0, 0.0):
+        wrong = np.array(good)
+        wrong[1, 2] = bad
+        yield wrong
+    yield from (1.0, np.asarray(good)[0], np.asarray(good)[None], np.asarray(good)[:2])
+    yield from (
+        np.asarray(good)[:, :3],
+        "nonsense",
+        None,
+        True,
+        [[1.0], [1.0, 2.0]],
+        1j * good,
+        [],
+        {},
+        obj,
+    )
+
+
 def wrong_values(obj, name):
     """Values that the field must refuse."""
     field, good = fields_of(type(obj))[name], getattr(obj, name)
@@ -148,22 +167,7 @@ def wrong_values(obj, name):
         if not field.optional:
             yield None
     elif field.ndim == 2:
-        for bad in (np.nan, np.inf, -1.0, 0.0):
-            wrong = np.array(good)
-            wrong[1, 2] = bad
-            yield wrong
-        yield from (1.0, np.asarray(good)[0], np.asarray(good)[None], np.asarray(good)[:2])
-        yield from (
-            np.asarray(good)[:, :3],
-            "nonsense",
-            None,
-            True,
-            [[1.0], [1.0, 2.0]],
-            1j * good,
-            [],
-            {},
-            obj,
-        )
+        yield from wrong_matrices(obj, good)
     elif field.ndim == 0:
         if not field.optional:
             yield None
