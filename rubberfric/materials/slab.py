@@ -78,7 +78,7 @@ class Slab(Layer):
     def stiffening(self, poisson: jax.Array, q: jax.Array) -> jax.Array:
         r"""Sbar(q d) [-]: stiffness of the layered solid over that of the half-space.
 
-        Bonded [Scaraggi & Persson, below (A10), scaled by exp(-2x)], x = q d, a = 3 - 4 nu:
+        Bonded [Scaraggi & Persson, arXiv:1506.06955, below (A10), scaled by exp(-2x)], x = q d, a = 3 - 4 nu:
 
         .. math:: \bar S = \frac{2a\sinh^2 x + 2x^2 + 8(1-\nu)^2}{a(\sinh 2x - 2x) + 4(1-2\nu)x}
 

@@ -1,16 +1,20 @@
-"""README's snippets and commands run, files that it names exist, and the API reference builds."""
+"""What README and CONTRIBUTING say: snippets and commands run, names exist, the reference is built."""
 
 import re
 import shlex
 import shutil
 from pathlib import Path
 
+import jax
+import numpy as np
 import pytest
-from support.folders import README, ROOT, SNIPPETS
+from support.folders import README, RECIPE, ROOT, SNIPPETS
 
 import fitting
 import rubberfric
+import rubberfric as rf
 from fitting.commands.main import main as fit_main
+from rubberfric.base import forget
 from rubberfric.commands.main import main as scene_main
 
 COMMANDS = re.findall(r"^    .*?\b((?:rubberfric|rubberfric-fit) .*)$", README, re.M)
@@ -99,3 +103,34 @@ def test_api_reference(tmp_path):
             own_page = tmp_path / f"{module.replace('.', '/')}.html"
             assert f'id="{name}"' in page or own_page.exists(), name
         assert ".. math::" not in page
+
+
+ZENER_SCENE = """
+[lower]
+material = { kind = "rigid" }
+spectrum = { kind = "self_affine", q0 = 100, qr = 1000, q1 = 1e4, hurst = 0.8, h_rms = 1e-4 }
+[upper]
+material = { kind = "fractional_zener", E_inf = 3e6, E = 1e9, tau = 1e-6, alpha = 0.5 }
+"""
+
+
+def test_recipe_of_a_material(tmp_path):
+    """CONTRIBUTING's class, and all that it says of it without a line more."""
+    names = {"__name__": "recipe"}
+    exec(compile(RECIPE, "CONTRIBUTING.md", "exec"), names)
+    try:
+        (tmp_path / "scene.toml").write_text(ZENER_SCENE)
+        scene = rf.load_scene(tmp_path / "scene.toml")
+        assert isinstance(scene.upper.material, names["FractionalZener"])
+        omega = np.logspace(-5, 17, 12)
+        exact = 3e6 + 1e9 / (1 + (1e-6j * omega) ** -0.5)
+        np.testing.assert_allclose(rf.complex_modulus(scene.upper.material, omega), exact, rtol=1e-13)
+        rf.save_scene(tmp_path / "scene.h5", scene)
+        again = rf.load_scene(tmp_path / "scene.h5")
+        slope = jax.grad(lambda s: rf.friction(s.replace("upper.material.tau", 1e-5), 0.01, 1e5))(again)
+        assert np.isfinite(slope.upper.material.alpha) and slope.upper.material.alpha != 0
+        assert "upper.material.alpha" in scene._repr_html_()
+        with pytest.raises(ValueError, match=r"FractionalZener\.alpha = 2\.0: must be between 0\.3 and 1\.0"):
+            scene.replace("upper.material.alpha", 2.0)
+    finally:
+        forget(names["FractionalZener"])

@@ -1,4 +1,4 @@
-"""Types: a checker finds no error in the packages and in README's snippets, and finds wrong keywords."""
+"""Types: a checker finds no error in the packages and the snippets, and finds wrong keywords."""
 
 import ast
 import json
@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from support.folders import ROOT, SNIPPETS
+from support.folders import RECIPE, ROOT, SNIPPETS
 
 PACKAGES = ("rubberfric", "fitting")
 # Every line that says so is wrong, no other one is.
@@ -35,12 +35,13 @@ fitting.FrictionData(velocity=[1.0], mu=[0.5], pressure=1e5)  # wrong
 
 @pytest.fixture(scope="module")
 def errors(tmp_path_factory):
-    """What one run of basedpyright says of the packages, of README.py and of wrong.py."""
+    """What one run of basedpyright says of the packages, of the snippets of pages, and of wrong.py."""
     checker = shutil.which("basedpyright", path=Path(sys.executable).parent) or shutil.which("basedpyright")
     if checker is None:
         pytest.skip("needs basedpyright, which is in the test extra")
     folder = tmp_path_factory.mktemp("types")
     (folder / "README.py").write_text("\n".join(SNIPPETS))
+    (folder / "CONTRIBUTING.py").write_text(RECIPE)
     (folder / "wrong.py").write_text(WRONG)
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["basedpyright"]
     settings["include"] = [str(ROOT / name) for name in settings["include"]] + [str(folder)]
@@ -63,7 +64,7 @@ def messages(errors, start):
     ]
 
 
-@pytest.mark.parametrize("start", [*PACKAGES, "README.py"])
+@pytest.mark.parametrize("start", [*PACKAGES, "README.py", "CONTRIBUTING.py"])
 def test_no_errors(errors, start):
     found = messages(errors, start)
     assert not found, "\n" + "\n".join(found)

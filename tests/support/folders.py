@@ -11,4 +11,6 @@ REFERENCE = ROOT / "tests" / "reference"
 PYTHONPATH = os.pathsep.join([str(ROOT), str(ROOT / "tests")])
 TYRE = ROOT.parent / "shared" / "data" / "tyre"
 README = (ROOT / "README.md").read_text()
-SNIPPETS = re.findall(r"^```python\n(.*?)^```", README, re.M | re.S)
+_SNIPPET = re.compile(r"^```python\n(.*?)^```", re.M | re.S)
+SNIPPETS = _SNIPPET.findall(README)
+RECIPE = "\n".join(_SNIPPET.findall((ROOT / "CONTRIBUTING.md").read_text()))

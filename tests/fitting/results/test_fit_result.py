@@ -356,7 +356,7 @@ def test_picture_is_written_whole_or_not_at_all(quick, tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["fit.png"]
 
 
-def interrupted(*arguments, **options):
+def interrupted(*_, **__):
     raise KeyboardInterrupt
 
 
@@ -451,7 +451,7 @@ def test_an_earlier_file_survives_a_failure(quick, tmp_path, monkeypatch, failur
     quick.save(path)
     before = path.read_bytes()
 
-    def fail(*arguments):
+    def fail(*_):
         raise failure
 
     monkeypatch.setattr("fitting.results.hdf5.write_minima", fail)

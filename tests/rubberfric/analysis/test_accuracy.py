@@ -56,7 +56,7 @@ def known():
 @functools.cache
 def found():
     """A sweep over that case."""
-    with unittest.mock.patch("rubberfric.analysis.error_and_time.reference.reference", lambda *_: known()):
+    with unittest.mock.patch("rubberfric.analysis.error_and_time.reference.reference", return_value=known()):
         options = {"settings": (MIDDLE, COARSE), "textbook": ((60, 24), (120, 48)), "repeats": 3}
         return rf.analysis.accuracy(*AT, **options)
 
@@ -148,7 +148,7 @@ def compared(monkeypatch):
     """What every row of a sweep is compared with, its precision beside it; nothing is compiled."""
     seen = []
 
-    def panels(case, exact, setting, dtype):
+    def panels(_, exact, setting, dtype):
         seen.append((exact, dtype))
         return Row("panels", setting, str(dtype), 1, Errors(*[0.1] * 6)), {"forward": list, "gradient": list}
 
@@ -381,7 +381,8 @@ def test_double_precision_is_needed():
     program = (
         "import rubberfric as rf\n"
         "scene = rf.Scene(rf.Body(rf.Elastic(1e6, 0.5)), rf.Body(rf.Rigid()))\n"
-        "for call in (lambda: rf.analysis.accuracy(scene, 1.0, 1e5), lambda: rf.analysis.quadrature_for(scene, 1e-6)):\n"
+        "accuracy, setting = rf.analysis.accuracy, rf.analysis.quadrature_for\n"
+        "for call in (lambda: accuracy(scene, 1.0, 1e5), lambda: setting(scene, 1e-6)):\n"
         "    try:\n        call()\n    except ValueError as error:\n        print(error)\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
@@ -412,7 +413,7 @@ def call(call_main, tmp_path, monkeypatch):
 def test_command(call, monkeypatch):
     seen = {}
 
-    def sweep_of(scene, *at, error, progress):
+    def sweep_of(_, *at, error, progress):
         seen.update(at=at, error=error)
         progress("working")  # not a terminal: nothing is shown
         return found()

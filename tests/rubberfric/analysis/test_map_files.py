@@ -28,7 +28,7 @@ def test_a_disk_without_space_is_found_out_before_the_work(tmp_path, monkeypatch
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (2**20, limits[1]))
     try:
-        with pytest.raises(ValueError) as caught:
+        with pytest.raises(ValueError, match="cannot be written") as caught:
             rf.friction_map(SCENE, np.logspace(-6, 1, 500), np.logspace(5, 6, 500), path="m.h5", block=9)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
@@ -184,7 +184,7 @@ def test_a_heated_map_says_where_it_did_not_converge(call_main, tmp_path, monkey
     np.testing.assert_allclose(real.solution.friction, exact.friction, rtol=1e-12)
     assert real.solution.converged.all() and real.solution.converged.dtype == bool
 
-    def launch(tiling, task, batch):
+    def launch(_, task, batch):
         velocity, pressure, _ = batches.points(task.conditions, batch)
         shape = pressure.size, velocity.size
         values = {"converged": np.broadcast_to(velocity < 0.5, shape), "friction": np.ones(shape)}

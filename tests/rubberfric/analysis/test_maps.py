@@ -3,6 +3,7 @@
 import json
 import math
 import os
+import re
 import subprocess
 import sys
 import types
@@ -133,7 +134,7 @@ def test_bad_arguments_are_one_line(tmp_path, monkeypatch, change, message):
     monkeypatch.setattr(maps, "LARGEST", 2**23)
     monkeypatch.setattr(batches, "launch", None)  # nothing may be computed
     good = dict(scene=SCENE, velocity=VELOCITY, pressure=PRESSURE, temperature=TEMPERATURE)
-    with pytest.raises(ValueError) as caught:
+    with pytest.raises(ValueError, match=re.escape(message)) as caught:
         rf.friction_map(**good | change)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -157,7 +158,7 @@ def test_a_stopped_map_leaves_no_file_and_an_old_one_alone(tmp_path, monkeypatch
     monkeypatch.setattr(maps, "LARGEST", 0 if streamed else 2**28)
     path = tmp_path / "m.h5"
 
-    def interrupt(done, points):
+    def interrupt(done, _):
         if done:
             raise KeyboardInterrupt
 
@@ -175,7 +176,7 @@ def test_a_stopped_map_leaves_no_file_and_an_old_one_alone(tmp_path, monkeypatch
 
 @pytest.mark.parametrize("streamed", [False, True])
 def test_a_point_that_is_not_finite_is_named(tmp_path, monkeypatch, streamed):
-    def launch(tiling, task, batch):
+    def launch(_, task, batch):
         velocity, pressure, _ = batches.points(task.conditions, batch)
         return {"area": np.ones((pressure.size, 1)) / (velocity - VELOCITY[3]), "friction": np.ones((2, 45))}
 
@@ -342,7 +343,7 @@ def test_picture_of_many_pressures_points_and_a_constant():
     ],
 )
 def test_what_cannot_be_drawn(conditions, options, message):
-    with pytest.raises(ValueError) as caught:
+    with pytest.raises(ValueError, match=re.escape(message)) as caught:
         plot_map(drawn_map(*conditions), **options)
     assert message in str(caught.value)
 
@@ -432,7 +433,7 @@ def test_bad_input_of_the_command(call_main, scene_file, monkeypatch, old, new, 
 
 
 def test_an_interrupted_command_says_so_and_writes_nothing(call_main, scene_file, monkeypatch):
-    def launch(*arguments):
+    def launch(*_):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(batches, "launch", launch)
@@ -446,7 +447,7 @@ def test_an_interrupted_command_says_so_and_writes_nothing(call_main, scene_file
 
 def test_line_of_progress():
     shown = []
-    place = types.SimpleNamespace(show=lambda text, part: shown.append(text), end=lambda: None)
+    place = types.SimpleNamespace(show=lambda text, _: shown.append(text), end=lambda: None)
     tell = Progress("", place, iter([0.0, 1.0, 3.0, 12.0]).__next__)
     for done in (0, 30, 120):
         tell(done, 120)

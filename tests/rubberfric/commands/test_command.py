@@ -239,7 +239,7 @@ def test_bad_arguments(call, scene_file, tmp_path, monkeypatch, arguments, messa
 
 
 def test_plot_without_matplotlib(call, scene_file, tmp_path, monkeypatch):
-    monkeypatch.setattr(command.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(command.importlib.util, "find_spec", lambda _: None)
     status, printed, complaint = call("run", scene_file, "--plot", tmp_path / "r.png")
     assert (status, printed) == (2, "")
     assert complaint == (
@@ -251,11 +251,11 @@ def test_plot_without_matplotlib(call, scene_file, tmp_path, monkeypatch):
 def test_failed_work(call, scene_file, tmp_path, monkeypatch, failure):
     """Status 1, and no half-written file."""
 
-    def solve(scene, velocity, pressure, temperature, *, quantities):
+    def solve(_, velocity, pressure, temperature, **__):
         good = jax.numpy.asarray(velocity + pressure + temperature)
         return rf.Solution(good, good / (velocity - 1e-3 if failure == "not finite" else 1.0), good)
 
-    def full(*arguments):
+    def full(*_):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(run_command, "solve", solve)

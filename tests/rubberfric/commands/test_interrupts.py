@@ -108,14 +108,16 @@ def test_a_signal_while_a_map_is_written_leaves_the_old_file(tmp_path):
     assert os.listdir(tmp_path) == ["m.h5"] and path.read_bytes() == b"old"
 
 
-def test_a_signal_before_the_first_step_of_a_fit(job):
+@pytest.mark.usefixtures("job")
+def test_a_signal_before_the_first_step_of_a_fit():
     """There is nothing yet to report."""
     found = interrupted(FITTING.replace("NAME", "fit"), "job.toml", "--out", "fit.h5")
     assert found == (130, "", f"rubberfric-fit: {LOST}")
     assert sorted(os.listdir()) == JOB_FILES
 
 
-def test_a_second_signal_does_not_wait_for_a_fit(job):
+@pytest.mark.usefixtures("job")
+def test_a_second_signal_does_not_wait_for_a_fit():
     found = interrupted(
         FITTING.replace("NAME", "save"),
         "job.toml",

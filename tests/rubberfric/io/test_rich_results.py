@@ -80,7 +80,7 @@ def test_traced_scenes_show_that_and_compute_nothing():
 
 
 def test_what_maps_put_in_place_of_numbers_is_shown_too():
-    assert pairs(jax.tree.map(lambda x: "<b>", EXAMPLES["Elastic"]))["young"] == "<b> Pa"
+    assert pairs(jax.tree.map(lambda _: "<b>", EXAMPLES["Elastic"]))["young"] == "<b> Pa"
     shapes = jax.eval_shape(lambda x: x, EXAMPLES["Elastic"])
     assert "ShapeDtypeStruct" in pairs(shapes)["young"]
     stacked = jax.tree.map(lambda x: jnp.stack([x, 2 * x]), EXAMPLES["Prony"])
