@@ -1,4 +1,4 @@
-"""A kind is one class: two materials and a shift that this file alone defines do all that those of the library do."""
+"""A kind is one class: materials and a shift of this file alone do all that those of the library do."""
 
 import jax
 import jax.numpy as jnp
