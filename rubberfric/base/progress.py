@@ -7,7 +7,7 @@ import sys
 import time
 import weakref
 from collections.abc import Callable
-from typing import Any, Protocol, Self, TextIO
+from typing import Any, Self, TextIO
 
 from rubberfric.base.checks import shown
 
@@ -46,16 +46,6 @@ def progress(label: str = "") -> "Progress":
     if not isinstance(label, str) or not label.isprintable():
         raise ValueError(f"label = {shown(label)}: must be text on one line")
     return Progress(label, _place())
-
-
-class Place(Protocol):
-    """Where progress is shown."""
-
-    def show(self, text: str, part: float | None) -> None:
-        """Show a text, and the part that is done if it is known."""
-
-    def end(self) -> None:
-        """Show nothing more."""
 
 
 class Progress:
@@ -144,6 +134,9 @@ class _Notebook:
         self._waiting = None
 
 
+Place = TerminalLine | _Notebook  # where progress is shown
+
+
 class _Bar:
     """What a notebook shows: a bar if a part is known, and a text."""
 
@@ -158,7 +151,7 @@ class _Bar:
         return f"<div>{bar}{html.escape(self._text)}</div>"
 
 
-def _place() -> Place | None:
+def _place() -> "Place | None":
     """Where progress is shown: the notebook whose kernel this is, a terminal, or None."""
     # A kernel has imported IPython; where nobody has, it is not imported.
     if "IPython" in sys.modules:

@@ -157,9 +157,9 @@ def write_quadrature(file: h5py.File, quadrature: Quadrature) -> None:
 
 def read_quadrature(file: h5py.File) -> Quadrature:
     """The Quadrature that `write_quadrature` wrote; ValueError naming what is wrong."""
-    if "quadrature" not in file:
+    group = file.get("quadrature")
+    if not isinstance(group, h5py.Group):
         raise ValueError("/quadrature: is missing; must be a group")
-    group = file["quadrature"]
     names = [field.name for field in dataclasses.fields(Quadrature)]
     check_names(group, (), names)
     for name in names:

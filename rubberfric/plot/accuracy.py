@@ -1,15 +1,11 @@
 """Picture of a sweep over accuracy settings. It needs matplotlib, as `rubberfric.plot`."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from rubberfric.analysis.error_and_time.report import Accuracy, Row
-from rubberfric.plot.style import check_kind, legend, one_axes
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.axis import Axis
+from rubberfric.plot.style import Axes, check_kind, legend, one_axes
 
 # What is drawn of a sweep: method, precision, attribute of errors and times; line style, marker,
 # filled or open, colour, and name.
@@ -22,7 +18,7 @@ SWEEPS = {
 }
 
 
-def plot_accuracy(accuracy: Accuracy, ax: "Axes | None" = None, *, unit: Row | None = None) -> "Axes":
+def plot_accuracy(accuracy: Accuracy, ax: Axes | None = None, *, unit: Row | None = None) -> Axes:
     """Draw error over run time: the largest over area, friction and separation, a line for each use.
 
     A gradient is drawn over the time for values and gradients. Errors that the reference cannot tell
@@ -58,16 +54,17 @@ def plot_accuracy(accuracy: Accuracy, ax: "Axes | None" = None, *, unit: Row | N
     ax.axhline(accuracy.error, color="0.6", linewidth=0.8, label="wanted")
     ax.set_xlabel("run time [ms]" if unit is None else f"run time / that of the {unit.method} method")
     ax.set_ylabel("largest relative error [-]")
-    _label_times(ax.xaxis)
+    _label_times(ax)
     ax.grid(alpha=0.3)
     legend(ax)
     return ax
 
 
-def _label_times(axis: "Axis") -> None:
+def _label_times(axes: Axes) -> None:
     """Plain numbers, as many as there is room for: a sweep may span less than a decade, or four."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+    axis = axes.xaxis
     low, high = axis.get_view_interval()
     axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 1e3 * low else (1,)))
     axis.set_major_formatter(FuncFormatter(lambda time, _: f"{time:g}"))

@@ -1,7 +1,7 @@
 """Pictures of quantities over the sliding velocity. They need matplotlib, as `rubberfric.plot`."""
 
-from collections.abc import Collection, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -13,6 +13,9 @@ from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.plot.style import (
     LOG_V,
     PANELS,
+    Axes,
+    Line2D,
+    Panels,
     check_kind,
     legend,
     looks,
@@ -22,10 +25,6 @@ from rubberfric.plot.style import (
     vector,
 )
 
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.lines import Line2D
-
 # Parts of the friction: line style, marker of a single point, and name.
 PARTS = {
     "viscoelastic_friction": ("--", "s", "viscoelastic"),
@@ -33,9 +32,7 @@ PARTS = {
 }
 
 
-def plot_result(
-    result: Result, ax: "Sequence[Axes] | np.ndarray | None" = None
-) -> "Sequence[Axes] | np.ndarray":
+def plot_result(result: Result, ax: Panels | None = None) -> Panels:
     """Draw A/A0, mu, mean separation and more over log10 v: a panel each, a line per condition.
 
     Transverse friction and flash temperature have a panel where the solution has them.
@@ -66,7 +63,7 @@ def plot_result(
     return ax
 
 
-def plot_friction(result: Result, ax: "Axes | None" = None) -> "Axes":
+def plot_friction(result: Result, ax: Axes | None = None) -> Axes:
     """Draw mu over log10 v, a line for each pressure and temperature, its parts thin below it.
 
     Parameters
@@ -88,12 +85,12 @@ def plot_friction(result: Result, ax: "Axes | None" = None) -> "Axes":
     return _quantity(result, "friction", ax)
 
 
-def plot_area(result: Result, ax: "Axes | None" = None) -> "Axes":
+def plot_area(result: Result, ax: Axes | None = None) -> Axes:
     """Draw A/A0 over log10 v, a line for each pressure and temperature; all else as `plot_friction`."""
     return _quantity(result, "area", ax)
 
 
-def plot_separation(result: Result, ax: "Axes | None" = None) -> "Axes":
+def plot_separation(result: Result, ax: Axes | None = None) -> Axes:
     """Draw the mean separation over log10 v in µm; all else as `plot_friction`."""
     return _quantity(result, "separation", ax)
 
@@ -102,8 +99,8 @@ def plot_curve(
     velocity: ArrayLike,
     values: ArrayLike | Mapping[str, ArrayLike],
     quantity: str = "friction",
-    ax: "Axes | None" = None,
-) -> "Axes":
+    ax: Axes | None = None,
+) -> Axes:
     """Draw one quantity over log10 v from arrays.
 
     Parameters
@@ -151,7 +148,7 @@ def curve_labels(conditions: Conditions) -> dict[tuple[int, int], str]:
     }
 
 
-def _quantity(result: Result, name: str, ax: "Axes | None") -> "Axes":
+def _quantity(result: Result, name: str, ax: Axes | None) -> Axes:
     check_kind("result", result, Result)
     if getattr(result.solution, name) is None:
         known = [one for one, values in result.solution._asdict().items() if values is not None]
@@ -165,7 +162,7 @@ def _quantity(result: Result, name: str, ax: "Axes | None") -> "Axes":
     return axes
 
 
-def _draw(axes: "Axes", result: Result, name: str, named: bool = True) -> None:
+def _draw(axes: Axes, result: Result, name: str, named: bool = True) -> None:
     """One quantity of a result; a legend of its conditions if `named`, and of its parts."""
     labels, velocity = curve_labels(result.conditions), np.asarray(result.conditions.velocity)
     shown = shown_velocities(velocity)
@@ -176,14 +173,7 @@ def _draw(axes: "Axes", result: Result, name: str, named: bool = True) -> None:
     legend(axes, (lines if named and len(labels) > 1 else []) + parts)
 
 
-def _lines(
-    axes: "Axes",
-    velocity: np.ndarray,
-    curves: list[np.ndarray],
-    labels: Collection[str | None],
-    shown: np.ndarray,
-    quantity: str,
-) -> "list[Line2D]":
+def _lines(axes, velocity, curves, labels, shown, quantity):
     """Draw the curves in a quantity's panel; the handles of a legend."""
     label, scale, offset = PANELS[quantity]
     drawn = looks(len(labels), shown.size)
@@ -196,13 +186,13 @@ def _lines(
     return handles
 
 
-def _from_zero(axes: "Axes", quantity: str) -> None:
+def _from_zero(axes: Axes, quantity: str) -> None:
     """Begin the panel of what is >= 0 at zero."""
     if quantity in ("area", "friction", "separation") and axes.dataLim.y0 >= 0:
         axes.set_ylim(bottom=0, auto=None)  # what is drawn next may still raise the top
 
 
-def _parts(axes: "Axes", result: Result, shown: np.ndarray, lines: "list[Line2D]") -> "list[Line2D]":
+def _parts(axes: Axes, result: Result, shown: np.ndarray, lines: list[Line2D]) -> list[Line2D]:
     """Parts of the friction in the colours of its lines; the handles of a legend."""
     from matplotlib.lines import Line2D
 

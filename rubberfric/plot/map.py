@@ -1,7 +1,6 @@
 """Pictures of friction maps. They need matplotlib: pip install 'rubberfric[plot]'."""
 
-from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable
 
 import numpy as np
 
@@ -9,11 +8,7 @@ from rubberfric.base.checks import closest
 from rubberfric.base.units import to_celsius
 from rubberfric.io.results import QUANTITIES, Result
 from rubberfric.io.scene_files.conditions import Conditions
-from rubberfric.plot.style import LOG_V, PANELS, check_kind, new_figure, several_axes
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+from rubberfric.plot.style import LOG_V, PANELS, Figure, Panels, check_kind, new_figure, several_axes
 
 # Panels of a figure, and points drawn along an axis: a picture has no room for more.
 _PANELS = 4
@@ -26,11 +21,11 @@ _LOGARITHMIC = ("area",)
 def plot_map(
     result: Result,
     quantity: str = "friction",
-    ax: "Sequence[Axes] | np.ndarray | None" = None,
+    ax: Panels | None = None,
     *,
     temperature: int | None = None,
     pressure: int | None = None,
-) -> "Sequence[Axes] | np.ndarray":
+) -> Panels:
     """Draw a quantity over log10 v and temperature, a panel for each pressure; contours are labelled.
 
     With one temperature, or where `temperature` picks one, a single panel over log10 v and log10 p.
@@ -79,7 +74,7 @@ def plot_map(
     return ax
 
 
-def figure_of_map(result: Result) -> "Figure":
+def figure_of_map(result: Result) -> Figure:
     """A figure of all quantities of a map, a row of panels for each."""
     names = [name for name, values in result.solution._asdict().items() if values is not None]
     columns = len(_panels(result.conditions, None, None))
@@ -140,9 +135,7 @@ def _axis(scale: Callable[[np.ndarray], np.ndarray], values: np.ndarray) -> tupl
     return index, scale(np.asarray(values)[index])
 
 
-def _draw(
-    drawn: "list[tuple[Axes, np.ndarray, np.ndarray]]", x: np.ndarray, label: str, logarithmic: bool
-) -> None:
+def _draw(drawn, x, label, logarithmic):
     """Heat maps (axes, y, values) with one colour scale and contours in the contrary of what is below."""
     from matplotlib.colors import LogNorm, Normalize
     from matplotlib.ticker import LogLocator, MaxNLocator

@@ -1,6 +1,6 @@
 """Picture of a complex modulus over frequency. It needs matplotlib, as `rubberfric.plot`."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -10,11 +10,7 @@ from jax.typing import ArrayLike
 from rubberfric.base.units import to_celsius
 from rubberfric.materials.material import Material, complex_modulus
 from rubberfric.materials.tabulated_modulus import TabulatedModulus
-from rubberfric.plot.style import colours, legend, one_axes, vector
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.lines import Line2D
+from rubberfric.plot.style import Axes, colours, legend, one_axes, vector
 
 _POINTS = 400
 # Points up to which each has room.
@@ -35,11 +31,11 @@ _modulus = jax.jit(complex_modulus)
 
 def plot_modulus(
     material: Material,
-    ax: "Axes | None" = None,
+    ax: Axes | None = None,
     omega: ArrayLike | None = None,
     temperature: float | None = None,
     data: Any = None,
-) -> "Axes":
+) -> Axes:
     r"""Draw E' and E'' over omega in log-log, and tan delta = E''/E' on a linear scale of its own.
 
     Parameters
@@ -149,9 +145,7 @@ def _shifted(material: Material, temperature: float | None, data: Any) -> Points
     return omega, storage, loss
 
 
-def _points(
-    axes: "Axes", right: "Axes", points: Points | None, name: str, face: str | None
-) -> "list[Line2D]":
+def _points(axes, right, points, name, face):
     """Draw points of E', E'' and tan delta; the handle of a legend."""
     from matplotlib.lines import Line2D
 
@@ -169,7 +163,7 @@ def _points(
     return [Line2D([], [], color="0.3", marker="o", markerfacecolor=face or "0.3", label=name, **look)]
 
 
-def _dress(axes: "Axes", right: "Axes", temperature: float | None) -> None:
+def _dress(axes: Axes, right: Axes, temperature: float | None) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlabel("angular frequency $\\omega$ [rad/s]")

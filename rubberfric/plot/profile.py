@@ -1,15 +1,11 @@
 """Pictures of profiles: what each length scale does. They need matplotlib, as `rubberfric.plot`."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rubberfric.analysis.by_wavevector import Profile
-from rubberfric.plot.style import check_kind, legend, looks, several_axes
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
+from rubberfric.plot.style import Panels, check_kind, legend, looks, several_axes
 
 # Field of Profile, axis label; drawn from the top down.
 PANELS = (
@@ -21,9 +17,9 @@ PANELS = (
 
 def plot_profile(
     profile: Profile,
-    ax: "Sequence[Axes] | np.ndarray | None" = None,
+    ax: Panels | None = None,
     labels: Sequence[str] | None = None,
-) -> "Sequence[Axes] | np.ndarray":
+) -> Panels:
     r"""Draw P(q), d mu / d ln q and the rms slope over log10 q, a line for each condition.
 
     In the panel of d mu / d ln q, equal areas over log10 q are equal parts of the friction. A second

@@ -1,7 +1,6 @@
 """Pictures to files, whole or not at all."""
 
 import importlib.util
-from typing import TYPE_CHECKING
 
 from rubberfric.analysis.error_and_time.report import Accuracy
 from rubberfric.base.atomic import StrPath, check_writable, replacing
@@ -9,12 +8,10 @@ from rubberfric.io.results import Result
 from rubberfric.plot.accuracy import plot_accuracy
 from rubberfric.plot.curves import plot_result
 from rubberfric.plot.map import figure_of_map
-
-if TYPE_CHECKING:
-    from matplotlib.figure import FigureBase
+from rubberfric.plot.style import FigureBase
 
 
-def save_figure(path: StrPath, figure: "FigureBase") -> None:
+def save_figure(path: StrPath, figure: FigureBase) -> None:
     """Write a figure to a file."""
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=150)  # pyright: ignore[reportAttributeAccessIssue]: of no SubFigure

@@ -1,15 +1,11 @@
 """Picture of what each relaxation time does to a quantity. It needs matplotlib, as `rubberfric.plot`."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.plot.style import LOG_V, one_axes, vector
-
-if TYPE_CHECKING:
-    from matplotlib.axes import Axes
-    from matplotlib.colors import Colormap
+from rubberfric.plot.style import LOG_V, Axes, diverging, one_axes, vector
 
 _LABEL = "$\\partial \\ln \\mu \\;/\\; \\partial \\ln E_i$ [-]"
 
@@ -18,10 +14,10 @@ def plot_sensitivity(
     velocity: ArrayLike,
     tau: ArrayLike,
     values: ArrayLike,
-    ax: "Axes | None" = None,
+    ax: Axes | None = None,
     *,
     label: str = _LABEL,
-) -> "Axes":
+) -> Axes:
     r"""Draw d ln mu / d ln E_i as a heat map over log10 v and log10 tau_i.
 
     Colours are balanced about 0. Contours say the sign without them: solid above 0, dashed below,
@@ -64,14 +60,6 @@ def plot_sensitivity(
     return axes
 
 
-def diverging() -> "Colormap":
-    """Red above, blue below, white at 0; not so dark at its ends that black lines were lost on it."""
-    from matplotlib import colormaps
-    from matplotlib.colors import ListedColormap
-
-    return ListedColormap(colormaps["RdBu_r"](np.linspace(0.15, 0.85, 256)))
-
-
 def _axis(name: str, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Indices of the different values > 0 in increasing order, and their logarithms."""
     unique, index = np.unique(values, return_index=True)
@@ -81,7 +69,7 @@ def _axis(name: str, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return index, np.log10(values[index])
 
 
-def _draw(axes: "Axes", x: np.ndarray, y: np.ndarray, values: np.ndarray, label: str) -> None:
+def _draw(axes: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, label: str) -> None:
     from matplotlib.ticker import MaxNLocator
 
     largest = float(np.abs(values).max()) or 1.0

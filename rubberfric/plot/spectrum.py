@@ -1,22 +1,16 @@
 """Picture of roughness power spectra. It needs matplotlib, as `rubberfric.plot`."""
 
 from collections.abc import Collection, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.plot.style import colours, legend, one_axes, vector
+from rubberfric.plot.style import Axes, Line2D, colours, legend, one_axes, vector
 from rubberfric.roughness.anisotropy import Anisotropic, TabulatedAnisotropic
 from rubberfric.roughness.moments import rms_slope
 from rubberfric.roughness.spectra import SelfAffine, TabulatedSpectrum, log_power_spectrum
-
-if TYPE_CHECKING:
-    from matplotlib.artist import Artist
-    from matplotlib.axes import Axes
-    from matplotlib.container import Container
-    from matplotlib.lines import Line2D
 
 Spectrum = SelfAffine | TabulatedSpectrum | Anisotropic | TabulatedAnisotropic
 
@@ -40,7 +34,7 @@ class _Curve(NamedTuple):
     entries: tuple[np.ndarray, np.ndarray] | None  # (q, C) of a table
 
 
-def plot_spectrum(spectra: Any, ax: "Axes | None" = None, q: ArrayLike | None = None) -> "Axes":
+def plot_spectrum(spectra: Any, ax: Axes | None = None, q: ArrayLike | None = None) -> Axes:
     r"""Draw C(q) in log-log, and the rms slope of all roughness up to q on a scale of its own.
 
     .. math:: h_\mathrm{rms}^2 = 2\pi \int q\, C\, dq, \qquad
@@ -144,9 +138,7 @@ def _log_C_and_slope(spectrum: Spectrum, q: jax.Array) -> tuple[jax.Array, jax.A
     return log_power_spectrum(spectrum.power_law(), q), rms_slope(spectrum, q)
 
 
-def _draw(
-    axes: "Axes", right: "Axes", curve: _Curve, label: str, colour: np.ndarray, style: str
-) -> "Artist | Container":
+def _draw(axes, right, curve, label, colour, style):
     """Draw one spectrum; its handle of a legend."""
     look: dict[str, Any] = {"color": colour, "linestyle": style}
     if curve.slope is not None:
@@ -163,7 +155,7 @@ def _draw(
     return handle
 
 
-def _keep_slopes_in_view(right: "Axes", curves: Collection[_Curve]) -> None:
+def _keep_slopes_in_view(right: Axes, curves: Collection[_Curve]) -> None:
     """Just above the first wavevector a slope falls to 0, through all decades: four are enough."""
     highest = max((curve.slope.max() for curve in curves if curve.slope is not None), default=0.0)
     if highest > 0:
@@ -171,7 +163,7 @@ def _keep_slopes_in_view(right: "Axes", curves: Collection[_Curve]) -> None:
         right.set_ylim(max(low, 1e-4 * highest), high)
 
 
-def _explained(curves: Collection[_Curve]) -> "list[Line2D]":
+def _explained(curves: Collection[_Curve]) -> list[Line2D]:
     """Handles of a legend for what the lines and marks of the curves are."""
     from matplotlib.lines import Line2D
 

@@ -14,8 +14,15 @@ from rubberfric.base.units import ZERO_CELSIUS
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
     from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap
     from matplotlib.container import Container
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure, FigureBase
+    from matplotlib.lines import Line2D
+
+    Panels = Sequence[Axes] | np.ndarray
+    Handle = Artist | Container  # of a legend
+else:  # matplotlib is there only where it draws
+    Axes = Colormap = Figure = FigureBase = Handle = Line2D = Panels = Any
 
 # Quantities that have a panel: label, and scale and offset from the unit they are computed in.
 PANELS = {
@@ -39,6 +46,14 @@ def colours(count: int) -> np.ndarray:
     return colormaps["viridis"](np.linspace(0.0, lightest, count) if count > 1 else [0.25])
 
 
+def diverging() -> Colormap:
+    """Red above, blue below, white at 0; not so dark at its ends that black lines were lost on it."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(colormaps["RdBu_r"](np.linspace(0.15, 0.85, 256)))
+
+
 def looks(count: int, points: int) -> list[dict[str, Any]]:
     """Colour and markers of `count` lines of so many points; those of neighbours are staggered."""
     several = count > 1
@@ -54,7 +69,7 @@ def looks(count: int, points: int) -> list[dict[str, Any]]:
     ]
 
 
-def new_figure(size: tuple[float, float], title: str = "") -> "Figure":
+def new_figure(size: tuple[float, float], title: str = "") -> Figure:
     """A figure that pyplot does not know."""
     from matplotlib.figure import Figure
 
@@ -64,7 +79,7 @@ def new_figure(size: tuple[float, float], title: str = "") -> "Figure":
     return figure
 
 
-def one_axes(ax: "Axes | None", size: tuple[float, float] = (6.4, 4.0)) -> "Axes":
+def one_axes(ax: Axes | None, size: tuple[float, float] = (6.4, 4.0)) -> Axes:
     """The axes to draw into: `ax`, or of a new figure if it is None."""
     if ax is None:
         return new_figure(size).subplots()
@@ -76,12 +91,12 @@ def one_axes(ax: "Axes | None", size: tuple[float, float] = (6.4, 4.0)) -> "Axes
 
 
 def several_axes(
-    ax: "Sequence[Axes] | np.ndarray | None",
+    ax: Panels | None,
     names: Sequence[object],
     size: tuple[float, float],
     title: str = "",
     across: bool = False,
-) -> "Sequence[Axes] | np.ndarray":
+) -> Panels:
     """The axes to draw into, one for each name: `ax`, or of a new figure with that title if it is None.
 
     Those of a new figure share their x axis and are one below the other; `across`, one beside the other,
@@ -110,8 +125,8 @@ def check_kind(name: str, value: object, kind: type) -> None:
 
 
 def legend(
-    axes: "Axes",
-    handles: "Iterable[Artist | Container] | None" = None,
+    axes: Axes,
+    handles: Iterable[Handle] | None = None,
     scale_right: bool = False,
     inside: str = "best",
 ) -> None:

@@ -19,7 +19,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.stages import Compiled
-from jax.typing import ArrayLike, DTypeLike
+from jax.typing import ArrayLike
 
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import moment
@@ -107,15 +107,14 @@ def case_of(
         )
     solve(scene, velocity, pressure, temperature, quantities=())  # checks its arguments, computes nothing
     given = [np.asarray(x, float) for x in (velocity, pressure, temperature) if x is not None]
-    conditions = [x.ravel() for x in np.broadcast_arrays(*given)]
+    conditions = tuple(jnp.asarray(x.ravel()) for x in np.broadcast_arrays(*given))
     tabulated = any(body.material.needs_quadrature for body in (scene.lower, scene.upper))
     count = min(conditions[0].size, _GRADIENTS_TABULATED if tabulated else _GRADIENTS)
     if conditions[0].size == 0:
         raise ValueError("velocity, pressure and temperature have no point in common: must have at least one")
     differentiated = np.unique(np.linspace(0, conditions[0].size - 1, count).round().astype(int))
     height2 = sum(float(moment(rough.spectrum, 0)) for rough, _ in rough_pairs(scene))
-    scene, columns = cast((scene, tuple(conditions)), jnp.float64)
-    return Case(scene, columns, differentiated, height2**0.5)
+    return Case(cast(scene, jnp.float64), conditions, differentiated, height2**0.5)
 
 
 def rounded(case: Case) -> Case:
@@ -161,13 +160,13 @@ def compiled(function: Callable[..., Any], *arguments: Any) -> tuple[Compiled, f
     return ready, time.perf_counter() - begin
 
 
-def arguments(case: Case, dtype: DTypeLike) -> tuple[tuple[Scene, Conditions], jax.Array]:
+def arguments(case: Case, dtype: type) -> tuple[tuple[Scene, Conditions], jax.Array]:
     """(scene, conditions) and a weight of one for every value, in one dtype."""
     scene, conditions = cast((case.scene, case.conditions), dtype)
     return (scene, conditions), jnp.ones((len(QUANTITIES), conditions[0].size), dtype)
 
 
-def outcome(gradient: Compiled, case: Case, dtype: DTypeLike = jnp.float64) -> Outcome:
+def outcome(gradient: Compiled, case: Case, dtype: type = jnp.float64) -> Outcome:
     """What a compiled `gradient_of` gives: values and sensitivities."""
     at, ones = arguments(case, dtype)
     numbers = [np.asarray(leaf, float) for leaf in jax.tree_util.tree_leaves(at)]

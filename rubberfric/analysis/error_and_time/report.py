@@ -4,7 +4,7 @@ import csv
 import dataclasses
 import math
 import textwrap
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from rubberfric.analysis.error_and_time.reference import TRUSTED, Errors
@@ -112,9 +112,7 @@ class Accuracy(NamedTuple):
                 numbers = [*knobs, *sizes, row.nodes, *self.known(row), *seconds]
                 writer.writerow([row.method, row.dtype, *("" if x is None else x for x in numbers)])
 
-    def _cheapest(
-        self, error: Callable[[Errors], float], seconds: Callable[[Row], float | None]
-    ) -> Row | None:
+    def _cheapest(self, error, seconds):
         if error(self.agreement) > TRUSTED * self.error:
             return None
         rows = [row for row in self.rows if row.method == "panels" and error(row.errors) <= self.error]

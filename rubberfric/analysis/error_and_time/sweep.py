@@ -7,7 +7,7 @@ from typing import Any, TypeVar
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike, DTypeLike
+from jax.typing import ArrayLike
 
 from rubberfric.analysis.error_and_time import reference
 from rubberfric.analysis.error_and_time.report import Accuracy, Row
@@ -148,7 +148,7 @@ def in_turns(functions: Mapping[Key, Callable[[], Any]], rounds: int) -> dict[Ke
     return {name: float(np.median(values)) for name, values in times.items()}
 
 
-def _panels(case: reference.Case, exact: reference.Outcome, setting: Quadrature, dtype: DTypeLike) -> Timed:
+def _panels(case: reference.Case, exact: reference.Outcome, setting: Quadrature, dtype: type) -> Timed:
     """Row of a setting without its run times, and the calls to time."""
     at, ones = reference.arguments(case, dtype)
     forward, forward_seconds = reference.compiled(reference.forward_of(setting), *at)

@@ -27,8 +27,7 @@ from rubberfric.analysis.error_and_time.textbook_solids import (
     spectrum_at,
     stiffness,
 )
-from rubberfric.roughness.spectra import Spectrum
-from rubberfric.scene.scene import Body, Scene
+from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import ContactShear
 from rubberfric.theory.model import QUANTITIES
 
@@ -83,9 +82,7 @@ def solve(
     return {name: np.concatenate([block[name] for block in blocks]).reshape(shape) for name in quantities}
 
 
-def _block(
-    scene: Scene, points: list[np.ndarray], nodes: tuple[int, int], quantities: Sequence[str]
-) -> dict[str, np.ndarray]:
+def _block(scene, points, nodes, quantities):
     """All quantities at points [velocity, pressure(, temperature)] of shape (n,)."""
     velocity, pressure, *rest = points
     temperature = rest[0] if rest else None
@@ -117,14 +114,7 @@ def _block(
     return results
 
 
-def _over_angle(
-    pairs: list[tuple[Spectrum, Body, Body]],
-    q: np.ndarray,
-    velocity: np.ndarray,
-    temperature: np.ndarray | None,
-    count: int,
-    quantities: Sequence[str],
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _over_angle(pairs, q, velocity, temperature, count, quantities):
     """Integrals over phi of sum_j C_j times |K_j|^2, cos(phi) Im K_j and Re K_j, shape (points, q)."""
     cosine = np.cos(np.linspace(0, 2 * np.pi, count, endpoint=False))
     power, dissipation, storage = np.zeros((3, velocity.size, q.size))

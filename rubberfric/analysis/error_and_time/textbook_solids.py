@@ -48,13 +48,7 @@ def stiffness(
     return factor[:, None] * modulus_at(material, omega, temperature)
 
 
-def _coated(
-    material: Material,
-    layer: Coating,
-    q: np.ndarray,
-    omega: np.ndarray | None,
-    temperature: np.ndarray | None,
-) -> np.ndarray:
+def _coated(material, layer, q, omega, temperature):
     """E(omega) Sbar(q, omega) of a layer on a half-space, which shares the layer's shift."""
     nu1, nu0 = _poisson(material), _poisson(layer.base)
     omega = _shifted(material, omega, temperature)
@@ -114,9 +108,7 @@ def _interpolated(material: TabulatedModulus, omega: np.ndarray | None) -> np.nd
     return values[0] + 1j * np.sign(omega) * values[1] * fall
 
 
-def _shifted(
-    material: Material, omega: np.ndarray | None, temperature: np.ndarray | None
-) -> np.ndarray | None:
+def _shifted(material, omega, temperature):
     """a_T omega."""
     if omega is None or temperature is None or material.shift is None:
         return omega

@@ -8,7 +8,7 @@ as many as its fast memory holds.
 
 import functools
 from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -198,8 +198,7 @@ def all_ready(ready: bool) -> bool:
     return bool(np.asarray(everywhere(known)))
 
 
-def _arguments(tiling: Tiling, task: Task, batch: Batch) -> tuple[tuple, dict[str, Any]]:
-    # The last pair and the last pressure pad what is short: every batch has one shape.
+def _arguments(tiling, task, batch):
     sizes = (tiling.batch, tiling.columns, tiling.batch)
     velocity, pressure, temperature = (
         None if x is None else np.pad(x, (0, size - x.size), mode="edge")

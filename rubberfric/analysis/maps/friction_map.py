@@ -192,9 +192,7 @@ def _check_finite(values: Arrays, conditions: Conditions, batch: batches.Batch) 
             raise FloatingPointError(f"{name} = {array[row, pair]} at {where}: not finite")
 
 
-def _conditions(
-    scene: Scene, velocity: ArrayLike, pressure: ArrayLike, temperature: ArrayLike | None
-) -> tuple[Conditions, np.dtype]:
+def _conditions(scene, velocity, pressure, temperature):
     """Conditions, checked, and the dtype that they and the results have."""
     given = {"velocity": velocity, "pressure": pressure}
     if temperature is not None:
@@ -208,9 +206,7 @@ def _conditions(
     return conditions, dtype
 
 
-def _check(
-    scene: Scene, quantities: str | Iterable[str], quadrature: Quadrature, block: int | None
-) -> tuple[str, ...]:
+def _check(scene, quantities, quadrature, block):
     """The quantities as a tuple; ValueError for an argument that has no meaning."""
     quantities = (quantities,) if isinstance(quantities, str) else tuple(quantities)
     for name in quantities:

@@ -110,8 +110,7 @@ def relaxing_alike(
     rest: float, weights: np.ndarray, tau: np.ndarray, poisson: float, shift: WLF | None
 ) -> Prony:
     """The material of shear moduli [Pa] and a constant Poisson's ratio."""
-    E_inf, E = (young_from_shear(G, poisson) for G in (rest, weights))
-    return Prony(E_inf, E, tau, poisson, shift)
+    return Prony(young_from_shear(rest, poisson), young_from_shear(weights, poisson), tau, poisson, shift)
 
 
 def from_relative(

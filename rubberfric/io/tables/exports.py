@@ -125,14 +125,7 @@ def split(line: str, separator: str | None) -> list[str]:
     return [f[1:-1] if len(f) > 2 and f[0] == f[-1] == '"' else f for f in fields]
 
 
-def _table(
-    path: StrPath,
-    lines: list[tuple[int, str]],
-    separator: str,
-    titles: list[str],
-    names: list[str | None],
-    units: list[str | None],
-) -> Table:
+def _table(path, lines, separator, titles, names, units):
     """The export whose titles are in the first of the lines."""
     (number, _), *below = lines
     where = f"{path}: line {number}"
