@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.html_tables import pairs
+from support.scenes.fits import AFFINE as ROAD
 from support.scenes.fits import FAST
 
 import fitting
@@ -84,7 +85,6 @@ MATERIALS = {
     "HavriliakNegami": {"E_inf": 3e6, "E_glassy": 5e8, "tau": 1e-6, "a": 0.5, "b": 0.8},
 }
 SHIFT = {"B": 900.0, "T_0": 170.0, "T_ref": 293.15}
-ROAD = rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4)
 V = np.array([1e-3, 1e-1, 10.0])
 TOML = """
 [lower]

@@ -1,4 +1,4 @@
-"""`replace`: a copy of an object with other values, given by fields or key paths, checked like a new one."""
+"""`replace`: a copy of an object with other values, by fields or key paths, checked like a new one."""
 
 import jax
 import jax.numpy as jnp
