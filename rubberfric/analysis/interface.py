@@ -13,16 +13,16 @@ import numpy as np
 
 from rubberfric.analysis.by_wavevector import (
     checked_with_q,
-    contact_at_marks,
+    contact_at_borders,
     default_wavevectors,
-    densities,
-    density_at,
-    fluctuation_at_marks,
+    density_of,
+    fluctuation_at_borders,
 )
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import FINITE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.spectra import log_shape
+from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.scene import cast, rough_pairs
 from rubberfric.theory.integrals import evaluate, prepare, solved
 from rubberfric.theory.model import checked
@@ -72,16 +72,16 @@ def stress_distribution(scene, stress, velocity, pressure, temperature=None, *, 
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
 def _stress_distribution(scene, stress, velocity, pressure, temperature, q, *, quadrature):
-    pairs = rough_pairs(scene)
+    pairs = pairs_of(scene)
     if not pairs:
         return _stress_density(stress, pressure, jnp.zeros_like(pressure + velocity))
     if q is None:
-        q = functools.reduce(jnp.maximum, [rough.spectrum.power_law().q[-1] for rough, _ in pairs])
-    prepared = prepare(scene, ("area",), quadrature, marks=q[None])
+        q = functools.reduce(jnp.maximum, [pair.law.q[-1] for pair in pairs])
+    prepared = prepare(scene, ("area",), quadrature, pairs=pairs, borders=q[None])
 
     def fluctuation(points):
-        state, _ = solved(prepared, *(*points, None)[:3])
-        return contact_at_marks(prepared, state, 1)[1][:, 0]
+        contact, _ = solved(prepared, *points)
+        return contact_at_borders(prepared, contact, 1)[1][:, 0]
 
     G = over_points(fluctuation, (velocity, pressure, temperature), BLOCK)
     return _stress_density(stress, pressure, G)
@@ -143,11 +143,11 @@ def _contact_stiffness(scene, velocity, pressure, temperature, *, quadrature):
     prepared = prepare(scene, ("separation",), quadrature)
 
     def stiffness(points):
-        state, _ = solved(prepared, *(*points, None)[:3])
-        x, pressure = state.x, points[1]
-        storage = sum(part.storage for part in state.parts)
+        contact, _ = solved(prepared, *points)
+        x, pressure = contact.x, points[1]
+        storage = sum(terms.densities["storage"] for terms in contact.terms)
         compliance = jnp.sum(x * _load_slope(x, scene.gamma) * storage, (0, 2))
-        compliance = jnp.pi / 2 * state.stiffness * compliance
+        compliance = jnp.pi / 2 * contact.stiffness * compliance
         soft = compliance > 0
         return jnp.where(soft, pressure / jnp.where(soft, compliance, 1.0), jnp.inf)
 
@@ -217,35 +217,35 @@ def separation_profile(scene, velocity, pressure, temperature=None, *, q=None, q
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
 def _separation_profile(scene, velocity, pressure, temperature, q, *, quadrature):
-    laws = [rough.spectrum.power_law() for rough, _ in rough_pairs(scene)]
-    if not laws:
+    pairs = pairs_of(scene)
+    if not pairs:
         shape = (*jnp.broadcast_shapes(velocity.shape, pressure.shape), q.shape[0])
         one = jnp.ones(shape, q.dtype)
         return SeparationProfile(q, one, 0 * one, 0 * one)
-    q = default_wavevectors(laws, SEPARATION_COUNT) if q is None else q
-    prepared = prepare(scene, ("area",), quadrature, marks=q)
-    at_q = densities(scene, prepared, laws, q)
-    block = functools.partial(_separations, scene, prepared, laws, at_q, q)
+    q = default_wavevectors([pair.law for pair in pairs], SEPARATION_COUNT) if q is None else q
+    prepared = prepare(scene, ("area",), quadrature, pairs=pairs, borders=q)
+    densities = [density_of(pair, prepared.roughness.scale, "power", q, quadrature) for pair in pairs]
+    block = functools.partial(_separations, scene, prepared, pairs, densities, q, quadrature)
     return SeparationProfile(q, **over_points(block, (velocity, pressure, temperature), SEPARATION_BLOCK))
 
 
-def _separations(scene, prepared, laws, at_q, q, points):
+def _separations(scene, prepared, pairs, densities, q, quadrature, points):
     """Fields of SeparationProfile at points, (points, wavevectors)."""
     velocity, pressure, temperature = (*points, None)[:3]
-    state, _ = solved(prepared, velocity, pressure, temperature)
-    ratio = state.stiffness[:, None]
-    G = fluctuation_at_marks(prepared, state, q.shape[0])
+    contact, _ = solved(prepared, velocity, pressure, temperature)
+    ratio = contact.stiffness[:, None]
+    G = fluctuation_at_borders(prepared, contact, q.shape[0])
     x = contact_argument(G, jnp.ones_like(G))
     P = contact_fraction(x)
-    parts = [density_at(one, "power", velocity, temperature, q, prepared.quadrature) for one in at_q]
+    density = sum(one(velocity, temperature) for one in densities)
     # dP / d ln q by the exact density of G; G itself may be 0, x^2 = 1 / (4 G) stops at 27^2.
-    slope = -TWO_OVER_ROOT_PI * jnp.exp(-x * x) * 2 * x**3 * (jnp.pi / 4 * ratio**2 * sum(parts))
+    slope = -TWO_OVER_ROOT_PI * jnp.exp(-x * x) * 2 * x**3 * (jnp.pi / 4 * ratio**2 * density)
 
     def beyond(log_step, load_step, q, mean_pressure):
-        cut = [_beyond(law, q * jnp.exp(log_step)) for law in laws]
-        ready = prepare(scene, ("separation",), prepared.quadrature, laws=cut)
-        load = mean_pressure * jnp.exp(load_step)
-        return evaluate(ready, velocity, load, temperature)["separation"]
+        cut = [pair._replace(law=_beyond(pair.law, q * jnp.exp(log_step))) for pair in pairs]
+        ready = prepare(scene, ("separation",), quadrature, pairs=cut)
+        at = (velocity, mean_pressure * jnp.exp(load_step), *points[2:])
+        return evaluate(ready, ("separation",), at)["separation"]
 
     def one(q, mean_pressure):
         zero = jnp.zeros_like(q)

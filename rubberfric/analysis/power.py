@@ -12,11 +12,9 @@ import jax.numpy as jnp
 
 from rubberfric.base.blocks import over_points
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.scene import dissipates
 from rubberfric.scene.shear import shear_friction
 from rubberfric.theory.integrals import prepare, solved
 from rubberfric.theory.model import checked
-from rubberfric.theory.stress_fluctuation import contact_area, friction_terms
 from rubberfric.theory.temperatures import shear_temperature
 
 BLOCK = 128  # points evaluated at once
@@ -67,25 +65,19 @@ def dissipated_power(scene, velocity, pressure, temperature=None, *, quadrature=
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
 def _dissipated_power(scene, velocity, pressure, temperature, *, quadrature):
-    wanted = (("area",) if scene.shear is not None else ()) + ("friction",) * dissipates(scene)
-    prepared = prepare(scene, wanted, quadrature)
-    # Roughness of the lower solid strains the upper one, and the other way round.
-    strained = [
-        name for name, rough in (("upper", scene.lower), ("lower", scene.upper)) if rough.spectrum is not None
-    ]
+    prepared = prepare(scene, ("friction",), quadrature)
 
     def powers(points):
         velocity, pressure, temperature = (*points, None)[:3]
         results = dict.fromkeys(("lower", "upper", "shear"), jnp.zeros_like(pressure))
         area = jnp.ones_like(pressure)
-        if prepared.wanted:
-            state, temperatures = solved(prepared, velocity, pressure, temperature)
-            area = contact_area(prepared, state)
+        if prepared.needs.power:
+            contact, temperatures = solved(prepared, velocity, pressure, temperature)
+            area = contact.area()
             if temperatures is not None:
                 temperature = shear_temperature(scene.heating, temperatures.flash, temperature)
-            found = friction_terms(prepared, state) if "dissipation" in prepared.wanted else {}
-            for j, terms in found.items():
-                results[strained[j]] = jnp.sum(terms, (0, 2)) * pressure * velocity
+            for j, terms in contact.friction_terms().items():
+                results[prepared.roughness.strained[j]] = jnp.sum(terms, (0, 2)) * pressure * velocity
         if scene.shear is not None:
             mu = shear_friction(scene.shear, area, velocity, pressure, temperature)
             results["shear"] = mu * pressure * velocity

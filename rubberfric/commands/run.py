@@ -16,7 +16,8 @@ from rubberfric.io.results import QUANTITIES, Result, result_shape
 from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.plot.save import save_plot
 from rubberfric.scene.scene import Scene
-from rubberfric.theory.model import Solution, quantities_of, solve
+from rubberfric.theory.model import solve
+from rubberfric.theory.quantities import Solution, quantities_of
 
 
 def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

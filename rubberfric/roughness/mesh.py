@@ -12,14 +12,16 @@ many knots costs no evaluation of the stiffness.
 Nothing here depends on velocity or pressure: one mesh serves all points of a call.
 """
 
+import functools
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.base.quadrature import between, gauss, legendre_transform, typed
-from rubberfric.roughness.spectra import log_ratio
+from rubberfric.base.quadrature import Quadrature, between, gauss, legendre_transform, typed
+from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio
 
 
 class Mesh(NamedTuple):
@@ -27,31 +29,42 @@ class Mesh(NamedTuple):
 
     angular_q: jax.Array  # wavevectors of the angular nodes [1/m], (angular panels, angular_order)
     q: jax.Array  # of the contact nodes [1/m], (contact panels, order)
-    measure: jax.Array  # dt / d(node coordinate), same shape
-    roughness: tuple  # q^4 C_j at the contact nodes, one array for each spectrum
+    roughness: tuple[jax.Array, ...]  # q^4 C_j there, times the weight in an integral over ln q
     between_q: jax.Array | None  # nodes between the contact nodes [1/m], for cumulative integrals
-    between_roughness: tuple | None  # q^4 C_j dt / d(node coordinate) there
+    between_roughness: tuple[jax.Array, ...] | None  # q^4 C_j dt / d(node coordinate) there
     panel: jax.Array  # the angular panel that serves each contact panel, (contact panels,)
     interpolate: jax.Array  # from angular to contact nodes, (contact panels, order, angular_order)
     between_interpolate: jax.Array | None  # to the nodes between, if asked for
     last: jax.Array  # largest wavevector of the roughness [1/m]
-    marks: jax.Array | None  # how many contact panels lie before each mark, if there are marks
+    panels_below: jax.Array | None  # how many contact panels lie below each border that was asked for
+
+    def serving(self, values: jax.Array) -> jax.Array:
+        """Values at the angular nodes, (angular panels, ...), that serve each contact panel."""
+        return values.at[self.panel].get(mode="promise_in_bounds")
+
+    def to_contact(self, values: jax.Array) -> jax.Array:
+        """Values at the angular nodes, (angular panels, points, angular_order), at the contact nodes."""
+        return jnp.einsum("kvi,kci->kvc", self.serving(values), self.interpolate)
 
 
-def build_mesh(laws, quadrature, graded=True, logarithmic=False, marks=None):
+def build_mesh(
+    laws: Sequence[BrokenPowerLaw],
+    quadrature: Quadrature,
+    graded: bool = True,
+    logarithmic: bool = False,
+    borders: jax.Array | None = None,
+) -> Mesh:
     """Mesh for one or two broken power laws.
 
     Parameters
     ----------
-    laws : sequence of BrokenPowerLaw
+    laws : of one rough surface or two
     quadrature : Quadrature
-    graded : bool
-        False leaves out the panels graded towards the beginnings and the nodes for
-        cumulative integrals; enough for G(q1), as the contact area needs.
-    logarithmic : bool
-        True adds the interpolation to the nodes for cumulative integrals.
-    marks : wavevectors that must be borders of contact panels [1/m], shape (n,), or None
-        Integrals up to a mark are then sums over whole panels. One outside the roughness counts as
+    graded : whether there are panels graded towards the beginnings, and nodes for cumulative
+        integrals; without them the mesh is enough for G(q1), as the contact area needs.
+    logarithmic : whether there is the interpolation to the nodes for cumulative integrals.
+    borders : wavevectors that must be borders of contact panels [1/m], shape (n,), or None
+        Integrals up to one are then sums over whole panels. One outside the roughness counts as
         its nearer end.
     """
     begins = jnp.stack([law.q[0] for law in laws])
@@ -61,24 +74,24 @@ def build_mesh(laws, quadrature, graded=True, logarithmic=False, marks=None):
     start = jnp.log(first)
     # Only beginnings and kinks carry gradients: where the other borders are does not matter.
     fixed_kinks = jax.lax.stop_gradient(kinks)
-    end = _reduce(jnp.maximum, [kink[-1] for kink in fixed_kinks])
+    end = functools.reduce(jnp.maximum, [kink[-1] for kink in fixed_kinks])
     width, uniform = _uniform_borders(laws, fixed_kinks, quadrature.panels)
     # These stay where they are when the first wavevector moves, from which t counts.
     uniform = uniform - (start - jax.lax.stop_gradient(start))
-    borders = [uniform, *kinks]
+    all_borders = [uniform, *kinks]
     if graded:
         fractions = typed(quadrature.ratio ** (-2.0 * np.arange(1, quadrature.graded + 1)), end)
-        # These hang on the beginning and move with it: held, the innermost panel, 1e-10
+        # These hang on the beginning and move with it: fixed, the innermost panel, 1e-10
         # wide, would stretch with q0, and its quadrature error with it.
-        borders += [
+        all_borders += [
             jnp.minimum(kink[0] + width(fixed[0]) * fractions, end)
             for kink, fixed in zip(kinks, fixed_kinks, strict=True)
         ]
-    if marks is not None:
-        # Selected, not clipped: a clip would give half the derivative to a mark at an end.
-        distance = log_ratio(jnp.where(marks >= first, marks, first), first)
-        borders.append(jnp.where(distance <= end, distance, end))
-    t = jnp.concatenate(borders)
+    if borders is not None:
+        # Selected, not clipped: a clip would give half the derivative to a border at an end.
+        distance = log_ratio(jnp.where(borders >= first, borders, first), first)
+        all_borders.append(jnp.where(distance <= end, distance, end))
+    t = jnp.concatenate(all_borders)
     rank = _ranks(jax.lax.stop_gradient(t))
     t = jnp.sort(t)
     left, right = t[:-1], t[1:]
@@ -101,16 +114,17 @@ def build_mesh(laws, quadrature, graded=True, logarithmic=False, marks=None):
         roughness = tuple(_roughness(law, kink, piece, nodes, start) for law, kink, piece in spectra)
         return nodes, (right - left)[:, None] * stretch, roughness
 
-    nodes, measure, roughness = at(typed(gauss(quadrature.order)[0], t))
+    node, weight = (typed(table, t) for table in gauss(quadrature.order))
+    nodes, measure, roughness = at(node)
     between_q = between_roughness = between_interpolate = None
     if graded:
         inner, inner_measure, inner_roughness = at(typed(between(quadrature.order), t))
         between_q = jnp.exp(start + inner)
         between_roughness = tuple(values * inner_measure for values in inner_roughness)
-    # The outer angular nodes move with the ends of the roughness: held, the contact nodes there
+    # The outer angular nodes move with the ends of the roughness: fixed, the contact nodes there
     # would move along the interpolant, whose slope is 1e3 times less accurate than its values.
-    begin = _reduce(jnp.minimum, [kink[0] for kink in kinks])
-    last = _reduce(jnp.maximum, [kink[-1] for kink in kinks])
+    begin = functools.reduce(jnp.minimum, [kink[0] for kink in kinks])
+    last = functools.reduce(jnp.maximum, [kink[-1] for kink in kinks])
     edges = jnp.concatenate([begin[None], uniform, last[None]])
     serving = edges[panel], edges[panel + 1], quadrature.angular_order
     if graded and logarithmic:
@@ -121,15 +135,14 @@ def build_mesh(laws, quadrature, graded=True, logarithmic=False, marks=None):
     return Mesh(
         angular_q=jnp.exp(start + angular_nodes),
         q=jnp.exp(start + nodes),
-        measure=measure,
-        roughness=roughness,
+        roughness=tuple(values * (measure * weight) for values in roughness),
         between_q=between_q,
         between_roughness=between_roughness,
         panel=panel,
         interpolate=_interpolation(nodes, *serving),
         between_interpolate=between_interpolate,
         last=jnp.exp(start + last),
-        marks=None if marks is None else rank[-marks.shape[0] :],
+        panels_below=None if borders is None else rank[-borders.shape[0] :],
     )
 
 
@@ -141,13 +154,6 @@ def _from_first(q, first, leads):
     """
     t = log_ratio(q, first)
     return jnp.concatenate([jnp.where(leads, 0.0, t[:1]), t[1:]])
-
-
-def _reduce(function, values):
-    result = values[0]
-    for value in values[1:]:
-        result = function(result, value)
-    return result
 
 
 def _ranks(values):
@@ -172,7 +178,7 @@ def _uniform_borders(laws, kinks, panels):
 
     def share(t):
         steep = [_ramps(t, kink, slope) for kink, slope in zip(kinks, slopes, strict=True)]
-        return t + _reduce(jnp.add, steep)
+        return t + functools.reduce(jnp.add, steep)
 
     knots = kinks[0] if len(kinks) == 1 else jnp.sort(jnp.concatenate(kinks))
     shares = share(knots)

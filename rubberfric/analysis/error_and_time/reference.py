@@ -24,7 +24,8 @@ from jax.typing import ArrayLike
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import moment
 from rubberfric.scene.scene import Scene, cast, rough_pairs
-from rubberfric.theory.model import QUANTITIES, solve
+from rubberfric.theory.model import solve
+from rubberfric.theory.quantities import QUANTITIES
 
 REFINED = (
     Quadrature(order=16, panels=40, graded=20, ratio=3.0, angular_order=18, angle=900, heat=320),

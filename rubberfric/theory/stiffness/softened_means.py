@@ -6,64 +6,61 @@ E' and E'' fall by different factors, so that the solid is no Prony solid any mo
 the other one has no closed form. f and g have kinks over q: F is taken at the contact nodes themselves.
 """
 
-import math
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from rubberfric.materials.material import Material
-from rubberfric.theory.stiffness.angular_means import Means
-from rubberfric.theory.stiffness.tabulated_means import angular_rule
+from rubberfric.theory.quantities import Needs
+from rubberfric.theory.stiffness.angular_means import Means, Relaxing
+from rubberfric.theory.stiffness.tabulated_means import angular_rule, held_below
 
 
-def sampled_means(F, qv, wanted, angle):
-    """`Means` at the contact nodes, (panels, points, order).
+class SoftenedInSeries(NamedTuple):
+    """F of a softened solid in series with a spring, at given wavevectors, (panels, order) each."""
 
-    Parameters
-    ----------
-    F : stiffness.Sampled
-    qv : q v a_T [1/s], (panels, points, order)
-    wanted : set of "power", "dissipation", "storage"
-    angle : nodes of the angular integral over a TabulatedModulus; a Prony solid has half as many
-    """
-    # Without a table's kinks half the nodes are good to 1e-9.
-    smooth = not isinstance(F.modulus, Material)
-    sine, weight = angular_rule(angle // 2 if smooth else angle, qv.dtype)
+    modulus: Material | Relaxing  # without a series, or its series in units of the scale
+    storage: jax.Array  # f times what makes it a stiffness in units of the scale
+    loss: jax.Array  # the same with g
+    spring: jax.Array  # the other solid at rest [-]
+    angle: int  # nodes of the angular integral of a material without a series; another has half as many
 
-    def panel(values):
-        qv, storage_factor, loss_factor, spring = values
-        omega = qv[..., None] * sine
-        storage, loss = _modulus(F.modulus, omega)
-        storage, loss = storage_factor[:, None] * storage, loss_factor[:, None] * loss
-        square = storage**2 + loss**2
-        spring = spring[:, None]
-        share = spring / ((storage + spring) ** 2 + loss**2)
-        return (
-            (share * spring * square) @ weight,
-            (share * spring * loss * sine) @ weight,
-            (share * (spring * storage + square)) @ weight,
-        )
+    by_node = False  # its panels are those of q
 
-    # Panel by panel, and again for the gradient: all angles at once would take gigabytes.
-    power, dissipation, storage = jax.lax.map(jax.checkpoint(panel), (qv, F.storage, F.loss, F.spring))
-    return Means(
-        (power,) if "power" in wanted else None,
-        (dissipation,) if "dissipation" in wanted else None,
-        (storage,) if "storage" in wanted else None,
-    )
+    def means(self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: None = None) -> Means:
+        """`Means` of qv = q v a_T [1/s], shape (panels, points, order); neither split nor harmonics."""
+        del split, harmonics
+        # Without a table's kinks half the nodes are good to 1e-9.
+        smooth = isinstance(self.modulus, Relaxing)
+        sine, weight = angular_rule(self.angle // 2 if smooth else self.angle, qv.dtype)
+
+        def panel(values):
+            qv, storage_factor, loss_factor, spring = values
+            omega = qv[..., None] * sine
+            storage, loss = _modulus(self.modulus, omega)
+            storage, loss = storage_factor[:, None] * storage, loss_factor[:, None] * loss
+            square = storage**2 + loss**2
+            spring = spring[:, None]
+            share = spring / ((storage + spring) ** 2 + loss**2)
+            return (
+                (share * spring * square) @ weight,
+                (share * spring * loss * sine) @ weight,
+                (share * (spring * storage + square)) @ weight,
+            )
+
+        # Panel by panel, and again for the gradient: all angles at once would take gigabytes.
+        found = jax.lax.map(jax.checkpoint(panel), (qv, self.storage, self.loss, self.spring))
+        found = dict(zip(("power", "dissipation", "storage"), found, strict=True))
+        return {kind: (found[kind],) for kind in needs.kinds if kind in found}
 
 
-def _modulus(modulus, omega):
+def _modulus(modulus: Material | Relaxing, omega: jax.Array) -> tuple[jax.Array, jax.Array]:
     """E' and E'' at omega of any sign, odd in E''."""
-    if isinstance(modulus, Material):
-        # Far below the table E'' is linear in omega: so v = 0 keeps its derivative.
-        floor = jnp.log(modulus.frequency_range()[0]) - math.log(1e9)
-        log_omega = jnp.log(jnp.maximum(jnp.abs(omega), float(jnp.finfo(omega.dtype).tiny)))
-        log_omega = jnp.maximum(log_omega, floor)
+    if not isinstance(modulus, Relaxing):
+        log_omega, sign = held_below(modulus, omega)
         storage, loss = modulus.storage_and_loss(log_omega)
-        sign = jnp.sign(omega) if modulus.loss_at_rest else omega * jnp.exp(-log_omega)
         return storage, loss * sign
-
     # a^2 must not overflow; beyond the bound the terms are glassy to the last bit.
     bound = 1e150 if omega.dtype == jnp.float64 else 1e18
     storage, loss = jnp.ones_like(omega) * modulus.rest, jnp.zeros_like(omega)

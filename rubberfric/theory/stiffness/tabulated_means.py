@@ -1,4 +1,4 @@
-r"""Tabulated moduli: E(omega) between and beyond the entries, and its angular means.
+r"""Moduli without a Prony series, such as a master curve: angular means by quadrature.
 
 No closed form here. With cos(phi) = sin(psi), psi = (pi/2) e^-y the structure of E at
 cos(phi) ~ omega_i / (q v), whatever decade that is in, becomes structure in y, and
@@ -17,6 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.quadrature import gauss
+from rubberfric.materials.material import Material
+from rubberfric.theory.quantities import Needs
+from rubberfric.theory.stiffness.angular_means import Harmonics, Means
 
 # Panels in y; short ones first, where the weight psi is: e^-25 of the circle is left out.
 _EDGES = np.array([0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0, 11.0, 25.0])
@@ -32,52 +35,113 @@ _BELOW, _ABOVE = 6.0, 9.0
 _FAR = 40.0
 
 
-class Table(NamedTuple):
-    """Angular means over a uniform grid of ln(q v), a tuple of arrays of shape (entries,) each, or None.
+class Tabulated(NamedTuple):
+    """F = f k / (f + k) with f(omega) the scaled E_r and a spring k, its means taken at every node."""
+
+    material: Material  # without a series
+    scale: jax.Array  # f = scale * E [1/Pa], shape () or (nodes,)
+    spring: jax.Array | None  # [-], shape () or (nodes,); None: rigid
+    angle: int  # nodes of the angular integral
+
+    @property
+    def by_node(self) -> bool:
+        """Whether every node has its own."""
+        return self.scale.ndim > 0
+
+    def means(
+        self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: Harmonics | None = None
+    ) -> Means:
+        """Means of F for roughness passing at q v; arguments as `Relaxing.means`."""
+        log_qv, sign = held_below(self.material, qv)
+        return _signed(_mixed(_integrals(self, log_qv, needs, split, harmonics), harmonics), sign)
+
+
+class MeansTable(NamedTuple):
+    """Angular means over a uniform grid of ln(q v), arrays of shape (entries,).
 
     The grid depends on the ends of the modulus' own table and on nothing else, so that no point of a
     call has a say in the value at another one. Its step is a power of 2^(1/4) and its entries are whole
     multiples of it: it does not move with the ends but leaps, and no derivative is to go through it.
     """
 
+    material: Material
     first: jax.Array  # which multiple of the step the first entry is
     step: jax.Array
-    means: tuple  # as `tabulated_means`, <|F|^2> as its logarithm
-    slopes: tuple  # the same of their differences from entry to entry
-    limits: tuple  # the same at two entries, far below and far above
+    entries: Means  # <|F|^2> as its logarithm
+    slopes: Means  # the same of their differences from entry to entry
+    limits: Means  # the means at two entries, far below and far above
+
+    by_node = False
+
+    def means(
+        self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: Harmonics | None = None
+    ) -> Means:
+        """Means of F for roughness passing at q v; arguments as for the table, and `Relaxing.means`."""
+        del needs
+        log_qv, sign = held_below(self.material, qv)
+        return _signed(_mixed(_interpolated(self, log_qv, split), harmonics), sign)
 
 
-def tabulated_means(F, qv, wanted, angle, split=False, mix=None):
-    """(power, dissipation, storage, transverse) of a Tabulated stiffness, as `angular.angular_means`."""
-    # Far below the table F is its static value and Im F is linear in q v: the means are
-    # taken at the floor and the dissipation scaled, so that v = 0 keeps its derivative.
-    floor = jnp.log(F.material.frequency_range()[0]) - math.log(1e9)
-    tiny = jnp.finfo(qv.dtype).tiny
-    log_qv = jnp.maximum(jnp.log(jnp.maximum(jnp.abs(qv), tiny)), floor)
-    harmonics = 0 if mix is None else mix[0].shape[0]
-    # Shares that depend on q are not those of a table over q v: the harmonics are kept apart till then.
-    late, mix = (mix, None) if mix is not None and mix[0].ndim > 1 else (None, mix)
-    if F.table is None:
-        means = _direct(F, log_qv, wanted, angle, split, harmonics, mix)
-    else:
-        means = _by_table(F, log_qv, split)
-    if late is not None:
-        means = _mixed(means, *late)
-    power, dissipation, storage, transverse = means
-    # If E'' does not vanish at v = 0+, only the sign is left.
-    sign = jnp.sign(qv) if F.material.loss_at_rest else qv * jnp.exp(-log_qv)
-    signed = (None if m is None else tuple(mean * sign for mean in m) for m in (dissipation, transverse))
-    dissipation, transverse = signed
-    return power, dissipation, storage, transverse
+def means_table(F: Tabulated, needs: Needs, split: bool, harmonics: Harmonics | None) -> MeansTable:
+    """Table of the means of an F that depends on q v alone; arguments as of `Tabulated.means`."""
+    count = _ENTRIES_PER_NODE * F.angle
+    low, high = jax.lax.stop_gradient(jnp.log(jnp.stack(F.material.frequency_range())))
+    step = (high - low + _BELOW + _ABOVE) / (count - 6)
+    step = jnp.exp2(jnp.ceil(4 * jnp.log2(step)) / 4)
+    first = jnp.floor((low - _BELOW) / step) - 2
+    grid = step * (first + np.arange(count))
+    grid = jnp.concatenate([grid, jnp.stack([grid[2] - _FAR, grid[-3] + _FAR])])
+    found = _integrals(F, grid, needs, split, harmonics)
+    entries, limits = (jax.tree.map(lambda x, part=part: x[part], found) for part in (np.s_[:-2], np.s_[-2:]))
+    # Where E' steps up, a cubic of <|F|^2> itself would swing below 0.
+    entries = _of_positive(entries, log_power, split)
+    return MeansTable(F.material, first, step, entries, jax.tree.map(_slopes, entries), limits)
 
 
-def _mixed(means, cosine, sine):
-    """One mean of each kind from its harmonics, the isotropic one first but for the transverse."""
-    *even, odd = means
-    even = (
-        None if m is None else (sum((c * x for c, x in zip(cosine, m[1:], strict=True)), m[0]),) for m in even
-    )
-    return *even, None if odd is None else (sum(s * x for s, x in zip(sine, odd, strict=True)),)
+def held_below(material: Material, omega: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """ln |omega|, not far below the frequencies of a material, and what is odd in omega over its value there.
+
+    Far below, E is E(0) and E'' linear in omega: so v = 0 keeps its derivative. If E'' does not vanish at
+    v = 0+, only the sign is left.
+    """
+    floor = jnp.log(material.frequency_range()[0]) - math.log(1e9)
+    tiny = float(jnp.finfo(omega.dtype).tiny)
+    log_omega = jnp.maximum(jnp.log(jnp.maximum(jnp.abs(omega), tiny)), floor)
+    return log_omega, jnp.sign(omega) if material.loss_at_rest else omega * jnp.exp(-log_omega)
+
+
+def angular_rule(count: int, dtype: jnp.dtype) -> tuple[jax.Array, jax.Array]:
+    """(cos(phi), weight) of a mean over the directions of sliding, of a function even in cos(phi)."""
+    psi, weight = _angles(count)
+    return jnp.asarray(np.sin(psi), dtype), jnp.asarray(weight, dtype)
+
+
+def log_power(power: jax.Array) -> jax.Array:
+    """ln <|F|^2>; the floor is for F = 0 (two liquids at rest), where G need only be as good as 0."""
+    return jnp.log(jnp.maximum(power, float(jnp.finfo(power.dtype).tiny) ** 0.8))
+
+
+def _vary(harmonics):
+    """Whether the shares of the harmonics depend on q."""
+    return harmonics is not None and harmonics[0].ndim > 1
+
+
+def _mixed(means, harmonics):
+    """One mean of each kind from those of varying harmonics; the isotropic one is the first of the even."""
+    if not _vary(harmonics):
+        return means
+    mixed = {}
+    for kind, found in means.items():
+        shares = harmonics[kind == "transverse"]
+        isotropic = found[: len(found) - len(shares)]
+        mixed[kind] = (sum((c * x for c, x in zip(shares, found[-len(shares) :], strict=True)), *isotropic),)
+    return mixed
+
+
+def _signed(means, sign):
+    """The means with the sign of what is odd in q v."""
+    odd = ("dissipation", "transverse")
+    return {kind: tuple(x * sign for x in found) if kind in odd else found for kind, found in means.items()}
 
 
 def _angles(count):
@@ -90,23 +154,17 @@ def _angles(count):
     return psi, weight / weight.sum()
 
 
-def angular_rule(count, dtype):
-    """(cos(phi), weight) of a mean over the directions of sliding, of a function even in cos(phi)."""
-    psi, weight = _angles(count)
-    return jnp.asarray(np.sin(psi), dtype), jnp.asarray(weight, dtype)
-
-
-def _direct(F, log_qv, wanted, angle, split, harmonics, mix):
-    """Means at every node by its own angular integral; scale and spring of shape () or (nodes,)."""
-    psi, weight = _angles(angle)
-    m = np.arange(1, harmonics + 1)[:, None]
+def _integrals(F, log_qv, needs, split, harmonics):
+    """Means by an angular integral each; those of harmonics that vary one by one, for `_mixed`."""
+    psi, weight = _angles(F.angle)
+    m = np.arange(1, 1 + (0 if harmonics is None else harmonics[0].shape[0]))[:, None]
     # phi = pi/2 - psi: cos 2 m phi = (-1)^m cos 2 m psi, sin 2 m phi = -(-1)^m sin 2 m psi.
     even = np.concatenate([np.ones((1, psi.size)), (-1.0) ** m * np.cos(2 * m * psi)])
     odd = -((-1.0) ** m) * np.sin(2 * m * psi) * np.cos(psi)
     sine = jnp.asarray(np.sin(psi), log_qv.dtype)
     even, odd = (jnp.asarray(weight * rows, log_qv.dtype) for rows in (even, odd))
-    if mix is not None:
-        even, odd = even[:1] + mix[0] @ even[1:], (mix[1] @ odd)[None]
+    if harmonics is not None and not _vary(harmonics):
+        even, odd = even[:1] + harmonics[0] @ even[1:], (harmonics[1] @ odd)[None]
     storage, loss = F.material.storage_and_loss(log_qv[..., None] + jnp.log(sine))
     scale = F.scale[..., None] if F.scale.ndim else F.scale
     storage, loss = scale * storage, scale * loss
@@ -119,41 +177,19 @@ def _direct(F, log_qv, wanted, angle, split, harmonics, mix):
         power, loss = share * spring * power, share * spring * loss
     powers = (storage**2, loss**2) if split else (power,)
 
-    def means(name, values, rows):
-        return tuple(jnp.moveaxis(values @ rows.T, -1, 0)) if name in wanted else None
+    def means(values, rows):
+        return tuple(jnp.moveaxis(values @ rows.T, -1, 0))
 
-    return (
-        sum((means("power", power, even) for power in powers), ()) if "power" in wanted else None,
-        means("dissipation", loss * sine, even),
-        means("storage", storage, even),
-        means("transverse", loss, odd),
-    )
-
-
-def means_table(F, wanted, angle, split=False, mix=None):
-    """`Table` of the means of a Tabulated stiffness, for `tabulated_means` of the same arguments.
-
-    None where the means depend on more than q v.
-    """
-    if F.spring is not None and F.spring.ndim:
-        return None
-    harmonics = 0 if mix is None else mix[0].shape[0]
-    mix = None if mix is not None and mix[0].ndim > 1 else mix
-    count = _ENTRIES_PER_NODE * angle
-    low, high = jax.lax.stop_gradient(jnp.log(jnp.stack(F.material.frequency_range())))
-    step = (high - low + _BELOW + _ABOVE) / (count - 6)
-    step = jnp.exp2(jnp.ceil(4 * jnp.log2(step)) / 4)
-    first = jnp.floor((low - _BELOW) / step) - 2
-    grid = step * (first + np.arange(count))
-    grid = jnp.concatenate([grid, jnp.stack([grid[2] - _FAR, grid[-3] + _FAR])])
-    power, *others = _direct(F, grid, wanted, angle, split, harmonics, mix)
-    if power is not None:
-        # Where E' steps up, a cubic of <|F|^2> itself would swing below 0. Harmonics have any sign.
-        positive = len(power) if split else 1
-        power = (*map(log_power, power[:positive]), *power[positive:])
-    found = power, *others
-    means, limits = (jax.tree.map(lambda x, part=part: x[part], found) for part in (np.s_[:-2], np.s_[-2:]))
-    return Table(first, step, means, jax.tree.map(_slopes, means), limits)
+    found = {}
+    if needs.power:
+        found["power"] = sum((means(power, even) for power in powers), ())
+    if needs.dissipation:
+        found["dissipation"] = means(loss * sine, even)
+    if needs.storage:
+        found["storage"] = means(storage, even)
+    if needs.transverse:
+        found["transverse"] = means(loss, odd)
+    return found
 
 
 def _slopes(values):
@@ -162,8 +198,16 @@ def _slopes(values):
     return jnp.pad(inner, 2)
 
 
-def _by_table(F, log_qv, split):
-    r"""Means from the table of F: cubic between its entries, beyond them the powers that the means follow.
+def _of_positive(means, function, split):
+    """Means with a function of those of <|F|^2> that are positive: harmonics have any sign."""
+    if "power" not in means:
+        return means
+    power, count = means["power"], len(means["power"]) if split else 1
+    return means | {"power": (*map(function, power[:count]), *power[count:])}
+
+
+def _interpolated(table, log_qv, split):
+    r"""Means from a table: cubic between its entries, beyond them the powers that the means follow.
 
     Their derivatives are continuous, so that a temperature at an entry has one like any other.
 
@@ -173,8 +217,7 @@ def _by_table(F, log_qv, split):
 
     and above it, where a share e^-x of the circle is within it, P + P' e^-x and D e^-x + D' e^-2x.
     """
-    outside, table = F.material.loss_beyond, F.table
-    count = jax.tree.leaves(table.means)[0].shape[0]
+    beyond, count = table.material.loss_beyond, jax.tree.leaves(table.entries)[0].shape[0]
     position = log_qv / table.step - table.first
     below, above = (table.step * x for x in (position - 2, position - (count - 3)))
     below, above = jnp.minimum(below, 0.0), jnp.maximum(above, 0.0)
@@ -194,34 +237,18 @@ def _by_table(F, log_qv, split):
     def even(value, ends):
         """<|F|^2> and <Re F>, which go to a constant."""
         limit = jnp.where(lower, ends[0], ends[1])
-        return limit + (value - limit) * jnp.exp((0.0 if outside == "hold" else 2.0) * below - above)
+        return limit + (value - limit) * jnp.exp((0.0 if beyond == "hold" else 2.0) * below - above)
 
     def odd(value, ends):
         """The dissipation, which goes to 0 if E'' does."""
-        if outside == "hold":
+        if beyond == "hold":
             return ends[1] + (value - ends[1]) * jnp.exp(-2.0 * above)
-        if outside == "none":
+        if beyond == "none":
             return value * jnp.exp(-2.0 * above)
         # What is left of the mean where it is the first of the two powers alone.
         leading = jnp.exp(_FAR) * jnp.where(lower, ends[0], ends[1])
         return (leading + (value - leading) * jnp.exp(2.0 * below - above)) * jnp.exp(below - above)
 
-    found = jax.tree.map(interpolate, table.means, table.slopes)
-    rules = even, odd, even, odd
-    if found[0] is not None:
-        positive = len(found[0]) if split else 1
-        found, limits = (
-            ((*map(jnp.exp, power[:positive]), *power[positive:]), *others)
-            for power, *others in (found, table.limits)
-        )
-    else:
-        limits = table.limits
-    return tuple(
-        None if means is None else tuple(map(rule, means, ends))
-        for rule, means, ends in zip(rules, found, limits, strict=True)
-    )
-
-
-def log_power(power):
-    """ln <|F|^2>; the floor is for F = 0 (two liquids at rest), where G need only be as good as 0."""
-    return jnp.log(jnp.maximum(power, float(jnp.finfo(power.dtype).tiny) ** 0.8))
+    found = _of_positive(jax.tree.map(interpolate, table.entries, table.slopes), jnp.exp, split)
+    rules = {"power": even, "dissipation": odd, "storage": even, "transverse": odd}
+    return {kind: tuple(map(rules[kind], values, table.limits[kind])) for kind, values in found.items()}

@@ -1,0 +1,78 @@
+"""What roughness excites as it slides over a solid that relaxes: angular means of the stiffness."""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from rubberfric.materials.shifts import Shift
+from rubberfric.scene.pairs import Pair
+from rubberfric.theory.quantities import Needs
+from rubberfric.theory.stiffness.angular_means import Means, Relaxing
+from rubberfric.theory.stiffness.factors import harmonic_shares
+from rubberfric.theory.stiffness.series import relaxing_stiffness
+from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
+from rubberfric.theory.stiffness.tabulated_means import MeansTable, Tabulated, means_table
+
+
+class Excitation(NamedTuple):
+    """The stiffness that roughness of given wavevectors meets, and which of its means are needed."""
+
+    stiffness: Relaxing | Tabulated | MeansTable | SoftenedInSeries
+    shift: Shift | None  # of the strained solid
+    harmonics: tuple[jax.Array, jax.Array] | None  # as `harmonic_shares`
+    split: bool  # whether <F'^2> and <F''^2> are needed apart
+    needs: Needs
+
+    def means(self, q: jax.Array, velocity: jax.Array, temperature: jax.Array | None = None) -> Means:
+        """Angular means at the wavevectors that the stiffness was made for.
+
+        Parameters
+        ----------
+        q : [1/m], shape (panels, order)
+        velocity : [m/s], shape (points,)
+        temperature : of the strained solid [K], None, (points,) or (panels, points, order)
+
+        Returns
+        -------
+        Means, arrays (panels, points, order)
+        """
+        F, harmonics = self.stiffness, self.harmonics
+        vary = harmonics is not None and harmonics[0].ndim > 1
+        speed = self._shifted(velocity, temperature)
+        if F.by_node:
+            # All nodes in one row, as the stiffness has them.
+            speed = speed[:, None] if speed.ndim == 1 else jnp.swapaxes(speed, 0, 1).reshape(-1, q.size)
+            if vary:
+                harmonics = tuple(share.reshape(-1, q.size) for share in harmonics)
+            means = F.means(speed * q.reshape(-1), self.needs, self.split, harmonics)
+            return jax.tree.map(lambda x: jnp.swapaxes(x.reshape(-1, *q.shape), 0, 1), means)
+        speed = speed[:, None] if speed.ndim == 1 else speed
+        if vary:
+            harmonics = tuple(share[:, :, None] for share in harmonics)
+        return F.means(speed * q[:, None], self.needs, self.split, harmonics)
+
+    def _shifted(self, velocity, temperature):
+        """v a_T [m/s]."""
+        if temperature is None or self.shift is None:
+            return velocity
+        factor = jnp.exp(self.shift.log_factor(temperature))
+        return velocity * factor if temperature.ndim == 1 else velocity[:, None] * factor
+
+
+def excitation(pair: Pair, scale: jax.Array, q: jax.Array, needs: Needs, angle: int) -> Excitation:
+    """`Excitation` by roughness of wavevectors q.
+
+    Parameters
+    ----------
+    pair : Pair whose strained solid relaxes
+    scale : modulus scale [Pa]
+    q : [1/m], shape (panels, order)
+    needs : Needs
+    angle : nodes of an angular integral that has no closed form
+    """
+    F, harmonics = relaxing_stiffness(pair, scale, q, angle), harmonic_shares(pair, q)
+    split = pair.softens_apart
+    if isinstance(F, Tabulated) and not F.by_node:
+        F = means_table(F, needs, split, harmonics)
+    return Excitation(F, pair.strained.material.shift, harmonics, split, needs)
