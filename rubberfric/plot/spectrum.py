@@ -45,9 +45,8 @@ def plot_spectrum(spectra: Any, ax: Axes | None = None, q: ArrayLike | None = No
         directions) are lines, with their first, roll-off and cut-off wavevectors marked; what has
         arrays q [1/m] and C [m^4] (`MeasuredSpectrum` of a map, `fitting.SpectrumData`) is points,
         with error bars if it has `relative` or `sigma`.
-    ax : matplotlib axes, or None
-        None: axes of a new figure of its own, `ax.figure`, which pyplot does not know. The scale of the
-        slope is the last of `ax.figure.axes`.
+    ax : matplotlib axes, or None for those of a new figure
+        The scale of the slope is the last of `ax.figure.axes`.
     q : wavevectors of the lines [1/m], > 0, shape (n,); None: 200 from end to end, and all kinks
 
     Returns
