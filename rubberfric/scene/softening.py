@@ -1,4 +1,4 @@
-r"""Strain softening of filled rubber (Payne effect), scale by scale.
+r"""Strain softening of filled rubber (Payne effect) [J. Appl. Polym. Sci. 6 (1962) 57], scale by scale.
 
 .. math:: E' \to f(\varepsilon)\,E',\qquad E'' \to g(\varepsilon)\,E'',\qquad
           \varepsilon(q) = factor \times h'(q),\qquad
