@@ -83,7 +83,7 @@ class Scene:
                 "Scene: lower.material and upper.material are both Rigid; one of the solids must deform"
             )
         if self.softening is not None and any(
-            rough.spectrum.harmonic_count() for rough, _ in rough_pairs(self)
+            spectrum.harmonic_count() for spectrum, _ in rough_surfaces(self)
         ):
             raise ValueError(
                 "Scene.softening: not together with anisotropic roughness; one of them must be left out"
@@ -116,20 +116,20 @@ def check_background(scene, where="", missing="temperature is missing"):
         raise ValueError(f"{where}{missing}: a scene with heating needs that far from the contact [K]")
 
 
-def rough_pairs(scene):
-    """(rough body, body facing it) for every body that has roughness, lower first."""
-    pairs = [(scene.lower, scene.upper), (scene.upper, scene.lower)]
-    return [(rough, other) for rough, other in pairs if rough.spectrum is not None]
+def rough_surfaces(scene: Scene) -> list[tuple[Spectrum, Body]]:
+    """(spectrum, body facing it) of every rough surface, that of the lower solid first."""
+    facing = [(scene.lower.spectrum, scene.upper), (scene.upper.spectrum, scene.lower)]
+    return [(spectrum, other) for spectrum, other in facing if spectrum is not None]
 
 
-def relaxes(body):
+def relaxes(body: Body) -> bool:
     """Whether a body is viscoelastic: its material, or what that is a coating of."""
     return body.material.relaxes or (body.layer is not None and body.layer.relaxes)
 
 
-def dissipates(scene):
+def dissipates(scene: Scene) -> bool:
     """Whether roughness excites a viscoelastic solid: else there is no viscoelastic friction."""
-    return any(relaxes(other) for _, other in rough_pairs(scene))
+    return any(relaxes(other) for _, other in rough_surfaces(scene))
 
 
 def result_dtype(*values):

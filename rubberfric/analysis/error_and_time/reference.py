@@ -20,7 +20,7 @@ import numpy as np
 
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import moment
-from rubberfric.scene.scene import cast, rough_pairs
+from rubberfric.scene.scene import cast, rough_surfaces
 from rubberfric.theory.model import solve
 from rubberfric.theory.quantities import QUANTITIES
 
@@ -105,7 +105,7 @@ def points_of(scene, velocity, pressure, temperature=None):
     if conditions[0].size == 0:
         raise ValueError("velocity, pressure and temperature have no point in common: must have at least one")
     chosen = np.unique(np.linspace(0, conditions[0].size - 1, count).round().astype(int))
-    height2 = sum(float(moment(rough.spectrum, 0)) for rough, _ in rough_pairs(scene))
+    height2 = sum(float(moment(spectrum, 0)) for spectrum, _ in rough_surfaces(scene))
     return Points(*cast((scene, tuple(conditions)), jnp.float64), chosen, height2**0.5)
 
 

@@ -41,7 +41,7 @@ def harmonic_shares(pair: Pair, q: jax.Array) -> tuple[jax.Array, jax.Array] | N
 
     Shape (harmonics,) each where they are the same at every wavevector, else (harmonics, *q.shape).
     """
-    return pair.rough.spectrum.harmonics_at(q) if pair.harmonics else None
+    return pair.spectrum.harmonics_at(q) if pair.harmonics else None
 
 
 def _times(a, b):
