@@ -15,7 +15,6 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.shear import shear_friction
 from rubberfric.theory.integrals import prepare, solved
 from rubberfric.theory.model import checked
-from rubberfric.theory.temperatures import shear_temperature
 
 BLOCK = 128  # points evaluated at once
 _DEFAULT = Quadrature()
@@ -71,11 +70,11 @@ def _dissipated_power(scene, velocity, pressure, temperature, *, quadrature):
         velocity, pressure, temperature = (*points, None)[:3]
         results = dict.fromkeys(("lower", "upper", "shear"), jnp.zeros_like(pressure))
         area = jnp.ones_like(pressure)
-        if prepared.needs.power:
+        if prepared.roughness is not None:
             contact, temperatures = solved(prepared, velocity, pressure, temperature)
             area = contact.area()
             if temperatures is not None:
-                temperature = shear_temperature(scene.heating, temperatures.flash, temperature)
+                temperature = temperatures.surface
             for j, terms in contact.friction_terms().items():
                 results[prepared.roughness.strained[j]] = jnp.sum(terms, (0, 2)) * pressure * velocity
         if scene.shear is not None:
