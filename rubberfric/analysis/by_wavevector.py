@@ -200,7 +200,7 @@ def _over_wavevectors(prepared, densities, q, points):
     strained = [points[2] if len(points) > 2 else None] * len(densities)
     if temperatures is not None:
         solids = prepared.thermal.strained
-        found = temperature_at(prepared.thermal, prepared.roughness, contact, temperatures.flash, points, q)
+        found = temperature_at(prepared.thermal, prepared.roughness, contact, temperatures, points, q)
         strained = [None if solid is None else found[:, solid] for solid in solids]
         results["temperature"] = jnp.mean(found, 1)
     if not prepared.needs.dissipation:
