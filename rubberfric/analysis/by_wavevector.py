@@ -23,7 +23,7 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import cumulative_moment
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio, log_shape
 from rubberfric.scene.pairs import Pair, pairs_of
-from rubberfric.scene.scene import Scene
+from rubberfric.scene.scene import Scene, rough_surfaces
 from rubberfric.theory.contributions import total
 from rubberfric.theory.integrals import Prepared, prepare, solved
 from rubberfric.theory.model import checked
@@ -122,7 +122,7 @@ def checked_wavevectors(
         q = as_leaf("q", q, ndim)
         check_values("q", q, POSITIVE)
         return jnp.asarray(q, conditions[1].dtype)
-    if ndim and not pairs_of(scene):
+    if ndim and not rough_surfaces(scene):
         raise ValueError("q is None, but nothing in the scene is rough: must be given")
     return None
 
@@ -200,7 +200,7 @@ def _over_wavevectors(prepared, densities, q, points):
     strained = [points[2] if len(points) > 2 else None] * len(densities)
     if temperatures is not None:
         solids = prepared.thermal.strained
-        found = temperature_at(prepared.thermal, prepared.roughness, contact, temperatures.flash, points, q)
+        found = temperature_at(prepared.thermal, prepared.roughness, contact, temperatures, points, q)
         strained = [None if solid is None else found[:, solid] for solid in solids]
         results["temperature"] = jnp.mean(found, 1)
     if not prepared.needs.dissipation:

@@ -17,7 +17,6 @@ from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import shear_friction
 from rubberfric.theory.integrals import prepare, solved
 from rubberfric.theory.model import checked
-from rubberfric.theory.temperatures import shear_temperature
 
 BLOCK = 128  # points evaluated at once
 _DEFAULT = Quadrature()
@@ -85,7 +84,7 @@ def _dissipated_power(scene, velocity, pressure, temperature, *, quadrature):
             contact, temperatures = solved(prepared, *points)
             area = contact.area()
             if temperatures is not None:
-                temperature = shear_temperature(scene.heating, temperatures.flash, temperature)
+                temperature = temperatures.surface
             for j, terms in contact.friction_terms().items():
                 results[prepared.roughness.strained[j]] = jnp.sum(terms, (0, 2)) * pressure * velocity
         if scene.shear is not None:

@@ -21,7 +21,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.base.quadrature import between_weights, cumulative, typed
+from rubberfric.base.quadrature import cumulative, typed, weights_between
 from rubberfric.roughness.mesh import Mesh
 from rubberfric.scene.pairs import Pair
 from rubberfric.theory.quantities import Needs
@@ -98,9 +98,9 @@ class LogarithmicContribution(NamedTuple):
             return [jnp.exp(jnp.einsum("kvi,kci->kvc", logarithm, basis)) for logarithm in logarithms]
 
         within, (panels, _) = None, _integrated(self.power, None, interpolated(mesh.interpolate))
-        if self.between is not None:
+        if self.between is not None and mesh.between is not None:
             order = mesh.q.shape[1]
-            between = zip(self.between, interpolated(mesh.between_interpolate), strict=True)
+            between = zip(self.between, interpolated(mesh.between.interpolate), strict=True)
             shape = (*panels.shape, order, -1)
             gaps = total((w[:, None] * mean).reshape(shape).sum(-1) for w, mean in between)
             within = gaps @ np.triu(np.ones((order, order), gaps.dtype))
@@ -149,11 +149,11 @@ def contribution(pair: Pair, mesh: Mesh, j: int, scale: jax.Array, needs: Needs,
         if kind != "power" and (kind != "transverse" or pair.harmonics)
     }
     excited = excitation(pair, scale, mesh.q if pair.kinked else mesh.angular_q, needs, angle)
-    if mesh.between_q is not None:
-        between = factors_at(pair, mesh.between_q).of("power", mesh.between_roughness[j])
+    if mesh.between is not None:
+        between = factors_at(pair, mesh.between.q).of("power", mesh.between.roughness[j])
     if pair.steep:
         if between is not None:
-            gaps = typed(between_weights(mesh.q.shape[1]), weights).reshape(-1)
+            gaps = typed(weights_between(mesh.q.shape[1]), weights).reshape(-1)
             between = tuple(density * gaps for density in between)
         return LogarithmicContribution(excited, power, between, others)
     within = None
@@ -174,8 +174,8 @@ def contribution(pair: Pair, mesh: Mesh, j: int, scale: jax.Array, needs: Needs,
 def _static(pair, mesh, j, scale, needs):
     """A stiffness that does not relax is known at every q, and part of the weights."""
     F, within = static_stiffness(pair, scale, mesh.q), None
-    if mesh.between_q is not None:
-        density = mesh.between_roughness[j] * static_stiffness(pair, scale, mesh.between_q) ** 2
+    if mesh.between is not None:
+        density = mesh.between.roughness[j] * static_stiffness(pair, scale, mesh.between.q) ** 2
         within = (density @ typed(cumulative(mesh.q.shape[1]), density).sum(-1))[:, None]
     densities = {"storage": (mesh.roughness[j] / mesh.q * F)[:, None]} if needs.storage else {}
     panels = jnp.sum(mesh.roughness[j] * F**2, -1)[:, None]

@@ -33,7 +33,6 @@ from rubberfric.theory.temperatures import (
     Thermal,
     macroasperity,
     prepare_thermal,
-    shear_temperature,
     solve_temperatures,
 )
 
@@ -85,7 +84,8 @@ def prepare(
         scene.gamma,
         correction_table(scene.gamma) if scene.area_correction and needs.area else None,
     )
-    thermal = None if scene.heating is None else prepare_thermal(scene, roughness, quadrature.heat)
+    heating = scene.heating
+    thermal = None if heating is None else prepare_thermal(heating, scene, roughness, quadrature.heat)
     return Prepared(needs, roughness, thermal, scene.shear)
 
 
@@ -100,12 +100,20 @@ def _borders(scene, pairs, asked):
 def solved(
     prepared: Prepared, velocity: jax.Array, pressure: jax.Array, temperature: jax.Array | None = None
 ) -> tuple[Contact, Temperatures | None]:
-    """`Contact` at points, shape (points,) each, and the `Temperatures` of a heated scene."""
-    roughness = prepared.roughness
-    if prepared.thermal is None:
-        temperatures = [temperature] * len(roughness.contributions)
-        return roughness.contact(velocity, pressure, temperatures), None
-    found = solve_temperatures(prepared.thermal, roughness, velocity, pressure, temperature)
+    """`Contact` at points, shape (points,) each, and the `Temperatures` of a heated scene.
+
+    Raises
+    ------
+    ValueError : a scene prepared for nothing that is an integral, or a heated one without temperature.
+    """
+    roughness, thermal = prepared.roughness, prepared.thermal
+    if roughness is None:
+        raise ValueError("the scene was prepared for nothing that is an integral: there is no contact")
+    if thermal is None:
+        return roughness.contact(velocity, pressure, [temperature] * len(roughness.contributions)), None
+    if temperature is None:
+        raise ValueError("temperature is missing: a scene with heating needs that far from the contact [K]")
+    found = solve_temperatures(thermal, roughness, velocity, pressure, temperature)
     return roughness.contact(velocity, pressure, found.strained), found
 
 
@@ -124,21 +132,22 @@ def evaluate(
     -------
     dict from the quantities to arrays, shape (n,)
     """
-    velocity, pressure, temperature = (*points, None)[:3]
+    velocity, pressure = points[:2]
+    surface = points[2] if len(points) > 2 else None
     parts = parts_of(quantities)
     sheared = prepared.shear is not None and "shear_friction" in parts
-    found, surface = {}, temperature
-    if prepared.needs.power:
-        contact, temperatures = solved(prepared, velocity, pressure, temperature)
+    found: dict[str, jax.Array] = {}
+    if prepared.roughness is not None:
+        contact, temperatures = solved(prepared, *points)
         found = _integrated(contact, parts | {"area"} if sheared else parts)
         if temperatures is not None:
             found |= {"flash_temperature": temperatures.flash, "converged": temperatures.converged}
-            surface = shear_temperature(prepared.thermal.heating, temperatures.flash, temperature)
+            surface = temperatures.surface
 
     def value(name):
-        return found[name] if name in found else _constant(name, pressure, temperature)
+        return found[name] if name in found else _constant(name, points)
 
-    if sheared:
+    if prepared.shear is not None and sheared:
         found["shear_friction"] = shear_friction(prepared.shear, value("area"), velocity, pressure, surface)
     if "friction" in quantities:
         found["friction"] = value("viscoelastic_friction")
@@ -160,10 +169,10 @@ def _integrated(contact, parts):
     return found
 
 
-def _constant(name, pressure, temperature):
+def _constant(name, points):
     """What is not integrated: full contact of smooth surfaces, and no force where nothing relaxes."""
     if name == "flash_temperature":
-        return temperature  # without roughness there is no scale to be hot
+        return points[2]  # without roughness there is no scale to be hot
     if name == "converged":
-        return jnp.ones_like(pressure, bool)
-    return jnp.full_like(pressure, 1.0 if name == "area" else 0.0)
+        return jnp.ones_like(points[1], bool)
+    return jnp.full_like(points[1], 1.0 if name == "area" else 0.0)

@@ -38,6 +38,7 @@ class Temperatures(NamedTuple):
     # For each contribution, of the solid it strains: (angular panels, points, angular order).
     strained: list[jax.Array]
     flash: jax.Array  # at the largest wavevector, of two deformable solids the mean, (points,)
+    surface: jax.Array  # that the contact shear has, (points,)
     converged: jax.Array  # whether they are a solution, (points,)
 
 
@@ -46,17 +47,17 @@ def macroasperity(heating: Heating) -> jax.Array:
     return jnp.asarray(jnp.pi / heating.radius)
 
 
-def prepare_thermal(scene: Scene, roughness: Roughness, count: int) -> Thermal:
-    """`Thermal` of a heated scene; count: nodes of the sum over ln k."""
+def prepare_thermal(heating: Heating, scene: Scene, roughness: Roughness, count: int) -> Thermal:
+    """`Thermal` of a scene heated so; count: nodes of the sum over ln k."""
     bodies = {"lower": scene.lower, "upper": scene.upper}
     solids = [side for side, body in bodies.items() if body.material.deforms]
     mesh, sides = roughness.mesh, roughness.strained
     shifts = [bodies[side].material.shift for side in solids]
-    if scene.shear is not None and scene.heating.shear_at == "flash":
+    if scene.shear is not None and heating.shear_at == "flash":
         shifts.append(scene.shear.shift)
     targets = jnp.concatenate([mesh.angular_q.reshape(-1), mesh.last[None]])
     return Thermal(
-        heating=scene.heating,
+        heating=heating,
         diffusion=_diffusion(mesh, targets, count),
         exciting=tuple(sides.index(side) if side in sides else None for side in solids),
         strained=tuple(solids.index(side) if side in solids else None for side in sides),
@@ -80,13 +81,15 @@ def solve_temperatures(
         inside = rises[..., :-1].reshape(-1, solids, *nodes.shape)
         T = background[:, None] + jnp.moveaxis(inside, 0, 2)  # solids, panels, points, order
         strained = [background if solid is None else T[solid] for solid in thermal.strained]
-        return Temperatures(strained, background + jnp.mean(rises[..., -1], 1), converged)
+        flash = background + jnp.mean(rises[..., -1], 1)
+        surface = flash if thermal.heating.shear_at == "flash" else background
+        return Temperatures(strained, flash, surface, converged)
 
     def heat(flat):
         guess = named(flat, None)
         contact = roughness.contact(velocity, pressure, guess.strained)
-        surface = shear_temperature(thermal.heating, guess.flash, background)
-        return _rises(thermal, roughness, spread, contact, (velocity, pressure, surface)).reshape(flat.shape)
+        points = velocity, pressure, guess.surface
+        return _rises(thermal, roughness, spread, contact, points).reshape(flat.shape)
 
     start = jnp.zeros((velocity.shape[0], solids * rows), velocity.dtype)
     if thermal.feedback:
@@ -98,7 +101,7 @@ def temperature_at(
     thermal: Thermal,
     roughness: Roughness,
     contact: Contact,
-    flash: jax.Array,
+    temperatures: Temperatures,
     points: tuple[jax.Array, jax.Array, jax.Array],
     q: jax.Array,
 ) -> jax.Array:
@@ -106,22 +109,15 @@ def temperature_at(
 
     Parameters
     ----------
-    contact : Contact at the temperatures of the scene
-    flash : `Temperatures.flash`
+    contact, temperatures : `rubberfric.theory.integrals.solved` of the scene
     points : velocity, pressure, temperature far from the contact, shape (points,)
     q : [1/m], shape (wavevectors,)
     """
     velocity, pressure, background = points
     ready = _diffusion(roughness.mesh, q, thermal.diffusion.k.size)
     spread = memory(thermal.heating, ready, velocity, thermal.shear is not None)
-    surface = shear_temperature(thermal.heating, flash, background)
-    rises = _rises(thermal, roughness, spread, contact, (velocity, pressure, surface))
+    rises = _rises(thermal, roughness, spread, contact, (velocity, pressure, temperatures.surface))
     return background[:, None, None] + rises
-
-
-def shear_temperature(heating: Heating, flash: jax.Array, background: jax.Array) -> jax.Array:
-    """The temperature that the contact shear has [K]."""
-    return flash if heating.shear_at == "flash" else background
 
 
 def _diffusion(mesh, targets, count):
