@@ -23,7 +23,7 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import cumulative_moment
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio, log_shape
 from rubberfric.scene.pairs import Pair, pairs_of
-from rubberfric.scene.scene import Scene
+from rubberfric.scene.scene import Scene, rough_surfaces
 from rubberfric.theory.contributions import total
 from rubberfric.theory.integrals import Prepared, prepare, solved
 from rubberfric.theory.model import checked
@@ -122,7 +122,7 @@ def checked_wavevectors(
         q = as_leaf("q", q, ndim)
         check_values("q", q, POSITIVE)
         return jnp.asarray(q, conditions[1].dtype)
-    if ndim and not pairs_of(scene):
+    if ndim and not rough_surfaces(scene):
         raise ValueError("q is None, but nothing in the scene is rough: must be given")
     return None
 
