@@ -22,7 +22,7 @@ from rubberfric.roughness.moments import cumulative_moment
 from rubberfric.roughness.spectra import log_ratio, log_shape
 from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.scene import cast, rough_surfaces
-from rubberfric.theory.integrals import prepare, solved
+from rubberfric.theory.integrals import Points, prepare, solved
 from rubberfric.theory.model import checked
 from rubberfric.theory.partial_contact import (
     contact_argument,
@@ -172,16 +172,15 @@ def contact_at_borders(prepared, contact, count):
 
 def _over_wavevectors(prepared, densities, q, points):
     """Fields of Profile at points, (points, wavevectors)."""
-    velocity, pressure, temperature = (*points, None)[:3]
+    velocity, pressure, temperature = Points(*points)
     contact, temperatures = solved(prepared, velocity, pressure, temperature)
     x, G = contact_at_borders(prepared, contact, q.shape[0])
     P = contact_fraction(x)
     results = {"area": P, "fluctuation": G, "energy_factor": energy_factor(P, contact.gamma)}
     strained = [temperature] * len(densities)
     if temperatures is not None:
-        solids = prepared.thermal.strained
-        found = temperature_at(prepared.thermal, prepared.roughness, contact, temperatures, points, q)
-        strained = [None if solid is None else found[:, solid] for solid in solids]
+        found = temperature_at(prepared.roughness, contact, temperatures, points, q)
+        strained = [None if solid is None else found[:, solid] for solid in temperatures.thermal.strained]
         results["temperature"] = jnp.mean(found, 1)
     if not prepared.needs.dissipation:
         return results | dict.fromkeys(("friction_density", "friction"), jnp.zeros_like(G))
@@ -213,8 +212,9 @@ def density_of(pair, scale, kind, q, quadrature):
     weights = factors_at(pair, q).of(kind, roughness)
 
     def density(velocity, temperature):
-        by_scale = temperature is not None and temperature.ndim > 1
-        means = excited.means(q[None], velocity, temperature[None] if by_scale else temperature)
+        if temperature is not None and temperature.ndim > 1:
+            temperature = temperature[None]
+        means = excited.means(q[None], velocity, temperature)
         return sum(w * mean[0] for w, mean in zip(weights, means[kind], strict=True))
 
     return density

@@ -24,7 +24,7 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.spectra import log_shape
 from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.scene import cast, rough_surfaces
-from rubberfric.theory.integrals import evaluate, prepare, solved
+from rubberfric.theory.integrals import Points, evaluate, prepare, solved
 from rubberfric.theory.model import checked
 from rubberfric.theory.partial_contact import TWO_OVER_ROOT_PI, contact_argument, contact_fraction
 
@@ -231,7 +231,7 @@ def _separation_profile(scene, velocity, pressure, temperature, q, *, quadrature
 
 def _separations(scene, prepared, pairs, densities, q, quadrature, points):
     """Fields of SeparationProfile at points, (points, wavevectors)."""
-    velocity, pressure, temperature = (*points, None)[:3]
+    velocity, pressure, temperature = Points(*points)
     contact, _ = solved(prepared, velocity, pressure, temperature)
     ratio = contact.stiffness[:, None]
     G = fluctuation_at_borders(prepared, contact, q.shape[0])

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from rubberfric.base.blocks import over_points
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.shear import shear_friction
-from rubberfric.theory.integrals import prepare, solved
+from rubberfric.theory.integrals import Points, prepare, solved
 from rubberfric.theory.model import checked
 
 BLOCK = 128  # points evaluated at once
@@ -67,10 +67,10 @@ def _dissipated_power(scene, velocity, pressure, temperature, *, quadrature):
     prepared = prepare(scene, ("friction",), quadrature)
 
     def powers(points):
-        velocity, pressure, temperature = (*points, None)[:3]
-        results = dict.fromkeys(("lower", "upper", "shear"), jnp.zeros_like(pressure))
+        velocity, pressure, temperature = Points(*points)
+        results: dict[str, jax.Array] = dict.fromkeys(("lower", "upper", "shear"), jnp.zeros_like(pressure))
         area = jnp.ones_like(pressure)
-        if prepared.roughness is not None:
+        if prepared.integrated is not None:
             contact, temperatures = solved(prepared, velocity, pressure, temperature)
             area = contact.area()
             if temperatures is not None:
