@@ -16,7 +16,7 @@ from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.shear import shear_friction
 from rubberfric.theory.integrals import prepare, solved
 from rubberfric.theory.model import checked
-from rubberfric.theory.temperatures import shear_temperature
+from rubberfric.theory.temperatures.heat_balance import shear_temperature
 
 BLOCK = 128  # points evaluated at once
 _DEFAULT = Quadrature()

@@ -10,6 +10,7 @@ temperature. G and the friction are in `rubberfric.theory.stress_fluctuation`; w
 and the transverse friction is the friction with sin(phi) in place of cos(phi).
 """
 
+import functools
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -28,14 +29,14 @@ from rubberfric.theory.partial_contact import separation_weight
 from rubberfric.theory.quantities import Needs, needs_of, parts_of
 from rubberfric.theory.stiffness.series import modulus_scale
 from rubberfric.theory.stress_fluctuation import Contact, Roughness
-from rubberfric.theory.temperatures import (
-    Temperatures,
+from rubberfric.theory.temperatures.heat_balance import (
     Thermal,
+    feeds_back,
     macroasperity,
     prepare_thermal,
     shear_temperature,
-    solve_temperatures,
 )
+from rubberfric.theory.temperatures.solution import COARSE, Temperatures, solve_temperatures
 
 
 class Prepared(NamedTuple):
@@ -69,6 +70,16 @@ def prepare(
     if not needs.power:
         return Prepared(needs, None, None, scene.shear)
     pairs = pairs_of(scene) if pairs is None else pairs
+    rough = functools.partial(_rough, scene, pairs, needs=needs)
+    roughness, thermal = rough(quadrature, borders=borders), None
+    if scene.heating is not None:
+        coarse = rough(COARSE) if feeds_back(scene) else None
+        thermal = prepare_thermal(scene, pairs, roughness.mesh, quadrature.heat, coarse, COARSE.heat)
+    return Prepared(needs, roughness, thermal, scene.shear)
+
+
+def _rough(scene, pairs, quadrature, needs, borders=None):
+    """`Roughness` of a scene."""
     mesh = build_mesh(
         [pair.law for pair in pairs],
         quadrature,
@@ -77,15 +88,13 @@ def prepare(
         borders=_borders(scene, pairs, borders),
     )
     scale = modulus_scale(scene)
-    roughness = Roughness(
+    return Roughness(
         mesh,
         tuple(contribution(pair, mesh, j, scale, needs, quadrature.angle) for j, pair in enumerate(pairs)),
         scale,
         scene.gamma,
         correction_table(scene.gamma) if scene.area_correction and needs.area else None,
     )
-    thermal = None if scene.heating is None else prepare_thermal(scene, pairs, mesh, quadrature.heat)
-    return Prepared(needs, roughness, thermal, scene.shear)
 
 
 def _borders(scene, pairs, asked):

@@ -294,9 +294,16 @@ def test_single_precision(name):
         np.testing.assert_allclose(single[quantity], double[quantity], rtol=3e-5, atol=1e-30)
 
 
+def root_of(function, s, start):
+    """A fixed point with its derivatives by s, and whether it was reached."""
+    fixed = jax.lax.stop_gradient(s)
+    y, reached = fixed_point.fixed_point(lambda y: function(fixed, y), start)
+    return fixed_point.implicit(lambda y: function(s, y), y), reached
+
+
 def test_fixed_point_and_its_derivatives():
     def root(s):
-        return fixed_point.fixed_point(lambda y: 0.9 * jnp.cos(s * y), jnp.zeros((3, 5)))
+        return root_of(lambda s, y: 0.9 * jnp.cos(s * y), s, jnp.zeros((3, 5)))
 
     @jax.jit
     def everything(s):
