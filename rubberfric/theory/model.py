@@ -15,6 +15,7 @@ change K_j.
 """
 
 import functools
+import warnings
 
 import jax
 import jax.numpy as jnp
@@ -151,6 +152,11 @@ def solve(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT, q
     Raises
     ------
     ValueError : as `contact_area`, an unknown quantity, or one of heating although the scene has none.
+
+    Warns
+    -----
+    RuntimeWarning : where the temperatures of a heated scene are not a solution, naming the points; not
+        within jit or another transformation, nor if "converged" is asked for.
     """
     quantities = (quantities,) if isinstance(quantities, str) else tuple(quantities)
     for name in quantities:
@@ -158,7 +164,29 @@ def solve(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT, q
             raise ValueError(f"quantities has {name!r}: must be out of {', '.join(Solution._fields)}")
     scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
     check_heated(scene, quantities)
-    return _solve(scene, *conditions, quadrature=quadrature, quantities=quantities)
+    if scene.heating is None or "converged" in quantities:
+        return _solve(scene, *conditions, quadrature=quadrature, quantities=quantities)
+    solution = _solve(scene, *conditions, quadrature=quadrature, quantities=(*quantities, "converged"))
+    _warn_of_last_iterates(solution.converged, conditions)
+    return solution._replace(converged=None)
+
+
+def _warn_of_last_iterates(converged, conditions):
+    """RuntimeWarning naming the points at which the temperatures of a heated scene are not a solution."""
+    if isinstance(converged, jax.core.Tracer) or np.all(converged):
+        return
+    left = ~np.asarray(converged)
+    velocity, pressure, temperature = (np.broadcast_to(x, left.shape)[left] for x in conditions)
+    named = [
+        f"v = {v:g} m/s, p = {p:g} Pa, T = {T:g} K"
+        for v, p, T in zip(velocity[:3], pressure[:3], temperature[:3], strict=True)
+    ]
+    warnings.warn(
+        f"the temperatures did not converge at {left.sum()} of {left.size} points, at {'; '.join(named)}"
+        f"{' and others' if left.sum() > len(named) else ''}: the values there are those of the last iterate",
+        RuntimeWarning,
+        stacklevel=3,
+    )
 
 
 def check_heated(scene, quantities):

@@ -25,7 +25,7 @@ import jax.numpy as jnp
 _NEAR, _FAR, _LONGEST = 0.03, 0.7, 2.0
 # Shortest and longest step in ln v; most evaluations before it is shortened; bounds of sigma.
 _SHORTEST, _WIDEST, _PATIENCE = 0.03, 3.0, 6
-_LOWEST, _HIGHEST = -8.0, 0.8
+_LOWEST, _HIGHEST = -40.0, 0.8
 _MOST_EVALUATIONS = 500
 
 
