@@ -16,8 +16,7 @@ from rubberfric.scene.heating import diffusion
 from rubberfric.theory import model
 from rubberfric.theory.integrals import prepare
 from rubberfric.theory.temperatures.branch import arrive, begin_at, path
-from rubberfric.theory.temperatures.heat_balance import heat_balance
-from rubberfric.theory.temperatures.solution import _solution
+from rubberfric.theory.temperatures.heat_balance import heat_balance, strained_temperatures
 
 # --- A cubic with known folds
 
@@ -116,8 +115,19 @@ BRUTE = {
         (0.1, 0.269949320698, 17.2102311885),
         (0.2, 0.258214960004, 18.5318642991),
         (0.4, 0.166602799016, 12.4506150728),
+        (1.0, 0.110479796215, 13.3064705302),
+        (1.5, 0.00425732224497, 0.114280334332),
     ],
-    "falling": [],
+    "falling": [
+        (1.5, 0.00425732224497, 0.11428033433),
+        (0.2, 0.039229554437, 1.1330847469),
+        (0.14, 0.212181071191, 10.7661186696),
+        (0.1, 0.212512908898, 10.073617805),
+        (0.03, 0.186891944747, 7.38153273586),
+        (0.01, 0.178127991915, 5.25079199208),
+        (0.004, 0.214550467864, 4.1941908235),
+        (0.002, 0.60548982499, 9.96374427544),
+    ],
 }
 
 
@@ -260,20 +270,28 @@ def test_random_scenes_by_damped_brute_force():
 
 
 def test_energy_is_what_friction_set_free():
-    r"""Near the surface, rho c_p int dz T = R mu sigma_0 / P_m, and q -> 0 sees T_q = 2 q int dz T."""
-    scene = folded()
-    ready = prepare(scene, ("friction",), rf.Quadrature())
-    v = np.array([1e-3, 0.1, 1.0])
-    points = jnp.asarray(v), jnp.full(3, PRESSURE), jnp.full(3, COLD)
-    found = jax.jit(lambda: _solution(ready.thermal, ready.roughness, points))()
-    mesh, q = ready.roughness.mesh, jnp.array([1e-13])
-    kernel = diffusion(mesh.q.reshape(-1), q, (q[0], mesh.last), 600)
-    rises = heat_balance(ready.thermal, ready.roughness, kernel, points)(found.rises)[:, 0]
-    heat, law = 1.2e3 * 1.6e3, scene.heating
-    mu = solved(scene, v)[0]
-    np.testing.assert_allclose(
-        heat * rises / (2 * q), law.radius * mu * PRESSURE / law.area_fraction, rtol=1e-12
-    )
+    r"""Near the surface, rho c_p int dz T = R mu sigma_0 / P_m, and q -> 0 sees T_q = 2 q int dz T.
+
+    At any temperatures, those of a solution or not.
+    """
+    scene, v, q = folded(), jnp.array([1e-3, 0.1, 1.0]), jnp.array([1e-13])
+    points = v, jnp.full(3, PRESSURE), jnp.full(3, COLD)
+
+    @jax.jit
+    def both(scene):
+        ready = prepare(scene, ("friction",), rf.Quadrature(panels=4, order=6))
+        mesh = ready.roughness.mesh
+        kernel = diffusion(mesh.q.reshape(-1), q, (q[0], mesh.last), 600)
+        rises = jnp.linspace(2.0, 20.0, ready.thermal.diffusion.wavevector.size) * jnp.ones((3, 1))
+        caused = heat_balance(ready.thermal, ready.roughness, kernel, points)(rises)[:, 0]
+        strained, _ = strained_temperatures(ready.thermal, mesh, rises, points[2])
+        terms = ready.roughness.contact(*points[:2], strained).friction_terms()
+        return caused / (2 * q), sum(jnp.sum(x, (0, 2)) for x in terms.values())
+
+    depth, mu = both(scene)
+    law = scene.heating
+    energy = law.density * law.heat_capacity * depth
+    np.testing.assert_allclose(energy, law.radius * mu * PRESSURE / law.area_fraction, rtol=1e-12)
 
 
 def test_branch_in_files(tmp_path):
@@ -295,7 +313,6 @@ def test_what_did_not_converge_is_named(monkeypatch, recwarn):
         rf.friction(scene, v, PRESSURE, COLD)
     recwarn.clear()
     assert rf.solve(scene, v, PRESSURE, COLD, quantities=("friction", "converged")) is values
-
 
     def traced(converged):
         monkeypatch.setattr(model, "_solve", lambda *_, **__: values._replace(converged=converged))
