@@ -1,9 +1,10 @@
-"""Error over run time for four scenes: error_over_time.md and figures/error_over_time.png, beside this file.
+"""Error over run time for four scenes: error_over_time.md and figures/error_over_time.png, beside this.
 
     python notebooks/error_over_time.py
 
-Needs matplotlib. Every setting of the ladder (`rubberfric.analysis.error_and_time.settings`) is compared with the reference
-that validates itself, and timed in turns with the textbook method in NumPy, in one run for each scene.
+Needs matplotlib. Every setting of `rubberfric.analysis.error_and_time.settings` is compared with the
+reference that validates itself, and timed in turns with the textbook method in NumPy, in one run for
+each scene.
 """
 
 import os
@@ -32,7 +33,7 @@ UNIT = (200, 64)  # nodes of the textbook method whose run time is the unit
 
 
 def main(scenes=SCENES, folder=FOLDER, **options):
-    """Sweep over the scenes, and write the table and the figure; `options` are those of `rf.analysis.accuracy`."""
+    """Sweep over the scenes with options of `rf.analysis.accuracy`; write the table and the figure."""
     jax.config.update("jax_enable_x64", True)
     begin = time.perf_counter()
     sweeps = {}

@@ -222,9 +222,9 @@ def page(store):
     yield ""
     yield (
         "Made by `python notebooks/growth.py`, or `python -m pytest -m benchmark -s "
-        "tests/benchmarks/test_growth_benchmarks.py`, which also checks what is said here. Every line is from a process "
-        "of its own, of area and friction of `data/tread_on_asphalt.toml` (17 Prony terms) with the default "
-        "`rf.Quadrature()` where nothing else is said. *Quick* is "
+        "tests/benchmarks/test_growth_benchmarks.py`, which also checks what is said here. Every line is "
+        "from a process of its own, of area and friction of `data/tread_on_asphalt.toml` (17 Prony terms) "
+        "with the default `rf.Quadrature()` where nothing else is said. *Quick* is "
         "`rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0)`. Times are the least of some, on machines "
         "that had other work as well."
     )

@@ -2,6 +2,7 @@
 
 import itertools
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
@@ -10,6 +11,8 @@ import jax
 import pytest
 
 jax.config.update("jax_enable_x64", True)
+
+pytest.register_assert_rewrite("support")
 
 MAPS = Path("/proc/self/maps")
 _tests = itertools.count(1)
@@ -28,6 +31,8 @@ def pytest_configure(config):
 
     The slow sets and the benchmarks, of which nobody waits for the compiler, run what users run.
     """
+    # A script's shell has it ignored in the background, and so would the commands that are tested.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     if "not slow" in config.getoption("markexpr") and "XLA_FLAGS" not in os.environ:
         os.environ["XLA_FLAGS"] = " ".join(QUICK if _known(QUICK) else QUICK[:1])
 
@@ -49,6 +54,15 @@ def few_memory_maps():
     yield
     if next(_tests) % 5 == 0 and MAPS.exists() and MAPS.read_bytes().count(b"\n") > 30_000:
         jax.clear_caches()
+
+
+@pytest.fixture
+def job(tmp_path, monkeypatch):
+    """A job file of rubberfric-fit, with its scene and data in the working directory."""
+    from support.scenes.fits import write_job
+
+    monkeypatch.chdir(tmp_path)
+    return write_job(tmp_path)
 
 
 @pytest.fixture

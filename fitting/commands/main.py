@@ -2,16 +2,15 @@
 
 Exit status: 0 fitted; 1 not converged, interrupted, or the work failed; 2 bad input, with one
 line on stderr and nothing written. A fit that was interrupted (Ctrl-C or SIGTERM) is reported
-and written as far as it came, as is one that did not converge; a second interrupt does not
-wait for that. A bootstrap that was interrupted, or killed, goes on with --resume.
+and written as far as it came, as is one that did not converge. An interrupt before the first
+step, and a second one, do not wait for that: exit status 130 or 143, within a second. A
+bootstrap that was interrupted, or killed, goes on with --resume.
 """
 
 import argparse
 import contextlib
 import importlib.metadata
-import signal
 import sys
-import threading
 
 import jax
 import numpy as np
@@ -23,6 +22,7 @@ from fitting.fit import fit
 from fitting.results.hdf5 import save
 from fitting.results.plot import save_plot
 from rubberfric.base.atomic import check_writable
+from rubberfric.commands.interrupts import Interrupts
 from rubberfric.commands.main import Parser, complain, reader_left
 from rubberfric.plot.save import check_plot
 
@@ -30,7 +30,10 @@ PROGRAM = "rubberfric-fit"
 
 
 def main(argv=None):
-    """Run the command with arguments `argv` (default: those of the process); returns the exit status."""
+    """Run the command with arguments `argv`; returns the exit status.
+
+    None: those of the process, which a signal then may end (`rubberfric.commands.interrupts`).
+    """
     parser = _parser()
     arguments = parser.parse_args(argv)
     if arguments.bootstrap is None and (arguments.checkpoint is not None or arguments.resume):
@@ -39,17 +42,17 @@ def main(argv=None):
         parser.error("--resume: must come with --checkpoint FILE.h5")
     # The library never does this: the precision of a program is its own choice.
     jax.config.update("jax_enable_x64", True)
-    try:
-        with Interrupts() as interrupts:
+    with Interrupts(PROGRAM, process=argv is None) as interrupts:
+        try:
             return run(arguments, interrupts)
-    except KeyboardInterrupt:
-        return complain(PROGRAM, "interrupted; what was not yet complete is not written", 1)
-    except BrokenPipeError:
-        return reader_left()
-    except (OSError, FloatingPointError, np.linalg.LinAlgError) as error:
-        return complain(PROGRAM, error, 1)
-    except ValueError as error:
-        return complain(PROGRAM, error, 2)
+        except KeyboardInterrupt:
+            return interrupts.complain()
+        except BrokenPipeError:
+            return reader_left()
+        except (OSError, FloatingPointError, np.linalg.LinAlgError) as error:
+            return complain(PROGRAM, error, 1)
+        except ValueError as error:
+            return complain(PROGRAM, error, 2)
 
 
 def run(arguments, interrupts):
@@ -61,8 +64,9 @@ def run(arguments, interrupts):
     if arguments.checkpoint is not None:
         check_writable(arguments.checkpoint, (".h5",))
     job, failures = read_job(arguments.job), []
-    with interrupts.held():
+    try:
         result = _fit(arguments.job, job, interrupts)
+        interrupts.hold()
         for writer, path in ((save, arguments.out), (save_plot, arguments.plot)):
             try:
                 if path is not None:
@@ -72,6 +76,8 @@ def run(arguments, interrupts):
         spread = None
         if arguments.bootstrap is not None and result.success and not interrupts.stopped:
             spread = _bootstrap(arguments, result, interrupts)
+    finally:
+        interrupts.release()
     print(job.title + "\n" * bool(job.title) + result.report(), end="")
     print("" if spread is None else spread.report(), end="", flush=True)
     if failures:
@@ -94,6 +100,7 @@ def _fit(path, job, interrupts):
 
         def callback(step, cost):
             show(f"step {step}, cost {cost:.6g}")
+            interrupts.hold()  # from now on there is something to report
             interrupts.check()
 
         show("compiling ...")
@@ -120,49 +127,6 @@ def _bootstrap(arguments, result, interrupts):
             resume=arguments.resume,
             callback=callback,
         )
-
-
-class Interrupts:
-    """SIGINT and SIGTERM as KeyboardInterrupt; the first one can be held back until `check`.
-
-    So a fit ends between two steps, and a file that is being written is completed. A second
-    signal is never held back.
-    """
-
-    def __init__(self):
-        self.asked = self.stopped = False
-        self._held = False
-        self._before = {}
-
-    def __enter__(self):
-        if threading.current_thread() is threading.main_thread():  # others cannot
-            for which in (signal.SIGINT, signal.SIGTERM):
-                self._before[which] = signal.signal(which, self._arrived)
-        return self
-
-    def __exit__(self, *error):
-        for which, handler in self._before.items():
-            signal.signal(which, handler)
-
-    def _arrived(self, which, frame):
-        first, self.asked = not self.asked, True
-        if not (self._held and first):
-            raise KeyboardInterrupt
-
-    @contextlib.contextmanager
-    def held(self):
-        """Hold the first signal back."""
-        self._held = True
-        try:
-            yield
-        finally:
-            self._held = False
-
-    def check(self):
-        """KeyboardInterrupt if a signal was held back."""
-        if self.asked:
-            self.stopped = True
-            raise KeyboardInterrupt
 
 
 @contextlib.contextmanager

@@ -20,7 +20,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from rubberfric.base.atomic import check_writable
+from rubberfric.base.atomic import begin, check_writable, finish
 from rubberfric.io.hdf5 import check_names, creating, plain, reading, release
 
 FORMAT = "rubberfric ensemble checkpoint"
@@ -47,6 +47,7 @@ def write_checkpoint(path, fingerprint, progress):
             group[str(i)] = leaf
     # Always the same name: what a killed run leaves behind is overwritten by the next.
     temporary = path.with_name(f".{path.name}.writing")
+    begin(temporary)
     try:
         with open(temporary, "wb") as file:
             file.write(image.getbuffer())
@@ -56,6 +57,8 @@ def write_checkpoint(path, fingerprint, progress):
     except OSError:
         temporary.unlink(missing_ok=True)
         raise
+    finally:
+        finish(temporary)
     folder = os.open(path.parent, os.O_RDONLY)
     try:
         os.fsync(folder)  # the new name, too

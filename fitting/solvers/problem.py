@@ -21,8 +21,7 @@ from fitting.parameters.layout import Constants, Layout, free_parameters, to_sce
 from fitting.parameters.priors import PriorLayout, PriorNumbers, prior_residuals, prior_size, read_priors
 from fitting.solvers.losses import WIDTHS, rho
 from rubberfric.analysis.jacobian import value_and_jacobian
-from rubberfric.materials.materials import VISCOELASTIC
-from rubberfric.roughness.spectra import broken_power_law, log_power_spectrum
+from rubberfric.roughness.spectra import log_power_spectrum
 from rubberfric.scene.scene import cast, check_background, result_dtype, shifts, takes_temperature
 
 BODIES = ("lower", "upper")
@@ -152,7 +151,7 @@ def _block_key(scene, data):
         return quantity, None, data.logarithmic, temperature is not None
     bodies = {name: getattr(scene, name) for name in BODIES}
     if quantity == "modulus":
-        bodies = {name: b for name, b in bodies.items() if isinstance(b.material, VISCOELASTIC)}
+        bodies = {name: b for name, b in bodies.items() if b.material.relaxes}
         kind = "viscoelastic solid"
     else:
         bodies = {name: b for name, b in bodies.items() if b.spectrum is not None}
@@ -208,7 +207,7 @@ def _predicted(structure, block, conditions, scene):
         values = jnp.concatenate([modulus.real, modulus.imag])
     else:
         # Continued beyond the ends, which may move past a measured wavevector on the way.
-        law = broken_power_law(getattr(scene, block.body).spectrum)
+        law = getattr(scene, block.body).spectrum.power_law()
         log_C = log_power_spectrum(law, *conditions)
         return log_C if block.logarithmic else jnp.exp(log_C)
     return jnp.log(values) if block.logarithmic else values

@@ -21,7 +21,7 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import cumulative_moment
 from rubberfric.roughness.spectra import log_ratio, log_shape
 from rubberfric.scene.pairs import pairs_of
-from rubberfric.scene.scene import cast, rough_pairs
+from rubberfric.scene.scene import cast, rough_surfaces
 from rubberfric.theory.integrals import prepare, solved
 from rubberfric.theory.model import checked
 from rubberfric.theory.partial_contact import (
@@ -95,7 +95,7 @@ def profile(scene, velocity, pressure, temperature=None, *, q=None, quadrature=_
     magnification of a scene without roughness is counted from q[0].
     """
     scene, conditions, q = checked_with_q(scene, velocity, pressure, temperature, quadrature, q)
-    if q is None and not rough_pairs(scene):
+    if q is None and not rough_surfaces(scene):
         raise ValueError("q is None, but nothing in the scene is rough: must be given")
     return _profile(scene, *conditions, q, quadrature=quadrature)
 
@@ -215,7 +215,7 @@ def density_of(pair, scale, kind, q, quadrature):
     def density(velocity, temperature):
         by_scale = temperature is not None and temperature.ndim > 1
         means = excited.means(q[None], velocity, temperature[None] if by_scale else temperature)
-        return sum(w * mean[0] for w, mean in zip(weights, getattr(means, kind), strict=True))
+        return sum(w * mean[0] for w, mean in zip(weights, means[kind], strict=True))
 
     return density
 

@@ -5,7 +5,7 @@ import dataclasses
 import jax.numpy as jnp
 
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.materials.materials import TabulatedModulus
+from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.theory.model import solve
 
 _DEFAULT = Quadrature()

@@ -23,7 +23,7 @@ from rubberfric.base.checks import FINITE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.spectra import log_shape
 from rubberfric.scene.pairs import pairs_of
-from rubberfric.scene.scene import cast, rough_pairs
+from rubberfric.scene.scene import cast, rough_surfaces
 from rubberfric.theory.integrals import evaluate, prepare, solved
 from rubberfric.theory.model import checked
 from rubberfric.theory.partial_contact import TWO_OVER_ROOT_PI, contact_argument, contact_fraction
@@ -138,14 +138,14 @@ def contact_stiffness(scene, velocity, pressure, temperature=None, *, quadrature
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
 def _contact_stiffness(scene, velocity, pressure, temperature, *, quadrature):
-    if not rough_pairs(scene):
+    if not rough_surfaces(scene):
         return jnp.full(jnp.broadcast_shapes(velocity.shape, pressure.shape), jnp.inf, pressure.dtype)
     prepared = prepare(scene, ("separation",), quadrature)
 
     def stiffness(points):
         contact, _ = solved(prepared, *points)
         x, pressure = contact.x, points[1]
-        storage = sum(terms.storage for terms in contact.terms)
+        storage = sum(terms.densities["storage"] for terms in contact.terms)
         compliance = jnp.sum(x * _load_slope(x, scene.gamma) * storage, (0, 2))
         compliance = jnp.pi / 2 * contact.stiffness * compliance
         soft = compliance > 0
@@ -208,7 +208,7 @@ def separation_profile(scene, velocity, pressure, temperature=None, *, q=None, q
     u1 = u_bar = 0.
     """
     scene, conditions, q = checked_with_q(scene, velocity, pressure, temperature, quadrature, q)
-    if q is None and not rough_pairs(scene):
+    if q is None and not rough_surfaces(scene):
         raise ValueError("q is None, but nothing in the scene is rough: must be given")
     if scene.heating is not None:
         raise ValueError("scene.heating: what lies beyond q alone has no temperature; must be None")

@@ -15,7 +15,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.materials.materials import TabulatedModulus
 from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.model import solve
 
@@ -41,9 +40,8 @@ def value_and_jacobian(scene_of, x, conditions, quantity, quadrature):
     heated scene did not converge
     """
     scene = scene_of(x)
-    if any(isinstance(body.material, TabulatedModulus) for body in (scene.lower, scene.upper)):
-        # One table of means serves all points of a call; point by point each would make its own,
-        # at 15 MB.
+    if any(body.material.needs_quadrature for body in (scene.lower, scene.upper)):
+        # By reverse mode each point would keep derivatives with respect to the whole table of means.
         return _forward(scene_of, x, conditions, quantity, quadrature)
     heated = () if scene.heating is None else ("converged",)
     points = [jnp.asarray(c, x.dtype) for c in conditions if c is not None]

@@ -12,7 +12,6 @@ import jax.numpy as jnp
 
 from rubberfric.base.blocks import over_points
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.shear import shear_friction
 from rubberfric.theory.integrals import prepare, solved
 from rubberfric.theory.model import checked
@@ -66,8 +65,7 @@ def dissipated_power(scene, velocity, pressure, temperature=None, *, quadrature=
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
 def _dissipated_power(scene, velocity, pressure, temperature, *, quadrature):
-    pairs = pairs_of(scene)
-    prepared = prepare(scene, ("friction",), quadrature, pairs=pairs)
+    prepared = prepare(scene, ("friction",), quadrature)
 
     def powers(points):
         velocity, pressure, temperature = (*points, None)[:3]
@@ -79,7 +77,7 @@ def _dissipated_power(scene, velocity, pressure, temperature, *, quadrature):
             if temperatures is not None:
                 temperature = shear_temperature(scene.heating, temperatures.flash, temperature)
             for j, terms in contact.friction_terms().items():
-                results[pairs[j].side] = jnp.sum(terms, (0, 2)) * pressure * velocity
+                results[prepared.roughness.strained[j]] = jnp.sum(terms, (0, 2)) * pressure * velocity
         if scene.shear is not None:
             mu = shear_friction(scene.shear, area, velocity, pressure, temperature)
             results["shear"] = mu * pressure * velocity

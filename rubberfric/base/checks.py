@@ -94,6 +94,12 @@ def check_increasing(name, vector):
             )
 
 
+def either(names):
+    """Names as a sentence has them: "A, B or C"."""
+    *first, last = names
+    return f"{', '.join(first)} or {last}" if first else last
+
+
 def closest(name, allowed):
     """End of an error message on an unknown name: the nearest allowed one, and all of them."""
     near = difflib.get_close_matches(str(name), list(allowed), n=1)

@@ -9,7 +9,27 @@ import dataclasses
 
 import jax
 
-from rubberfric.base.checks import FINITE, as_leaf, check_values, shown
+from rubberfric.base.checks import FINITE, as_leaf, check_values, either, shown
+
+# Every class that `physical` made, by its name.
+_CLASSES = {}
+
+
+class PhysicalObject:
+    """What scenes are made of."""
+
+    def _repr_html_(self):
+        """A table for notebooks."""
+        from rubberfric.base.html import object_html
+
+        return object_html(self)
+
+
+class Kind(PhysicalObject):
+    """An object whose place in a scene others can take: a subclass without fields says what they answer.
+
+    Such a subclass, `Material` or `Spectrum`, is their role; the classes under it are the kinds.
+    """
 
 
 def leaf(rule=FINITE, ndim=0, optional=False, **options):
@@ -22,9 +42,21 @@ def static(choices=None, **options):
     return dataclasses.field(metadata={"static": True, "choices": choices}, **options)
 
 
-def child(kinds, optional=True, hint="", **options):
-    """Field that holds another physical object: one of `kinds` (names, resolved late)."""
-    return dataclasses.field(metadata={"child": kinds, "optional": optional, "hint": hint}, **options)
+def child(role, optional=True, hint="", **options):
+    """Field that holds another physical object: of the class `role` or one under it."""
+    return dataclasses.field(metadata={"child": role, "optional": optional, "hint": hint}, **options)
+
+
+def kinds(role):
+    """The classes of a role that can be made, by name, in the order of their definition."""
+    return {name: cls for name, cls in _CLASSES.items() if issubclass(cls, role)}
+
+
+def check_kind(name, value, role, without=()):
+    """ValueError unless a value is of a role, and none of the classes `without`."""
+    if not isinstance(value, role) or isinstance(value, tuple(without)):
+        allowed = [kind for kind, cls in kinds(role).items() if cls not in without]
+        raise ValueError(f"{name} is a {type(value).__name__}: must be {either(allowed)}")
 
 
 def physical(cls):
@@ -53,13 +85,7 @@ def physical(cls):
         if hasattr(self, "_check"):
             self._check()
 
-    def _repr_html_(self):
-        """A table for notebooks."""
-        from rubberfric.base.html import object_html
-
-        return object_html(self)
-
-    cls.__post_init__, cls._repr_html_ = __post_init__, _repr_html_
+    cls.__post_init__ = __post_init__
     # eq=False: comparing arrays has no single truth value; identity does for hashing.
     cls = dataclasses.dataclass(frozen=True, eq=False)(cls)
     fields = dataclasses.fields(cls)
@@ -80,13 +106,12 @@ def physical(cls):
         return self
 
     jax.tree_util.register_pytree_with_keys(cls, flatten_with_keys, unflatten, flatten)
+    _CLASSES[cls.__name__] = cls
     return cls
 
 
 def _check_child(name, value, meta):
-    if value is None and meta["optional"]:
-        return
-    kinds = meta["child"]
-    if type(value).__name__ not in kinds:
-        allowed = " or ".join([", ".join(kinds)] * bool(kinds) + ["None"] * meta["optional"])
+    role, optional = meta["child"], meta["optional"]
+    if not isinstance(value, role) and not (value is None and optional):
+        allowed = " or ".join([", ".join(kinds(role))] + ["None"] * optional)
         raise ValueError(f"{name} = {shown(value)}: must be {allowed}{meta['hint']}")

@@ -1,6 +1,7 @@
 """The command `rubberfric`.
 
-Exit status: 0 done; 2 bad input, with one line on stderr and nothing written; 1 the work failed.
+Exit status: 0 done; 2 bad input, with one line on stderr and nothing written; 1 the work failed;
+130 interrupted by Ctrl-C (SIGINT), 143 by SIGTERM, within a second, with one line on stderr.
 """
 
 import argparse
@@ -15,6 +16,7 @@ from rubberfric.base.atomic import check_writable
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.commands import accuracy as accuracy_command
 from rubberfric.commands import map as map_command
+from rubberfric.commands.interrupts import LOST, Interrupts
 from rubberfric.commands.reliability import convergence_note, outside_note
 from rubberfric.io.files import read_computable
 from rubberfric.io.results import Result, result_shape, save_result
@@ -26,21 +28,24 @@ PROGRAM = "rubberfric"
 
 
 def main(argv=None):
-    """Run the command with arguments `argv` (default: those of the process); returns the exit status."""
+    """Run the command with arguments `argv`; returns the exit status.
+
+    None: those of the process, which a signal then ends (`rubberfric.commands.interrupts`).
+    """
     arguments = _parser().parse_args(argv)
     # The library never does this: the precision of a program is its own choice.
     jax.config.update("jax_enable_x64", True)
-    try:
-        return arguments.run(arguments)
-    except BrokenPipeError:
-        return reader_left()
-    except ValueError as error:
-        return complain(PROGRAM, error, 2)
-    except KeyboardInterrupt as stop:
-        left = str(stop) or "what was not yet complete is not written"
-        return complain(PROGRAM, f"interrupted; {left}", 1)
-    except (OSError, FloatingPointError) as error:
-        return complain(PROGRAM, error, 1)
+    with Interrupts(PROGRAM, lambda: arguments.left(arguments), process=argv is None) as interrupts:
+        try:
+            return arguments.run(arguments)
+        except BrokenPipeError:
+            return reader_left()
+        except ValueError as error:
+            return complain(PROGRAM, error, 2)
+        except KeyboardInterrupt:
+            return interrupts.complain()
+        except (OSError, FloatingPointError) as error:
+            return complain(PROGRAM, error, 1)
 
 
 def run(arguments):
@@ -130,6 +135,7 @@ def _parser():
     )
     version = importlib.metadata.version("rubberfric")
     parser.add_argument("--version", action="version", version=f"rubberfric {version}")
+    parser.set_defaults(left=lambda arguments: LOST)
     commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
     one = commands.add_parser(
         "run",

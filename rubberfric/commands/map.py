@@ -11,6 +11,7 @@ from rubberfric.analysis.maps.friction_map import QUANTITIES, friction_map
 from rubberfric.analysis.maps.unfinished import folder_of
 from rubberfric.base.atomic import check_writable
 from rubberfric.base.progress import describe
+from rubberfric.commands.interrupts import LOST
 from rubberfric.commands.reliability import convergence_note
 from rubberfric.commands.terminal import progress
 from rubberfric.io.files import read_computable
@@ -53,7 +54,7 @@ def add(commands):
         metavar="N",
         help="devices that JAX makes of the processor (default: one for each core); nothing to other devices",
     )
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, left=left)
 
 
 def run(arguments):
@@ -73,7 +74,15 @@ def run(arguments):
     if scene.heating is not None and "converged" not in quantities:
         quantities.append("converged")
     with progress() as show:
-        result = _computed(arguments, (scene, *conditions), quantities, bar(show), title)
+        result = friction_map(
+            scene,
+            *conditions,
+            quantities=quantities,
+            progress=bar(show),
+            path=arguments.out,
+            resume=arguments.resume,
+            title=title,
+        )
     if arguments.plot is not None:
         save_map_plot(arguments.plot, result)
     for line in summary(result):
@@ -102,17 +111,12 @@ def make_devices(count):
             raise ValueError(f"--devices {count}: JAX has begun with {found}: must be that") from None
 
 
-def _computed(arguments, at, quantities, tell, title):
-    """The map; an interrupt says what it left."""
+def left(arguments):
+    """What an interrupt left."""
     out = arguments.out
-    try:
-        return friction_map(
-            *at, quantities=quantities, progress=tell, path=out, resume=arguments.resume, title=title
-        )
-    except KeyboardInterrupt:
-        if out is not None and folder_of(out).exists():
-            raise KeyboardInterrupt(f"--resume goes on with {folder_of(out).name}") from None
-        raise
+    if out is not None and folder_of(out).exists():
+        return f"--resume goes on with {folder_of(out).name}"
+    return LOST
 
 
 def bar(show, clock=time.monotonic):

@@ -3,7 +3,7 @@
 import numpy as np
 
 from rubberfric.analysis.extrapolation import friction_outside_table
-from rubberfric.materials.materials import TabulatedModulus
+from rubberfric.materials.tabulated_modulus import TabulatedModulus
 
 
 def outside_note(result):

@@ -1,10 +1,9 @@
 """Files: scenes, results, tables, and the formats of other programs."""
 
 from rubberfric.io.files import load_scene, save_scene
-from rubberfric.io.prony_cards.reading import read_prony
-from rubberfric.io.prony_cards.writing import write_prony
+from rubberfric.io.prony_cards.cards import read_prony, write_prony
 from rubberfric.io.results import Result, load_result, save_result
-from rubberfric.io.tables import read_columns
+from rubberfric.io.tables.reading import read_columns
 
 __all__ = [
     "Result",

@@ -3,7 +3,7 @@
 import tomllib
 
 from rubberfric.base.checks import closest, shown
-from rubberfric.io.tables import read_text
+from rubberfric.io.tables.text import read_text
 
 
 def read_toml(path):

@@ -1,24 +1,23 @@
 """Materials: moduli over frequency, their shift with temperature, and layers of them."""
 
 from rubberfric.materials.coating import Coating
-from rubberfric.materials.materials import (
-    Elastic,
-    Prony,
-    PronyShear,
-    Rigid,
-    TabulatedModulus,
-    complex_modulus,
-)
-from rubberfric.materials.shifts import WLF, Arrhenius, TabulatedShift
-from rubberfric.materials.slab import Slab
+from rubberfric.materials.elastic import Elastic, Rigid
+from rubberfric.materials.material import Material, complex_modulus
+from rubberfric.materials.prony import Prony, PronyShear
+from rubberfric.materials.shifts import WLF, Arrhenius, Shift, TabulatedShift
+from rubberfric.materials.slab import Layer, Slab
+from rubberfric.materials.tabulated_modulus import TabulatedModulus
 
 __all__ = [
     "Arrhenius",
     "Coating",
     "Elastic",
+    "Layer",
+    "Material",
     "Prony",
     "PronyShear",
     "Rigid",
+    "Shift",
     "Slab",
     "TabulatedModulus",
     "TabulatedShift",

@@ -14,19 +14,20 @@ R_2 and the discriminant are rewritten here as sums in which nothing cancels (as
 they would keep no digit for thick layers, nor the roots if both solids are incompressible).
 """
 
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
 
-from rubberfric.base.checks import POSITIVE
-from rubberfric.base.objects import child, leaf, physical
+from rubberfric.base.checks import POSITIVE, either
+from rubberfric.base.objects import child, kinds, leaf, physical
+from rubberfric.materials.material import Coatable, Series
 from rubberfric.materials.series.prony_and_prony import two_in_series
-from rubberfric.materials.slab import sinh_minus_linear
+from rubberfric.materials.slab import Layer, sinh_minus_linear
 
 
 @physical
-class Coating:
+class Coating(Layer):
     """A layer of the body's material on a half-space that deforms, bonded to it.
 
     Parameters
@@ -37,15 +38,45 @@ class Coating:
         the body's material do: it has no shift of its own.
     """
 
+    multiplies: ClassVar[bool] = False
+
     thickness: float = leaf(POSITIVE)
-    base: object = child(("Elastic", "Prony"), optional=False, hint=" (on a rigid base use Slab)")
+    base: Coatable = child(Coatable, optional=False, hint=" (on a rigid base use Slab)")
 
     def _check(self):
-        if getattr(self.base, "shift", None) is not None:
+        if self.base.shift is not None:
             raise ValueError(
                 "Coating.base.shift is given: must be None, for the base moves with the shift of the "
                 "body's material"
             )
+
+    @property
+    def relaxes(self):
+        """Whether the base does."""
+        return self.base.relaxes
+
+    def check_material(self, material):
+        """ValueError unless a coating can be of this material."""
+        if not isinstance(material, Coatable):
+            raise ValueError(
+                f"Body.material is a {type(material).__name__} with a Coating: must be "
+                f"{either(kinds(Coatable))}"
+            )
+
+    def static_reduced(self, material, scale, q):
+        """E_r(0) Sbar of a body of this material over a scale [Pa] at q [1/m], any shape."""
+        layer, base = (solid.static_reduced() / scale for solid in (material, self.base))
+        return coated_spring(self, material.poisson, layer, base, q)
+
+    def glassy_stiffening(self, material, q):
+        """Sbar [-] at q [1/m], any shape, where both solids are glassy."""
+        layer, base = material.glassy_reduced(), self.base.glassy_reduced()
+        return coated_spring(self, material.poisson, layer, base, q) / layer
+
+    def reduced_series(self, material, scale, q):
+        """E_r Sbar over a scale [Pa] at q [1/m], shape (nodes,); see `coated_series`."""
+        layer, base = (solid.reduced_series(scale) for solid in (material, self.base))
+        return coated_series(self, material.poisson, layer, base, q)
 
 
 class _Rational(NamedTuple):
@@ -162,18 +193,19 @@ def _skew(layer, alpha, beta, q):
     return in_beta[0] + alpha * (in_beta[1] + alpha * in_beta[2])
 
 
-def _numbers(body):
+def _numbers(coating, layer):
     """alpha = 2 - 4 nu_1, beta = 2 - 4 nu_0, and mu_0/mu_1 over E_r0/E_r1."""
-    layer, base = body.material.poisson, body.layer.base.poisson
+    base = coating.base.poisson
     return 2 * (1 - 2 * layer), 2 * (1 - 2 * base), (1 - base) / (1 - layer)
 
 
-def coated_spring(body, layer, base, q):
+def coated_spring(coating, poisson, layer, base, q):
     """E_r1 Sbar of a coated body whose two solids do not relax.
 
     Parameters
     ----------
-    body : Body with a Coating
+    coating : Coating
+    poisson : nu_1 of the layer [-]
     layer, base : E_r of the layer's and of the base's material, >= 0, of one unit
     q : wavevector [1/m], any shape
 
@@ -182,8 +214,8 @@ def coated_spring(body, layer, base, q):
     array of the shape of q, of the unit of layer and base. E_r1 for q d -> infinity, E_r0 for
     q d -> 0; a bonded Slab for E_r0 -> infinity.
     """
-    alpha, beta, ratio = _numbers(body)
-    free, R1, R2, D0, D1, D2 = _rational(body.layer, alpha, beta, q)
+    alpha, beta, ratio = _numbers(coating, poisson)
+    free, R1, R2, D0, D1, D2 = _rational(coating, alpha, beta, q)
     base = base * ratio
     largest = jax.lax.stop_gradient(jnp.maximum(layer, base))
     largest = jnp.where(largest > 0, largest, 1.0)  # two liquids at rest: 0
@@ -193,26 +225,27 @@ def coated_spring(body, layer, base, q):
     return layer * (free + shared)
 
 
-def coated_series(body, layer, base, q):
+def coated_series(coating, poisson, layer, base, q):
     """E_r1 Sbar of a coated body as a Prony series at every q.
 
     Parameters
     ----------
-    body : Body with a Coating
+    coating : Coating
+    poisson : nu_1 of the layer [-]
     layer, base : (rest, weight, tau) of E_r of both materials, shapes (), (n,), (n,), n >= 0
     q : wavevectors [1/m], shape (nodes,)
 
     Returns
     -------
-    rest, weight, tau : shapes (nodes,), (nodes, terms), (nodes, terms)
+    Series : rest, weight, tau of the shapes (nodes,), (nodes, terms), (nodes, terms)
     """
-    free, size, of_layer, of_base = _in_series(body, q)
+    free, size, of_layer, of_base = _in_series(coating, poisson, q)
     rest, weight, tau = _times(layer, free)
     # Both pairs in one go, which is half to compile.
     pairs = two_in_series(_times(layer, of_layer.reshape(-1)), _times(base, jnp.tile(of_base, 2)))
     pairs = _times(pairs, size.reshape(-1))
     rests, weights, times = (x.reshape(2, q.size, *x.shape[1:]) for x in pairs)
-    return (
+    return Series(
         rest + rests.sum(0),
         jnp.concatenate([weight, *weights], -1),
         jnp.concatenate([jnp.broadcast_to(tau, weight.shape), *times], -1),
@@ -224,17 +257,17 @@ def _times(series, factor):
     return factor * rest, factor[:, None] * weight, tau
 
 
-def _in_series(body, q):
+def _in_series(coating, poisson, q):
     """What multiplies layer and base: alpha, and of both pairs the size, E_r1 and E_r0.
 
     w_k E_r1 and (1 - nu_0)/(1 - nu_1) w_k r_k E_r0 have a factor in common, the size, which may round
     to 0: without it their quotient remains.
     """
-    alpha, beta, ratio = _numbers(body)
-    free, R1, _, D0, D1, D2 = _rational(body.layer, alpha, beta, q)
-    root = jnp.sqrt(_discriminant(body.layer, alpha, beta, q))
-    parts, _ = _parts(body.layer, q)
-    skew = parts.one / parts.sum * _skew(body.layer, alpha, beta, q) / root
+    alpha, beta, ratio = _numbers(coating, poisson)
+    free, R1, _, D0, D1, D2 = _rational(coating, alpha, beta, q)
+    root = jnp.sqrt(_discriminant(coating, alpha, beta, q))
+    parts, _ = _parts(coating, q)
+    skew = parts.one / parts.sum * _skew(coating, alpha, beta, q) / root
     # Rounding may leave one below 0 where the other is far larger.
     size = jnp.maximum(jnp.stack([R1 + skew, R1 - skew]), 0.0)
     # D2 in the layer's factor alone: of a thin incompressible layer it is x^3, and its derivative x.

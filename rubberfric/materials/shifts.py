@@ -6,17 +6,31 @@ finite for every finite T.
 
 import math
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from rubberfric.base.checks import POSITIVE, check_increasing, check_lengths, check_values, is_concrete
-from rubberfric.base.objects import leaf, physical
+from rubberfric.base.objects import Kind, leaf, physical
 
 BOLTZMANN_EV = 8.617333262e-5  # Boltzmann constant [eV/K], CODATA 2018 (exact to the digits given)
 
 
+class Shift(Kind):
+    """ln a_T(T), the role of WLF, Arrhenius and TabulatedShift."""
+
+    def check_temperature(self, temperature: ArrayLike) -> None:
+        """Raise ValueError for concrete temperatures [K], any shape, that the law does not hold for."""
+        check_values("temperature", temperature, POSITIVE)
+
+    def log_factor(self, temperature: ArrayLike) -> jax.Array:
+        """ln a_T at temperature [K], any shape; within `largest_log_factor`, and finite its derivative."""
+        raise NotImplementedError(f"{type(self).__name__}.log_factor")
+
+
 @physical
-class WLF:
+class WLF(Shift):
     r"""Williams-Landel-Ferry shift, log10 a_T = -C1 (T - T_ref) / (C2 + T - T_ref).
 
     Parameters
@@ -47,11 +61,11 @@ class WLF:
         # Below the pole the formula changes sign; the glass is taken as saturated there.
         safe = jnp.where(distance > 0, distance, 1.0)
         log10 = jnp.where(distance > 0, -self.C1 * above / safe, jnp.inf)
-        return _saturate(log10 * math.log(10.0))  # a NumPy scalar would widen float32
+        return saturated(log10 * math.log(10.0))  # a NumPy scalar would widen float32
 
 
 @physical
-class Arrhenius:
+class Arrhenius(Shift):
     r"""Arrhenius shift, ln a_T = (energy / k_B) (1/T - 1/T_ref).
 
     Parameters
@@ -63,20 +77,16 @@ class Arrhenius:
     energy: float = leaf(POSITIVE)
     T_ref: float = leaf(POSITIVE)
 
-    def check_temperature(self, temperature):
-        """Raise ValueError for concrete temperatures that are not positive."""
-        check_values("temperature", temperature, POSITIVE)
-
     def log_factor(self, temperature):
         """ln a_T at temperature [K]."""
         # Below 1 K the factor is beyond all numbers; held there, it has a finite derivative at 0.
         temperature = jnp.maximum(temperature, 1.0)
         ratio = (self.T_ref - temperature) / (temperature * self.T_ref)
-        return _saturate(self.energy / BOLTZMANN_EV * ratio)
+        return saturated(self.energy / BOLTZMANN_EV * ratio)
 
 
 @physical
-class TabulatedShift:
+class TabulatedShift(Shift):
     r"""Shift factors from a table: ln a_T linear in T between the entries.
 
     The table is divided by its own value at T_ref, so that a_T(T_ref) = 1 also when
@@ -105,7 +115,8 @@ class TabulatedShift:
             self._inside("TabulatedShift.T_ref", self.T_ref)
 
     def _inside(self, name, temperature):
-        low, high = float(self.T[0]), float(self.T[-1])
+        # In a trace an entry of a concrete jax array is not concrete; one of a NumPy array is.
+        low, high = np.asarray(self.T)[[0, -1]].tolist()
         rule = (f"must be inside the table, {low:g} to {high:g} K", lambda T: (low <= T) & (high >= T))
         check_values(name, temperature, rule)
 
@@ -118,7 +129,7 @@ class TabulatedShift:
         """ln a_T at temperature [K]."""
         log_aT = jnp.log(self.aT)
         here = jnp.interp(temperature, self.T, log_aT)
-        return _saturate(here - jnp.interp(self.T_ref, self.T, log_aT))
+        return saturated(here - jnp.interp(self.T_ref, self.T, log_aT))
 
 
 def largest_log_factor(dtype):
@@ -126,9 +137,10 @@ def largest_log_factor(dtype):
     return 0.25 * float(np.log(float(jnp.finfo(dtype).max)))
 
 
-def _saturate(log_factor):
+def saturated(log_factor):
+    """ln a_T within the limits that keep a_T and its products finite."""
     limit = largest_log_factor(jnp.result_type(log_factor))
     return jnp.clip(log_factor, -limit, limit)
 
 
-__all__ = ["WLF", "Arrhenius", "TabulatedShift"]
+__all__ = ["WLF", "Arrhenius", "Shift", "TabulatedShift"]

@@ -1,17 +1,62 @@
 """Layers: how a finite thickness stiffens a solid, M = 2 / (q E_r Sbar(q d))."""
 
+from typing import ClassVar
+
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from rubberfric.base.checks import POSITIVE
-from rubberfric.base.objects import leaf, physical, static
+from rubberfric.base.objects import Kind, leaf, physical, static
+from rubberfric.materials.material import Material, Series
 
 # sinh(2x) - 2x = sum_{k>=1} (2x)^(2k+1) / (2k+1)!: exact to rounding for x <= 1.
 _SINH_SERIES = 1.0 / np.cumprod([6.0] + [(2 * k) * (2 * k + 1) for k in range(2, 13)])
 
 
+class Layer(Kind):
+    """What gives a body a finite thickness, the role of Slab and Coating.
+
+    A kind that `multiplies` answers `stiffening`, and all else follows; another answers the other three.
+    """
+
+    # Whether the layered solid is E_r(omega) times a real factor of q.
+    multiplies: ClassVar[bool] = True
+
+    @property
+    def relaxes(self) -> bool:
+        """Whether it has a solid of its own, beside the body's material, that relaxes."""
+        return False
+
+    def check_material(self, material: Material) -> None:
+        """ValueError if it cannot be a layer of this material, whose Poisson's ratio is a constant."""
+
+    def stiffening(self, poisson: ArrayLike, q: jax.Array) -> jax.Array:
+        """Sbar [-] at q [1/m], any shape: stiffness of the layered solid over that of the half-space."""
+        raise NotImplementedError(f"{type(self).__name__}.stiffening")
+
+    def static_reduced(self, material: Material, scale: ArrayLike, q: jax.Array) -> jax.Array:
+        """E_r(0) Sbar of a body of this material over a scale [Pa] at q, any shape."""
+        return material.static_reduced() / scale * self.stiffening(material.poisson, q)
+
+    def glassy_stiffening(self, material: Material, q: jax.Array) -> jax.Array:
+        """Sbar [-] at q where all of the body is glassy."""
+        return self.stiffening(material.poisson, q)
+
+    def reduced_series(self, material: Material, scale: ArrayLike, q: jax.Array) -> Series:
+        """E_r Sbar over a scale [Pa] at q, shape (nodes,), of a body of a material that has a series.
+
+        rest, weight, tau have the shapes (nodes,), (nodes, terms), (nodes, terms).
+        """
+        rest, weight, tau = material.reduced_series(scale)
+        factor = self.stiffening(material.poisson, q)
+        weight = factor[:, None] * weight
+        return Series(factor * rest, weight, jnp.broadcast_to(tau, weight.shape))
+
+
 @physical
-class Slab:
+class Slab(Layer):
     """A solid of finite thickness on a rigid base.
 
     Parameters
@@ -24,35 +69,33 @@ class Slab:
     thickness: float = leaf(POSITIVE)
     base: str = static(("bonded", "frictionless"), default="bonded")
 
+    def stiffening(self, poisson, q):
+        r"""Sbar(q d) [-]: stiffness of the layered solid over that of the half-space.
 
-def stiffening(layer, poisson, q):
-    r"""Sbar(q d) [-]: stiffness of the layered solid over that of the half-space.
+        Bonded [Scaraggi & Persson, below (A10), scaled by exp(-2x)], x = q d, a = 3 - 4 nu:
 
-    Bonded [Scaraggi & Persson, below (A10), scaled by exp(-2x)], x = q d, a = 3 - 4 nu:
+        .. math:: \bar S = \frac{2a\sinh^2 x + 2x^2 + 8(1-\nu)^2}{a(\sinh 2x - 2x) + 4(1-2\nu)x}
 
-    .. math:: \bar S = \frac{2a\sinh^2 x + 2x^2 + 8(1-\nu)^2}{a(\sinh 2x - 2x) + 4(1-2\nu)x}
+        Frictionless: coth x + x / sinh^2 x.
 
-    Frictionless: coth x + x / sinh^2 x.
+        Parameters
+        ----------
+        poisson : of the layer's material [-]
+        q : wavevector [1/m], any shape
 
-    Parameters
-    ----------
-    layer : Slab
-    poisson : of the layer's material [-]
-    q : wavevector [1/m], any shape
-
-    Limits: 1 for x -> infinity; bonded and incompressible 3/(2 x^3) for x -> 0, so
-    float32 overflows in Sbar^2 for x below 1e-6.
-    """
-    x = q * layer.thickness
-    # Beyond x = 60 every correction is below e^-120; the clip keeps x^2 e^-2x from inf * 0.
-    x = jnp.minimum(x, 60.0)
-    decay, rise = jnp.exp(-2 * x), -jnp.expm1(-2 * x)
-    if layer.base == "frictionless":
-        return (1 + decay) / rise + 4 * x * decay / rise**2
-    a = 3 - 4 * poisson
-    top = 0.5 * a * rise**2 + (2 * x**2 + 8 * (1 - poisson) ** 2) * decay
-    bottom = a * sinh_minus_linear(x, decay) + 4 * (1 - 2 * poisson) * x * decay
-    return top / bottom
+        Limits: 1 for x -> infinity; bonded and incompressible 3/(2 x^3) for x -> 0, so
+        float32 overflows in Sbar^2 for x below 1e-6.
+        """
+        x = q * self.thickness
+        # Beyond x = 60 every correction is below e^-120; the clip keeps x^2 e^-2x from inf * 0.
+        x = jnp.minimum(x, 60.0)
+        decay, rise = jnp.exp(-2 * x), -jnp.expm1(-2 * x)
+        if self.base == "frictionless":
+            return (1 + decay) / rise + 4 * x * decay / rise**2
+        a = 3 - 4 * poisson
+        top = 0.5 * a * rise**2 + (2 * x**2 + 8 * (1 - poisson) ** 2) * decay
+        bottom = a * sinh_minus_linear(x, decay) + 4 * (1 - 2 * poisson) * x * decay
+        return top / bottom
 
 
 def sinh_minus_linear(x, decay):

@@ -4,14 +4,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.materials.materials import (
-    Elastic,
-    Prony,
-    PronyShear,
-    Rigid,
-    TabulatedModulus,
-    complex_modulus,
-)
+from rubberfric.materials.material import Material, complex_modulus
+from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.plot.style import colours, legend, one_axes, vector
 
 _POINTS = 400
@@ -54,9 +48,7 @@ def plot_modulus(material, ax=None, omega=None, temperature=None, data=None):
     ------
     ValueError : the material is rigid or none; a temperature without a shift; a wrong omega, data or ax.
     """
-    if isinstance(material, Rigid) or not isinstance(
-        material, Elastic | Prony | PronyShear | TabulatedModulus
-    ):
+    if not isinstance(material, Material) or not material.deforms:
         raise ValueError(f"material is a {type(material).__name__}: must be one that deforms")
     _check_temperature(material, temperature)
     points = None if data is None else _shifted(material, temperature, data)
@@ -87,7 +79,7 @@ def plot_modulus(material, ax=None, omega=None, temperature=None, data=None):
 def _check_temperature(material, temperature):
     if temperature is None:
         return
-    if getattr(material, "shift", None) is None:
+    if material.shift is None:
         raise ValueError(f"temperature = {temperature!r}: must be None, for the material has no shift")
     if np.ndim(temperature) != 0:
         raise ValueError(f"temperature has shape {np.shape(temperature)}: must be one number")
@@ -96,7 +88,7 @@ def _check_temperature(material, temperature):
 
 def _log_shift(material, temperature):
     """ln a_T, 0 at the reference temperature."""
-    if temperature is None or getattr(material, "shift", None) is None:
+    if temperature is None or material.shift is None:
         return 0.0
     return np.asarray(material.shift.log_factor(jnp.asarray(temperature, float)), float)
 
@@ -105,10 +97,9 @@ def _range(material, temperature, known):
     """Frequencies over all that the material and the points at `known` frequencies show."""
     ends = [np.array([one.min(), one.max()]) for one in known]
     beyond = _BEYOND_TABLE
-    if isinstance(material, Prony | PronyShear):
+    if not isinstance(material, TabulatedModulus) and (own := material.frequency_range()) is not None:
         beyond = _BEYOND
-        rates = np.exp(-_log_shift(material, temperature)) / np.asarray(material.tau, float)
-        ends.append(np.array([rates.min(), rates.max()]))
+        ends.append(np.exp(-_log_shift(material, temperature)) * np.asarray(own, float))
     ends = np.concatenate(ends) if ends else np.array([1e-2, 1e2])  # elastic: any will do
     return np.geomspace(ends.min() / 10**beyond, ends.max() * 10**beyond, _POINTS)
 
@@ -133,9 +124,9 @@ def _shifted(material, temperature, data):
     at = getattr(data, "temperature", None)
     if at is not None:
         at = np.broadcast_to(np.asarray(at, float), omega.shape)
-        if getattr(material, "shift", None) is None and np.ptp(at) > 0:
+        if material.shift is None and np.ptp(at) > 0:
             raise ValueError("data.temperature: has several values; the material must have a shift then")
-        if getattr(material, "shift", None) is not None:
+        if material.shift is not None:
             material.shift.check_temperature(at)
         omega = omega * np.exp(_log_shift(material, at) - _log_shift(material, temperature))
     return omega, storage, loss

@@ -8,7 +8,7 @@ import numpy as np
 from rubberfric.plot.style import colours, legend, one_axes, vector
 from rubberfric.roughness.anisotropy import Anisotropic, TabulatedAnisotropic
 from rubberfric.roughness.moments import rms_slope
-from rubberfric.roughness.spectra import SelfAffine, TabulatedSpectrum, broken_power_law, log_power_spectrum
+from rubberfric.roughness.spectra import SelfAffine, TabulatedSpectrum, log_power_spectrum
 
 _POINTS = 200
 # Entries of a table that are drawn as points.
@@ -131,7 +131,7 @@ def _values(spectrum, q):
 
 @jax.jit
 def _log_C_and_slope(spectrum, q):
-    return log_power_spectrum(broken_power_law(spectrum), q), rms_slope(spectrum, q)
+    return log_power_spectrum(spectrum.power_law(), q), rms_slope(spectrum, q)
 
 
 def _draw(axes, right, curve, label, colour, style):

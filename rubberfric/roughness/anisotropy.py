@@ -6,13 +6,16 @@ with C(q) the mean over all directions, which heights and slopes follow from. A 
 C(q, phi + pi) = C(q, phi): even multiples only.
 """
 
+import dataclasses
+from typing import ClassVar
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.checks import FINITE, POSITIVE, check_increasing
-from rubberfric.base.objects import child, leaf, physical, static
-from rubberfric.roughness.spectra import broken_power_law, log_ratio, tabulated_law
+from rubberfric.base.objects import check_kind, child, leaf, physical, static
+from rubberfric.roughness.spectra import SelfAffine, Spectrum, log_ratio, tabulated_law
 
 # Directions of which the harmonics of a stretched surface are taken; exact to rounding up to
 # ratios of 30.
@@ -22,7 +25,7 @@ HARMONICS = (4, 8, 16, 32, 64)
 
 
 @physical
-class Anisotropic:
+class Anisotropic(Spectrum):
     r"""Self-affine roughness stretched in one direction.
 
     .. math:: C(q, \varphi) = C(q)\,\frac{D(\varphi - \alpha)}{\langle D\rangle},\qquad
@@ -42,18 +45,50 @@ class Anisotropic:
         ratio of 2, and 32 leave 3e-6 at 4.
     """
 
-    base: object = child(("SelfAffine",), optional=False)
+    endless: ClassVar[bool] = True
+
+    base: SelfAffine = child(SelfAffine, optional=False)
     ratio: float = leaf(POSITIVE)
     angle: float = leaf(FINITE, default=0.0)
     harmonics: int = static(HARMONICS, default=16)
 
-    def mean_law(self):
-        """BrokenPowerLaw of the mean over all directions."""
-        return broken_power_law(self.base)
+    def power_law(self):
+        """That of `base`."""
+        return self.base.power_law()
+
+    def height_scale(self):
+        """That of `base` [m]."""
+        return self.base.height_scale()
+
+    def cut(self, q1, piece, beyond):
+        """The same of `base`."""
+        return dataclasses.replace(self, base=self.base.cut(q1, piece, beyond))
+
+    def harmonic_count(self):
+        """As many as are kept."""
+        return self.harmonics
+
+    def harmonics_at(self, q):
+        """(c_m, s_m), m = 1 ... harmonics, shape (harmonics,) each: the same at every q."""
+        del q
+        return _turned(self._all_harmonics()[: self.harmonics], self.angle)
+
+    def harmonics_left_out(self):
+        """The sum over all that are not kept [-]."""
+        return jnp.sum(jnp.abs(self._all_harmonics()[self.harmonics :]))
+
+    def _all_harmonics(self):
+        """d_m of D / <D> = 1 + sum d_m cos 2m phi, m = 1 ... half the directions."""
+        phi = np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
+        ratio = jnp.asarray(self.ratio)
+        square = ratio * np.cos(phi).astype(ratio.dtype) ** 2 + np.sin(phi).astype(ratio.dtype) ** 2 / ratio
+        log_D = -(1 + self.base.hurst) * jnp.log(square)
+        D = jnp.exp(log_D - jax.lax.stop_gradient(jnp.max(log_D)))
+        return (jnp.fft.rfft(D).real * 2 / jnp.sum(D))[1:-1]
 
 
 @physical
-class TabulatedAnisotropic:
+class TabulatedAnisotropic(Spectrum):
     r"""Anisotropic spectrum from a table over wavevector and direction.
 
     ln of the mean over the directions is linear in ln q between the entries, as the quotient of
@@ -69,6 +104,8 @@ class TabulatedAnisotropic:
     Limits: harmonics up to (directions - 1) // 2 are kept, all that the table has.
     """
 
+    harmonics_vary: ClassVar[bool] = True
+
     q: object = leaf(POSITIVE, ndim=1)
     C: object = leaf(POSITIVE, ndim=2)
     angle: float = leaf(FINITE, default=0.0)
@@ -81,36 +118,35 @@ class TabulatedAnisotropic:
             )
         check_increasing("TabulatedAnisotropic.q", self.q)
 
-    def mean_law(self):
-        """BrokenPowerLaw of the mean over all directions."""
+    def power_law(self):
+        """That of the mean over all directions."""
         return tabulated_law(self.q, jnp.mean(self.C, 1))
 
+    def harmonic_count(self):
+        """All that the table has."""
+        return (self.C.shape[1] - 1) // 2
 
-def harmonic_count(spectrum):
-    """Highest m of the harmonics; 0 for an isotropic spectrum."""
-    if isinstance(spectrum, Anisotropic):
-        return spectrum.harmonics
-    if isinstance(spectrum, TabulatedAnisotropic):
-        return (spectrum.C.shape[1] - 1) // 2
-    return 0
+    def harmonics_at(self, q):
+        """(c_m, s_m) at q of any shape, (harmonics, *shape) each."""
+        count = self.harmonic_count()
+        even = jnp.fft.rfft(self.C, axis=1)[:, 1 : count + 1] * (2 / self.C.shape[1])
+        mean = jnp.mean(self.C, 1, keepdims=True)
+        cosine, sine = even.real / mean, -even.imag / mean
+        m = np.arange(1, count + 1, dtype=mean.dtype)
+        turn_c, turn_s = jnp.cos(2 * m * self.angle), jnp.sin(2 * m * self.angle)
+        cosine, sine = cosine * turn_c - sine * turn_s, cosine * turn_s + sine * turn_c
+        position, knots = log_ratio(q, self.q[0]), log_ratio(self.q, self.q[0])
+        at = jax.vmap(lambda values: jnp.interp(position, knots, values), 1)
+        return at(cosine), at(sine)
 
+    def harmonics_left_out(self):
+        """The largest part that the highest harmonic has at any q of the table [-]."""
+        cosine, sine = self.harmonics_at(self.q)
+        return jnp.max(jnp.hypot(cosine[-1], sine[-1]))
 
-def stretched_harmonics(spectrum):
-    """(c_m, s_m) of an Anisotropic spectrum, m = 1 ... harmonics, shape (harmonics,) each."""
-    return _turned(_stretched(spectrum)[: spectrum.harmonics], spectrum.angle)
-
-
-def tabulated_harmonics(spectrum, q):
-    """(c_m, s_m) of a TabulatedAnisotropic spectrum at q of any shape, (harmonics, *shape) each."""
-    even = jnp.fft.rfft(spectrum.C, axis=1)[:, 1 : harmonic_count(spectrum) + 1] * (2 / spectrum.C.shape[1])
-    mean = jnp.mean(spectrum.C, 1, keepdims=True)
-    cosine, sine = even.real / mean, -even.imag / mean
-    m = np.arange(1, harmonic_count(spectrum) + 1, dtype=mean.dtype)
-    turn_c, turn_s = jnp.cos(2 * m * spectrum.angle), jnp.sin(2 * m * spectrum.angle)
-    cosine, sine = cosine * turn_c - sine * turn_s, cosine * turn_s + sine * turn_c
-    position, knots = log_ratio(q, spectrum.q[0]), log_ratio(spectrum.q, spectrum.q[0])
-    at = jax.vmap(lambda values: jnp.interp(position, knots, values), 1)
-    return at(cosine), at(sine)
+    def entries(self):
+        """C [m^4]."""
+        return self.C
 
 
 def harmonics_left_out(spectrum):
@@ -125,22 +161,8 @@ def harmonics_left_out(spectrum):
         part that the highest harmonic of its table has at any q, which shows whether the table has
         directions enough.
     """
-    if isinstance(spectrum, Anisotropic):
-        return jnp.sum(jnp.abs(_stretched(spectrum)[spectrum.harmonics :]))
-    if isinstance(spectrum, TabulatedAnisotropic):
-        cosine, sine = tabulated_harmonics(spectrum, spectrum.q)
-        return jnp.max(jnp.hypot(cosine[-1], sine[-1]))
-    return jnp.zeros(())
-
-
-def _stretched(spectrum):
-    """d_m of D / <D> = 1 + sum d_m cos 2m phi, m = 1 ... half the directions."""
-    phi = np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
-    ratio = jnp.asarray(spectrum.ratio)
-    square = ratio * np.cos(phi).astype(ratio.dtype) ** 2 + np.sin(phi).astype(ratio.dtype) ** 2 / ratio
-    log_D = -(1 + spectrum.base.hurst) * jnp.log(square)
-    D = jnp.exp(log_D - jax.lax.stop_gradient(jnp.max(log_D)))
-    return (jnp.fft.rfft(D).real * 2 / jnp.sum(D))[1:-1]
+    check_kind("spectrum", spectrum, Spectrum)
+    return spectrum.harmonics_left_out()
 
 
 def _turned(size, angle):

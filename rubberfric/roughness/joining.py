@@ -14,10 +14,10 @@ from rubberfric.base.checks import shown
 from rubberfric.roughness.moments import moment
 from rubberfric.roughness.spectra import (
     TabulatedSpectrum,
-    broken_power_law,
     log_power_spectrum,
     log_ratio,
     mean_growth,
+    power_law_of,
 )
 
 METHODS = ("crossover", "mean")
@@ -112,7 +112,7 @@ def join_spectra(*spectra, method="crossover", weights=(0.5, 0.5)):
 
 def _join(lower, upper, share, number):
     """(TabulatedSpectrum, Joint) of two spectra; share None: a cross-over."""
-    laws = [broken_power_law(one) for one in (lower, upper)]
+    laws = [power_law_of(one) for one in (lower, upper)]
     (a, b), (qa, qb) = laws, (np.asarray(law.q, float) for law in laws)
     for i, (law, q) in enumerate(zip(laws, (qa, qb), strict=True)):
         if not isinstance(law.height2, jax.core.Tracer) and not law.height2 > 0:
@@ -200,7 +200,7 @@ def resample(spectrum, q=None, *, per_decade=None, preserve=False):
     0.9 % and 0.03 % at 10 entries a decade, of a scattering measured table by per cents.
     Differentiable in the spectrum's C and heights.
     """
-    law = broken_power_law(spectrum)
+    law = power_law_of(spectrum)
     if (q is None) == (per_decade is None):
         raise ValueError("resample: must be given one of q and per_decade")
     ends = np.asarray(law.q, float)[[0, -1]]

@@ -20,8 +20,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.base.quadrature import Quadrature, between, gauss, legendre_transform, typed
+from rubberfric.base.quadrature import Quadrature, gauss, legendre_transform, nodes_between, typed
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio
+
+
+class Between(NamedTuple):
+    """Nodes between the contact nodes, for integrals up to every one of them; (contact panels, nodes)."""
+
+    q: jax.Array  # [1/m]
+    roughness: tuple[jax.Array, ...]  # q^4 C_j there, times dt / d(node coordinate)
+    interpolate: jax.Array | None  # from angular nodes, (contact panels, nodes, angular_order), if asked for
 
 
 class Mesh(NamedTuple):
@@ -30,11 +38,9 @@ class Mesh(NamedTuple):
     angular_q: jax.Array  # wavevectors of the angular nodes [1/m], (angular panels, angular_order)
     q: jax.Array  # of the contact nodes [1/m], (contact panels, order)
     roughness: tuple[jax.Array, ...]  # q^4 C_j there, times the weight in an integral over ln q
-    between_q: jax.Array | None  # nodes between the contact nodes [1/m], for cumulative integrals
-    between_roughness: tuple[jax.Array, ...] | None  # q^4 C_j dt / d(node coordinate) there
+    between: Between | None  # if graded
     panel: jax.Array  # the angular panel that serves each contact panel, (contact panels,)
     interpolate: jax.Array  # from angular to contact nodes, (contact panels, order, angular_order)
-    between_interpolate: jax.Array | None  # to the nodes between, if asked for
     last: jax.Array  # largest wavevector of the roughness [1/m]
     panels_below: jax.Array | None  # how many contact panels lie below each border that was asked for
 
@@ -60,9 +66,9 @@ def build_mesh(
     ----------
     laws : of one rough surface or two
     quadrature : Quadrature
-    graded : whether there are panels graded towards the beginnings, and nodes for cumulative
-        integrals; without them the mesh is enough for G(q1), as the contact area needs.
-    logarithmic : whether there is the interpolation to the nodes for cumulative integrals.
+    graded : whether there are panels graded towards the beginnings, and nodes between; without them
+        the mesh is enough for G(q1), as the contact area needs.
+    logarithmic : whether there is the interpolation to the nodes between.
     borders : wavevectors that must be borders of contact panels [1/m], shape (n,), or None
         Integrals up to one are then sums over whole panels. One outside the roughness counts as
         its nearer end.
@@ -70,28 +76,28 @@ def build_mesh(
     begins = jnp.stack([law.q[0] for law in laws])
     leader = jnp.argmin(jax.lax.stop_gradient(begins))
     first = begins[leader]
-    kinks = [_from_first(law.q, first, leader == j) for j, law in enumerate(laws)]
     start = jnp.log(first)
+    kinks = [_from_first(law.q, first, leader == j) for j, law in enumerate(laws)]
     # Only beginnings and kinks carry gradients: where the other borders are does not matter.
     fixed_kinks = jax.lax.stop_gradient(kinks)
     end = functools.reduce(jnp.maximum, [kink[-1] for kink in fixed_kinks])
     width, uniform = _uniform_borders(laws, fixed_kinks, quadrature.panels)
     # These stay where they are when the first wavevector moves, from which t counts.
     uniform = uniform - (start - jax.lax.stop_gradient(start))
-    all_borders = [uniform, *kinks]
+    t = [uniform, *kinks]
     if graded:
         fractions = typed(quadrature.ratio ** (-2.0 * np.arange(1, quadrature.graded + 1)), end)
         # These hang on the beginning and move with it: fixed, the innermost panel, 1e-10
         # wide, would stretch with q0, and its quadrature error with it.
-        all_borders += [
+        t += [
             jnp.minimum(kink[0] + width(fixed[0]) * fractions, end)
             for kink, fixed in zip(kinks, fixed_kinks, strict=True)
         ]
     if borders is not None:
         # Selected, not clipped: a clip would give half the derivative to a border at an end.
         distance = log_ratio(jnp.where(borders >= first, borders, first), first)
-        all_borders.append(jnp.where(distance <= end, distance, end))
-    t = jnp.concatenate(all_borders)
+        t.append(jnp.where(distance <= end, distance, end))
+    t = jnp.concatenate(t)
     rank = _ranks(jax.lax.stop_gradient(t))
     t = jnp.sort(t)
     left, right = t[:-1], t[1:]
@@ -105,42 +111,38 @@ def build_mesh(
     begins = uniform.shape[0] + np.cumsum([0] + [kink.shape[0] for kink in kinks])
     pieces = [passed(int(begin), kink.shape[0]) - 1 for begin, kink in zip(begins, kinks, strict=False)]
     origin = _origin(fixed_kinks, pieces)
+    # The outer angular nodes move with the ends of the roughness: fixed, the contact nodes there
+    # would move along the interpolant, whose slope is 1e3 times less accurate than its values.
+    begin = functools.reduce(jnp.minimum, [kink[0] for kink in kinks])
+    last = functools.reduce(jnp.maximum, [kink[-1] for kink in kinks])
+    edges = jnp.concatenate([begin[None], uniform, last[None]])
 
     def at(coordinate):
         """t, dt / d coordinate and q^4 C_j at the same coordinates in [0, 1] of every panel."""
         relative, stretch = _node_map(left, right, origin, coordinate)
         nodes = left[:, None] + (right - left)[:, None] * relative
         spectra = zip(laws, kinks, pieces, strict=True)
-        roughness = tuple(_roughness(law, kink, piece, nodes, start) for law, kink, piece in spectra)
+        roughness = tuple(_roughness(*one, nodes, start) for one in spectra)
         return nodes, (right - left)[:, None] * stretch, roughness
 
     node, weight = (typed(table, t) for table in gauss(quadrature.order))
     nodes, measure, roughness = at(node)
-    between_q = between_roughness = between_interpolate = None
+    between, serving = None, (edges[panel], edges[panel + 1], quadrature.angular_order)
     if graded:
-        inner, inner_measure, inner_roughness = at(typed(between(quadrature.order), t))
-        between_q = jnp.exp(start + inner)
-        between_roughness = tuple(values * inner_measure for values in inner_roughness)
-    # The outer angular nodes move with the ends of the roughness: fixed, the contact nodes there
-    # would move along the interpolant, whose slope is 1e3 times less accurate than its values.
-    begin = functools.reduce(jnp.minimum, [kink[0] for kink in kinks])
-    last = functools.reduce(jnp.maximum, [kink[-1] for kink in kinks])
-    edges = jnp.concatenate([begin[None], uniform, last[None]])
-    serving = edges[panel], edges[panel + 1], quadrature.angular_order
-    if graded and logarithmic:
-        between_interpolate = _interpolation(inner, *serving)
+        inner, inner_measure, inner_roughness = at(typed(nodes_between(quadrature.order), t))
+        between = Between(
+            q=jnp.exp(start + inner),
+            roughness=tuple(values * inner_measure for values in inner_roughness),
+            interpolate=_interpolation(inner, *serving) if logarithmic else None,
+        )
     angular_node = typed(gauss(quadrature.angular_order)[0], t)
-    angular_nodes = edges[:-1, None] + jnp.diff(edges)[:, None] * angular_node
-
     return Mesh(
-        angular_q=jnp.exp(start + angular_nodes),
+        angular_q=jnp.exp(start + (edges[:-1, None] + jnp.diff(edges)[:, None] * angular_node)),
         q=jnp.exp(start + nodes),
         roughness=tuple(values * (measure * weight) for values in roughness),
-        between_q=between_q,
-        between_roughness=between_roughness,
+        between=between,
         panel=panel,
         interpolate=_interpolation(nodes, *serving),
-        between_interpolate=between_interpolate,
         last=jnp.exp(start + last),
         panels_below=None if borders is None else rank[-borders.shape[0] :],
     )

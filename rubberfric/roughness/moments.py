@@ -6,21 +6,11 @@ r"""Moments of a roughness spectrum up to a wavevector: heights, slopes, and whe
 A spectrum is a broken power law, so both a moment and its inverse are closed piece by piece.
 """
 
-import dataclasses
-
 import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.checks import POSITIVE, check_values, is_concrete
-from rubberfric.roughness.anisotropy import Anisotropic
-from rubberfric.roughness.spectra import (
-    SelfAffine,
-    TabulatedSpectrum,
-    broken_power_law,
-    log_plateau,
-    log_ratio,
-    mean_growth,
-)
+from rubberfric.roughness.spectra import log_ratio, mean_growth, power_law_of
 
 
 def cumulative_moment(law, order, distance):
@@ -71,7 +61,7 @@ def moment(spectrum, order):
 
     order 0: h_rms^2 [m^2]; 2: mean square slope [-]; 4: mean square curvature [1/m^2].
     """
-    return cumulative_moment(broken_power_law(spectrum), order, jnp.inf)
+    return cumulative_moment(power_law_of(spectrum), order, jnp.inf)
 
 
 def rms_height(spectrum, q=None):
@@ -106,8 +96,7 @@ def rms_slope(spectrum, q=None):
 
 
 def _root_moment(spectrum, order, q):
-    spectrum = _of_all_directions(spectrum)
-    law = broken_power_law(spectrum)
+    law = power_law_of(spectrum)
     distance = jnp.inf
     if q is not None:
         check_values("q", q, POSITIVE)
@@ -118,13 +107,7 @@ def _root_moment(spectrum, order, q):
     square = cumulative_moment(law._replace(height2=jnp.ones_like(law.height2)), order, distance)
     rough = square > 0
     root = jnp.where(rough, jnp.sqrt(jnp.where(rough, square, 1.0)), 0.0)
-    height = spectrum.h_rms if isinstance(spectrum, SelfAffine) else jnp.sqrt(law.height2)
-    return height * root
-
-
-def _of_all_directions(spectrum):
-    """The isotropic spectrum with the heights and slopes of a stretched one."""
-    return spectrum.base if isinstance(spectrum, Anisotropic) else spectrum
+    return spectrum.height_scale() * root
 
 
 def cutoff(spectrum, rms_slope=1.3):
@@ -155,16 +138,19 @@ def cutoff(spectrum, rms_slope=1.3):
     Limits: closed form, differentiable; `rms_slope` at the result is good to 1e-13. A slope that
     grows like ln q (H = 1) may put it beyond the floating-point range: infinite.
     """
+    return _cut(spectrum, rms_slope)[0]
+
+
+def _cut(spectrum, rms_slope):
+    """The wavevector with the slope, the piece that it is in and ln of it over the piece's left end."""
     check_values("rms_slope", rms_slope, POSITIVE)
-    spectrum = _of_all_directions(spectrum)
-    law = broken_power_law(spectrum)
-    piece, beyond, reachable = _where_reached(law, jnp.asarray(rms_slope), isinstance(spectrum, SelfAffine))
+    law = power_law_of(spectrum)
+    piece, beyond, reachable = _where_reached(law, jnp.asarray(rms_slope), spectrum.endless)
     if is_concrete(reachable) and not np.all(reachable):
         has = float(_root_moment(spectrum, 2, None))
         shown = float(np.asarray(rms_slope)[~np.asarray(reachable)].flat[0])
         raise ValueError(f"rms_slope = {shown!r}: must be at most {has:.6g}, the slope of the whole spectrum")
-    q = law.q[piece] * jnp.exp(beyond)
-    return jnp.where(reachable, q, jnp.inf)
+    return jnp.where(reachable, law.q[piece] * jnp.exp(beyond), jnp.inf), piece, beyond
 
 
 def _where_reached(law, slope, endless):
@@ -215,23 +201,5 @@ def with_cutoff(spectrum, rms_slope=1.3):
     ------
     ValueError : as `cutoff`, or another kind of spectrum.
     """
-    if isinstance(spectrum, Anisotropic):
-        return dataclasses.replace(spectrum, base=with_cutoff(spectrum.base, rms_slope))
-    if not isinstance(spectrum, SelfAffine | TabulatedSpectrum):
-        raise ValueError(
-            f"spectrum is a {type(spectrum).__name__}: must be SelfAffine, Anisotropic or TabulatedSpectrum"
-        )
-    q1 = cutoff(spectrum, rms_slope)
-    if isinstance(spectrum, SelfAffine):
-        qr = jnp.minimum(spectrum.qr, q1)
-        unit = SelfAffine(spectrum.q0, qr, q1, spectrum.hurst, 1.0)
-        # h^2 = qr^2 C0 / e^(log plateau), with the same C0: which itself may underflow.
-        growth = 0.5 * (log_plateau(spectrum) - log_plateau(unit))
-        return dataclasses.replace(unit, h_rms=spectrum.h_rms * (qr / spectrum.qr) * jnp.exp(growth))
-    law, index = broken_power_law(spectrum), np.arange(spectrum.q.shape[0])
-    piece, beyond, _ = _where_reached(law, jnp.asarray(rms_slope), False)
-    share = (index - piece) / jnp.maximum(index[-1] - piece, 1)
-    move = jnp.where(index > piece, share, 0.0) * beyond
-    kept = jnp.minimum(index, piece)
-    C = spectrum.C[kept] * jnp.exp((law.exponent[piece] - 2) * move)
-    return TabulatedSpectrum(spectrum.q[kept] * jnp.exp(move), C)
+    reached = _cut(spectrum, rms_slope)
+    return spectrum.cut(*reached)

@@ -37,7 +37,7 @@ from rubberfric.base.checks import (
     shown,
 )
 from rubberfric.base.quadrature import gauss, typed
-from rubberfric.roughness.spectra import broken_power_law, log_ratio, mean_growth
+from rubberfric.roughness.spectra import log_ratio, mean_growth, power_law_of
 
 # What C is multiplied by, for a line after the self-affine factor.
 NORMALISATIONS = {"C": 1.0, "C_iso": 4 * math.pi**2, "C_1D": 1.0, "C_1D_surfacetopography": 2 * math.pi}
@@ -140,7 +140,7 @@ def line_spectrum(spectrum, q):
     Differentiable in the spectrum and in q, except where C jumps (its ends): C_1D has the slope of
     a square root there.
     """
-    law = broken_power_law(spectrum)
+    law = power_law_of(spectrum)
     q = _positive("q", q)
     pieces = (law.q[:-1], law.q[1:], law.log_value[:-1], law.exponent, jnp.ones_like(law.exponent))
     return 2 * law.height2 * _abel(q, *pieces)

@@ -10,10 +10,12 @@ model needs no other knowledge of it, and C itself, which underflows float32 in 
 (1e-39 m^4 at q = 1e9 1/m), is never formed.
 """
 
-from typing import NamedTuple
+import dataclasses
+from typing import ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from rubberfric.base.checks import (
     NONNEGATIVE,
@@ -21,13 +23,74 @@ from rubberfric.base.checks import (
     between,
     check_increasing,
     check_lengths,
+    either,
     is_concrete,
 )
-from rubberfric.base.objects import leaf, physical
+from rubberfric.base.objects import Kind, check_kind, kinds, leaf, physical
+
+
+class BrokenPowerLaw(NamedTuple):
+    """q^2 C(q) = height2 * exp(log_value) at the kinks, a power of q between them."""
+
+    q: jax.Array  # wavevectors of the kinks [1/m], ascending, shape (n,)
+    log_value: jax.Array  # ln(q^2 C / height2) at the kinks, shape (n,)
+    exponent: jax.Array  # d ln(q^2 C) / d ln q of the pieces, shape (n - 1,)
+    height2: jax.Array  # scale [m^2]; may be 0, so it stays out of the logarithm
+
+
+class Spectrum(Kind):
+    """A roughness power spectrum, the role of SelfAffine, TabulatedSpectrum and the anisotropic ones.
+
+    A kind is a subclass that answers `power_law`.
+    """
+
+    # Whether its last piece goes on beyond the last wavevector when one is looked for at a given slope.
+    endless: ClassVar[bool] = False
+    # Whether `harmonics_at` differs from wavevector to wavevector.
+    harmonics_vary: ClassVar[bool] = False
+
+    def power_law(self) -> BrokenPowerLaw:
+        """The spectrum, averaged over all directions, as kinks and exponents."""
+        raise NotImplementedError(f"{type(self).__name__}.power_law")
+
+    def height_scale(self) -> jax.Array:
+        """The root of `power_law().height2` [m], with a derivative where it is 0."""
+        return jnp.sqrt(self.power_law().height2)
+
+    def cut(self, q1: jax.Array, piece: jax.Array, beyond: jax.Array) -> "Spectrum":
+        """The spectrum that ends at q1 [1/m], C(q) the same below.
+
+        Parameters
+        ----------
+        q1 : as `piece` and `beyond` say
+        piece : of the power law, in which q1 lies
+        beyond : ln of q1 over the left end of that piece
+        """
+        can = [name for name, kind in kinds(Spectrum).items() if kind.cut is not Spectrum.cut]
+        raise ValueError(f"spectrum is a {type(self).__name__}: must be {either(can)}")
+
+    def harmonic_count(self) -> int:
+        """Highest m of the harmonics cos(2 m phi), sin(2 m phi); 0 for an isotropic spectrum."""
+        return 0
+
+    def harmonics_at(self, q: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """(c_m, s_m), m = 1 ... harmonic_count, at q [1/m].
+
+        Shape (harmonics,) each; (harmonics, *q.shape) if they vary.
+        """
+        raise NotImplementedError(f"{type(self).__name__}.harmonics_at")
+
+    def harmonics_left_out(self) -> jax.Array:
+        """How much of the roughness is in harmonics that are not kept [-], a scalar."""
+        return jnp.zeros(())
+
+    def entries(self) -> jax.Array | None:
+        """C of the entries of a table [m^4]; None of a formula."""
+        return None
 
 
 @physical
-class SelfAffine:
+class SelfAffine(Spectrum):
     r"""Self-affine fractal with a plateau, given by its rms height.
 
     .. math:: C = C_0 \; (q_0 < q < q_r), \qquad C = C_0 (q/q_r)^{-2(1+H)} \; (q_r < q < q_1)
@@ -40,6 +103,8 @@ class SelfAffine:
     hurst : H [-], 0 ... 1
     h_rms : root-mean-square height of all q0 < q < q1 [m], >= 0
     """
+
+    endless: ClassVar[bool] = True
 
     q0: float = leaf(POSITIVE)
     qr: float = leaf(POSITIVE)
@@ -60,6 +125,28 @@ class SelfAffine:
         scale = qr * jnp.exp(-0.5 * log_plateau(unit))
         return cls(q0, qr, q1, hurst, scale * jnp.sqrt(C0))
 
+    def power_law(self):
+        """Two pieces, the plateau and the power law beyond it."""
+        q = jnp.stack([jnp.asarray(x) for x in (self.q0, self.qr, self.q1)])
+        to_rolloff, beyond = log_ratio(q[1], q[0]), log_ratio(q[2], q[1])
+        top = log_plateau(self)
+        exponent = jnp.stack([jnp.full_like(top, 2.0), -2.0 * self.hurst + 0 * top])
+        log_value = jnp.stack([top - 2 * to_rolloff, top, top + exponent[1] * beyond])
+        return BrokenPowerLaw(q, log_value, exponent, self.h_rms**2)
+
+    def height_scale(self):
+        """h_rms [m]."""
+        return self.h_rms
+
+    def cut(self, q1, piece, beyond):
+        """The same plateau C0, q0 and H up to q1; qr = q1 if that lies on the plateau."""
+        del piece, beyond
+        qr = jnp.minimum(self.qr, q1)
+        unit = SelfAffine(self.q0, qr, q1, self.hurst, 1.0)
+        # h^2 = qr^2 C0 / e^(log plateau), with the same C0: which itself may underflow.
+        growth = 0.5 * (log_plateau(self) - log_plateau(unit))
+        return dataclasses.replace(unit, h_rms=self.h_rms * (qr / self.qr) * jnp.exp(growth))
+
 
 def _check_order(q0, qr, q1):
     if not q0 <= qr:
@@ -71,7 +158,7 @@ def _check_order(q0, qr, q1):
 
 
 @physical
-class TabulatedSpectrum:
+class TabulatedSpectrum(Spectrum):
     """Power spectrum from a table: ln C linear in ln q between the entries, zero outside.
 
     A power law is reproduced exactly. Values and gradients are exact integrals of this
@@ -92,31 +179,29 @@ class TabulatedSpectrum:
             raise ValueError(f"TabulatedSpectrum.q has {self.q.shape[0]} entries: must have at least 2")
         check_increasing("TabulatedSpectrum.q", self.q)
 
+    def power_law(self):
+        """A piece between every two entries."""
+        return tabulated_law(self.q, self.C)
 
-class BrokenPowerLaw(NamedTuple):
-    """q^2 C(q) = height2 * exp(log_value) at the kinks, a power of q between them."""
+    def cut(self, q1, piece, beyond):
+        """The same number of entries, those beyond q1 moved into the interval that it ends."""
+        del q1
+        law, index = self.power_law(), np.arange(self.q.shape[0])
+        share = (index - piece) / jnp.maximum(index[-1] - piece, 1)
+        move = jnp.where(index > piece, share, 0.0) * beyond
+        kept = jnp.minimum(index, piece)
+        C = self.C[kept] * jnp.exp((law.exponent[piece] - 2) * move)
+        return TabulatedSpectrum(self.q[kept] * jnp.exp(move), C)
 
-    q: jax.Array  # wavevectors of the kinks [1/m], ascending, shape (n,)
-    log_value: jax.Array  # ln(q^2 C / height2) at the kinks, shape (n,)
-    exponent: jax.Array  # d ln(q^2 C) / d ln q of the pieces, shape (n - 1,)
-    height2: jax.Array  # scale [m^2]; may be 0, so it stays out of the logarithm
+    def entries(self):
+        """C [m^4]."""
+        return self.C
 
 
-def broken_power_law(spectrum):
-    """The spectrum, averaged over all directions, as kinks and exponents (see the module's docstring)."""
-    if isinstance(spectrum, SelfAffine):
-        q = jnp.stack([jnp.asarray(x) for x in (spectrum.q0, spectrum.qr, spectrum.q1)])
-        to_rolloff, beyond = log_ratio(q[1], q[0]), log_ratio(q[2], q[1])
-        top = log_plateau(spectrum)
-        exponent = jnp.stack([jnp.full_like(top, 2.0), -2.0 * spectrum.hurst + 0 * top])
-        log_value = jnp.stack([top - 2 * to_rolloff, top, top + exponent[1] * beyond])
-        return BrokenPowerLaw(q, log_value, exponent, spectrum.h_rms**2)
-    if isinstance(spectrum, TabulatedSpectrum):
-        return tabulated_law(spectrum.q, spectrum.C)
-    if not hasattr(spectrum, "mean_law"):  # of anisotropic roughness
-        kinds = "SelfAffine, TabulatedSpectrum, Anisotropic or TabulatedAnisotropic"
-        raise ValueError(f"spectrum is a {type(spectrum).__name__}: must be {kinds}")
-    return spectrum.mean_law()
+def power_law_of(spectrum: Spectrum) -> BrokenPowerLaw:
+    """Its `power_law`; ValueError if it is no spectrum."""
+    check_kind("spectrum", spectrum, Spectrum)
+    return spectrum.power_law()
 
 
 def tabulated_law(q, C):
@@ -133,7 +218,7 @@ def log_ratio(q, start):
 
 def power_spectrum(spectrum, q):
     """C(q) [m^4] at q [1/m], zero outside the spectrum's range; for plots and moments."""
-    law = broken_power_law(spectrum)
+    law = power_law_of(spectrum)
     q = jnp.asarray(q)
     inside = (q >= law.q[0]) & (q <= law.q[-1])
     return jnp.where(inside, law.height2 * jnp.exp(log_shape(law, q)), 0.0)

@@ -5,13 +5,12 @@ import jax.numpy as jnp
 
 from rubberfric.base.checks import between
 from rubberfric.base.objects import child, leaf, physical, static
-from rubberfric.materials.coating import Coating
-from rubberfric.materials.materials import VISCOELASTIC, Elastic, Prony, PronyShear, Rigid
-from rubberfric.roughness.anisotropy import harmonic_count
-
-MATERIALS = ("Rigid", "Elastic", "Prony", "PronyShear", "TabulatedModulus")
-SPECTRA = ("SelfAffine", "TabulatedSpectrum", "Anisotropic", "TabulatedAnisotropic")
-LAYERS = ("Slab", "Coating")
+from rubberfric.materials.material import Material
+from rubberfric.materials.slab import Layer
+from rubberfric.roughness.spectra import Spectrum
+from rubberfric.scene.heating import Heating
+from rubberfric.scene.shear import ContactShear
+from rubberfric.scene.softening import Softening
 
 
 @physical
@@ -27,22 +26,21 @@ class Body:
         (Coating, if the material is Elastic or Prony).
     """
 
-    material: object = child(MATERIALS, optional=False)
-    spectrum: object = child(SPECTRA, default=None)
-    layer: object = child(LAYERS, default=None)
+    material: Material = child(Material, optional=False)
+    spectrum: Spectrum | None = child(Spectrum, default=None)
+    layer: Layer | None = child(Layer, default=None)
 
     def _check(self):
-        if isinstance(self.material, Rigid) and self.layer is not None:
+        if self.layer is None:
+            return
+        if not self.material.deforms:
             raise ValueError("Body.layer: a rigid body has no layer; must be None")
-        if isinstance(self.material, PronyShear) and self.layer is not None:
+        if self.material.poisson is None:
             raise ValueError(
-                "Body.layer: a body of PronyShear is a half-space, for the factor of a layer depends on "
-                "Poisson's ratio; must be None"
+                f"Body.layer: a body of {type(self.material).__name__} is a half-space, for the factor of a "
+                "layer depends on Poisson's ratio; must be None"
             )
-        if isinstance(self.layer, Coating) and not isinstance(self.material, Elastic | Prony):
-            raise ValueError(
-                f"Body.material is a {type(self.material).__name__} with a Coating: must be Elastic or Prony"
-            )
+        self.layer.check_material(self.material)
 
 
 @physical
@@ -71,27 +69,27 @@ class Scene:
     Two rigid bodies raise ValueError: nothing would deform.
     """
 
-    lower: object = child(("Body",), optional=False)
-    upper: object = child(("Body",), optional=False)
+    lower: Body = child(Body, optional=False)
+    upper: Body = child(Body, optional=False)
     gamma: float = leaf(between(0.0, 1.0), default=0.5)
     area_correction: bool = static((False, True), default=False)
-    shear: object = child(("ContactShear",), default=None)
-    heating: object = child(("Heating",), default=None)
-    softening: object = child(("Softening",), default=None)
+    shear: ContactShear | None = child(ContactShear, default=None)
+    heating: Heating | None = child(Heating, default=None)
+    softening: Softening | None = child(Softening, default=None)
 
     def _check(self):
-        if isinstance(self.lower.material, Rigid) and isinstance(self.upper.material, Rigid):
+        if not (self.lower.material.deforms or self.upper.material.deforms):
             raise ValueError(
                 "Scene: lower.material and upper.material are both Rigid; one of the solids must deform"
             )
         if self.softening is not None and any(
-            harmonic_count(rough.spectrum) for rough, _ in rough_pairs(self)
+            spectrum.harmonic_count() for spectrum, _ in rough_surfaces(self)
         ):
             raise ValueError(
                 "Scene.softening: not together with anisotropic roughness; one of them must be left out"
             )
         if self.softening is not None and any(
-            isinstance(body.layer, Coating) for body in (self.lower, self.upper)
+            body.layer is not None and not body.layer.multiplies for body in (self.lower, self.upper)
         ):
             raise ValueError("Scene.softening: not together with a Coating; one of them must be left out")
 
@@ -118,21 +116,20 @@ def check_background(scene, where="", missing="temperature is missing"):
         raise ValueError(f"{where}{missing}: a scene with heating needs that far from the contact [K]")
 
 
-def rough_pairs(scene):
-    """(rough body, body facing it) for every body that has roughness, lower first."""
-    pairs = [(scene.lower, scene.upper), (scene.upper, scene.lower)]
-    return [(rough, other) for rough, other in pairs if rough.spectrum is not None]
+def rough_surfaces(scene: Scene) -> list[tuple[Spectrum, Body]]:
+    """(spectrum, body facing it) of every rough surface, that of the lower solid first."""
+    facing = [(scene.lower.spectrum, scene.upper), (scene.upper.spectrum, scene.lower)]
+    return [(spectrum, other) for spectrum, other in facing if spectrum is not None]
 
 
-def relaxes(body):
+def relaxes(body: Body) -> bool:
     """Whether a body is viscoelastic: its material, or what that is a coating of."""
-    base = body.layer.base if isinstance(body.layer, Coating) else None
-    return isinstance(body.material, VISCOELASTIC) or isinstance(base, VISCOELASTIC)
+    return body.material.relaxes or (body.layer is not None and body.layer.relaxes)
 
 
-def dissipates(scene):
+def dissipates(scene: Scene) -> bool:
     """Whether roughness excites a viscoelastic solid: else there is no viscoelastic friction."""
-    return any(relaxes(other) for _, other in rough_pairs(scene))
+    return any(relaxes(other) for _, other in rough_surfaces(scene))
 
 
 def result_dtype(*values):

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 
 from rubberfric.base.checks import NONNEGATIVE, POSITIVE
 from rubberfric.base.objects import child, leaf, physical
-from rubberfric.materials.materials import SHIFTS
+from rubberfric.materials.shifts import Shift
 
 _LN_10 = math.log(10.0)  # a Python float: a NumPy one would widen float32
 
@@ -42,7 +42,7 @@ class ContactShear:
     tau_f0: float = leaf(NONNEGATIVE)
     c: float = leaf(NONNEGATIVE)
     v0: float = leaf(POSITIVE)
-    shift: object = child(SHIFTS, default=None)
+    shift: Shift | None = child(Shift, default=None)
 
 
 def shear_friction(shear, area, velocity, pressure, temperature=None):

@@ -9,12 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.checks import is_concrete
-from rubberfric.materials.coating import Coating, coated_spring
-from rubberfric.materials.materials import Prony, PronyShear, Rigid, glassy_reduced
+from rubberfric.materials.coating import Coating
 from rubberfric.materials.shifts import largest_log_factor
-from rubberfric.materials.slab import stiffening
-from rubberfric.roughness.anisotropy import TabulatedAnisotropic
-from rubberfric.roughness.spectra import TabulatedSpectrum, broken_power_law
 from rubberfric.scene.scene import relaxes
 
 # Sbar^2 must not overflow.
@@ -27,26 +23,25 @@ def check_single(scene, temperature):
     """ValueError naming what in a scene of float32 numbers needs float64."""
     for name in ("lower", "upper"):
         body = getattr(scene, name)
-        if isinstance(body.spectrum, TabulatedSpectrum | TabulatedAnisotropic):
-            _check_table(f"{name}.spectrum.C", body.spectrum.C)
-        if isinstance(body.material, Rigid):
+        if body.spectrum is not None:
+            _check_table(f"{name}.spectrum.C", body.spectrum.entries())
+        if not body.material.deforms:
             continue
         if body.layer is not None:
             _check_layer(f"{name}.layer", body, _first_wavevectors(scene))
         deforming = _two_deform(scene)
         if isinstance(body.layer, Coating) and relaxes(body):
             deforming = True  # two solids of one body
-            if isinstance(body.layer.base, Prony):
-                _check_times(f"{name}.layer.base.tau", body.layer.base.tau)
-            if _liquid(body.material) and _liquid(body.layer.base):
+            _check_times(f"{name}.layer.base.tau", body.layer.base.relaxation_times())
+            if body.material.is_liquid() and body.layer.base.is_liquid():
                 raise ValueError(
                     f"{name}.material.E_inf and {name}.layer.base.E_inf are 0: one must be > 0 in float32; "
                     "use float64"
                 )
         # A relaxing shear is in series with the bulk modulus, whatever it faces.
-        if isinstance(body.material, PronyShear) or (isinstance(body.material, Prony) and deforming):
-            _check_times(f"{name}.material.tau", body.material.tau)
-    if _two_deform(scene) and all(_liquid(body.material) for body in (scene.lower, scene.upper)):
+        if deforming or body.material.always_in_series:
+            _check_times(f"{name}.material.tau", body.material.relaxation_times())
+    if _two_deform(scene) and all(body.material.is_liquid() for body in (scene.lower, scene.upper)):
         raise ValueError(
             "lower.material and upper.material are liquids, with an E_inf or G_inf of 0: one must be > 0 "
             "in float32; use float64"
@@ -64,31 +59,19 @@ def _part(scene, name):
 
 
 def _two_deform(scene):
-    return not any(isinstance(body.material, Rigid) for body in (scene.lower, scene.upper))
-
-
-def _liquid(material):
-    if not isinstance(material, Prony | PronyShear):
-        return False
-    rest = material.E_inf if isinstance(material, Prony) else material.G_inf
-    return is_concrete(rest) and not np.any(rest)
+    return scene.lower.material.deforms and scene.upper.material.deforms
 
 
 def _first_wavevectors(scene):
     spectra = [body.spectrum for body in (scene.lower, scene.upper) if body.spectrum is not None]
-    return [broken_power_law(s).q[0] for s in spectra]
+    return [s.power_law().q[0] for s in spectra]
 
 
 def _check_layer(name, body, wavevectors):
     for q in wavevectors:
         if not all(map(is_concrete, jax.tree.leaves((q, body.layer, body.material)))):
             continue
-        if isinstance(body.layer, Coating):
-            # The thinner, the more of it is the base.
-            layer, base = glassy_reduced(body.material), glassy_reduced(body.layer.base)
-            stiffer = float(jnp.max(coated_spring(body, layer, base, q) / layer))
-        else:
-            stiffer = float(jnp.max(stiffening(body.layer, body.material.poisson, q)))
+        stiffer = float(jnp.max(body.layer.glassy_stiffening(body.material, q)))
         if not stiffer < STIFFEST_LAYER:
             raise ValueError(
                 f"{name}.thickness = {float(body.layer.thickness):g}: so thin, it is {stiffer:.2g} times "
@@ -99,14 +82,14 @@ def _check_layer(name, body, wavevectors):
 
 def _check_table(name, C):
     smallest = float(jnp.finfo(jnp.float32).tiny)
-    if is_concrete(C) and np.min(C) < smallest:
+    if C is not None and is_concrete(C) and np.min(C) < smallest:
         raise ValueError(
             f"{name} has values below {smallest:.2g} m^4, the least that float32 holds; use float64"
         )
 
 
 def _check_times(name, tau):
-    if not is_concrete(tau):
+    if tau is None or not is_concrete(tau):
         return
     gaps = np.diff(np.sort(np.log10(np.asarray(tau, float))))
     if gaps.size and gaps.max() > DECADES:

@@ -21,7 +21,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.base.quadrature import between_weights, cumulative, typed
+from rubberfric.base.quadrature import cumulative, typed, weights_between
 from rubberfric.roughness.mesh import Mesh
 from rubberfric.scene.pairs import Pair
 from rubberfric.theory.quantities import Needs
@@ -33,13 +33,13 @@ from rubberfric.theory.stiffness.tabulated_means import log_power
 
 
 class Terms(NamedTuple):
-    """Terms of the integrals at points; axes (panels, points or 1, order), None where not needed."""
+    """Terms of the integrals at points; axes (panels, points or 1, order)."""
 
     panels: jax.Array  # integral of the density of g over every panel, (panels, points or 1)
     within: jax.Array | None  # the same from the left border of the panel to every contact node
-    dissipation: jax.Array | None = None  # of the friction, before the factor S P
-    storage: jax.Array | None = None  # of the separation, before the factor x Psi [m]
-    transverse: jax.Array | None = None  # of the transverse friction, as dissipation
+    # By kind: of the friction, "dissipation" and "transverse", before the factor S P, and of the separation,
+    # "storage", before the factor x Psi [m].
+    densities: dict[str, jax.Array]
 
 
 class StaticContribution(NamedTuple):
@@ -73,7 +73,7 @@ class InterpolatedContribution(NamedTuple):
         """
         means = self.excitation.means(mesh.angular_q, velocity, temperature)
         # Without integrals up to the nodes the weights are those of the angular panels themselves.
-        power = means.power if self.within is None else tuple(map(mesh.serving, means.power))
+        power = means["power"] if self.within is None else tuple(map(mesh.serving, means["power"]))
         return _terms(*_integrated(self.power, self.within, power), self.others, means, mesh.to_contact)
 
 
@@ -92,15 +92,15 @@ class LogarithmicContribution(NamedTuple):
     def terms(self, mesh: Mesh, velocity: jax.Array, temperature: jax.Array | None) -> Terms:
         """`Terms` at points; see `InterpolatedContribution.terms`."""
         means = self.excitation.means(mesh.angular_q, velocity, temperature)
-        logarithms = [log_power(mesh.serving(mean)) for mean in means.power]
+        logarithms = [log_power(mesh.serving(mean)) for mean in means["power"]]
 
         def interpolated(basis):
             return [jnp.exp(jnp.einsum("kvi,kci->kvc", logarithm, basis)) for logarithm in logarithms]
 
         within, (panels, _) = None, _integrated(self.power, None, interpolated(mesh.interpolate))
-        if self.between is not None:
+        if self.between is not None and mesh.between is not None:
             order = mesh.q.shape[1]
-            between = zip(self.between, interpolated(mesh.between_interpolate), strict=True)
+            between = zip(self.between, interpolated(mesh.between.interpolate), strict=True)
             shape = (*panels.shape, order, -1)
             gaps = total((w[:, None] * mean).reshape(shape).sum(-1) for w, mean in between)
             within = gaps @ np.triu(np.ones((order, order), gaps.dtype))
@@ -120,7 +120,7 @@ class DirectContribution(NamedTuple):
         if temperature is not None and temperature.ndim > 1:
             temperature = mesh.to_contact(temperature)
         means = self.excitation.means(mesh.q, velocity, temperature)
-        return _terms(*_integrated(self.power, self.within, means.power), self.others, means)
+        return _terms(*_integrated(self.power, self.within, means["power"]), self.others, means)
 
 
 Contribution = StaticContribution | InterpolatedContribution | LogarithmicContribution | DirectContribution
@@ -143,17 +143,17 @@ def contribution(pair: Pair, mesh: Mesh, j: int, scale: jax.Array, needs: Needs,
         return _static(pair, mesh, j, scale, needs)
     factors = factors_at(pair, mesh.q)
     power = factors.of("power", weights)
-    others = Means(
-        dissipation=factors.of("dissipation", weights) if needs.dissipation else None,
-        storage=factors.of("storage", weights / mesh.q) if needs.storage else None,
-        transverse=factors.of("transverse", weights) if needs.transverse and pair.harmonics else None,
-    )
+    others = {
+        kind: factors.of(kind, weights / mesh.q if kind == "storage" else weights)
+        for kind in needs.kinds
+        if kind != "power" and (kind != "transverse" or pair.harmonics)
+    }
     excited = excitation(pair, scale, mesh.q if pair.kinked else mesh.angular_q, needs, angle)
-    if mesh.between_q is not None:
-        between = factors_at(pair, mesh.between_q).of("power", mesh.between_roughness[j])
+    if mesh.between is not None:
+        between = factors_at(pair, mesh.between.q).of("power", mesh.between.roughness[j])
     if pair.steep:
         if between is not None:
-            gaps = typed(between_weights(mesh.q.shape[1]), weights).reshape(-1)
+            gaps = typed(weights_between(mesh.q.shape[1]), weights).reshape(-1)
             between = tuple(density * gaps for density in between)
         return LogarithmicContribution(excited, power, between, others)
     within = None
@@ -173,14 +173,13 @@ def contribution(pair: Pair, mesh: Mesh, j: int, scale: jax.Array, needs: Needs,
 
 def _static(pair, mesh, j, scale, needs):
     """A stiffness that does not relax is known at every q, and part of the weights."""
-    F, within, storage = static_stiffness(pair, scale, mesh.q), None, None
-    if mesh.between_q is not None:
-        density = mesh.between_roughness[j] * static_stiffness(pair, scale, mesh.between_q) ** 2
+    F, within = static_stiffness(pair, scale, mesh.q), None
+    if mesh.between is not None:
+        density = mesh.between.roughness[j] * static_stiffness(pair, scale, mesh.between.q) ** 2
         within = (density @ typed(cumulative(mesh.q.shape[1]), density).sum(-1))[:, None]
-    if needs.storage:
-        storage = (mesh.roughness[j] / mesh.q * F)[:, None]
+    densities = {"storage": (mesh.roughness[j] / mesh.q * F)[:, None]} if needs.storage else {}
     panels = jnp.sum(mesh.roughness[j] * F**2, -1)[:, None]
-    return StaticContribution(Terms(panels, within, storage=storage))
+    return StaticContribution(Terms(panels, within, densities))
 
 
 def _integrated(power, within, means):
@@ -201,15 +200,11 @@ def _integrated(power, within, means):
 
 def _terms(panels, within, others, means, at_contact=lambda mean: mean):
     """`Terms` of means that `at_contact` takes to the contact nodes."""
-
-    def weighed(kind):
-        weights = getattr(others, kind)
-        if weights is None:
-            return None
-        means_of_kind = getattr(means, kind)
-        return total(w[:, None] * at_contact(mean) for w, mean in zip(weights, means_of_kind, strict=True))
-
-    return Terms(panels, within, *map(weighed, ("dissipation", "storage", "transverse")))
+    densities = {}
+    for kind, weights in others.items():
+        pairs = zip(weights, means[kind], strict=True)
+        densities[kind] = total(w[:, None] * at_contact(mean) for w, mean in pairs)
+    return Terms(panels, within, densities)
 
 
 def total(terms: Iterable[jax.Array]) -> jax.Array:

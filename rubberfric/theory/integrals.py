@@ -10,7 +10,7 @@ temperature. G and the friction are in `rubberfric.theory.stress_fluctuation`; w
 and the transverse friction is the friction with sin(phi) in place of cos(phi).
 """
 
-import functools
+import dataclasses
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -70,11 +70,14 @@ def prepare(
     if not needs.power:
         return Prepared(needs, None, None, scene.shear)
     pairs = pairs_of(scene) if pairs is None else pairs
-    rough = functools.partial(_rough, scene, pairs, needs=needs)
-    roughness, thermal = rough(quadrature, borders=borders), None
+    roughness, thermal = _rough(scene, pairs, quadrature, needs, borders), None
     if scene.heating is not None:
-        coarse = rough(COARSE) if feeds_back(scene) else None
-        thermal = prepare_thermal(scene, pairs, roughness.mesh, quadrature.heat, coarse, COARSE.heat)
+        coarse = None
+        if feeds_back(scene):
+            # The tables of angular means are those of the scene.
+            few = dataclasses.replace(COARSE, angle=quadrature.angle)
+            coarse = _rough(scene, pairs, few, needs_of(scene, ("flash_temperature",)))
+        thermal = prepare_thermal(scene, roughness, quadrature.heat, coarse, COARSE.heat)
     return Prepared(needs, roughness, thermal, scene.shear)
 
 
@@ -91,6 +94,7 @@ def _rough(scene, pairs, quadrature, needs, borders=None):
     return Roughness(
         mesh,
         tuple(contribution(pair, mesh, j, scale, needs, quadrature.angle) for j, pair in enumerate(pairs)),
+        tuple(pair.side for pair in pairs),
         scale,
         scene.gamma,
         correction_table(scene.gamma) if scene.area_correction and needs.area else None,
@@ -162,7 +166,7 @@ def _integrated(contact, parts):
         if name in parts and (terms := contact.friction_terms(kind)):
             found[name] = total(jnp.sum(values, (0, 2)) for values in terms.values())
     if "separation" in parts:
-        density = total(terms.storage for terms in contact.terms)
+        density = total(terms.densities["storage"] for terms in contact.terms)
         weight = separation_weight(contact.x, contact.gamma)
         found["separation"] = jnp.pi / 2 * contact.stiffness * jnp.sum(weight * density, (0, 2))
     return found

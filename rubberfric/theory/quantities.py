@@ -6,8 +6,7 @@ from typing import NamedTuple
 
 import jax
 
-from rubberfric.roughness.anisotropy import harmonic_count
-from rubberfric.scene.scene import Scene, dissipates, relaxes, rough_pairs
+from rubberfric.scene.scene import Scene, dissipates, relaxes, rough_surfaces
 
 QUANTITIES = ("area", "friction", "separation")
 
@@ -40,6 +39,12 @@ class Needs:
         return Needs(*(one or two for one, two in pairs))
 
     @property
+    def kinds(self) -> tuple[str, ...]:
+        """Which means over the direction of sliding are needed."""
+        kinds = ("power", "dissipation", "storage", "transverse")
+        return tuple(kind for kind in kinds if getattr(self, kind))
+
+    @property
     def everywhere(self) -> bool:
         """Whether G is needed at every wavevector, not at the largest alone."""
         return self.dissipation or self.storage or self.transverse
@@ -68,7 +73,7 @@ def parts_of(quantities: Iterable[str]) -> set[str]:
 def needs_of(scene: Scene, quantities: Iterable[str]) -> Needs:
     """What quantities need of a scene; nothing is integrated for those that are constant in it."""
     needs = Needs()
-    if not rough_pairs(scene):
+    if not rough_surfaces(scene):
         return needs
     absent = set()
     if scene.shear is None:
@@ -86,7 +91,7 @@ def needs_of(scene: Scene, quantities: Iterable[str]) -> Needs:
 
 def quantities_of(scene: Scene) -> tuple[str, ...]:
     """All quantities that say something about a scene: the three, and what its parts add to them."""
-    names = list(QUANTITIES)
+    names: list[str] = list(QUANTITIES)
     if scene.shear is not None:
         names += ["viscoelastic_friction", "shear_friction"]
     if pulls_aside(scene):
@@ -98,4 +103,4 @@ def quantities_of(scene: Scene) -> tuple[str, ...]:
 
 def pulls_aside(scene: Scene) -> bool:
     """Whether roughness that differs with the direction strains a viscoelastic solid."""
-    return any(harmonic_count(rough.spectrum) and relaxes(other) for rough, other in rough_pairs(scene))
+    return any(spectrum.harmonic_count() and relaxes(other) for spectrum, other in rough_surfaces(scene))

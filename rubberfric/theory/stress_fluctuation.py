@@ -51,8 +51,7 @@ class Contact(NamedTuple):
         -------
         dict from the number of the contribution to an array (panels, points, order), whose sum is mu [-]
         """
-        found = {j: getattr(terms, kind) for j, terms in enumerate(self.terms)}
-        found = {j: density for j, density in found.items() if density is not None}
+        found = {j: one.densities[kind] for j, one in enumerate(self.terms) if kind in one.densities}
         if not found:
             return {}
         weight = jnp.pi * self.stiffness[:, None] * friction_weight(self.corrected(self.x), self.gamma)
@@ -68,6 +67,7 @@ class Roughness(NamedTuple):
 
     mesh: Mesh
     contributions: tuple[Contribution, ...]
+    strained: tuple[str, ...]  # which solid each of them strains: "lower" or "upper"
     scale: jax.Array  # unit of all moduli [Pa]
     gamma: jax.Array
     correction: CorrectionTable | None  # of S in G

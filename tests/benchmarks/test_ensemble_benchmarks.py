@@ -13,11 +13,11 @@ import subprocess
 import sys
 
 import pytest
-from support.folders import ROOT
+from support.folders import PYTHONPATH, ROOT
 
 pytestmark = pytest.mark.benchmark
 
-PROGRAM = ROOT / "tests" / "support" / "ensemble_twin.py"
+PROGRAM = ROOT / "tests" / "support" / "ensembles" / "ensemble_twin.py"
 CORES = len(os.sched_getaffinity(0))
 MEMBERS = int(os.environ.get("MEMBERS", 256))
 LARGEST = int(os.environ.get("LARGEST", 1000))
@@ -27,8 +27,7 @@ POINTS, PARAMETERS = 240, 20
 
 def measured(what, members, *options, devices=CORES):
     """What `ensemble_twin.py` says."""
-    paths = f"{PROGRAM.parents[1]}{os.pathsep}{os.environ.get('PYTHONPATH', '')}"
-    environment = os.environ | {"JAX_NUM_CPU_DEVICES": str(devices), "PYTHONPATH": paths}
+    environment = os.environ | {"JAX_NUM_CPU_DEVICES": str(devices), "PYTHONPATH": PYTHONPATH}
     command = [sys.executable, str(PROGRAM), what, str(members), *options]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr

@@ -18,7 +18,7 @@ import numpy as np
 import pytest
 import scipy.optimize
 import scipy.special
-from support.twin import FREE, GUESS, TRUTH, twin
+from support.ensembles.twin import FREE, GUESS, TRUTH, twin
 
 import rubberfric as rf
 from fitting.parameters.layout import to_scene

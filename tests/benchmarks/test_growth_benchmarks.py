@@ -43,7 +43,7 @@ def test_growth(growth):
         assert row["peak"] < 2000
 
 
-def test_page_and_figure_of_what_was_measured(growth, tmp_path, monkeypatch):
+def test_page_and_figure_of_what_was_measured(growth, tmp_path):
     """The committed page is that of the committed figures; a GPU's lines would join them."""
     store = json.loads(growth.STORE.read_text())
     lines = list(growth.page(store))

@@ -14,16 +14,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.folders import DATA, ROOT
-from support.operations import costly, per_point
+from support.counting.operations import costly, per_point
+from support.folders import ROOT
+from support.scenes.kinds import PRESSURE, VELOCITY, scenes
 
 import rubberfric as rf
-from rubberfric.io.files import read_scene_file
 
 pytestmark = pytest.mark.benchmark
 
-VELOCITY = np.logspace(-6, 1, 50)
-PRESSURE = 2e5
 
 HEADER = """# What a scene costs
 
@@ -61,31 +59,6 @@ on {machine}.
 """
 
 
-def scenes():
-    """Kinds of scenes by name: (scene, temperature or None)."""
-    found = {}
-    for name, file in {
-        "smooth rubber on a rigid road": "tread_on_asphalt",
-        "rough rubber on a rigid road": "rough_tread_on_asphalt",
-        "two rough rubbers": "two_rubbers",
-        "a rubber layer on a rigid road": "thin_layer",
-        "with contact shear": "sheared_tread_on_asphalt",
-        "tabulated modulus and spectrum": "tabulated_tread",
-    }.items():
-        read = read_scene_file(DATA / f"{file}.toml")
-        T = read.conditions.temperature
-        found[name] = read.scene, None if T is None else float(T[0])
-    plain = found["smooth rubber on a rigid road"][0]
-    road, rubber = sorted((plain.lower, plain.upper), key=lambda body: body.spectrum is None)
-    rigid = rf.Body(rf.Rigid())
-    found["smooth on smooth"] = rf.Scene(rubber, rigid), None
-    worn = rf.Body(rubber.material, road.spectrum)
-    found["rough rubber on a smooth rigid solid (case II)"] = rf.Scene(worn, rigid), None
-    found["elastic block on a rigid road"] = rf.Scene(rf.Body(rf.Elastic(1e7, 0.4)), road), None
-    found["S in G"] = rf.Scene(rubber, road, area_correction=True), None
-    return found
-
-
 FIRST = """
 import sys, time
 begin = time.perf_counter()
@@ -94,7 +67,7 @@ jax.config.update("jax_enable_x64", True)
 import numpy as np, rubberfric as rf
 imported = time.perf_counter() - begin
 sys.path.insert(0, {tests!r})
-from test_operations import PRESSURE, VELOCITY, scenes
+from support.scenes.kinds import PRESSURE, VELOCITY, scenes
 scene, T = scenes()[{name!r}]
 jax.block_until_ready(jax.numpy.zeros(3) + 1)
 begin = time.perf_counter()

@@ -12,7 +12,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from test_benchmarks import PRESSURE, ROAD, TREAD, TWO, VELOCITY, in_turns
+from support.counting.timing import in_turns
+from support.scenes.curves import PRESSURE, ROAD, TREAD, TWO, VELOCITY
 
 import rubberfric as rf
 

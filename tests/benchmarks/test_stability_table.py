@@ -10,9 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from support.cases import reverse
-from support.extremes import BASES, CASES, GROUPS, changed
-from test_extremes import (
+from support.cases.extreme_errors import (
     REFUSED,
     conditions,
     elements,
@@ -24,6 +22,8 @@ from test_extremes import (
     value_errors,
     value_floor,
 )
+from support.cases.extremes import BASES, CASES, GROUPS, changed
+from support.cases.stored import reverse
 
 pytestmark = pytest.mark.benchmark
 
@@ -34,7 +34,7 @@ Every scene below is a change made to one of {len(BASES)} base scenes: rough rub
 times on a rough rigid solid (`one`), on a second rubber (`two`) and on an elastic solid (`on-elastic`); both
 rubbers as slabs bonded to rigid bases (`slabs`), the first as a slab that slides on its base (`layer`); with
 S in G (`corrected`), with WLF shifts and contact shear (`sheared`), on a tabulated spectrum (`measured`).
-`tests/support/extremes.py` lists them, {len(CASES)} scenes. A row is the worst of its scenes.
+`tests/support/cases/extremes.py` lists them, {len(CASES)} scenes. A row is the worst of its scenes.
 
 - **value**: the largest relative error of contact area, friction and separation. A friction below 1e-18 and
   a separation below 1e-6 of the rms height count from there upwards.
@@ -42,10 +42,10 @@ S in G (`corrected`), with WLF shifts and contact shear (`sheared`), on a tabula
   scene, velocity, pressure and temperature. One that matters less than 1e-3 of the one that matters most (as
   theta dQ/dtheta, or Q itself) counts from there upwards.
 - **float64** is held against references of 25 digits and more, stored in `tests/reference/extremes.json` and
-  computed by `tests/reference/make_extremes.py` in 120-digit arithmetic: the theory's integrals, without the
-  library's arrangements against cancellation, on two meshes that must agree; derivatives are differences
-  with a relative step of 1e-32. Tests bound these errors by 1e-9 (values) and 1e-7 (gradients; 1e-4 and
-  1e-5 for Poisson's ratio of two incompressible films, on which Sbar depends 1e16-fold).
+  computed by `tests/reference/precise/make_extremes.py` in 120-digit arithmetic: the theory's integrals,
+  without the library's arrangements against cancellation, on two meshes that must agree; derivatives are
+  differences with a relative step of 1e-32. Tests bound these errors by 1e-9 (values) and 1e-7 (gradients;
+  1e-4 and 1e-5 for Poisson's ratio of two incompressible films, on which Sbar depends 1e16-fold).
 - **float32** is held against float64 at the same numbers, those that float32 has: what rounding them costs,
   up to 1e-5 for a spectrum from 200 to 200.2 1/m, is no error of the computation. Tests bound the error of
   values by 1e-5. Where a weight E_i is 0, a friction counts from 1e-12 upwards. Scenes marked `refused`

@@ -54,7 +54,7 @@ def test_runs_from_top_to_bottom(path, tmp_path, monkeypatch):
     client = nbclient.NotebookClient(
         notebook,
         kernel_name="python3",
-        timeout_func=lambda cell: max(1, int(end - time.monotonic())),
+        timeout_func=lambda _: max(1, int(end - time.monotonic())),
         resources={"metadata": {"path": str(folder)}},
     )
     client.execute()

@@ -29,7 +29,8 @@ def in_a_copy(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
 
 
-def test_snippets(in_a_copy, capsys):
+@pytest.mark.usefixtures("in_a_copy")
+def test_snippets(capsys):
     assert len(SNIPPETS) >= 2
     names = {}
     for snippet in SNIPPETS:
@@ -37,11 +38,12 @@ def test_snippets(in_a_copy, capsys):
     assert capsys.readouterr().out
 
 
+@pytest.mark.usefixtures("in_a_copy")
 @pytest.mark.parametrize(
     "command",
     [pytest.param(c, marks=[pytest.mark.slow] * c.startswith(LONG)) for c in dict.fromkeys(COMMANDS)],
 )
-def test_commands(command, in_a_copy, call_main):
+def test_commands(command, call_main):
     program, *arguments = shlex.split(command)
     main = {"rubberfric": scene_main, "rubberfric-fit": fit_main}[program]
     status, printed, complaint = call_main(main, *arguments)

@@ -5,6 +5,7 @@ Cases that belong to one object or file format are with its tests; these are the
 
 import numpy as np
 import pytest
+from support.scenes.fits import PLAIN, ROAD, SHIFTED
 
 import fitting
 import rubberfric as rf
@@ -12,9 +13,6 @@ from fitting import FrictionData, Positive
 from fitting.commands.main import main as fit_main
 from rubberfric.commands.main import main
 
-ROAD = rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4))
-PLAIN = rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3])
-SHIFTED = rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3], shift=rf.WLF(12.0, 150.0, 293.15))
 SCENE = rf.Scene(ROAD, rf.Body(SHIFTED))
 DATA = FrictionData([1e-3, 1.0], [0.3, 0.4], pressure=1e5)
 

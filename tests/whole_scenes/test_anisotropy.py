@@ -9,12 +9,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support import oracle
-from support.cases import arguments, as_arrays, scene, slow_if
-from support.part_scenes import CASES, assert_derivatives, assert_scene, expected, reverse, value
+from support.cases.parts import CASES, assert_derivatives, assert_scene, expected, reverse, value
+from support.cases.stored import arguments, as_arrays, scene, slow_if
+from support.oracles import oracle
+from support.scenes.common import ROAD
 
 import rubberfric as rf
-from rubberfric.roughness.anisotropy import stretched_harmonics, tabulated_harmonics
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Relaxing
 
@@ -65,7 +65,7 @@ def mixed(shares, qv):
     F = Relaxing(*as_arrays((REST, np.ones(1), np.ones(1))))
     needs = Needs(power=True, dissipation=True, storage=True, transverse=True)
     found = F.means(qv[None], needs, harmonics=shares)
-    return jnp.concatenate([getattr(found, name)[0] for name in found._fields])
+    return jnp.concatenate([found[kind][0] for kind in needs.kinds])
 
 
 def harmonic_means(qv, count=6):
@@ -112,8 +112,6 @@ def test_mixed_harmonics_are_the_sum():
 
 # Harmonics of the roughness.
 
-ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
-
 
 def shape(ratio, angle, hurst, phi):
     """D / <D>, with the mean of 20000 directions."""
@@ -124,7 +122,7 @@ def shape(ratio, angle, hurst, phi):
     return D(phi) / np.mean(D(np.pi * np.arange(20000) / 20000))
 
 
-of_stretched = jax.jit(stretched_harmonics)
+of_stretched = jax.jit(lambda spectrum: spectrum.harmonics_at(spectrum.base.q0))
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1 / 3, 2.0, 4.0, 30.0])
@@ -174,7 +172,7 @@ def test_a_table_has_its_own_values():
     rng = np.random.default_rng(1)
     q, C = np.array([1e2, 3e3, 1e5]), rng.uniform(1, 2, (3, 9)) * 1e-12
     spectrum = rf.TabulatedAnisotropic(q, C, 0.3)
-    of_table = jax.jit(tabulated_harmonics)
+    of_table = jax.jit(lambda spectrum, q: spectrum.harmonics_at(q))
     m, phi = np.arange(1, 5)[:, None], np.pi * np.arange(9) / 9 + 0.3
     for at, share in (*zip(q, C / C.mean(1, keepdims=True), strict=True), (np.sqrt(q[0] * q[1]), None)):
         cosine, sine = (np.asarray(x)[:, None] for x in of_table(spectrum, at))

@@ -11,7 +11,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.cases import QUANTITIES, arguments, h_rms, paths, quantities, reference, reverse
+from support.cases.stored import (
+    QUANTITIES,
+    arguments,
+    h_rms,
+    leaf_value,
+    paths,
+    quantities,
+    reference,
+    reverse,
+)
 
 SCENES = reference("forward_cases") | reference("edge_cases")
 OPTIONS = reference("option_cases")
@@ -167,35 +176,6 @@ def test_equal_to_differences(name):
     assert error[worst] <= 1e-6, (
         f"{names_of(result(name)[0])[worst[0]]}, {QUANTITIES[worst[1]]}: {error[worst]:.1e}"
     )
-
-
-TO_LEAF = {
-    "solid1": "lower.material",
-    "solid2": "upper.material",
-    "psd1": "lower.spectrum",
-    "psd2": "upper.spectrum",
-    "nu": "poisson",
-    "H": "hurst",
-}
-
-
-def leaf_value(tree, path, solid_kind):
-    """The entry of a tree shaped like the arguments that a parameter of the dictionary names."""
-    tree = dict(zip(("scene", "v", "pressure", "temperature"), tree, strict=False))
-    if path[0] in tree:
-        return tree[path[0]]
-    node = tree["scene"]
-    if path[-1] == "thickness":
-        path = [path[0].replace("solid1", "lower").replace("solid2", "upper"), "layer", "thickness"]
-    for key in path:
-        if key == "E" and solid_kind == "elastic":
-            node = node.young
-        elif key.isdigit():
-            node = node[..., int(key)]
-        else:
-            for part in TO_LEAF.get(key, key).split("."):
-                node = getattr(node, part)
-    return node
 
 
 # Kinds of scene that test_extremes holds against references of more digits.

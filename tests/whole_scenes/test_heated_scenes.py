@@ -11,9 +11,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from reference.heated import ALL, BASE, CASES, HEAT, HEATING, MACRO, STEP, along, difference
-from support import oracle, oracle_heating
-from support.cases import as_arrays, paths, reference, scene
+from support.cases.heated import ALL, BASE, CASES, HEAT, HEATING, MACRO, STEP, along, difference
+from support.cases.stored import as_arrays, paths, reference, scene
+from support.oracles import oracle, oracle_heating
 
 import fitting
 import rubberfric as rf
@@ -317,6 +317,34 @@ def test_fixed_point_and_its_derivatives():
     np.testing.assert_allclose([forward, reverse], -sine * y[0, 0] / (1 + 1.3 * sine), rtol=1e-9)
 
 
+def test_a_row_alone_equals_itself_among_others():
+    """Rows of few and of many steps beside one that never ends, and their derivatives."""
+    factors = jnp.array([0.01, 0.5, 1.2, 1e3])[:, None]
+
+    def root(factor):
+        start = jnp.zeros((factor.shape[0], 12))
+        return fixed_point.fixed_point(lambda y: factor * jnp.cos(jnp.linspace(0.5, 1.5, 12) * y), start)[0]
+
+    def both(factor):
+        return jax.jvp(root, (factor,), (jnp.ones_like(factor),))
+
+    together = both(factors)
+    for i in range(3):
+        for alone, row in zip(both(factors[i : i + 1]), together, strict=True):
+            np.testing.assert_allclose(alone[0], row[i], rtol=1e-13)
+
+
+@pytest.mark.parametrize("name", some(SCENES))
+def test_a_point_alone_equals_itself_in_a_curve(name):
+    """Bit by bit: the others end earlier or later, and do not matter."""
+    case, v = SCENES[name], np.logspace(-6, 3, POINTS)
+    curve = found(case, v=v)
+    for i in range(0, POINTS, 2):
+        alone = found(case, v=v[i])
+        for quantity in NAMES:
+            np.testing.assert_array_equal(alone[quantity][0], curve[quantity][i], err_msg=quantity)
+
+
 def test_what_did_not_converge_says_so(monkeypatch):
     monkeypatch.setattr(fixed_point, "_MOST_STEPS", 3)
     y, converged = fixed_point.fixed_point(
@@ -337,7 +365,7 @@ def test_scenes_that_did_not_converge_are_finite(monkeypatch, steps):
 
 @pytest.mark.slow
 def test_macroasperities_beyond_the_roughness():
-    for radius, fraction in ((1.0, lambda area: 1.0), (1e-5, lambda area: area)):
+    for radius, fraction in ((1.0, lambda _: 1.0), (1e-5, lambda area: area)):
         law = MACRO | {"radius": radius}  # q_m = 3 and 3e5
         own = found(BASE, heating=law, v=0.3)
         given = found(BASE, heating=law | {"area_fraction": float(fraction(own["area"][0]))}, v=0.3)

@@ -7,15 +7,15 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support import oracle
-from support.cases import QUANTITIES, as_arrays, slow_if, three
+from support.cases.stored import QUANTITIES, as_arrays, slow_if, three
+from support.oracles import oracle
+from support.scenes.common import ROAD
+from support.scenes.common import SOFT as RUBBER
 
 import rubberfric as rf
 
-RUBBER = rf.Prony(8.0e5, np.array([2.5e7, 4.0e6, 3.0e5]), np.array([3e-7, 2e-4, 0.7]), 0.48)
 OTHER = rf.Prony(3.6e6, np.array([1.4e8, 6.5e6]), np.array([1e-8, 1e-5]), 0.5)
 STEEL = rf.Rigid()
-ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
 TREAD = rf.SelfAffine(300.0, 2000.0, 4.0e5, 0.7, 4e-5)
 SMOOTH = None
 SLAB = rf.Slab(1e-3)

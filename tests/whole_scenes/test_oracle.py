@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import erf
-from support import oracle
-from support.cases import h_rms, reference
+from support.cases.stored import h_rms, reference
+from support.oracles import oracle
 
 CASES = reference("forward_cases") | reference("edge_cases")
 

@@ -16,8 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from hypothesis import Phase, given, settings
-from support.cases import paths, quantities
-from support.strategies import (
+from support.cases.stored import paths, quantities
+from support.scenes.strategies import (
     FAR,
     LAYERS,
     MATERIALS,

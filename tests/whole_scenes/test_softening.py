@@ -6,9 +6,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support import oracle
-from support.cases import arguments, as_arrays, scene, slow_if
-from support.part_scenes import CASES, assert_derivatives, assert_scene, expected, reverse, value
+from support.cases.parts import CASES, assert_derivatives, assert_scene, expected, reverse, value
+from support.cases.stored import arguments, as_arrays, scene, slow_if
+from support.oracles import oracle
+from support.scenes.common import ROAD
 
 import rubberfric as rf
 from rubberfric.scene.pairs import pairs_of
@@ -70,7 +71,7 @@ def by_quadrature(rest, weight, tau, qv):
 
 def split_means(F, qv):
     found = F.means(qv[None], Needs(power=True, dissipation=True, storage=True), split=True)
-    return jnp.stack([*found.power, *found.dissipation, *found.storage])[:, 0]
+    return jnp.stack([*found["power"], *found["dissipation"], *found["storage"]])[:, 0]
 
 
 @pytest.mark.parametrize("name", F)
@@ -311,7 +312,6 @@ def test_elastic_solids_do_not_soften():
     np.testing.assert_allclose(value(arguments(given)), unsoftened_of(given), rtol=1e-13)
 
 
-ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
 SOFTENING = rf.Softening([0.01, 1.0], [1.0, 0.5], [1.0, 0.7])
 RUBBER = rf.Prony(1e6, [1e8], [1e-6])
 STRETCHED = rf.Anisotropic(ROAD, 2.0)

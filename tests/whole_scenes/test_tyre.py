@@ -12,23 +12,12 @@ import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from support.folders import TYRE
+from support.scenes.tyre import GAMMA, PRESSURE, read, road
 
 import rubberfric as rf
-
-PRESSURE, GAMMA, Q1 = 0.3e6, 0.578, 1.017e6  # [Pa], [-], [1/m]: inferred conditions of the program's run
+from rubberfric.base import fixed_point
 
 pytestmark = pytest.mark.skipif(not TYRE.is_dir(), reason="no measured tyre data beside the project")
-
-
-def read(name):
-    return np.loadtxt(TYRE / name, delimiter=",", skiprows=2).T
-
-
-def road():
-    q, C = read("psd_asphalt.csv")
-    kept = q < Q1
-    end = np.exp(np.interp(np.log(Q1), np.log(q), np.log(C)))
-    return rf.TabulatedSpectrum(np.append(q[kept], Q1), np.append(C[kept], end))
 
 
 def scene():
@@ -81,6 +70,47 @@ def test_little_of_the_friction_comes_from_outside_the_table():
     )
     assert abs(slow) < 0.02 and abs(middle) < 0.02
     assert crawling > 0.5
+
+
+HOT_V = np.logspace(-4, 1, 6)
+HOT_T = 293.35  # [K]; an entry of the table of shifts, where slopes differ on either side, lies at 293.344
+HOT = ("area", "friction", "separation", "flash_temperature")
+
+
+@pytest.fixture(scope="module")
+def tables_alone():
+    """Quantities (HOT, velocities) of a heated scene whose modulus, shift and spectrum are tables."""
+    f, storage, loss = read("master_curve_R40.csv")
+    celsius, factor = read("shift_factor_R40.csv")
+    shift = rf.TabulatedShift(celsius + 273.15, factor, 293.15)
+    rubber = rf.TabulatedModulus(2 * np.pi * f, storage, loss, shift=shift)
+    heating = rf.Heating(density=1200.0, heat_capacity=1600.0, conductivity=0.23, radius=2e-3)
+    hot = rf.Scene(rf.Body(rubber), rf.Body(rf.Rigid(), road(1.05e5)), heating=heating)
+
+    @jax.jit
+    def solved(velocity, temperature):
+        found = rf.solve(hot, velocity, PRESSURE, temperature, quantities=HOT)
+        return jnp.stack([getattr(found, name) for name in HOT])
+
+    return solved
+
+
+def test_a_hot_table_has_the_derivative_of_its_values(tables_alone, monkeypatch):
+    # Values iterated to the end: a difference of 1e-4 K shows the 1e-10 that are left otherwise.
+    monkeypatch.setattr(fixed_point, "_TOLERANCE", 1e-13)
+    monkeypatch.setattr(fixed_point, "_LINEAR_TOLERANCE", 1e-12)
+    T, h = np.full(HOT_V.size, HOT_T), 1e-4
+    slope = jax.jvp(lambda T: tables_alone(HOT_V, T), (T,), (np.ones(T.size),))[1]
+    difference = (tables_alone(HOT_V, T + h) - tables_alone(HOT_V, T - h)) / (2 * h)
+    np.testing.assert_allclose(slope, difference, rtol=1e-5)
+
+
+def test_a_hot_table_alone_in_a_curve_and_shuffled(tables_alone):
+    curve = np.asarray(tables_alone(HOT_V, HOT_T))
+    order = np.array([3, 0, 5, 1, 4, 2])
+    np.testing.assert_allclose(tables_alone(HOT_V[order], HOT_T), curve[:, order], rtol=1e-8)
+    alone = np.concatenate([tables_alone(v[None], HOT_T) for v in HOT_V], 1)
+    np.testing.assert_allclose(alone, curve, rtol=1e-8)
 
 
 COMPOUND_V = np.logspace(-5, 2, 15)

@@ -19,9 +19,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.materials.materials import TabulatedModulus
 from rubberfric.roughness.moments import moment
-from rubberfric.scene.scene import cast, rough_pairs
+from rubberfric.scene.scene import cast, rough_surfaces
 from rubberfric.theory.model import solve
 from rubberfric.theory.quantities import QUANTITIES
 
@@ -101,12 +100,12 @@ def points_of(scene, velocity, pressure, temperature=None):
     solve(scene, velocity, pressure, temperature, quantities=())  # checks its arguments, computes nothing
     given = [np.asarray(x, float) for x in (velocity, pressure, temperature) if x is not None]
     conditions = [x.ravel() for x in np.broadcast_arrays(*given)]
-    tabulated = any(isinstance(body.material, TabulatedModulus) for body in (scene.lower, scene.upper))
+    tabulated = any(body.material.needs_quadrature for body in (scene.lower, scene.upper))
     count = min(conditions[0].size, _GRADIENTS_TABULATED if tabulated else _GRADIENTS)
     if conditions[0].size == 0:
         raise ValueError("velocity, pressure and temperature have no point in common: must have at least one")
     chosen = np.unique(np.linspace(0, conditions[0].size - 1, count).round().astype(int))
-    height2 = sum(float(moment(rough.spectrum, 0)) for rough, _ in rough_pairs(scene))
+    height2 = sum(float(moment(spectrum, 0)) for spectrum, _ in rough_surfaces(scene))
     return Points(*cast((scene, tuple(conditions)), jnp.float64), chosen, height2**0.5)
 
 

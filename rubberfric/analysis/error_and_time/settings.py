@@ -8,7 +8,6 @@ import numpy as np
 
 from rubberfric.analysis.error_and_time import reference
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.materials.materials import TabulatedModulus
 from rubberfric.roughness.mesh import build_mesh
 from rubberfric.scene.pairs import pairs_of
 
@@ -30,7 +29,7 @@ LADDER = (
 def settings_for(scene):
     """The ladder for a scene; its angles are the default where nothing needs them."""
     bodies = (scene.lower, scene.upper)
-    if any(isinstance(body.material, TabulatedModulus) for body in bodies):
+    if any(body.material.needs_quadrature for body in bodies):
         return LADDER
     return tuple(dataclasses.replace(setting, angle=Quadrature().angle) for setting in LADDER)
 

@@ -18,7 +18,8 @@ import math
 import numpy as np
 
 from rubberfric.materials.coating import Coating
-from rubberfric.materials.materials import Elastic, Prony, PronyShear, Rigid
+from rubberfric.materials.elastic import Elastic, Rigid
+from rubberfric.materials.prony import Prony, PronyShear
 from rubberfric.materials.shifts import WLF, Arrhenius
 from rubberfric.roughness.spectra import SelfAffine, TabulatedSpectrum
 

@@ -13,13 +13,13 @@ import json
 import math
 import os
 import shutil
-import tempfile
 import time
 from pathlib import Path
 
 import jax
 import numpy as np
 
+from rubberfric.base.atomic import begin, finish, temporary_folder
 from rubberfric.io.hdf5 import reading
 from rubberfric.io.results import QUANTITIES, allocate_quantity, result_shape, writing_result
 from rubberfric.io.scene_files.hdf5 import FORMAT
@@ -70,6 +70,7 @@ class Unfinished:
         self.values.update(self.arrays(self.file, "r+"))
         write_progress(self.marker, self.job, self.file.stat().st_size, self.done)
         self.marked = True
+        finish(self.file.parent)
         self._due = time.monotonic() + INTERVAL
 
 
@@ -105,6 +106,8 @@ def unfinished(path, result, dtypes, order, resume):
         _create(folder, path.name, result, dtypes, job)
     with _alone(folder):
         part = Unfinished(folder, path.name, job)
+        if not part.marked:
+            begin(folder)
         try:
             yield part
             part.mark()
@@ -113,17 +116,20 @@ def unfinished(path, result, dtypes, order, resume):
                 part.mark()
             else:
                 shutil.rmtree(folder)
+                finish(folder)
             raise
         part.values = None
         os.replace(part.file, path)
+        begin(folder)  # it holds nothing now
         shutil.rmtree(folder)
+        finish(folder)
         sync_folder(path.parent)
 
 
 def _create(folder, name, result, dtypes, job):
     """The folder of a map of which nothing is done, whole or not at all."""
-    with tempfile.TemporaryDirectory(prefix=".writing-", dir=folder.parent) as temporary:
-        new = Path(temporary) / folder.name
+    with temporary_folder(folder.parent) as temporary:
+        new = temporary / folder.name
         new.mkdir()
         file = new / name
         try:

@@ -20,9 +20,11 @@ import h5py
 from rubberfric.base.checks import closest
 from rubberfric.io.hdf5 import check_names, plain, read_values, write_values
 from rubberfric.materials.coating import Coating
-from rubberfric.materials.materials import Elastic, Prony, PronyShear, Rigid, TabulatedModulus
+from rubberfric.materials.elastic import Elastic, Rigid
+from rubberfric.materials.prony import Prony, PronyShear
 from rubberfric.materials.shifts import WLF, Arrhenius, TabulatedShift
 from rubberfric.materials.slab import Slab
+from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.roughness.anisotropy import Anisotropic, TabulatedAnisotropic
 from rubberfric.roughness.spectra import SelfAffine, TabulatedSpectrum
 from rubberfric.scene.heating import Heating

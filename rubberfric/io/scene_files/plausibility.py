@@ -9,8 +9,10 @@ import dataclasses
 import jax
 import numpy as np
 
-from rubberfric.materials.materials import Elastic, Prony, PronyShear, TabulatedModulus
+from rubberfric.materials.elastic import Elastic
+from rubberfric.materials.prony import Prony, PronyShear
 from rubberfric.materials.shifts import WLF, Arrhenius, TabulatedShift
+from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.scene.shear import ContactShear
 
 _STRESS = (1e2, 1e13, "Pa", "is it in MPa or GPa?")

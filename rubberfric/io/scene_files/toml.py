@@ -21,7 +21,7 @@
     [upper.material]
     kind = "tabulated"                  # or "elastic", "prony", "prony_shear": the fields of the class
     file = "master_curve.csv"           # omega or f, E_stor, E_loss; relative to this file; other programs'
-                                        # tables as `rubberfric.io.instrument_tables.exports` has them; columns = ["f [Hz]", ...]
+                                        # tables as `rubberfric.io.tables.exports` has them; columns = ["f [Hz]", ...]
                                         # says what the columns are of a file that does not
     shift = { kind = "wlf", C1 = 8.86, C2 = 101.6, T_ref = 293.15 }
                                         # a "prony" or "prony_shear" may be in a file of cards (`read_prony`):
@@ -51,15 +51,17 @@ import dataclasses
 from pathlib import Path
 
 from rubberfric.base.checks import closest, shown
-from rubberfric.io.prony_cards.reading import read_prony
+from rubberfric.io.prony_cards.cards import read_prony
 from rubberfric.io.scene_files.conditions import TABLES, SceneFile, read_conditions
 from rubberfric.io.scene_files.plausibility import check_plausible_conditions, check_plausible_scene
-from rubberfric.io.tables import read_directions, read_table
+from rubberfric.io.tables.reading import read_directions, read_table
 from rubberfric.io.toml import check_keys, join, number, read_toml
 from rubberfric.materials.coating import Coating
-from rubberfric.materials.materials import Elastic, Prony, PronyShear, Rigid, TabulatedModulus
+from rubberfric.materials.elastic import Elastic, Rigid
+from rubberfric.materials.prony import Prony, PronyShear
 from rubberfric.materials.shifts import WLF, Arrhenius, TabulatedShift
 from rubberfric.materials.slab import Slab
+from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.roughness.anisotropy import Anisotropic, TabulatedAnisotropic
 from rubberfric.roughness.normalisation import LINES, NORMALISATION_RULE, check_normalisation, spectrum_from
 from rubberfric.roughness.spectra import SelfAffine, TabulatedSpectrum

@@ -27,17 +27,11 @@ import jax.numpy as jnp
 
 from rubberfric.theory.quantities import Needs
 
-
-class Means(NamedTuple):
-    """Angular means of F; those not needed are None.
-
-    Each is a tuple: one array, but of the power two, <F'^2> and <F''^2>, if they are needed apart.
-    """
-
-    power: tuple[jax.Array, ...] | None = None
-    dissipation: tuple[jax.Array, ...] | None = None
-    storage: tuple[jax.Array, ...] | None = None
-    transverse: tuple[jax.Array, ...] | None = None
+# By kind, "power", "dissipation", "storage" and "transverse": one array, but of the power two, <F'^2> and
+# <F''^2>, where they are needed apart.
+Means = dict[str, tuple[jax.Array, ...]]
+# Shares (c_m, s_m) of the harmonics of anisotropic roughness, m = 1, 2, ... along their first axis.
+Harmonics = tuple[jax.Array, jax.Array]
 
 
 class Relaxing(NamedTuple):
@@ -53,11 +47,7 @@ class Relaxing(NamedTuple):
         return self.tau.ndim > 1
 
     def means(
-        self,
-        qv: jax.Array,
-        needs: Needs,
-        split: bool = False,
-        harmonics: tuple[jax.Array, jax.Array] | None = None,
+        self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: Harmonics | None = None
     ) -> Means:
         """Means of F for roughness passing at q v.
 
@@ -82,15 +72,11 @@ class Relaxing(NamedTuple):
 
 
 def _closed_form(F, qv, needs):
-    weights = {}
+    weights = {kind: F.weight for kind in needs.kinds if kind != "transverse"}
     if needs.power:
         weights["power"] = 2 * F.weight * _at_own_rates(F)
-    if needs.dissipation:
-        weights["dissipation"] = F.weight
-    if needs.storage:
-        weights["storage"] = F.weight
     if F.by_node:
-        weights = {name: weight.T[:, None, :] for name, weight in weights.items()}
+        weights = {kind: weight.T[:, None, :] for kind, weight in weights.items()}
         sums = _sums_of_rows(weights, F.tau.T[:, None, :] * qv)
     else:
         sums = _sums(weights, F.tau, qv)
@@ -98,7 +84,7 @@ def _closed_form(F, qv, needs):
         sums["power"] = F.rest**2 + sums["power"]
     if needs.storage:
         sums["storage"] = F.rest + sums["storage"]
-    return Means(**{name: (value,) for name, value in sums.items()})
+    return {kind: (value,) for kind, value in sums.items()}
 
 
 def _with_harmonics(F, qv, needs, harmonics, means):
@@ -112,21 +98,18 @@ def _with_harmonics(F, qv, needs, harmonics, means):
     _, sine, r, _ = _relaxation_parts(a)
     quotient = sine * r  # a / (1 + r), at most 1
     ratio = quotient**2
-    cosine = _series(harmonics[0], -ratio)
-
-    # Terms of the first harmonic, times what the others make of them.
-    def added(name, first):
-        return (getattr(means, name)[0] + jnp.sum(first * cosine, 0),) if getattr(needs, name) else None
-
-    transverse = None
+    cosines = _series(harmonics[0], -ratio)
+    # Terms of the first harmonic, and what the others make of them.
+    first = {
+        "power": 2 * weight * at_rates * (ratio / r),
+        "dissipation": weight * (sine / (1 + r)),
+        "storage": weight * (ratio / r),
+    }
+    mixed = {kind: (mean + jnp.sum(first[kind] * cosines, 0),) for kind, (mean,) in means.items()}
     if needs.transverse:
-        transverse = (jnp.sum(weight * (quotient / (1 + r)) * _series(harmonics[1], -ratio), 0),)
-    return Means(
-        added("power", 2 * weight * at_rates * (ratio / r)),
-        added("dissipation", weight * (sine / (1 + r))),
-        added("storage", weight * (ratio / r)),
-        transverse,
-    )
+        sines = _series(harmonics[1], -ratio)
+        mixed["transverse"] = (jnp.sum(weight * (quotient / (1 + r)) * sines, 0),)
+    return mixed
 
 
 @jax.custom_jvp
@@ -159,14 +142,14 @@ def _split_form(F, qv, needs):
     one, sine, r, _ = _relaxation_parts(F.tau[front] * qv)
     ones, sines = weight * one, weight * (sine * (1 + r))
     storage = F.rest + jnp.sum(ones, 0)
-    power = None
+    means = {}
     if needs.power:
-        power = storage**2 + _pairs(ones, r), _pairs(sines, r)
-    return Means(
-        power,
-        (jnp.sum(weight * sine, 0),) if needs.dissipation else None,
-        (storage,) if needs.storage else None,
-    )
+        means["power"] = storage**2 + _pairs(ones, r), _pairs(sines, r)
+    if needs.dissipation:
+        means["dissipation"] = (jnp.sum(weight * sine, 0),)
+    if needs.storage:
+        means["storage"] = (storage,)
+    return means
 
 
 @jax.custom_jvp

@@ -5,20 +5,21 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from rubberfric.materials.shifts import Shift
 from rubberfric.scene.pairs import Pair
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Means, Relaxing
 from rubberfric.theory.stiffness.factors import harmonic_shares
 from rubberfric.theory.stiffness.series import relaxing_stiffness
 from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
-from rubberfric.theory.stiffness.tabulated_means import Tabulated
+from rubberfric.theory.stiffness.tabulated_means import MeansTable, Tabulated, means_table
 
 
 class Excitation(NamedTuple):
     """The stiffness that roughness of given wavevectors meets, and which of its means are needed."""
 
-    stiffness: Relaxing | Tabulated | SoftenedInSeries
-    shift: object  # time-temperature shift of the strained solid, or None
+    stiffness: Relaxing | Tabulated | MeansTable | SoftenedInSeries
+    shift: Shift | None  # of the strained solid
     harmonics: tuple[jax.Array, jax.Array] | None  # as `harmonic_shares`
     split: bool  # whether <F'^2> and <F''^2> are needed apart
     needs: Needs
@@ -70,10 +71,8 @@ def excitation(pair: Pair, scale: jax.Array, q: jax.Array, needs: Needs, angle: 
     needs : Needs
     angle : nodes of an angular integral that has no closed form
     """
-    return Excitation(
-        relaxing_stiffness(pair, scale, q, angle),
-        pair.strained.material.shift,
-        harmonic_shares(pair, q),
-        pair.softens_apart,
-        needs,
-    )
+    F, harmonics = relaxing_stiffness(pair, scale, q, angle), harmonic_shares(pair, q)
+    split = pair.softens_apart
+    if isinstance(F, Tabulated) and not F.by_node:
+        F = means_table(F, needs, split, harmonics)
+    return Excitation(F, pair.strained.material.shift, harmonics, split, needs)

@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import jax
 
-from rubberfric.roughness.anisotropy import Anisotropic, stretched_harmonics, tabulated_harmonics
 from rubberfric.scene.pairs import Pair
 from rubberfric.scene.softening import softening_factors
 from rubberfric.theory.stiffness.series import layer_factor
@@ -42,12 +41,7 @@ def harmonic_shares(pair: Pair, q: jax.Array) -> tuple[jax.Array, jax.Array] | N
 
     Shape (harmonics,) each where they are the same at every wavevector, else (harmonics, *q.shape).
     """
-    if not pair.harmonics:
-        return None
-    spectrum = pair.rough.spectrum
-    if isinstance(spectrum, Anisotropic):
-        return stretched_harmonics(spectrum)
-    return tabulated_harmonics(spectrum, q)
+    return pair.spectrum.harmonics_at(q) if pair.harmonics else None
 
 
 def _times(a, b):

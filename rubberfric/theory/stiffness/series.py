@@ -14,18 +14,9 @@ factor (a slab's Sbar) known at every q, and F of order one: a constant, a Prony
 import jax
 import jax.numpy as jnp
 
-from rubberfric.materials.coating import Coating, coated_series, coated_spring
-from rubberfric.materials.materials import (
-    Rigid,
-    TabulatedModulus,
-    glassy_reduced,
-    plane_strain,
-    reduced_series,
-    static_reduced,
-)
+from rubberfric.materials.material import plane_strain
 from rubberfric.materials.series.prony_and_prony import two_in_series
 from rubberfric.materials.series.prony_and_spring import in_series
-from rubberfric.materials.slab import stiffening
 from rubberfric.scene.pairs import Pair
 from rubberfric.scene.scene import Body, Scene, relaxes
 from rubberfric.scene.softening import Softened, softening_factors
@@ -39,8 +30,7 @@ def modulus_scale(scene: Scene) -> jax.Array:
 
     A unit only: results do not depend on it, so no gradient goes through it.
     """
-    bodies = [body for body in (scene.lower, scene.upper) if not isinstance(body.material, Rigid)]
-    highest = [glassy_reduced(body.material) for body in bodies]
+    highest = [body.material.glassy_reduced() for body in (scene.lower, scene.upper) if body.material.deforms]
     scale = highest[0] if len(highest) == 1 else jnp.minimum(*highest)
     # All moduli can be zero under jit, past the constructor's check: then nothing is stiff.
     return jax.lax.stop_gradient(jnp.where(scale > 0, scale, 1.0))
@@ -62,29 +52,31 @@ def relaxing_stiffness(
     -------
     Relaxing or Tabulated, of all q in one row where F depends on q; or SoftenedInSeries
     """
-    rough, strained = pair.rough, pair.strained
     if pair.softened is not None and pair.both_deform:
         return _softened(pair, scale, q, angle)
     nodes = q.reshape(-1) if pair.by_wavevector else None
-    spring = _spring(rough, scale, nodes) if pair.both_deform else None
-    if isinstance(strained.layer, Coating):
-        return _coated(strained, scale, nodes, spring)
-    own = None if nodes is None else _layer(strained, nodes)
-    if isinstance(strained.material, TabulatedModulus):
-        unit = plane_strain(strained.material) / scale
-        return Tabulated(strained.material, unit if own is None else unit * own, spring, angle)
-    series = Relaxing(*reduced_series(strained.material, scale))
-    if spring is None:
-        return series
-    if own is None:
-        return Relaxing(*in_series(*series, spring))
-    return Relaxing(*in_series(own * series.rest, own[:, None] * series.weight, series.tau, spring))
+    spring = _spring(pair.rough, scale, nodes) if pair.both_deform else None
+    material, layer = pair.strained.material, pair.strained.layer
+    if nodes is not None and layer is not None and not layer.multiplies:
+        series = layer.reduced_series(material, scale, nodes)
+        if spring is not None:
+            nothing = jnp.zeros(0, q.dtype)
+            series = two_in_series(series, (spring, nothing, nothing))
+        return Relaxing(*series)
+    own = None if nodes is None else _layer(pair.strained, nodes)
+    series = material.reduced_series(scale)
+    if series is None:
+        unit = plane_strain(material) / scale
+        return Tabulated(material, unit if own is None else unit * own, spring, angle)
+    if own is not None:
+        series = (own * series.rest, own[:, None] * series.weight, series.tau)
+    return Relaxing(*(series if spring is None else in_series(*series, spring)))
 
 
 def static_stiffness(pair: Pair, scale: jax.Array, q: jax.Array) -> jax.Array:
     """K_j / (q/2 scale) at q of any shape where the strained solid does not relax: springs in series."""
-    deformable = [body for body in (pair.rough, pair.strained) if not isinstance(body.material, Rigid)]
-    springs = [_spring(body, scale, q, pair.softened) for body in deformable]
+    bodies = [body for body in (pair.rough, pair.strained) if body.material.deforms]
+    springs = [_spring(body, scale, q, pair.softened) for body in bodies]
     if len(springs) == 1:
         return springs[0]
     soft, hard = jnp.minimum(*springs), jnp.maximum(*springs)
@@ -94,40 +86,29 @@ def static_stiffness(pair: Pair, scale: jax.Array, q: jax.Array) -> jax.Array:
 
 def layer_factor(pair: Pair, q: jax.Array) -> jax.Array | None:
     """Sbar at q where it multiplies all of a relaxing K_j (a slab faces a rigid solid); else None."""
-    strained = pair.strained
-    if strained.layer is None or pair.by_wavevector:
+    if pair.strained.layer is None or pair.by_wavevector:
         return None
-    return stiffening(strained.layer, strained.material.poisson, q)
+    return _layer(pair.strained, q)
 
 
 def _softened(pair: Pair, scale: jax.Array, q: jax.Array, angle: int) -> SoftenedInSeries:
     """F of a softened solid in series with another one."""
     material, factor = pair.strained.material, _layer(pair.strained, q)
-    if isinstance(material, TabulatedModulus):
-        modulus, factor = material, factor * (plane_strain(material) / scale)
-    else:
-        modulus = Relaxing(*reduced_series(material, scale))
+    series = material.reduced_series(scale)
+    if series is None:
+        factor = factor * (plane_strain(material) / scale)
+    modulus = material if series is None else Relaxing(*series)
     storage, loss = (factor * softened for softened in softening_factors(pair.softened, q))
     return SoftenedInSeries(modulus, storage, loss, _spring(pair.rough, scale, q, pair.softened), angle)
 
 
-def _coated(body: Body, scale: jax.Array, q: jax.Array, spring: jax.Array | None) -> Relaxing:
-    """F of a coated body that relaxes, in series with a spring or None."""
-    layer, base = (reduced_series(material, scale) for material in (body.material, body.layer.base))
-    series = coated_series(body, layer, base, q)
-    if spring is not None:
-        nothing = jnp.zeros(0, q.dtype)
-        series = two_in_series(series, (spring, nothing, nothing))
-    return Relaxing(*series)
-
-
 def _spring(body: Body, scale: jax.Array, q: jax.Array | None, softened: Softened | None = None) -> jax.Array:
     """E_r(0) Sbar of a body over the scale, at q; q None: of its half-space."""
-    own = static_reduced(body.material) / scale
+    if q is not None and body.layer is not None and not body.layer.multiplies:
+        return body.layer.static_reduced(body.material, scale, q)
+    own = body.material.static_reduced() / scale
     if q is None:
         return own
-    if isinstance(body.layer, Coating):
-        return coated_spring(body, own, static_reduced(body.layer.base) / scale, q)
     if softened is not None and relaxes(body):
         own = own * softening_factors(softened, q)[0]
     return own * _layer(body, q)
@@ -135,4 +116,7 @@ def _spring(body: Body, scale: jax.Array, q: jax.Array | None, softened: Softene
 
 def _layer(body: Body, q: jax.Array) -> jax.Array:
     """Sbar of a slab, 1 for a half-space."""
-    return jnp.ones_like(q) if body.layer is None else stiffening(body.layer, body.material.poisson, q)
+    if body.layer is None:
+        return jnp.ones_like(q)
+    # A body that has a layer has a constant Poisson's ratio.
+    return body.layer.stiffening(body.material.poisson, q)  # pyright: ignore[reportArgumentType]

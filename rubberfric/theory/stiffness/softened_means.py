@@ -6,27 +6,25 @@ E' and E'' fall by different factors, so that the solid is no Prony solid any mo
 the other one has no closed form. f and g have kinks over q: F is taken at the contact nodes themselves.
 """
 
-import math
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 
-from rubberfric.materials.master_curve import interpolated_modulus
-from rubberfric.materials.materials import TabulatedModulus
+from rubberfric.materials.material import Material
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Means, Relaxing
-from rubberfric.theory.stiffness.tabulated_means import angular_rule
+from rubberfric.theory.stiffness.tabulated_means import angular_rule, held_below
 
 
 class SoftenedInSeries(NamedTuple):
     """F of a softened solid in series with a spring, at given wavevectors, (panels, order) each."""
 
-    modulus: TabulatedModulus | Relaxing  # the latter in units of the scale
+    modulus: Material | Relaxing  # without a series, or its series in units of the scale
     storage: jax.Array  # f times what makes it a stiffness in units of the scale
     loss: jax.Array  # the same with g
     spring: jax.Array  # the other solid at rest [-]
-    angle: int  # nodes of the angular integral over a TabulatedModulus; a Prony solid has half as many
+    angle: int  # nodes of the angular integral of a material without a series; another has half as many
 
     by_node = False  # its panels are those of q
 
@@ -52,27 +50,17 @@ class SoftenedInSeries(NamedTuple):
             )
 
         # Panel by panel, and again for the gradient: all angles at once would take gigabytes.
-        power, dissipation, storage = jax.lax.map(
-            jax.checkpoint(panel), (qv, self.storage, self.loss, self.spring)
-        )
-        return Means(
-            (power,) if needs.power else None,
-            (dissipation,) if needs.dissipation else None,
-            (storage,) if needs.storage else None,
-        )
+        found = jax.lax.map(jax.checkpoint(panel), (qv, self.storage, self.loss, self.spring))
+        found = dict(zip(("power", "dissipation", "storage"), found, strict=True))
+        return {kind: (found[kind],) for kind in needs.kinds if kind in found}
 
 
-def _modulus(modulus: TabulatedModulus | Relaxing, omega: jax.Array) -> tuple[jax.Array, jax.Array]:
+def _modulus(modulus: Material | Relaxing, omega: jax.Array) -> tuple[jax.Array, jax.Array]:
     """E' and E'' at omega of any sign, odd in E''."""
-    if isinstance(modulus, TabulatedModulus):
-        # Far below the table E'' is linear in omega: so v = 0 keeps its derivative.
-        floor = jnp.log(modulus.omega[0]) - math.log(1e9)
-        log_omega = jnp.log(jnp.maximum(jnp.abs(omega), float(jnp.finfo(omega.dtype).tiny)))
-        log_omega = jnp.maximum(log_omega, floor)
-        storage, loss = interpolated_modulus(modulus, log_omega)
-        sign = jnp.sign(omega) if modulus.outside == "hold" else omega * jnp.exp(-log_omega)
+    if not isinstance(modulus, Relaxing):
+        log_omega, sign = held_below(modulus, omega)
+        storage, loss = modulus.storage_and_loss(log_omega)
         return storage, loss * sign
-
     # a^2 must not overflow; beyond the bound the terms are glassy to the last bit.
     bound = 1e150 if omega.dtype == jnp.float64 else 1e18
     storage, loss = jnp.ones_like(omega) * modulus.rest, jnp.zeros_like(omega)

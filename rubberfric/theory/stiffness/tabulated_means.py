@@ -1,4 +1,4 @@
-r"""Tabulated moduli: E(omega) between and beyond the entries, and its angular means.
+r"""Moduli without a Prony series, such as a master curve: angular means by quadrature.
 
 No closed form here. With cos(phi) = sin(psi), psi = (pi/2) e^-y the structure of E at
 cos(phi) ~ omega_i / (q v), whatever decade that is in, becomes structure in y, and
@@ -6,7 +6,7 @@ cos(phi) ~ omega_i / (q v), whatever decade that is in, becomes structure in y, 
 .. math:: \langle h\rangle = \frac{2}{\pi}\int_0^\infty h(q v \sin\psi)\,\psi\,dy
 
 is done by Gauss panels in y. For a half-space the means depend on q v alone: they are
-tabulated once over ln(q v) and interpolated for every node and velocity.
+tabulated once over ln(q v), about where the modulus is, and interpolated for every node and velocity.
 """
 
 import math
@@ -17,24 +17,30 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.quadrature import gauss
-from rubberfric.materials.master_curve import interpolated_modulus
-from rubberfric.materials.materials import TabulatedModulus
+from rubberfric.materials.material import Material
 from rubberfric.theory.quantities import Needs
-from rubberfric.theory.stiffness.angular_means import Means
+from rubberfric.theory.stiffness.angular_means import Harmonics, Means
 
 # Panels in y; short ones first, where the weight psi is: e^-25 of the circle is left out.
 _EDGES = np.array([0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0, 11.0, 25.0])
 
 # Entries of the table over ln(q v), for one node of the angular integral.
-_ENTRIES_PER_NODE = 4
+_ENTRIES_PER_NODE = 8
+
+# How far the table of means goes beyond that of the modulus at either end, in ln(q v): there the
+# means are two powers of q v, and what is left of a third is e^-24 and e^-27.
+_BELOW, _ABOVE = 6.0, 9.0
+
+# Where the limits of the means are taken.
+_FAR = 40.0
 
 
 class Tabulated(NamedTuple):
-    """F = f k / (f + k) with the tabulated f(omega) = scaled E_r and a spring k (None: rigid)."""
+    """F = f k / (f + k) with f(omega) the scaled E_r and a spring k, its means taken at every node."""
 
-    material: TabulatedModulus
+    material: Material  # without a series
     scale: jax.Array  # f = scale * E [1/Pa], shape () or (nodes,)
-    spring: jax.Array | None  # [-], shape () or (nodes,)
+    spring: jax.Array | None  # [-], shape () or (nodes,); None: rigid
     angle: int  # nodes of the angular integral
 
     @property
@@ -43,43 +49,99 @@ class Tabulated(NamedTuple):
         return self.scale.ndim > 0
 
     def means(
-        self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: tuple | None = None
+        self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: Harmonics | None = None
     ) -> Means:
         """Means of F for roughness passing at q v; arguments as `Relaxing.means`."""
-        return Means(*tabulated_means(self, qv, needs, self.angle, split, harmonics))
+        log_qv, sign = held_below(self.material, qv)
+        return _signed(_mixed(_integrals(self, log_qv, needs, split, harmonics), harmonics), sign)
 
 
-def tabulated_means(F, qv, wanted, angle, split=False, mix=None):
-    """(power, dissipation, storage, transverse) of a Tabulated stiffness, as `angular.angular_means`."""
-    # Far below the table F is its static value and Im F is linear in q v: the means are
-    # taken at the floor and the dissipation scaled, so that v = 0 keeps its derivative.
-    floor = jnp.log(F.material.omega[0]) - math.log(1e9)
-    tiny = jnp.finfo(qv.dtype).tiny
-    log_qv = jnp.maximum(jnp.log(jnp.maximum(jnp.abs(qv), tiny)), floor)
-    harmonics = 0 if mix is None else mix[0].shape[0]
-    # Shares that depend on q are not those of a table over q v: the harmonics are kept apart till then.
-    late, mix = (mix, None) if mix is not None and mix[0].ndim > 1 else (None, mix)
-    if F.spring is not None and F.spring.ndim:
-        means = _direct(F, log_qv, wanted, angle, split, harmonics, mix)
-    else:
-        means = _by_table(F, log_qv, wanted, angle, split, harmonics, mix)
-    if late is not None:
-        means = _mixed(means, *late)
-    power, dissipation, storage, transverse = means
-    # If E'' does not vanish at v = 0+, only the sign is left.
-    sign = jnp.sign(qv) if F.material.outside == "hold" else qv * jnp.exp(-log_qv)
-    signed = (None if m is None else tuple(mean * sign for mean in m) for m in (dissipation, transverse))
-    dissipation, transverse = signed
-    return power, dissipation, storage, transverse
+class MeansTable(NamedTuple):
+    """Angular means over a uniform grid of ln(q v), arrays of shape (entries,).
+
+    The grid depends on the ends of the modulus' own table and on nothing else, so that no point of a
+    call has a say in the value at another one. Its step is a power of 2^(1/4) and its entries are whole
+    multiples of it: it does not move with the ends but leaps, and no derivative is to go through it.
+    """
+
+    material: Material
+    first: jax.Array  # which multiple of the step the first entry is
+    step: jax.Array
+    entries: Means  # <|F|^2> as its logarithm
+    slopes: Means  # the same of their differences from entry to entry
+    limits: Means  # the means at two entries, far below and far above
+
+    by_node = False
+
+    def means(
+        self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: Harmonics | None = None
+    ) -> Means:
+        """Means of F for roughness passing at q v; arguments as for the table, and `Relaxing.means`."""
+        del needs
+        log_qv, sign = held_below(self.material, qv)
+        return _signed(_mixed(_interpolated(self, log_qv, split), harmonics), sign)
 
 
-def _mixed(means, cosine, sine):
-    """One mean of each kind from its harmonics, the isotropic one first but for the transverse."""
-    *even, odd = means
-    even = (
-        None if m is None else (sum((c * x for c, x in zip(cosine, m[1:], strict=True)), m[0]),) for m in even
-    )
-    return *even, None if odd is None else (sum(s * x for s, x in zip(sine, odd, strict=True)),)
+def means_table(F: Tabulated, needs: Needs, split: bool, harmonics: Harmonics | None) -> MeansTable:
+    """Table of the means of an F that depends on q v alone; arguments as of `Tabulated.means`."""
+    count = _ENTRIES_PER_NODE * F.angle
+    low, high = jax.lax.stop_gradient(jnp.log(jnp.stack(F.material.frequency_range())))
+    step = (high - low + _BELOW + _ABOVE) / (count - 6)
+    step = jnp.exp2(jnp.ceil(4 * jnp.log2(step)) / 4)
+    first = jnp.floor((low - _BELOW) / step) - 2
+    grid = step * (first + np.arange(count))
+    grid = jnp.concatenate([grid, jnp.stack([grid[2] - _FAR, grid[-3] + _FAR])])
+    found = _integrals(F, grid, needs, split, harmonics)
+    entries, limits = (jax.tree.map(lambda x, part=part: x[part], found) for part in (np.s_[:-2], np.s_[-2:]))
+    # Where E' steps up, a cubic of <|F|^2> itself would swing below 0.
+    entries = _of_positive(entries, log_power, split)
+    return MeansTable(F.material, first, step, entries, jax.tree.map(_slopes, entries), limits)
+
+
+def held_below(material: Material, omega: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """ln |omega|, not far below the frequencies of a material, and what is odd in omega over its value there.
+
+    Far below, E is E(0) and E'' linear in omega: so v = 0 keeps its derivative. If E'' does not vanish at
+    v = 0+, only the sign is left.
+    """
+    floor = jnp.log(material.frequency_range()[0]) - math.log(1e9)
+    tiny = float(jnp.finfo(omega.dtype).tiny)
+    log_omega = jnp.maximum(jnp.log(jnp.maximum(jnp.abs(omega), tiny)), floor)
+    return log_omega, jnp.sign(omega) if material.loss_at_rest else omega * jnp.exp(-log_omega)
+
+
+def angular_rule(count: int, dtype: jnp.dtype) -> tuple[jax.Array, jax.Array]:
+    """(cos(phi), weight) of a mean over the directions of sliding, of a function even in cos(phi)."""
+    psi, weight = _angles(count)
+    return jnp.asarray(np.sin(psi), dtype), jnp.asarray(weight, dtype)
+
+
+def log_power(power: jax.Array) -> jax.Array:
+    """ln <|F|^2>; the floor is for F = 0 (two liquids at rest), where G need only be as good as 0."""
+    return jnp.log(jnp.maximum(power, float(jnp.finfo(power.dtype).tiny) ** 0.8))
+
+
+def _vary(harmonics):
+    """Whether the shares of the harmonics depend on q."""
+    return harmonics is not None and harmonics[0].ndim > 1
+
+
+def _mixed(means, harmonics):
+    """One mean of each kind from those of varying harmonics; the isotropic one is the first of the even."""
+    if not _vary(harmonics):
+        return means
+    mixed = {}
+    for kind, found in means.items():
+        shares = harmonics[kind == "transverse"]
+        isotropic = found[: len(found) - len(shares)]
+        mixed[kind] = (sum((c * x for c, x in zip(shares, found[-len(shares) :], strict=True)), *isotropic),)
+    return mixed
+
+
+def _signed(means, sign):
+    """The means with the sign of what is odd in q v."""
+    odd = ("dissipation", "transverse")
+    return {kind: tuple(x * sign for x in found) if kind in odd else found for kind, found in means.items()}
 
 
 def _angles(count):
@@ -92,24 +154,18 @@ def _angles(count):
     return psi, weight / weight.sum()
 
 
-def angular_rule(count, dtype):
-    """(cos(phi), weight) of a mean over the directions of sliding, of a function even in cos(phi)."""
-    psi, weight = _angles(count)
-    return jnp.asarray(np.sin(psi), dtype), jnp.asarray(weight, dtype)
-
-
-def _direct(F, log_qv, wanted, angle, split, harmonics, mix):
-    """Means at every node by its own angular integral; scale and spring of shape () or (nodes,)."""
-    psi, weight = _angles(angle)
-    m = np.arange(1, harmonics + 1)[:, None]
+def _integrals(F, log_qv, needs, split, harmonics):
+    """Means by an angular integral each; those of harmonics that vary one by one, for `_mixed`."""
+    psi, weight = _angles(F.angle)
+    m = np.arange(1, 1 + (0 if harmonics is None else harmonics[0].shape[0]))[:, None]
     # phi = pi/2 - psi: cos 2 m phi = (-1)^m cos 2 m psi, sin 2 m phi = -(-1)^m sin 2 m psi.
     even = np.concatenate([np.ones((1, psi.size)), (-1.0) ** m * np.cos(2 * m * psi)])
     odd = -((-1.0) ** m) * np.sin(2 * m * psi) * np.cos(psi)
     sine = jnp.asarray(np.sin(psi), log_qv.dtype)
     even, odd = (jnp.asarray(weight * rows, log_qv.dtype) for rows in (even, odd))
-    if mix is not None:
-        even, odd = even[:1] + mix[0] @ even[1:], (mix[1] @ odd)[None]
-    storage, loss = interpolated_modulus(F.material, log_qv[..., None] + jnp.log(sine))
+    if harmonics is not None and not _vary(harmonics):
+        even, odd = even[:1] + harmonics[0] @ even[1:], (harmonics[1] @ odd)[None]
+    storage, loss = F.material.storage_and_loss(log_qv[..., None] + jnp.log(sine))
     scale = F.scale[..., None] if F.scale.ndim else F.scale
     storage, loss = scale * storage, scale * loss
     power = storage**2 + loss**2
@@ -121,49 +177,78 @@ def _direct(F, log_qv, wanted, angle, split, harmonics, mix):
         power, loss = share * spring * power, share * spring * loss
     powers = (storage**2, loss**2) if split else (power,)
 
-    def means(name, values, rows):
-        return tuple(jnp.moveaxis(values @ rows.T, -1, 0)) if getattr(wanted, name) else None
+    def means(values, rows):
+        return tuple(jnp.moveaxis(values @ rows.T, -1, 0))
 
-    return (
-        sum((means("power", power, even) for power in powers), ()) if wanted.power else None,
-        means("dissipation", loss * sine, even),
-        means("storage", storage, even),
-        means("transverse", loss, odd),
-    )
+    found = {}
+    if needs.power:
+        found["power"] = sum((means(power, even) for power in powers), ())
+    if needs.dissipation:
+        found["dissipation"] = means(loss * sine, even)
+    if needs.storage:
+        found["storage"] = means(storage, even)
+    if needs.transverse:
+        found["transverse"] = means(loss, odd)
+    return found
 
 
-def _by_table(F, log_qv, wanted, angle, split, harmonics, mix):
-    """Means over a uniform grid of ln(q v), cubic between its entries; <|F|^2> in the logarithm.
+def _slopes(values):
+    """Derivative by the index, to fourth order but for two entries at either end."""
+    inner = (8 * (values[3:-1] - values[1:-3]) - (values[4:] - values[:-4])) / 12
+    return jnp.pad(inner, 2)
 
-    Where E' steps up, a cubic of <|F|^2> itself would swing below 0.
+
+def _of_positive(means, function, split):
+    """Means with a function of those of <|F|^2> that are positive: harmonics have any sign."""
+    if "power" not in means:
+        return means
+    power, count = means["power"], len(means["power"]) if split else 1
+    return means | {"power": (*map(function, power[:count]), *power[count:])}
+
+
+def _interpolated(table, log_qv, split):
+    r"""Means from a table: cubic between its entries, beyond them the powers that the means follow.
+
+    Their derivatives are continuous, so that a temperature at an entry has one like any other.
+
+    With x = ln(q v) and E'' that falls, the means are below the table even or odd in e^x,
+
+    .. math:: P + P' e^{2x},\qquad D e^x + D' e^{3x}
+
+    and above it, where a share e^-x of the circle is within it, P + P' e^-x and D e^-x + D' e^-2x.
     """
-    count = _ENTRIES_PER_NODE * angle
-    low, high = (jax.lax.stop_gradient(f(log_qv)) for f in (jnp.min, jnp.max))
-    step = jnp.maximum(high - low, 1e-3) / (count - 3)
-    grid = low + step * (np.arange(count) - 1)
-    table = _direct(F, grid, wanted, angle, split, harmonics, mix)
-    position = (log_qv - grid[0]) / step
-    index = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)).astype(int), 1, count - 3)
+    beyond, count = table.material.loss_beyond, jax.tree.leaves(table.entries)[0].shape[0]
+    position = log_qv / table.step - table.first
+    below, above = (table.step * x for x in (position - 2, position - (count - 3)))
+    below, above = jnp.minimum(below, 0.0), jnp.maximum(above, 0.0)
+    position = jnp.clip(position, 2, count - 3)
+    index = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)).astype(int), 2, count - 4)
     t = position - index
-    # Lagrange weights of the entries at -1, 0, 1, 2.
-    weights = (
-        -t * (t - 1) * (t - 2) / 6,
-        (t + 1) * (t - 1) * (t - 2) / 2,
-        -(t + 1) * t * (t - 2) / 2,
-        (t + 1) * t * (t - 1) / 6,
-    )
+    # Hermite's weights of the two entries and of their slopes.
+    rise = t * t * (3 - 2 * t)
+    weights = (1 - rise, rise), (t * (1 - t) ** 2, -t * t * (1 - t))
 
-    def interpolate(values):
-        return sum(w * values[index + k - 1] for k, w in enumerate(weights))
+    def interpolate(values, slopes):
+        pairs = zip((values, slopes), weights, strict=True)
+        return sum(left * x[index] + right * x[index + 1] for x, (left, right) in pairs)
 
-    power, *others = table
-    if power is not None:
-        positive = power if split else power[:1]  # harmonics have any sign
-        logarithmic = (jnp.exp(interpolate(log_power(mean))) for mean in positive)
-        power = (*logarithmic, *map(interpolate, power[len(positive) :]))
-    return power, *(None if means is None else tuple(map(interpolate, means)) for means in others)
+    lower = below < 0
 
+    def even(value, ends):
+        """<|F|^2> and <Re F>, which go to a constant."""
+        limit = jnp.where(lower, ends[0], ends[1])
+        return limit + (value - limit) * jnp.exp((0.0 if beyond == "hold" else 2.0) * below - above)
 
-def log_power(power):
-    """ln <|F|^2>; the floor is for F = 0 (two liquids at rest), where G need only be as good as 0."""
-    return jnp.log(jnp.maximum(power, float(jnp.finfo(power.dtype).tiny) ** 0.8))
+    def odd(value, ends):
+        """The dissipation, which goes to 0 if E'' does."""
+        if beyond == "hold":
+            return ends[1] + (value - ends[1]) * jnp.exp(-2.0 * above)
+        if beyond == "none":
+            return value * jnp.exp(-2.0 * above)
+        # What is left of the mean where it is the first of the two powers alone.
+        leading = jnp.exp(_FAR) * jnp.where(lower, ends[0], ends[1])
+        return (leading + (value - leading) * jnp.exp(2.0 * below - above)) * jnp.exp(below - above)
+
+    found = _of_positive(jax.tree.map(interpolate, table.entries, table.slopes), jnp.exp, split)
+    rules = {"power": even, "dissipation": odd, "storage": even, "transverse": odd}
+    return {kind: tuple(map(rules[kind], values, table.limits[kind])) for kind, values in found.items()}

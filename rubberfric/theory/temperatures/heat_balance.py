@@ -8,16 +8,14 @@ largest wavevector, the flash temperature. They are a fixed point of
 (`rubberfric.scene.heating` has the last step).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 
-from rubberfric.materials.materials import Rigid
 from rubberfric.roughness.mesh import Mesh
 from rubberfric.scene.heating import Diffusion, Heating, diffusion, memory, rise_below_surface, rise_inside
-from rubberfric.scene.pairs import Pair
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import ContactShear, shear_friction
 from rubberfric.theory.stress_fluctuation import Contact, Roughness
@@ -53,29 +51,27 @@ def macroasperity(heating: Heating) -> jax.Array:
 
 def feeds_back(scene: Scene) -> bool:
     """Whether anything that makes heat depends on the temperature."""
-    materials = scene.lower.material, scene.upper.material
-    shifts = [getattr(material, "shift", None) for material in materials]
+    shifts = [body.material.shift for body in (scene.lower, scene.upper) if body.material.deforms]
     if scene.shear is not None and scene.heating.shear_at == "flash":
         shifts.append(scene.shear.shift)
     return any(shift is not None for shift in shifts)
 
 
 def prepare_thermal(
-    scene: Scene, pairs: Sequence[Pair], mesh: Mesh, count: int, coarse: Roughness | None, coarse_count: int
+    scene: Scene, roughness: Roughness, count: int, coarse: Roughness | None, coarse_count: int
 ) -> Thermal:
     """`Thermal` of a heated scene.
 
     Parameters
     ----------
     scene : Scene
-    pairs : `pairs_of` the scene
-    mesh : Mesh
+    roughness : Roughness
     count : nodes of the sum over ln k
     coarse, coarse_count : roughness on the coarse mesh, and nodes of the sum there; None without feedback
     """
     bodies = {"lower": scene.lower, "upper": scene.upper}
-    solids = [side for side, body in bodies.items() if not isinstance(body.material, Rigid)]
-    sides = [pair.side for pair in pairs]
+    solids = [side for side, body in bodies.items() if body.material.deforms]
+    mesh, sides = roughness.mesh, roughness.strained
     thermal = Thermal(
         heating=scene.heating,
         diffusion=_diffusion(mesh, unknowns(mesh), count),

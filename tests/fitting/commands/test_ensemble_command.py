@@ -4,7 +4,6 @@ import functools
 
 import numpy as np
 import pytest
-from test_fit_command import job  # noqa: F401
 
 import fitting
 from fitting.commands import main as command
@@ -16,7 +15,7 @@ def call(call_main):
     return functools.partial(call_main, command.main)
 
 
-def test_bootstrap_is_interrupted_and_goes_on(call, job, monkeypatch):  # noqa: F811
+def test_bootstrap_is_interrupted_and_goes_on(call, job, monkeypatch):
     arguments = (job, "--bootstrap", 9, "--checkpoint", "run.h5")
     run, calls = command.run_ensemble, []
 
@@ -60,7 +59,7 @@ def test_bootstrap_is_interrupted_and_goes_on(call, job, monkeypatch):  # noqa: 
         (["--bootstrap", "3", "--checkpoint", "none/run.h5"], "there is no folder"),
     ],
 )
-def test_bad_arguments(call, job, arguments, words):  # noqa: F811
+def test_bad_arguments(call, job, arguments, words):
     status, printed, complaint = call(job, *arguments)
     assert status == 2 and not printed
     assert words in complaint and complaint.count("\n") == 1

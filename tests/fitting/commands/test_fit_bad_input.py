@@ -7,6 +7,9 @@ import sys
 import jax
 import numpy as np
 import pytest
+from support.scenes.fits import AFFINE, PLAIN, ROAD, E
+from support.scenes.fits import FAST as QUADRATURE
+from support.scenes.fits import SHIFTED as RUBBER
 
 import rubberfric as rf
 from fitting import (
@@ -21,13 +24,7 @@ from fitting import (
     fit,
 )
 
-QUADRATURE = rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0)
-AFFINE = rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4)
-ROAD = rf.Body(rf.Rigid(), AFFINE)
-RUBBER = rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3], shift=rf.WLF(12.0, 150.0, 293.15))
-PLAIN = rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3])
 SCENE = rf.Scene(ROAD, rf.Body(RUBBER))
-E = "upper.material.E"
 FREE = {E: Positive()}
 MODULUS = ModulusData([1e2, 1e3, 1e4], [5e6, 8e6, 1e7], [2e6, 4e6, 4e6], relative=0.05)
 

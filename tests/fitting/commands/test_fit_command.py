@@ -12,6 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support.scenes.fits import JOB, JOB_FILES
 
 import fitting
 import rubberfric as rf
@@ -19,50 +20,6 @@ from fitting.commands import main as command
 from fitting.commands.job import read_job
 from fitting.results.hdf5 import load
 from fitting.solvers.problem import cost_of, residuals
-
-SCENE = """
-[lower]
-material = { kind = "rigid" }
-spectrum = { kind = "self_affine", q0 = 100, qr = 1000, q1 = 1e4, hurst = 0.8, h_rms = 1e-4 }
-[upper]
-material = { kind = "prony", E_inf = 1e6, E = [1e8, 1e7], tau = [1e-6, 1e-4] }
-"""
-JOB = """
-title = "Small fit"
-scene = "scene.toml"
-[[data]]
-file = "modulus.csv"
-body = "upper"
-relative = 0.03
-[free]
-"upper.material.E" = { rule = "positive", start = [5e7, 2e7] }
-"upper.material.tau[1]" = "positive"
-"upper.material.E_inf" = { rule = "bounded", low = 1e5, high = 1e7 }
-[prior]
-"upper.material.E_inf" = { mean = 1e6, sigma = 1e5 }
-[fit]
-method = "lm"
-starts = 2
-"""
-
-
-@pytest.fixture
-def job(tmp_path, monkeypatch):
-    """A job file with its scene and data in the working directory."""
-    monkeypatch.chdir(tmp_path)
-    (tmp_path / "scene.toml").write_text(SCENE)
-    (tmp_path / "job.toml").write_text(JOB)
-    omega = np.logspace(0, 7, 10)
-    E = np.asarray(rf.complex_modulus(rf.Prony(1e6, [1e8, 1e7], [1e-6, 1e-4]), omega))
-    noise = np.exp(0.03 * np.random.default_rng(0).standard_normal((2, 10)))
-    fitting.write("modulus.csv", fitting.ModulusData(omega, E.real * noise[0], E.imag * noise[1]))
-    v = np.logspace(-3, 1, 5)
-    fitting.write("friction.h5", fitting.FrictionData(v, 0.1 + 0.01 * v, pressure=1e5, name="own"))
-    (tmp_path / "friction.csv").write_text("v,mu\nm/s,-\n1e-2,0.1\n1e-1,0.2\n")
-    return tmp_path / "job.toml"
-
-
-INPUTS = ["friction.csv", "friction.h5", "job.toml", "modulus.csv", "scene.toml"]
 
 
 @pytest.fixture
@@ -74,7 +31,7 @@ def call(call_main):
 def test_report_file_and_picture(call, job, tmp_path):
     status, printed, complaint = call(job, "--out", "fit.h5", "--plot", "fit.png")
     assert (status, complaint) == (0, "")
-    assert sorted(os.listdir()) == sorted([*INPUTS, "fit.h5", "fit.png"])
+    assert sorted(os.listdir()) == sorted([*JOB_FILES, "fit.h5", "fit.png"])
     assert (tmp_path / "fit.png").read_bytes().startswith(b"\x89PNG\r\n")
     result = load("fit.h5")
     assert printed == "Small fit\n" + result.report()
@@ -315,7 +272,7 @@ def test_bad_jobs(call, job, monkeypatch, old, new, message):
     assert (status, printed, complaint.count("\n")) == (2, "", 1)
     assert message in complaint
     assert complaint.startswith("rubberfric-fit: job.toml: ")
-    assert sorted(os.listdir()) == INPUTS
+    assert sorted(os.listdir()) == JOB_FILES
 
 
 @pytest.mark.parametrize(
@@ -337,7 +294,7 @@ def test_bad_arguments(call, job, monkeypatch, arguments, message):
     assert (status, printed, complaint.count("\n")) == (2, "", 1)
     assert message in complaint
     assert complaint.startswith("rubberfric-fit: ")
-    assert sorted(os.listdir()) == INPUTS
+    assert sorted(os.listdir()) == JOB_FILES
 
 
 def test_plot_without_matplotlib(call, job, monkeypatch):
@@ -389,7 +346,7 @@ def test_a_full_disk_does_not_cost_the_report(call, job, monkeypatch):
     status, printed, complaint = call(job, "--out", "fit.h5", "--plot", "fit.png")
     assert (status, complaint) == (1, "rubberfric-fit: [Errno 28] No space left on device\n")
     assert "[[Variables]]" in printed
-    assert sorted(os.listdir()) == sorted([*INPUTS, "fit.png"])
+    assert sorted(os.listdir()) == sorted([*JOB_FILES, "fit.png"])
 
 
 @pytest.mark.parametrize("error", [FloatingPointError("not finite"), np.linalg.LinAlgError("no SVD")])
@@ -399,7 +356,7 @@ def test_failed_work(call, job, monkeypatch, error):
 
     monkeypatch.setattr(command, "fit", fail)
     assert call(job, "--out", "fit.h5") == (1, "", f"rubberfric-fit: {error}\n")
-    assert sorted(os.listdir()) == INPUTS
+    assert sorted(os.listdir()) == JOB_FILES
 
 
 def test_reader_that_goes_away(job):
@@ -428,13 +385,14 @@ def test_interrupt_in_the_middle_of_a_fit(job):
     job.write_text(
         JOB.replace('method = "lm"', 'method = "adam"\ntolerance = 1e-300').replace("starts = 2", "")
     )
-    program = (
-        "import sys; from fitting.commands.main import main; sys.exit(main(['job.toml', '--out', 'fit.h5']))"
-    )
+    program = "import sys; from fitting.commands.main import main; sys.exit(main())"
     master, slave = pty.openpty()
     seen = b""
     with subprocess.Popen(
-        [sys.executable, "-c", program], stdout=subprocess.PIPE, stderr=slave, text=True
+        [sys.executable, "-c", program, "job.toml", "--out", "fit.h5"],
+        stdout=subprocess.PIPE,
+        stderr=slave,
+        text=True,
     ) as process:
         os.close(slave)
         sent = False
@@ -446,7 +404,7 @@ def test_interrupt_in_the_middle_of_a_fit(job):
         printed = process.stdout.read()
     os.close(master)
     assert process.returncode == 1
-    assert sorted(os.listdir()) == sorted([*INPUTS, "fit.h5"])
+    assert sorted(os.listdir()) == sorted([*JOB_FILES, "fit.h5"])
     result = load("fit.h5")
     assert result.message == "interrupted: these are the best values so far"
     assert result.cost < 0.9 * start_cost(result)
@@ -503,6 +461,7 @@ def test_an_interrupt_after_one_start_had_converged(call, job, monkeypatch):
 
     def interrupted(*arguments, callback, **options):
         result = fitting.fit(*arguments, **options)
+        callback(98, 1.0)
         os.kill(os.getpid(), signal.SIGINT)
         with pytest.raises(KeyboardInterrupt):
             callback(99, 1.0)
@@ -534,9 +493,9 @@ def test_a_second_interrupt_does_not_wait_and_leaves_no_half_file(call, job, mon
 
     monkeypatch.setattr("fitting.results.hdf5.write_minima", impatient)
     status, printed, complaint = call(job, "--out", "fit.h5")
-    assert (status, printed) == (1, "")
+    assert (status, printed) == (130, "")
     assert complaint == "rubberfric-fit: interrupted; what was not yet complete is not written\n"
-    assert sorted(os.listdir()) == INPUTS
+    assert sorted(os.listdir()) == JOB_FILES
 
 
 def test_an_interrupt_before_the_fit(call, job, monkeypatch):
@@ -546,5 +505,5 @@ def test_an_interrupt_before_the_fit(call, job, monkeypatch):
 
     monkeypatch.setattr(command, "read_job", read)
     status, printed, complaint = call(job, "--out", "fit.h5")
-    assert (status, printed, complaint.count("\n")) == (1, "", 1)
-    assert sorted(os.listdir()) == INPUTS
+    assert (status, printed, complaint.count("\n")) == (130, "", 1)
+    assert sorted(os.listdir()) == JOB_FILES

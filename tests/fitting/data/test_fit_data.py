@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.folders import TYRE
-from test_files import refused
+from support.refusals import refused
 
 from fitting.data.files import COLUMN, read, read_group, write, write_group
 from fitting.data.kinds import AreaData, FrictionData, ModulusData, SpectrumData

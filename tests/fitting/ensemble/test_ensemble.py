@@ -15,8 +15,9 @@ import h5py
 import jax
 import numpy as np
 import pytest
-from support import ensemble_cases as cases
-from support.compilations import compilations
+from support.counting.compilations import compilations
+from support.ensembles import ensemble_cases as cases
+from support.folders import PYTHONPATH
 
 import fitting
 from fitting.ensemble.batches import make_lanes
@@ -53,7 +54,7 @@ def start(*arguments, devices=1, **options):
     added = {
         "JAX_NUM_CPU_DEVICES": str(devices),
         "JAX_PLATFORMS": "cpu",
-        "PYTHONPATH": str(PROGRAM.parents[1]),
+        "PYTHONPATH": PYTHONPATH,
     }
     command = [sys.executable, str(PROGRAM), *map(str, arguments)]
     return subprocess.Popen(command, env=os.environ | added, text=True, stdout=subprocess.PIPE, **options)
@@ -372,7 +373,7 @@ def half_way(tmp_path_factory, members):
 )
 def test_a_checkpoint_of_another_job_is_refused(members, half_way, change):
     before = half_way.read_bytes()
-    run = lambda: fitting.run_ensemble(change(members), checkpoint=half_way, resume=True)  # noqa: E731
+    run = lambda: fitting.run_ensemble(change(members), checkpoint=half_way, resume=True)
     refused(run, half_way, "belongs to another job")
     assert half_way.read_bytes() == before
 
@@ -412,7 +413,7 @@ def test_a_checkpoint_of_another_version_is_refused(tmp_path, members, half_way,
 def test_a_truncated_checkpoint_is_refused(tmp_path, members, half_way, part):
     path, whole = tmp_path / "run.h5", half_way.read_bytes()
     path.write_bytes(whole[: int(part * len(whole))])
-    run = lambda: fitting.run_ensemble(members, checkpoint=path, resume=True)  # noqa: E731
+    run = lambda: fitting.run_ensemble(members, checkpoint=path, resume=True)
     refused(run, path, "must be a whole HDF5 file")
 
 

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
+from support.scenes.fits import ROAD, E
 
 import rubberfric as rf
 from fitting import Bounded, Free, Positive, Tied
@@ -22,11 +23,9 @@ from fitting.parameters.layout import (
 )
 from rubberfric.scene.scene import cast
 
-ROAD = rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4))
 RUBBER = rf.Prony(3e6, [5e8, 5e7, 8e6, 2e6], [1e-7, 1e-5, 1e-3, 1e-1], shift=rf.WLF(12.0, 150.0, 293.15))
 SCENE = cast(rf.Scene(ROAD, rf.Body(RUBBER)), np.float64)
 SHEARED = cast(dataclasses.replace(SCENE, shear=rf.ContactShear(6.5e6, 0.1, 6e-3)), np.float64)
-E = "upper.material.E"
 
 
 def one_line(call):

@@ -9,6 +9,7 @@ import mpmath
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
+from support.scenes.fits import ROAD, E
 
 import rubberfric as rf
 from fitting import Bounded, Free, Gaussian, ModulusData, Positive, Smooth, Tied, fit
@@ -21,9 +22,7 @@ from rubberfric.scene.scene import cast
 TAU = np.array([1e-7, 1e-4, 1e-5, 1e-1])  # neither in order nor evenly spaced
 MODULI = np.array([5e8, 8e6, 5e7, 2e6])
 RUBBER = rf.Prony(3e6, MODULI, TAU)
-ROAD = rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4))
 SCENE = cast(rf.Scene(ROAD, rf.Body(RUBBER)), np.float64)
-E = "upper.material.E"
 LOSSES = tuple(WIDTHS)
 
 

@@ -8,6 +8,7 @@ import jax
 import numpy as np
 import pytest
 from support.html_tables import cells, pairs
+from support.scenes.fits import FAST
 
 import fitting
 import rubberfric as rf
@@ -20,7 +21,6 @@ from fitting.solvers.status import INTERRUPTED, OUT_OF_STEPS
 from fitting.uncertainty.covariance import uncertainty
 from rubberfric.io.scene_files.hdf5 import read_object
 
-FAST = rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0)
 RUBBER = rf.Prony(
     1e6, np.array([1e8, 1e7, 3e6]), np.array([1e-6, 1e-4, 1e-2]), shift=rf.WLF(8.0, 100.0, 293.15)
 )

@@ -9,7 +9,9 @@ import numpy as np
 import optimistix
 import pytest
 from scipy.optimize import least_squares
-from support.compilations import compilations
+from support.counting.compilations import compilations
+from support.scenes.fits import FAST as QUADRATURE
+from support.scenes.fits import ROAD, E
 
 import rubberfric as rf
 from fitting import Bounded, Free, FrictionData, ModulusData, Positive, Smooth, fit
@@ -22,11 +24,8 @@ from fitting.solvers.runs import run, run_problem
 from fitting.solvers.status import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, PERFECT
 
 LM = LevenbergMarquardt()
-QUADRATURE = rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0)
 MODULI, TAU = [5e8, 5e7, 8e6, 2e6], [1e-7, 1e-5, 1e-3, 1e-1]
-ROAD = rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4))
 SCENE = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, MODULI, TAU)))
-E = "upper.material.E"
 FREE = {E: Positive(), "lower.spectrum.hurst": Bounded(0.3, 1.0)}
 VELOCITY = np.logspace(-4, 1, 24)
 OMEGA = np.logspace(-2, 7, 20)

@@ -7,6 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import stats
+from support.scenes.fits import AFFINE as ROAD
+from support.scenes.fits import E_INF, FAST, E
 
 import fitting
 import rubberfric as rf
@@ -14,12 +16,10 @@ from fitting import Bounded, Free, FrictionData, Gaussian, ModulusData, Positive
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import make_problem, residuals
 
-FAST = rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0)
 TAU = np.array([1e-5, 1e-3, 1e-1])
 RUBBER = rf.Prony(3e6, np.array([5e7, 8e6, 2e6]), TAU)
-ROAD = rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4)
 SCENE = rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(RUBBER))
-E, E_INF, HURST = "upper.material.E", "upper.material.E_inf", "lower.spectrum.hurst"
+HURST = "lower.spectrum.hurst"
 OMEGA = np.logspace(-1, 7, 20)
 
 

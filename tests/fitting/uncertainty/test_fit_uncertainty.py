@@ -7,6 +7,8 @@ import numpy as np
 import pytest
 from scipy import stats
 from scipy.optimize import curve_fit
+from support.scenes.fits import E_INF, ROAD, E
+from support.scenes.fits import FAST as QUADRATURE
 
 import rubberfric as rf
 from fitting import AreaData, Bounded, Free, FrictionData, Gaussian, ModulusData, Positive, Smooth, fit
@@ -17,12 +19,9 @@ from fitting.solvers.status import CONVERGED, PERFECT
 from fitting.uncertainty.covariance import uncertainty
 from fitting.uncertainty.intervals import quantile
 
-QUADRATURE = rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0)
-ROAD = rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4))
 TAU = np.array([1e-5, 1e-3, 1e-1])
 MODULI = np.array([5e7, 8e6, 2e6])
 SCENE = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, MODULI, TAU)))
-E, E_INF = "upper.material.E", "upper.material.E_inf"
 BOTH = {E_INF: Positive(), E: Positive()}
 OMEGA = np.logspace(-1, 7, 20)
 # Shear stress times the contact area of an elastic rubber, the same at every velocity: ln mu is

@@ -7,21 +7,20 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.cases import h_rms, reference
-from support.cases import scene as scene_of
-from support.compilations import compilations
+from support.cases.stored import h_rms, reference
+from support.cases.stored import scene as scene_of
+from support.counting.compilations import compilations
+from support.scenes.common import ROAD, SHEAR
+from support.scenes.common import SOFT as RUBBER
+from support.scenes.fits import FAST
 
 import rubberfric as rf
 from fitting import sensitivity, sensitivity_names
 from rubberfric.analysis.jacobian import BLOCK
 
-FAST = rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0)
 ORACLE = reference("derivative_cases")
 
-RUBBER = rf.Prony(8.0e5, np.array([2.5e7, 4.0e6, 3.0e5]), np.array([3e-7, 2e-4, 0.7]), 0.48)
 SHIFTED = dataclasses.replace(RUBBER, shift=rf.WLF(9.0, 120.0, 293.15))
-ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
-SHEAR = rf.ContactShear(6.5e6, 0.1, 6e-3, shift=rf.Arrhenius(0.97, 293.15))
 SCENE = rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(SHIFTED, None, rf.Slab(2e-3)), shear=SHEAR)
 PATHS = {
     "moduli": ("upper.material.E_inf", "upper.material.E", "shear.tau_f0"),

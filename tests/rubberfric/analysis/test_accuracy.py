@@ -15,8 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support import html_tables
-from support.cases import QUANTITIES, reference, scene, three
+from support.cases.stored import QUANTITIES, reference, scene, three
 from support.folders import DATA
+from support.scenes.common import ROAD
+from support.scenes.common import SHIFTED_TREAD as TREAD
 
 import rubberfric as rf
 from rubberfric.analysis.error_and_time import sweep
@@ -41,8 +43,6 @@ CASE = reference("forward_cases")["smooth-rubber-rough-rigid-0"]
 AT = scene(CASE), CASE["v"], CASE["pressure"]
 COARSE = rf.Quadrature(order=4, panels=3, graded=1, ratio=6.0, angular_order=4)
 MIDDLE = rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0, angular_order=10)
-TREAD = rf.Prony(3e6, [4e8, 5e7, 8e6], [1e-7, 1e-5, 1e-3], 0.5, rf.WLF(12.0, 150.0, 293.15))
-ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
 SCENE = rf.Scene(rf.Body(TREAD), rf.Body(rf.Rigid(), ROAD))
 VELOCITY = np.array([1e-5, 1e-2, 1.0])
 

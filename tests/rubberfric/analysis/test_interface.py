@@ -7,9 +7,9 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from support import oracle
-from support.cases import scene as scene_of
-from test_profiles import CASES, TYRE, conditions, cut, ordinary
+from support.cases.cut import CASES, TYRE, conditions, cut, ordinary
+from support.cases.stored import scene as scene_of
+from support.oracles import oracle
 
 import rubberfric as rf
 from rubberfric.analysis.interface import _stress_density

@@ -11,8 +11,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.compilations import compilations
+from support.counting.compilations import compilations
 from support.folders import ROOT
+from support.scenes.maps import (
+    BLOCK,
+    FILE,
+    POINTS,
+    PRESSURE,
+    QUICK,
+    ROAD,
+    SCENE,
+    TEMPERATURE,
+    VELOCITY,
+)
 
 import rubberfric as rf
 from rubberfric.analysis.maps import batches
@@ -23,16 +34,6 @@ from rubberfric.io.files import read_computable
 from rubberfric.io.results import load_result
 from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.plot.map import plot_map
-
-WLF = rf.WLF(8.0, 100.0, 293.15)
-TREAD = rf.Prony(1e6, [1e8, 1e7], [1e-5, 1e-2], shift=WLF)
-ROAD = rf.SelfAffine(100.0, 1000.0, 1e4, 0.8, 1e-4)
-SCENE = rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(TREAD), shear=rf.ContactShear(6.5e6, 0.1, 6e-3))
-QUICK = rf.Quadrature(order=6, panels=4, graded=2)
-VELOCITY, PRESSURE, TEMPERATURE = np.logspace(-6, 1, 9), np.array([3e5, 1e5]), np.linspace(263.15, 333.15, 5)
-POINTS = (VELOCITY, PRESSURE, TEMPERATURE)
-# Few sizes of batches and sets of quantities in all, for each is compiled.
-BLOCK = 7
 
 
 @pytest.mark.parametrize("block", [BLOCK, None])
@@ -347,26 +348,6 @@ def test_what_cannot_be_drawn(conditions, options, message):
 
 # --- the command
 
-FILE = """
-title = "Small scene"
-[lower]
-material = { kind = "rigid" }
-spectrum = { kind = "self_affine", q0 = 100, qr = 1000, q1 = 1e4, hurst = 0.8, h_rms = 1e-4 }
-[upper.material]
-kind = "prony"
-E_inf = 1e6
-E = [1e8]
-tau = [1e-5]
-shift = { kind = "wlf", C1 = 8.0, C2 = 100.0, T_ref = 293.15 }
-[run]
-velocity = 1.0
-pressure = 1e5
-[map]
-velocity = { from = 1e-3, to = 1e1, points = 5 }
-pressure = { from = 1e5, to = 4e5, points = 3 }
-temperature = { from = 273.15, to = 293.15, points = 3 }
-"""
-
 
 @pytest.fixture
 def scene_file(tmp_path):
@@ -457,7 +438,7 @@ def test_an_interrupted_command_says_so_and_writes_nothing(call_main, scene_file
     status, printed, complaint = call_main(
         command.main, "map", scene_file, "--out", scene_file.parent / "m.h5"
     )
-    assert (status, printed) == (1, "")
+    assert (status, printed) == (130, "")
     assert complaint == "rubberfric: interrupted; what was not yet complete is not written\n"
     assert os.listdir(scene_file.parent) == ["scene.toml"]
 

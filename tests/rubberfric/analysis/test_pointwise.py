@@ -4,22 +4,19 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support.scenes.common import RIGID, ROAD, SHEAR, WLF
 
 import rubberfric as rf
 from rubberfric.analysis.jacobian import BLOCK, value_and_jacobian
 from rubberfric.scene.scene import cast
 
 COARSE = rf.Quadrature(order=6, panels=4, graded=3, angular_order=6, angle=24)
-WLF = rf.WLF(12.0, 150.0, 293.15)
 TREAD = rf.Prony(3e6, [1e9, 1e8, 1e7], [1e-8, 1e-5, 1e-2], shift=WLF)
 TABLE = rf.TabulatedModulus(
     np.logspace(-3, 6, 10), np.geomspace(1e6, 1e9, 10), np.geomspace(1e5, 3e8, 10), shift=WLF
 )
-ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
 WORN = rf.SelfAffine(150.0, 2000.0, 5e4, 0.7, 5e-5)
 PLATE = rf.TabulatedSpectrum(np.logspace(2, 5, 6), np.geomspace(1e-12, 1e-20, 6))
-SHEAR = rf.ContactShear(6.5e6, 0.1, 6e-3, rf.Arrhenius(0.97, 293.15))
-RIGID = rf.Rigid()
 SCENES = {
     "smooth rubber": rf.Scene(rf.Body(RIGID, ROAD), rf.Body(TREAD)),
     "sheared": rf.Scene(rf.Body(RIGID, ROAD), rf.Body(TREAD), shear=SHEAR),

@@ -4,12 +4,14 @@ import dataclasses
 
 import numpy as np
 import pytest
+from support.counting.timing import in_turns
+from support.scenes import curves
+from support.scenes.common import RIGID, ROAD, SHEAR, scene
+from support.scenes.common import SHIFTED_TREAD as TREAD
 
 import rubberfric as rf
 from rubberfric.analysis.error_and_time import textbook
 
-WLF = rf.WLF(12.0, 150.0, 293.15)
-TREAD = rf.Prony(3e6, [4e8, 5e7, 8e6], [1e-7, 1e-5, 1e-3], 0.5, WLF)
 TRACK = rf.Prony(2e6, [2e8, 2e7], [1e-6, 1e-4], 0.49, rf.Arrhenius(1.0, 293.15))
 TABLE = rf.TabulatedModulus(
     np.logspace(0, 6, 7),
@@ -17,18 +19,12 @@ TABLE = rf.TabulatedModulus(
     np.geomspace(1e5, 1e8, 7),
     shift=rf.TabulatedShift([273.15, 293.15, 313.15], [30.0, 1.0, 0.1], 293.15),
 )
-ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
 # Ranges of three decades in common, a spectrum ending after a fifth or two thirds of them: at a node
 # of every grid here. Between nodes the error would be anything up to that of a step.
 FLOOR = rf.SelfAffine(100.0, 1000.0, 1e4, 0.8, 5e-4)
 WORN = rf.SelfAffine(10**2.6, 2000.0, 1e5, 0.7, 5e-5)
 PLATE = rf.TabulatedSpectrum(np.geomspace(100.0, 3.1e4, 6), np.geomspace(1e-13, 1e-19, 6))
-SHEAR = rf.ContactShear(6.5e6, 0.1, 6e-3, rf.Arrhenius(0.97, 293.15))
-RIGID, STEEL = rf.Rigid(), rf.Elastic(1e8, 0.3)
-
-
-def scene(lower, upper, **options):
-    return rf.Scene(rf.Body(*lower), rf.Body(*upper), **options)
+STEEL = rf.Elastic(1e8, 0.3)
 
 
 SCENES = {
@@ -102,13 +98,11 @@ def test_quantities_alone_and_points_in_blocks(monkeypatch):
 
 @pytest.mark.benchmark
 def test_as_fast_as_trapezoids_written_for_one_scene():
-    import test_benchmarks as other
-
-    times = other.in_turns(
+    times = in_turns(
         {
-            "numpy": other.numpy_friction,
+            "numpy": curves.numpy_friction,
             "textbook": lambda: textbook.solve(
-                other.ONE, other.VELOCITY, other.PRESSURE, quantities=("friction",)
+                curves.ONE, curves.VELOCITY, curves.PRESSURE, quantities=("friction",)
             ),
         },
         rounds=15,

@@ -11,7 +11,7 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
-from support.cases import three
+from support.cases.stored import three
 from support.folders import DATA
 
 import rubberfric as rf

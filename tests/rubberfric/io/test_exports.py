@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from test_files import refused
+from support.refusals import refused
 
 import rubberfric as rf
 from fitting import FrictionData, ModulusData, SpectrumData, read

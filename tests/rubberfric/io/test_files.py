@@ -9,7 +9,8 @@ import jax
 import numpy as np
 import pytest
 from support.folders import DATA
-from test_objects import EXAMPLES, examples, same
+from support.refusals import refused
+from support.scenes.examples import EXAMPLES, examples, same
 
 import rubberfric as rf
 from rubberfric.io.files import read_scene_file
@@ -19,16 +20,6 @@ from rubberfric.io.scene_files.hdf5 import UNITS
 from rubberfric.io.tables import read_directions, read_table, write_table
 
 SCENE_FILES = sorted(path for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
-
-
-def refused(path, call):
-    """The message of the ValueError that `call` raises: one line that begins with the file's path."""
-    with pytest.raises(ValueError, match=r"must|is not|unknown|cannot") as caught:
-        call()
-    message = str(caught.value)
-    assert message.startswith(f"{path}: "), message
-    assert "\n" not in message
-    return message
 
 
 # --- CSV tables

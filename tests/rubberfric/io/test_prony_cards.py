@@ -4,12 +4,12 @@ import re
 
 import numpy as np
 import pytest
-from test_files import refused
+from support.refusals import refused
+from support.scenes.shifts import WLF
 
 import fitting
 import rubberfric as rf
 
-WLF = rf.WLF(8.86, 101.6, 293.15)
 TAU = 10.0 ** np.arange(-7, 2)
 E = 1e9 * np.array([0.7, 0.31, 0.2, 0.11, 0.05, 0.02, 0.01, 0.004, 0.0013])
 RUBBER = rf.Prony(4.2e6, E, TAU, 0.45, WLF)

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.html_tables import cells, pairs
-from test_objects import EXAMPLES, examples
+from support.scenes.examples import EXAMPLES, examples
 
 import rubberfric as rf
 from rubberfric.base.html import short, with_unit

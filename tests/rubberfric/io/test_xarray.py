@@ -3,6 +3,7 @@
 import h5py
 import numpy as np
 import pytest
+from support.scenes.fits import ROAD
 
 import rubberfric as rf
 from rubberfric.io.results import DIMENSIONS, Result, load_result, save_result
@@ -10,7 +11,7 @@ from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.theory.quantities import Solution
 
 RUBBER = rf.Prony(3e6, [5e7], [1e-5], shift=rf.WLF(12.0, 150.0, 293.15))
-SCENE = rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4)), rf.Body(RUBBER))
+SCENE = rf.Scene(ROAD, rf.Body(RUBBER))
 VELOCITY, PRESSURE, TEMPERATURE = np.array([1e-3, 0.1, 2.0]), np.array([1e5, 2e5]), np.array([280.0, 293.15])
 
 

@@ -7,13 +7,13 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from support import oracle
-from support.cases import QUANTITIES, as_arrays, quantities, scene
+from support.cases.solids import RIGID, ROAD, WORN
+from support.cases.stored import QUANTITIES, as_arrays, quantities, scene
+from support.oracles import oracle
 
 import rubberfric as rf
 from rubberfric.materials.coating import coated_series, coated_spring
-from rubberfric.materials.materials import reduced_series
-from rubberfric.materials.slab import stiffening
+from rubberfric.materials.material import Series
 from rubberfric.scene.scene import dissipates, relaxes
 
 POISSON = [0.0, 0.3, 0.4999999, 0.5]
@@ -46,15 +46,15 @@ def of_springs(*numbers):
     """Sbar at q = 1 of two solids that do not relax."""
     body = body_of(*numbers)
     layer, base = 2 * numbers[3] / (1 - numbers[1]), 2 * numbers[4] / (1 - numbers[2])
-    return coated_spring(body, layer, base, jnp.ones(())) / layer
+    return coated_spring(body.layer, body.material.poisson, layer, base, jnp.ones(())) / layer
 
 
 def of_series(*numbers):
     """The same by pairs in series, of solids of which nothing relaxes."""
     body, term = body_of(*numbers), (jnp.zeros(1), jnp.ones(1))
     layer, base = 2 * numbers[3] / (1 - numbers[1]), 2 * numbers[4] / (1 - numbers[2])
-    solids = ((layer, *term), (base, *term))
-    return coated_series(body, *solids, jnp.ones(1))[0][0] / layer
+    solids = (Series(layer, *term), Series(base, *term))
+    return coated_series(body.layer, body.material.poisson, *solids, jnp.ones(1))[0][0] / layer
 
 
 def evaluated(function, points):
@@ -133,22 +133,24 @@ def test_limits():
 
     def spring(thickness, base, factor=1.0):
         body = rf.Body(layer, None, rf.Coating(thickness, base))
-        springs = (reduced_series(m, 1.0)[0] for m in (layer, base))
-        return coated_spring(body, *springs, q) * factor
+        springs = (m.reduced_series(1.0)[0] for m in (layer, base))
+        return coated_spring(body.layer, layer.poisson, *springs, q) * factor
 
-    own = reduced_series(layer, 1.0)[0]
+    own = layer.reduced_series(1.0)[0]
     soft = rf.Elastic(3e5, 0.2)
     np.testing.assert_allclose(spring(1e6, soft), own, rtol=1e-15)
-    np.testing.assert_allclose(spring(1e-12, soft), reduced_series(soft, 1.0)[0], rtol=1e-9)
+    np.testing.assert_allclose(spring(1e-12, soft), soft.reduced_series(1.0)[0], rtol=1e-9)
     np.testing.assert_allclose(spring(0.3, layer), own, rtol=1e-14)
-    slab = stiffening(rf.Slab(0.3), layer.poisson, q)
+    slab = rf.Slab(0.3).stiffening(layer.poisson, q)
     np.testing.assert_allclose(spring(0.3, rf.Elastic(1e25, 0.1)), own * slab, rtol=1e-12)
     # A liquid below leaves the free plate, a liquid on top nothing.
     body = rf.Body(layer, None, rf.Coating(0.3, soft))
-    free = coated_spring(body, own, 0.0, q)
-    np.testing.assert_allclose(free, coated_spring(body, own, 1e-30 * own, q), rtol=1e-12)
-    assert (coated_spring(body, 0.0, own, q) == 0).all()
-    assert (coated_spring(body, 0.0, 0.0, q) == 0).all()
+    free = coated_spring(body.layer, layer.poisson, own, 0.0, q)
+    np.testing.assert_allclose(
+        free, coated_spring(body.layer, layer.poisson, own, 1e-30 * own, q), rtol=1e-12
+    )
+    assert (coated_spring(body.layer, layer.poisson, 0.0, own, q) == 0).all()
+    assert (coated_spring(body.layer, layer.poisson, 0.0, 0.0, q) == 0).all()
 
 
 RUBBER = rf.Prony(3.6e6, [1e9, 1e8, 2e7, 5e6, 1e6], [1e-8, 1e-6, 1e-4, 1e-2, 1.0])
@@ -169,8 +171,8 @@ LIQUID = rf.Prony(0.0, [1e7, 1e5], [1e-5, 1.0], 0.45)
 def test_prony_series_is_the_complex_factor(layer, base):
     q = np.logspace(0, 6, 13)
     body = rf.Body(layer, None, rf.Coating(1e-3, base))
-    made = jax.jit(lambda body, *solids: coated_series(body, *solids, q))
-    series = made(body, reduced_series(layer, 1e6), reduced_series(base, 1e6))
+    made = jax.jit(lambda body, *solids: coated_series(body.layer, body.material.poisson, *solids, q))
+    series = made(body, layer.reduced_series(1e6), base.reduced_series(1e6))
     rest, weight, tau = map(np.asarray, series)
     assert (rest >= 0).all() and (weight >= 0).all() and (tau > 0).all()
     coefficients = [
@@ -191,9 +193,6 @@ def test_prony_series_is_the_complex_factor(layer, base):
 # Scenes.
 
 TAU = [1e-8, 1e-6, 1e-4, 1e-2, 1.0]
-ROAD = {"q0": 100.0, "qr": 1000.0, "q1": 3.1e4, "H": 0.8, "h_rms": 5e-4}
-WORN = {"q0": 300.0, "qr": 2000.0, "q1": 1e5, "H": 0.7, "h_rms": 4e-5}
-RIGID = {"kind": "rigid"}
 
 
 def rubber(scale=1.0, nu=0.5, slower=1.0):

@@ -5,11 +5,11 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from support import oracle
-from support.cases import QUANTITIES, as_arrays, quantities, scene
+from support.cases.solids import RIGID, ROAD, WORN
+from support.cases.stored import QUANTITIES, as_arrays, quantities, scene
+from support.oracles import oracle
 
 import rubberfric as rf
-from rubberfric.materials.materials import glassy_reduced, reduced_series, static_modulus, static_reduced
 
 G_INF, G = 1.2e6, [3e8, 0.0, 5e6, 4e5, 4e5]
 TAU = [1e-9, 1e-7, 1e-4, 1e-2, 1e-2]
@@ -37,10 +37,10 @@ def test_young(bulk):
     np.testing.assert_allclose(found.real, young.real, rtol=1e-14)
     # Where the bulk modulus bounds E, its loss is what is left of the difference of larger numbers.
     np.testing.assert_allclose(found.imag, young.imag, rtol=1e-14, atol=1e-15 * np.abs(young).max())
-    assert float(static_modulus(material(bulk))) == pytest.approx(young[0].real, rel=1e-14)
+    assert float(material(bulk).static_modulus()) == pytest.approx(young[0].real, rel=1e-14)
 
 
-series = jax.jit(reduced_series)
+series = jax.jit(lambda solid, scale: solid.reduced_series(scale))
 
 
 @pytest.mark.parametrize("scale", [1e-12, 1e-3, 1.0, 1e3])
@@ -59,7 +59,7 @@ def test_reduced_modulus_is_a_prony_series(bulk, scale):
         assert abs(found.imag - wanted.imag) <= 1e-9 * abs(wanted.imag) + 1e-15 * abs(wanted), omega
     with mp.workdps(40):
         ends = [float(exact(omega, bulk, scale)[3].real) for omega in (0.0, 1e30)]
-    found = [float(end(solid)) for end in (static_reduced, glassy_reduced)]
+    found = [float(end) for end in (solid.static_reduced(), solid.glassy_reduced())]
     np.testing.assert_allclose(found, ends, rtol=1e-13)
 
 
@@ -79,7 +79,7 @@ def test_derivatives_of_the_reduced_modulus():
     s = 1e3
 
     def value(solid):
-        rest, weight, tau = reduced_series(solid, 1e6)
+        rest, weight, tau = solid.reduced_series(1e6)
         return rest + jnp.sum(weight * (s * tau / (1 + s * tau)))
 
     def exactly(numbers):
@@ -102,9 +102,6 @@ def test_derivatives_of_the_reduced_modulus():
         np.testing.assert_allclose(found * scale, np.array(wanted) * scale, rtol=1e-8, atol=1e-11)
 
 
-ROAD = {"q0": 100.0, "qr": 1000.0, "q1": 3.1e4, "H": 0.8, "h_rms": 5e-4}
-WORN = {"q0": 300.0, "qr": 2000.0, "q1": 1e5, "H": 0.7, "h_rms": 4e-5}
-RIGID = {"kind": "rigid"}
 STEEL = {"kind": "elastic", "E": 2e8, "nu": 0.3}
 RUBBER = {"kind": "prony", "E_inf": 2e6, "E": [1e8, 3e6], "tau": [1e-7, 1e-4], "nu": 0.49}
 

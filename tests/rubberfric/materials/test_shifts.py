@@ -5,12 +5,10 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
+from support.scenes.shifts import ARRHENIUS, TABLE, WLF
 
 import rubberfric as rf
 
-WLF = rf.WLF(8.86, 101.6, 293.15)
-ARRHENIUS = rf.Arrhenius(0.97, 293.15)
-TABLE = rf.TabulatedShift([263.15, 283.15, 303.15, 333.15], [3e3, 20.0, 0.2, 4e-3], 293.15)
 LAWS = [WLF, ARRHENIUS, TABLE]
 LARGEST = 0.25 * np.log(np.finfo(float).max)  # where ln a_T saturates
 
@@ -92,3 +90,48 @@ def test_finite_under_jit_at_every_temperature(law, T):
 def test_table_holds_its_ends_under_jit():
     assert jax.jit(TABLE.log_factor)(200.0) == TABLE.log_factor(263.15)
     assert jax.jit(TABLE.log_factor)(400.0) == TABLE.log_factor(333.15)
+
+
+def solids(shift):
+    """One of every material that can be rough's counterpart."""
+    table = [1e-2, 1e2, 1e6], [1e6, 1e7, 1e9], [1e5, 5e6, 1e8]
+    yield rf.Elastic(2e6, 0.5)
+    yield rf.Prony(1e6, [1e6, 1e7], [1.0, 1e-3], shift=shift)
+    yield rf.PronyShear(1e6, [1e6, 1e7], [1.0, 1e-3], 1e9, shift=shift)
+    yield from (rf.TabulatedModulus(*table, shift=shift, outside=o) for o in ("fall", "hold", "none"))
+
+
+ROAD = rf.Body(rf.Rigid(), rf.TabulatedSpectrum([1e3, 1e4], [1e-13, 1e-17]))
+CHEAP = rf.Quadrature(order=4, panels=2, graded=0, angular_order=4, angle=24)
+
+
+@pytest.mark.parametrize("kind", range(6))
+@pytest.mark.parametrize("law", [None, *LAWS], ids=lambda law: type(law).__name__)
+def test_conditions_alone_traced(law, kind):
+    """A scene that is closed over is concrete in a trace, where operations on it are staged all the same."""
+    material = list(solids(law))[kind]
+    shear = rf.ContactShear(6.5e6, 0.1, 6e-3, shift=law)
+    scene = rf.Scene(rf.Body(material), ROAD, shear=shear)
+    T = 300.0 if law is not None else None
+
+    def area(scene, velocity):
+        modulus = rf.complex_modulus(material, velocity, T)
+        return rf.friction(scene, velocity, 1e5, T, quadrature=CHEAP), modulus
+
+    as_argument = jax.jit(area)(scene, 0.1)
+    for closed_over in (jax.jit(lambda v: area(scene, v)), jax.jit(lambda v: area(scene, 0.1))):
+        np.testing.assert_allclose(closed_over(0.1), as_argument, rtol=1e-12)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
+def test_concrete_temperatures_are_checked_inside_a_trace(law):
+    low = {"WLF": 191.0, "Arrhenius": -1.0, "TabulatedShift": 200.0}[type(law).__name__]
+    with pytest.raises(ValueError, match=r"temperature = .*: must be"):
+        jax.jit(lambda v: (law.check_temperature(low), v))(1.0)
+
+
+def test_a_table_made_inside_a_trace_of_one_outside():
+    T, aT = TABLE.T, TABLE.aT
+    assert jax.jit(lambda v: rf.TabulatedShift(T, aT, 293.15).log_factor(v))(275.0) == TABLE.log_factor(275.0)
+    with pytest.raises(ValueError, match=r"T_ref = 200.0: must be inside the table, 263.15 to 333.15 K"):
+        jax.jit(lambda v: rf.TabulatedShift(T, aT, 200.0).log_factor(v))(275.0)

@@ -10,7 +10,7 @@ import pytest
 
 import rubberfric as rf
 from rubberfric.roughness.moments import cumulative_moment
-from rubberfric.roughness.spectra import broken_power_law
+from rubberfric.roughness.spectra import power_law_of
 
 ROAD = (100.0, 1000.0, 3.1e4, 0.8, 5e-4)
 SPECTRA = {
@@ -64,7 +64,7 @@ def exact(leaves, order, q):
 OBJECTS = {name: rf.SelfAffine(*leaves) for name, leaves in SPECTRA.items()}
 OBJECTS["table"] = rf.TabulatedSpectrum(TABLE_Q, TABLE_C)
 LEAVES = {**SPECTRA, "table": (*TABLE_Q, *TABLE_C)}
-LAW_OF, spectrum_of = jax.jit(broken_power_law), jax.jit(rf.power_spectrum)
+LAW_OF, spectrum_of = jax.jit(power_law_of), jax.jit(rf.power_spectrum)
 LAWS = {name: LAW_OF(spectrum) for name, spectrum in OBJECTS.items()}
 # Compiled once for each kind of spectrum.
 MOMENT = jax.jit(cumulative_moment)
@@ -111,7 +111,7 @@ def test_derivatives_of_a_moment(name, order):
 
     def of(theta):
         parts = [p.reshape(np.shape(x)) for p, x in zip(jnp.split(theta[1:], sizes), flat, strict=True)]
-        law = broken_power_law(jax.tree.unflatten(structure, parts))
+        law = power_law_of(jax.tree.unflatten(structure, parts))
         return jnp.log(cumulative_moment(law, order, theta[0]))
 
     theta = np.array([distance, *leaves])

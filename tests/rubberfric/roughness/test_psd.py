@@ -38,7 +38,7 @@ def exact_line(spectrum, x):
             m = mp.log(Cb / Ca) / mp.log(b / a)
             low, high = mp.acosh(max(a, x) / x), mp.acosh(b / x)
             parts = mp.linspace(low, high, int(high - low) + 2)
-            total += 2 * mp.quad(lambda u: Ca * (x * mp.cosh(u) / a) ** m * x * mp.cosh(u), parts)  # noqa: B023
+            total += 2 * mp.quad(lambda u: Ca * (x * mp.cosh(u) / a) ** m * x * mp.cosh(u), parts)
         return total
 
 
@@ -94,8 +94,8 @@ def test_line_spectrum_derivatives():
             q0, qr, q1, H, h = (mp.mpf(a) for a in values[:5])
             area = mp.pi * qr**2 * (1 - (q0 / qr) ** 2 + (1 - (q1 / qr) ** (-2 * H)) / H)
             C0, y = h**2 / area, mp.mpf(values[5])
-            flat = lambda q: C0 * q / mp.sqrt(q * q - y * y)  # noqa: E731
-            fall = lambda q: flat(q) * (q / qr) ** (-2 * (1 + H))  # noqa: E731
+            flat = lambda q: C0 * q / mp.sqrt(q * q - y * y)
+            fall = lambda q: flat(q) * (q / qr) ** (-2 * (1 + H))
             return 2 * (
                 C0 * mp.sqrt(qr**2 - y**2)
                 + mp.quad(fall, [qr * (q1 / qr) ** (mp.mpf(i) / 12) for i in range(13)])

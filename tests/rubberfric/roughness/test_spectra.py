@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 import rubberfric as rf
-from rubberfric.roughness.spectra import broken_power_law
 
 SPECTRA = [
     (100.0, 1000.0, 3.1e4, 0.8),
@@ -157,7 +156,7 @@ def test_single_precision_with_underflowing_C():
     """C = 1e-39 m^4 at q = 1e9 does not exist in float32; q^2 C does."""
     spectrum = (100.0, 1000.0, 1e9, 0.8)
     single = rf.SelfAffine(*(jnp.float32(x) for x in (*spectrum, H_RMS)))
-    law = broken_power_law(single)
+    law = single.power_law()
     assert {x.dtype for x in law} == {jnp.dtype(jnp.float32)}
     for order in (0, 2):
         assert rf.roughness.moment(single, order) == pytest.approx(

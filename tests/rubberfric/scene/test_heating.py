@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from support import oracle_heating
+from support.oracles import oracle_heating
 
 import rubberfric as rf
 from rubberfric.scene.heating import diffusion, memory, rise_below_surface, rise_inside

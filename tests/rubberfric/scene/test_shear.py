@@ -9,22 +9,18 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
-from support.cases import arguments, paths, reference, slow_if
-from support.extremes import changed
-from test_gradients import leaf_value
-from test_shifts import ARRHENIUS, TABLE, WLF
-from test_structure import primitives, work
+from support.cases.extremes import changed
+from support.cases.stored import arguments, leaf_value, paths, reference, slow_if
+from support.counting.operations import primitives, work
+from support.scenes.common import ROAD, SHEAR, TREAD, WORN
+from support.scenes.shifts import ARRHENIUS, TABLE, WLF
 
 import rubberfric as rf
 from rubberfric.scene.scene import cast
 from rubberfric.scene.shear import shear_friction
 from rubberfric.theory.integrals import evaluate, prepare
 
-SHEAR = rf.ContactShear(6.5e6, 0.1, 6e-3, ARRHENIUS)
-TREAD = rf.Prony(3.6e6, [1e9, 1e8, 1e7], [1e-9, 1e-6, 1e-3])
 STEEL, GLASS = rf.Rigid(), rf.Elastic(7e10, 0.2)
-ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
-WORN = rf.SelfAffine(200.0, 2000.0, 1e5, 0.8, 5e-5)
 VELOCITY = jnp.logspace(-6, 1, 50)
 PARTS = ("area", "friction", "viscoelastic_friction", "shear_friction")
 

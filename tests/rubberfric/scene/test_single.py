@@ -4,12 +4,12 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.cases import as_arrays
+from support.cases.stored import as_arrays
+from support.scenes.common import ROAD
+from support.scenes.common import TREAD as RUBBER
 
 import rubberfric as rf
 
-ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
-RUBBER = rf.Prony(3.6e6, [1e9, 1e8, 1e7], [1e-9, 1e-6, 1e-3])
 RIGID = rf.Body(rf.Rigid(), ROAD)
 LIQUID = rf.Prony(0.0, [1e6], [1.0])
 WIDE = rf.Prony(1e6, [1e6, 1e6], [1e-18, 1e14])

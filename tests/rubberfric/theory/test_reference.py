@@ -5,7 +5,7 @@ import functools
 import jax
 import numpy as np
 import pytest
-from support.cases import QUANTITIES, arguments, h_rms, reference, value
+from support.cases.stored import QUANTITIES, arguments, h_rms, reference, value
 
 import rubberfric as rf
 

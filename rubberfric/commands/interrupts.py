@@ -1,0 +1,105 @@
+"""SIGINT (Ctrl-C) and SIGTERM in the commands: one line, nothing half-written, exit status 130 or 143.
+
+A command that is the process is ended by a thread that waits for signals. The main thread cannot do it:
+Python's handlers run between its own instructions only, and a compiled program may run for seconds. Nor
+can an exception: XLA's compiler answers a signal by raising it while its threads go on compiling, which
+the interpreter then shuts down under them, and that ends in a segmentation fault. So that thread removes
+what is being written and ends the process by `os._exit`, which runs no such shutdown.
+"""
+
+import contextlib
+import os
+import signal
+import socket
+import sys
+import threading
+
+from rubberfric.base.atomic import remove_begun
+
+LOST = "what was not yet complete is not written"
+
+
+class Interrupts:
+    """Both signals while a command runs; the first one can be held back until `check`.
+
+    So a fit ends between two steps, and a file that is being written is completed. A second
+    signal is never held back.
+
+    Parameters
+    ----------
+    program : what the line begins with
+    left : function of nothing that says in a few words what remains
+    process : bool
+        whether the command is the process, which a signal may end. If not, it was called from Python,
+        and a signal is a KeyboardInterrupt there.
+    """
+
+    def __init__(self, program, left=lambda: LOST, *, process):
+        self.program, self.left, self.process = program, left, process
+        self.asked = self.stopped = False
+        self.which = signal.SIGINT
+        self._held = self._seen = False
+        self._before = {}
+
+    def __enter__(self):
+        if threading.current_thread() is threading.main_thread():  # others cannot
+            if self.process:
+                hear, self._tell = socket.socketpair()  # which, unlike a pipe, Windows takes for this
+                self._tell.setblocking(False)
+                signal.set_wakeup_fd(self._tell.fileno(), warn_on_full_buffer=False)
+                self._thread = threading.Thread(target=self._wait, args=(hear,), daemon=True)
+                self._thread.start()
+            for which in (signal.SIGINT, signal.SIGTERM):
+                if signal.getsignal(which) != signal.SIG_IGN:  # as a script's shell has it in the background
+                    self._before[which] = signal.signal(which, self._arrived)
+        return self
+
+    def __exit__(self, *error):
+        for which, handler in self._before.items():
+            signal.signal(which, handler)
+        if hasattr(self, "_thread"):
+            signal.set_wakeup_fd(-1)
+            self._tell.close()
+            self._thread.join()  # if a signal came before, it ends the process
+
+    def _arrived(self, which, frame):
+        first, self.asked, self.which = not self.asked, True, which
+        if not (self._held and first) and not self.process:
+            raise KeyboardInterrupt
+
+    def _wait(self, hear):
+        """In its thread: end the process at the first signal that is not held back."""
+        with hear:
+            while which := hear.recv(1):
+                first, self._seen = not self._seen, True
+                if which[0] in self._before and not (self._held and first):
+                    self._leave(which[0])
+
+    def _leave(self, which):
+        try:
+            remove_begun()
+            line = f"{self.program}: interrupted; {self.left()}\n"
+            # Not by Python's streams: the main thread may hold them, and what waits in them is incomplete.
+            with contextlib.suppress(OSError):
+                os.write(2, (("\r\033[K" if os.isatty(2) else "") + line).encode())
+        finally:
+            os._exit(128 + which)
+
+    def complain(self):
+        """Say that the command was interrupted, where the process goes on; returns the exit status."""
+        print(f"{self.program}: interrupted; {self.left()}", file=sys.stderr)
+        return 128 + int(self.which)
+
+    def hold(self):
+        """Hold the first signal back from now on."""
+        self._held = True
+
+    def release(self):
+        """Hold no signal back from now on."""
+        self._held = False
+
+    def check(self):
+        """KeyboardInterrupt if a signal was held back."""
+        if self.asked:
+            self.stopped = True
+            raise KeyboardInterrupt

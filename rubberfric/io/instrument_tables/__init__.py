@@ -1,1 +1,0 @@
-"""Tables as instruments and other programs write them."""

@@ -1,0 +1,124 @@
+"""Names and units of columns as instruments and other programs spell them."""
+
+import re
+
+from rubberfric.io.tables.columns import COLUMNS
+
+# Another name of a column: which of `COLUMNS` it is. "M_..." is E_... or G_..., as the caller says.
+ALIASES = {
+    "E'": "E_stor",
+    "E''": "E_loss",
+    "|E*|": "E_comp",
+    "E*": "E_comp",
+    "G'": "G_stor",
+    "G''": "G_loss",
+    "|G*|": "G_comp",
+    "G*": "G_comp",
+    "storage modulus": "M_stor",
+    "loss modulus": "M_loss",
+    "complex modulus": "M_comp",
+    "tan(delta)": "tan_del",
+    "tan delta": "tan_del",
+    "tan(\u03b4)": "tan_del",
+    "tan \u03b4": "tan_del",
+    "tan d": "tan_del",
+    "loss factor": "tan_del",
+    "angular frequency": "omega",
+    "\u03c9": "omega",
+    "frequency": "f",
+    "temperature": "T",
+    "temp": "T",
+    "shift factor": "aT",
+    "velocity": "v",
+    "sliding velocity": "v",
+    "friction coefficient": "mu",
+    "coefficient of friction": "mu",
+    "mu_visc": "mu",
+    "\u03bc": "mu",
+    "pressure": "p",
+    "contact pressure": "p",
+    "contact area": "A_over_A0",
+    "A/A0": "A_over_A0",
+    "wavevector": "q",
+    "wavenumber": "q",
+}
+# Set values, taken where the measured ones are not there.
+SET_VALUES = {"f_set": "f", "T_set": "T"}
+# Columns that belong to such tables and are never read.
+OTHERS = (
+    "Set",
+    "t",
+    "t_set",
+    "E_relax",
+    "G_relax",
+    *(f"{name}_filt" for name in ("E_stor", "E_loss", "G_stor", "G_loss")),
+)
+
+_UNITS = {
+    "°C": "C",
+    "\u00baC": "C",
+    "℃": "C",
+    "degC": "C",
+    "rad/sec": "rad/s",
+    "N/mm²": "MPa",
+    "N/mm^2": "MPa",
+    "N/mm2": "MPa",
+    "N/m²": "Pa",
+    "N/m^2": "Pa",
+    "m⁴": "m^4",
+    "m4": "m^4",
+    "m³": "m^3",
+    "m3": "m^3",
+    "m⁻¹": "1/m",
+    "m^-1": "1/m",
+    "": "-",
+    "1": "-",
+}
+# Signs that stand for a prime, for two of them, and for the Greek letter mu.
+_PRIMES, _DOUBLE = "\u00b4\u0060\u2018\u2019\u2032\u02b9", '"\u2033\u201d'
+_ONE_SIGN = str.maketrans({p: "'" for p in _PRIMES} | {d: "''" for d in _DOUBLE} | {"\u00b5": "\u03bc"})
+_LOGARITHM = re.compile(r"(?:log_?10|log|lg)[ _(]\s*(.+?)\s*\)?")
+_BRACKETS = re.compile(r"(.+?)\s*[\[(]([^\[\]()]*(?:\([^()]*\))?)[\])]")
+
+
+def is_foreign(title: str, name: str | None) -> bool:
+    """Whether a title, whose `known_name` is `name`, is of another program, not of an own table."""
+    own = name in COLUMNS and COLUMNS[name].offered and name == title
+    return title in OTHERS or (name is not None and not own)
+
+
+def known_name(title: str, generic: str) -> tuple[str | None, str | None]:
+    """What a column's title, "name" or "name [unit]", says: (name, unit), or None for what it does not.
+
+    The name is one of `COLUMNS` or `SET_VALUES`; a "storage modulus" is one of `generic`, "E" or "G".
+    """
+    title = title.strip()
+    for text, unit in ((title, None), *((m[1], m[2]) for m in [_BRACKETS.fullmatch(title)] if m)):
+        known = _known(text)
+        if known is not None:
+            return (generic + known[1:] if known.startswith("M_") else known), unit
+    return None, None
+
+
+def known_unit(unit: str | None, name: str | None) -> str:
+    """A unit as the column of that name spells it."""
+    unit = (unit or "").strip().translate(str.maketrans({"\u00b5": "u", "\u03bc": "u"}))
+    unit = _UNITS.get(unit, unit)
+    units = COLUMNS[name].units if name in COLUMNS else ()
+    return f"log10({unit})" if unit not in units and f"log10({unit})" in units else unit
+
+
+def _known(text: str) -> str | None:
+    if text in COLUMNS or text in SET_VALUES:
+        return text
+    text = " ".join(text.translate(_ONE_SIGN).split())
+    if text in ALIASES:
+        return ALIASES[text]
+    plain = re.sub(r"[\s_.]+", " ", text).strip().lower()
+    if plain in ALIASES:
+        return ALIASES[plain]
+    logarithm = _LOGARITHM.fullmatch(text)
+    if logarithm:
+        known = f"log10_{_known(logarithm[1])}"
+        return known if known in COLUMNS else None
+    return None

@@ -1,0 +1,175 @@
+r"""What every material answers: its complex Young's modulus E(omega) = E' + i E'', E'' > 0 for omega > 0.
+
+Contact mechanics uses the reduced modulus E_r = E / (1 - poisson^2). At rest, at the glassy end and
+in the angular integrals a material is asked for E_r; the integrals are closed forms of a Prony series,
+or quadratures over E' and E'' of a material that is none.
+"""
+
+from typing import ClassVar, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+from rubberfric.base.checks import as_leaf, between, is_concrete
+from rubberfric.base.objects import Kind, check_kind, kinds
+from rubberfric.materials.shifts import Shift
+
+POISSON = between(0.0, 0.5)
+
+
+class Series(NamedTuple):
+    r"""f(omega) = rest + sum_i weight_i i omega tau_i / (1 + i omega tau_i)."""
+
+    rest: jax.Array  # shape ()
+    weight: jax.Array  # same unit, shape (n,), n >= 0
+    tau: jax.Array  # [s], shape (n,)
+
+
+class Material(Kind):
+    """A solid's modulus: the role of Rigid, Elastic, Prony, PronyShear and TabulatedModulus.
+
+    A kind is a subclass that answers `reduced_series`, or `storage_and_loss` and `frequency_range`;
+    all other answers follow, unless its Poisson's ratio depends on the frequency.
+    """
+
+    deforms: ClassVar[bool] = True
+    # Whether E depends on omega.
+    relaxes: ClassVar[bool] = True
+    # Whether its series is one of two solids, so that single precision limits its relaxation times.
+    always_in_series: ClassVar[bool] = False
+    # Poisson's ratio [-]; None if there is not one for all frequencies. Such a body has no layer.
+    poisson: float | jax.Array | None = None
+    # How the relaxation times move with temperature, E(omega, T) = E(a_T omega).
+    shift: Shift | None = None
+
+    @property
+    def has_series(self) -> bool:
+        """Whether E_r is a Prony series."""
+        return type(self).reduced_series is not Material.reduced_series
+
+    @property
+    def needs_quadrature(self) -> bool:
+        """Whether its angular integrals have no closed form."""
+        return self.relaxes and not self.has_series
+
+    @property
+    def loss_beyond(self) -> str:
+        """E'' of a material without a series beyond `frequency_range`, where E' is constant.
+
+        "fall": as omega below it and as 1/omega above, "hold": its end values, "none": zero.
+        """
+        return "fall"
+
+    @property
+    def loss_at_rest(self) -> bool:
+        """Whether E'' stays finite for omega -> 0, where friction then jumps with the sign of v."""
+        return self.loss_beyond == "hold"
+
+    def reduced_series(self, scale: ArrayLike) -> Series | None:
+        """E_r over a scale [Pa] as a Prony series, of no terms if nothing relaxes; None if it is none."""
+        del scale
+
+    def storage_and_loss(self, log_omega: jax.Array) -> tuple[jax.Array, jax.Array]:
+        """E' and E'' [Pa] at ln omega, any shape, of a material without a series.
+
+        Beyond `frequency_range` E' holds its end values and E'' is as `loss_beyond` says.
+        """
+        raise NotImplementedError(f"{type(self).__name__}.storage_and_loss")
+
+    def frequency_range(self) -> tuple[jax.Array, jax.Array] | None:
+        """Lowest and highest omega of what E does [rad/s]; None if it is a constant."""
+        times = self.relaxation_times()
+        return None if times is None or times.size == 0 else (1 / jnp.max(times), 1 / jnp.min(times))
+
+    def relaxation_times(self) -> jax.Array | None:
+        """The times of the series as they were given [s], shape (n,); None without a series."""
+        series = self.reduced_series(1.0)
+        return None if series is None else series.tau
+
+    def modulus(self, omega: jax.Array) -> jax.Array:
+        """E(omega) [Pa], complex, at the reference temperature; omega >= 0, any shape [rad/s]."""
+        series = self.reduced_series(plane_strain(self)) if self.has_series else None
+        if series is not None:
+            return series_modulus(series, omega)
+        # ln 0 has no finite derivative; below the smallest number E' is held and E'' is 0.
+        storage, loss = self.storage_and_loss(jnp.log(jnp.maximum(omega, jnp.finfo(omega.dtype).tiny)))
+        return storage + 1j * jnp.where(omega > 0, loss, 0.0)
+
+    def static_modulus(self) -> jax.Array:
+        """E(omega = 0) [Pa], real."""
+        series = self.reduced_series(plane_strain(self)) if self.has_series else None
+        return self._end(0) if series is None else series.rest
+
+    def static_reduced(self) -> jax.Array:
+        """E_r(omega = 0) [Pa], real."""
+        return self.static_modulus() * plane_strain(self)
+
+    def glassy_reduced(self) -> jax.Array:
+        """The largest |E_r| at any frequency [Pa], real: the value at infinity."""
+        series = self.reduced_series(plane_strain(self)) if self.has_series else None
+        glassy = self._end(1) if series is None else series.rest + jnp.sum(series.weight)
+        return glassy * plane_strain(self)
+
+    def is_liquid(self) -> bool:
+        """Whether it is known to have no stiffness at rest."""
+        static = self.static_modulus()
+        return is_concrete(static) and not np.any(static)
+
+    def _end(self, which):
+        """E' at an end of the frequency range."""
+        ends = self.frequency_range()
+        if ends is None:
+            raise ValueError(f"material is {type(self).__name__}: it has no modulus")
+        return self.storage_and_loss(jnp.log(jnp.asarray(ends[which])))[0]
+
+
+class Coatable(Material):
+    """A material that a coating and its base may be of: a Prony series with one Poisson's ratio."""
+
+
+def plane_strain(material: Material) -> jax.Array:
+    """1 / (1 - poisson^2), written so that poisson -> 1 would keep its digits [-]."""
+    return 1.0 / ((1.0 - material.poisson) * (1.0 + material.poisson))
+
+
+def complex_modulus(material: Material, omega: ArrayLike, temperature: ArrayLike | None = None) -> jax.Array:
+    r"""E(omega, T) [Pa], complex: the definition behind every angular integral.
+
+    For plots, fits of master curves and tests; the contact integrals use closed forms.
+
+    Parameters
+    ----------
+    material : Elastic, Prony, PronyShear or TabulatedModulus
+    omega : angular frequency, >= 0 (Prony, PronyShear, Elastic: any real; TabulatedModulus: > 0) [rad/s]
+    temperature : broadcastable to omega [K], or None for the reference temperature
+
+    Raises
+    ------
+    ValueError : another material, Rigid, or frequencies that are no numbers.
+    """
+    rigid = [cls for cls in kinds(Material).values() if not cls.deforms]
+    if isinstance(material, tuple(rigid)):
+        raise ValueError(f"material is {type(material).__name__}: it has no modulus")
+    check_kind("material", material, Material, rigid)
+    if not isinstance(omega, int | float):
+        omega = as_leaf("omega", omega, np.ndim(omega))
+    omega = jnp.asarray(omega, jnp.result_type(omega, float))
+    if temperature is not None and material.shift is not None:
+        omega = omega * jnp.exp(material.shift.log_factor(temperature))
+    return material.modulus(omega)
+
+
+def series_modulus(series: Series, omega: jax.Array) -> jax.Array:
+    """A Prony series at omega, complex; any shape, any sign."""
+    storage, loss = relaxation(omega[..., None] * series.tau)
+    return series.rest + jnp.sum(series.weight * (storage + 1j * loss), -1)
+
+
+def relaxation(a: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Real and imaginary part of i a / (1 + i a), a = omega tau of any sign."""
+    # a^2 must not overflow; beyond the bound the term is glassy to the last bit.
+    bound = 1e150 if a.dtype == jnp.float64 else 1e18
+    a = jnp.clip(a, -bound, bound)
+    return a * a / (1 + a * a), a / (1 + a * a)

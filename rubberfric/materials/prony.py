@@ -1,0 +1,137 @@
+"""Prony series (generalised Maxwell models), of Young's or of the shear modulus."""
+
+from typing import ClassVar
+
+import jax.numpy as jnp
+
+from rubberfric.base.checks import NONNEGATIVE, POSITIVE, check_lengths, check_values, is_concrete
+from rubberfric.base.objects import child, leaf, physical
+from rubberfric.materials.material import (
+    POISSON,
+    Coatable,
+    Material,
+    Series,
+    plane_strain,
+    series_modulus,
+)
+from rubberfric.materials.series.prony_and_spring import in_series
+from rubberfric.materials.shifts import Shift
+
+
+@physical
+class Prony(Coatable):
+    r"""Viscoelastic solid as a Prony series (generalised Maxwell model).
+
+    .. math:: E(\omega) = E_\infty + \sum_i E_i \frac{i\omega\tau_i}{1 + i\omega\tau_i}
+
+    Parameters
+    ----------
+    E_inf : relaxed modulus [Pa], >= 0 (0: a liquid)
+    E : relaxing moduli [Pa], >= 0, shape (n,), n >= 1
+    tau : relaxation times [s], > 0, any order, equal ones allowed, shape (n,)
+    poisson : Poisson's ratio [-], 0 ... 0.5
+    shift : WLF, Arrhenius, TabulatedShift or None
+        how the relaxation times move with temperature: E(omega, T) = E(a_T omega).
+    """
+
+    E_inf: float = leaf(NONNEGATIVE)
+    E: object = leaf(NONNEGATIVE, ndim=1)
+    tau: object = leaf(POSITIVE, ndim=1)
+    poisson: float = leaf(POISSON, default=0.5)
+    shift: Shift | None = child(Shift, default=None)
+
+    def _check(self):
+        _check_terms("Prony", "E", self.E_inf, self.E, self.tau)
+
+    def reduced_series(self, scale):
+        """E_r over a scale [Pa] as a Prony series."""
+        unit = plane_strain(self) / scale
+        return Series(self.E_inf * unit, self.E * unit, self.tau)
+
+    def static_modulus(self):
+        """E(omega = 0) [Pa]."""
+        return self.E_inf
+
+
+@physical
+class PronyShear(Material):
+    r"""Viscoelastic solid whose shear relaxes while its compression is elastic.
+
+    .. math:: G(\omega) = G_\infty + \sum_i G_i \frac{i\omega\tau_i}{1 + i\omega\tau_i},\qquad
+              E = \frac{9 B G}{3 B + G},\qquad \nu = \frac{3 B - 2 G}{2 (3 B + G)}
+
+    So Poisson's ratio follows the frequency: 1/2 where G << B, less where the solid is glassy. The
+    reduced modulus is a Prony series of twice the terms,
+
+    .. math:: E_r = \frac{E}{1 - \nu^2} = G + \frac{3}{4} \frac{3 B \cdot 4 G}{3 B + 4 G}
+
+    Parameters
+    ----------
+    G_inf : relaxed shear modulus [Pa], >= 0 (0: a liquid)
+    G : relaxing shear moduli [Pa], >= 0, shape (n,), n >= 1
+    tau : relaxation times of the shear [s], > 0, any order, equal ones allowed, shape (n,)
+    bulk : bulk modulus B [Pa], > 0
+    shift : WLF, Arrhenius, TabulatedShift or None
+        how the relaxation times move with temperature: G(omega, T) = G(a_T omega).
+
+    Limits: half-spaces only, for the factor of a layer depends on Poisson's ratio.
+    """
+
+    always_in_series: ClassVar[bool] = True  # with the bulk modulus
+
+    G_inf: float = leaf(NONNEGATIVE)
+    G: object = leaf(NONNEGATIVE, ndim=1)
+    tau: object = leaf(POSITIVE, ndim=1)
+    bulk: float = leaf(POSITIVE)
+    shift: Shift | None = child(Shift, default=None)
+
+    def _check(self):
+        _check_terms("PronyShear", "G", self.G_inf, self.G, self.tau)
+
+    def reduced_series(self, scale):
+        """E_r over a scale [Pa] as a Prony series of twice the terms."""
+        rest, weight, bulk = self.G_inf / scale, self.G / scale, self.bulk / scale
+        compressed = Series(*in_series(4 * rest, 4 * weight, self.tau, jnp.asarray(3 * bulk)))
+        relaxing = jnp.concatenate([weight, 0.75 * compressed.weight])
+        times = jnp.concatenate([self.tau, compressed.tau])
+        return Series(rest + 0.75 * compressed.rest, relaxing, times)
+
+    def relaxation_times(self):
+        """Those of the shear [s], shape (n,)."""
+        return self.tau
+
+    def modulus(self, omega):
+        """E(omega) [Pa], complex."""
+        return _young(series_modulus(Series(self.G_inf, self.G, self.tau), omega), self.bulk)
+
+    def static_modulus(self):
+        """E(omega = 0) [Pa]."""
+        return _young(self.G_inf, self.bulk)
+
+    def static_reduced(self):
+        """E_r(omega = 0) [Pa]."""
+        return _reduced(self.G_inf, self.bulk)
+
+    def glassy_reduced(self):
+        """E_r(omega = infinity) [Pa]."""
+        return _reduced(self.G_inf + jnp.sum(self.G), self.bulk)
+
+
+def _check_terms(kind, name, rest, weight, tau):
+    """The rules that tie the fields of a series together."""
+    check_lengths(kind, **{name: weight, "tau": tau})
+    if weight.shape[0] < 1:
+        raise ValueError(f"{kind}.{name} is empty: must have at least 1 term (use Elastic for none)")
+    if is_concrete(rest) and is_concrete(weight):
+        rule = (f"with all {name} = 0 the solid has no stiffness; must be > 0 then", lambda x: x > 0)
+        check_values(f"{kind}.{name}_inf", rest + jnp.sum(weight), rule)
+
+
+def _young(shear, bulk):
+    """E of shear and bulk modulus; no product of the two, which float32 may not hold."""
+    return 3 * shear / (1 + shear / (3 * bulk))
+
+
+def _reduced(shear, bulk):
+    """E_r of a real shear modulus and the bulk modulus."""
+    return shear + 3 * shear / (1 + 4 * shear / (3 * bulk))

@@ -1,0 +1,155 @@
+"""The fit of the twin measurements: a known scene found again from its noisy friction curves.
+
+The twin is 240 friction coefficients with 3 % noise; 20 numbers are free, all started far off.
+"""
+
+import numpy as np
+import pytest
+from support.counting.compilations import compilations
+from support.ensembles.twin import DATA, FREE, GUESS, TRUTH, conditions, make_twin, true_values, twin
+
+import fitting
+import rubberfric as rf
+from fitting.parameters.layout import element_names, to_values
+from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.problem import make_problem
+from fitting.solvers.runs import run
+from fitting.solvers.starts import search
+from fitting.solvers.status import CONVERGED, PERFECT
+from fitting.uncertainty.covariance import uncertainty
+
+UNSEEN = 0.5e6  # a pressure between the two measured ones [Pa]
+
+
+@pytest.fixture(scope="module")
+def result():
+    return fitting.fit(GUESS, fitting.read(DATA / "twin_friction.csv"), FREE)
+
+
+def test_the_file_is_what_its_script_makes():
+    stored, made = fitting.read(DATA / "twin_friction.csv"), twin()
+    np.testing.assert_allclose(stored.measured, made.measured, rtol=1e-9)
+    # NumPy takes powers with what the processor has: the last digit differs between processors.
+    np.testing.assert_allclose(stored.velocity, made.velocity, rtol=1e-15)
+    np.testing.assert_array_equal(stored.error, make_twin.NOISE)
+    assert len(stored) == 240
+
+
+def test_all_parameters_are_recovered_within_their_error_bars(result):
+    assert result.success and not result.withheld and not result.unidentified
+    assert 0.9 < result.redchi < 1.1
+    truth = true_values(result.names)
+    low, high = result.interval(0.95)
+    outside = [name for name, t, a, b in zip(result.names, truth, low, high, strict=True) if not a < t < b]
+    assert not outside
+    # Error bars that are too wide would pass the above: two thirds of them should be exceeded rarely.
+    assert np.sum(np.abs(result.values - truth) > result.stderr) >= 1
+    assert np.all(result.stderr < 0.6 * result.values)
+
+
+def test_an_unseen_pressure_is_predicted_within_one_percent(result):
+    errors = []
+    for T in np.unique(conditions()[2]):
+        v = np.unique(conditions()[0])
+        errors.append(np.log(result.predict(v, UNSEEN, T) / rf.friction(TRUTH, v, UNSEEN, T)))
+    errors = np.array(errors)
+    rms, worst = np.sqrt(np.mean(errors**2)), np.max(np.abs(errors))
+    print(f"\nunseen pressure: {100 * rms:.2f} % rms, at most {100 * worst:.1f} %")
+    assert rms < 0.01
+    # The worst of 120 points, at the cold end, is what 3 % noise on 240 points leaves.
+    assert worst < 0.04
+
+
+def test_its_band_holds_the_truth(result):
+    v = np.logspace(-6, 1, 15)
+    band = result.band(v, UNSEEN, 293.15)
+    truth = np.asarray(rf.friction(TRUTH, v, UNSEEN, 293.15))
+    assert np.mean((band.low < truth) & (truth < band.high)) > 0.8
+    assert np.all(band.high / band.low < 1.1)
+
+
+def test_data_without_noise_are_met_to_rounding():
+    velocity, pressure, temperature = conditions()
+    clean = rf.friction(TRUTH, velocity, pressure, temperature)
+    data = fitting.FrictionData(velocity, clean, pressure=pressure, temperature=temperature, relative=0.03)
+    result = fitting.fit(GUESS, data, FREE)
+    assert result.success and result.cost < 1e-18
+    np.testing.assert_allclose(result.values, true_values(result.names), rtol=1e-7)
+
+
+@pytest.mark.slow
+def test_a_second_fit_compiles_nothing():
+    with compilations() as compiled:
+        fitting.fit(TRUTH, twin(), FREE)
+        assert compiled
+        compiled.clear()
+        assert fitting.fit(GUESS, twin(seed=1), FREE).success
+    assert not compiled
+
+
+@pytest.mark.slow
+def test_outliers_move_the_robust_estimate_less_than_its_error_bars():
+    clean = twin()
+    measured = clean.measured.copy()
+    rng = np.random.default_rng(1)
+    struck = rng.choice(measured.size, measured.size // 20, replace=False)
+    measured[struck] *= 3.0
+    before = fitting.fit(GUESS, clean, FREE, loss="cauchy")
+    after = fitting.fit(GUESS, clean.replaced(measured), FREE, loss="cauchy")
+    assert before.success and after.success
+    moved = np.abs(after.x - before.x) / before.uncertainty.deviation
+    assert moved.max() < 1.0, dict(zip(before.names, moved.round(2), strict=True))
+    plain = fitting.fit(GUESS, clean.replaced(measured), FREE)
+    assert np.max(np.abs(plain.x - before.x) / before.uncertainty.deviation) > 3.0
+
+
+@pytest.mark.slow
+def test_coverage_of_the_intervals():
+    velocity, pressure, temperature = conditions()
+    seeds = 1000
+    log_truth = np.log(np.asarray(rf.friction(TRUTH, velocity, pressure, temperature)))
+    noise = np.stack([np.random.default_rng(s).standard_normal(velocity.size) for s in range(seeds)])
+    problem = make_problem(TRUTH, [twin()], FREE)
+    targets = problem.targets._replace(
+        measured=log_truth + make_twin.NOISE * noise,
+        error=problem.targets.error[None],
+        held=problem.targets.held[None],
+    )
+    starts = np.tile(problem.start, (seeds, 1))
+    runs = run(LevenbergMarquardt(), problem.structure, problem.numbers, targets, starts)
+    inside, chisqr = [], []
+    for x, measured in zip(runs.x, targets.measured, strict=True):
+        one = problem._replace(targets=problem.targets._replace(measured=measured))
+        known = uncertainty(one, x)
+        z = np.abs(x - problem.start) / known.deviation
+        inside.append(np.where(np.isnan(z), np.nan, z < 1.959964))
+        chisqr.append(known.chisqr / (velocity.size - known.parameters))
+    inside = np.array(inside)
+    first, all_of_them = np.nanmean(inside[:200], 0), np.nanmean(inside, 0)
+    print(f"\nconverged {np.isin(runs.status, (CONVERGED, PERFECT)).sum()} of {seeds}, ", end="")
+    print(f"withheld {np.isnan(inside).sum()} of {inside.size}, redchi {np.mean(chisqr):.3f}")
+    names = element_names(problem.structure.layout)
+    for name, a, b in zip(names, first, all_of_them, strict=True):
+        print(f"  {name:28s} {100 * a:5.1f} % of 200, {100 * b:5.1f} % of {seeds}")
+    print(f"  all of them                  {100 * first.mean():5.1f} %, {100 * all_of_them.mean():5.1f} %")
+    # 1.4 % is two standard errors of a coverage over a thousand seeds.
+    assert np.all((all_of_them > 0.92) & (all_of_them < 0.98))
+
+
+@pytest.mark.slow
+def test_starts_far_off_reach_the_same_minimum():
+    problem = make_problem(TRUTH, [twin()], FREE)
+    rng = np.random.default_rng(0)
+    starts = np.tile(problem.start, (100, 1))
+    starts[:, :11] += np.log(10.0) * rng.choice([-1.0, 1.0], (100, 11))
+    hurst = np.clip(0.8 + 0.3 * rng.choice([-1.0, 1.0], 100), None, 0.99)
+    starts[:, 13] = np.log((hurst - 0.3) / (1.0 - hurst))
+    values = np.asarray(to_values(problem.structure.layout, problem.numbers.constants, starts[0]))
+    assert values[13] == pytest.approx(hurst[0]) and values[0] / 9.5e8 in (
+        pytest.approx(10.0),
+        pytest.approx(0.1),
+    )
+    runs = search(LevenbergMarquardt(), problem, starts)
+    reached = runs.cost < runs.cost.min() * (1 + 1e-6)
+    print(f"\n{reached.sum()} of 100 reach cost {runs.cost.min():.6f} in {np.median(runs.njev):.0f} steps")
+    assert np.all(np.isfinite(runs.cost)) and reached.mean() >= 0.95

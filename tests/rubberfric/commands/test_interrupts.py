@@ -1,0 +1,135 @@
+"""Commands as processes of their own, ended by a signal: exit status, one line, nothing half-written."""
+
+import os
+import signal
+import subprocess
+import sys
+
+import pytest
+from support.folders import ROOT
+from support.scenes.fits import JOB_FILES
+
+from rubberfric.io.results import load_result
+
+SCENE = ROOT / "data" / "tread_on_asphalt.toml"
+LOST = "interrupted; what was not yet complete is not written\n"
+
+# The main thread is in C for minutes, where no handler of Python's is called.
+BUSY = "hashlib.pbkdf2_hmac('sha256', b'', b'', 2**30)"
+
+COMPILING = """
+import sys
+from rubberfric.analysis.maps import batches
+from rubberfric.commands import main as command
+def told(*arguments, fitted=batches.fitted):
+    print("now", flush=True)
+    return fitted(*arguments)
+batches.fitted = told
+sys.exit(command.main())
+"""
+COMPUTING = f"""
+import hashlib, sys
+from rubberfric.analysis.maps import batches
+from rubberfric.commands import main as command
+def launch(*arguments):
+    print("now", flush=True)
+    {BUSY}
+batches.fitted, batches.launch = lambda layout, *rest: layout, launch
+sys.exit(command.main())
+"""
+FILLING = f"""
+import hashlib, sys
+import numpy as np
+from rubberfric.analysis.maps import batches, unfinished
+from rubberfric.commands import main as command
+unfinished.INTERVAL, count = 0.0, 0
+def launch(layout, scene, conditions, batch, options):
+    global count
+    count += 1
+    if count == 4 and "--resume" not in sys.argv:
+        print("now", flush=True)
+        {BUSY}
+    v, p, T = batches.points(conditions, batch)
+    return {{"area": p[:, None] * v * T, "friction": p[:, None] * v / T}}
+batches.fitted, batches.launch, batches.BLOCK["cpu"] = lambda layout, *rest: layout, launch, 1024
+sys.exit(command.main())
+"""
+FITTING = f"""
+import hashlib, sys
+from fitting.commands import main as command
+def work(*arguments, **options):
+    print("now", flush=True)
+    {BUSY}
+command.NAME = work
+sys.exit(command.main())
+"""
+
+
+def interrupted(program, *arguments, sending=(signal.SIGINT,), after=0.0):
+    """Status, stdout after "now" and stderr of a command that gets signals some seconds after it."""
+    environment = {name: value for name, value in os.environ.items() if name != "XLA_FLAGS"}
+    with subprocess.Popen(
+        [sys.executable, "-c", program, *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment | {"PYTHONPATH": str(ROOT)},
+    ) as process:
+        try:
+            assert process.stdout.readline() == "now\n"
+            for which in sending:
+                with pytest.raises(subprocess.TimeoutExpired):
+                    process.wait(after)  # a signal beside one that is not yet taken is lost
+                process.send_signal(which)
+            return process.wait(60), *process.communicate()
+        finally:
+            process.kill()
+
+
+@pytest.mark.parametrize(
+    ("which", "after"), [(signal.SIGINT, 0.2), (signal.SIGINT, 0.7), (signal.SIGTERM, 0.5)]
+)
+def test_a_signal_while_a_map_compiles(tmp_path, which, after):
+    """JAX's compiler, left by an exception, goes on in threads, with which the interpreter crashed."""
+    found = interrupted(COMPILING, "map", SCENE, "--out", tmp_path / "m.h5", sending=(which,), after=after)
+    assert found == (128 + which, "", f"rubberfric: {LOST}")
+    assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_while_a_program_runs(tmp_path, which):
+    found = interrupted(COMPUTING, "map", SCENE, "--out", tmp_path / "m.h5", sending=(which,))
+    assert found == (128 + which, "", f"rubberfric: {LOST}")
+    assert os.listdir(tmp_path) == []
+
+
+def test_a_signal_leaves_what_is_marked_of_a_map(tmp_path):
+    path = tmp_path / "m.h5"
+    found = interrupted(FILLING, "map", SCENE, "--out", path)
+    assert found == (130, "", "rubberfric: interrupted; --resume goes on with m.h5.partial\n")
+    assert os.listdir(tmp_path) == ["m.h5.partial"]
+    again = [sys.executable, "-c", FILLING, "map", str(SCENE), "--out", str(path), "--resume"]
+    assert subprocess.run(again, env=os.environ | {"PYTHONPATH": str(ROOT)}, check=False).returncode == 0
+    assert os.listdir(tmp_path) == ["m.h5"]
+    v, p, T = load_result(path).conditions.grid()
+    assert (load_result(path).solution.area == p * v * T).all()
+
+
+def test_a_signal_before_the_first_step_of_a_fit(job):
+    """There is nothing yet to report."""
+    found = interrupted(FITTING.replace("NAME", "fit"), "job.toml", "--out", "fit.h5")
+    assert found == (130, "", f"rubberfric-fit: {LOST}")
+    assert sorted(os.listdir()) == JOB_FILES
+
+
+def test_a_second_signal_does_not_wait_for_a_fit(job):
+    found = interrupted(
+        FITTING.replace("NAME", "save"),
+        "job.toml",
+        "--out",
+        "fit.h5",
+        sending=(signal.SIGINT, signal.SIGTERM),
+        after=0.5,
+    )
+    assert found == (143, "", f"rubberfric-fit: {LOST}")
+    assert sorted(os.listdir()) == JOB_FILES

@@ -1,0 +1,169 @@
+"""Reference scenes as library objects, and the jitted functions that the test modules share."""
+
+import functools
+import json
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from support.folders import REFERENCE
+
+import rubberfric as rf
+
+FOLDER = REFERENCE
+QUANTITIES = ("area", "friction", "separation")
+
+
+@functools.cache
+def reference(name):
+    """The scenes of reference/<name>.json by their names."""
+    scenes = json.loads((FOLDER / f"{name}.json").read_text())
+    return {scene["name"]: scene for scene in scenes}
+
+
+def scene(case):
+    """The rf.Scene of a case."""
+    lower, upper = (
+        rf.Body(_material(case[solid]), _spectrum(case[psd]), _layer(case[solid]))
+        for solid, psd in (("solid1", "psd1"), ("solid2", "psd2"))
+    )
+    softening, heating, shear = (case.get(name) for name in ("softening", "heating", "shear"))
+    if softening is not None:
+        softening = {name: np.array(values) for name, values in softening.items()}
+    return rf.Scene(
+        lower,
+        upper,
+        case["gamma"],
+        area_correction=case.get("area_correction", False),
+        shear=shear and rf.ContactShear(**shear | {"shift": _shift(shear["shift"])}),
+        heating=heating and rf.Heating(**heating),
+        softening=softening and rf.Softening(**softening),
+    )
+
+
+def slow_if(test, found):
+    """Parameters of a test, those whose names pass `test` in the slow set; `found`: by name, or names."""
+    found = found if isinstance(found, dict) else {name: name for name in found}
+    return [
+        pytest.param(value, id=name, marks=[pytest.mark.slow] * bool(test(name)))
+        for name, value in found.items()
+    ]
+
+
+def as_arrays(tree, dtype=float):
+    return jax.tree.map(lambda x: jnp.asarray(x, dtype), tree)
+
+
+def arguments(case, dtype=float):
+    """Arguments of `rf.solve` for a case, all leaves arrays."""
+    temperature = case.get("temperature")
+    rest = (
+        (case["v"], case["pressure"]) if temperature is None else (case["v"], case["pressure"], temperature)
+    )
+    return as_arrays((scene(case), *rest), dtype)
+
+
+def three(solution):
+    """Area, friction and separation of a solution."""
+    return [getattr(solution, quantity) for quantity in QUANTITIES]
+
+
+def quantities(arguments):
+    """Area, friction and separation as one array."""
+    return jnp.stack(three(rf.solve(*arguments)))
+
+
+# Compiled once for every structure of scene that the test modules share.
+value = jax.jit(quantities)
+
+
+@jax.jit
+def reverse(arguments):
+    """Values, and their Jacobian by reverse mode."""
+    return quantities(arguments), jax.jacrev(quantities)(arguments)
+
+
+def h_rms(case):
+    """Root of the summed squares of both rms heights: the length a separation is small against."""
+    total = 0.0
+    for psd in (case["psd1"], case["psd2"]):
+        if psd is not None and "h_rms" in psd:
+            total += psd["h_rms"] ** 2
+        elif psd is not None:
+            total += float(rf.roughness.moment(_spectrum(psd), 0))
+    return np.sqrt(total)
+
+
+def paths(tree):
+    """Names of the leaves, in the order of flattening."""
+    return [jax.tree_util.keystr(path) for path, _ in jax.tree_util.tree_flatten_with_path(tree)[0]]
+
+
+TO_LEAF = {
+    "solid1": "lower.material",
+    "solid2": "upper.material",
+    "psd1": "lower.spectrum",
+    "psd2": "upper.spectrum",
+    "nu": "poisson",
+    "H": "hurst",
+}
+
+
+def leaf_value(tree, path, solid_kind):
+    """The entry of a tree shaped like the arguments that a parameter of the dictionary names."""
+    tree = dict(zip(("scene", "v", "pressure", "temperature"), tree, strict=False))
+    if path[0] in tree:
+        return tree[path[0]]
+    node = tree["scene"]
+    if path[-1] == "thickness":
+        path = [path[0].replace("solid1", "lower").replace("solid2", "upper"), "layer", "thickness"]
+    for key in path:
+        if key == "E" and solid_kind == "elastic":
+            node = node.young
+        elif key.isdigit():
+            node = node[..., int(key)]
+        else:
+            for part in TO_LEAF.get(key, key).split("."):
+                node = getattr(node, part)
+    return node
+
+
+def _material(data):
+    kind, shift = data["kind"], _shift(data.get("shift"))
+    if kind == "rigid":
+        return rf.Rigid()
+    if kind == "elastic":
+        return rf.Elastic(data["E"], data["nu"])
+    if kind == "prony":
+        return rf.Prony(data["E_inf"], data["E"], data["tau"], data["nu"], shift)
+    if kind == "shear":
+        return rf.PronyShear(data["G_inf"], data["G"], data["tau"], data["bulk"], shift)
+    table = (np.array(data[name]) for name in ("omega", "storage", "loss"))
+    return rf.TabulatedModulus(*table, data["nu"], shift, data.get("outside", "fall"))
+
+
+def _shift(data):
+    if data is None:
+        return None
+    kinds = {"wlf": rf.WLF, "arrhenius": rf.Arrhenius, "table": rf.TabulatedShift}
+    return kinds[data["kind"]](**{name: value for name, value in data.items() if name != "kind"})
+
+
+def _spectrum(data):
+    if data is None:
+        return None
+    if "C" in data:
+        q, C = np.array(data["q"]), np.array(data["C"])
+        return rf.TabulatedSpectrum(q, C) if C.ndim == 1 else rf.TabulatedAnisotropic(q, C, data["angle"])
+    base = rf.SelfAffine(data["q0"], data["qr"], data["q1"], data["H"], data["h_rms"])
+    if "ratio" not in data:
+        return base
+    return rf.Anisotropic(base, data["ratio"], data["angle"], data.get("harmonics", 16))
+
+
+def _layer(data):
+    if "coating" in data:
+        return rf.Coating(data["coating"]["thickness"], _material(data["coating"]["base"]))
+    thickness = data.get("thickness")
+    return None if thickness is None else rf.Slab(thickness, data.get("base", "bonded"))

@@ -1,0 +1,13 @@
+"""What is refused: one line that says where, what and what to do."""
+
+import pytest
+
+
+def refused(path, call):
+    """The message of the ValueError that `call` raises: one line that begins with the file's path."""
+    with pytest.raises(ValueError, match=r"must|is not|unknown|cannot") as caught:
+        call()
+    message = str(caught.value)
+    assert message.startswith(f"{path}: "), message
+    assert "\n" not in message
+    return message

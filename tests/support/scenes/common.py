@@ -1,0 +1,19 @@
+"""Solids and scenes that many tests use: their numbers stand here once."""
+
+import numpy as np
+
+import rubberfric as rf
+
+RIGID = rf.Rigid()
+ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
+WORN = rf.SelfAffine(200.0, 2000.0, 1e5, 0.8, 5e-5)
+TREAD = rf.Prony(3.6e6, [1e9, 1e8, 1e7], [1e-9, 1e-6, 1e-3])
+SOFT = rf.Prony(8.0e5, np.array([2.5e7, 4.0e6, 3.0e5]), np.array([3e-7, 2e-4, 0.7]), 0.48)
+WLF = rf.WLF(12.0, 150.0, 293.15)
+SHIFTED_TREAD = rf.Prony(3e6, [4e8, 5e7, 8e6], [1e-7, 1e-5, 1e-3], 0.5, WLF)
+SHEAR = rf.ContactShear(6.5e6, 0.1, 6e-3, rf.Arrhenius(0.97, 293.15))
+
+
+def scene(lower, upper, **options):
+    """Two bodies, each as (material, spectrum, layer) or the first of them."""
+    return rf.Scene(rf.Body(*lower), rf.Body(*upper), **options)
