@@ -77,7 +77,7 @@ def prepare(
             # The tables of angular means are those of the scene.
             few = dataclasses.replace(COARSE, angle=quadrature.angle)
             coarse = _rough(scene, pairs, few, needs_of(scene, ("flash_temperature",)))
-        thermal = prepare_thermal(scene, roughness, quadrature.heat, coarse, COARSE.heat)
+        thermal = prepare_thermal(scene, scene.heating, roughness, quadrature.heat, coarse, COARSE.heat)
     return Prepared(needs, roughness, thermal, scene.shear)
 
 

@@ -22,7 +22,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.blocks import over_points
-from rubberfric.base.checks import FINITE, POSITIVE, as_leaf, check_values
+from rubberfric.base.checks import FINITE, POSITIVE, as_leaf, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene, cast, check_background, result_dtype, shifts, takes_temperature
 from rubberfric.scene.single_precision import check_single
@@ -173,7 +173,7 @@ def solve(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT, q
 
 def _warn_of_last_iterates(converged, conditions):
     """RuntimeWarning naming the points at which the temperatures of a heated scene are not a solution."""
-    if isinstance(converged, jax.core.Tracer) or np.all(converged):
+    if not is_concrete(converged) or np.all(converged):
         return
     left = ~np.asarray(converged)
     velocity, pressure, temperature = (np.broadcast_to(x, left.shape)[left] for x in conditions)

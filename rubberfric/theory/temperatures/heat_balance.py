@@ -52,19 +52,24 @@ def macroasperity(heating: Heating) -> jax.Array:
 def feeds_back(scene: Scene) -> bool:
     """Whether anything that makes heat depends on the temperature."""
     shifts = [body.material.shift for body in (scene.lower, scene.upper) if body.material.deforms]
-    if scene.shear is not None and scene.heating.shear_at == "flash":
+    if scene.shear is not None and scene.heating is not None and scene.heating.shear_at == "flash":
         shifts.append(scene.shear.shift)
     return any(shift is not None for shift in shifts)
 
 
 def prepare_thermal(
-    scene: Scene, roughness: Roughness, count: int, coarse: Roughness | None, coarse_count: int
+    scene: Scene,
+    heating: Heating,
+    roughness: Roughness,
+    count: int,
+    coarse: Roughness | None,
+    coarse_count: int,
 ) -> Thermal:
     """`Thermal` of a heated scene.
 
     Parameters
     ----------
-    scene : Scene
+    scene, heating : Scene, and what it has of Heating
     roughness : Roughness
     count : nodes of the sum over ln k
     coarse, coarse_count : roughness on the coarse mesh, and nodes of the sum there; None without feedback
@@ -73,7 +78,7 @@ def prepare_thermal(
     solids = [side for side, body in bodies.items() if body.material.deforms]
     mesh, sides = roughness.mesh, roughness.strained
     thermal = Thermal(
-        heating=scene.heating,
+        heating=heating,
         diffusion=_diffusion(mesh, unknowns(mesh), count),
         exciting=tuple(sides.index(side) if side in sides else None for side in solids),
         strained=tuple(solids.index(side) if side in solids else None for side in sides),
