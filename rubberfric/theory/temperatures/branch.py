@@ -9,7 +9,7 @@ leads. F' has one real eigenvalue that may be large, and the others are small, s
 the residual is divided by 1 less what a secant along it says of that eigenvalue,
 
 .. math:: y \leftarrow y + \frac{r}{1-\sigma},\qquad r = F(y) - y,\qquad
-          1 - \sigma = -\frac{\Delta r\cdot\Delta y}{\Delta y\cdot\Delta y},\qquad \sigma \le 0.8
+          1 - \sigma = -\frac{\Delta r\cdot\Delta y}{\Delta y\cdot\Delta y},\qquad \sigma < 1
 
 which never turns it round: a stable solution attracts, an unstable one does not. Steps in ln v grow and
 shrink with the number of evaluations that they take; down to the shortest, one that leads far is a jump.
@@ -23,9 +23,12 @@ import jax.numpy as jnp
 
 # Largest last step on the way, first step after a prediction, and any step [K].
 _NEAR, _FAR, _LONGEST = 0.03, 0.7, 2.0
-# Shortest and longest step in ln v; most evaluations before it is shortened; bounds of sigma.
+# Shortest and longest step in ln v; most evaluations before it is shortened.
 _SHORTEST, _WIDEST, _PATIENCE = 0.03, 3.0, 6
-_LOWEST, _HIGHEST = -40.0, 0.8
+# Turns of the residual at one velocity after which steps no longer lengthen.
+_CIRCLING = 4
+# Bounds of sigma, and the upper one where the residual is small [K]: close to folds it nearly is 1.
+_LOWEST, _HIGHEST, _AT_FOLDS, _SMALL = -40.0, 0.8, 0.98, 0.01
 _MOST_EVALUATIONS = 500
 
 
@@ -48,6 +51,7 @@ class _Trial(NamedTuple):
     before: jax.Array  # iterate and residual before this one
     residual: jax.Array
     sigma: jax.Array
+    turns: jax.Array  # how often the residual turned round
 
 
 def begin_at(log_v: jax.Array, start: jax.Array) -> Place:
@@ -145,7 +149,8 @@ def _first(place, log_v):
     """The first trial at velocities: along the slope from a place."""
     rises = place.rises + place.slope * (log_v - place.log_v)[:, None]
     zero = jnp.zeros_like(rises)
-    return _Trial(log_v, rises, jnp.zeros(log_v.shape, int), zero, zero, place.sigma)
+    none = jnp.zeros(log_v.shape, int)
+    return _Trial(log_v, rises, none, zero, zero, place.sigma, none)
 
 
 def _evaluated(residual, place, trial, target, tolerance, begin):
@@ -156,8 +161,13 @@ def _evaluated(residual, place, trial, target, tolerance, begin):
     move, change = trial.rises - trial.before, r - trial.residual
     length = jnp.sum(move * move, -1)
     secant = 1 + jnp.sum(change * move, -1) / jnp.where(length > 0, length, 1.0)
+    highest = jnp.where(jnp.max(jnp.abs(r), -1) < _SMALL, _AT_FOLDS, _HIGHEST)
     # Of a move that is nothing but rounding nothing is learned.
-    sigma = jnp.where((trial.count > 0) & (length > 1e-8), jnp.clip(secant, _LOWEST, _HIGHEST), trial.sigma)
+    learned = (trial.count > 0) & (length > 1e-12)
+    sigma = jnp.clip(jnp.where(learned, secant, trial.sigma), _LOWEST, highest)
+    turns = trial.turns + ((trial.count > 0) & (jnp.sum(r * trial.residual, -1) < 0))
+    # A secant that sees now one direction, now another, leads round in circles; damped by the least it ends.
+    sigma = jnp.where(turns >= _CIRCLING, jnp.minimum(sigma, trial.sigma), sigma)
     step = r / (1 - sigma)[:, None]
     size = jnp.max(jnp.abs(step), -1)
     rises = trial.rises + step * jnp.minimum(1.0, _LONGEST / jnp.maximum(size, 1e-30))[:, None]
@@ -188,7 +198,7 @@ def _evaluated(residual, place, trial, target, tolerance, begin):
     left = target - place.log_v
     at = jnp.where(jnp.abs(left) <= place.step, target, place.log_v + jnp.sign(left) * place.step)
     following = _first(place, at)
-    again = _Trial(trial.log_v, rises, trial.count + 1, trial.rises, r, sigma)
+    again = _Trial(trial.log_v, rises, trial.count + 1, trial.rises, r, sigma, turns)
     moved = (accepted & ~there) | shortened
     trial = jax.tree.map(lambda new, old: jnp.where(_column(moved, old), new, old), following, again)
     return place, trial, there
