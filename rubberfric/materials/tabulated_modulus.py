@@ -1,9 +1,13 @@
 """Tabulated moduli: E(omega) between and beyond the entries of a master curve."""
 
+from typing import ClassVar, Literal
+
+import jax
 import jax.numpy as jnp
 
-from rubberfric.base.checks import POSITIVE, check_increasing, check_lengths
-from rubberfric.base.objects import child, leaf, physical, static
+from rubberfric.base.checks import PLAUSIBLE_STRESS, POSITIVE, check_increasing, check_lengths
+from rubberfric.base.objects.fields import Number, Vector, child, leaf, static
+from rubberfric.base.objects.physical import physical
 from rubberfric.materials.material import POISSON, Material, plane_strain
 from rubberfric.materials.shifts import Shift
 
@@ -32,12 +36,14 @@ class TabulatedModulus(Material):
     table); `Quadrature.angle` lowers them.
     """
 
-    omega: object = leaf(POSITIVE, ndim=1)
-    storage: object = leaf(POSITIVE, ndim=1)
-    loss: object = leaf(POSITIVE, ndim=1)
-    poisson: float = leaf(POISSON, default=0.5)
-    shift: Shift | None = child(Shift, default=None)
-    outside: str = static(("fall", "hold", "none"), default="fall")
+    file_kind: ClassVar[str] = "tabulated"
+
+    omega: Vector = leaf(POSITIVE, unit="rad/s", column="omega")
+    storage: Vector = leaf(POSITIVE, unit="Pa", plausible=PLAUSIBLE_STRESS, column="E_stor")
+    loss: Vector = leaf(POSITIVE, unit="Pa", column="E_loss")
+    poisson: Number = leaf(POISSON, unit="-", default=0.5)
+    shift: Shift | None = child(default=None)
+    outside: Literal["fall", "hold", "none"] = static(default="fall")
 
     def _check(self):
         check_lengths("TabulatedModulus", omega=self.omega, storage=self.storage, loss=self.loss)
@@ -48,23 +54,23 @@ class TabulatedModulus(Material):
         check_increasing("TabulatedModulus.omega", self.omega)
 
     @property
-    def loss_beyond(self):
+    def loss_beyond(self) -> str:
         """`outside`."""
         return self.outside
 
-    def frequency_range(self):
+    def frequency_range(self) -> tuple[jax.Array, jax.Array]:
         """First and last omega of the table [rad/s]."""
         return self.omega[0], self.omega[-1]
 
-    def static_modulus(self):
+    def static_modulus(self) -> jax.Array:
         """E(omega = 0) [Pa]."""
         return self.storage[0]
 
-    def glassy_reduced(self):
+    def glassy_reduced(self) -> jax.Array:
         """The highest E_r' of the table [Pa]."""
         return jnp.max(self.storage) * plane_strain(self)
 
-    def storage_and_loss(self, log_omega):
+    def storage_and_loss(self, log_omega: jax.Array) -> tuple[jax.Array, jax.Array]:
         """E' and E'' [Pa] at ln omega, any shape."""
         knots = jnp.log(self.omega)
         inside = jnp.clip(log_omega, knots[0], knots[-1])

@@ -30,13 +30,13 @@ from rubberfric.theory.quantities import Needs, needs_of, parts_of
 from rubberfric.theory.stiffness.series import modulus_scale
 from rubberfric.theory.stress_fluctuation import Contact, Roughness
 from rubberfric.theory.temperatures.heat_balance import (
+    Temperatures,
     Thermal,
     feeds_back,
     macroasperity,
     prepare_thermal,
-    shear_temperature,
 )
-from rubberfric.theory.temperatures.solution import COARSE, Temperatures, solve_temperatures
+from rubberfric.theory.temperatures.solution import COARSE, solve_temperatures
 
 
 class Prepared(NamedTuple):
@@ -71,13 +71,14 @@ def prepare(
         return Prepared(needs, None, None, scene.shear)
     pairs = pairs_of(scene) if pairs is None else pairs
     roughness, thermal = _rough(scene, pairs, quadrature, needs, borders), None
-    if scene.heating is not None:
+    heating = scene.heating
+    if heating is not None:
         coarse = None
         if feeds_back(scene):
             # The tables of angular means are those of the scene.
             few = dataclasses.replace(COARSE, angle=quadrature.angle)
             coarse = _rough(scene, pairs, few, needs_of(scene, ("flash_temperature",)))
-        thermal = prepare_thermal(scene, scene.heating, roughness, quadrature.heat, coarse, COARSE.heat)
+        thermal = prepare_thermal(heating, scene, roughness, quadrature.heat, coarse, COARSE.heat)
     return Prepared(needs, roughness, thermal, scene.shear)
 
 
@@ -112,12 +113,20 @@ def _borders(scene, pairs, asked):
 def solved(
     prepared: Prepared, velocity: jax.Array, pressure: jax.Array, temperature: jax.Array | None = None
 ) -> tuple[Contact, Temperatures | None]:
-    """`Contact` at points, shape (points,) each, and the `Temperatures` of a heated scene."""
-    roughness = prepared.roughness
-    if prepared.thermal is None:
-        temperatures = [temperature] * len(roughness.contributions)
-        return roughness.contact(velocity, pressure, temperatures), None
-    found = solve_temperatures(prepared.thermal, roughness, velocity, pressure, temperature)
+    """`Contact` at points, shape (points,) each, and the `Temperatures` of a heated scene.
+
+    Raises
+    ------
+    ValueError : a scene prepared for nothing that is an integral, or a heated one without temperature.
+    """
+    roughness, thermal = prepared.roughness, prepared.thermal
+    if roughness is None:
+        raise ValueError("the scene was prepared for nothing that is an integral: there is no contact")
+    if thermal is None:
+        return roughness.contact(velocity, pressure, [temperature] * len(roughness.contributions)), None
+    if temperature is None:
+        raise ValueError("temperature is missing: a scene with heating needs that far from the contact [K]")
+    found = solve_temperatures(thermal, roughness, velocity, pressure, temperature)
     return roughness.contact(velocity, pressure, found.strained), found
 
 
@@ -136,21 +145,22 @@ def evaluate(
     -------
     dict from the quantities to arrays, shape (n,)
     """
-    velocity, pressure, temperature = (*points, None)[:3]
+    velocity, pressure = points[:2]
+    surface = points[2] if len(points) > 2 else None
     parts = parts_of(quantities)
     sheared = prepared.shear is not None and "shear_friction" in parts
-    found, surface = {}, temperature
-    if prepared.needs.power:
-        contact, temperatures = solved(prepared, velocity, pressure, temperature)
+    found: dict[str, jax.Array] = {}
+    if prepared.roughness is not None:
+        contact, temperatures = solved(prepared, *points)
         found = _integrated(contact, parts | {"area"} if sheared else parts)
         if temperatures is not None:
             found |= {"flash_temperature": temperatures.flash, "converged": temperatures.converged}
-            surface = shear_temperature(prepared.thermal.heating, temperatures.flash, temperature)
+            surface = temperatures.surface
 
     def value(name):
-        return found[name] if name in found else _constant(name, pressure, temperature)
+        return found[name] if name in found else _constant(name, points)
 
-    if sheared:
+    if prepared.shear is not None and sheared:
         found["shear_friction"] = shear_friction(prepared.shear, value("area"), velocity, pressure, surface)
     if "friction" in quantities:
         found["friction"] = value("viscoelastic_friction")
@@ -172,10 +182,10 @@ def _integrated(contact, parts):
     return found
 
 
-def _constant(name, pressure, temperature):
+def _constant(name, points):
     """What is not integrated: full contact of smooth surfaces, and no force where nothing relaxes."""
     if name == "flash_temperature":
-        return temperature  # without roughness there is no scale to be hot
+        return points[2]  # without roughness there is no scale to be hot
     if name == "converged":
-        return jnp.ones_like(pressure, bool)
-    return jnp.full_like(pressure, 1.0 if name == "area" else 0.0)
+        return jnp.ones_like(points[1], bool)
+    return jnp.full_like(points[1], 1.0 if name == "area" else 0.0)

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from rubberfric.roughness.mesh import Mesh
 from rubberfric.theory.area_correction import CorrectionTable, correct_argument
@@ -30,7 +31,7 @@ class Contact(NamedTuple):
     stiffness: jax.Array  # modulus scale over pressure, (points,)
     panels: jax.Array  # g of every panel, (panels, points); of all together, (1, points), if not graded
     x: jax.Array | None  # 1 / (2 sqrt G), plain; None if the mesh is not graded
-    gamma: jax.Array
+    gamma: ArrayLike
     correction: CorrectionTable | None
 
     def area(self, panels: jax.Array | None = None) -> jax.Array:
@@ -52,7 +53,7 @@ class Contact(NamedTuple):
         dict from the number of the contribution to an array (panels, points, order), whose sum is mu [-]
         """
         found = {j: one.densities[kind] for j, one in enumerate(self.terms) if kind in one.densities}
-        if not found:
+        if not found or self.x is None:
             return {}
         weight = jnp.pi * self.stiffness[:, None] * friction_weight(self.corrected(self.x), self.gamma)
         return {j: weight * density for j, density in found.items()}
@@ -69,7 +70,7 @@ class Roughness(NamedTuple):
     contributions: tuple[Contribution, ...]
     strained: tuple[str, ...]  # which solid each of them strains: "lower" or "upper"
     scale: jax.Array  # unit of all moduli [Pa]
-    gamma: jax.Array
+    gamma: ArrayLike
     correction: CorrectionTable | None  # of S in G
 
     def contact(
@@ -87,12 +88,13 @@ class Roughness(NamedTuple):
             one.terms(self.mesh, velocity, T) for one, T in zip(self.contributions, temperatures, strict=True)
         ]
         stiffness = self.scale / pressure
-        if found[0].within is None:
+        within = [terms.within for terms in found if terms.within is not None]
+        if not within:
             # Contributions have panels of their own where nothing but the whole integral is needed.
             whole = jnp.pi / 4 * total(jnp.sum(terms.panels, 0, keepdims=True) for terms in found)
             return Contact(found, stiffness, whole, None, self.gamma, self.correction)
         panels = jnp.pi / 4 * total(terms.panels for terms in found)
-        g = _sum_before(panels)[..., None] + jnp.pi / 4 * total(terms.within for terms in found)
+        g = _sum_before(panels)[..., None] + jnp.pi / 4 * total(within)
         x = contact_argument(g, stiffness[:, None])
         return Contact(found, stiffness, panels, x, self.gamma, self.correction)
 

@@ -29,18 +29,9 @@ Material = Prony | PronyShear
 class Units(NamedTuple):
     """Units of the numbers in a file."""
 
-    stress: str | None  # a key of STRESS; None: the file says it
-    temperature: str  # a key of TEMPERATURE
-
-    @property
-    def pascal(self) -> float:
-        """The unit of stress [Pa]."""
-        return STRESS[self.stress or "Pa"]
-
-    @property
-    def zero(self) -> float:
-        """Zero of the temperature [K]."""
-        return TEMPERATURE[self.temperature]
+    stress: str | None  # None: the file says it
+    pascal: float  # the unit of stress [Pa]
+    zero: float  # of the temperature [K]
 
 
 class Series(NamedTuple):
@@ -106,19 +97,11 @@ def series_of(material: object, bulk: float | None, shift: bool) -> Series:
     return Series(glassy, poisson, g, k, np.asarray(material.tau, float), rest / glassy, law)
 
 
-def from_shear(
-    rest: float,
-    weights: np.ndarray,
-    tau: np.ndarray,
-    bulk: float | None,
-    poisson: float | None,
-    shift: WLF | None,
-) -> Material:
-    """The material of shear moduli [Pa]; `bulk` None: it relaxes alike, at Poisson's ratio `poisson`."""
-    if bulk is None:
-        E_inf, E = (young_from_shear(G, poisson) for G in (rest, weights))
-        return Prony(E_inf, E, tau, poisson, shift)
-    return PronyShear(rest, weights, tau, bulk, shift)
+def relaxing_alike(
+    rest: float, weights: np.ndarray, tau: np.ndarray, poisson: float, shift: WLF | None
+) -> Prony:
+    """The material of shear moduli [Pa] and a constant Poisson's ratio."""
+    return Prony(young_from_shear(rest, poisson), young_from_shear(weights, poisson), tau, poisson, shift)
 
 
 def from_relative(
@@ -158,7 +141,9 @@ def from_relative(
     shear = shear_from_young(modulus, nu)
     glassy = shear / rest if long_term else shear
     relaxed = shear if long_term else shear * rest
-    return from_shear(relaxed, glassy * g, tau, bulk, nu if poisson is None else poisson, shift)
+    if bulk is not None:
+        return PronyShear(relaxed, glassy * g, tau, bulk, shift)
+    return relaxing_alike(relaxed, glassy * g, tau, nu if poisson is None else poisson, shift)
 
 
 def number(field: str) -> float:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from rubberfric.materials.shifts import Shift
 from rubberfric.scene.pairs import Pair
 from rubberfric.theory.quantities import Needs
-from rubberfric.theory.stiffness.angular_means import Means, Relaxing
+from rubberfric.theory.stiffness.angular_means import Harmonics, Means, Relaxing
 from rubberfric.theory.stiffness.factors import harmonic_shares
 from rubberfric.theory.stiffness.series import relaxing_stiffness
 from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
@@ -20,7 +20,7 @@ class Excitation(NamedTuple):
 
     stiffness: Relaxing | Tabulated | MeansTable | SoftenedInSeries
     shift: Shift | None  # of the strained solid
-    harmonics: tuple[jax.Array, jax.Array] | None  # as `harmonic_shares`
+    harmonics: Harmonics | None  # as `harmonic_shares`
     split: bool  # whether <F'^2> and <F''^2> are needed apart
     needs: Needs
 
@@ -37,20 +37,23 @@ class Excitation(NamedTuple):
         -------
         Means, arrays (panels, points, order)
         """
-        F, harmonics = self.stiffness, self.harmonics
-        vary = harmonics is not None and harmonics[0].ndim > 1
-        speed = self._shifted(velocity, temperature)
+        F, speed = self.stiffness, self._shifted(velocity, temperature)
         if F.by_node:
             # All nodes in one row, as the stiffness has them.
             speed = speed[:, None] if speed.ndim == 1 else jnp.swapaxes(speed, 0, 1).reshape(-1, q.size)
-            if vary:
-                harmonics = tuple(share.reshape(-1, q.size) for share in harmonics)
+            harmonics = self._harmonics(lambda shares: shares.reshape(-1, q.size))
             means = F.means(speed * q.reshape(-1), self.needs, self.split, harmonics)
             return jax.tree.map(lambda x: jnp.swapaxes(x.reshape(-1, *q.shape), 0, 1), means)
         speed = speed[:, None] if speed.ndim == 1 else speed
-        if vary:
-            harmonics = tuple(share[:, :, None] for share in harmonics)
+        harmonics = self._harmonics(lambda shares: shares[:, :, None])
         return F.means(speed * q[:, None], self.needs, self.split, harmonics)
+
+    def _harmonics(self, arranged):
+        """The shares of the harmonics, those that differ from q to q as the stiffness takes them."""
+        if self.harmonics is None or self.harmonics[0].ndim == 1:
+            return self.harmonics
+        cosine, sine = self.harmonics
+        return arranged(cosine), arranged(sine)
 
     def _shifted(self, velocity, temperature):
         """v a_T [m/s]."""

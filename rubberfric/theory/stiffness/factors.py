@@ -11,6 +11,7 @@ import jax
 
 from rubberfric.scene.pairs import Pair
 from rubberfric.scene.softening import softening_factors
+from rubberfric.theory.stiffness.angular_means import Harmonics
 from rubberfric.theory.stiffness.series import layer_factor
 
 
@@ -36,7 +37,7 @@ def factors_at(pair: Pair, q: jax.Array) -> Factors:
     return Factors((_times(layer, layer),), (layer,), (layer,), (layer,))
 
 
-def harmonic_shares(pair: Pair, q: jax.Array) -> tuple[jax.Array, jax.Array] | None:
+def harmonic_shares(pair: Pair, q: jax.Array) -> Harmonics | None:
     """Shares (c_m, s_m) of the harmonics of the roughness at wavevectors q; None without harmonics.
 
     Shape (harmonics,) each where they are the same at every wavevector, else (harmonics, *q.shape).

@@ -13,7 +13,7 @@ import jax.numpy as jnp
 
 from rubberfric.materials.material import Material
 from rubberfric.theory.quantities import Needs
-from rubberfric.theory.stiffness.angular_means import Means, Relaxing
+from rubberfric.theory.stiffness.angular_means import Harmonics, Means, Relaxing
 from rubberfric.theory.stiffness.tabulated_means import angular_rule, held_below
 
 
@@ -28,7 +28,9 @@ class SoftenedInSeries(NamedTuple):
 
     by_node = False  # its panels are those of q
 
-    def means(self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: None = None) -> Means:
+    def means(
+        self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: Harmonics | None = None
+    ) -> Means:
         """`Means` of qv = q v a_T [1/s], shape (panels, points, order); neither split nor harmonics."""
         del split, harmonics
         # Without a table's kinks half the nodes are good to 1e-9.

@@ -85,7 +85,7 @@ class MeansTable(NamedTuple):
 def means_table(F: Tabulated, needs: Needs, split: bool, harmonics: Harmonics | None) -> MeansTable:
     """Table of the means of an F that depends on q v alone; arguments as of `Tabulated.means`."""
     count = _ENTRIES_PER_NODE * F.angle
-    low, high = jax.lax.stop_gradient(jnp.log(jnp.stack(F.material.frequency_range())))
+    low, high = jax.lax.stop_gradient(jnp.log(jnp.stack(_ends(F.material))))
     step = (high - low + _BELOW + _ABOVE) / (count - 6)
     step = jnp.exp2(jnp.ceil(4 * jnp.log2(step)) / 4)
     first = jnp.floor((low - _BELOW) / step) - 2
@@ -104,10 +104,20 @@ def held_below(material: Material, omega: jax.Array) -> tuple[jax.Array, jax.Arr
     Far below, E is E(0) and E'' linear in omega: so v = 0 keeps its derivative. If E'' does not vanish at
     v = 0+, only the sign is left.
     """
-    floor = jnp.log(material.frequency_range()[0]) - math.log(1e9)
+    floor = jnp.log(_ends(material)[0]) - math.log(1e9)
     tiny = float(jnp.finfo(omega.dtype).tiny)
     log_omega = jnp.maximum(jnp.log(jnp.maximum(jnp.abs(omega), tiny)), floor)
     return log_omega, jnp.sign(omega) if material.loss_at_rest else omega * jnp.exp(-log_omega)
+
+
+def _ends(material):
+    """Lowest and highest frequency of what a modulus does [rad/s]."""
+    ends = material.frequency_range()
+    if ends is None:
+        raise ValueError(
+            f"{type(material).__name__} has neither a series nor a frequency range: must have one"
+        )
+    return ends
 
 
 def angular_rule(count: int, dtype: jnp.dtype) -> tuple[jax.Array, jax.Array]:

@@ -44,6 +44,16 @@ class Thermal(NamedTuple):
     coarse: Coarse | None  # None if nothing depends on the temperature
 
 
+class Temperatures(NamedTuple):
+    """Temperatures at points [K]."""
+
+    # For each contribution, of the solid it strains: (angular panels, points, angular order).
+    strained: list[jax.Array]
+    flash: jax.Array  # at the largest wavevector, of two deformable solids the mean, (points,)
+    surface: jax.Array  # that the contact shear has, (points,)
+    converged: jax.Array  # whether they are a solution, (points,)
+
+
 def macroasperity(heating: Heating) -> jax.Array:
     """q_m = pi / R, the wavevector of the macroasperities [1/m]."""
     return jnp.asarray(jnp.pi / heating.radius)
@@ -58,8 +68,8 @@ def feeds_back(scene: Scene) -> bool:
 
 
 def prepare_thermal(
-    scene: Scene,
     heating: Heating,
+    scene: Scene,
     roughness: Roughness,
     count: int,
     coarse: Roughness | None,
@@ -69,7 +79,7 @@ def prepare_thermal(
 
     Parameters
     ----------
-    scene, heating : Scene, and what it has of Heating
+    heating, scene : what Heating a Scene has, and itself
     roughness : Roughness
     count : nodes of the sum over ln k
     coarse, coarse_count : roughness on the coarse mesh, and nodes of the sum there; None without feedback
@@ -165,7 +175,7 @@ def temperature_at(
     thermal: Thermal,
     roughness: Roughness,
     contact: Contact,
-    flash: jax.Array,
+    temperatures: Temperatures,
     points: Points,
     q: jax.Array,
 ) -> jax.Array:
@@ -173,16 +183,14 @@ def temperature_at(
 
     Parameters
     ----------
-    contact : Contact at the temperatures of the scene
-    flash : `Temperatures.flash`
+    contact, temperatures : `rubberfric.theory.integrals.solved` of the scene
     points : Points
     q : [1/m], shape (wavevectors,)
     """
     velocity, pressure, background = points
     ready = _diffusion(roughness.mesh, q, thermal.diffusion.k.size)
     spread = memory(thermal.heating, ready, velocity, thermal.shear is not None)
-    surface = shear_temperature(thermal.heating, flash, background)
-    rises = _rises(thermal, roughness, spread, contact, (velocity, pressure, surface))
+    rises = _rises(thermal, roughness, spread, contact, (velocity, pressure, temperatures.surface))
     return background[:, None, None] + rises
 
 

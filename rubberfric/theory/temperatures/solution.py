@@ -22,8 +22,10 @@ from rubberfric.scene.heating import diffusivity
 from rubberfric.theory.stress_fluctuation import Roughness
 from rubberfric.theory.temperatures.branch import arrive, begin_at, path
 from rubberfric.theory.temperatures.heat_balance import (
+    Temperatures,
     Thermal,
     heat_balance,
+    shear_temperature,
     strained_temperatures,
     without_derivatives,
 )
@@ -40,15 +42,6 @@ _COARSE_STEP, _FINE_STEP = 1e-4, 1e-10
 _CLOSE = 1.0
 # Step of the differences that J is made of [K].
 _STEP = 0.01
-
-
-class Temperatures(NamedTuple):
-    """Temperatures at points [K]."""
-
-    # For each contribution, of the solid it strains: (angular panels, points, angular order).
-    strained: list[jax.Array]
-    flash: jax.Array  # at the largest wavevector, of two deformable solids the mean, (points,)
-    converged: jax.Array  # whether they are a solution, (points,)
 
 
 class _Found(NamedTuple):
@@ -73,7 +66,8 @@ def solve_temperatures(
         inverse = Inverse(found.left, thermal.coarse.restriction)
         rises, converged = implicit(heat, found.rises, inverse), found.converged
     strained, flash = strained_temperatures(thermal, roughness.mesh, rises, background)
-    return Temperatures(strained, flash, converged)
+    surface = shear_temperature(thermal.heating, flash, background)
+    return Temperatures(strained, flash, surface, converged)
 
 
 def _size(thermal, roughness):

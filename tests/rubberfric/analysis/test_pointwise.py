@@ -94,7 +94,7 @@ def test_more_points_than_a_block():
 def test_nothing_depends_on_the_parameters():
     scene_of, x, conditions = arguments(SCENES["smooth rubber"], 4)
     fixed = scene_of(x)
-    values, jacobian = compiled(lambda x: fixed, x, conditions, "friction")
+    values, jacobian = compiled(lambda _: fixed, x, conditions, "friction")
     assert np.all(values > 0) and np.all(np.asarray(jacobian) == 0)
 
 
