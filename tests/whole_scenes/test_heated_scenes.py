@@ -17,9 +17,9 @@ from support.oracles import oracle, oracle_heating
 
 import fitting
 import rubberfric as rf
-from fitting.solvers.options import not_finite
+from fitting.fit import _not_finite
 from fitting.solvers.problem import make_problem
-from fitting.uncertainty.covariance import residual_rows
+from fitting.solvers.residuals import residual_rows
 from rubberfric.analysis import jacobian
 from rubberfric.analysis.jacobian import value_and_jacobian
 from rubberfric.base import fixed_point
@@ -295,7 +295,7 @@ def test_no_last_iterate_reaches_a_fit(monkeypatch):
     left = rf.Solution(friction=jnp.ones(3), converged=jnp.array([True, False, True]))
     monkeypatch.setattr(rf, "solve", lambda *_, **__: left)
     assert np.isnan(residual_rows(problem, problem.start)).tolist() == [False, True, False]
-    assert "not finite at the start at 1 of 3 values, first at velocity = 1 m/s" in not_finite(
+    assert "not finite at the start at 1 of 3 values, first at velocity = 1 m/s" in _not_finite(
         problem, [data]
     )
 
