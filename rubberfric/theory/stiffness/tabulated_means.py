@@ -8,7 +8,9 @@ cos(phi) ~ omega_i / (q v), whatever decade that is in, becomes structure in y, 
 is done by Gauss panels in y.
 """
 
+import functools
 import math
+import operator
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -61,14 +63,14 @@ def means_of_log(
     """
     log_qv, sign = held_below(material, qv)
     found = means(log_qv)
-    if _vary(harmonics):
-        # The isotropic one is the first of the even.
-        shares = {kind: harmonics[kind == "transverse"] for kind in found}
-        found = {kind: (_mixed(shares[kind], values),) for kind, values in found.items()}
-    odd = ("dissipation", "transverse")
-    return {
-        kind: tuple(x * sign for x in values) if kind in odd else values for kind, values in found.items()
-    }
+    if harmonics is not None and _vary(harmonics):
+        cosine, sine = harmonics
+        found = {
+            kind: (_mixed(sine if kind == "transverse" else cosine, values),)
+            for kind, values in found.items()
+        }
+    odd = {kind: found[kind] for kind in ("dissipation", "transverse") if kind in found}
+    return found | {kind: tuple(x * sign for x in values) for kind, values in odd.items()}
 
 
 def held_below(material: Material, omega: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -151,8 +153,8 @@ def _vary(harmonics):
     return harmonics is not None and harmonics[0].ndim > 1
 
 
-def _mixed(shares, means):
-    """The mean with its harmonics, which are the last of the means."""
-    harmonics = len(means) - len(shares)
-    terms = zip(shares, means[harmonics:], strict=True)
-    return sum((share * mean for share, mean in terms), *means[:harmonics])
+def _mixed(shares: jax.Array, means: tuple[jax.Array, ...]) -> jax.Array:
+    """The mean with its harmonics, which are the last of the means; the transverse one has no other."""
+    first = len(means) - len(shares)
+    terms = (share * mean for share, mean in zip(shares, means[first:], strict=True))
+    return functools.reduce(operator.add, (*means[:first], *terms))
