@@ -9,20 +9,23 @@ whole panels, and the density is formed at q itself: nothing is interpolated fro
 """
 
 import functools
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import cumulative_moment
-from rubberfric.roughness.spectra import log_ratio, log_shape
-from rubberfric.scene.pairs import pairs_of
-from rubberfric.scene.scene import cast, rough_surfaces
-from rubberfric.theory.integrals import Points, prepare, solved
+from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio, log_shape
+from rubberfric.scene.pairs import Pair, pairs_of
+from rubberfric.scene.scene import Scene, result_dtype, rough_surfaces
+from rubberfric.theory.contributions import total
+from rubberfric.theory.integrals import Prepared, prepare, solved
 from rubberfric.theory.model import checked
 from rubberfric.theory.partial_contact import (
     contact_argument,
@@ -34,6 +37,7 @@ from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.excitation import excitation
 from rubberfric.theory.stiffness.factors import factors_at
 from rubberfric.theory.stiffness.series import static_stiffness
+from rubberfric.theory.stress_fluctuation import Contact
 from rubberfric.theory.temperatures import temperature_at
 
 _DEFAULT = Quadrature()
@@ -59,7 +63,15 @@ class Profile(NamedTuple):
     strain: jax.Array | None = None  # of a scene that softens [-]
 
 
-def profile(scene, velocity, pressure, temperature=None, *, q=None, quadrature=_DEFAULT):
+def profile(
+    scene: Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None = None,
+    *,
+    q: ArrayLike | None = None,
+    quadrature: Quadrature = _DEFAULT,
+) -> Profile:
     r"""Contact area, friction and roughness as functions of the largest wavevector seen.
 
     .. math:: P(q) = \mathrm{erf}\frac{1}{2\sqrt{G(q)}},\qquad
@@ -94,20 +106,25 @@ def profile(scene, velocity, pressure, temperature=None, *, q=None, quadrature=_
     `scene.area_correction` G has S inside. G keeps its digits where P = 1 - 1e-300. The
     magnification of a scene without roughness is counted from q[0].
     """
-    scene, conditions, q = checked_with_q(scene, velocity, pressure, temperature, quadrature, q)
-    if q is None and not rough_surfaces(scene):
-        raise ValueError("q is None, but nothing in the scene is rough: must be given")
+    scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
+    q = checked_wavevectors(q, 1, conditions, scene)
     return _profile(scene, *conditions, q, quadrature=quadrature)
 
 
-def checked_with_q(scene, velocity, pressure, temperature, quadrature, q, ndim=1):
-    """`checked`, and the wavevectors of a call in the same dtype."""
-    scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
-    if q is None:
-        return scene, conditions, None
-    q = as_leaf("q", q, ndim)
-    check_values("q", q, POSITIVE)
-    return scene, conditions, cast(q, conditions[1].dtype)
+def checked_wavevectors(
+    q: ArrayLike | None, ndim: int, conditions: Sequence[jax.Array | None], scene: Scene
+) -> jax.Array | None:
+    """The wavevectors of a call in the dtype of its conditions, or ValueError; None if it names none.
+
+    Several are needed where nothing is rough.
+    """
+    if q is not None:
+        q = as_leaf("q", q, ndim)
+        check_values("q", q, POSITIVE)
+        return jnp.asarray(q, result_dtype(conditions))
+    if ndim and not rough_surfaces(scene):
+        raise ValueError("q is None, but nothing in the scene is rough: must be given")
+    return None
 
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
@@ -121,7 +138,7 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
         q = default_wavevectors(laws)
     prepared = prepare(scene, ("area", "friction"), quadrature, pairs=pairs, borders=q)
     densities = []
-    if prepared.needs.dissipation:
+    if prepared.roughness is not None and prepared.needs.dissipation:
         scale = prepared.roughness.scale
         densities = [density_of(pair, scale, "dissipation", q, quadrature) for pair in pairs]
     block = functools.partial(_over_wavevectors, prepared, densities, q)
@@ -140,7 +157,7 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
     )
 
 
-def default_wavevectors(laws, count=COUNT):
+def default_wavevectors(laws: Sequence[BrokenPowerLaw], count: int = COUNT) -> jax.Array:
     """Equally spaced in ln q, over all the roughness."""
     first = functools.reduce(jnp.minimum, [law.q[0] for law in laws])
     last = functools.reduce(jnp.maximum, [law.q[-1] for law in laws])
@@ -149,19 +166,23 @@ def default_wavevectors(laws, count=COUNT):
     return jnp.concatenate([first[None], jnp.clip(within, first, last), last[None]])
 
 
-def fluctuation_at_borders(prepared, contact, count):
+def fluctuation_at_borders(prepared: Prepared, contact: Contact, count: int) -> jax.Array:
     """Plain G at the last `count` borders that were asked for, (points, borders)."""
     g = sum_below_borders(prepared, contact.panels, count)
     return contact.stiffness[:, None] ** 2 * jnp.maximum(g, 0.0)
 
 
-def sum_below_borders(prepared, panels, count):
+def sum_below_borders(prepared: Prepared, panels: jax.Array, count: int) -> jax.Array:
     """Sums over the panels below each of these borders, (points, borders), of (panels, points)."""
-    below = jnp.concatenate([jnp.zeros_like(panels[:1]), jnp.cumsum(panels, 0)])
-    return below[prepared.roughness.mesh.panels_below[-count:]].T
+    roughness, below = (
+        prepared.roughness,
+        jnp.concatenate([jnp.zeros_like(panels[:1]), jnp.cumsum(panels, 0)]),
+    )
+    assert roughness is not None and roughness.mesh.panels_below is not None  # borders were asked for
+    return below[roughness.mesh.panels_below[-count:]].T
 
 
-def contact_at_borders(prepared, contact, count):
+def contact_at_borders(prepared: Prepared, contact: Contact, count: int) -> tuple[jax.Array, jax.Array]:
     """x and G at these borders, with S in G where the scene asks for it, both (points, borders)."""
     plain = fluctuation_at_borders(prepared, contact, count)
     x_plain = contact_argument(plain, jnp.ones_like(plain))
@@ -172,20 +193,19 @@ def contact_at_borders(prepared, contact, count):
 
 def _over_wavevectors(prepared, densities, q, points):
     """Fields of Profile at points, (points, wavevectors)."""
-    velocity, pressure, temperature = Points(*points)
-    contact, temperatures = solved(prepared, velocity, pressure, temperature)
+    contact, temperatures = solved(prepared, *points)
     x, G = contact_at_borders(prepared, contact, q.shape[0])
     P = contact_fraction(x)
     results = {"area": P, "fluctuation": G, "energy_factor": energy_factor(P, contact.gamma)}
-    strained = [temperature] * len(densities)
+    strained = [points[2] if len(points) > 2 else None] * len(densities)
     if temperatures is not None:
         found = temperature_at(prepared.roughness, contact, temperatures, points, q)
         strained = [None if solid is None else found[:, solid] for solid in temperatures.thermal.strained]
         results["temperature"] = jnp.mean(found, 1)
     if not prepared.needs.dissipation:
         return results | dict.fromkeys(("friction_density", "friction"), jnp.zeros_like(G))
-    terms = sum(jnp.sum(values, -1) for values in contact.friction_terms().values())
-    density = sum(one(velocity, T) for one, T in zip(densities, strained, strict=True))
+    terms = total(jnp.sum(values, -1) for values in contact.friction_terms().values())
+    density = sum(one(points[0], T) for one, T in zip(densities, strained, strict=True))
     weight = (jnp.pi * contact.stiffness)[:, None] * friction_weight(x, contact.gamma)
     return results | {
         "friction_density": weight * density,
@@ -193,7 +213,9 @@ def _over_wavevectors(prepared, densities, q, points):
     }
 
 
-def density_of(pair, scale, kind, q, quadrature):
+def density_of(
+    pair: Pair, scale: jax.Array, kind: str, q: jax.Array, quadrature: Quadrature
+) -> Callable[[jax.Array, jax.Array | None], jax.Array | float]:
     """Function that gives q^4 C <cos phi Im K'> ("dissipation") or q^4 C <|K'|^2> ("power") of a pair.
 
     K' is the series stiffness in its unit, the scale, all factors included. The function takes the velocity

@@ -11,10 +11,15 @@ whatever the number of parameters, and the second by forward mode, once for all 
 Forward mode alone costs an evaluation for every parameter.
 """
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
+from rubberfric.base.quadrature import Quadrature
+from rubberfric.scene.scene import Scene
 from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.model import solve
 
@@ -23,7 +28,13 @@ from rubberfric.theory.model import solve
 BLOCK, CACHED = 256, 32
 
 
-def value_and_jacobian(scene_of, x, conditions, quantity, quadrature):
+def value_and_jacobian(
+    scene_of: Callable[[jax.Array], Scene],
+    x: jax.Array,
+    conditions: tuple[ArrayLike, ArrayLike, ArrayLike | None],
+    quantity: str,
+    quadrature: Quadrature,
+) -> tuple[jax.Array, jax.Array]:
     """A quantity at points, and its derivatives with respect to x.
 
     Parameters

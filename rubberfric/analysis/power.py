@@ -9,11 +9,13 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import over_points
 from rubberfric.base.quadrature import Quadrature
+from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import shear_friction
-from rubberfric.theory.integrals import Points, prepare, solved
+from rubberfric.theory.integrals import prepare, solved
 from rubberfric.theory.model import checked
 
 BLOCK = 128  # points evaluated at once
@@ -29,7 +31,14 @@ class DissipatedPower(NamedTuple):
     total: jax.Array  # their sum, mu sigma_0 v
 
 
-def dissipated_power(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT):
+def dissipated_power(
+    scene: Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None = None,
+    *,
+    quadrature: Quadrature = _DEFAULT,
+) -> DissipatedPower:
     r"""Power dissipated per nominal area, by where it goes.
 
     .. math:: p_\mathrm{lower} = v \int d^2q\, S P\, C_2\, q\cos\varphi\,\mathrm{Im}K_2,\qquad
@@ -67,11 +76,12 @@ def _dissipated_power(scene, velocity, pressure, temperature, *, quadrature):
     prepared = prepare(scene, ("friction",), quadrature)
 
     def powers(points):
-        velocity, pressure, temperature = Points(*points)
-        results: dict[str, jax.Array] = dict.fromkeys(("lower", "upper", "shear"), jnp.zeros_like(pressure))
+        velocity, pressure = points[:2]
+        temperature = points[2] if len(points) > 2 else None
+        results = {solid: jnp.zeros_like(pressure) for solid in ("lower", "upper", "shear")}
         area = jnp.ones_like(pressure)
-        if prepared.integrated is not None:
-            contact, temperatures = solved(prepared, velocity, pressure, temperature)
+        if prepared.roughness is not None:
+            contact, temperatures = solved(prepared, *points)
             area = contact.area()
             if temperatures is not None:
                 temperature = temperatures.surface

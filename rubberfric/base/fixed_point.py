@@ -10,6 +10,7 @@ iteration solves the linear systems of the derivatives, (1 - f') dy = df and its
 """
 
 import functools
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
@@ -21,7 +22,7 @@ _HISTORY, _MOST_STEPS = 7, 80
 _TOLERANCE, _LINEAR_TOLERANCE = 1e-7, 1e-9
 
 
-def fixed_point(function, start):
+def fixed_point(function: Callable[[jax.Array], jax.Array], start: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Fixed point next to a start value, and whether it was reached.
 
     Parameters

@@ -11,7 +11,6 @@ from rubberfric.plot.style import Axes, Line2D, colours, legend, one_axes, vecto
 from rubberfric.roughness.moments import rms_slope
 from rubberfric.roughness.spectra import Spectrum, TabulatedSpectrum, log_power_spectrum
 
-
 _POINTS = 200
 # Entries of a table that are drawn as points.
 _ENTRIES = 100

@@ -18,6 +18,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import erf
+from jax.typing import ArrayLike
 
 from rubberfric.base.quadrature import gauss
 
@@ -36,7 +37,7 @@ class CorrectionTable(NamedTuple):
     curvature: jax.Array
 
 
-def correction_table(gamma):
+def correction_table(gamma: ArrayLike) -> CorrectionTable:
     """Table of the corrected G for one gamma in 0 ... 1."""
     dtype = jnp.result_type(gamma)
     node, weight = (jnp.asarray(x, dtype) for x in gauss(_ORDER))
@@ -71,8 +72,8 @@ def correction_table(gamma):
     return CorrectionTable(start, step, *_derivatives(value, plain_at(value), gamma))
 
 
-def correct_argument(table, x):
-    """x = 1/(2 sqrt(G)) from the plain x; both 27 at most."""
+def correct_argument(table: CorrectionTable, x: jax.Array) -> jax.Array:
+    """x = 1/(2 sqrt(G)) with S in G, from the plain x of any shape; both 27 at most."""
     log_plain = -2 * jnp.log(2 * x)
     position = (log_plain - table.start) / table.step
     last = table.value.shape[0] - 2

@@ -9,8 +9,9 @@ import numpy as np
 
 from rubberfric.scene.scene import Scene, dissipates, relaxes, rough_surfaces
 
-Values = jax.Array | np.ndarray
 QUANTITIES = ("area", "friction", "separation")
+# Of `solve`, or read from a file.
+Values = jax.Array | np.ndarray
 
 
 class Solution(NamedTuple):

@@ -44,7 +44,9 @@ class _Rates(NamedTuple):
     apart: jax.Array  # (l_j - anchor own) / m, all its digits kept
 
 
-def in_series(rest, weight, tau, spring):
+def in_series(
+    rest: jax.Array, weight: jax.Array, tau: jax.Array, spring: jax.Array
+) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Prony series of the solid in series with a spring.
 
     Parameters
@@ -99,7 +101,7 @@ def _one_spring(rest, weight, spring, log_rate, tau):
 
 
 @jax.custom_jvp
-def quotient(x, y):
+def quotient(x: jax.Array, y: jax.Array) -> jax.Array:
     """x / y, whose derivative does not square y."""
     return x / y
 
