@@ -7,6 +7,7 @@ from collections.abc import Callable
 import jax
 import jax.numpy as jnp
 import numpy as np
+import numpy.typing as npt
 from jax.typing import ArrayLike
 from numpy.polynomial import chebyshev, legendre
 
@@ -70,7 +71,7 @@ class Quadrature:
             raise ValueError(f"Quadrature.ratio = {self.ratio!r}: must be between 1 and 1e6")
 
 
-def typed(table: np.ndarray, values: ArrayLike) -> jax.Array:
+def typed(table: npt.ArrayLike, values: ArrayLike) -> jax.Array:
     """A host table with the dtype of `values`: NumPy's float64 would widen a float32 scene."""
     return jnp.asarray(table, jnp.result_type(values))
 
@@ -125,7 +126,11 @@ def chebyshev_fit(
     function: Callable[[np.ndarray], np.ndarray], low: float, high: float, degree: int
 ) -> np.ndarray:
     """Monomial coefficients (ascending, in u on [-1, 1]) of the interpolant on [low, high]."""
-    coefficients = chebyshev.chebinterpolate(lambda u: function(0.5 * (high - low) * (u + 1) + low), degree)
+    coefficients = chebyshev.chebinterpolate(
+        # NumPy's stub takes the values at all nodes for one number.
+        lambda u: function(0.5 * (high - low) * (u + 1) + low),  # pyright: ignore[reportArgumentType, reportCallIssue]
+        degree,
+    )
     return _frozen(chebyshev.cheb2poly(coefficients))
 
 

@@ -18,7 +18,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import erf
-from jax.typing import ArrayLike
 
 from rubberfric.base.quadrature import gauss
 
@@ -37,7 +36,7 @@ class CorrectionTable(NamedTuple):
     curvature: jax.Array
 
 
-def correction_table(gamma: ArrayLike) -> CorrectionTable:
+def correction_table(gamma: jax.Array) -> CorrectionTable:
     """Table of the corrected G for one gamma in 0 ... 1."""
     dtype = jnp.result_type(gamma)
     node, weight = (jnp.asarray(x, dtype) for x in gauss(_ORDER))

@@ -15,7 +15,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import erf
-from jax.typing import ArrayLike
 
 from rubberfric.base.quadrature import chebyshev_fit, gauss, typed
 
@@ -55,7 +54,7 @@ def _contact_argument_jvp(primals, tangents):
     return x, -x * (tangents[1] / stiffness) - (2 * scaled * scaled * x) * tangents[0]
 
 
-def energy_factor(P: jax.Array, gamma: ArrayLike) -> jax.Array:
+def energy_factor(P: jax.Array, gamma: jax.Array | float) -> jax.Array:
     """S = gamma + (1 - gamma) P^2: elastic energy of partial over that of full contact [eq. (14)]."""
     return gamma + (1 - gamma) * P * P
 
@@ -66,14 +65,14 @@ def contact_fraction(x: jax.Array) -> jax.Array:
     return jnp.minimum(erf(x), 1.0)
 
 
-def friction_weight(x: jax.Array, gamma: ArrayLike) -> jax.Array:
+def friction_weight(x: jax.Array, gamma: jax.Array | float) -> jax.Array:
     """S P, what the friction of full contact is multiplied by at every wavevector [eq. (A17)]."""
     P = contact_fraction(x)
     return energy_factor(P, gamma) * P
 
 
 @jax.custom_jvp
-def separation_weight(x: jax.Array, gamma: ArrayLike) -> jax.Array:
+def separation_weight(x: jax.Array, gamma: jax.Array | float) -> jax.Array:
     r"""x Psi(x): the pressure integral of the mean separation [eq. (A18)], times 2 sigma_0.
 
     .. math:: \int_{\sigma_0}^\infty \frac{dp}{2p} \frac{\partial (SP)}{\partial p}

@@ -28,7 +28,6 @@ import jax.numpy as jnp
 
 from rubberfric.materials.series.prony_and_spring import HALVINGS, NEWTON_STEPS, quotient
 
-
 Solid = tuple[jax.Array, jax.Array, jax.Array]  # rest, weight, tau
 
 
