@@ -1,6 +1,7 @@
 r"""S inside G: the universal map from the plain G to the corrected one.
 
-With the elastic-energy factor in the diffusion function, dG = S(P(G)) dg where g is the
+The paper has the elastic-energy factor S [Scaraggi & Persson, eq. (14)] in friction and separation only.
+With it in the diffusion function too, as an established program has it, dG = S(P(G)) dg where g is the
 plain G: a function of g and gamma alone, whatever the surfaces and materials. It is
 solved once for the gamma at hand, as a table of ln G over ln g, exact to about 1e-11:
 

@@ -1,5 +1,7 @@
 r"""Temperatures of a heated scene: friction heats the solids, which softens them, which changes friction.
 
+[Persson, J. Phys.: Condens. Matter 18 (2006) 7789, arXiv:cond-mat/0605273].
+
 The unknowns are the temperature rises of every deformable solid at the angular nodes and at the
 largest wavevector, the flash temperature. They are a fixed point of
 
