@@ -194,8 +194,14 @@ def predictions(structure, numbers, x):
 def _predicted(structure, block, conditions, scene):
     """Rows of one block; their logarithm where it is logarithmic."""
     if block.quantity in CURVES:
-        solution = rf.solve(scene, *conditions, quadrature=structure.quadrature, quantities=(block.quantity,))
+        heated = () if scene.heating is None else ("converged",)
+        solution = rf.solve(
+            scene, *conditions, quadrature=structure.quadrature, quantities=(block.quantity, *heated)
+        )
         values = getattr(solution, block.quantity)
+        if heated:
+            # Of a last iterate nothing is learned: no step leads there, and a start there is refused.
+            values = jnp.where(solution.converged, values, jnp.nan)
     elif block.quantity == "modulus":
         modulus = rf.complex_modulus(getattr(scene, block.body).material, *conditions)
         values = jnp.concatenate([modulus.real, modulus.imag])
