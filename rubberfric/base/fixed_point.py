@@ -12,10 +12,7 @@ On a linear f it is GMRES, so that the same iteration solves the linear systems 
 
 import functools
 from collections.abc import Callable
-<<<<<<< HEAD
-=======
 from typing import NamedTuple
->>>>>>> main
 
 import jax
 import jax.numpy as jnp
@@ -27,10 +24,6 @@ _HISTORY, _MOST_STEPS = 7, 80
 _TOLERANCE, _LINEAR_TOLERANCE = 1e-7, 1e-9
 
 
-<<<<<<< HEAD
-def fixed_point(function: Callable[[jax.Array], jax.Array], start: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Fixed point next to a start value, and whether it was reached.
-=======
 class Inverse(NamedTuple):
     """An approximate inverse of 1 - f', the identity plus a product of low rank: 1 + left right."""
 
@@ -50,7 +43,6 @@ def fixed_point(
     function: Callable[[jax.Array], jax.Array], start: jax.Array, inverse: Inverse | None = None
 ) -> tuple[jax.Array, jax.Array]:
     """Fixed point next to a start value, and whether it was reached; no derivatives.
->>>>>>> main
 
     Parameters
     ----------
