@@ -138,7 +138,7 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
         q = default_wavevectors(laws)
     prepared = prepare(scene, ("area", "friction"), quadrature, pairs=pairs, borders=q)
     densities = []
-    if prepared.roughness is not None and prepared.needs.dissipation:
+    if prepared.needs.dissipation:
         scale = prepared.roughness.scale
         densities = [density_of(pair, scale, "dissipation", q, quadrature) for pair in pairs]
     block = functools.partial(_over_wavevectors, prepared, densities, q)
@@ -174,12 +174,9 @@ def fluctuation_at_borders(prepared: Prepared, contact: Contact, count: int) -> 
 
 def sum_below_borders(prepared: Prepared, panels: jax.Array, count: int) -> jax.Array:
     """Sums over the panels below each of these borders, (points, borders), of (panels, points)."""
-    roughness, below = (
-        prepared.roughness,
-        jnp.concatenate([jnp.zeros_like(panels[:1]), jnp.cumsum(panels, 0)]),
-    )
-    assert roughness is not None and roughness.mesh.panels_below is not None  # borders were asked for
-    return below[roughness.mesh.panels_below[-count:]].T
+    before, below = prepared.roughness.mesh.panels_below, jnp.cumsum(panels, 0)
+    assert before is not None  # borders were asked for
+    return jnp.concatenate([jnp.zeros_like(panels[:1]), below])[before[-count:]].T
 
 
 def contact_at_borders(prepared: Prepared, contact: Contact, count: int) -> tuple[jax.Array, jax.Array]:

@@ -80,7 +80,7 @@ def _dissipated_power(scene, velocity, pressure, temperature, *, quadrature):
         temperature = points[2] if len(points) > 2 else None
         results = {solid: jnp.zeros_like(pressure) for solid in ("lower", "upper", "shear")}
         area = jnp.ones_like(pressure)
-        if prepared.roughness is not None:
+        if prepared.integrated is not None:
             contact, temperatures = solved(prepared, *points)
             area = contact.area()
             if temperatures is not None:
