@@ -5,23 +5,26 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 import jax
+import numpy as np
 
 from rubberfric.scene.scene import Scene, dissipates, relaxes, rough_surfaces
 
 QUANTITIES = ("area", "friction", "separation")
+# Of `solve`, or read from a file.
+Values = jax.Array | np.ndarray
 
 
 class Solution(NamedTuple):
     """Results of `solve`; quantities not asked for are None."""
 
-    area: jax.Array | None = None  # A/A0 [-]
-    friction: jax.Array | None = None  # mu, the sum of its two parts below [-]
-    separation: jax.Array | None = None  # u_bar [m]
-    viscoelastic_friction: jax.Array | None = None  # [-]
-    shear_friction: jax.Array | None = None  # mu_con; 0 in a scene without contact shear [-]
-    transverse_friction: jax.Array | None = None  # across the sliding; 0 if isotropic [-]
-    flash_temperature: jax.Array | None = None  # of the contact, of two deformable solids the mean [K]
-    converged: jax.Array | None = None  # whether the temperatures of a heated scene did, bool
+    area: Values | None = None  # A/A0 [-]
+    friction: Values | None = None  # mu, the sum of its two parts below [-]
+    separation: Values | None = None  # u_bar [m]
+    viscoelastic_friction: Values | None = None  # [-]
+    shear_friction: Values | None = None  # mu_con; 0 in a scene without contact shear [-]
+    transverse_friction: Values | None = None  # across the sliding; 0 if isotropic [-]
+    flash_temperature: Values | None = None  # of the contact, of two deformable solids the mean [K]
+    converged: Values | None = None  # whether the temperatures of a heated scene did, bool
 
 
 @dataclasses.dataclass(frozen=True)
