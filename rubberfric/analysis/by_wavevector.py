@@ -23,7 +23,7 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import cumulative_moment
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio, log_shape
 from rubberfric.scene.pairs import Pair, pairs_of
-from rubberfric.scene.scene import Scene, rough_surfaces
+from rubberfric.scene.scene import Scene, result_dtype, rough_surfaces
 from rubberfric.theory.contributions import total
 from rubberfric.theory.integrals import Prepared, prepare, solved
 from rubberfric.theory.model import checked
@@ -112,7 +112,7 @@ def profile(
 
 
 def checked_wavevectors(
-    q: ArrayLike | None, ndim: int, conditions: Sequence[jax.Array], scene: Scene
+    q: ArrayLike | None, ndim: int, conditions: Sequence[jax.Array | None], scene: Scene
 ) -> jax.Array | None:
     """The wavevectors of a call in the dtype of its conditions, or ValueError; None if it names none.
 
@@ -121,7 +121,7 @@ def checked_wavevectors(
     if q is not None:
         q = as_leaf("q", q, ndim)
         check_values("q", q, POSITIVE)
-        return jnp.asarray(q, conditions[1].dtype)
+        return jnp.asarray(q, result_dtype(conditions))
     if ndim and not rough_surfaces(scene):
         raise ValueError("q is None, but nothing in the scene is rough: must be given")
     return None
@@ -199,9 +199,8 @@ def _over_wavevectors(prepared, densities, q, points):
     results = {"area": P, "fluctuation": G, "energy_factor": energy_factor(P, contact.gamma)}
     strained = [points[2] if len(points) > 2 else None] * len(densities)
     if temperatures is not None:
-        solids = prepared.thermal.strained
-        found = temperature_at(prepared.thermal, prepared.roughness, contact, temperatures, points, q)
-        strained = [None if solid is None else found[:, solid] for solid in solids]
+        found = temperature_at(prepared.roughness, contact, temperatures, points, q)
+        strained = [None if solid is None else found[:, solid] for solid in temperatures.thermal.strained]
         results["temperature"] = jnp.mean(found, 1)
     if not prepared.needs.dissipation:
         return results | dict.fromkeys(("friction_density", "friction"), jnp.zeros_like(G))

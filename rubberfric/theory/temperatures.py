@@ -35,6 +35,7 @@ class Thermal(NamedTuple):
 class Temperatures(NamedTuple):
     """Temperatures at points [K]."""
 
+    thermal: Thermal
     # For each contribution, of the solid it strains: (angular panels, points, angular order).
     strained: list[jax.Array]
     flash: jax.Array  # at the largest wavevector, of two deformable solids the mean, (points,)
@@ -83,7 +84,7 @@ def solve_temperatures(
         strained = [background if solid is None else T[solid] for solid in thermal.strained]
         flash = background + jnp.mean(rises[..., -1], 1)
         surface = flash if thermal.heating.shear_at == "flash" else background
-        return Temperatures(strained, flash, surface, converged)
+        return Temperatures(thermal, strained, flash, surface, converged)
 
     def heat(flat):
         guess = named(flat, None)
@@ -98,7 +99,6 @@ def solve_temperatures(
 
 
 def temperature_at(
-    thermal: Thermal,
     roughness: Roughness,
     contact: Contact,
     temperatures: Temperatures,
@@ -113,7 +113,7 @@ def temperature_at(
     points : velocity, pressure, temperature far from the contact, shape (points,)
     q : [1/m], shape (wavevectors,)
     """
-    velocity, pressure, background = points
+    (velocity, pressure, background), thermal = points, temperatures.thermal
     ready = _diffusion(roughness.mesh, q, thermal.diffusion.k.size)
     spread = memory(thermal.heating, ready, velocity, thermal.shear is not None)
     rises = _rises(thermal, roughness, spread, contact, (velocity, pressure, temperatures.surface))

@@ -210,6 +210,6 @@ def _roots_jvp(primals, tangents):
 
     still, one = jnp.zeros_like(roots.distance), jnp.ones_like(roots.distance)
     _, by_parameters = jax.jvp(at, (*primals, roots.distance), (*tangents, still))
-    _, by_distance = jax.jvp(lambda d: at(*primals, d), (roots.distance,), (one,))
+    _, by_distance = jax.jvp(functools.partial(at, *primals), (roots.distance,), (one,))
     fixed = jnp.zeros(roots.pole.shape, jax.dtypes.float0)
     return roots, _Roots(fixed, jnp.zeros_like(roots.anchor), -by_parameters / by_distance)

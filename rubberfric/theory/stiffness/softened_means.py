@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from rubberfric.materials.material import Material
 from rubberfric.theory.quantities import Needs
@@ -35,7 +36,8 @@ class SoftenedInSeries(NamedTuple):
         del split, harmonics
         # Without a table's kinks half the nodes are good to 1e-9.
         smooth = isinstance(self.modulus, Relaxing)
-        sine, weight = angular_rule(self.angle // 2 if smooth else self.angle, qv.dtype)
+        psi, weight = angular_rule(self.angle // 2 if smooth else self.angle)
+        sine, weight = jnp.asarray(np.sin(psi), qv.dtype), jnp.asarray(weight, qv.dtype)
 
         def panel(values):
             qv, storage_factor, loss_factor, spring = values
