@@ -1,22 +1,27 @@
-"""A fit in words and numbers, laid out as lmfit's fit_report does."""
+"""A fit as text, laid out as lmfit's fit_report does."""
 
+from typing import Any
+
+import jax
 import numpy as np
 
+import rubberfric as rf
+from fitting.parameters.constraints import Tied
 from fitting.parameters.keypaths import leaf_names
-from fitting.parameters.layout import to_scene
 from fitting.parameters.priors import Smooth
+from fitting.results.record import FitRecord
+from fitting.solvers.options import SOLVERS
 from fitting.solvers.problem import ASSUMED
-from fitting.uncertainty.covariance import residual_rows
+from fitting.solvers.residuals import residual_rows
 from rubberfric.base import unit_of
 
-METHODS = {"lm": "Levenberg-Marquardt", "lbfgs": "limited-memory BFGS", "adam": "Adam"}
 # Elements of one key path that are listed; of longer ones only the first and the last.
 LISTED = 24
 # Correlations that are reported: above this size, and how many.
 CORRELATED, PAIRS = 0.5, 20
 
 
-def report(result):
+def report(result: FitRecord) -> str:
     """The report of a `fitting.FitResult` as text of several lines.
 
     Sections: [[Fit]], [[Data]], [[Statistics]], [[Variables]] with value, standard error and
@@ -43,10 +48,10 @@ def report(result):
     return "\n".join(lines) + "\n"
 
 
-def unit(scene, path):
+def unit(scene: rf.Scene, path: str) -> str:
     """Unit of the number of a scene that a key path names, "" if it is dimensionless."""
     *owners, name = path.split("[")[0].split(".")
-    owner = scene
+    owner: Any = scene
     for step in owners:
         owner = getattr(owner, step)
     found = unit_of(type(owner), name)
@@ -57,7 +62,7 @@ def _fit(result):
     values = result.problem.targets.measured.size
     return _aligned(
         {
-            "method": f"{result.method} ({METHODS.get(result.method, 'other')})",
+            "method": f"{result.method} ({SOLVERS[result.method].title})",
             "message": result.message,
             "data": f"{_count(len(result.data), 'set')}, {_count(values, 'value')}",
             "evaluations": f"{result.nfev} of the residuals, {result.njev} of their derivatives",
@@ -129,14 +134,14 @@ def _variables(result):
     return lines
 
 
-def variable_rows(result):
+def variable_rows(result: FitRecord) -> list[tuple[str, ...] | str]:
     """Texts of every free element: name, value, error, unit, relative error, start and a remark.
 
     One text stands for the elements of a long array that are left out.
     """
     values, starts, errors = result.values, result.start_values, result.stderr
     names, rows = result.names, []
-    for group in result.layout.groups:
+    for group in result.variables.groups:
         if group.kind == "Tied":
             continue
         slot, scale = list(range(*group.slot)), unit(result.scene_at_start, group.path)
@@ -171,28 +176,32 @@ def _digits(value, error):
     return f"{value:#.{min(max(digits, 2), 12)}g}"
 
 
-def tied_lines(result):
+def tied_lines(result: FitRecord) -> list[str]:
     """A line for every key path that is tied to another: its value, and to what."""
-    constants = result.problem.numbers.constants
-    scene = to_scene(result.layout, constants, result.x)
-    lines, tied = [], [group for group in result.layout.groups if group.kind == "Tied"]
-    for group, ratio in zip(tied, constants.ratios, strict=True):
-        name, ratio = group.path.split("[")[0], np.asarray(ratio)
-        source = result.free[group.path].to
-        value = scene
-        for step in name.split("."):
-            value = getattr(value, step)
-        values = np.atleast_1d(value) if group.elements is None else np.asarray(value)[list(group.elements)]
+    leaves, lines = jax.tree.leaves(result.scene), []
+    groups = [group for group in result.variables.groups if group.kind == "Tied"]
+    rules = [rule for rule in result.free.values() if isinstance(rule, Tied)]
+    for group, rule, ratio in zip(groups, rules, result.problem.numbers.constants.ratios, strict=True):
+        values, ratio = np.atleast_1d(leaves[group.leaf])[list(group.elements or (0,))], np.asarray(ratio)
         scale = unit(result.scene_at_start, group.path)
         said = f"{ratio[0]:.6g} times" if np.ptp(ratio) == 0 else "in a fixed ratio to"
         ends = f"{values[0]:.6g}" if values.size == 1 else f"{values[0]:.6g} ... {values[-1]:.6g}"
-        lines.append(f"{group.path}: {ends}{f' {scale}' * bool(scale)}, {said} {source}")
+        lines.append(f"{group.path}: {ends}{f' {scale}' * bool(scale)}, {said} {rule.to}")
     return lines
+
+
+def error_text(result: FitRecord, name: str, value: float) -> str:
+    """Error of a fitted value, why it has none, or that it was fixed; `name` ends a key path."""
+    errors = dict(zip((full.rsplit(".", 1)[1] for full in result.names), result.stderr, strict=True))
+    withheld = {full.rsplit(".", 1)[1]: why for full, why in result.withheld.items()}
+    if name in withheld:
+        return f"error bar withheld: {withheld[name]}"
+    return f"+/- {errors[name]:.2g} ({errors[name] / value:.1%})" if name in errors else "(fixed)"
 
 
 def _priors(result):
     fitted = dict(zip(result.names, result.values, strict=True))
-    groups = {group.path: group for group in result.layout.groups}
+    groups = {group.path: group for group in result.variables.groups}
     lines = []
     for path, prior in result.prior.items():
         if isinstance(prior, Smooth):

@@ -40,7 +40,7 @@ from rubberfric.theory.stiffness.excitation import excitation
 from rubberfric.theory.stiffness.factors import factors_at
 from rubberfric.theory.stiffness.series import static_stiffness
 from rubberfric.theory.stress_fluctuation import Contact
-from rubberfric.theory.temperatures import temperature_at
+from rubberfric.theory.temperatures.heat_balance import temperature_at
 
 _DEFAULT = Quadrature()
 

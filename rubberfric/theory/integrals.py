@@ -10,6 +10,7 @@ temperature. G and the friction are in `rubberfric.theory.stress_fluctuation`; w
 and the transverse friction is the friction with sin(phi) in place of cos(phi).
 """
 
+import dataclasses
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -28,13 +29,14 @@ from rubberfric.theory.partial_contact import separation_weight
 from rubberfric.theory.quantities import Needs, needs_of, parts_of
 from rubberfric.theory.stiffness.series import modulus_scale
 from rubberfric.theory.stress_fluctuation import Contact, Roughness
-from rubberfric.theory.temperatures import (
+from rubberfric.theory.temperatures.heat_balance import (
     Temperatures,
     Thermal,
+    feeds_back,
     macroasperity,
     prepare_thermal,
-    solve_temperatures,
 )
+from rubberfric.theory.temperatures.solution import COARSE, solve_temperatures
 
 
 class Points(NamedTuple):
@@ -83,6 +85,20 @@ def prepare(
     if not needs.power:
         return Prepared(needs, None, None, scene.shear)
     pairs = pairs_of(scene) if pairs is None else pairs
+    roughness, thermal = _rough(scene, pairs, quadrature, needs, borders), None
+    heating = scene.heating
+    if heating is not None:
+        coarse = None
+        if feeds_back(scene):
+            # The tables of angular means are those of the scene.
+            few = dataclasses.replace(COARSE, angle=quadrature.angle)
+            coarse = _rough(scene, pairs, few, needs_of(scene, ("flash_temperature",)))
+        thermal = prepare_thermal(heating, scene, roughness, quadrature.heat, coarse, COARSE.heat)
+    return Prepared(needs, roughness, thermal, scene.shear)
+
+
+def _rough(scene, pairs, quadrature, needs, borders=None):
+    """`Roughness` of a scene."""
     mesh = build_mesh(
         [pair.law for pair in pairs],
         quadrature,
@@ -91,7 +107,7 @@ def prepare(
         borders=_borders(scene, pairs, borders),
     )
     scale = modulus_scale(scene)
-    roughness = Roughness(
+    return Roughness(
         mesh,
         tuple(contribution(pair, mesh, j, scale, needs, quadrature.angle) for j, pair in enumerate(pairs)),
         tuple(pair.side for pair in pairs),
@@ -99,9 +115,6 @@ def prepare(
         scene.gamma,
         correction_table(scene.gamma) if scene.area_correction and needs.area else None,
     )
-    heating = scene.heating
-    thermal = None if heating is None else prepare_thermal(heating, scene, roughness, quadrature.heat)
-    return Prepared(needs, roughness, thermal, scene.shear)
 
 
 def _borders(scene, pairs, asked):

@@ -15,6 +15,7 @@ change K_j.
 """
 
 import functools
+import warnings
 from collections.abc import Iterable, Sequence
 
 import jax
@@ -23,12 +24,12 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import over_points
-from rubberfric.base.checks import FINITE, POSITIVE, as_leaf, check_values
+from rubberfric.base.checks import FINITE, POSITIVE, as_leaf, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene, cast, check_background, result_dtype, shifts, takes_temperature
 from rubberfric.scene.single_precision import check_single
 from rubberfric.theory.integrals import evaluate, prepare
-from rubberfric.theory.quantities import QUANTITIES, Solution
+from rubberfric.theory.quantities import QUANTITIES, Solution, Values
 
 BLOCK = 512  # points evaluated at once
 
@@ -184,6 +185,11 @@ def solve(
     Raises
     ------
     ValueError : as `contact_area`, an unknown quantity, or one of heating although the scene has none.
+
+    Warns
+    -----
+    RuntimeWarning : where the temperatures of a heated scene are not a solution, naming the points; not
+        within jit or another transformation, nor if "converged" is asked for.
     """
     quantities = (quantities,) if isinstance(quantities, str) else tuple(quantities)
     for name in quantities:
@@ -191,7 +197,29 @@ def solve(
             raise ValueError(f"quantities has {name!r}: must be out of {', '.join(Solution._fields)}")
     scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
     check_heated(scene, quantities)
-    return _solve(scene, *conditions, quadrature=quadrature, quantities=quantities)
+    if scene.heating is None or "converged" in quantities:
+        return _solve(scene, *conditions, quadrature=quadrature, quantities=quantities)
+    solution = _solve(scene, *conditions, quadrature=quadrature, quantities=(*quantities, "converged"))
+    _warn_of_last_iterates(solution.converged, conditions)
+    return solution._replace(converged=None)
+
+
+def _warn_of_last_iterates(converged: Values | None, conditions: Sequence[jax.Array | None]) -> None:
+    """RuntimeWarning naming the points at which the temperatures of a heated scene are not a solution."""
+    if not is_concrete(converged) or np.all(converged):
+        return
+    left = ~np.asarray(converged)
+    velocity, pressure, temperature = (np.broadcast_to(np.asarray(x), left.shape)[left] for x in conditions)
+    named = [
+        f"v = {v:g} m/s, p = {p:g} Pa, T = {T:g} K"
+        for v, p, T in zip(velocity[:3], pressure[:3], temperature[:3], strict=True)
+    ]
+    warnings.warn(
+        f"the temperatures did not converge at {left.sum()} of {left.size} points, at {'; '.join(named)}"
+        f"{' and others' if left.sum() > len(named) else ''}: the values there are those of the last iterate",
+        RuntimeWarning,
+        stacklevel=3,
+    )
 
 
 def check_heated(scene: Scene, quantities: Iterable[str]) -> None:

@@ -3,34 +3,42 @@
 A robust loss takes all data for outliers while the fit is far off, and has minima everywhere:
 its fits begin where least squares - the same loss, much wider - ends. And a Positive parameter
 that one bad step drives to nothing, or a Bounded one that it drives to a bound, tends to stay
-there, its neighbours having taken its place. Fits that end so are tried again on a leash, which
-keeps the elements of an array in a smooth row - as relaxation spectra are - and is then let go;
+there, its neighbours having taken its place. Fits that end so are tried again with rows that keep
+the elements of an array smooth - as relaxation spectra are - and that are weakened to nothing;
 the lower of both minima is kept.
 """
 
 import jax.numpy as jnp
 import numpy as np
 
-from fitting.solvers.runs import LANES, run_problem
-from fitting.solvers.status import CONVERGED, INTERRUPTED, PERFECT, STALLED
-from fitting.uncertainty.covariance import VANISHED
+from fitting.parameters.variables import VANISHED, Array
+from fitting.solvers.iterate import INTERRUPTED, STALLED, succeeded
+from fitting.solvers.options import Solver
+from fitting.solvers.problem import Problem
+from fitting.solvers.runs import BATCH, Callback, Runs, run
 
 WIDE = 1e4  # times the width of a robust loss: least squares
-PULLS = (30.0, 10.0, 3.0, 1.0, 0.3, 0.0)  # of the leash: standard errors for a factor e between slopes
+SMOOTHING = (30.0, 10.0, 3.0, 1.0, 0.3, 0.0)  # standard errors for a factor e between slopes
 
 
-def search(solver, problem, starts, max_steps=None, callback=None):
+def search(
+    solver: Solver,
+    problem: Problem,
+    starts: Array,
+    max_steps: int | None = None,
+    callback: Callback | None = None,
+) -> Runs:
     """Fits from every row of `starts`; `Runs` as of `fitting.solvers.runs.run`."""
     spent = np.zeros((2, len(starts)), int)
     x = starts = np.asarray(starts)
     for times in (1.0,) if problem.structure.loss == "linear" else (WIDE, 1.0):
         stage = problem._replace(numbers=problem.numbers._replace(width=times * problem.numbers.width))
-        runs = run_problem(solver, stage, x, max_steps, callback)
+        runs = run(solver, stage, x, None, max_steps, callback)
         spent += np.stack([runs.nfev, runs.njev])
         escaped = _escaped(problem, runs.x, starts).any(1)
-        again = np.flatnonzero(escaped & np.isin(runs.status, (CONVERGED, PERFECT, STALLED)))
+        again = np.flatnonzero(escaped & (succeeded(runs.status) | (runs.status == STALLED)))
         if again.size:
-            second = _on_a_leash(solver, stage, starts[again], max_steps, callback, min(LANES, len(starts)))
+            second = _smoothed(solver, stage, starts[again], max_steps, callback, min(BATCH, len(starts)))
             spent[:, again] += np.stack([second.nfev, second.njev])
             if INTERRUPTED in second.status:
                 runs.status[again] = INTERRUPTED
@@ -45,12 +53,12 @@ def search(solver, problem, starts, max_steps=None, callback=None):
     return runs._replace(nfev=spent[0], njev=spent[1])
 
 
-def _on_a_leash(solver, problem, starts, max_steps, callback, lanes):
-    """Fits whose arrays are kept smooth, ever less; in as many lanes as there are compiled."""
+def _smoothed(solver, problem, starts, max_steps, callback, batch):
+    """Fits whose arrays are kept smooth, ever less; in a batch of the size that is compiled."""
     x, spent = starts, np.zeros((2, len(starts)), int)
-    for pull in PULLS:
-        numbers = problem.numbers._replace(leash=jnp.asarray(pull, problem.numbers.leash.dtype))
-        ends = run_problem(solver, problem._replace(numbers=numbers), x, max_steps, callback, lanes)
+    for weight in SMOOTHING:
+        numbers = problem.numbers._replace(smoothing=jnp.asarray(weight, problem.numbers.smoothing.dtype))
+        ends = run(solver, problem._replace(numbers=numbers), x, None, max_steps, callback, batch)
         x, spent = ends.x, spent + np.stack([ends.nfev, ends.njev])
         if INTERRUPTED in ends.status:
             break
@@ -60,7 +68,7 @@ def _on_a_leash(solver, problem, starts, max_steps, callback, lanes):
 def _escaped(problem, x, start):
     """Which elements went to where their value hardly depends on x any more, shape of x."""
     kinds = np.empty(x.shape[1], object)
-    for group in problem.structure.layout.own:
+    for group in problem.variables.own:
         kinds[slice(*group.slot)] = group.kind
     far = np.log(VANISHED)
     return ((kinds == "Positive") & (x < start - far)) | ((kinds == "Bounded") & (np.abs(x - start) > far))
