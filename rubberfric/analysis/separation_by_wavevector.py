@@ -1,4 +1,7 @@
-"""Separation where contact is lost at each length scale."""
+"""Separation where contact is lost at each length scale.
+
+[Yang & Persson, J. Phys.: Condens. Matter 20, 215214 (2008)]
+"""
 
 import functools
 from typing import NamedTuple
