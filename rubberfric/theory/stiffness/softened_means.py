@@ -12,10 +12,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.materials.material import Material
+from rubberfric.materials.material import Material, squarable
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means, Relaxing
-from rubberfric.theory.stiffness.tabulated_means import angular_rule, held_below
+from rubberfric.theory.stiffness.tabulated_means import angular_rule, log_frequency
 
 
 class SoftenedInSeries(NamedTuple):
@@ -62,14 +62,12 @@ class SoftenedInSeries(NamedTuple):
 def _modulus(modulus: Material | Relaxing, omega: jax.Array) -> tuple[jax.Array, jax.Array]:
     """E' and E'' at omega of any sign, odd in E''."""
     if not isinstance(modulus, Relaxing):
-        log_omega, sign = held_below(modulus, omega)
+        log_omega, sign = log_frequency(modulus, omega)
         storage, loss = modulus.storage_and_loss(log_omega)
         return storage, loss * sign
-    # a^2 must not overflow; beyond the bound the terms are glassy to the last bit.
-    bound = 1e150 if omega.dtype == jnp.float64 else 1e18
     storage, loss = jnp.ones_like(omega) * modulus.rest, jnp.zeros_like(omega)
     for i in range(modulus.tau.shape[0]):
-        a = jnp.clip(omega * modulus.tau[i], -bound, bound)
+        a = squarable(omega * modulus.tau[i])
         relaxing = modulus.weight[i] * a / (1 + a * a)
         storage, loss = storage + a * relaxing, loss + relaxing
     return storage, loss

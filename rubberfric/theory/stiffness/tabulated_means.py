@@ -61,7 +61,7 @@ def means_of_log(
     harmonics : as of `Relaxing.means`
     means : function of ln |q v|
     """
-    log_qv, sign = held_below(material, qv)
+    log_qv, sign = log_frequency(material, qv)
     found = means(log_qv)
     if harmonics is not None and _vary(harmonics):
         cosine, sine = harmonics
@@ -73,8 +73,8 @@ def means_of_log(
     return found | {kind: tuple(x * sign for x in values) for kind, values in odd.items()}
 
 
-def held_below(material: Material, omega: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """ln |omega|, held far below the frequencies of a material, and the factor of what is odd in omega.
+def log_frequency(material: Material, omega: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """ln |omega|, bounded far below the frequencies of a material, and the factor of what is odd in omega.
 
     Far below, E is E(0) and E'' linear in omega: so v = 0 keeps its derivative. If E'' does not vanish at
     v = 0+, only the sign is left.

@@ -78,3 +78,7 @@ def test_light_loads_without_an_elastic_energy_factor():
     value, slope = jax.jit(jax.vmap(jax.value_and_grad(corrected), (0, None)))(x, jnp.zeros(()))
     assert np.isfinite(value).all() and np.isfinite(slope).all()
     assert (np.diff(value) > 0).all() and (np.array(value) >= x * (1 - 1e-12)).all()
+    # P^2 = 1 / (pi G) there, and G^2 = 2 g / pi: within the table and beyond it.
+    x = np.array([1e-12, 1e-20, 1e-26])
+    G = np.sqrt(2 / np.pi) / (2 * x)
+    np.testing.assert_allclose(jax.jit(corrected)(jnp.array(x), jnp.zeros(())), 0.5 / np.sqrt(G), rtol=1e-9)
