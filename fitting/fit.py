@@ -11,7 +11,6 @@ from fitting.data.kinds import as_data_sets
 from fitting.data.measured import Measured
 from fitting.parameters.constraints import Rule
 from fitting.parameters.priors import Prior
-from fitting.parameters.variables import random_starts
 from fitting.results.record import Minimum
 from fitting.results.result import FitResult
 from fitting.solvers.iterate import succeeded
@@ -19,7 +18,7 @@ from fitting.solvers.options import check_options, make_solver
 from fitting.solvers.problem import ASSUMED, make_problem
 from fitting.solvers.residuals import residual_rows
 from fitting.solvers.runs import BATCH, Callback, run
-from fitting.solvers.search import search
+from fitting.solvers.search import random_starts, search
 from fitting.uncertainty.covariance import uncertainty
 
 # Fits, each weighted with the errors that the one before it estimated.

@@ -18,10 +18,10 @@ from fitting.data.measured import Measured
 from fitting.ensemble.result import EnsembleResult
 from fitting.parameters.constraints import Rule
 from fitting.parameters.priors import Prior
-from fitting.parameters.variables import random_starts
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.options import Solver, check_options, make_solver
 from fitting.solvers.problem import Problem, Targets, make_problem
+from fitting.solvers.search import random_starts
 from fitting.uncertainty.intervals import Bootstrap, LikelihoodProfile, SolvedProblem
 
 # For fits that start near their minimum: a quarter of the steps less than with the damping that is

@@ -14,7 +14,6 @@ Free           scale x                                   value / scale
 =============  ========================================  =======================
 """
 
-import math
 from collections.abc import Hashable, Mapping
 from typing import NamedTuple
 
@@ -239,29 +238,3 @@ def slopes(variables: Variables, constants: Constants, x: jax.Array) -> jax.Arra
 def element_names(variables: Variables) -> list[str]:
     """Key path of every free element, in the order of x."""
     return [name for group in variables.own for name in leaf_names(group.path, group.elements)]
-
-
-def random_starts(
-    variables: Variables, x: Array, key: jax.Array, count: int, decades: float = 1.0
-) -> jax.Array:
-    """`count` start vectors: x itself, then random ones, shape (count, size).
-
-    Positive elements are drawn from within `decades` of x, evenly in the logarithm;
-    Bounded ones from the middle 98 % between their bounds; Free ones from x +- their scale.
-    """
-    x = jnp.asarray(x)
-    if count == 1:
-        return x[None]
-    draws = jax.random.uniform(key, (count, variables.size), x.dtype, minval=-1.0, maxval=1.0)
-    starts = []
-    for group in variables.own:
-        part = slice(*group.slot)
-        drawn = draws[:, part]
-        if group.kind == "Positive":
-            starts.append(x[part] + decades * math.log(10.0) * drawn)
-        elif group.kind == "Bounded":
-            place = 0.5 + 0.49 * drawn
-            starts.append(jnp.log(place / (1 - place)))
-        else:
-            starts.append(x[part] + drawn)
-    return jnp.concatenate(starts, 1).at[0].set(x)

@@ -74,9 +74,8 @@ def _fit(result):
 def _data(result):
     rows = residual_rows(result.problem, result.x)
     lines = []
-    for i, (one, where, scale) in enumerate(
-        zip(result.data, result.problem.order, result.estimated, strict=True), 1
-    ):
+    sets = zip(result.data, result.problem.order, result.estimated, strict=True)
+    for i, (one, where, scale) in enumerate(sets, 1):
         lines.append(f"{i}: {one.label}: {_count(len(one), 'value')}, {_errors(one, scale, result.success)}")
         lines.append(f"   chi-square per value = {np.mean(rows[where] ** 2):.4g}")
     return lines

@@ -8,10 +8,13 @@ the elements of an array smooth - as relaxation spectra are - and that are weake
 the lower of both minima is kept.
 """
 
+import math
+
+import jax
 import jax.numpy as jnp
 import numpy as np
 
-from fitting.parameters.variables import VANISHED, Array
+from fitting.parameters.variables import VANISHED, Array, Variables
 from fitting.solvers.iterate import INTERRUPTED, STALLED, succeeded
 from fitting.solvers.options import Solver
 from fitting.solvers.problem import Problem
@@ -19,6 +22,32 @@ from fitting.solvers.runs import BATCH, Callback, Runs, run
 
 WIDE = 1e4  # times the width of a robust loss: least squares
 SMOOTHING = (30.0, 10.0, 3.0, 1.0, 0.3, 0.0)  # standard errors for a factor e between slopes
+
+
+def random_starts(
+    variables: Variables, x: Array, key: jax.Array, count: int, decades: float = 1.0
+) -> jax.Array:
+    """`count` start vectors: x itself, then random ones, shape (count, size).
+
+    Positive elements are drawn from within `decades` of x, evenly in the logarithm;
+    Bounded ones from the middle 98 % between their bounds; Free ones from x +- their scale.
+    """
+    x = jnp.asarray(x)
+    if count == 1:
+        return x[None]
+    draws = jax.random.uniform(key, (count, variables.size), x.dtype, minval=-1.0, maxval=1.0)
+    starts = []
+    for group in variables.own:
+        part = slice(*group.slot)
+        drawn = draws[:, part]
+        if group.kind == "Positive":
+            starts.append(x[part] + decades * math.log(10.0) * drawn)
+        elif group.kind == "Bounded":
+            place = 0.5 + 0.49 * drawn
+            starts.append(jnp.log(place / (1 - place)))
+        else:
+            starts.append(x[part] + drawn)
+    return jnp.concatenate(starts, 1).at[0].set(x)
 
 
 def search(

@@ -15,7 +15,7 @@ from support.scenes.fits import ROAD, E
 
 import rubberfric as rf
 from fitting import Bounded, Free, FrictionData, ModulusData, Positive, Smooth, fit
-from fitting.parameters.variables import random_starts, to_values
+from fitting.parameters.variables import to_values
 from fitting.solvers.first_order import LBFGS, Adam
 from fitting.solvers.iterate import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, PERFECT
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
@@ -23,6 +23,7 @@ from fitting.solvers.losses import WIDTHS
 from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import objective, residuals, residuals_and_jacobian
 from fitting.solvers.runs import run
+from fitting.solvers.search import random_starts
 
 LM = LevenbergMarquardt()
 MODULI, TAU = [5e8, 5e7, 8e6, 2e6], [1e-7, 1e-5, 1e-3, 1e-1]
