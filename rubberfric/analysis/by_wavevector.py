@@ -4,6 +4,8 @@ r"""What each length scale does: contact, friction and roughness over the waveve
           \frac{d\mu}{d\ln q} = \frac{q^2}{\sigma_0}\, S P \sum_j C_j \int d\varphi\,
           q\cos\varphi\,\mathrm{Im}K_j(q v \cos\varphi)
 
+[Scaraggi & Persson, arXiv:1506.06955, eqs. (10), (A17)]
+
 The wavevectors asked for are borders of the radial panels, so that G(q) and mu(q) are sums over
 whole panels, and the density is formed at q itself: nothing is interpolated from a grid over q.
 """
@@ -102,9 +104,8 @@ def profile(
     Good to the quadrature's error at every q. With a TabulatedModulus, whose knots are kinks over q,
     P(q) and mu(q) may be 1e-4 off just where the roughness begins, and 1e-7 above.
     Friction without contact shear. Where nothing is rough or nothing dissipates, friction and its
-    density are zero, not computed. With
-    `scene.area_correction` G has S inside. G keeps its digits where P = 1 - 1e-300. The
-    magnification of a scene without roughness is counted from q[0].
+    density are zero, not computed. With `scene.area_correction` G has S inside. G keeps its digits where
+    P = 1 - 1e-300. The magnification of a scene without roughness is counted from q[0].
     """
     scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
     q = checked_wavevectors(q, 1, conditions, scene)
@@ -114,10 +115,7 @@ def profile(
 def checked_wavevectors(
     q: ArrayLike | None, ndim: int, conditions: Sequence[jax.Array | None], scene: Scene
 ) -> jax.Array | None:
-    """The wavevectors of a call in the dtype of its conditions, or ValueError; None if it names none.
-
-    Several are needed where nothing is rough.
-    """
+    """The wavevectors of a call in the dtype of its conditions, or ValueError; None if it names none."""
     if q is not None:
         q = as_leaf("q", q, ndim)
         check_values("q", q, POSITIVE)
@@ -138,7 +136,7 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
         q = default_wavevectors(laws)
     prepared = prepare(scene, ("area", "friction"), quadrature, pairs=pairs, borders=q)
     densities = []
-    if prepared.roughness is not None and prepared.needs.dissipation:
+    if prepared.needs.dissipation:
         scale = prepared.roughness.scale
         densities = [density_of(pair, scale, "dissipation", q, quadrature) for pair in pairs]
     block = functools.partial(_over_wavevectors, prepared, densities, q)
@@ -174,12 +172,9 @@ def fluctuation_at_borders(prepared: Prepared, contact: Contact, count: int) -> 
 
 def sum_below_borders(prepared: Prepared, panels: jax.Array, count: int) -> jax.Array:
     """Sums over the panels below each of these borders, (points, borders), of (panels, points)."""
-    roughness, below = (
-        prepared.roughness,
-        jnp.concatenate([jnp.zeros_like(panels[:1]), jnp.cumsum(panels, 0)]),
-    )
-    assert roughness is not None and roughness.mesh.panels_below is not None  # borders were asked for
-    return below[roughness.mesh.panels_below[-count:]].T
+    before, below = prepared.roughness.mesh.panels_below, jnp.cumsum(panels, 0)
+    assert before is not None  # borders were asked for
+    return jnp.concatenate([jnp.zeros_like(panels[:1]), below])[before[-count:]].T
 
 
 def contact_at_borders(prepared: Prepared, contact: Contact, count: int) -> tuple[jax.Array, jax.Array]:

@@ -1,7 +1,8 @@
 r"""The interface: what a load does to the separation, and how stresses are distributed.
 
-With g = G sigma_0^2, x = sigma_0 / (2 sqrt g), P = erf x and s = gamma P + (1 - gamma) P^3, all of
-them follow from the same radial integrals as area and separation (`rubberfric.theory.integrals`).
+With g = G sigma_0^2, x = sigma_0 / (2 sqrt g), P = erf x and s = gamma P + (1 - gamma) P^3
+[Scaraggi & Persson, arXiv:1506.06955, eqs. (10), (A18)], both follow from the same radial integrals as
+area and separation (`rubberfric.theory.integrals`).
 """
 
 import functools

@@ -61,7 +61,7 @@ def write_values(group: h5py.Group, name: str, values: ArrayLike, units: str) ->
     return data
 
 
-def read_values(group: h5py.Group, name: str, units: str) -> np.ndarray | float:
+def read_values(group: h5py.Group, name: str, units: str) -> np.ndarray:
     """Numbers of a dataset, in the units it must be in: a NumPy array, or a float if it is weak."""
     where, data = _path(group, name), group.get(name)
     if not isinstance(data, h5py.Dataset):
@@ -71,7 +71,9 @@ def read_values(group: h5py.Group, name: str, units: str) -> np.ndarray | float:
     if data.dtype.kind != "f":
         raise ValueError(f"{where}: has type {data.dtype}: must be a floating-point number")
     array = np.asarray(data[()], data.dtype.newbyteorder("="))
-    return float(array) if data.attrs.get("weak", False) and array.ndim == 0 else array
+    if data.attrs.get("weak", False) and array.ndim == 0:
+        return float(array)  # pyright: ignore[reportReturnType] (a number does all that an array does)
+    return array
 
 
 def read_array(group: h5py.Group, name: str, units: str, shape: tuple[int, ...]) -> np.ndarray:

@@ -106,14 +106,14 @@ def _rough(scene, pairs, quadrature, needs, borders=None):
         logarithmic=any(pair.steep for pair in pairs),
         borders=_borders(scene, pairs, borders),
     )
-    scale = modulus_scale(scene)
+    scale, gamma = modulus_scale(scene), jnp.asarray(scene.gamma)
     return Roughness(
         mesh,
         tuple(contribution(pair, mesh, j, scale, needs, quadrature.angle) for j, pair in enumerate(pairs)),
         tuple(pair.side for pair in pairs),
         scale,
-        scene.gamma,
-        correction_table(scene.gamma) if scene.area_correction and needs.area else None,
+        gamma,
+        correction_table(gamma) if scene.area_correction and needs.area else None,
     )
 
 

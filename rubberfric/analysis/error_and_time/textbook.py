@@ -6,6 +6,8 @@ r"""The textbook method: the theory as anyone writes it down, in NumPy, to compa
           \bar u = \int d^2q \sum_j C_j\,\mathrm{Re} K_j
           \int_{\sigma_0}^\infty \frac{dp}{2p}\frac{\partial[SP]}{\partial p}
 
+[Scaraggi & Persson, arXiv:1506.06955, eqs. (10), (A11), (A17), (A18)]
+
 Trapezoids over ln q and over phi, complex moduli at every frequency q v cos(phi), a cumulative
 trapezoid for G, and one more over ln p for the separation. Numbers are taken from the scene and
 nothing else: no formula, mesh or table of the library, so that it is a second opinion as well.

@@ -28,6 +28,8 @@ import jax.numpy as jnp
 
 from rubberfric.materials.series.prony_and_spring import HALVINGS, NEWTON_STEPS, quotient
 
+Solid = tuple[jax.Array, jax.Array, jax.Array]  # rest, weight, tau
+
 
 class _Rates(NamedTuple):
     """All rates l_j (columns) as the intervals (rows) see them, by quotients that no decade overflows."""
@@ -46,7 +48,7 @@ class _Solids(NamedTuple):
     weight: tuple
 
 
-def two_in_series(first, second):
+def two_in_series(first: Solid, second: Solid) -> Solid:
     """Prony series of two solids in series.
 
     Parameters

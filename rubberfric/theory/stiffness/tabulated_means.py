@@ -64,12 +64,13 @@ def means_of_log(
     log_qv, sign = held_below(material, qv)
     found = means(log_qv)
     if harmonics is not None and _vary(harmonics):
-        # The isotropic one is the first of the even.
-        shares = {kind: harmonics[kind == "transverse"] for kind in found}
-        found = {kind: (_mixed(shares[kind], values),) for kind, values in found.items()}
-    odd = ("dissipation", "transverse")
-    signed: Means = {kind: tuple(x * sign for x in values) for kind, values in found.items() if kind in odd}
-    return found | signed
+        cosine, sine = harmonics
+        found = {
+            kind: (_mixed(sine if kind == "transverse" else cosine, values),)
+            for kind, values in found.items()
+        }
+    odd = {kind: found[kind] for kind in ("dissipation", "transverse") if kind in found}
+    return found | {kind: tuple(x * sign for x in values) for kind, values in odd.items()}
 
 
 def held_below(material: Material, omega: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -153,7 +154,7 @@ def _vary(harmonics):
 
 
 def _mixed(shares: jax.Array, means: tuple[jax.Array, ...]) -> jax.Array:
-    """The mean with its harmonics, which are the last of the means."""
-    isotropic = len(means) - len(shares)
-    pairs = zip(shares, means[isotropic:], strict=True)
-    return functools.reduce(operator.add, [*means[:isotropic], *(share * mean for share, mean in pairs)])
+    """The mean with its harmonics, which are the last of the means; the transverse one has no other."""
+    first = len(means) - len(shares)
+    terms = (share * mean for share, mean in zip(shares, means[first:], strict=True))
+    return functools.reduce(operator.add, (*means[:first], *terms))

@@ -9,7 +9,7 @@ largest wavevector, the flash temperature. They are a fixed point of
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -22,6 +22,9 @@ from rubberfric.theory.stress_fluctuation import Contact, Roughness
 
 # Velocity [m/s], pressure [Pa] and temperature far from the contact [K], shape (points,) each.
 Points = tuple[jax.Array, jax.Array, jax.Array]
+
+
+_Tree = TypeVar("_Tree")
 
 
 class Coarse(NamedTuple):
@@ -112,7 +115,7 @@ def unknowns(mesh: Mesh) -> jax.Array:
     return jnp.concatenate([mesh.angular_q.reshape(-1), mesh.last[None]])
 
 
-def without_derivatives(tree):
+def without_derivatives(tree: _Tree) -> _Tree:
     """A tree of arrays, and of what is none, that derivatives do not go through."""
     return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if isinstance(x, jax.Array) else x, tree)
 
