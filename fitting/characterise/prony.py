@@ -147,9 +147,9 @@ def _given(data, tau, omega):
         raise ValueError("tau is empty: must have at least one relaxation time")
     if np.unique(tau).size < tau.size:
         raise ValueError("tau: has equal relaxation times; must all be different")
-    outside = np.maximum(np.log10(tau * omega.min()), -np.log10(tau * omega.max()))
-    worst = int(np.argmax(outside))
-    if outside[worst] > _REACH:
+    beyond = np.maximum(np.log10(tau * omega.min()), -np.log10(tau * omega.max()))
+    worst = int(np.argmax(beyond))
+    if beyond[worst] > _REACH:
         raise ValueError(
             f"tau[{worst}] = {tau[worst]:g} s: data {data.label!r} do not reach it; must be within"
             f" {_REACH:g} decades of 1/omega, {1 / omega.max():.3g} ... {1 / omega.min():.3g} s"

@@ -12,8 +12,8 @@ def fit_html(result: FitRecord) -> str:
     rows = []
     for row in variable_rows(result):
         if isinstance(row, tuple):
-            name, value, error, unit, share, start, note = row
-            row = (name, f"{value} +/- {error} {unit}", share, f"{start} {unit}", note)
+            name, value, error, unit, share, start, remark = row
+            row = (name, f"{value} +/- {error} {unit}", share, f"{start} {unit}", remark)
         rows.append(row)
     rows += tied_lines(result)
     rows += [f"not identified, {i}: {d.text}" for i, d in enumerate(result.unidentified, 1)]

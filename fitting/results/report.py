@@ -115,9 +115,9 @@ def _variables(result):
     rows = []
     for row in variable_rows(result):
         if isinstance(row, tuple):
-            name, value, error, scale, share, start, note = row
+            name, value, error, scale, share, start, remark = row
             share = f"({share})" if share else ""
-            row = (f"{name}:", value, f"+/- {error}", scale, share, f"(start = {start})", note)
+            row = (f"{name}:", value, f"+/- {error}", scale, share, f"(start = {start})", remark)
         rows.append(row)
     cells = [row for row in rows if isinstance(row, tuple)]
     widths = [max(len(row[k]) for row in cells) for k in range(7)]
@@ -151,20 +151,20 @@ def variable_rows(result: FitRecord) -> list[tuple[str, ...] | str]:
                     rows.append(_left_out(result, hidden))
                 continue
             reason = result.withheld.get(names[i])
-            error, share, note = "?", "", f"error bar withheld: {reason}"
+            error, share, remark = "?", "", f"error bar withheld: {reason}"
             if reason is None:
-                error, note = f"{errors[i]:#.2g}", ""
+                error, remark = f"{errors[i]:#.2g}", ""
                 share = f"{100 * abs(errors[i] / values[i]):.2f} %" if values[i] else ""
             value = _digits(values[i], np.nan if reason else errors[i])
-            rows.append((names[i], value, error, scale, share, f"{starts[i]:.6g}", note))
+            rows.append((names[i], value, error, scale, share, f"{starts[i]:.6g}", remark))
     return rows
 
 
 def _left_out(result, elements):
     """One line for the elements of a long array that are not listed."""
     bare = sum(result.names[i] in result.withheld for i in elements)
-    note = f", {bare} of them without an error bar" if bare else ""
-    return f"... {len(elements)} more, see result.values{note}"
+    remark = f", {bare} of them without an error bar" if bare else ""
+    return f"... {len(elements)} more, see result.values{remark}"
 
 
 def _digits(value, error):
