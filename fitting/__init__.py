@@ -2,6 +2,7 @@
 
 from fitting.characterise.prony import fit_prony
 from fitting.characterise.prony_result import PronyFit
+from fitting.characterise.softening import softening_from_sweep
 from fitting.characterise.spectrum import fit_spectrum
 from fitting.characterise.spectrum_result import SpectrumFit
 from fitting.data.files import read, write
@@ -46,5 +47,6 @@ __all__ = [
     "run_ensemble",
     "sensitivity",
     "sensitivity_names",
+    "softening_from_sweep",
     "write",
 ]

@@ -96,6 +96,7 @@ _FITTING = (
     "fit_prony",
     "fit_spectrum",
     "sensitivity",
+    "softening_from_sweep",
 )
 
 

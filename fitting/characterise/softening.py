@@ -1,0 +1,122 @@
+r"""Softening of filled rubber from a measured strain sweep (Payne effect) [J. Appl. Polym. Sci. 6 (1962) 57].
+
+.. math:: f(\varepsilon) = E'(\varepsilon) / E'_{lin},\qquad g(\varepsilon) = E''(\varepsilon) / E''_{lin}
+
+at one frequency; E'_lin and E''_lin are those of small strains.
+"""
+
+import warnings
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+import rubberfric as rf
+from rubberfric.base import shown
+
+# Temperatures that lie closer together belong to one sweep [K].
+_SAME = 1.0
+# Fall of E' between the first two strains that a linear modulus does not show [-].
+_FALLS = 0.02
+
+
+def softening_from_sweep(
+    strain: ArrayLike,
+    storage: ArrayLike,
+    loss: ArrayLike,
+    temperature: ArrayLike | None = None,
+    *,
+    linear: float | None = None,
+    factor: float = 1.0,
+) -> rf.Softening | dict[float, rf.Softening]:
+    r"""Softening of a scene from a strain sweep at one frequency.
+
+    A file of it is read by `rubberfric.io.read_table(path, ["strain", "E_stor", "E_loss"], ["T"],
+    increasing=False)`.
+
+    Parameters
+    ----------
+    strain : amplitudes [-], > 0, shape (n,), in any order
+        single amplitudes: half of what is called peak to peak or double. Of a shear sweep the
+        amplitude of shear, with G' and G'' for the moduli.
+    storage, loss : E' and E'' [Pa], or any other unit, > 0, shape (n,)
+    temperature : of every row [K], shape (n,), or one for all, or None
+        rows within 1 K belong to one sweep.
+    linear : largest strain at which the rubber is linear still [-], or None
+        f = g = 1 on average up to there; None: at the smallest strain.
+    factor : strain of an asperity over its rms slope [-], of the `Softening`
+
+    Returns
+    -------
+    Softening, or with temperatures a dict of one for every sweep by its mean temperature [K], rising
+
+    Raises
+    ------
+    ValueError
+        one line: numbers of the wrong sign or shape, less than two strains in a sweep, equal strains (a
+        sweep up and down again: give one way, or their mean), no strain up to `linear`.
+
+    Warns
+    -----
+    UserWarning
+        E' falls by over 2 % between the first two strains, where nothing is said by `linear`: the
+        sweep began too late, and f and g are too large by what fell before.
+
+    Limits: f and g are taken to hold at all frequencies and at the strain of each length scale
+    (`rubberfric.Softening`); beyond the sweep their end values hold.
+    """
+    columns = {"strain": strain, "storage": storage, "loss": loss}
+    if temperature is not None:
+        columns["temperature"] = np.broadcast_to(np.asarray(temperature, float), np.shape(strain))
+    columns = {name: _checked(name, values, np.shape(strain)) for name, values in columns.items()}
+    if linear is not None and not (np.ndim(linear) == 0 and linear > 0):
+        raise ValueError(f"linear = {shown(linear)}: must be a strain > 0, or None")
+    if temperature is None:
+        return _softening("", columns, linear, factor)
+    found = {}
+    order = np.argsort(columns["temperature"], kind="stable")
+    gaps = np.flatnonzero(np.diff(columns["temperature"][order]) > _SAME) + 1
+    for rows in np.split(order, gaps):
+        sweep = {name: values[rows] for name, values in columns.items()}
+        mean = float(sweep.pop("temperature").mean())
+        found[mean] = _softening(f" at {mean:.6g} K", sweep, linear, factor)
+    return found
+
+
+def _checked(name, values, shape):
+    values = np.asarray(values, float)
+    if values.ndim != 1 or values.shape != shape:
+        raise ValueError(f"{name} has shape {values.shape}: must be (n,), as long as strain")
+    bad = np.flatnonzero(~(np.isfinite(values) & (values > 0)))
+    if bad.size:
+        raise ValueError(f"{name}[{bad[0]}] = {values[bad[0]]:g}: must be finite and > 0")
+    return values
+
+
+def _softening(where, sweep, linear, factor):
+    order = np.argsort(sweep["strain"])
+    strain, storage, loss = (sweep[name][order] for name in ("strain", "storage", "loss"))
+    if strain.size < 2:
+        raise ValueError(f"the sweep{where} has {strain.size} strains: must have at least 2")
+    equal = np.flatnonzero(np.diff(strain) == 0)
+    if equal.size:
+        raise ValueError(
+            f"the sweep{where} has two rows at the strain {strain[equal[0]]:g}: of a sweep up and down give"
+            " one way or their mean, of several temperatures give temperature"
+        )
+    if linear is None:
+        fall = 1 - storage[1] / storage[0]
+        if fall > _FALLS:
+            warnings.warn(
+                f"the sweep{where}: E' falls by {100 * fall:.1f} % between its first strains, {strain[0]:g}"
+                f" and {strain[1]:g}: the first is not linear any more, and f and g are too large; begin at a"
+                " smaller strain",
+                stacklevel=3,
+            )
+        first = 1
+    else:
+        first = int(np.sum(strain <= linear))
+        if first == 0:
+            raise ValueError(
+                f"linear = {linear:g}: must be at least the smallest strain{where}, {strain[0]:g}"
+            )
+    return rf.Softening(strain, storage / storage[:first].mean(), loss / loss[:first].mean(), factor)
