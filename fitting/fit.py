@@ -13,7 +13,7 @@ from fitting.parameters.constraints import Rule
 from fitting.parameters.priors import Prior
 from fitting.results.record import Minimum
 from fitting.results.result import FitResult
-from fitting.solvers.iterate import succeeded
+from fitting.solvers.iterate import NEAR, succeeded
 from fitting.solvers.options import check_options, make_solver
 from fitting.solvers.problem import ASSUMED, make_problem
 from fitting.solvers.residuals import residual_rows
@@ -23,8 +23,6 @@ from fitting.uncertainty.covariance import uncertainty
 
 # Fits, each weighted with the errors that the one before it estimated.
 ROUNDS = 2
-# Costs that differ by less belong to one minimum: a hundredth of a standard error.
-SAME_COST = 5e-5
 
 
 def fit(
@@ -43,6 +41,7 @@ def fit(
     max_steps: int | None = None,
     tolerance: float | None = None,
     quadrature: rf.Quadrature | None = None,
+    scale_errors: bool | str = "auto",
 ) -> FitResult:
     r"""Fit free parameters of a scene to measured data.
 
@@ -69,6 +68,11 @@ def fit(
     decades : random starts of Positive parameters lie within a factor 10^decades
     max_steps, tolerance : of the method; None: its own
     quadrature : Quadrature of the forward model, or None for the default
+    scale_errors : "auto", True or False
+        whether the size of errors is taken from the scatter about the fit; bars, bands and densities
+        follow. "auto": where none were given; those given stand, and where the scene does not explain
+        the data the report has both bars. True: those given as well, for relative weights only, all
+        times `FitResult.error_scale`. False: never; without errors 10 % are assumed.
 
     Returns
     -------
@@ -88,11 +92,11 @@ def fit(
     -----
     Data without errors are taken to have one relative error each, which is estimated from
     their scatter about the fit (twice, the second fit weighted with the first estimate); the
-    report says so.
+    report says so. Whether the scene explains the data is the result's `verdict`.
     """
     began = time.perf_counter()
     check_options(method=method, starts=starts, key=key, prior=prior, callback=callback)
-    check_options(decades=decades, max_steps=max_steps, tolerance=tolerance)
+    check_options(decades=decades, max_steps=max_steps, tolerance=tolerance, scale_errors=scale_errors)
     data = as_data_sets(data)
     problem = make_problem(scene, data, free, prior, loss, loss_width, quadrature)
     solver = make_solver(method, tolerance, max_steps)
@@ -107,10 +111,15 @@ def fit(
     end, evaluations = runs.row(best), np.array([runs.nfev.sum(), runs.njev.sum()])
     known = uncertainty(problem, end.x)
     scales = [None if one.error is not None else ASSUMED for one in data]
-    for _ in range(ROUNDS if ASSUMED in scales else 0):
+    error_scale, rescaled = 1.0, scale_errors is True and None in scales
+    to_estimate = ASSUMED in scales and scale_errors is not False
+    for _ in range(ROUNDS if to_estimate or rescaled else 0):
         if problem.targets.measured.size - known.parameters < 0.5 or not succeeded(end.status):
             break
+        before = problem
         problem, scales = _estimated(problem, scales, known, end.x)
+        if rescaled:
+            problem, error_scale = _rescaled(problem, before, scales, error_scale, known, end.x)
         again = run(solver, problem, end.x[None], None, max_steps, callback, min(BATCH, starts))
         end = again.row(0)
         evaluations += np.array([again.nfev[0], again.njev[0]])
@@ -129,6 +138,7 @@ def fit(
         njev=int(evaluations[1]),
         minima=minima,
         estimated=tuple(scales),
+        error_scale=error_scale,
         uncertainty=known,
         seconds=time.perf_counter() - began,
     )
@@ -141,7 +151,7 @@ def _minima(problem, runs):
         if not succeeded(runs.status[i]):
             continue
         cost = float(runs.cost[i])
-        if found and cost - found[-1].cost <= SAME_COST * max(1.0, found[-1].cost):
+        if found and cost - found[-1].cost <= NEAR * max(1.0, found[-1].cost):
             found[-1] = found[-1]._replace(count=found[-1].count + 1)
         else:
             found.append(Minimum(cost, 1, problem.values(runs.x[i])))
@@ -151,20 +161,34 @@ def _minima(problem, runs):
 def _estimated(problem, scales, known, x):
     """The problem with the errors of data without any taken from their scatter about the fit."""
     rows = residual_rows(problem, x)
-    freedom = 1 - known.parameters / problem.targets.measured.size
     error, scales = np.array(problem.targets.error), list(scales)
     for i, (scale, where) in enumerate(zip(scales, problem.order, strict=True)):
         if scale is None:
             continue
-        if problem.structure.loss == "linear":
-            scatter = np.sqrt(np.mean(rows[where] ** 2))
-        else:
-            # Outliers, which a robust fit is asked to expect, must not widen all error bars.
-            scatter = 1.4826 * np.median(np.abs(rows[where]))
         # Data without noise are met to rounding; they must not get an error of zero.
-        scales[i] = max(float(scale * scatter / np.sqrt(freedom)), 1e-10)
+        scales[i] = max(float(scale * _scatter(problem, known, rows[where])), 1e-10)
         error[where] = scales[i]
     return problem._replace(targets=problem.targets._replace(error=error)), scales
+
+
+def _rescaled(problem, before, scales, error_scale, known, x):
+    """The problem with the errors that were given multiplied by one factor, and all of that factor."""
+    given = np.concatenate([rows for rows, scale in zip(problem.order, scales, strict=True) if scale is None])
+    # As above, of errors as they were given.
+    factor = max(_scatter(before, known, residual_rows(before, x)[given]), 1e-10 / error_scale)
+    error = np.array(problem.targets.error)
+    error[given] *= factor
+    return problem._replace(targets=problem.targets._replace(error=error)), error_scale * factor
+
+
+def _scatter(problem, known, rows):
+    """Standard deviation of residuals about the fit, in units of their errors."""
+    if problem.structure.loss == "linear":
+        scatter = np.sqrt(np.mean(rows**2))
+    else:
+        # Outliers, which a robust fit is asked to expect, must not widen all error bars.
+        scatter = 1.4826 * np.median(np.abs(rows))
+    return float(scatter / np.sqrt(1 - known.parameters / problem.targets.measured.size))
 
 
 def _not_finite(problem, data):
@@ -174,11 +198,6 @@ def _not_finite(problem, data):
         bad = np.flatnonzero(~np.isfinite(rows[where]))
         if bad.size == 0:
             continue
-        given = {name: getattr(one, name) for name in one.conditions if getattr(one, name) is not None}
-        at = ", ".join(
-            f"{name} = {values[bad[0] % values.size]:g} {one.fields()[name].unit}"
-            for name, values in given.items()
-        )
         advice = "check the start values of the free parameters"
         if one.logarithmic:
             advice += (
@@ -186,6 +205,6 @@ def _not_finite(problem, data):
             )
         return (
             f"data {one.label!r}: the model is not finite at the start at {bad.size} of {where.size} values,"
-            f" first at {at}: {advice}"
+            f" first at {one.place(bad[0])}: {advice}"
         )
     return "a prior is not finite at the start: Smooth needs all moduli of its series > 0"

@@ -24,7 +24,7 @@
     "upper.material.E" = { smooth = 1.0 }
 
     [fit]                               # optional: method, starts, seed, loss, loss_width, decades,
-    starts = 8                          # max_steps, tolerance as in `fitting.fit`
+    starts = 8                          # max_steps, tolerance, scale_errors as in `fitting.fit`
     ...
 """
 

@@ -1,10 +1,11 @@
 """The command `rubberfric-fit`.
 
-Exit status: 0 fitted; 1 not converged, interrupted, or the work failed; 2 bad input, with one
-line on stderr and nothing written. A fit that was interrupted (Ctrl-C or SIGTERM) is reported
-and written as far as it came, as is one that did not converge. An interrupt before the first
-step, and a second one, do not wait for that: exit status 130 or 143, within a second. A
-bootstrap that was interrupted, or killed, goes on with --resume.
+Exit status: 0 fitted; 3 fitted, but the scene does not explain the data (`fitting.uncertainty.verdict`);
+1 not converged, interrupted, or the work failed; 2 bad input, with one line on stderr and nothing
+written. A fit that was interrupted (Ctrl-C or SIGTERM) is reported and written as far as it came, as
+is one that did not converge. An interrupt before the first step, and a second one, do not wait for
+that: exit status 130 or 143, within a second. A bootstrap that was interrupted, or killed, goes on
+with --resume.
 """
 
 import argparse
@@ -71,6 +72,8 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
         left = "a start had converged, others had not"
         left = left if spread is None else "of the bootstrap only a part is done"
         return complain(PROGRAM, f"interrupted: {left}", 1)
+    if result.verdict.explains is False:
+        return complain(PROGRAM, "the scene does not explain the data: see the verdict above", 3)
     return 0
 
 

@@ -142,6 +142,14 @@ class Measured:
             texts.append(_range(np.round(temperature - 273.15, 2) + 0.0, "°C"))
         return ", ".join(texts)
 
+    def place(self, k: int) -> str:
+        """Conditions of `measured[k]` in words: "velocity = 0.1 m/s, pressure = 1e+05 Pa"."""
+        given = {name: getattr(self, name) for name in self.conditions if getattr(self, name) is not None}
+        fields = self.fields()
+        return ", ".join(
+            f"{name} = {values[k % values.size]:g} {fields[name].unit}" for name, values in given.items()
+        )
+
     def replaced(self, measured: ArrayLike) -> Self:
         """The same data with other measured values, such as resampled or simulated ones.
 

@@ -45,7 +45,15 @@ Result = TypeVar("Result", bound=FitRecord)
 FORMAT = "rubberfric fit"
 
 # Attributes of the file that are fields of the result.
-FIELDS = {"method": str, "status": int, "cost": float, "nfev": int, "njev": int, "seconds": float}
+FIELDS = {
+    "method": str,
+    "status": int,
+    "cost": float,
+    "nfev": int,
+    "njev": int,
+    "seconds": float,
+    "error_scale": float,
+}
 # Of its problem.
 OPTIONS = {"loss": str, "loss_width": float}
 ATTRIBUTES = ("format", "format_version", "rubberfric_version", "title", "message", *FIELDS, *OPTIONS)
@@ -120,8 +128,7 @@ def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
     estimated = tuple(None if np.isnan(scale) else scale for scale in scales)
     error = np.array(problem.targets.error)
     for scale, rows in zip(estimated, problem.order, strict=True):
-        if scale is not None:
-            error[rows] = scale
+        error[rows] = error[rows] * found["error_scale"] if scale is None else scale
     if hdf5.read_texts(groups["parameters"], "names") != list(problem.names):
         raise ValueError("/parameters/names: must be the elements that /free names")
     size = problem.variables.size

@@ -3,7 +3,7 @@
 import numpy as np
 
 from fitting.results.record import FitRecord
-from fitting.results.report import report, tied_lines, variable_rows
+from fitting.results.report import headlines, report, tied_lines, variable_rows
 from rubberfric.base import html, object_html
 
 
@@ -20,7 +20,7 @@ def fit_html(result: FitRecord) -> str:
     redchi = f"{result.redchi:.4g}" if np.isfinite(result.redchi) else "none"
     count = result.problem.targets.measured.size
     rows.append(f"measured values: {count}; reduced chi-square [-]: {redchi}; cost [-]: {result.cost:.6g}")
-    caption = result.message if result.success else f"THE FIT DID NOT SUCCEED: {result.message}"
+    caption = "; ".join(headlines(result)) or f"{result.message}; the scene {result.verdict.text}"
     headings = ("parameter", "value", "relative error", "start", "")
     below = (
         html.folded("report", html.preformatted(report(result))),

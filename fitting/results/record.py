@@ -1,6 +1,7 @@
 """What a fit gives back, as a record: all that reports, files and pictures read."""
 
 import dataclasses
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -11,8 +12,10 @@ from fitting.parameters.constraints import Rule
 from fitting.parameters.priors import Prior
 from fitting.parameters.variables import Variables
 from fitting.solvers.iterate import MESSAGES, succeeded
+from fitting.solvers.residuals import residual_rows
 from fitting.uncertainty.covariance import Direction
 from fitting.uncertainty.intervals import SolvedProblem
+from fitting.uncertainty.verdict import Verdict, verdict
 
 
 class Minimum(NamedTuple):
@@ -101,10 +104,25 @@ class FitRecord(SolvedProblem):
         """How it ended."""
         return MESSAGES[self.status]
 
+    @functools.cached_property
+    def residuals(self) -> tuple[np.ndarray, ...]:
+        """(model - measured) / error of every data set, by errors as they were given, or estimated."""
+        rows = residual_rows(self.problem, self.x)
+        sets = zip(self.problem.order, self.estimated, strict=True)
+        return tuple(rows[where] * (self.error_scale if scale is None else 1.0) for where, scale in sets)
+
+    @functools.cached_property
+    def verdict(self) -> Verdict:
+        """Whether the scene explains the data; see `fitting.uncertainty.verdict`."""
+        loss, known = self.problem.structure.loss, self.uncertainty.parameters
+        return verdict(self.data, self.residuals, known, self.estimated, loss)
+
     @property
     def chisqr(self) -> float:
-        """Sum of squares of the data's residuals."""
-        return self.uncertainty.chisqr
+        """Sum of squares of the data's residuals, by errors as they were given, or estimated."""
+        if self.error_scale == 1:
+            return self.uncertainty.chisqr
+        return float(sum(np.sum(rows**2) for rows in self.residuals))
 
     @property
     def redchi(self) -> float:

@@ -12,26 +12,29 @@ from fitting.parameters.priors import Smooth
 from fitting.results.record import FitRecord
 from fitting.solvers.options import SOLVERS
 from fitting.solvers.problem import ASSUMED
-from fitting.solvers.residuals import residual_rows
 from rubberfric.base import unit_of
 
 # Elements of one key path that are listed; of longer ones only the first and the last.
 LISTED = 24
 # Correlations that are reported: above this size, and how many.
 CORRELATED, PAIRS = 0.5, 20
+# Names without an error bar that the verdict lists.
+BARE = 4
 
 
 def report(result: FitRecord) -> str:
     """The report of a `fitting.FitResult` as text of several lines.
 
-    Sections: [[Fit]], [[Data]], [[Statistics]], [[Variables]] with value, standard error and
+    Sections: [[Verdict]], [[Fit]], [[Data]], [[Statistics]], [[Variables]] with value, standard error and
     start; where there are any, [[Tied]], [[Priors]], [[Not identified]] (what the reasons of
     withheld error bars refer to by number), [[Minima]] (of several starts), [[Correlations]].
-    A fit that did not succeed says so in the first line. Of an array with more than `LISTED`
+    A fit that did not succeed, or a scene that does not explain the data, says so in the first line.
+    Of an array with more than `LISTED`
     free elements only the first and the last are listed.
     """
-    lines = [] if result.success else [f"THE FIT DID NOT SUCCEED: {result.message}", ""]
+    lines = [line for line in headlines(result) for line in (line, "")]
     sections = {
+        "Verdict": _verdict(result),
         "Fit": _fit(result),
         "Data": _data(result),
         "Statistics": _statistics(result),
@@ -58,6 +61,33 @@ def unit(scene: rf.Scene, path: str) -> str:
     return "" if found == "-" else found
 
 
+def headlines(result: FitRecord) -> list[str]:
+    """What comes before everything else, a line each; none where all is well."""
+    if not result.success:
+        return [f"THE FIT DID NOT SUCCEED: {result.message}"]
+    found = result.verdict
+    return [f"{found.text}: {found.reasons[0]}"] if found.explains is False else []
+
+
+def _verdict(result):
+    found = result.verdict
+    reached = "reached; " if result.success else "NOT REACHED; "
+    lines = {"minimum": reached + result.message, "scene": found.text}
+    open_, bare = len(result.unidentified), len(result.withheld)
+    lines["left open"] = "nothing"
+    if open_ or bare:
+        names = ", ".join(list(result.withheld)[:BARE]) + ", ..." * (bare > BARE)
+        lines["left open"] = f"{_count(open_, 'direction')}; without an error bar: {names or 'none'}"
+    rows = _aligned(lines)
+    reasons = [f"  {reason}" for reason in found.reasons]
+    if found.explains is False and result.error_scale == 1 and np.isfinite(result.redchi):
+        reasons.append(
+            "  the bars below hold for a scene that explains the data; in brackets those by the scatter"
+            " (scale_errors)"
+        )
+    return [*rows[:2], *reasons, rows[2]]
+
+
 def _fit(result):
     values = result.problem.targets.measured.size
     return _aligned(
@@ -72,26 +102,27 @@ def _fit(result):
 
 
 def _data(result):
-    rows = residual_rows(result.problem, result.x)
     lines = []
-    sets = zip(result.data, result.problem.order, result.estimated, strict=True)
-    for i, (one, where, scale) in enumerate(sets, 1):
-        lines.append(f"{i}: {one.label}: {_count(len(one), 'value')}, {_errors(one, scale, result.success)}")
-        lines.append(f"   chi-square per value = {np.mean(rows[where] ** 2):.4g}")
+    sets = zip(result.data, result.residuals, result.estimated, strict=True)
+    for i, (one, rows, scale) in enumerate(sets, 1):
+        lines.append(f"{i}: {one.label}: {_count(len(one), 'value')}, {_errors(one, scale, result)}")
+        lines.append(f"   chi-square per value = {np.mean(rows**2):.4g}")
     return lines
 
 
-def _errors(data, scale, success):
+def _errors(data, scale, result):
     """Where the errors of a data set come from."""
     if scale is not None:
         if scale == ASSUMED:
-            why = "too few values to estimate" if success else "not estimated without success"
+            why = "too few values to estimate" if result.freedom < 0.5 else "not estimated, as was asked for"
+            why = why if result.success else "not estimated without success"
             return f"no errors given: {100 * ASSUMED:g} % assumed, {why}"
         return f"no errors given: {100 * scale:.3g} % estimated from the scatter"
+    scaled = f", times {result.error_scale:.4g} by the scatter" * (result.error_scale != 1)
     if data.relative is None:
-        return "errors given"
+        return f"errors given{scaled}"
     low, high = (f"{100 * end:.3g}" for end in (data.relative.min(), data.relative.max()))
-    return f"errors given (relative {low if low == high else f'{low} ... {high}'} %)"
+    return f"errors given (relative {low if low == high else f'{low} ... {high}'} %){scaled}"
 
 
 def _statistics(result):
@@ -153,11 +184,18 @@ def variable_rows(result: FitRecord) -> list[tuple[str, ...] | str]:
             reason = result.withheld.get(names[i])
             error, share, remark = "?", "", f"error bar withheld: {reason}"
             if reason is None:
-                error, remark = f"{errors[i]:#.2g}", ""
+                error, remark = f"{errors[i]:#.2g}", _by_scatter(result, errors[i])
                 share = f"{100 * abs(errors[i] / values[i]):.2f} %" if values[i] else ""
             value = _digits(values[i], np.nan if reason else errors[i])
             rows.append((names[i], value, error, scale, share, f"{starts[i]:.6g}", remark))
     return rows
+
+
+def _by_scatter(result, error):
+    """The error bar that the scatter would give, where the errors given cannot be all there is."""
+    if result.verdict.explains is not False or result.error_scale != 1 or not result.redchi > 1:
+        return ""
+    return f"[{error * np.sqrt(result.redchi):#.2g}]"
 
 
 def _left_out(result, elements):

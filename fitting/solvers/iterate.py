@@ -8,7 +8,11 @@ import numpy as np
 
 from fitting.parameters.variables import Array
 
-RUNNING, CONVERGED, PERFECT, STALLED, OUT_OF_STEPS, NOT_FINITE, INTERRUPTED = range(7)
+RUNNING, CONVERGED, PERFECT, STALLED, OUT_OF_STEPS, NOT_FINITE, INTERRUPTED, PRECISE = range(8)
+
+# Gain in cost that is of no account, for costs of order one and as a part of larger ones: a parameter that
+# is a hundredth of its standard error off costs this much.
+NEAR = 5e-5
 
 MESSAGES = {
     RUNNING: "still running",
@@ -17,6 +21,7 @@ MESSAGES = {
     STALLED: "stalled: no step lowers the cost; the model may not be smooth here",
     OUT_OF_STEPS: "not converged: out of steps; raise max_steps",
     NOT_FINITE: "failed: the model is not finite at the start; check the start values",
+    PRECISE: "converged: as far as the precision of the model allows, no step lowers the cost",
     INTERRUPTED: "interrupted: these are the best values so far",
 }
 
@@ -45,12 +50,22 @@ def unless_done(before: Iterate, after: Iterate) -> Iterate:
     return jax.tree.map(lambda new, old: jnp.where(running, new, old), after, before)
 
 
-def ended(finite: Array, perfect: Array, converged: Array, stalled: Array | bool = False) -> jax.Array:
-    """The status after a step, of which these are true or false."""
-    ends = [NOT_FINITE, PERFECT, CONVERGED, STALLED]
-    return jnp.select([~finite, perfect, converged, jnp.asarray(stalled)], ends, RUNNING)
+def ended(
+    finite: Array,
+    perfect: Array,
+    converged: Array,
+    stalled: Array | bool = False,
+    near: Array | bool = False,
+) -> jax.Array:
+    """The status after a step, of which these are true or false.
+
+    `near`: whether what a step may still gain is of no account, should the fit have stalled.
+    """
+    stalled, near = jnp.asarray(stalled), jnp.asarray(near)
+    ends = [NOT_FINITE, PERFECT, CONVERGED, PRECISE, STALLED]
+    return jnp.select([~finite, perfect, converged, stalled & near, stalled], ends, RUNNING)
 
 
 def succeeded(status: np.ndarray | int) -> np.ndarray:
     """Which fits ended at a minimum."""
-    return np.isin(status, (CONVERGED, PERFECT))
+    return np.isin(status, (CONVERGED, PERFECT, PRECISE))

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from fitting.solvers.iterate import Iterate, begin, ended, unless_done
+from fitting.solvers.iterate import NEAR, Iterate, begin, ended, unless_done
 from fitting.solvers.losses import SQUARES, Loss, Objective, Residuals, ResidualsAndJacobian
 
 TRIALS = (0.1, 3.0)  # times the damping of the last step
@@ -118,10 +118,12 @@ def step(
     little = tolerance * iterate.cost + 0.02 * jnp.sqrt(rounding * iterate.cost)
     done = (promised <= little) & (iterate.cost - lowest <= little)
     stalled = ~accepted & (damping >= STIFFEST)
+    # Rounding, and the tolerance to which temperatures are found, may hide the last of the way.
+    near = promised <= NEAR * jnp.maximum(iterate.cost, 1.0)
     new = Iterate(
         jnp.where(accepted, x + moves[best], x),
         jnp.where(accepted, cost, iterate.cost),
-        ended(finite, lowest <= rounding, done, stalled),
+        ended(finite, lowest <= rounding, done, stalled, near),
         iterate.nfev + 2 * len(TRIALS),
         iterate.njev + 1,
         jnp.where(accepted, dampings[best], jnp.minimum(damping * 1e4, STIFFEST)),

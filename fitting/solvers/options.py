@@ -55,6 +55,7 @@ IN_FILES: dict[str, Rule] = {
     "decades": _POSITIVE,
     "max_steps": _or_none(_integer(1)),
     "tolerance": _or_none(_POSITIVE),
+    "scale_errors": _rule('"auto", True or False', lambda value: isinstance(value, bool) or value == "auto"),
 }
 RULES: dict[str, Rule] = IN_FILES | {
     "key": _or_none(

@@ -75,6 +75,7 @@ class SolvedProblem:
     x : the solution, shape (size,)
     cost : half the sum of squares of data and priors (rho of them, with a robust loss)
     estimated : for every data set its estimated relative error, None where it was given
+    error_scale : factor of the errors that were given, 1 unless they were to be scaled
     uncertainty : of the solution
     """
 
@@ -82,6 +83,7 @@ class SolvedProblem:
     x: np.ndarray
     cost: float
     estimated: tuple[float | None, ...]
+    error_scale: float = 1.0
     uncertainty: Uncertainty
 
     @property
@@ -96,7 +98,7 @@ class SolvedProblem:
 
     def quantile(self, level: float) -> float:
         """Student's where errors come from the scatter of the same data, else the normal one."""
-        estimated = any(scale is not None for scale in self.estimated)
+        estimated = self.error_scale != 1 or any(scale is not None for scale in self.estimated)
         return quantile(level, max(self.freedom, 0.5) if estimated else np.inf)
 
     def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:

@@ -86,6 +86,7 @@ def test_data(data, text):
         ({"max_steps": 0}, "max_steps = 0: must be an integer >= 1"),
         ({"max_steps": -1}, "max_steps = -1: must be an integer >= 1"),
         ({"max_steps": 2.5}, "max_steps = 2.5: must be an integer >= 1"),
+        ({"scale_errors": "yes"}, "scale_errors = 'yes': must be \"auto\", True or False"),
         ({"tolerance": 0.0}, "tolerance = 0.0: must be a finite number > 0"),
         ({"tolerance": "small"}, "tolerance = 'small': must be a finite number > 0"),
         ({"decades": np.nan, "starts": 2}, "decades = nan: must be a finite number > 0"),

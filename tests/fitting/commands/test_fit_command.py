@@ -328,7 +328,7 @@ sys.exit(status)
 """
     done = subprocess.run([sys.executable, "-W", "error", "-c", program], capture_output=True, text=True)
     assert (done.returncode, done.stderr) == (0, "")
-    assert done.stdout.startswith("Small fit\n[[Fit]]\n")
+    assert done.stdout.startswith("Small fit\n[[Verdict]]\n")
 
 
 def test_a_fit_that_does_not_converge_is_written_and_reported_all_the_same(call, job):
@@ -337,6 +337,22 @@ def test_a_fit_that_does_not_converge_is_written_and_reported_all_the_same(call,
     assert (status, complaint) == (1, "rubberfric-fit: not converged: out of steps; raise max_steps\n")
     assert printed.startswith("Small fit\nTHE FIT DID NOT SUCCEED: not converged: out of steps")
     assert not fitting.FitResult.load("fit.h5").success
+
+
+def test_a_scene_that_does_not_explain_the_data_has_a_status_of_its_own(call, job):
+    job.write_text(JOB.replace("relative = 0.03", "relative = 0.003"))
+    status, printed, complaint = call(job, "--out", "fit.h5")
+    message = "rubberfric-fit: the scene does not explain the data: see the verdict above\n"
+    assert (status, complaint) == (3, message)
+    assert printed.startswith("Small fit\nTHE SCENE DOES NOT EXPLAIN THE DATA: chi-square")
+    plain = fitting.FitResult.load("fit.h5")
+    assert plain.success
+    # Their scatter instead of the errors given: the same verdict, other bars.
+    job.write_text(job.read_text() + "scale_errors = true\n")
+    assert call(job, "--out", "fit.h5")[0] == 3
+    scaled = fitting.FitResult.load("fit.h5")
+    assert scaled.error_scale == pytest.approx(np.sqrt(plain.redchi), rel=1e-2)  # the prior counts more now
+    np.testing.assert_allclose(scaled.stderr[:3], plain.stderr[:3] * scaled.error_scale, rtol=0.05)
 
 
 def test_a_full_disk_does_not_cost_the_report(call, job, monkeypatch):
@@ -472,7 +488,7 @@ def test_an_interrupt_after_one_start_had_converged(call, job, monkeypatch):
     status, printed, complaint = call(job)
     assert status == 1
     assert complaint == "rubberfric-fit: interrupted: a start had converged, others had not\n"
-    assert printed.startswith("Small fit\n[[Fit]]")
+    assert printed.startswith("Small fit\n[[Verdict]]")
 
 
 def test_an_interrupt_while_saving_waits_until_the_file_is_whole(call, job, monkeypatch):

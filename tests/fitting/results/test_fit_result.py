@@ -79,9 +79,9 @@ def section(text, title):
 
 def test_report_of_a_joint_fit(joint):
     text = joint.report()
-    titles = ["Fit", "Data", "Statistics", "Variables", "Tied", "Priors", "Correlations"]
+    titles = ["Verdict", "Fit", "Data", "Statistics", "Variables", "Tied", "Priors", "Correlations"]
     assert re.findall(r"^\[\[(.*)\]\]$", text, re.M) == titles
-    assert text.startswith("[[Fit]]\n")
+    assert text.startswith("[[Verdict]]\n")
 
     fit = section(text, "Fit")
     assert fit[0] == "method      = lm (Levenberg-Marquardt)"
@@ -150,7 +150,7 @@ def test_what_is_not_identified_has_no_error_bar_but_a_reason(quick):
 def test_a_fit_that_failed_says_so_first(quick):
     text = dataclasses.replace(quick, status=OUT_OF_STEPS).report()
     assert text.startswith(
-        "THE FIT DID NOT SUCCEED: not converged: out of steps; raise max_steps\n\n[[Fit]]\n"
+        "THE FIT DID NOT SUCCEED: not converged: out of steps; raise max_steps\n\n[[Verdict]]\n"
     )
 
 
