@@ -1,14 +1,16 @@
 """What the kinds of measured data share: how they are checked, how a fit sees them, how they are written."""
 
 import dataclasses
+from collections.abc import Mapping
 from pathlib import Path
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import h5py
 import numpy as np
 from numpy.typing import ArrayLike
 
 from fitting.data.fields import Field, Numbers, OptionalNumbers, array, likely, measurement, numbers
+from fitting.data.frames import fields_in
 from rubberfric.base import POSITIVE, StrPath, check_values, check_writable, replacing, shown
 from rubberfric.io import hdf5, write_table
 
@@ -169,6 +171,38 @@ class Measured:
             raise ValueError(f"{kind}.measured has shape {values.shape}: must be ({len(self)},)")
         parts = zip(self.values, np.split(values, len(self.values)), strict=True)
         return dataclasses.replace(self, **dict(parts), check_units=False)
+
+    @classmethod
+    def from_frame(cls, frame: Any, units: Mapping[str, str] | None = None, **given: Any) -> Self:
+        """Data from the columns of a pandas.DataFrame, or of a mapping of titles to numbers.
+
+        Parameters
+        ----------
+        frame : titles are names of columns as in files (v, mu, T, ...; `fitting.data.files`), or
+            "name [unit]"; others are left out.
+        units : of titles that do not say them, such as {"v": "mm/s", "p": "MPa"}; SI else
+        given : what the frame lacks, or has otherwise, as in the constructor: pressure=3e5, name="R20"
+
+        Raises
+        ------
+        ValueError
+            one line: a column is missing, there twice, or holds no numbers; a unit is unknown; or as the
+            constructor.
+        """
+        needed = [name for name in cls.needed() if name not in given]
+        found: dict[str, Any] = dict(fields_in(frame, cls.fields(), needed, units))
+        return cls(**found | given)
+
+    def columns(self) -> dict[str, np.ndarray]:
+        """What was measured and where, by titles "name [unit]" in SI, which `from_frame` reads."""
+        given = {about: getattr(self, name) for name, about in self.fields().items()}
+        return {f"{a.column} [{a.unit}]": values for a, values in given.items() if values is not None}
+
+    def to_dataframe(self) -> Any:
+        """`columns` as a pandas.DataFrame (which must be installed)."""
+        import pandas
+
+        return pandas.DataFrame(self.columns())
 
     def write(self, path: StrPath) -> None:
         """Write a .csv or an .h5 file, whole or not at all; `fitting.read` reads it back.

@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -16,6 +16,7 @@ from fitting.solvers.residuals import residual_rows
 from fitting.uncertainty.covariance import Direction
 from fitting.uncertainty.intervals import SolvedProblem
 from fitting.uncertainty.verdict import Verdict, verdict
+from rubberfric.base import closest
 
 
 class Minimum(NamedTuple):
@@ -24,6 +25,14 @@ class Minimum(NamedTuple):
     cost: float
     count: int  # starts that reached it
     values: np.ndarray  # of the free elements
+
+
+class Fitted(NamedTuple):
+    """A free number of a fit, or all elements of an array, as arrays."""
+
+    value: Any
+    stderr: Any  # NaN where withheld
+    start: Any
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -48,6 +57,30 @@ class FitRecord(SolvedProblem):
     njev: int
     minima: tuple[Minimum, ...]
     seconds: float
+
+    def __getitem__(self, path: str) -> Fitted:
+        """What became of a free number, or of all free elements of an array: result["gamma"].stderr.
+
+        Raises
+        ------
+        KeyError : the path was not free.
+        """
+        columns = self.values, self.stderr, self.start_values
+        if path in self.names:
+            return Fitted(*(float(column[self.names.index(path)]) for column in columns))
+        which = [i for i, name in enumerate(self.names) if name.startswith(f"{path}[")]
+        if not which:
+            paths = tuple(dict.fromkeys(name.split("[")[0] for name in self.names))
+            raise KeyError(f"{path!r} was not free: {closest(path, paths)}")
+        return Fitted(*(column[which] for column in columns))
+
+    def to_dataframe(self) -> Any:
+        """Free numbers by their key paths as a pandas.DataFrame (which must be installed)."""
+        import pandas
+
+        withheld = [self.withheld.get(name, "") for name in self.names]
+        columns = {"value": self.values, "stderr": self.stderr, "start": self.start_values}
+        return pandas.DataFrame(columns | {"withheld": withheld}, index=list(self.names))
 
     @property
     def variables(self) -> Variables:

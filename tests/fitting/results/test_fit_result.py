@@ -147,6 +147,22 @@ def test_what_is_not_identified_has_no_error_bar_but_a_reason(quick):
     assert "loss               = huber, width 1.345 standard errors" in section(text, "Statistics")
 
 
+def test_numbers_by_their_key_paths(joint, quick):
+    hurst = joint["lower.spectrum.hurst"]
+    assert hurst == (joint.values[3], joint.stderr[3], joint.start_values[3])
+    E = joint["upper.material.E"]
+    np.testing.assert_array_equal(E.value, joint.values[:3])
+    np.testing.assert_array_equal(E.stderr, joint.stderr[:3])
+    assert joint["upper.material.E[1]"].value == joint.values[1]
+    assert np.isnan(quick["gamma"].stderr)
+    with pytest.raises(KeyError, match=r"'lower\.spectrum\.hirst' was not free: did you mean"):
+        joint["lower.spectrum.hirst"]
+    frame = quick.to_dataframe()
+    assert list(frame.index) == list(quick.names)
+    np.testing.assert_array_equal(frame["value"], quick.values)
+    assert frame.loc["gamma", "withheld"].startswith("not identified")
+
+
 def test_a_fit_that_failed_says_so_first(quick):
     text = dataclasses.replace(quick, status=OUT_OF_STEPS).report()
     assert text.startswith(

@@ -1,0 +1,74 @@
+"""Measured data from and to data frames, of pandas or of whatever else has named columns."""
+
+import re
+from collections.abc import Collection, Mapping
+from typing import Any
+
+import numpy as np
+
+from fitting.data.fields import Field
+from rubberfric.base import closest, shown
+from rubberfric.io import COLUMNS
+
+_TITLE = re.compile(r"(.+?)\s*[\[(]\s*(.+?)\s*[\])]")
+
+
+def fields_in(
+    frame: Any, fields: Mapping[str, Field], needed: Collection[str], units: Mapping[str, str] | None = None
+) -> dict[str, np.ndarray]:
+    """Columns of a frame in SI, by the fields that they are; columns of other names are left out.
+
+    Parameters
+    ----------
+    frame : pandas.DataFrame, or a mapping of title to numbers
+        titles are names of columns as in files (`fitting.data.files`: v, mu, T, ...), or "name [unit]".
+    fields : of the kind of data
+    needed : those that must be there
+    units : of titles that do not say them, such as {"v": "mm/s"}; SI else
+
+    Raises
+    ------
+    ValueError
+        one line: a column is missing, there twice, or holds no numbers; a unit is unknown; `units` names no
+        column.
+    """
+    units = dict(units or {})
+    wanted = {about.column: name for name, about in fields.items()}
+    found: dict[str, np.ndarray] = {}
+    for title in frame:
+        name, unit = _split(title)
+        column = COLUMNS.get(name)
+        if column is None or column.name not in wanted:
+            continue
+        unit = units.pop(title, units.pop(name, unit))
+        unit = next(iter(column.units)) if unit is None else unit
+        if f"log10({unit})" in column.units:
+            unit = f"log10({unit})"
+        if unit not in column.units:
+            raise ValueError(f"column {title!r}: unit {shown(unit)}: {closest(unit, tuple(column.units))}")
+        field = wanted[column.name]
+        if field in found:
+            raise ValueError(f"column {title!r}: {column.name} is given twice")
+        found[field] = np.array([column.value(value, unit) for value in _numbers(title, frame[title])])
+    if units:
+        raise ValueError(f"units: {next(iter(units))!r} is no column that is read")
+    for field in needed:
+        if field not in found:
+            titles = ", ".join(str(title) for title in frame)
+            raise ValueError(
+                f"the frame has no column {fields[field].column} [{fields[field].unit}], but {titles}: rename"
+                f" one, or give {field}="
+            )
+    return found
+
+
+def _split(title):
+    match = _TITLE.fullmatch(title.strip()) if isinstance(title, str) else None
+    return match.groups() if match else (title, None)
+
+
+def _numbers(title, values):
+    try:
+        return [float(value) for value in np.asarray(values)]
+    except (TypeError, ValueError):
+        raise ValueError(f"column {title!r}: must be numbers") from None

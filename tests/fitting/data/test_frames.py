@@ -1,0 +1,64 @@
+"""Measured data from and to data frames, as notebooks hold them."""
+
+import numpy as np
+import pandas
+import pytest
+
+import fitting
+
+V, MU, T = [1.0, 10.0, 100.0], [0.5, 0.7, 0.9], [10.0, 20.0, 30.0]
+
+
+def test_a_frame_with_units_in_its_titles():
+    frame = pandas.DataFrame({"v [mm/s]": V, "mu": MU, "T (°C)": T, "remark": ["a", "b", "c"]})
+    found = fitting.FrictionData.from_frame(frame, pressure=3e5, relative=0.03, name="R20")
+    np.testing.assert_allclose(found.velocity, [1e-3, 1e-2, 0.1], rtol=1e-15)
+    np.testing.assert_allclose(found.temperature, [283.15, 293.15, 303.15], rtol=1e-15)
+    np.testing.assert_array_equal(found.pressure, [3e5] * 3)
+    assert (found.name, found.relative[0]) == ("R20", 0.03)
+
+
+def test_units_beside_the_frame():
+    """A mapping does as well; logarithms and hertz are what they are in files."""
+    found = fitting.FrictionData.from_frame(
+        {"v": V, "mu": MU, "p": [0.3] * 3, "relative_sigma": [3.0] * 3},
+        {"v": "um/s", "p": "MPa", "relative_sigma": "%"},
+    )
+    np.testing.assert_allclose(found.velocity, [1e-6, 1e-5, 1e-4], rtol=1e-15)
+    np.testing.assert_allclose(found.pressure, [3e5] * 3, rtol=1e-15)
+    np.testing.assert_allclose(found.relative, [0.03] * 3, rtol=1e-15)
+    modulus = fitting.ModulusData.from_frame({"f [Hz]": [1.0], "E_stor [MPa]": [2.0], "E_loss [MPa]": [0.1]})
+    assert modulus.omega[0] == pytest.approx(2 * np.pi)
+    assert modulus.storage[0] == 2e6
+    spectrum = fitting.SpectrumData.from_frame({"log10_q [1/m]": [3.0], "C": [1e-10]})
+    assert spectrum.q[0] == pytest.approx(1e3)
+
+
+def test_there_and_back():
+    data = fitting.FrictionData(V, MU, pressure=3e5, temperature=293.15, sigma=0.01)
+    frame = data.to_dataframe()
+    assert list(frame.columns) == ["v [m/s]", "mu [-]", "sigma [-]", "p [Pa]", "T [K]"]
+    again = fitting.FrictionData.from_frame(frame)
+    for name in ("velocity", "friction", "pressure", "temperature", "sigma"):
+        np.testing.assert_array_equal(getattr(again, name), getattr(data, name))
+
+
+@pytest.mark.parametrize(
+    ("frame", "units", "message"),
+    [
+        ({"v": V}, None, r"^the frame has no column mu \[-\], but v: rename one, or give friction="),
+        ({"v [km/h]": V, "mu": MU}, None, r"^column 'v \[km/h\]': unit 'km/h': "),
+        ({"v": V, "log10_v": V, "mu": MU}, None, r"^column 'log10_v': v is given twice$"),
+        ({"v": V, "mu": ["a"] * 3}, None, r"^column 'mu': must be numbers$"),
+        ({"v": V, "mu": MU}, {"T": "C"}, r"^units: 'T' is no column that is read$"),
+        ({"v": V, "mu": [1.0, np.nan, 1.0], "p": [1e5] * 3}, None, r"^FrictionData\.friction\[1\] = nan"),
+        (
+            {"v": V, "mu": MU},
+            None,
+            r"^the frame has no column p \[Pa\], but v, mu: rename one, or give pressure=",
+        ),
+    ],
+)
+def test_wrong_frames(frame, units, message):
+    with pytest.raises(ValueError, match=message):
+        fitting.FrictionData.from_frame(frame, units)
