@@ -13,6 +13,7 @@ from rubberfric.base.checks import (
     shown,
 )
 from rubberfric.base.objects.fields import (
+    Leaf,
     Matrix,
     Number,
     OptionalNumber,
@@ -37,6 +38,7 @@ __all__ = [
     "NONNEGATIVE",
     "POSITIVE",
     "KeyPath",
+    "Leaf",
     "Matrix",
     "Number",
     "OptionalNumber",
