@@ -81,7 +81,7 @@ def test_a_cutoff_that_follows_a_slope(scene, free):
     np.testing.assert_allclose(found, start, rtol=1e-14)  # the height stays
 
 
-def test_a_fit_with_a_slope():
+def test_a_fit_with_a_slope(tmp_path):
     """Moduli found with the cut-off where the slope is, and said so in the report."""
     truth = rf.Scene(rf.Body(rf.Rigid(), rf.with_cutoff(TABLE, 0.5)), rf.Body(SHIFTED))
     free = {E: Positive(start=[8e7, 5e6]), Q1: RmsSlope(0.5)}
@@ -90,6 +90,9 @@ def test_a_fit_with_a_slope():
     q1 = truth.lower.spectrum.q1
     assert result.scene.lower.spectrum.q1 == pytest.approx(float(q1), rel=1e-12)
     assert f"{Q1}: {float(q1):.6g} 1/m, where the rms slope is 0.5" in result.report()
+    result.save(tmp_path / "fit.h5")
+    loaded = fitting.FitResult.load(tmp_path / "fit.h5")
+    assert loaded.free == free and loaded.report() == result.report()
 
 
 def test_a_rule_gives_what_the_scene_leaves_out():
