@@ -17,10 +17,12 @@ import numpy as np
 
 import rubberfric as rf
 from fitting.parameters.priors import prior_residuals
+from fitting.parameters.tables import with_longer_tables
 from fitting.parameters.variables import Variables, to_scene
 from fitting.solvers.losses import Loss, Objective
 from fitting.solvers.problem import CURVES, Numbers, Problem, Structure, Targets
 from rubberfric.analysis import value_and_jacobian
+from rubberfric.base import recurring_length
 from rubberfric.roughness import log_power_spectrum
 
 
@@ -153,7 +155,8 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
     """A problem with more points, which count for nothing, so that another number of data compiles nothing.
 
     Every block repeats its last conditions up to a length that recurs. The error of these rows is infinite:
-    residual and derivatives are 0 to the last bit, whatever the loss.
+    residual and derivatives are 0 to the last bit, whatever the loss. Tables that stay as they are have
+    lengths that recur as well (`fitting.parameters.tables`).
 
     Parameters
     ----------
@@ -164,7 +167,7 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
     blocks, conditions, data, first = [], [], [], 0
     for block, columns in zip(problem.structure.blocks, problem.numbers.conditions, strict=True):
         size = next(column.size for column in columns if column is not None)
-        parts, length = (block.rows[1] - block.rows[0]) // size, recurring(size)
+        parts, length = (block.rows[1] - block.rows[0]) // size, recurring_length(size)
         conditions.append(
             tuple(None if c is None else np.pad(np.asarray(c), (0, length - size), "edge") for c in columns)
         )
@@ -172,6 +175,9 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
         blocks.append(block._replace(rows=(first, first + parts * length)))
         first += parts * length
     rows = np.concatenate(data)
+    variables, constants, moved = with_longer_tables(problem.structure.variables, problem.numbers.constants)
+    prior = problem.structure.prior
+    series = tuple((moved[E], moved[tau], terms) for E, tau, terms in prior.series)
 
     def spread(values, added):
         values = np.asarray(values)
@@ -180,17 +186,13 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
         return full
 
     return Padded(
-        problem.structure._replace(blocks=tuple(blocks)),
-        problem.numbers._replace(conditions=tuple(conditions)),
+        problem.structure._replace(
+            variables=variables, blocks=tuple(blocks), prior=prior._replace(series=series)
+        ),
+        problem.numbers._replace(constants=constants, conditions=tuple(conditions)),
         targets._replace(measured=spread(targets.measured, 0.0), error=spread(targets.error, np.inf)),
         rows,
     )
-
-
-def recurring(size: int) -> int:
-    """The length that `size` points are padded to: 8, 12, 16, 24, ... 64, then an eighth more at most."""
-    step = 2 ** max((size - 1).bit_length() - (2 if size <= 64 else 4), 2)
-    return max(8, -(-size // step) * step)
 
 
 def residual_rows(problem: Problem, x: np.ndarray) -> np.ndarray:

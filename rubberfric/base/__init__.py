@@ -2,6 +2,7 @@
 
 from rubberfric.base import html
 from rubberfric.base.atomic import StrPath, as_path, check_writable, replacing, write_durably
+from rubberfric.base.blocks import recurring_length
 from rubberfric.base.checks import (
     FINITE,
     NONNEGATIVE,
@@ -25,6 +26,7 @@ from rubberfric.base.objects.fields import (
 )
 from rubberfric.base.objects.key_paths import KeyPath, parse_key_path
 from rubberfric.base.objects.physical import (
+    Kind,
     PhysicalObject,
     fields_of,
     forget,
@@ -38,6 +40,7 @@ __all__ = [
     "NONNEGATIVE",
     "POSITIVE",
     "KeyPath",
+    "Kind",
     "Leaf",
     "Matrix",
     "Number",
@@ -60,6 +63,7 @@ __all__ = [
     "object_html",
     "parse_key_path",
     "physical",
+    "recurring_length",
     "replacing",
     "shown",
     "static",

@@ -18,7 +18,7 @@ from rubberfric.base.checks import FINITE, POSITIVE, check_increasing
 from rubberfric.base.objects.fields import Matrix, Number, OptionalNumber, Vector, child, leaf, static
 from rubberfric.base.objects.physical import check_kind, physical
 from rubberfric.roughness.spectra import BrokenPowerLaw, SelfAffine, Spectrum, log_ratio
-from rubberfric.roughness.tabulated import check_ends, cut_law, tabulated_law, within_table
+from rubberfric.roughness.tabulated import check_ends, cut_law, padded_table, tabulated_law, within_table
 
 # Directions of which the harmonics of a stretched surface are taken; exact to rounding up to
 # ratios of 30.
@@ -160,6 +160,10 @@ class TabulatedAnisotropic(Spectrum):
     def entries(self) -> jax.Array:
         """C [m^4]."""
         return self.C
+
+    def padded(self) -> "TabulatedAnisotropic":
+        """With entries beyond q1."""
+        return self.replace(padded_table(self.q, self.C, self.q0, self.q1))
 
 
 def harmonics_left_out(spectrum: Spectrum) -> jax.Array:

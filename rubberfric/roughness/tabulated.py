@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
+from rubberfric.base.blocks import recurring_length
 from rubberfric.base.checks import POSITIVE, check_increasing, check_lengths, is_concrete, shown
 from rubberfric.base.objects.fields import OptionalNumber, Vector, leaf
 from rubberfric.base.objects.physical import physical
@@ -60,6 +61,10 @@ class TabulatedSpectrum(Spectrum):
         """C [m^4]."""
         return self.C
 
+    def padded(self) -> "TabulatedSpectrum":
+        """With entries beyond q1."""
+        return self.replace(padded_table(self.q, self.C, self.q0, self.q1))
+
 
 def tabulated_law(q: jax.Array, C: jax.Array) -> BrokenPowerLaw:
     """The broken power law through the entries of a table."""
@@ -92,6 +97,21 @@ def cut_law(law: BrokenPowerLaw, q0: ArrayLike | None, q1: ArrayLike | None) -> 
     whole = law.log_value[index] + exponent * log_ratio(left, begin)
     end = law.log_value[to_piece] + law.exponent[to_piece] * log_ratio(last, law.q[to_piece])
     return BrokenPowerLaw(q, jnp.append(whole, end), exponent, law.height2)
+
+
+def padded_table(
+    q: jax.Array, C: jax.Array, q0: jax.Array | None, q1: jax.Array | None
+) -> dict[str, np.ndarray | jax.Array]:
+    """A table of a length that recurs, and the ends of the one that it was made of."""
+    at, values = np.asarray(q), np.asarray(C)
+    added = recurring_length(at.size) - at.size
+    beyond = at[-1] * 2.0 ** np.arange(1, added + 1, dtype=at.dtype)
+    return {
+        "q": np.concatenate([at, beyond]),
+        "C": np.concatenate([values, np.repeat(values[-1:], added, 0)]),
+        "q0": at[0] if q0 is None else q0,
+        "q1": at[-1] if q1 is None else q1,
+    }
 
 
 def check_ends(owner: str, q: jax.Array, q0: ArrayLike | None, q1: ArrayLike | None) -> None:

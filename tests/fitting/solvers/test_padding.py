@@ -12,7 +12,8 @@ import rubberfric as rf
 from fitting import Positive
 from fitting.solvers.losses import WIDTHS
 from fitting.solvers.problem import make_problem
-from fitting.solvers.residuals import objective, padded, recurring, residual_rows
+from fitting.solvers.residuals import objective, padded, residual_rows
+from rubberfric.base import recurring_length
 
 SCENE = rf.Scene(ROAD, rf.Body(PLAIN))
 FREE = {E: Positive(), E_INF: Positive()}
@@ -34,12 +35,12 @@ def modulus(points):
 
 def test_lengths_recur():
     """Few of them, each its own, and never much longer than the data."""
-    lengths = [recurring(n) for n in range(1, 5001)]
-    assert all(length >= n and recurring(length) == length for n, length in enumerate(lengths, 1))
+    lengths = [recurring_length(n) for n in range(1, 5001)]
+    assert all(length >= n and recurring_length(length) == length for n, length in enumerate(lengths, 1))
     assert all(length <= max(8, 1.5 * n) for n, length in enumerate(lengths, 1))
-    assert all(length <= 1.125 * n for n, length in enumerate(lengths, 1) if n > 64)
+    assert all(length <= 1.25 * n for n, length in enumerate(lengths, 1) if n > 16)
     assert lengths == sorted(lengths) and len(set(lengths)) < 60
-    assert recurring(6) == recurring(7) == 8
+    assert recurring_length(6) == recurring_length(7) == 8
 
 
 @pytest.mark.parametrize("loss", list(WIDTHS))
@@ -80,7 +81,7 @@ def test_a_fit_is_that_of_its_own_data(loss, monkeypatch):
     data = [curve(9), modulus(5)]
     found = fitting.fit(SCENE, data, FIT, loss=loss, quadrature=FAST)
     boot = found.bootstrap(3)
-    monkeypatch.setattr("fitting.solvers.residuals.recurring", lambda size: size)
+    monkeypatch.setattr("fitting.solvers.residuals.recurring_length", lambda size: size)
     plain = fitting.fit(SCENE, data, FIT, loss=loss, quadrature=FAST)
     assert (found.nfev, found.njev, found.status, found.freedom) == pytest.approx(
         (plain.nfev, plain.njev, plain.status, plain.freedom), rel=1e-9
@@ -101,3 +102,49 @@ def test_another_number_of_points_compiles_nothing():
         compiled.clear()
         fitting.fit(SCENE, six, FIT, quadrature=FAST).report()
     assert compiled == []
+
+
+def on_table(knots, temperatures):
+    """A scene of tables of these lengths, and a curve for it."""
+    q, T = np.geomspace(1e2, 1e5, knots), np.linspace(273.0, 333.0, temperatures)
+    road = rf.TabulatedSpectrum(q, 1e-13 * np.minimum(1, (q / 1e3) ** -3.6))
+    shift = rf.TabulatedShift(T, 10 ** (-0.1 * (T - 293.0)), 293.0)
+    scene = rf.Scene(rf.Body(rf.Rigid(), road), rf.Body(rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3], shift=shift)))
+    v = np.geomspace(1e-4, 1.0, 8)
+    mu = np.asarray(rf.friction(scene, v, 2e5, 303.0, quadrature=FAST))
+    return scene, fitting.FrictionData(v, mu, pressure=2e5, temperature=303.0, relative=0.02)
+
+
+def test_other_tables_compile_nothing():
+    """A road of 14 entries and a shift of 5, then of 13 and 7; each is found again."""
+    first, second = on_table(14, 5), on_table(13, 7)
+    with compilations() as compiled:
+        for scene, data in (first, second):
+            compiled.clear()
+            result = fitting.fit(scene, data, FIT, quadrature=FAST)
+            np.testing.assert_allclose(result.values, [5e7, 8e6, 3e6], rtol=1e-6)
+            assert result.scene.lower.spectrum.q.shape == scene.lower.spectrum.q.shape
+            assert result.scene.lower.spectrum.q1 is None
+    assert compiled == []
+
+
+def test_padded_tables_are_the_same():
+    """Values of rows and of their derivatives; a table with a free number stays as it is."""
+    scene, data = on_table(13, 5)
+    scene = scene.replace("lower.spectrum.q1", 4e4)
+    q1 = "lower.spectrum.q1"
+    for free in (FIT, FIT | {q1: Positive()}):
+        problem = make_problem(scene, [data], free, quadrature=FAST)
+        of = padded(problem)
+        longer = of.structure.variables.tree.unflatten(of.numbers.constants.leaves)
+        assert longer.lower.spectrum.q.size == (13 if q1 in free else 16)
+        assert longer.upper.material.shift.T.size == 8
+
+        def both(structure, numbers, targets, x):
+            return objective(structure, numbers, targets).residuals_and_jacobian(x)
+
+        at = jnp.asarray(problem.start)
+        plain = jax.jit(both, static_argnums=0)(problem.structure, problem.numbers, problem.targets, at)
+        found = jax.jit(both, static_argnums=0)(of.structure, of.numbers, of.targets, at)
+        for one, other in zip(plain, found, strict=True):
+            np.testing.assert_allclose(one, of.kept(other), rtol=1e-9, atol=1e-10)
