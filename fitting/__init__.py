@@ -11,7 +11,7 @@ from fitting.ensemble.members import Members, bootstrap_members, multi_start, pr
 from fitting.ensemble.result import EnsembleResult
 from fitting.ensemble.run import run_ensemble
 from fitting.fit import fit
-from fitting.parameters.constraints import Bounded, Free, Positive, Tied
+from fitting.parameters.constraints import Bounded, Free, Positive, RmsSlope, Tied
 from fitting.parameters.priors import Gaussian, Smooth
 from fitting.results import plot
 from fitting.results.result import FitResult
@@ -31,6 +31,7 @@ __all__ = [
     "ModulusData",
     "Positive",
     "PronyFit",
+    "RmsSlope",
     "Smooth",
     "SpectrumData",
     "SpectrumFit",

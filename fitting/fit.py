@@ -56,7 +56,7 @@ def fit(
     scene : Scene
         gives every number that is not free, and the start of those that are.
     data : FrictionData, AreaData, ModulusData, SpectrumData, or a list of them, fitted jointly
-    free : dict of key path -> Positive, Bounded, Free or Tied
+    free : dict of key path -> Positive, Bounded, Free, Tied or RmsSlope
         such as {"upper.material.E": Positive(), "lower.spectrum.hurst": Bounded(0.3, 1)}.
     method : "lm" (Levenberg-Marquardt), "lbfgs" or "adam"
     starts : number of starts; the first is the scene's, the others random (`decades`)

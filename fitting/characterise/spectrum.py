@@ -56,7 +56,8 @@ def fit_spectrum(
     Parameters
     ----------
     data : SpectrumData, TabulatedSpectrum, or a pair (q, C) [1/m], [m^4]
-    q0, q1 : cut-offs of the surface [1/m]; None: the first and the last wavevector of the data.
+    q0, q1 : cut-offs of the surface [1/m]; None: those of a table that has them, else the first and
+        the last wavevector of the data.
         Data outside are not used; h_rms counts q0 < q < q1 whether or not the data reach as far.
     qr : "fit", or the roll-off wavevector [1/m], fixed; q0 is a surface without plateau
     hurst : "fit", or H [-], fixed
@@ -78,6 +79,9 @@ def fit_spectrum(
     lies below the roll-off, q_r is fixed at q0; if the fall is flatter than H = 0 or steeper than H = 1,
     H is fixed there. `SpectrumFit.remarks` says so.
     """
+    if isinstance(data, rf.TabulatedSpectrum):
+        own = [None if end is None else float(end) for end in (data.q0, data.q1)]
+        q0, q1 = (end if given is None else given for given, end in zip((q0, q1), own, strict=True))
     data = _data(data, relative, body)
     body = data.body or "lower"
     q0 = _cutoff("q0", q0, data.q.min())

@@ -16,6 +16,7 @@
     [free]                              # key paths in quotes
     "upper.material.E" = "positive"
     "upper.material.E_inf" = { rule = "tied", to = "upper.material.E", ratio = ... }
+    "lower.spectrum.q1" = { rule = "rms_slope", slope = 1.3 }
     "lower.spectrum.hurst" = { rule = "bounded", low = 0.3, high = 1.0, start = 0.8 }
     "gamma" = { rule = "free", scale = 0.1 }
 
@@ -29,6 +30,7 @@
 """
 
 import dataclasses
+import re
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -44,7 +46,7 @@ from fitting.solvers.options import IN_FILES, check_options
 from rubberfric.base import StrPath, closest, shown
 from rubberfric.io import toml
 
-RULES = {name.lower(): cls for name, cls in CLASSES.items()}
+RULES = {re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower(): cls for name, cls in CLASSES.items()}
 RULE_KEYS = ("rule", *dict.fromkeys(f.name for cls in RULES.values() for f in dataclasses.fields(cls)))
 PRIOR_KEYS = ("mean", "sigma", "smooth")
 CONDITIONS = ("pressure", "temperature", "relative", "hurst", "poisson")

@@ -83,5 +83,26 @@ class Tied:
             raise ValueError(f"Tied: ratio = {self.ratio!r}: must be a finite number")
 
 
-Rule = Positive | Bounded | Free | Tied
-RULES: dict[str, type[Rule]] = {cls.__name__: cls for cls in (Positive, Bounded, Free, Tied)}
+@dataclasses.dataclass(frozen=True)
+class RmsSlope:
+    """A cut-off wavevector q1 that follows the rms slope of the roughness up to it.
+
+    For key paths that end in .q1. All else in the spectrum keeps its value, free or not: of a
+    self-affine one the height, of a table C(q).
+
+    Parameters
+    ----------
+    slope : rms slope [-], > 0
+    """
+
+    slope: float = 1.3
+
+    def __post_init__(self) -> None:
+        if not (is_number(self.slope) and self.slope > 0):
+            raise ValueError(f"RmsSlope: slope = {self.slope!r}: must be a finite number > 0")
+
+
+Rule = Positive | Bounded | Free | Tied | RmsSlope
+RULES: dict[str, type[Rule]] = {cls.__name__: cls for cls in (Positive, Bounded, Free, Tied, RmsSlope)}
+# Those without an element of their own in x: their value follows from others.
+FOLLOWING = ("Tied", "RmsSlope")

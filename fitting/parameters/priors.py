@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import rubberfric as rf
-from fitting.parameters.constraints import is_number
+from fitting.parameters.constraints import FOLLOWING, is_number
 from fitting.parameters.keypaths import find
 from fitting.parameters.variables import Array, Constants, Variables, slopes, to_x
 
@@ -98,7 +98,7 @@ def read_priors(
             smooth.append(rule.sigma)
         elif isinstance(rule, Gaussian):
             group = groups.get(path)
-            if group is None or group.kind == "Tied":
+            if group is None or group.kind in FOLLOWING:
                 known = ", ".join(g.path for g in variables.own)
                 raise ValueError(f"{where}: must be a free parameter: {known}")
             part = np.arange(*group.slot)

@@ -22,7 +22,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import rubberfric as rf
-from fitting.parameters.constraints import RULES, Bounded, Free, Positive, Rule, Tied
+from fitting.parameters.constraints import FOLLOWING, RULES, Bounded, Free, Positive, RmsSlope, Rule, Tied
+from fitting.parameters.cutoffs import cutoff_of
 from fitting.parameters.keypaths import find, leaf_names
 
 # A Positive element that fell by more than this factor was driven towards zero.
@@ -35,10 +36,10 @@ class Group(NamedTuple):
     """Elements of one leaf of the scene that one rule frees; hashable."""
 
     path: str
-    kind: str  # "Positive", "Bounded", "Free", "Tied"
+    kind: str  # "Positive", "Bounded", "Free", "Tied", "RmsSlope"
     leaf: int  # which leaf of the scene
     elements: tuple[int, ...] | None  # which elements of it; None: a scalar leaf
-    slot: tuple[int, int]  # (first, last + 1) in x; for Tied: in x of what it is tied to
+    slot: tuple[int, int]  # (first, last + 1) in x; for Tied: in x of what it is tied to; RmsSlope: none
 
 
 class Variables(NamedTuple):
@@ -50,8 +51,8 @@ class Variables(NamedTuple):
 
     @property
     def own(self) -> list[Group]:
-        """Groups with elements of their own in x: all but the tied ones."""
-        return [group for group in self.groups if group.kind != "Tied"]
+        """Groups with elements of their own in x: all but those that follow others."""
+        return [group for group in self.groups if group.kind not in FOLLOWING]
 
 
 class Constants(NamedTuple):
@@ -60,7 +61,7 @@ class Constants(NamedTuple):
     leaves: tuple[Array, ...]  # of the scene at the start
     low: Array  # shape (size,): lower bound, 0 without
     width: Array  # high - low; scale of a Free one; 1 for a Positive one
-    ratios: tuple[Array, ...]  # of every Tied group, shape (elements,)
+    ratios: tuple[Array, ...]  # of every Tied group, shape (elements,); slopes of RmsSlope, shape (1,)
 
 
 def free_parameters(scene: rf.Scene, free: Mapping[str, Rule]) -> tuple[Variables, Constants, np.ndarray]:
@@ -69,7 +70,7 @@ def free_parameters(scene: rf.Scene, free: Mapping[str, Rule]) -> tuple[Variable
     Parameters
     ----------
     scene : Scene, cast to one dtype
-    free : dict of key path -> Positive, Bounded, Free or Tied
+    free : dict of key path -> Positive, Bounded, Free, Tied or RmsSlope
 
     Returns
     -------
@@ -89,7 +90,9 @@ def free_parameters(scene: rf.Scene, free: Mapping[str, Rule]) -> tuple[Variable
     for path, rule in free.items():
         if not isinstance(rule, tuple(RULES.values())):
             made = f"; a class, must be made with {rule.__name__}(...)" if isinstance(rule, type) else ""
-            raise ValueError(f"free[{path!r}] = {rule!r}: must be Positive, Bounded, Free or Tied{made}")
+            raise ValueError(
+                f"free[{path!r}] = {rule!r}: must be Positive, Bounded, Free, Tied or RmsSlope{made}"
+            )
         leaf, elements = find(scene, path)
         for element in elements or (None,):
             if (leaf, element) in taken:
@@ -97,8 +100,8 @@ def free_parameters(scene: rf.Scene, free: Mapping[str, Rule]) -> tuple[Variable
                     f"free[{path!r}]: already free as {taken[leaf, element]!r}; must be free once"
                 )
             taken[leaf, element] = path
-        if isinstance(rule, Tied):
-            groups.append(Group(path, "Tied", leaf, elements, (0, 0)))
+        if isinstance(rule, Tied | RmsSlope):
+            groups.append(Group(path, type(rule).__name__, leaf, elements, (0, 0)))
             continue
         values = _start(path, rule, leaves[leaf][list(elements)] if elements else leaves[leaf][None])
         here_low, here_width = _range(path, rule, values)
@@ -112,8 +115,8 @@ def free_parameters(scene: rf.Scene, free: Mapping[str, Rule]) -> tuple[Variable
         else:
             leaves[leaf] = values[0]
     if size == 0:
-        raise ValueError("free: all parameters are Tied; one at least must be free itself")
-    groups, ratios = _tie(free, groups, leaves)
+        raise ValueError("free: all parameters are Tied or RmsSlope; one at least must be free itself")
+    groups, ratios = _follow(free, groups, leaves, tree)
     constants = Constants(tuple(leaves), np.concatenate(low), np.concatenate(width), tuple(ratios))
     return Variables(tree, tuple(groups), size), constants, np.concatenate(x)
 
@@ -166,17 +169,20 @@ def to_x(kind: str, low: np.ndarray, width: np.ndarray, values: np.ndarray) -> n
     return np.log(place / (1 - place)) if kind == "Bounded" else place
 
 
-def _tie(free, groups, leaves):
-    """Groups with the slots of the tied ones filled in, and their ratios."""
+def _follow(free, groups, leaves, tree):
+    """Groups with the slots of the tied ones filled in, and the ratios, or slopes, of those that follow."""
     by_path = {group.path: group for group in groups}
     done, ratios = [], []
     for group in groups:
+        rule = free[group.path]
         if group.kind != "Tied":
             done.append(group)
+            if isinstance(rule, RmsSlope):
+                cutoff_of(jax.tree.unflatten(tree, leaves), group.path, rule.slope)  # or its error
+                ratios.append(np.array([rule.slope], float))
             continue
-        rule = free[group.path]
         source = by_path.get(rule.to)
-        if source is None or source.kind == "Tied":
+        if source is None or source.kind in FOLLOWING:
             raise ValueError(
                 f"free[{group.path!r}]: tied to {rule.to!r}: must be a key of free that is not tied itself"
             )
@@ -215,8 +221,11 @@ def to_values(variables: Variables, constants: Constants, x: Array) -> jax.Array
 def to_scene(variables: Variables, constants: Constants, x: Array) -> rf.Scene:
     """The scene with the free elements at x; every other leaf as it was."""
     values = to_values(variables, constants, x)
-    leaves, ratios = list(constants.leaves), iter(constants.ratios)
+    leaves, ratios, cut = list(constants.leaves), iter(constants.ratios), []
     for group in variables.groups:
+        if group.kind == "RmsSlope":
+            cut.append((group, next(ratios)[0]))
+            continue
         here = values[slice(*group.slot)]
         if group.kind == "Tied":
             here = next(ratios) * here
@@ -227,6 +236,8 @@ def to_scene(variables: Variables, constants: Constants, x: Array) -> rf.Scene:
             leaves[group.leaf] = here
         else:
             leaves[group.leaf] = leaf.at[np.array(group.elements)].set(here)
+    for group, slope in cut:  # from all the others
+        leaves[group.leaf] = cutoff_of(jax.tree.unflatten(variables.tree, leaves), group.path, slope)
     return jax.tree.unflatten(variables.tree, leaves)
 
 

@@ -6,7 +6,7 @@ import jax
 import numpy as np
 
 import rubberfric as rf
-from fitting.parameters.constraints import Tied
+from fitting.parameters.constraints import FOLLOWING, RmsSlope, Tied
 from fitting.parameters.keypaths import leaf_names
 from fitting.parameters.priors import Smooth
 from fitting.results.record import FitRecord
@@ -172,7 +172,7 @@ def variable_rows(result: FitRecord) -> list[tuple[str, ...] | str]:
     values, starts, errors = result.values, result.start_values, result.stderr
     names, rows = result.names, []
     for group in result.variables.groups:
-        if group.kind == "Tied":
+        if group.kind in FOLLOWING:
             continue
         slot, scale = list(range(*group.slot)), unit(result.scene_at_start, group.path)
         hidden = slot[LISTED // 2 : -(LISTED // 2)] if len(slot) > LISTED else []
@@ -214,14 +214,17 @@ def _digits(value, error):
 
 
 def tied_lines(result: FitRecord) -> list[str]:
-    """A line for every key path that is tied to another: its value, and to what."""
+    """A line for every key path that follows others: its value, and what it follows."""
     leaves, lines = jax.tree.leaves(result.scene), []
-    groups = [group for group in result.variables.groups if group.kind == "Tied"]
-    rules = [rule for rule in result.free.values() if isinstance(rule, Tied)]
+    groups = [group for group in result.variables.groups if group.kind in FOLLOWING]
+    rules = [rule for rule in result.free.values() if isinstance(rule, Tied | RmsSlope)]
     for group, rule, ratio in zip(groups, rules, result.problem.numbers.constants.ratios, strict=True):
         values, ratio = np.atleast_1d(leaves[group.leaf])[list(group.elements or (0,))], np.asarray(ratio)
         scale = unit(result.scene_at_start, group.path)
         said = f"{ratio[0]:.6g} times" if np.ptp(ratio) == 0 else "in a fixed ratio to"
+        if isinstance(rule, RmsSlope):
+            lines.append(f"{group.path}: {values[0]:.6g} {scale}, where the rms slope is {rule.slope:.6g}")
+            continue
         ends = f"{values[0]:.6g}" if values.size == 1 else f"{values[0]:.6g} ... {values[-1]:.6g}"
         lines.append(f"{group.path}: {ends}{f' {scale}' * bool(scale)}, {said} {rule.to}")
     return lines

@@ -14,6 +14,7 @@ import numpy as np
 import rubberfric as rf
 from fitting.data.measured import Measured
 from fitting.parameters.constraints import Rule
+from fitting.parameters.cutoffs import with_starts
 from fitting.parameters.priors import Prior, PriorNumbers, PriorStructure, prior_size, read_priors
 from fitting.parameters.variables import (
     Array,
@@ -122,6 +123,7 @@ def make_problem(
     width = WIDTHS[loss] if width is None else width
     dtype = result_dtype(scene, 1.0)
     scene = cast(scene, dtype)
+    scene = with_starts(scene, free) if isinstance(free, dict) else scene
     variables, constants, start = free_parameters(scene, free)
     prior_structure, prior_numbers = read_priors(scene, variables, constants, prior)
     blocks, conditions, order = _blocks(scene, data)

@@ -3,11 +3,13 @@ r"""Residuals of a problem, and their derivatives.
 .. math:: r_i = \frac{\ln(model_i / measured_i)}{relative_i} \quad\text{or}\quad
           r_i = \frac{model_i - measured_i}{sigma_i}
 
-the first for data with relative errors; then the rows of the priors (`fitting.parameters.priors`), and
+the first for data with relative errors; what is compiled has rows of infinite error besides, so that
+6 points run what 7 compiled (`padded`); then the rows of the priors (`fitting.parameters.priors`), and
 those that keep arrays smooth while a start is searched for (`fitting.solvers.search`).
 """
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,10 +17,12 @@ import numpy as np
 
 import rubberfric as rf
 from fitting.parameters.priors import prior_residuals
+from fitting.parameters.tables import with_longer_tables
 from fitting.parameters.variables import Variables, to_scene
 from fitting.solvers.losses import Loss, Objective
 from fitting.solvers.problem import CURVES, Numbers, Problem, Structure, Targets
 from rubberfric.analysis import value_and_jacobian
+from rubberfric.base import recurring_length
 from rubberfric.roughness import log_power_spectrum
 
 
@@ -134,14 +138,73 @@ def _rounding(structure, targets):
     return 0.5 * jnp.sum((error * scale / targets.error) ** 2)
 
 
+class Padded(NamedTuple):
+    """A problem whose blocks have one of a few lengths: what compiled functions see of it."""
+
+    structure: Structure
+    numbers: Numbers
+    targets: Targets
+    data: np.ndarray  # where the rows of the data stand among all of the blocks
+
+    def kept(self, rows: jax.Array) -> np.ndarray:
+        """Rows without those that were added, the first axis."""
+        return np.concatenate([np.asarray(rows)[self.data], np.asarray(rows)[data_rows(self.structure) :]])
+
+
+def padded(problem: Problem, targets: Targets | None = None) -> Padded:
+    """A problem with more points, which count for nothing, so that another number of data compiles nothing.
+
+    Every block repeats its last conditions up to a length that recurs. The error of these rows is infinite:
+    residual and derivatives are 0 to the last bit, whatever the loss. Tables that stay as they are have
+    lengths that recur as well (`fitting.parameters.tables`).
+
+    Parameters
+    ----------
+    problem : as `make_problem` makes it
+    targets : of other data, with any axes before the rows; None: those of the problem
+    """
+    targets = problem.targets if targets is None else targets
+    blocks, conditions, data, first = [], [], [], 0
+    for block, columns in zip(problem.structure.blocks, problem.numbers.conditions, strict=True):
+        size = next(column.size for column in columns if column is not None)
+        parts, length = (block.rows[1] - block.rows[0]) // size, recurring_length(size)
+        conditions.append(
+            tuple(None if c is None else np.pad(np.asarray(c), (0, length - size), "edge") for c in columns)
+        )
+        data.append((first + np.arange(parts)[:, None] * length + np.arange(size)).ravel())
+        blocks.append(block._replace(rows=(first, first + parts * length)))
+        first += parts * length
+    rows = np.concatenate(data)
+    variables, constants, moved = with_longer_tables(problem.structure.variables, problem.numbers.constants)
+    prior = problem.structure.prior
+    series = tuple((moved[E], moved[tau], terms) for E, tau, terms in prior.series)
+
+    def spread(values, added):
+        values = np.asarray(values)
+        full = np.full((*values.shape[:-1], first), added, values.dtype)
+        full[..., rows] = values
+        return full
+
+    return Padded(
+        problem.structure._replace(
+            variables=variables, blocks=tuple(blocks), prior=prior._replace(series=series)
+        ),
+        problem.numbers._replace(constants=constants, conditions=tuple(conditions)),
+        targets._replace(measured=spread(targets.measured, 0.0), error=spread(targets.error, np.inf)),
+        rows,
+    )
+
+
 def residual_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
     """Residuals of the data, then of the priors, in units of their errors."""
-    return np.asarray(_residuals(problem.structure, problem.numbers, problem.targets, x))
+    of = padded(problem)
+    return of.kept(_residuals(of.structure, of.numbers, of.targets, x))
 
 
 def model_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
     """What the model predicts in place of the measured values (their logarithms, where relative)."""
-    return np.asarray(_predictions(problem.structure, problem.numbers, x))
+    of = padded(problem)
+    return of.kept(_predictions(of.structure, of.numbers, x))
 
 
 _residuals = jax.jit(residuals, static_argnums=0)

@@ -18,7 +18,7 @@ from fitting.parameters.variables import Array
 from fitting.solvers.iterate import INTERRUPTED, OUT_OF_STEPS, RUNNING
 from fitting.solvers.options import Solver
 from fitting.solvers.problem import Problem, Targets
-from fitting.solvers.residuals import objective
+from fitting.solvers.residuals import objective, padded
 
 BATCH = 4
 
@@ -85,8 +85,8 @@ def run(
     -------
     Runs
     """
-    structure, numbers = problem.structure, problem.numbers
     targets = jax.tree.map(lambda a: a[None], problem.targets) if targets is None else targets
+    structure, numbers, targets, _ = padded(problem, targets)
     starts = np.asarray(starts)
     fits, max_steps = len(starts), max_steps or solver.max_steps
     targets = jax.tree.map(lambda a: np.broadcast_to(a, (fits, *a.shape[1:])), targets)

@@ -22,7 +22,7 @@ import numpy as np
 
 from fitting.parameters.variables import VANISHED, slopes
 from fitting.solvers.problem import Problem
-from fitting.solvers.residuals import data_rows, objective, residual_rows
+from fitting.solvers.residuals import data_rows, objective, padded, residual_rows
 from fitting.uncertainty.directions import describe
 
 # Deviation in x beyond which nothing is called known: a factor e, or a bounded parameter's
@@ -75,10 +75,10 @@ def _weighted(structure, numbers, targets, x):
 
 def uncertainty(problem: Problem, x: np.ndarray) -> Uncertainty:
     """Uncertainty of a problem's solution x, shape (size,)."""
-    structure, numbers = problem.structure, problem.numbers
+    structure, numbers, of = problem.structure, problem.numbers, padded(problem)
     withheld, inside, stretch = _at_bounds(problem, x)
     plain, of_rows, jacobian = map(
-        np.asarray, _weighted(structure, numbers, problem.targets, jnp.asarray(inside))
+        of.kept, _weighted(of.structure, of.numbers, of.targets, jnp.asarray(inside))
     )
     jacobian = jacobian * stretch
     count, names = data_rows(structure), problem.names

@@ -15,7 +15,7 @@ import numpy as np
 import rubberfric as rf
 from fitting.parameters.variables import Array
 from fitting.solvers.problem import Problem
-from fitting.solvers.residuals import objective
+from fitting.solvers.residuals import objective, padded
 from fitting.uncertainty.intervals import SolvedProblem
 
 # What a prior that says nothing is flat in.
@@ -35,7 +35,7 @@ class LogDensity:
 
     def __call__(self, x: Array) -> jax.Array:
         """The logarithm of the density at x, shape (n,), but for a constant."""
-        structure, numbers, targets, *_ = self.problem
+        structure, numbers, targets, _ = padded(self.problem)
         return _density(structure, self.flat, numbers, targets, jnp.asarray(x))
 
     @property

@@ -2,6 +2,7 @@
 
 from rubberfric.base import html
 from rubberfric.base.atomic import StrPath, as_path, check_writable, replacing, write_durably
+from rubberfric.base.blocks import recurring_length
 from rubberfric.base.checks import (
     FINITE,
     NONNEGATIVE,
@@ -13,6 +14,7 @@ from rubberfric.base.checks import (
     shown,
 )
 from rubberfric.base.objects.fields import (
+    Leaf,
     Matrix,
     Number,
     OptionalNumber,
@@ -24,6 +26,7 @@ from rubberfric.base.objects.fields import (
 )
 from rubberfric.base.objects.key_paths import KeyPath, parse_key_path
 from rubberfric.base.objects.physical import (
+    Kind,
     PhysicalObject,
     fields_of,
     forget,
@@ -37,6 +40,8 @@ __all__ = [
     "NONNEGATIVE",
     "POSITIVE",
     "KeyPath",
+    "Kind",
+    "Leaf",
     "Matrix",
     "Number",
     "OptionalNumber",
@@ -58,6 +63,7 @@ __all__ = [
     "object_html",
     "parse_key_path",
     "physical",
+    "recurring_length",
     "replacing",
     "shown",
     "static",

@@ -1,4 +1,4 @@
-"""Functions of points over conditions of any shape."""
+"""Functions of points over conditions of any shape, and lengths that recur."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -36,3 +36,13 @@ def over_points(
         results = jax.lax.map(jax.checkpoint(function), stacked)
         results = jax.tree.map(lambda x: x.reshape(-1, *x.shape[2:])[:count], results)
     return jax.tree.map(lambda x: x.reshape(*shape, *x.shape[1:]), results)
+
+
+def recurring_length(size: int) -> int:
+    """The length that `size` points or entries are padded to: 8, 12, 16 ... 32, 40 ... 64, 80, ...
+
+    At most a quarter more, where there are more than 16. What is compiled for one length serves all
+    data that are padded to it.
+    """
+    step = 2 ** max((size - 1).bit_length() - 3, 2)
+    return max(8, -(-size // step) * step)

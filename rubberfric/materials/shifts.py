@@ -13,6 +13,7 @@ import numpy as np
 from jax.typing import ArrayLike
 from numpy.typing import DTypeLike
 
+from rubberfric.base.blocks import recurring_length
 from rubberfric.base.checks import (
     PLAUSIBLE_TEMPERATURE,
     POSITIVE,
@@ -144,6 +145,13 @@ class TabulatedShift(Shift):
         log_aT = jnp.log(self.aT)
         here = jnp.interp(temperature, self.T, log_aT)
         return saturated(here - jnp.interp(self.T_ref, self.T, log_aT))
+
+    def padded(self) -> "TabulatedShift":
+        """With entries above the last temperature, where its value is held."""
+        T, aT = np.asarray(self.T), np.asarray(self.aT)
+        added = recurring_length(T.size) - T.size
+        above = T[-1] + np.arange(1, added + 1, dtype=T.dtype)
+        return self.replace(T=np.append(T, above), aT=np.append(aT, np.repeat(aT[-1:], added)))
 
 
 def largest_log_factor(dtype: DTypeLike) -> float:

@@ -9,7 +9,8 @@ from jax.typing import ArrayLike
 
 from rubberfric.plot.style import Axes, Line2D, colours, legend, one_axes, vector
 from rubberfric.roughness.moments import rms_slope
-from rubberfric.roughness.spectra import Spectrum, TabulatedSpectrum, log_power_spectrum
+from rubberfric.roughness.spectra import Spectrum, log_power_spectrum
+from rubberfric.roughness.tabulated import TabulatedSpectrum
 
 _POINTS = 200
 # Entries of a table that are drawn as points.
@@ -107,7 +108,7 @@ def _curve(label: str, spectrum: Any, q: np.ndarray | None) -> _Curve:
 def _line(label: str, spectrum: Spectrum, q: np.ndarray | None) -> _Curve:
     if not spectrum.height_scale() > 0:
         raise ValueError(f"{label} is smooth: must be rough, for log C")
-    kinks = np.asarray(spectrum.power_law().q, float)
+    kinks = np.unique(np.asarray(spectrum.power_law().q, float))  # those cut off are one
     formula = spectrum.entries() is None
     if q is None:
         q = np.union1d(np.geomspace(kinks[0], kinks[-1], _POINTS)[1:-1], kinks)

@@ -12,8 +12,9 @@ from rubberfric.roughness.normalisation import (
     spectrum_as,
     spectrum_from,
 )
-from rubberfric.roughness.spectra import SelfAffine, TabulatedSpectrum, log_power_spectrum, power_spectrum
+from rubberfric.roughness.spectra import SelfAffine, log_power_spectrum, power_spectrum
 from rubberfric.roughness.surface_objects import spectrum_of_surface
+from rubberfric.roughness.tabulated import TabulatedSpectrum
 from rubberfric.roughness.topography import MeasuredSpectrum, spectrum_of_profile, spectrum_of_topography
 
 __all__ = [

@@ -15,9 +15,10 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.checks import FINITE, POSITIVE, check_increasing
-from rubberfric.base.objects.fields import Matrix, Number, Vector, child, leaf, static
+from rubberfric.base.objects.fields import Matrix, Number, OptionalNumber, Vector, child, leaf, static
 from rubberfric.base.objects.physical import check_kind, physical
-from rubberfric.roughness.spectra import BrokenPowerLaw, SelfAffine, Spectrum, log_ratio, tabulated_law
+from rubberfric.roughness.spectra import BrokenPowerLaw, SelfAffine, Spectrum, log_ratio
+from rubberfric.roughness.tabulated import check_ends, cut_law, padded_table, tabulated_law, within_table
 
 # Directions of which the harmonics of a stretched surface are taken; exact to rounding up to
 # ratios of 30.
@@ -60,9 +61,9 @@ class Anisotropic(Spectrum):
         """That of `base` [m]."""
         return self.base.height_scale()
 
-    def cut(self, q1: jax.Array, piece: jax.Array, beyond: jax.Array) -> "Anisotropic":
+    def cut(self, q1: jax.Array) -> "Anisotropic":
         """The same of `base`."""
-        return dataclasses.replace(self, base=self.base.cut(q1, piece, beyond))
+        return dataclasses.replace(self, base=self.base.cut(q1))
 
     def harmonic_count(self) -> int:
         """As many as are kept."""
@@ -100,6 +101,7 @@ class TabulatedAnisotropic(Spectrum):
     C : power spectrum [m^4], > 0, shape (n, directions), directions >= 4
         the directions are k pi / directions, k = 0, 1, ..., from the x-axis of the surface.
     angle : of the x-axis, from the direction of sliding [rad], any
+    q0, q1 : first and last wavevector of the roughness [1/m], as of `TabulatedSpectrum`
 
     Limits: harmonics up to (directions - 1) // 2 are kept, all that the table has.
     """
@@ -109,6 +111,8 @@ class TabulatedAnisotropic(Spectrum):
     q: Vector = leaf(POSITIVE, unit="1/m", column="q")
     C: Matrix = leaf(POSITIVE, unit="m^4", column="C")
     angle: Number = leaf(FINITE, unit="rad", default=0.0)
+    q0: OptionalNumber = leaf(POSITIVE, unit="1/m", default=None)
+    q1: OptionalNumber = leaf(POSITIVE, unit="1/m", default=None)
 
     def _check(self):
         if self.C.shape[0] != self.q.shape[0] or self.q.shape[0] < 2 or self.C.shape[1] < 4:
@@ -117,10 +121,19 @@ class TabulatedAnisotropic(Spectrum):
                 "and (n,) with n >= 2 and directions >= 4"
             )
         check_increasing("TabulatedAnisotropic.q", self.q)
+        check_ends("TabulatedAnisotropic", self.q, self.q0, self.q1)
 
     def power_law(self) -> BrokenPowerLaw:
         """That of the mean over all directions."""
-        return tabulated_law(self.q, jnp.mean(self.C, 1))
+        return cut_law(tabulated_law(self.q, jnp.mean(self.C, 1)), self.q0, self.q1)
+
+    def uncut_law(self) -> BrokenPowerLaw:
+        """From q0 to the end of the table."""
+        return cut_law(tabulated_law(self.q, jnp.mean(self.C, 1)), self.q0, None)
+
+    def cut(self, q1: jax.Array) -> "TabulatedAnisotropic":
+        """The same table with another q1."""
+        return self.replace(q1=within_table(self.q, q1))
 
     def harmonic_count(self) -> int:
         """All that the table has."""
@@ -147,6 +160,10 @@ class TabulatedAnisotropic(Spectrum):
     def entries(self) -> jax.Array:
         """C [m^4]."""
         return self.C
+
+    def padded(self) -> "TabulatedAnisotropic":
+        """With entries beyond q1."""
+        return self.replace(padded_table(self.q, self.C, self.q0, self.q1))
 
 
 def harmonics_left_out(spectrum: Spectrum) -> jax.Array:

@@ -16,12 +16,12 @@ from rubberfric.base.checks import is_concrete, shown
 from rubberfric.roughness.moments import moment
 from rubberfric.roughness.spectra import (
     Spectrum,
-    TabulatedSpectrum,
     log_power_spectrum,
     log_ratio,
     mean_growth,
     power_law_of,
 )
+from rubberfric.roughness.tabulated import TabulatedSpectrum
 
 METHODS = ("crossover", "mean")
 # Neighbouring entries closer than this, relative, are one.
@@ -116,7 +116,7 @@ def join_spectra(
 
 def _join(lower, upper, share, number):
     """(TabulatedSpectrum, Joint) of two spectra; share None: a cross-over."""
-    laws = [power_law_of(one) for one in (lower, upper)]
+    laws = [_without_empty(power_law_of(one)) for one in (lower, upper)]
     (a, b), (qa, qb) = laws, (np.asarray(law.q, float) for law in laws)
     for i, (law, q) in enumerate(zip(laws, (qa, qb), strict=True)):
         if is_concrete(law.height2) and not law.height2 > 0:
@@ -156,6 +156,13 @@ def _join(lower, upper, share, number):
     return TabulatedSpectrum(jnp.asarray(q, C.dtype), C), Joint(
         low, high, overlap, float(jump), float(scatter)
     )
+
+
+def _without_empty(law):
+    """A law without the pieces of no width that a cut leaves."""
+    kept = np.flatnonzero(np.diff(np.asarray(law.q, float)) > 0)
+    ends = np.append(kept, kept[-1:] + 1) if kept.size else np.arange(law.q.shape[0])
+    return law._replace(q=law.q[ends], log_value=law.log_value[ends], exponent=law.exponent[ends[:-1]])
 
 
 def _plain(x):

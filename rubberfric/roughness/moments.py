@@ -6,13 +6,20 @@ r"""Moments of a roughness spectrum up to a wavevector: heights, slopes, and whe
 A spectrum is a broken power law, so both a moment and its inverse are closed piece by piece.
 """
 
+import math
+from typing import Literal
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.checks import POSITIVE, check_values, is_concrete
+from rubberfric.base.checks import POSITIVE, check_values, is_concrete, shown
+from rubberfric.base.objects.physical import check_kind
 from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum, log_ratio, mean_growth, power_law_of
+
+# Of a bracket of ln q, and after them; two for exact second derivatives.
+_HALVINGS, _NEWTON_STEPS = 60, 2
 
 
 def cumulative_moment(law: BrokenPowerLaw, order: float, distance: ArrayLike) -> jax.Array:
@@ -106,13 +113,18 @@ def _root_moment(spectrum, order, q):
         # Below, ln q may be -inf, with a derivative that 0 does not silence.
         distance = log_ratio(jnp.where(q >= law.q[0], q, law.q[0]), law.q[0])
     # The height stays out of the root: that of height^2 has no derivative at a smooth surface.
-    square = cumulative_moment(law._replace(height2=jnp.ones_like(law.height2)), order, distance)
+    square = cumulative_moment(unscaled(law), order, distance)
     rough = square > 0
     root = jnp.where(rough, jnp.sqrt(jnp.where(rough, square, 1.0)), 0.0)
     return spectrum.height_scale() * root
 
 
-def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3) -> jax.Array:
+def unscaled(law: BrokenPowerLaw) -> BrokenPowerLaw:
+    """A law with the height 1 m."""
+    return law._replace(height2=jnp.ones_like(law.height2))
+
+
+def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C", "h_rms"] = "C") -> jax.Array:
     r"""Wavevector up to which a spectrum has an rms slope: the usual choice of q1 for rubber on roads.
 
     .. math:: 2\pi\int_{q_0}^{q_1} q^3\, C\, dq = \mathrm{slope}^2
@@ -120,14 +132,16 @@ def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3) -> jax.Array:
     Parameters
     ----------
     spectrum : SelfAffine
-            its plateau C0, q0, qr and Hurst exponent are kept, its present q1 is not a limit: the
+            its q0, qr, Hurst exponent and what `keep` says are kept, its present q1 is not a limit: the
             result may be smaller or larger. Note that h_rms of a SelfAffine belongs to its own q1:
-            with another q1 and the same h_rms, C0 and so the slope would change. `with_cutoff`
-            gives the spectrum that has this slope.
+            with another q1 and the same h_rms, C0 and so the slope changes. `with_cutoff` gives
+            the spectrum that has this slope and the same C0.
         or TabulatedSpectrum
-            the result lies inside the table.
+            the result lies inside the table; its present q1 is not a limit either.
         or Anisotropic or TabulatedAnisotropic, as these: the slope is that of all directions together.
     rms_slope : [-], > 0, any shape
+    keep : "C", C(q) stays; or "h_rms", the height of a SelfAffine stays and its C0 follows: then
+        `spectrum.replace(q1=...)` has this slope. Of a table both are the same.
 
     Returns
     -------
@@ -135,24 +149,70 @@ def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3) -> jax.Array:
 
     Raises
     ------
-    ValueError : concrete rms_slope <= 0, or one that the spectrum (a table, a smooth surface) never has.
+    ValueError : concrete rms_slope <= 0, or one that the spectrum (a table, a smooth surface) never has;
+        of a height that is kept, one that the plateau alone exceeds.
 
     Limits: closed form, differentiable; `rms_slope` at the result is good to 1e-13. A slope that
     grows like ln q (H = 1) may put it beyond the floating-point range: infinite.
     """
-    return _cut(spectrum, rms_slope)[0]
-
-
-def _cut(spectrum, rms_slope):
-    """The wavevector with the slope, the piece that it is in and ln of it over the piece's left end."""
+    check_kind("spectrum", spectrum, Spectrum)
     check_values("rms_slope", rms_slope, POSITIVE)
-    law = power_law_of(spectrum)
+    if keep not in ("C", "h_rms"):
+        raise ValueError(f'keep = {shown(keep)}: must be "C" or "h_rms"')
+    if keep == "h_rms" and spectrum.endless:
+        return _cutoff_at_height(spectrum, jnp.asarray(rms_slope))
+    law = spectrum.uncut_law()
     piece, beyond, reachable = _where_reached(law, jnp.asarray(rms_slope), spectrum.endless)
     if is_concrete(reachable) and not np.all(reachable):
-        has = float(_root_moment(spectrum, 2, None))
-        shown = float(np.asarray(rms_slope)[~np.asarray(reachable)].flat[0])
-        raise ValueError(f"rms_slope = {shown!r}: must be at most {has:.6g}, the slope of the whole spectrum")
-    return jnp.where(reachable, law.q[piece] * jnp.exp(beyond), jnp.inf), piece, beyond
+        has = float(spectrum.height_scale() * jnp.sqrt(cumulative_moment(unscaled(law), 2, jnp.inf)))
+        wrong = float(np.asarray(rms_slope)[~np.asarray(reachable)].flat[0])
+        raise ValueError(f"rms_slope = {wrong!r}: must be at most {has:.6g}, the slope of the whole spectrum")
+    return jnp.where(reachable, jnp.asarray(law.q)[piece] * jnp.exp(beyond), jnp.inf)
+
+
+def _cutoff_at_height(spectrum, slope):
+    r"""The end of the last piece with which m_2 / m_0 is slope^2 / height^2, which grows with it."""
+    law = unscaled(spectrum.uncut_law())
+    width = log_ratio(law.q[1:], law.q[:-1])
+    last = np.arange(width.shape[0]) == width.shape[0] - 1
+
+    def log_moment(order, t):
+        return jnp.log(jnp.sum(_piece(law, order, jnp.where(last, t, width))))
+
+    height = spectrum.height_scale()
+    rough = height > 0
+    # ln(slope^2 / h^2), h of all up to the present end.
+    log_height2 = 2 * jnp.log(jnp.where(rough, height, 1.0)) + jnp.log(2 * jnp.pi) + log_moment(0, width[-1])
+    target = 2 * jnp.log(slope) - log_height2
+    # Of no width at all the moments are 0/0 without a plateau.
+    nearest, farthest = 1e-12, 0.4 * math.log(float(jnp.finfo(target.dtype).max))
+
+    def solved(target):
+        def miss(t):
+            return log_moment(2, t) - log_moment(0, t) - target
+
+        def halve(_, bounds):
+            middle = 0.5 * (bounds[0] + bounds[1])
+            below = miss(middle) < 0
+            return jnp.where(below, middle, bounds[0]), jnp.where(below, bounds[1], middle)
+
+        ends = jnp.full_like(target, nearest), jnp.full_like(target, farthest)
+        reachable = rough & (miss(ends[0]) < 0) & (miss(ends[1]) > 0)
+        bounds = jax.lax.stop_gradient(jax.lax.fori_loop(0, _HALVINGS, halve, ends))
+        t = jax.lax.stop_gradient(0.5 * (bounds[0] + bounds[1]))
+        for _ in range(_NEWTON_STEPS):  # from there on with derivatives
+            value, rate = jax.jvp(miss, (t,), (jnp.ones_like(t),))
+            t = jnp.where(reachable, t - value / jnp.where(reachable, rate, 1.0), 0.0)
+        return t, reachable
+
+    t, reachable = (x.reshape(slope.shape) for x in jax.vmap(solved)(target.ravel()))
+    if is_concrete(reachable) and not np.all(reachable):
+        wrong = float(np.asarray(slope)[~np.asarray(reachable)].flat[0])
+        raise ValueError(
+            f"rms_slope = {wrong!r}: no cut-off on the power law has it at the height of the spectrum;"
+            " must be larger than that of the plateau, and the surface rough"
+        )
+    return jnp.where(reachable, law.q[-2] * jnp.exp(t), jnp.inf)
 
 
 def _where_reached(law, slope, endless):
@@ -190,18 +250,18 @@ def with_cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3) -> Spectrum:
 
     Parameters
     ----------
-    spectrum : SelfAffine, Anisotropic or TabulatedSpectrum
+    spectrum : SelfAffine, Anisotropic, TabulatedSpectrum or TabulatedAnisotropic
     rms_slope : [-], > 0, a number
 
     Returns
     -------
     SelfAffine with the new q1, the h_rms that the same plateau C0 has up to there, and qr = q1 if
-    that lies on the plateau; Anisotropic with such a base; or TabulatedSpectrum with as many entries,
-    those beyond the cut moved to even places in the interval of the cut, on the same power law.
+    that lies on the plateau; Anisotropic with such a base; or the same table with the new q1, which
+    under jit is its end where it never has the slope.
 
     Raises
     ------
     ValueError : as `cutoff`, or another kind of spectrum.
     """
-    reached = _cut(spectrum, rms_slope)
-    return spectrum.cut(*reached)
+    q1 = cutoff(spectrum, rms_slope)
+    return spectrum.cut(q1)

@@ -23,12 +23,10 @@ from rubberfric.base.checks import (
     NONNEGATIVE,
     POSITIVE,
     between,
-    check_increasing,
-    check_lengths,
     either,
     is_concrete,
 )
-from rubberfric.base.objects.fields import Number, Vector, leaf
+from rubberfric.base.objects.fields import Number, leaf
 from rubberfric.base.objects.physical import Kind, check_kind, kinds, physical
 
 
@@ -60,16 +58,13 @@ class Spectrum(Kind):
         """The root of `power_law().height2` [m], with a derivative where it is 0."""
         return jnp.sqrt(self.power_law().height2)
 
-    def cut(self, q1: jax.Array, piece: jax.Array, beyond: jax.Array) -> "Spectrum":
-        """The spectrum that ends at q1 [1/m], C(q) the same below.
+    def uncut_law(self) -> BrokenPowerLaw:
+        """The spectrum without its own cut-off, as far as it is known; looked for a slope by `cutoff`."""
+        return self.power_law()
 
-        Parameters
-        ----------
-        q1 : as `piece` and `beyond` say
-        piece : of the power law, in which q1 lies
-        beyond : ln of q1 over the left end of that piece
-        """
-        del q1, piece, beyond
+    def cut(self, q1: jax.Array) -> "Spectrum":
+        """The spectrum that ends at q1 [1/m], C(q) the same below."""
+        del q1
         can = [name for name, kind in kinds(Spectrum).items() if kind.cut is not Spectrum.cut]
         raise ValueError(f"spectrum is a {type(self).__name__}: must be {either(can)}")
 
@@ -145,9 +140,8 @@ class SelfAffine(Spectrum):
         """h_rms [m]."""
         return self.h_rms
 
-    def cut(self, q1: jax.Array, piece: jax.Array, beyond: jax.Array) -> "Spectrum":
+    def cut(self, q1: jax.Array) -> "SelfAffine":
         """The same plateau C0, q0 and H up to q1; qr = q1 if that lies on the plateau."""
-        del piece, beyond
         qr = jnp.minimum(self.qr, q1)
         unit = SelfAffine(self.q0, qr, q1, self.hurst, 1.0)
         # h^2 = qr^2 C0 / e^(log plateau), with the same C0: which itself may underflow.
@@ -164,60 +158,10 @@ def _check_order(q0, qr, q1):
         raise ValueError(f"SelfAffine.q1 = {q1!r}: must be > q0 = {q0!r}")
 
 
-@physical
-class TabulatedSpectrum(Spectrum):
-    """Power spectrum from a table: ln C linear in ln q between the entries, zero outside.
-
-    A power law is reproduced exactly. Values and gradients are exact integrals of this
-    broken power law: every entry is a border of the radial quadrature.
-
-    Parameters
-    ----------
-    q : wavevectors, strictly increasing [1/m], shape (n,), n >= 2
-    C : power spectrum [m^4], > 0, shape (n,)
-    """
-
-    file_kind: ClassVar[str] = "tabulated"
-
-    q: Vector = leaf(POSITIVE, unit="1/m", column="q")
-    C: Vector = leaf(POSITIVE, unit="m^4", column="C")
-
-    def _check(self):
-        check_lengths("TabulatedSpectrum", q=self.q, C=self.C)
-        if self.q.shape[0] < 2:
-            raise ValueError(f"TabulatedSpectrum.q has {self.q.shape[0]} entries: must have at least 2")
-        check_increasing("TabulatedSpectrum.q", self.q)
-
-    def power_law(self) -> BrokenPowerLaw:
-        """A piece between every two entries."""
-        return tabulated_law(self.q, self.C)
-
-    def cut(self, q1: jax.Array, piece: jax.Array, beyond: jax.Array) -> "Spectrum":
-        """The same number of entries, those beyond q1 moved into the interval that it ends."""
-        del q1
-        law, index = self.power_law(), np.arange(self.q.shape[0])
-        share = (index - piece) / jnp.maximum(index[-1] - piece, 1)
-        move = jnp.where(index > piece, share, 0.0) * beyond
-        kept = jnp.minimum(index, piece)
-        C = self.C[kept] * jnp.exp((law.exponent[piece] - 2) * move)
-        return TabulatedSpectrum(self.q[kept] * jnp.exp(move), C)
-
-    def entries(self) -> jax.Array:
-        """C [m^4]."""
-        return self.C
-
-
 def power_law_of(spectrum: Spectrum) -> BrokenPowerLaw:
     """Its `power_law`; ValueError if it is no spectrum."""
     check_kind("spectrum", spectrum, Spectrum)
     return spectrum.power_law()
-
-
-def tabulated_law(q: jax.Array, C: jax.Array) -> BrokenPowerLaw:
-    """The broken power law through the entries of a table."""
-    log_C = jnp.log(C)
-    exponent = jnp.diff(log_C) / log_ratio(q[1:], q[:-1]) + 2
-    return BrokenPowerLaw(q, log_C + 2 * jnp.log(q), exponent, jnp.ones_like(q[0]))
 
 
 def log_ratio(q: jax.Array | np.ndarray, start: jax.Array | np.ndarray) -> jax.Array:

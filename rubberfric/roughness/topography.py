@@ -24,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rubberfric.base.checks import shown
-from rubberfric.roughness.spectra import TabulatedSpectrum
+from rubberfric.roughness.tabulated import TabulatedSpectrum
 
 WINDOWS = ("hann", "none")
 # Detrending by polynomials in x (and y) of up to this degree; more would eat roughness.

@@ -129,7 +129,7 @@ CALLS = {
     ),
     "a rule as text": (
         lambda: fitting.fit(SCENE, DATA, {"upper.material.E": "positive"}),
-        ("free['upper.material.E'] = 'positive'", "must be Positive, Bounded, Free or Tied"),
+        ("free['upper.material.E'] = 'positive'", "must be Positive, Bounded, Free, Tied or RmsSlope"),
     ),
     "the path of one body in the other": (
         lambda: fitting.fit(SCENE, DATA, {"lower.material.E": Positive()}),

@@ -392,7 +392,10 @@ GRID = np.array([-2.0, 0.0, 2.0])
         (lambda: rf.TabulatedAnisotropic([2.0, 1.0], np.ones((2, 5))), r"q\[1\] = 1\.0 after 2\.0"),
         (lambda: rf.TabulatedAnisotropic([1.0, 2.0], np.zeros((2, 5))), r"C\[0\]\[0\] = 0\.0: must be > 0"),
         (lambda: rf.TabulatedAnisotropic([1.0, 2.0], np.ones(2)), r"C has shape \(2,\): must be two-dim"),
-        (lambda: rf.with_cutoff(rf.TabulatedAnisotropic([1.0, 2.0], np.ones((2, 5)))), r"must be SelfAffine"),
+        (
+            lambda: rf.TabulatedAnisotropic([1.0, 2.0], np.ones((2, 5)), q1=3.0),
+            r"q1 = 3\.0: must lie within the table, 1\.0 \.\.\. 2\.0 1/m",
+        ),
     ],
 )
 def test_refused(make, message):

@@ -15,7 +15,8 @@ from rubberfric.materials.prony import Prony, PronyShear
 from rubberfric.materials.shifts import WLF, Arrhenius, Shift, TabulatedShift
 from rubberfric.materials.slab import Slab
 from rubberfric.materials.tabulated_modulus import TabulatedModulus
-from rubberfric.roughness.spectra import SelfAffine, Spectrum, TabulatedSpectrum
+from rubberfric.roughness.spectra import SelfAffine, Spectrum
+from rubberfric.roughness.tabulated import TabulatedSpectrum
 from rubberfric.scene.scene import Body
 
 BOLTZMANN_EV = 8.617333262e-5  # [eV/K]
@@ -151,7 +152,9 @@ def range_of(spectrum: Spectrum) -> tuple[float, float]:
     if isinstance(spectrum, SelfAffine):
         return float(spectrum.q0), float(spectrum.q1)
     assert isinstance(spectrum, TabulatedSpectrum)
-    return float(spectrum.q[0]), float(spectrum.q[-1])
+    q0 = spectrum.q[0] if spectrum.q0 is None else spectrum.q0
+    q1 = spectrum.q[-1] if spectrum.q1 is None else spectrum.q1
+    return float(q0), float(q1)
 
 
 def spectrum_at(spectrum: Spectrum, q: np.ndarray) -> np.ndarray:

@@ -101,6 +101,14 @@ class Kind(PhysicalObject):
         if "file_kind" not in cls.__dict__:
             cls.file_kind = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", cls.__name__).lower()
 
+    def padded(self) -> Self:
+        """The same with entries that say nothing, of a length that recurs, where it has a concrete table.
+
+        Of two tables that are padded to one length, the second compiles nothing. Derivatives by the
+        table's own entries may be lost: it is for numbers that stay as they are.
+        """
+        return self
+
 
 def object_html(value: PhysicalObject) -> str:
     """Table of an object: the key path of every number, as fits take it, and its value."""

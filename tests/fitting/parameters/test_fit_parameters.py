@@ -298,9 +298,9 @@ def test_a_value_of_zero_can_be_free_but_not_positive():
         ([E], "free: must be a dict of key paths"),
         ({}, "free: must be a dict of key paths"),
         (None, "free: must be a dict of key paths"),
-        ({E: Positive}, "must be Positive, Bounded, Free or Tied"),
-        ({E: None}, "must be Positive, Bounded, Free or Tied"),
-        ({E: (0.0, 1.0)}, "must be Positive, Bounded, Free or Tied"),
+        ({E: Positive}, "must be Positive, Bounded, Free, Tied or RmsSlope"),
+        ({E: None}, "must be Positive, Bounded, Free, Tied or RmsSlope"),
+        ({E: (0.0, 1.0)}, "must be Positive, Bounded, Free, Tied or RmsSlope"),
         ({E: Positive(), E + "[2]": Free()}, f"free['{E}[2]']: already free as '{E}'"),
         ({E + "[1:3]": Positive(), E + "[-2:]": Free()}, f"already free as '{E}[1:3]'"),
         ({E + "[3]": Positive(), E + "[-1]": Tied("gamma"), "gamma": Positive()}, "already free"),
@@ -380,7 +380,9 @@ def test_what_is_tied_moves_with_its_source_in_gradients():
 )
 def test_wrong_ties(free, text):
     message = one_line(lambda: free_parameters(SCENE, free))
-    assert text in message or (text.startswith("tied to 'gamma'") and "all parameters are Tied" in message)
+    assert text in message or (
+        text.startswith("tied to 'gamma'") and "all parameters are Tied or RmsSlope" in message
+    )
 
 
 def test_a_chain_of_ties_is_refused():

@@ -254,6 +254,25 @@ def test_every_key_of_a_scene_file(folder):
     np.testing.assert_array_equal(conditions.temperature, [283.15, 293.15])
 
 
+@pytest.mark.parametrize("spectrum", ["upper", "directions"])
+def test_the_cut_of_a_table(folder, spectrum):
+    """q0 and q1 [1/m] beside the file; by key path; to HDF5 and back; in a notebook's table."""
+    content = full_scene() if spectrum == "upper" else put(full_scene(), "upper.spectrum", DIRECTIONS)
+    (folder / "directions.csv").write_text(directions())
+    cut = put(put(content, "upper.spectrum.q0", 150), "upper.spectrum.q1", 900.5)
+    scene, _, _ = read_scene_file(write_scene(folder, cut))
+    assert (scene.upper.spectrum.q0, scene.upper.spectrum.q1) == (150.0, 900.5)
+    whole, _, _ = read_scene_file(write_scene(folder, content))
+    same(whole.replace({"upper.spectrum.q0": 150.0, "upper.spectrum.q1": 900.5}), scene)
+    rf.save_scene(folder / "scene.h5", scene)
+    same(rf.load_scene(folder / "scene.h5"), scene)
+    assert "upper.spectrum.q1" in scene._repr_html_() and "900.5" in scene._repr_html_()
+    assert "upper.spectrum.q1" not in whole._repr_html_()
+    path = write_scene(folder, put(content, "upper.spectrum.q1", 1000.5))
+    with pytest.raises(ValueError, match=r"upper\.spectrum: \w+\.q1 = 1000\.5: must lie within the table"):
+        read_scene_file(path)
+
+
 def test_coatings(folder):
     scene, _, _ = read_scene_file(write_scene(folder, coated_scene()))
     same(scene.lower.layer, rf.Coating(1e-3, rf.Prony(1e6, [1e6], [1e-3], 0.3)))

@@ -1,5 +1,6 @@
 """Moments up to a wavevector and the wavevector of a slope, against their definition in 40 digits."""
 
+import dataclasses
 import itertools
 
 import jax
@@ -267,6 +268,51 @@ def test_slope_never_reached(spectrum):
     assert jax.jit(rf.roughness.cutoff)(spectrum, 1000.0) == np.inf
     slopes = jax.jit(jax.grad(rf.roughness.cutoff, (0, 1)))(spectrum, 1000.0)
     assert all((x == 0).all() for x in jax.tree.leaves(slopes))
+
+
+@pytest.mark.parametrize("name", ["road", "H = 0", "H = 1", "no plateau", "plateau only"])
+@pytest.mark.parametrize("fraction", [1.01, 2.0, 5.0])
+def test_cutoff_at_a_height(name, fraction):
+    """The spectrum with that q1 and all its other numbers, the height too, has the slope."""
+    spectrum = OBJECTS[name]
+    plateau = float(rf.rms_slope(dataclasses.replace(spectrum, q1=spectrum.qr * (1 + 1e-9) + 1e-3)))
+    slope = fraction * plateau
+    q1 = rf.roughness.cutoff(spectrum, slope, keep="h_rms")
+    assert rf.rms_slope(dataclasses.replace(spectrum, q1=q1)) == pytest.approx(slope, rel=1e-11)
+
+
+@jax.jit
+def slope_at_height(spectrum, slope):
+    def back(spectrum, slope):
+        q1 = rf.roughness.cutoff(spectrum, slope, keep="h_rms")
+        return rf.rms_slope(dataclasses.replace(spectrum, q1=q1))
+
+    both = [jacobian(back, (0, 1))(spectrum, slope) for jacobian in (jax.jacfwd, jax.grad)]
+    return [*both, jax.hessian(back, 1)(spectrum, slope)]
+
+
+@pytest.mark.parametrize("name", ["road", "H = 0"])
+def test_derivatives_of_the_cutoff_at_a_height(name):
+    """The slope there is the one asked for, whatever the rest: its derivatives are 1 and 0."""
+    spectrum, slope = OBJECTS[name], 2.3 * float(slope_of(OBJECTS[name]))
+    *both, second = slope_at_height(spectrum, slope)
+    for by_leaves, by_slope in both:
+        assert by_slope == pytest.approx(1.0, rel=1e-10)
+        for value in jax.tree.leaves(jax.tree.map(lambda d, x: d * x / slope, by_leaves, spectrum)):
+            np.testing.assert_allclose(value, 0.0, atol=1e-9)
+    assert second * slope == pytest.approx(0.0, abs=1e-7)
+
+
+def test_cutoff_at_a_height_where_there_is_none():
+    """Below the plateau's own slope; of a table, whose C stays, as without it."""
+    road = OBJECTS["road"]
+    with pytest.raises(ValueError, match=r"^rms_slope = 0\.01: no cut-off on the power law .* the plateau"):
+        rf.roughness.cutoff(road, 0.01, keep="h_rms")
+    assert jax.jit(lambda s: rf.roughness.cutoff(road, s, keep="h_rms"))(0.01) == np.inf
+    both = [rf.roughness.cutoff(OBJECTS["table"], 0.1, keep=keep) for keep in ("C", "h_rms")]
+    assert both[0] == both[1]
+    with pytest.raises(ValueError, match=r"^keep = 'C0': must be \"C\" or \"h_rms\"$"):
+        rf.roughness.cutoff(road, 1.0, keep="C0")
 
 
 def test_cutoff_of_something_else():

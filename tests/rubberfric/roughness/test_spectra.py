@@ -8,6 +8,7 @@ import pytest
 from support.scenes.examples import EXAMPLES
 
 import rubberfric as rf
+from rubberfric.roughness.spectra import Spectrum
 
 SPECTRA = [
     (100.0, 1000.0, 3.1e4, 0.8),
@@ -178,9 +179,10 @@ def test_what_spectra_answer():
     for one in (affine, table, stretched, directions):
         assert float(one.height_scale()) ** 2 == pytest.approx(float(one.power_law().height2))
     assert [float(rf.roughness.harmonics_left_out(one)) for one in (affine, table)] == [0, 0]
-    message = r"^spectrum is a TabulatedAnisotropic: must be SelfAffine, TabulatedSpectrum or Anisotropic$"
-    with pytest.raises(ValueError, match=message):
-        rf.with_cutoff(directions, 1e-6)
+    assert rf.rms_slope(rf.with_cutoff(directions, 0.01)) == pytest.approx(0.01, rel=1e-12)
+    kinds = "SelfAffine, TabulatedSpectrum, Anisotropic or TabulatedAnisotropic"
+    with pytest.raises(ValueError, match=rf"^spectrum is a TabulatedSpectrum: must be {kinds}$"):
+        Spectrum.cut(table, 1e-6)  # as of a kind that says nothing of it
     for function in (rf.rms_slope, rf.roughness.harmonics_left_out, rf.with_cutoff):
         with pytest.raises(ValueError, match=r"^spectrum is a Slab: must be SelfAffine, .* or Tabulated"):
             function(rf.Slab(1.0))

@@ -36,12 +36,15 @@ def examples(number=float, vector=np.array):
     road = rf.SelfAffine(
         q0=number(1e2), qr=number(1e3), q1=number(1e5), hurst=number(0.8), h_rms=number(1e-4)
     )
-    spectrum = rf.TabulatedSpectrum(q=vector([1e2, 1e3, 1e5]), C=vector([1e-9, 1e-12, 1e-19]))
+    spectrum = rf.TabulatedSpectrum(
+        q=vector([1e2, 1e3, 1e5]), C=vector([1e-9, 1e-12, 1e-19]), q0=number(2e2), q1=number(3e4)
+    )
     stretched = rf.Anisotropic(base=road, ratio=number(2.0), angle=number(0.3), harmonics=8)
     directions = rf.TabulatedAnisotropic(
         q=vector([1e2, 1e3, 1e5]),
         C=vector([[1e-9, 2e-9, 3e-9, 1e-9], [1e-12, 2e-12, 1e-12, 1e-12], [3e-19, 2e-19, 1e-19, 1e-19]]),
         angle=number(-0.2),
+        q1=number(3e4),
     )
     slab = rf.Slab(thickness=number(1e-3), base="frictionless")
     coating = rf.Coating(thickness=number(1e-3), base=elastic)

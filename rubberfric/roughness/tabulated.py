@@ -1,0 +1,144 @@
+"""Measured spectra: tables of C(q), and where within them the roughness begins and ends."""
+
+from typing import ClassVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+from rubberfric.base.blocks import recurring_length
+from rubberfric.base.checks import POSITIVE, check_increasing, check_lengths, is_concrete, shown
+from rubberfric.base.objects.fields import OptionalNumber, Vector, leaf
+from rubberfric.base.objects.physical import physical
+from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum, log_ratio
+
+
+@physical
+class TabulatedSpectrum(Spectrum):
+    """Power spectrum from a table: ln C linear in ln q between the entries, zero outside q0 ... q1.
+
+    A power law is reproduced exactly. Values and gradients are exact integrals of this
+    broken power law: every entry is a border of the radial quadrature.
+
+    Parameters
+    ----------
+    q : wavevectors, strictly increasing [1/m], shape (n,), n >= 2
+    C : power spectrum [m^4], > 0, shape (n,)
+    q0, q1 : first and last wavevector of the roughness [1/m], q[0] <= q0 < q1 <= q[-1]; None: the ends
+        of the table. Numbers like the others: another cut-off compiles nothing, and may be fitted.
+
+    Limits: traced, neither is checked; one beyond the table continues its first or last piece.
+    """
+
+    file_kind: ClassVar[str] = "tabulated"
+
+    q: Vector = leaf(POSITIVE, unit="1/m", column="q")
+    C: Vector = leaf(POSITIVE, unit="m^4", column="C")
+    q0: OptionalNumber = leaf(POSITIVE, unit="1/m", default=None)
+    q1: OptionalNumber = leaf(POSITIVE, unit="1/m", default=None)
+
+    def _check(self):
+        check_lengths("TabulatedSpectrum", q=self.q, C=self.C)
+        if self.q.shape[0] < 2:
+            raise ValueError(f"TabulatedSpectrum.q has {self.q.shape[0]} entries: must have at least 2")
+        check_increasing("TabulatedSpectrum.q", self.q)
+        check_ends("TabulatedSpectrum", self.q, self.q0, self.q1)
+
+    def power_law(self) -> BrokenPowerLaw:
+        """A piece between every two entries, those outside q0 ... q1 of no width at q1."""
+        return cut_law(tabulated_law(self.q, self.C), self.q0, self.q1)
+
+    def uncut_law(self) -> BrokenPowerLaw:
+        """From q0 to the end of the table."""
+        return cut_law(tabulated_law(self.q, self.C), self.q0, None)
+
+    def cut(self, q1: jax.Array) -> "TabulatedSpectrum":
+        """The same table with another q1."""
+        return self.replace(q1=within_table(self.q, q1))
+
+    def entries(self) -> jax.Array:
+        """C [m^4]."""
+        return self.C
+
+    def padded(self) -> "TabulatedSpectrum":
+        """With entries beyond q1."""
+        return self.replace(padded_table(self.q, self.C, self.q0, self.q1))
+
+
+def tabulated_law(q: jax.Array, C: jax.Array) -> BrokenPowerLaw:
+    """The broken power law through the entries of a table."""
+    log_C = jnp.log(C)
+    exponent = jnp.diff(log_C) / log_ratio(q[1:], q[:-1]) + 2
+    return BrokenPowerLaw(q, log_C + 2 * jnp.log(q), exponent, jnp.ones_like(q[0]))
+
+
+def cut_law(law: BrokenPowerLaw, q0: ArrayLike | None, q1: ArrayLike | None) -> BrokenPowerLaw:
+    """A law from q0 to q1 [1/m], of as many pieces; None: its own end.
+
+    The pieces that are left come first, with their own exponents; the others have no width, at q1, and
+    the exponent of the last. What lies at the beginning is thus one kink, as without a cut.
+    """
+    if q0 is None and q1 is None:
+        return law
+    law = jax.tree.map(jnp.asarray, law)  # NumPy's arrays take no traced index
+    first, last = (
+        jnp.asarray(end) if given is None else jnp.asarray(given)
+        for given, end in ((q0, law.q[0]), (q1, law.q[-1]))
+    )
+    inner, place = law.q[1:-1], np.arange(law.exponent.shape[0])
+    from_piece, to_piece = jnp.sum(inner <= first), jnp.sum(inner < last)
+    index = jnp.minimum(from_piece + place, to_piece)
+    kept = from_piece + place <= to_piece
+    left = jnp.where(place == 0, first, jnp.where(kept, law.q[index], last))
+    begin, exponent = law.q[index], law.exponent[index]
+    q = jnp.append(left, last)
+    # The last kink lies on the last piece as well.
+    whole = law.log_value[index] + exponent * log_ratio(left, begin)
+    end = law.log_value[to_piece] + law.exponent[to_piece] * log_ratio(last, law.q[to_piece])
+    return BrokenPowerLaw(q, jnp.append(whole, end), exponent, law.height2)
+
+
+def padded_table(
+    q: jax.Array, C: jax.Array, q0: jax.Array | None, q1: jax.Array | None
+) -> dict[str, np.ndarray | jax.Array]:
+    """A table of a length that recurs, and the ends of the one that it was made of."""
+    at, values = np.asarray(q), np.asarray(C)
+    added = recurring_length(at.size) - at.size
+    beyond = at[-1] * 2.0 ** np.arange(1, added + 1, dtype=at.dtype)
+    return {
+        "q": np.concatenate([at, beyond]),
+        "C": np.concatenate([values, np.repeat(values[-1:], added, 0)]),
+        "q0": at[0] if q0 is None else q0,
+        "q1": at[-1] if q1 is None else q1,
+    }
+
+
+def check_ends(owner: str, q: jax.Array, q0: ArrayLike | None, q1: ArrayLike | None) -> None:
+    """ValueError unless concrete q0 and q1 are None, or lie in their order within the table."""
+    if not is_concrete(q):
+        return
+    low, high = np.asarray(q)[[0, -1]]  # NumPy first: of an array known while tracing, q[0] is not
+    # In the precision of the table, whose ends they may be.
+    ends = {
+        name: np.asarray(value).astype(low.dtype)
+        for name, value in (("q0", q0), ("q1", q1))
+        if value is not None and is_concrete(value)
+    }
+    for name, value in ends.items():
+        if not low <= value <= high:
+            raise ValueError(
+                f"{owner}.{name} = {shown(value[()])}: must lie within the table,"
+                f" {shown(low)} ... {shown(high)} 1/m"
+            )
+    begin = low if q0 is None else ends.get("q0")
+    end = high if q1 is None else ends.get("q1")
+    if begin is not None and end is not None and not begin < end:
+        raise ValueError(
+            f"{owner}.q1 = {shown(np.asarray(end)[()])}: must be > q0 = {shown(np.asarray(begin)[()])}"
+        )
+
+
+def within_table(q: jax.Array, q1: jax.Array) -> jax.Array:
+    """q1, or the last wavevector of the table if it lies beyond, as one that has no such slope does."""
+    return jnp.where(q1 < q[-1], q1, q[-1])

@@ -1,0 +1,141 @@
+"""Cut-offs of measured spectra in fits: free, and following an rms slope."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from support.scenes.fits import FAST, JOB, ROAD, SHIFTED, E, write_job
+
+import fitting
+import rubberfric as rf
+from fitting import Bounded, Positive, RmsSlope, Tied
+from fitting.commands.job import read_job
+from fitting.parameters.variables import element_names, free_parameters, to_scene
+from fitting.solvers.problem import make_problem
+
+Q = np.geomspace(1e2, 1e6, 15)
+TABLE = rf.TabulatedSpectrum(Q, 1e-14 * np.minimum(1, (Q / 1e3) ** -3.6))
+SCENE = rf.Scene(rf.Body(rf.Rigid(), TABLE), rf.Body(SHIFTED))
+Q1, C = "lower.spectrum.q1", "lower.spectrum.C"
+CUT = SCENE.replace(Q1, 1e5)
+AFFINE = rf.Scene(ROAD, rf.Body(SHIFTED))
+V, P, T = np.logspace(-4, 0, 7), 2e5, 293.15
+
+
+def friction_of(scene):
+    mu = np.asarray(rf.friction(scene, V, P, T, quadrature=FAST))
+    return fitting.FrictionData(V, mu, pressure=P, temperature=T, relative=0.01)
+
+
+def test_a_free_cutoff_is_found_again():
+    """From twice the true one, together with a modulus."""
+    truth = CUT.replace(Q1, 1.234e5)
+    start = CUT.replace({Q1: 2.5e5, E + "[0]": 4e7})
+    free = {Q1: Bounded(1e3, 1e6), E + "[0]": Positive()}
+    result = fitting.fit(start, friction_of(truth), free, quadrature=FAST)
+    assert result.success and result.names == (Q1, E + "[0]")
+    np.testing.assert_allclose(result.values, [1.234e5, 5e7], rtol=1e-6)
+    assert result.scene.lower.spectrum.q1 == pytest.approx(1.234e5, rel=1e-6)
+    assert f"{Q1}:" in result.report()
+
+
+@pytest.mark.parametrize(
+    ("scene", "free"),
+    [
+        (CUT, {C + "[3:6]": Positive()}),
+        (AFFINE, {"lower.spectrum.hurst": Positive(), "lower.spectrum.h_rms": Positive()}),
+    ],
+    ids=["table", "self-affine"],
+)
+def test_a_cutoff_that_follows_a_slope(scene, free):
+    """The scene has the slope wherever the other numbers are; derivatives in both modes."""
+    variables, constants, x = free_parameters(scene, {Q1: RmsSlope(0.4), **free})
+    assert element_names(variables) == element_names(free_parameters(scene, free)[0])
+
+    def spectrum(x):
+        return to_scene(variables, constants, x).lower.spectrum
+
+    @jax.jit
+    def results(x):
+        def cut(x):
+            return jnp.log(spectrum(x).q1)
+
+        def slope(x):
+            return rf.rms_slope(spectrum(x))
+
+        return cut(x), slope(x), jax.jacfwd(cut)(x), jax.jacrev(cut)(x), jax.grad(slope)(x)
+
+    for move in (0.0, 0.1):
+        here = x + move
+        _, slope, forward, reverse, none = results(here)
+        assert slope == pytest.approx(0.4, rel=1e-12)
+        np.testing.assert_allclose(none, 0.0, atol=1e-12)
+        np.testing.assert_allclose(forward, reverse, rtol=1e-10)
+        h = 1e-4
+        for i, step in enumerate(h * np.eye(x.size)):
+            five = [results(here + k * step)[0] for k in (-2, -1, 1, 2)]
+            assert forward[i] == pytest.approx(np.dot([1, -8, 8, -1], five) / (12 * h), rel=1e-8, abs=1e-10)
+    names = element_names(free_parameters(scene, free)[0])
+    start = [float(getattr(scene.lower.spectrum, n.split(".")[-1], 0.0)) for n in names if "[" not in n]
+    found = [float(getattr(spectrum(x), n.split(".")[-1], 0.0)) for n in names if "[" not in n]
+    np.testing.assert_allclose(found, start, rtol=1e-14)  # the height stays
+
+
+def test_a_fit_with_a_slope(tmp_path):
+    """Moduli found with the cut-off where the slope is, and said so in the report."""
+    truth = rf.Scene(rf.Body(rf.Rigid(), rf.with_cutoff(TABLE, 0.5)), rf.Body(SHIFTED))
+    free = {E: Positive(start=[8e7, 5e6]), Q1: RmsSlope(0.5)}
+    result = fitting.fit(SCENE, friction_of(truth), free, quadrature=FAST)
+    np.testing.assert_allclose(result.values, SHIFTED.E, rtol=1e-6)
+    q1 = truth.lower.spectrum.q1
+    assert result.scene.lower.spectrum.q1 == pytest.approx(float(q1), rel=1e-12)
+    assert f"{Q1}: {float(q1):.6g} 1/m, where the rms slope is 0.5" in result.report()
+    result.save(tmp_path / "fit.h5")
+    loaded = fitting.FitResult.load(tmp_path / "fit.h5")
+    assert loaded.free == free and loaded.report() == result.report()
+
+
+def test_a_rule_gives_what_the_scene_leaves_out():
+    """The q1 of a table without one: by start, or by the slope; else it must be there."""
+    data = friction_of(CUT)
+    problem = make_problem(SCENE, [data], {Q1: Bounded(1e4, 1e6, start=1e5)})
+    assert problem.scene(problem.start).lower.spectrum.q1 == pytest.approx(1e5, rel=1e-14)
+    with pytest.raises(ValueError, match=r"the scene has no q1; it must be there at the start of a fit"):
+        make_problem(SCENE, [data], {Q1: Positive()})
+    with pytest.raises(ValueError, match=r"q1 = 20000000\.0: must lie within the table, 100\.0 \.\.\. "):
+        make_problem(SCENE, [data], {Q1: Bounded(1e4, 1e8, start=2e7)})
+
+
+@pytest.mark.parametrize(
+    ("free", "message"),
+    [
+        ({"lower.spectrum.q0": RmsSlope(1.0)}, "free['lower.spectrum.q0']: RmsSlope is for the q1 of a"),
+        (
+            {E + "[0]": RmsSlope(1.0)},
+            f"free['{E}[0]']: RmsSlope is for the q1 of a spectrum; must end in .q1",
+        ),
+        ({Q1: RmsSlope(99.0)}, f"free['{Q1}']: rms_slope = 99.0: must be at most"),
+        ({Q1: RmsSlope(1.0), "gamma": Tied(Q1)}, "must be a key of free that is not tied itself"),
+    ],
+)
+def test_refused(free, message):
+    scene = CUT.replace("lower.spectrum.q0", 100.0)
+    with pytest.raises(ValueError, match="must") as caught:
+        free_parameters(scene, {"upper.material.E_inf": Positive(), **free})
+    assert message in str(caught.value)
+    with pytest.raises(ValueError, match=r"one at least must be free itself"):
+        free_parameters(scene, {Q1: RmsSlope(0.2)})
+
+
+@pytest.mark.parametrize("slope", [0.0, -1.0, np.nan, "steep"])
+def test_a_slope_is_a_number(slope):
+    with pytest.raises(ValueError, match=r"^RmsSlope: slope = .*: must be a finite number > 0$"):
+        RmsSlope(slope)
+
+
+def test_in_a_job(tmp_path):
+    path = write_job(tmp_path)
+    path.write_text(
+        JOB.replace("[prior]", '"lower.spectrum.q1" = { rule = "rms_slope", slope = 1.1 }\n[prior]')
+    )
+    assert read_job(path).free[Q1] == RmsSlope(1.1)
