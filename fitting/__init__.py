@@ -1,7 +1,7 @@
 """fitting: inverse fits of rubber-friction scenes to measurements, and what the data can tell."""
 
-from fitting.characterise.prony import fit_prony
-from fitting.characterise.prony_result import PronyFit
+from fitting.characterise.prony.fit import fit_prony
+from fitting.characterise.prony.result import PronyFit
 from fitting.characterise.softening import softening_from_sweep
 from fitting.characterise.spectrum import fit_spectrum
 from fitting.characterise.spectrum_result import SpectrumFit

@@ -4,7 +4,7 @@ Which unknowns are exactly 0 is found, not approached, and that is what a Prony 
 """
 
 import numpy as np
-import scipy
+from scipy.optimize import nnls
 
 _STEPS = 50
 
@@ -19,7 +19,7 @@ def nonnegative(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     # Columns of one length: the tolerance of the search then means the same for all.
     length = np.linalg.norm(A, axis=0)
     length = np.where(length > 0, length, 1.0)
-    return scipy.optimize.nnls(A / length, b)[0] / length
+    return nnls(A / length, b)[0] / length
 
 
 def nonnegative_logarithmic(A: np.ndarray, b: np.ndarray, known: np.ndarray, error: np.ndarray) -> np.ndarray:
