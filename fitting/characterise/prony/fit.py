@@ -77,8 +77,7 @@ def fit_prony(
     instead, the loss at a term's peak, and the steps are those of Levenberg and Marquardt in ln E.
     """
     rf.Prony(1.0, [1.0], [1.0], poisson, shift)  # refuses what no material can have
-    known = smooth is None or smooth == "auto"
-    if not known and (isinstance(smooth, str) or not (is_number(smooth) and smooth > 0)):
+    if smooth != "auto" if isinstance(smooth, str) else smooth is not None and not _strength(smooth):
         raise ValueError(f"smooth = {shown(smooth)}: must be None, a number > 0, or 'auto'")
     weight = _weights(weights)
     omega = reduced(data, shift)
@@ -119,6 +118,10 @@ def fit_prony(
         solution=solution,
         count=series.measured.size,
     )
+
+
+def _strength(smooth):
+    return is_number(smooth) and smooth > 0
 
 
 def _weights(weights):
