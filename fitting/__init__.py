@@ -1,7 +1,9 @@
 """fitting: inverse fits of rubber-friction scenes to measurements, and what the data can tell."""
 
-from fitting.characterise.prony import fit_prony
-from fitting.characterise.prony_result import PronyFit
+from fitting.characterise.kramers_kronig.check import kramers_kronig
+from fitting.characterise.kramers_kronig.result import KramersKronig
+from fitting.characterise.prony.fit import fit_prony
+from fitting.characterise.prony.result import PronyFit
 from fitting.characterise.softening import softening_from_sweep
 from fitting.characterise.spectrum import fit_spectrum
 from fitting.characterise.spectrum_result import SpectrumFit
@@ -26,6 +28,7 @@ __all__ = [
     "Free",
     "FrictionData",
     "Gaussian",
+    "KramersKronig",
     "LogDensity",
     "Members",
     "ModulusData",
@@ -40,6 +43,7 @@ __all__ = [
     "fit",
     "fit_prony",
     "fit_spectrum",
+    "kramers_kronig",
     "log_density",
     "multi_start",
     "plot",

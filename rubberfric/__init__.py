@@ -85,6 +85,7 @@ _FITTING = (
     "Free",
     "FrictionData",
     "Gaussian",
+    "KramersKronig",
     "ModulusData",
     "Positive",
     "PronyFit",
@@ -95,6 +96,7 @@ _FITTING = (
     "fit",
     "fit_prony",
     "fit_spectrum",
+    "kramers_kronig",
     "sensitivity",
     "softening_from_sweep",
 )

@@ -34,7 +34,8 @@ def plot_correlation(result: Any, ax: style.Axes | None = None) -> style.Axes:
     ------
     ValueError : `result` is no fit, or `ax` is no axes.
     """
-    result = getattr(result, "fit", result)
+    if not hasattr(result, "correlation"):
+        result = getattr(result, "fit", result)
     if not (hasattr(result, "names") and hasattr(result, "correlation")):
         raise ValueError(f"result is a {type(result).__name__}: must be a FitResult, PronyFit or SpectrumFit")
     names, correlation = list(result.names), np.asarray(result.correlation)

@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from fitting.parameters.variables import VANISHED, slopes
+from fitting.parameters.variables import VANISHED, Variables, element_names, slopes
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import data_rows, objective, padded, residual_rows
 from fitting.uncertainty.directions import describe
@@ -80,8 +80,47 @@ def uncertainty(problem: Problem, x: np.ndarray) -> Uncertainty:
     plain, of_rows, jacobian = map(
         of.kept, _weighted(of.structure, of.numbers, of.targets, jnp.asarray(inside))
     )
-    jacobian = jacobian * stretch
-    count, names = data_rows(structure), problem.names
+    count = data_rows(problem.structure)
+    slope = slopes(problem.variables, numbers.constants, jnp.asarray(inside))
+    influence = None if structure.loss == "linear" else plain * of_rows
+    return from_jacobian(
+        problem.variables,
+        jacobian * stretch,
+        count,
+        slope=stretch * np.asarray(slope),
+        chisqr=float(np.sum(residual_rows(problem, x)[:count] ** 2)),
+        x=inside,
+        stretch=stretch,
+        withheld=withheld,
+        influence=influence,
+    )
+
+
+def from_jacobian(
+    variables: Variables,
+    jacobian: np.ndarray,
+    count: int,
+    *,
+    slope: np.ndarray,
+    chisqr: float,
+    x: np.ndarray,
+    stretch: np.ndarray | None = None,
+    withheld: dict[str, str] | None = None,
+    influence: np.ndarray | None = None,
+) -> Uncertainty:
+    """Uncertainty from the Jacobian of a solution, without any compilation.
+
+    Parameters
+    ----------
+    variables : which numbers are free
+    jacobian : of the rows in units of their errors, priors last, by x / stretch, shape (rows, size)
+    count : how many of the rows are data
+    slope : d value / d (x / stretch), shape (size,)
+    chisqr, x, stretch : as in `Uncertainty`; stretch None: 1
+    withheld : name -> why it has no error bar, of those that stand at a bound
+    influence : residuals times the slope of a robust loss, shape (rows,); None: squares
+    """
+    names, withheld = element_names(variables), dict(withheld or {})
     # All of V is needed, also where there are fewer rows than columns; all of U never.
     U, s, Vt = np.linalg.svd(jacobian, full_matrices=jacobian.shape[0] < jacobian.shape[1])
     V = Vt.T
@@ -92,21 +131,20 @@ def uncertainty(problem: Problem, x: np.ndarray) -> Uncertainty:
     deviations = np.where(seen, 1 / np.where(seen, s, 1.0), np.inf)
 
     determined = float(np.sum(U[:count, : s.size][:, seen[: U.shape[1]]] ** 2))
-    spread, along = _spread(structure, jacobian, plain * of_rows, V, deviations, determined)
+    spread, along = _spread(jacobian, count, influence, V, deviations, determined)
     deviation = np.sqrt(np.diag(spread))
     far = along > KNOWN
     # Of a sandwich the directions are no principal axes: all may be short, and a parameter not.
     if np.any(deviation > KNOWN) and not far.any():
         far[np.argmax(along)] = True
     unidentified = tuple(
-        Direction(V[:, k], float(deviations[k]), describe(structure.variables, V[:, k], deviations[k]))
+        Direction(V[:, k], float(deviations[k]), describe(variables, V[:, k], deviations[k]))
         for k in np.flatnonzero(far)
     )
     for i in np.flatnonzero(deviation > KNOWN):
         which = int(np.argmax([abs(d.loadings[i]) * min(d.deviation, OPEN) for d in unidentified]))
         withheld.setdefault(names[i], f"not identified, see direction {which + 1}")
     hidden = np.array([name in withheld for name in names])
-    slope = stretch * np.asarray(slopes(structure.variables, numbers.constants, jnp.asarray(inside)))
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = spread / np.outer(deviation, deviation)
     covariance = spread * np.outer(slope, slope)
@@ -123,21 +161,20 @@ def uncertainty(problem: Problem, x: np.ndarray) -> Uncertainty:
         directions=V,
         deviations=deviations,
         spread=spread,
-        x=inside,
-        stretch=stretch,
+        x=x,
+        stretch=np.ones(len(names)) if stretch is None else stretch,
         parameters=determined,
-        chisqr=float(np.sum(residual_rows(problem, x)[:count] ** 2)),
+        chisqr=chisqr,
     )
 
 
-def _spread(structure, jacobian, rows, V, deviations, parameters):
+def _spread(jacobian, count, rows, V, deviations, parameters):
     """Covariance of x, no direction longer than OPEN, and the deviations along the directions."""
     length = np.minimum(deviations, OPEN)
-    if structure.loss == "linear":
+    if rows is None:
         return (V * length**2) @ V.T, deviations
     # The product of both factors is the slope of the loss; the Jacobian has the second in it.
     influence = jacobian.copy()
-    count = data_rows(structure)
     influence[:count] *= rows[:count, None]
     # Residuals of a fit are smaller than errors, by as many as it has parameters.
     influence[:count] *= np.sqrt(count / max(count - parameters, 1.0))

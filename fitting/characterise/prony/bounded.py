@@ -4,7 +4,7 @@ Which unknowns are exactly 0 is found, not approached, and that is what a Prony 
 """
 
 import numpy as np
-import scipy
+from scipy.optimize import nnls
 
 _STEPS = 50
 
@@ -19,10 +19,16 @@ def nonnegative(A: np.ndarray, b: np.ndarray) -> np.ndarray:
     # Columns of one length: the tolerance of the search then means the same for all.
     length = np.linalg.norm(A, axis=0)
     length = np.where(length > 0, length, 1.0)
-    return scipy.optimize.nnls(A / length, b)[0] / length
+    return nnls(A / length, b)[0] / length
 
 
-def nonnegative_logarithmic(A: np.ndarray, b: np.ndarray, known: np.ndarray, error: np.ndarray) -> np.ndarray:
+def nonnegative_logarithmic(
+    A: np.ndarray,
+    b: np.ndarray,
+    known: np.ndarray,
+    error: np.ndarray,
+    ignored: np.ndarray | None = None,
+) -> np.ndarray:
     r"""The x >= 0 that brings ln(A x + known) closest to ln b, in units of `error`; zeros are exact.
 
     .. math:: \min_{x \ge 0} \sum_k \left(\frac{\ln (A x + known)_k / b_k}{error_k}\right)^2
@@ -32,22 +38,29 @@ def nonnegative_logarithmic(A: np.ndarray, b: np.ndarray, known: np.ndarray, err
     A : shape (rows, unknowns), >= 0
     b, error : shape (rows,), > 0
     known : shape (rows,), >= 0
+    ignored : independent directions of the logarithms, columns, along which differences cost nothing,
+        shape (rows, directions), or None
 
     Returns
     -------
     array, shape (unknowns,)
     """
+    basis = None if ignored is None else np.linalg.qr(ignored / error[:, None])[0]
+
+    def counted(rows):
+        return rows if basis is None else rows - basis @ (basis.T @ rows)
 
     def cost(x):
         model = A @ x + known
-        return np.sum((np.log(model / b) / error) ** 2) if (model > 0).all() else np.inf
+        return np.sum(counted(np.log(model / b) / error) ** 2) if (model > 0).all() else np.inf
 
     # Gauss-Newton: the logarithm is linear in a small relative change of the model, so that
     # every step is a bounded problem of its own. The first is about the data themselves.
     model, x, found, lowest = b, np.zeros(A.shape[1]), np.zeros(A.shape[1]), np.inf
     for _ in range(_STEPS):
         scale = 1 / (model * error)
-        found = nonnegative(A * scale[:, None], (model - known) * scale - np.log(model / b) / error)
+        aim = (model - known) * scale - np.log(model / b) / error
+        found = nonnegative(counted(A * scale[:, None]), counted(aim))
         # From nothing only the full step makes sense; later ones are shortened as needed.
         parts = 0.5 ** np.arange(20 if np.isfinite(lowest) else 1)
         tried = [x + part * (found - x) for part in parts]

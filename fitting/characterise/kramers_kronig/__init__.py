@@ -1,0 +1,1 @@
+"""Whether measured E' and E'' can be of one material."""

@@ -1,0 +1,1 @@
+"""Prony series from a measured modulus."""
