@@ -292,8 +292,11 @@ def test_no_last_iterate_reaches_a_fit(monkeypatch):
     problem = make_problem(
         heated, [data], {"heating.conductivity": fitting.Positive()}, None, "linear", None, None
     )
-    left = rf.Solution(friction=jnp.ones(3), converged=jnp.array([True, False, True]))
-    monkeypatch.setattr(rf, "solve", lambda *_, **__: left)
+
+    def left(_, velocity, *__, **___):
+        return rf.Solution(friction=jnp.ones_like(velocity), converged=jnp.asarray(velocity) != v[1])
+
+    monkeypatch.setattr(rf, "solve", left)
     assert np.isnan(residual_rows(problem, problem.start)).tolist() == [False, True, False]
     assert "not finite at the start at 1 of 3 values, first at velocity = 1 m/s" in _not_finite(
         problem, [data]

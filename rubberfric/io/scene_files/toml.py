@@ -11,7 +11,7 @@
     [lower.spectrum]
     kind = "self_affine"                # q0, qr, q1 [1/m], hurst, and h_rms [m] or C0 [m^4]
     ...                                 # or "tabulated": file (q, C), normalisation, see
-                                        # `rubberfric.roughness.normalisation`;
+                                        # `rubberfric.roughness.normalisation`; q0, q1 within the table;
                                         # a spectrum along a line (q, C_1D) needs hurst;
                                         # or "anisotropic": ratio, angle [rad], harmonics, and
                                         # base = { kind = "self_affine", ... }; or
