@@ -82,7 +82,7 @@ def fit_prony(
     rf.Prony(1.0, [1.0], [1.0], poisson, shift)  # refuses what no material can have
     if smooth is not None and not (is_number(smooth) and smooth > 0):
         raise ValueError(f"smooth = {shown(smooth)}: must be None or a number > 0")
-    omega = _reduced(data, shift)
+    omega, vertical = _reduced(data, shift)
     tau = _grid(omega, per_decade) if tau is None else _given(data, tau, omega)
     fixed = _fixed(E_inf)
     unknowns = tau.size + (fixed is None)
@@ -94,9 +94,9 @@ def fit_prony(
         )
     _check_gaps(data, omega, smooth)
     if smooth is None:
-        E, relaxed = _bounded(data, omega, tau, fixed)
+        E, relaxed = _bounded(data, omega, vertical, tau, fixed)
     else:
-        E, relaxed = _peaks(data, omega, tau, fixed)
+        E, relaxed = _peaks(data, omega, vertical, tau, fixed)
     kept = E > 0
     body = data.body or "lower"
     material = rf.Prony(relaxed, E[kept], tau[kept], poisson, shift)
@@ -110,6 +110,7 @@ def fit_prony(
     material = getattr(result.scene, body).material
     model = _columns(omega, tau[kept]) @ np.asarray(material.E)
     model[: omega.size] += float(material.E_inf)
+    model *= np.tile(vertical, 2)
     measured = np.where(data.measured > 0, data.measured, np.nan)
     ratio = (model / measured).reshape(2, -1)
     dropped = np.append(tau[~kept], np.inf if fixed is None and relaxed == 0 else [])
@@ -117,18 +118,20 @@ def fit_prony(
 
 
 def _reduced(data, shift):
-    """Frequencies at the reference temperature [rad/s]."""
+    """Frequencies at the reference temperature [rad/s], and b_T of every point."""
     if not isinstance(data, ModulusData):
         raise ValueError(f"data is a {type(data).__name__}: must be ModulusData, such as fitting.read gives")
     if data.temperature is None:
-        return data.omega
+        return data.omega, np.ones(data.omega.size)
     if shift is None:
         raise ValueError(
             f"data {data.label!r}: have a temperature, but no shift is given: must be WLF, Arrhenius or"
             " TabulatedShift, or the data a master curve, without temperature"
         )
     shift.check_temperature(data.temperature)
-    return data.omega * np.exp(np.asarray(shift.log_factor(data.temperature), float))
+    T = np.broadcast_to(data.temperature, data.omega.shape)
+    vertical = np.asarray(rf.complex_modulus(rf.Prony(1.0, [1.0], [1.0], shift=shift), 0.0, T).real, float)
+    return data.omega * np.exp(np.asarray(shift.log_factor(data.temperature), float)), vertical
 
 
 def _grid(omega, per_decade):
@@ -184,10 +187,10 @@ def _columns(omega, tau):
     return np.concatenate([a**2 / (1 + a**2), a / (1 + a**2)])
 
 
-def _bounded(data, omega, tau, fixed):
+def _bounded(data, omega, vertical, tau, fixed):
     """(E, E_inf) at the minimum over E >= 0, zeros exact."""
-    A = _columns(omega, tau)
-    relaxed = np.repeat([1.0, 0.0], omega.size)  # the column of E_inf
+    A = np.tile(vertical, 2)[:, None] * _columns(omega, tau)
+    relaxed = np.repeat([1.0, 0.0], omega.size) * np.tile(vertical, 2)  # the column of E_inf
     known = np.zeros(len(data)) if fixed is None else fixed * relaxed
     if fixed is None:
         A = np.column_stack([A, relaxed])
@@ -203,12 +206,12 @@ def _bounded(data, omega, tau, fixed):
     return x[: tau.size], float(x[-1]) if fixed is None else fixed
 
 
-def _peaks(data, omega, tau, fixed):
+def _peaks(data, omega, vertical, tau, fixed):
     """(E, E_inf), all > 0: the loss at the peak of every term, and half the lowest storage."""
     order, at = np.argsort(omega), np.argsort(tau)
     floor = 1e-6 * np.abs(data.storage).max()
-    loss = np.log(np.maximum(data.loss, floor)[order])
+    loss = np.log((np.maximum(data.loss, floor) / vertical)[order])
     width = np.gradient(np.log(tau[at])) if tau.size > 1 else np.ones(1)
     E = np.empty(tau.size)
     E[at] = 2 / np.pi * np.exp(np.interp(-np.log(tau[at]), np.log(omega[order]), loss)) * width
-    return E, 0.5 * max(data.storage.min(), floor) if fixed is None else fixed
+    return E, 0.5 * max((data.storage / vertical).min(), floor) if fixed is None else fixed

@@ -16,7 +16,7 @@ from rubberfric.scene.heating import diffusion
 from rubberfric.theory import model
 from rubberfric.theory.integrals import prepare
 from rubberfric.theory.temperatures.branch import arrive, begin_at, path
-from rubberfric.theory.temperatures.heat_balance import heat_balance, strained_temperatures
+from rubberfric.theory.temperatures.heat_balance import heat_balance, inner_temperatures
 
 # --- A cubic with known folds
 
@@ -285,8 +285,8 @@ def test_energy_is_what_friction_set_free():
         kernel = diffusion(mesh.q.reshape(-1), q, (q[0], mesh.last), 600)
         rises = jnp.linspace(2.0, 20.0, ready.thermal.diffusion.wavevector.size) * jnp.ones((3, 1))
         caused = heat_balance(ready.thermal, ready.roughness, kernel, points)(rises)[:, 0]
-        strained, _ = strained_temperatures(ready.thermal, mesh, rises, points[2])
-        terms = ready.roughness.contact(*points[:2], strained).friction_terms()
+        inside, _ = inner_temperatures(ready.thermal, mesh, rises, points[2])
+        terms = ready.roughness.contact(*points[:2], inside).friction_terms()
         return caused / (2 * q), sum(jnp.sum(x, (0, 2)) for x in terms.values())
 
     depth, mu = both(scene)
