@@ -28,7 +28,7 @@ from rubberfric.scene.pairs import Pair, PairTemperatures, pairs_of
 from rubberfric.scene.scene import Scene, result_dtype, rough_surfaces
 from rubberfric.theory.contributions import total
 from rubberfric.theory.integrals import Prepared, prepare, solved
-from rubberfric.theory.model import checked
+from rubberfric.theory.model import checked, warn_of_last_iterates
 from rubberfric.theory.partial_contact import (
     contact_argument,
     contact_fraction,
@@ -99,6 +99,10 @@ def profile(
     ------
     ValueError : as `contact_area`; concrete q <= 0; q None although nothing in the scene is rough.
 
+    Warns
+    -----
+    RuntimeWarning : as `solve`, where the temperatures of a heated scene are not a solution.
+
     Notes
     -----
     Good to the quadrature's error at every q. With a TabulatedModulus, whose knots are kinks over q,
@@ -109,7 +113,9 @@ def profile(
     """
     scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
     q = checked_wavevectors(q, 1, conditions, scene)
-    return _profile(scene, *conditions, q, quadrature=quadrature)
+    found, converged = _profile(scene, *conditions, q, quadrature=quadrature)
+    warn_of_last_iterates(converged, conditions)
+    return found
 
 
 def checked_wavevectors(
@@ -129,7 +135,7 @@ def checked_wavevectors(
 def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
     pairs = pairs_of(scene)
     if not pairs:
-        return _without_roughness(q, jnp.broadcast_shapes(velocity.shape, pressure.shape))
+        return _without_roughness(q, jnp.broadcast_shapes(velocity.shape, pressure.shape)), None
     laws = [pair.law for pair in pairs]
     first = functools.reduce(jnp.minimum, [law.q[0] for law in laws])
     if q is None:
@@ -141,11 +147,12 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
         densities = [density_of(pair, scale, "dissipation", q, quadrature) for pair in pairs]
     block = functools.partial(_over_wavevectors, prepared, densities, q)
     results = over_points(block, (velocity, pressure, temperature), BLOCK)
+    converged = results.pop("converged", None)
     slope2, height2 = (
         sum(cumulative_moment(law, order, log_ratio(jnp.maximum(q, law.q[0]), law.q[0])) for law in laws)
         for order in (2, 0)
     )
-    return Profile(
+    found = Profile(
         q=q,
         magnification=q / first,
         rms_slope=_root(slope2),
@@ -153,6 +160,7 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
         strain=None if scene.softening is None else scene.softening.factor * _root(slope2),
         **results,
     )
+    return found, converged
 
 
 def default_wavevectors(laws: Sequence[BrokenPowerLaw], count: int = COUNT) -> jax.Array:
@@ -200,7 +208,7 @@ def _over_wavevectors(prepared, densities, q, points):
             PairTemperatures(*(background if solid is None else found[:, solid] for solid in pair))
             for pair in temperatures.thermal.solids
         ]
-        results["temperature"] = jnp.mean(found, 1)
+        results |= {"temperature": jnp.mean(found, 1), "converged": temperatures.converged}
     if not prepared.needs.dissipation:
         return results | dict.fromkeys(("friction_density", "friction"), jnp.zeros_like(G))
     terms = total(jnp.sum(values, -1) for values in contact.friction_terms().values())

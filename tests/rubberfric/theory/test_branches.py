@@ -15,6 +15,7 @@ import rubberfric as rf
 from rubberfric.scene.heating import diffusion
 from rubberfric.theory import model
 from rubberfric.theory.integrals import prepare
+from rubberfric.theory.temperatures import solution
 from rubberfric.theory.temperatures.branch import arrive, begin_at, path
 from rubberfric.theory.temperatures.heat_balance import heat_balance, inner_temperatures
 
@@ -323,3 +324,27 @@ def test_what_did_not_converge_is_named(monkeypatch, recwarn):
     monkeypatch.setattr(model, "_solve", lambda *_, **__: values._replace(converged=jnp.ones(5, bool)))
     rf.friction(dataclasses.replace(scene), v, PRESSURE, COLD)
     assert not recwarn.list
+
+
+@pytest.mark.parametrize("name", ["profile", "dissipated_power", "contact_stiffness", "stress_distribution"])
+def test_what_did_not_converge_is_named_by_the_analysis(name, monkeypatch, recwarn):
+    """As if the second of three points had not converged."""
+    scene, v = folded(), np.array([1e-9, 0.1, 1e-9])
+    further = {"profile": {"q": [1e3]}, "stress_distribution": {"stress": 3e5}}.get(name, {})
+    small = rf.Quadrature(order=4, panels=2, graded=1, angular_order=4, heat=48)
+    at = {"velocity": v, "pressure": PRESSURE, "temperature": COLD, "quadrature": small}
+    monkeypatch.setattr(solution, "_solution", _second_is_left(solution._solution))
+    message = r"^the temperatures did not converge at 1 of 3 points, at v = 0.1 m/s"
+    with pytest.warns(RuntimeWarning, match=message):
+        getattr(rf.analysis, name)(scene, **further, **at)
+    recwarn.clear()
+    jax.eval_shape(lambda v: getattr(rf.analysis, name)(scene, **further, **(at | {"velocity": v})), v)
+    assert not recwarn.list
+
+
+def _second_is_left(solve):
+    def left(*arguments):
+        found = solve(*arguments)
+        return found._replace(converged=found.converged & (np.arange(3) != 1))
+
+    return left
