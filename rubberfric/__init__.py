@@ -13,12 +13,14 @@ from rubberfric.materials import (
     Arrhenius,
     Coating,
     Elastic,
+    Entropic,
     Prony,
     PronyShear,
     Rigid,
     Slab,
     TabulatedModulus,
     TabulatedShift,
+    TabulatedVertical,
     complex_modulus,
 )
 from rubberfric.roughness import (
@@ -30,7 +32,7 @@ from rubberfric.roughness import (
     rms_slope,
     with_cutoff,
 )
-from rubberfric.scene import Body, ContactShear, Heating, Scene, Softening
+from rubberfric.scene import Body, ContactShear, Heating, Scene, Softening, ThermalProperties
 from rubberfric.theory import Solution, contact_area, friction, quantities_of, separation, solve
 
 __all__ = [
@@ -41,6 +43,7 @@ __all__ = [
     "Coating",
     "ContactShear",
     "Elastic",
+    "Entropic",
     "FrictionMap",
     "Heating",
     "Prony",
@@ -56,6 +59,8 @@ __all__ = [
     "TabulatedModulus",
     "TabulatedShift",
     "TabulatedSpectrum",
+    "TabulatedVertical",
+    "ThermalProperties",
     "analysis",
     "complex_modulus",
     "contact_area",

@@ -24,11 +24,11 @@ from rubberfric.base.checks import POSITIVE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import cumulative_moment
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio, log_shape
-from rubberfric.scene.pairs import Pair, pairs_of
+from rubberfric.scene.pairs import Pair, PairTemperatures, pairs_of
 from rubberfric.scene.scene import Scene, result_dtype, rough_surfaces
 from rubberfric.theory.contributions import total
 from rubberfric.theory.integrals import Prepared, prepare, solved
-from rubberfric.theory.model import checked
+from rubberfric.theory.model import checked, warn_of_last_iterates
 from rubberfric.theory.partial_contact import (
     contact_argument,
     contact_fraction,
@@ -99,6 +99,10 @@ def profile(
     ------
     ValueError : as `contact_area`; concrete q <= 0; q None although nothing in the scene is rough.
 
+    Warns
+    -----
+    RuntimeWarning : as `solve`, where the temperatures of a heated scene are not a solution.
+
     Notes
     -----
     Good to the quadrature's error at every q. With a TabulatedModulus, whose knots are kinks over q,
@@ -109,7 +113,9 @@ def profile(
     """
     scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
     q = checked_wavevectors(q, 1, conditions, scene)
-    return _profile(scene, *conditions, q, quadrature=quadrature)
+    found, converged = _profile(scene, *conditions, q, quadrature=quadrature)
+    warn_of_last_iterates(converged, conditions)
+    return found
 
 
 def checked_wavevectors(
@@ -129,7 +135,7 @@ def checked_wavevectors(
 def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
     pairs = pairs_of(scene)
     if not pairs:
-        return _without_roughness(q, jnp.broadcast_shapes(velocity.shape, pressure.shape))
+        return _without_roughness(q, jnp.broadcast_shapes(velocity.shape, pressure.shape)), None
     laws = [pair.law for pair in pairs]
     first = functools.reduce(jnp.minimum, [law.q[0] for law in laws])
     if q is None:
@@ -141,11 +147,12 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
         densities = [density_of(pair, scale, "dissipation", q, quadrature) for pair in pairs]
     block = functools.partial(_over_wavevectors, prepared, densities, q)
     results = over_points(block, (velocity, pressure, temperature), BLOCK)
+    converged = results.pop("converged", None)
     slope2, height2 = (
         sum(cumulative_moment(law, order, log_ratio(jnp.maximum(q, law.q[0]), law.q[0])) for law in laws)
         for order in (2, 0)
     )
-    return Profile(
+    found = Profile(
         q=q,
         magnification=q / first,
         rms_slope=_root(slope2),
@@ -153,6 +160,7 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
         strain=None if scene.softening is None else scene.softening.factor * _root(slope2),
         **results,
     )
+    return found, converged
 
 
 def default_wavevectors(laws: Sequence[BrokenPowerLaw], count: int = COUNT) -> jax.Array:
@@ -192,15 +200,19 @@ def _over_wavevectors(prepared, densities, q, points):
     x, G = contact_at_borders(prepared, contact, q.shape[0])
     P = contact_fraction(x)
     results = {"area": P, "fluctuation": G, "energy_factor": energy_factor(P, contact.gamma)}
-    strained = [points[2] if len(points) > 2 else None] * len(densities)
+    background = points[2] if len(points) > 2 else None
+    inside = [PairTemperatures(background, background)] * len(densities)
     if temperatures is not None:
         found = temperature_at(prepared.roughness, contact, temperatures, points, q)
-        strained = [None if solid is None else found[:, solid] for solid in temperatures.thermal.strained]
-        results["temperature"] = jnp.mean(found, 1)
+        inside = [
+            PairTemperatures(*(background if solid is None else found[:, solid] for solid in pair))
+            for pair in temperatures.thermal.solids
+        ]
+        results |= {"temperature": jnp.mean(found, 1), "converged": temperatures.converged}
     if not prepared.needs.dissipation:
         return results | dict.fromkeys(("friction_density", "friction"), jnp.zeros_like(G))
     terms = total(jnp.sum(values, -1) for values in contact.friction_terms().values())
-    density = sum(one(points[0], T) for one, T in zip(densities, strained, strict=True))
+    density = sum(one(points[0], T) for one, T in zip(densities, inside, strict=True))
     weight = (jnp.pi * contact.stiffness)[:, None] * friction_weight(x, contact.gamma)
     return results | {
         "friction_density": weight * density,
@@ -210,11 +222,11 @@ def _over_wavevectors(prepared, densities, q, points):
 
 def density_of(
     pair: Pair, scale: jax.Array, kind: str, q: jax.Array, quadrature: Quadrature
-) -> Callable[[jax.Array, jax.Array | None], jax.Array | float]:
+) -> Callable[[jax.Array, PairTemperatures], jax.Array | float]:
     """Function that gives q^4 C <cos phi Im K'> ("dissipation") or q^4 C <|K'|^2> ("power") of a pair.
 
     K' is the series stiffness in its unit, the scale, all factors included. The function takes the velocity
-    and the temperature of the strained solid: None, (points,) or (points, wavevectors), and returns an
+    and the temperatures of both solids: None, (points,) or (points, wavevectors), and returns an
     array (points, wavevectors); of a dissipation that is zero 0.0.
     """
     law = pair.law
@@ -222,16 +234,15 @@ def density_of(
     # Outside, at a wavevector of the spectrum: continued far, it may overflow.
     at = jnp.where(inside, q, law.q[0])
     roughness = jnp.where(inside, law.height2 * jnp.exp(log_shape(law, at) + 4 * jnp.log(at)), 0.0)
-    if not pair.relaxes:
+    if pair.static or (not pair.relaxes and kind == "dissipation"):
         power = (roughness * static_stiffness(pair, scale, q) ** 2)[None] if kind == "power" else 0.0
         return lambda *_: power
     excited = excitation(pair, scale, q[None], Needs(**{kind: True}), quadrature.angle)
     weights = factors_at(pair, q).of(kind, roughness)
 
-    def density(velocity, temperature):
-        if temperature is not None and temperature.ndim > 1:
-            temperature = temperature[None]
-        means = excited.means(q[None], velocity, temperature)
+    def density(velocity, temperatures):
+        at = jax.tree.map(lambda T: T[None] if T.ndim > 1 else T, temperatures)
+        means = excited.means(q[None], velocity, at)
         return sum(w * mean[0] for w, mean in zip(weights, means[kind], strict=True))
 
     return density

@@ -19,7 +19,7 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.scene import Scene, rough_surfaces
 from rubberfric.theory.integrals import prepare, solved
-from rubberfric.theory.model import checked
+from rubberfric.theory.model import checked, warn_of_last_iterates
 from rubberfric.theory.partial_contact import TWO_OVER_ROOT_PI, contact_fraction
 
 _DEFAULT = Quadrature()
@@ -61,6 +61,10 @@ def stress_distribution(
     ------
     ValueError : as `contact_area`; a stress that is not finite; concrete q <= 0.
 
+    Warns
+    -----
+    RuntimeWarning : as `solve`, where the temperatures of a heated scene are not a solution.
+
     Limits: full relative accuracy for s -> 0 (no difference of the two terms is formed) and for huge
     G. Without roughness it is Dirac's delta at sigma_0: a width below 1e-30 of sigma_0 (single
     precision: 1e-15) counts as that. With `scene.area_correction` G has S inside.
@@ -70,24 +74,31 @@ def stress_distribution(
     stress = as_leaf("stress", stress, np.ndim(stress))
     check_values("stress", stress, FINITE)
     stress = jnp.asarray(stress, conditions[1].dtype)
-    return _stress_distribution(scene, stress, *conditions, q, quadrature=quadrature)
+    density, converged = _stress_distribution(scene, stress, *conditions, q, quadrature=quadrature)
+    warn_of_last_iterates(converged, conditions)
+    return density
 
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
 def _stress_distribution(scene, stress, velocity, pressure, temperature, q, *, quadrature):
     pairs = pairs_of(scene)
     if not pairs:
-        return _stress_density(stress, pressure, jnp.zeros_like(pressure + velocity))
+        return _stress_density(stress, pressure, jnp.zeros_like(pressure + velocity)), None
     if q is None:
         q = functools.reduce(jnp.maximum, [pair.law.q[-1] for pair in pairs])
     prepared = prepare(scene, ("area",), quadrature, pairs=pairs, borders=q[None])
 
     def fluctuation(points):
-        contact, _ = solved(prepared, *points)
-        return contact_at_borders(prepared, contact, 1)[1][:, 0]
+        contact, temperatures = solved(prepared, *points)
+        return contact_at_borders(prepared, contact, 1)[1][:, 0], _converged(temperatures)
 
-    G = over_points(fluctuation, (velocity, pressure, temperature), BLOCK)
-    return _stress_density(stress, pressure, G)
+    G, converged = over_points(fluctuation, (velocity, pressure, temperature), BLOCK)
+    return _stress_density(stress, pressure, G), converged
+
+
+def _converged(temperatures):
+    """Whether temperatures are a solution; None without heating."""
+    return None if temperatures is None else temperatures.converged
 
 
 def _stress_density(stress, pressure, G):
@@ -137,29 +148,37 @@ def contact_stiffness(
     ------
     ValueError : as `contact_area`.
 
+    Warns
+    -----
+    RuntimeWarning : as `solve`, where the temperatures of a heated scene are not a solution.
+
     Notes
     -----
     Uses the plain G like `separation`, whatever `scene.area_correction` says. In a heated scene
     temperatures stay as they are.
     """
     scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
-    return _contact_stiffness(scene, *conditions, quadrature=quadrature)
+    found, converged = _contact_stiffness(scene, *conditions, quadrature=quadrature)
+    warn_of_last_iterates(converged, conditions)
+    return found
 
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
 def _contact_stiffness(scene, velocity, pressure, temperature, *, quadrature):
     if not rough_surfaces(scene):
-        return jnp.full(jnp.broadcast_shapes(velocity.shape, pressure.shape), jnp.inf, pressure.dtype)
+        shape = jnp.broadcast_shapes(velocity.shape, pressure.shape)
+        return jnp.full(shape, jnp.inf, pressure.dtype), None
     prepared = prepare(scene, ("separation",), quadrature)
 
     def stiffness(points):
-        contact, _ = solved(prepared, *points)
+        contact, temperatures = solved(prepared, *points)
         x, pressure = contact.x, points[1]
         storage = sum(terms.densities["storage"] for terms in contact.terms)
         compliance = jnp.sum(x * _load_slope(x, scene.gamma) * storage, (0, 2))
         compliance = jnp.pi / 2 * contact.stiffness * compliance
         soft = compliance > 0
-        return jnp.where(soft, pressure / jnp.where(soft, compliance, 1.0), jnp.inf)
+        found = jnp.where(soft, pressure / jnp.where(soft, compliance, 1.0), jnp.inf)
+        return found, _converged(temperatures)
 
     return over_points(stiffness, (velocity, pressure, temperature), BLOCK)
 

@@ -18,7 +18,7 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import shear_friction
 from rubberfric.theory.integrals import prepare, solved
-from rubberfric.theory.model import checked
+from rubberfric.theory.model import checked, warn_of_last_iterates
 
 BLOCK = 128  # points evaluated at once
 _DEFAULT = Quadrature()
@@ -63,6 +63,10 @@ def dissipated_power(
     ------
     ValueError : as `contact_area`.
 
+    Warns
+    -----
+    RuntimeWarning : as `solve`, where the temperatures of a heated scene are not a solution.
+
     Notes
     -----
     Roughness of one solid strains the other periodically, and its own only statically: a solid that
@@ -70,7 +74,9 @@ def dissipated_power(
     relax or faces a smooth one.
     """
     scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
-    return _dissipated_power(scene, *conditions, quadrature=quadrature)
+    power, converged = _dissipated_power(scene, *conditions, quadrature=quadrature)
+    warn_of_last_iterates(converged, conditions)
+    return power
 
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
@@ -87,6 +93,7 @@ def _dissipated_power(scene, velocity, pressure, temperature, *, quadrature):
             area = contact.area()
             if temperatures is not None:
                 temperature = temperatures.surface
+                results["converged"] = temperatures.converged
             for j, terms in contact.friction_terms().items():
                 results[prepared.roughness.strained[j]] = jnp.sum(terms, (0, 2)) * pressure * velocity
         if scene.shear is not None:
@@ -95,4 +102,6 @@ def _dissipated_power(scene, velocity, pressure, temperature, *, quadrature):
         return results
 
     parts = over_points(powers, (velocity, pressure, temperature), BLOCK)
-    return DissipatedPower(**parts, total=parts["lower"] + parts["upper"] + parts["shear"])
+    converged = parts.pop("converged", None)
+    total = parts["lower"] + parts["upper"] + parts["shear"]
+    return DissipatedPower(**parts, total=total), converged

@@ -19,7 +19,7 @@ from rubberfric.analysis.by_wavevector import (
 from rubberfric.base.blocks import over_points
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.spectra import log_shape
-from rubberfric.scene.pairs import pairs_of
+from rubberfric.scene.pairs import PairTemperatures, pairs_of
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.integrals import evaluate, prepare, solved
 from rubberfric.theory.model import checked
@@ -115,7 +115,8 @@ def _separations(scene, prepared, pairs, densities, q, quadrature, points):
     G = fluctuation_at_borders(prepared, contact, q.shape[0])
     x = contact_argument(G, jnp.ones_like(G))
     P = contact_fraction(x)
-    density = sum(one(velocity, temperature[0] if temperature else None) for one in densities)
+    both = PairTemperatures(*temperature * 2)
+    density = sum(one(velocity, both) for one in densities)
     # dP / d ln q by the exact density of G; G itself may be 0, x^2 = 1 / (4 G) stops at 27^2.
     slope = -TWO_OVER_ROOT_PI * jnp.exp(-x * x) * 2 * x**3 * (jnp.pi / 4 * ratio**2 * density)
 

@@ -4,7 +4,15 @@ from rubberfric.materials.coating import Coating
 from rubberfric.materials.elastic import Elastic, Rigid
 from rubberfric.materials.material import Material, complex_modulus
 from rubberfric.materials.prony import Prony, PronyShear
-from rubberfric.materials.shifts import WLF, Arrhenius, Shift, TabulatedShift
+from rubberfric.materials.shifts import (
+    WLF,
+    Arrhenius,
+    Entropic,
+    Shift,
+    TabulatedShift,
+    TabulatedVertical,
+    VerticalShift,
+)
 from rubberfric.materials.slab import Layer, Slab
 from rubberfric.materials.tabulated_modulus import TabulatedModulus
 
@@ -13,6 +21,7 @@ __all__ = [
     "Arrhenius",
     "Coating",
     "Elastic",
+    "Entropic",
     "Layer",
     "Material",
     "Prony",
@@ -22,5 +31,7 @@ __all__ = [
     "Slab",
     "TabulatedModulus",
     "TabulatedShift",
+    "TabulatedVertical",
+    "VerticalShift",
     "complex_modulus",
 ]

@@ -23,7 +23,7 @@ from jax.typing import ArrayLike
 from rubberfric.base.checks import POSITIVE, either
 from rubberfric.base.objects.fields import Number, child, leaf
 from rubberfric.base.objects.physical import kinds, physical
-from rubberfric.materials.material import Coatable, Material, Series, poisson_of, series_of
+from rubberfric.materials.material import Coatable, Material, Series, poisson_of, series_of, stiffer
 from rubberfric.materials.series.prony_and_prony import two_in_series
 from rubberfric.materials.slab import Layer, sinh_minus_linear
 
@@ -36,8 +36,8 @@ class Coating(Layer):
     ----------
     thickness : d [m], > 0
     base : Elastic or Prony
-        material of the half-space. Its relaxation times move with the temperature as those of
-        the body's material do: it has no shift of its own.
+        material of the half-space. One that relaxes and has no shift of its own moves with the
+        temperature as the body's material does.
     """
 
     multiplies: ClassVar[bool] = False
@@ -45,17 +45,19 @@ class Coating(Layer):
     thickness: Number = leaf(POSITIVE, unit="m")
     base: Coatable = child(hint=" (on a rigid base use Slab)")
 
-    def _check(self):
-        if self.base.shift is not None:
-            raise ValueError(
-                "Coating.base.shift is given: must be None, for the base moves with the shift of the "
-                "body's material"
-            )
-
     @property
     def below(self) -> Material:
         """`base`."""
         return self.base
+
+    def varies(self, material: Material) -> bool:
+        """Whether temperature changes base and layer differently."""
+        vertical = material.shift is not None and material.shift.vertical is not None
+        return self.shift is not None or (vertical and not self.base.relaxes)
+
+    def _base_shift(self, material):
+        """The shift that the base moves with."""
+        return material.shift if self.shift is None and self.base.relaxes else self.shift
 
     def check_material(self, material: Material) -> None:
         """ValueError unless a coating can be of this material."""
@@ -65,9 +67,14 @@ class Coating(Layer):
                 f"{either(kinds(Coatable))}"
             )
 
-    def static_reduced(self, material: Material, scale: ArrayLike, q: jax.Array) -> jax.Array:
-        """E_r(0) Sbar of a body of this material over a scale [Pa] at q [1/m], any shape."""
-        layer, base = (solid.static_reduced() / scale for solid in (material, self.base))
+    def static_reduced(
+        self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
+    ) -> jax.Array:
+        """E_r(0) Sbar of a body of this material over a scale [Pa] at q [1/m], T [K], any shapes."""
+        layer, base = (
+            stiffer(solid.static_reduced() / scale, shift, temperature)
+            for solid, shift in ((material, material.shift), (self.base, self._base_shift(material)))
+        )
         return coated_spring(self, poisson_of(material), layer, base, q)
 
     def glassy_stiffening(self, material: Material, q: jax.Array) -> jax.Array:
@@ -75,9 +82,24 @@ class Coating(Layer):
         layer, base = material.glassy_reduced(), self.base.glassy_reduced()
         return coated_spring(self, poisson_of(material), layer, base, q) / layer
 
-    def reduced_series(self, material: Material, scale: ArrayLike, q: jax.Array) -> Series:
-        """E_r Sbar over a scale [Pa] at q [1/m], shape (nodes,); see `coated_series`."""
+    def reduced_series(
+        self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
+    ) -> Series:
+        """E_r Sbar over a scale [Pa] at q [1/m], shape (nodes,), and one T [K]; see `coated_series`.
+
+        The times are in units of 1/a_T of the material: those of a base with another shift change with T.
+        """
         layer, base = (series_of(solid, scale) for solid in (material, self.base))
+        if temperature is not None:
+            layer, base = (
+                Series(stiffer(x.rest, shift, temperature), stiffer(x.weight, shift, temperature), x.tau)
+                for x, shift in ((layer, material.shift), (base, self._base_shift(material)))
+            )
+            if self.shift is not None:
+                factor = self.shift.log_factor(temperature)
+                if material.shift is not None:
+                    factor = factor - material.shift.log_factor(temperature)
+                base = base._replace(tau=jnp.exp(factor) * base.tau)
         return coated_series(self, poisson_of(material), layer, base, q)
 
 

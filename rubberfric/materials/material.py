@@ -14,7 +14,7 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.checks import as_leaf, between, is_concrete
 from rubberfric.base.objects.physical import Kind, check_kind, kinds
-from rubberfric.materials.shifts import Shift
+from rubberfric.materials.shifts import Shift, log_vertical
 
 POISSON = between(0.0, 0.5)
 
@@ -41,7 +41,7 @@ class Material(Kind):
     always_in_series: ClassVar[bool] = False
     # Poisson's ratio [-]; None if there is not one for all frequencies. Such a body has no layer.
     poisson: jax.Array | None = None
-    # How the relaxation times move with temperature, E(omega, T) = E(a_T omega).
+    # How it changes with temperature, E(omega, T) = b_T E(a_T omega).
     shift: Shift | None = None
 
     @property
@@ -173,7 +173,13 @@ def complex_modulus(material: Material, omega: ArrayLike, temperature: ArrayLike
     omega = jnp.asarray(omega, jnp.result_type(omega, float))
     if temperature is not None and material.shift is not None:
         omega = omega * jnp.exp(material.shift.log_factor(temperature))
-    return material.modulus(omega)
+    return stiffer(material.modulus(omega), material.shift, temperature)
+
+
+def stiffer(modulus: jax.Array, shift: Shift | None, temperature: ArrayLike | None) -> jax.Array:
+    """b_T times a modulus, of shapes that broadcast; itself without vertical shift or temperature."""
+    log_factor = log_vertical(shift, temperature)
+    return modulus if log_factor is None else jnp.exp(log_factor) * modulus
 
 
 def series_modulus(series: Series, omega: jax.Array) -> jax.Array:

@@ -44,7 +44,7 @@ class Prony(Coatable):
     tau : relaxation times [s], > 0, any order, equal ones allowed, shape (n,)
     poisson : Poisson's ratio [-], 0 ... 0.5
     shift : WLF, Arrhenius, TabulatedShift or None
-        how the relaxation times move with temperature: E(omega, T) = E(a_T omega).
+        how it changes with temperature: E(omega, T) = b_T E(a_T omega).
     """
 
     E_inf: Number = leaf(NONNEGATIVE, unit="Pa", plausible=PLAUSIBLE_STRESS, plus="E")
@@ -85,7 +85,8 @@ class PronyShear(Material):
     tau : relaxation times of the shear [s], > 0, any order, equal ones allowed, shape (n,)
     bulk : bulk modulus B [Pa], > 0
     shift : WLF, Arrhenius, TabulatedShift or None
-        how the relaxation times move with temperature: G(omega, T) = G(a_T omega).
+        how the relaxation times move with temperature: G(omega, T) = G(a_T omega); it has no vertical
+        shift, for that of rubber leaves the bulk modulus as it is.
 
     Limits: half-spaces only, for the factor of a layer depends on Poisson's ratio.
     """
@@ -100,6 +101,11 @@ class PronyShear(Material):
 
     def _check(self):
         _check_terms("PronyShear", "G", self.G_inf, self.G, self.tau)
+        if self.shift is not None and self.shift.vertical is not None:
+            raise ValueError(
+                "PronyShear.shift.vertical is given: must be None, for it would leave the bulk modulus as it "
+                "is; use Prony"
+            )
 
     def reduced_series(self, scale: ArrayLike) -> Series:
         """E_r over a scale [Pa] as a Prony series of twice the terms."""

@@ -1,9 +1,11 @@
-"""Time-temperature superposition: E(omega, T) = E(a_T omega) with a_T(T_ref) = 1.
+"""Time-temperature superposition: E(omega, T) = b_T E(a_T omega) with a_T(T_ref) = b_T(T_ref) = 1.
 
-Each class is one law for ln a_T. All are callable: `shift.log_factor(T)` gives ln a_T,
+A `Shift` is a law for ln a_T, and may have a `VerticalShift`, a law for ln b_T: `log_factor` gives them,
 finite for every finite T.
+[Ferry, Viscoelastic Properties of Polymers, 3rd edition, Wiley 1980, chapter 11]
 """
 
+import dataclasses
 import math
 from typing import ClassVar
 
@@ -15,6 +17,7 @@ from numpy.typing import DTypeLike
 
 from rubberfric.base.blocks import recurring_length
 from rubberfric.base.checks import (
+    NONNEGATIVE,
     PLAUSIBLE_TEMPERATURE,
     POSITIVE,
     check_increasing,
@@ -22,22 +25,57 @@ from rubberfric.base.checks import (
     check_values,
     is_concrete,
 )
-from rubberfric.base.objects.fields import Number, Vector, leaf
+from rubberfric.base.objects.fields import Number, Vector, child, leaf
 from rubberfric.base.objects.physical import Kind, physical
 
 BOLTZMANN_EV = 8.617333262e-5  # Boltzmann constant [eV/K], CODATA 2018 (exact to the digits given)
 
 
-class Shift(Kind):
-    """ln a_T(T), the role of WLF, Arrhenius and TabulatedShift."""
+class VerticalShift(Kind):
+    """ln b_T(T), by which moduli themselves change, the role of Entropic and TabulatedVertical."""
 
     def check_temperature(self, temperature: ArrayLike) -> None:
         """Raise ValueError for concrete temperatures [K], any shape, that the law does not hold for."""
         check_values("temperature", temperature, POSITIVE)
 
+    def log_factor(self, temperature: ArrayLike, T_ref: ArrayLike) -> jax.Array:
+        """ln b_T at temperature [K], any shape, 0 at T_ref [K]; finite, and its derivative."""
+        raise NotImplementedError(f"{type(self).__name__}.log_factor")
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Shift(Kind):
+    """ln a_T(T), the role of WLF, Arrhenius and TabulatedShift.
+
+    Parameters
+    ----------
+    vertical : Entropic, TabulatedVertical or None, of every law, by keyword
+        how much stiffer the solid is at a temperature, E(omega, T) = b_T E(a_T omega); b_T = 1 if None.
+    """
+
+    vertical: VerticalShift | None = child(default=None)  # noqa: RUF009 (`child` gives a field)
+
+    @property
+    def reference_temperature(self) -> jax.Array:
+        """T_ref [K], where a_T = b_T = 1; a law without a field of this name answers it."""
+        return self.T_ref  # pyright: ignore[reportAttributeAccessIssue] (every law has one)
+
+    def check_temperature(self, temperature: ArrayLike) -> None:
+        """Raise ValueError for concrete temperatures [K], any shape, that the law does not hold for."""
+        check_values("temperature", temperature, POSITIVE)
+        if self.vertical is not None:
+            self.vertical.check_temperature(temperature)
+
     def log_factor(self, temperature: ArrayLike) -> jax.Array:
         """ln a_T at temperature [K], any shape; within `largest_log_factor`, and finite its derivative."""
         raise NotImplementedError(f"{type(self).__name__}.log_factor")
+
+
+def log_vertical(shift: Shift | None, temperature: ArrayLike | None) -> jax.Array | None:
+    """ln b_T at temperature [K], any shape; None where nothing but b_T = 1 is known."""
+    if shift is None or shift.vertical is None or temperature is None:
+        return None
+    return shift.vertical.log_factor(temperature, shift.reference_temperature)
 
 
 @physical
@@ -66,6 +104,7 @@ class WLF(Shift):
             pole = float(self.T_ref) - float(self.C2)
             rule = (f"must be > {pole:g} K, the pole of the WLF law", lambda T: pole < T)
             check_values("temperature", temperature, rule)
+        super().check_temperature(temperature)
 
     def log_factor(self, temperature: ArrayLike) -> jax.Array:
         """ln a_T at temperature [K]."""
@@ -122,29 +161,98 @@ class TabulatedShift(Shift):
     T_ref: Number = leaf(POSITIVE, unit="K", plausible=PLAUSIBLE_TEMPERATURE)
 
     def _check(self):
-        check_lengths("TabulatedShift", T=self.T, aT=self.aT)
-        if self.T.shape[0] < 2:
-            raise ValueError(f"TabulatedShift.T has {self.T.shape[0]} entries: must have at least 2")
-        check_increasing("TabulatedShift.T", self.T)
-        if is_concrete(self.T) and is_concrete(self.T_ref):
-            self._inside("TabulatedShift.T_ref", self.T_ref)
-
-    def _inside(self, name, temperature):
-        # In a trace an entry of a concrete jax array is not concrete; one of a NumPy array is.
-        low, high = np.asarray(self.T)[[0, -1]].tolist()
-        rule = (f"must be inside the table, {low:g} to {high:g} K", lambda T: (low <= T) & (high >= T))
-        check_values(name, temperature, rule)
+        _check_table(self, "aT", self.T_ref)
 
     def check_temperature(self, temperature: ArrayLike) -> None:
         """Raise ValueError for concrete temperatures outside the table."""
-        if is_concrete(temperature) and is_concrete(self.T):
-            self._inside("temperature", temperature)
+        _check_inside("temperature", temperature, self.T)
+        super().check_temperature(temperature)
 
     def log_factor(self, temperature: ArrayLike) -> jax.Array:
         """ln a_T at temperature [K]."""
-        log_aT = jnp.log(self.aT)
-        here = jnp.interp(temperature, self.T, log_aT)
-        return saturated(here - jnp.interp(self.T_ref, self.T, log_aT))
+        return _log_interpolated(temperature, self.T, self.aT, self.T_ref)
+
+
+@physical
+class Entropic(VerticalShift):
+    r"""Stiffness of a rubber network, whose elasticity is that of entropy.
+
+    .. math:: b_T = \frac{\rho T}{\rho_\mathrm{ref} T_\mathrm{ref}},\qquad
+              \rho = \rho_\mathrm{ref} e^{-\alpha (T - T_\mathrm{ref})}
+
+    [Rouse, J. Chem. Phys. 21 (1953) 1272, doi:10.1063/1.1699180; Ferry, chapter 11]
+
+    Parameters
+    ----------
+    expansion : alpha, of the volume [1/K]; 6e-4 for a rubber, 0: the density stays
+
+    Limits: held below 1 K.
+    """
+
+    expansion: Number = leaf(NONNEGATIVE, unit="1/K", default=0.0)
+
+    def log_factor(self, temperature: ArrayLike, T_ref: ArrayLike) -> jax.Array:
+        """ln b_T at temperature [K]."""
+        temperature = jnp.maximum(temperature, 1.0)  # ln 0 has no derivative
+        return saturated(jnp.log(temperature / T_ref) - self.expansion * (temperature - T_ref))
+
+
+@physical
+class TabulatedVertical(VerticalShift):
+    r"""Vertical shift factors from a table: ln b_T linear in T between the entries.
+
+    The table is divided by its own value at the T_ref of the shift it belongs to.
+
+    Parameters
+    ----------
+    T : temperatures, strictly increasing [K], shape (n,), n >= 2
+    bT : vertical shift factors [-], shape (n,)
+
+    Limits: concrete temperatures outside the table raise ValueError; under jit the end values are held.
+    """
+
+    file_kind: ClassVar[str] = "table"
+
+    T: Vector = leaf(POSITIVE, unit="K", column="T")
+    bT: Vector = leaf(POSITIVE, unit="-", column="bT")
+
+    def _check(self):
+        _check_table(self, "bT")
+
+    def check_temperature(self, temperature: ArrayLike) -> None:
+        """Raise ValueError for concrete temperatures outside the table."""
+        _check_inside("temperature", temperature, self.T)
+        super().check_temperature(temperature)
+
+    def log_factor(self, temperature: ArrayLike, T_ref: ArrayLike) -> jax.Array:
+        """ln b_T at temperature [K]."""
+        return _log_interpolated(temperature, self.T, self.bT, T_ref)
+
+
+def _check_table(law, name, T_ref=None):
+    """The rules of a table of factors over T."""
+    kind = type(law).__name__
+    check_lengths(kind, T=law.T, **{name: getattr(law, name)})
+    if law.T.shape[0] < 2:
+        raise ValueError(f"{kind}.T has {law.T.shape[0]} entries: must have at least 2")
+    check_increasing(f"{kind}.T", law.T)
+    if T_ref is not None and is_concrete(T_ref):
+        _check_inside(f"{kind}.T_ref", T_ref, law.T)
+
+
+def _check_inside(name, temperature, T):
+    """ValueError for concrete temperatures outside a table."""
+    if is_concrete(temperature) and is_concrete(T):
+        # In a trace an entry of a concrete jax array is not concrete; one of a NumPy array is.
+        low, high = np.asarray(T)[[0, -1]].tolist()
+        rule = (f"must be inside the table, {low:g} to {high:g} K", lambda T: (low <= T) & (high >= T))
+        check_values(name, temperature, rule)
+
+
+def _log_interpolated(temperature, T, factor, T_ref):
+    """ln of a tabulated factor over that at T_ref."""
+    log = jnp.log(factor)
+    return saturated(jnp.interp(temperature, T, log) - jnp.interp(T_ref, T, log))
 
     def padded(self) -> "TabulatedShift":
         """With entries above the last temperature, where its value is held."""
@@ -165,4 +273,4 @@ def saturated(log_factor: jax.Array) -> jax.Array:
     return jnp.clip(log_factor, -limit, limit)
 
 
-__all__ = ["WLF", "Arrhenius", "Shift", "TabulatedShift"]
+__all__ = ["WLF", "Arrhenius", "Entropic", "Shift", "TabulatedShift", "TabulatedVertical", "VerticalShift"]

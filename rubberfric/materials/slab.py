@@ -10,7 +10,8 @@ from jax.typing import ArrayLike
 from rubberfric.base.checks import POSITIVE
 from rubberfric.base.objects.fields import Number, leaf, static
 from rubberfric.base.objects.physical import Kind, physical
-from rubberfric.materials.material import Material, Series, poisson_of, series_of
+from rubberfric.materials.material import Material, Series, poisson_of, series_of, stiffer
+from rubberfric.materials.shifts import Shift
 
 # sinh(2x) - 2x = sum_{k>=1} (2x)^(2k+1) / (2k+1)!: exact to rounding for x <= 1.
 _SINH_SERIES = 1.0 / np.cumprod([6.0] + [(2 * k) * (2 * k + 1) for k in range(2, 13)])
@@ -35,6 +36,16 @@ class Layer(Kind):
         """Whether it has a solid of its own, beside the body's material, that relaxes."""
         return self.below is not None and self.below.relaxes
 
+    @property
+    def shift(self) -> Shift | None:
+        """How the solid below moves with temperature if not as the body's material does."""
+        return None if self.below is None else self.below.shift
+
+    def varies(self, material: Material) -> bool:
+        """Whether temperature changes a body of this material otherwise than the material itself."""
+        del material
+        return False
+
     def check_material(self, material: Material) -> None:
         """ValueError if it cannot be a layer of this material, whose Poisson's ratio is a constant."""
 
@@ -42,20 +53,27 @@ class Layer(Kind):
         """Sbar [-] at q [1/m], any shape: stiffness of the layered solid over that of the half-space."""
         raise NotImplementedError(f"{type(self).__name__}.stiffening")
 
-    def static_reduced(self, material: Material, scale: ArrayLike, q: jax.Array) -> jax.Array:
-        """E_r(0) Sbar of a body of this material over a scale [Pa] at q, any shape."""
-        return material.static_reduced() / scale * self.stiffening(poisson_of(material), q)
+    def static_reduced(
+        self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
+    ) -> jax.Array:
+        """E_r(0) Sbar of a body of this material over a scale [Pa] at q and temperature [K], any shapes."""
+        own = stiffer(material.static_reduced() / scale, material.shift, temperature)
+        return own * self.stiffening(poisson_of(material), q)
 
     def glassy_stiffening(self, material: Material, q: jax.Array) -> jax.Array:
         """Sbar [-] at q where all of the body is glassy."""
         return self.stiffening(poisson_of(material), q)
 
-    def reduced_series(self, material: Material, scale: ArrayLike, q: jax.Array) -> Series:
+    def reduced_series(
+        self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
+    ) -> Series:
         """E_r Sbar over a scale [Pa] at q, shape (nodes,), of a body of a material that has a series.
 
-        rest, weight, tau have the shapes (nodes,), (nodes, terms), (nodes, terms).
+        rest, weight, tau have the shapes (nodes,), (nodes, terms), (nodes, terms), at one temperature [K]
+        and in units of 1/a_T of the material.
         """
         rest, weight, tau = series_of(material, scale)
+        rest, weight = (stiffer(x, material.shift, temperature) for x in (rest, weight))
         factor = self.stiffening(poisson_of(material), q)
         weight = factor[:, None] * weight
         return Series(factor * rest, weight, jnp.broadcast_to(tau, weight.shape))

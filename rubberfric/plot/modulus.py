@@ -9,6 +9,7 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.units import to_celsius
 from rubberfric.materials.material import Material, complex_modulus
+from rubberfric.materials.shifts import log_vertical
 from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.plot.style import Axes, colours, legend, one_axes, vector
 
@@ -105,6 +106,13 @@ def _log_shift(material: Material, temperature: ArrayLike | None) -> np.ndarray 
     return np.asarray(material.shift.log_factor(jnp.asarray(temperature, float)), float)
 
 
+def _vertical(material: Material, temperature: ArrayLike | None) -> np.ndarray | float:
+    """b_T, 1 at the reference temperature."""
+    at = None if temperature is None else jnp.asarray(temperature, float)
+    log_factor = log_vertical(material.shift, at)
+    return 1.0 if log_factor is None else np.exp(np.asarray(log_factor, float))
+
+
 def _range(material: Material, temperature: float | None, known: list[np.ndarray]) -> np.ndarray:
     """Frequencies over all that the material and the points at `known` frequencies show."""
     ends = [np.array([one.min(), one.max()]) for one in known]
@@ -121,7 +129,8 @@ def _table(material: Material, temperature: float | None) -> Points | None:
     if not isinstance(material, TabulatedModulus):
         return None
     omega, storage, loss = (np.asarray(x, float) for x in (material.omega, material.storage, material.loss))
-    return omega * np.exp(-_log_shift(material, temperature)), storage, loss
+    vertical = _vertical(material, temperature)
+    return omega * np.exp(-_log_shift(material, temperature)), vertical * storage, vertical * loss
 
 
 def _shifted(material: Material, temperature: float | None, data: Any) -> Points:
@@ -141,6 +150,8 @@ def _shifted(material: Material, temperature: float | None, data: Any) -> Points
         if material.shift is not None:
             material.shift.check_temperature(at)
         omega = omega * np.exp(_log_shift(material, at) - _log_shift(material, temperature))
+        ratio = _vertical(material, temperature) / _vertical(material, at)
+        storage, loss = ratio * storage, ratio * loss
     return omega, storage, loss
 
 

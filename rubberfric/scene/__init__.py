@@ -1,6 +1,6 @@
 """Scenes: two bodies, what is between them, and which version of the theory to use."""
 
-from rubberfric.scene.heating import Heating
+from rubberfric.scene.heating import Heating, ThermalProperties
 from rubberfric.scene.scene import (
     Body,
     Scene,
@@ -20,6 +20,7 @@ __all__ = [
     "Heating",
     "Scene",
     "Softening",
+    "ThermalProperties",
     "cast",
     "check_background",
     "dissipates",

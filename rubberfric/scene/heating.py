@@ -33,8 +33,24 @@ _BELOW, _ABOVE = 12.0, 8.0
 
 
 @physical
+class ThermalProperties(PhysicalObject):
+    """How one solid takes up heat.
+
+    Parameters
+    ----------
+    density : [kg/m^3], about 2.4e3 for asphalt
+    heat_capacity : [J/(kg K)], about 0.9e3
+    conductivity : [W/(m K)], about 1.5
+    """
+
+    density: Number = leaf(POSITIVE, unit="kg/m^3")
+    heat_capacity: Number = leaf(POSITIVE, unit="J/(kg K)")
+    conductivity: Number = leaf(POSITIVE, unit="W/(m K)")
+
+
+@physical
 class Heating(PhysicalObject):
-    """Heat of friction in the deformable solids of a scene.
+    r"""Heat of friction in the deformable solids of a scene.
 
     Parameters
     ----------
@@ -44,7 +60,12 @@ class Heating(PhysicalObject):
     radius : R, size of the macroasperity contacts [m], > 0
     area_fraction : P_m, share of the nominal area in macroasperity contacts [-], 0 ... 1;
         None: P(q_m) at q_m = pi / R.
-    shear_share : share of the heat of contact shear that goes into each deformable solid [-], 0 ... 1
+    shear_share : share of the heat of contact shear that goes into the deformable solid, of two into the
+        upper one [-], 0 ... 1; the other solid has the rest.
+        None: both surfaces are equally hot, as Blok [Proc. Inst. Mech. Eng. 2 (1937) 222] has it: after
+        the same time of contact a share goes as the effusivity sqrt(lambda rho c_p), half if both solids
+        have the same. The temperature is then the harmonic sum of those that all of the heat would cause
+        in either solid [Jaeger, Proc. R. Soc. N.S.W. 76 (1942) 203], 1/T = 1/T_1 + 1/T_2.
     shear_at : "flash" or "background" (static)
         whether contact shear has the temperature of the contact or that far away.
     branch : "rising" or "falling" (static)
@@ -53,9 +74,13 @@ class Heating(PhysicalObject):
         high velocities by one that falls slowly, both at the given pressure and background; where
         a branch ends, at the state that the temperatures jump to. The two differ within hysteresis loops.
 
-    Both solids have these values if both deform; without roughness there is no scale to be hot, and
-    they keep the temperature far away. Temperatures must be given wherever a heated scene
-    is computed: they are those far from the contact.
+    Both solids have these values, unless a Body has a `thermal` of its own. Without roughness there is no
+    scale to be hot, and they keep the temperature far away. Temperatures must be given wherever a heated
+    scene is computed: they are those far from the contact.
+
+    Limits: to the heat every body is a half-space of one material, whatever its layer: good where the
+    diffusion length sqrt(D R / v) is small against the thickness, or both parts of a Coating conduct alike.
+    The heat of the losses stays in the solid that has them: none crosses to the other one.
     """
 
     density: Number = leaf(POSITIVE, unit="kg/m^3")
@@ -63,9 +88,33 @@ class Heating(PhysicalObject):
     conductivity: Number = leaf(POSITIVE, unit="W/(m K)")
     radius: Number = leaf(POSITIVE, unit="m")
     area_fraction: OptionalNumber = leaf(between(1e-12, 1.0), unit="-", default=None)
-    shear_share: Number = leaf(between(0.0, 1.0), unit="-", default=0.5)
+    shear_share: OptionalNumber = leaf(between(0.0, 1.0), unit="-", default=None)
     shear_at: Literal["flash", "background"] = static(default="flash")
     branch: Literal["rising", "falling"] = static(default="rising")
+
+
+def heating_of(heating: Heating, thermal: ThermalProperties | None) -> Heating:
+    """The heating of one solid, which may have thermal properties of its own."""
+    if thermal is None:
+        return heating
+    values = {name: getattr(thermal, name) for name in ("density", "heat_capacity", "conductivity")}
+    return heating.replace(**values)
+
+
+def shear_shares(lower: Heating, upper: Heating, both_deform: bool) -> tuple[jax.Array, jax.Array]:
+    """Shares of the heat of contact shear of (lower, upper) solid [-], each of its own `heating_of`.
+
+    both_deform : whether both do; if only one does, a given share is that of either
+    """
+    if upper.shear_share is not None:
+        share = jnp.asarray(upper.shear_share)
+        return (1 - share if both_deform else share), share
+    # By logarithms: products of the three leave float32.
+    one, two = (
+        0.5 * (jnp.log(x.conductivity) + jnp.log(x.density) + jnp.log(x.heat_capacity))
+        for x in (lower, upper)
+    )
+    return jax.nn.sigmoid(one - two), jax.nn.sigmoid(two - one)
 
 
 class Diffusion(NamedTuple):

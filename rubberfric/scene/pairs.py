@@ -6,9 +6,21 @@ Roughness of one solid strains the other periodically, and its own solid only st
 
 from typing import NamedTuple
 
+import jax
+
 from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum
-from rubberfric.scene.scene import Body, Scene, relaxes
+from rubberfric.scene.scene import Body, Scene, relaxes, shifts_of
 from rubberfric.scene.softening import Softened
+
+
+class PairTemperatures(NamedTuple):
+    """Temperatures of the two solids of a pair [K]: None (all at reference), (points,), or by wavevector."""
+
+    strained: jax.Array | None = None
+    rough: jax.Array | None = None
+
+
+AT_REFERENCE = PairTemperatures()
 
 
 class Pair(NamedTuple):
@@ -39,6 +51,25 @@ class Pair(NamedTuple):
         return coated or (self.both_deform and any(layer is not None for layer in layers))
 
     @property
+    def varies(self) -> bool:
+        """Whether the series changes its form with temperature, not its times and by a common factor alone.
+
+        A vertical shift changes one of two deformable solids; the base of a coating may have another shift.
+        """
+        vertical = any(
+            shift.vertical is not None for body in (self.rough, self.strained) for shift in shifts_of(body)
+        )
+        layer = self.strained.layer
+        if layer is not None and layer.varies(self.strained.material):
+            return True
+        return self.both_deform and vertical
+
+    @property
+    def static(self) -> bool:
+        """Whether its stiffness is a constant at every wavevector."""
+        return not (self.relaxes or self.varies)
+
+    @property
     def harmonics(self) -> int:
         """Highest m of the cos(2 m phi) in the roughness that a viscoelastic solid sees."""
         return self.spectrum.harmonic_count() if self.relaxes else 0
@@ -52,13 +83,13 @@ class Pair(NamedTuple):
     def kinked(self) -> bool:
         """Whether the angular means have kinks over q: they are taken at the contact nodes themselves."""
         softens = self.softened is not None and self.both_deform
-        return self.relaxes and (softens or self.spectrum.harmonics_vary)
+        return not self.static and (softens or (self.relaxes and self.spectrum.harmonics_vary))
 
     @property
     def steep(self) -> bool:
         """Whether <|F|^2>, where smooth in ln q, may rise by 1e9 within an e-fold of it."""
         may_rise = self.by_wavevector or self.strained.material.needs_quadrature
-        return self.relaxes and not self.kinked and may_rise
+        return not (self.static or self.kinked) and may_rise
 
 
 def pairs_of(scene: Scene) -> tuple[Pair, ...]:

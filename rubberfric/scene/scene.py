@@ -13,7 +13,7 @@ from rubberfric.materials.material import Material
 from rubberfric.materials.shifts import Shift
 from rubberfric.materials.slab import Layer
 from rubberfric.roughness.spectra import Spectrum
-from rubberfric.scene.heating import Heating
+from rubberfric.scene.heating import Heating, ThermalProperties
 from rubberfric.scene.shear import ContactShear
 from rubberfric.scene.softening import Softening
 
@@ -31,11 +31,15 @@ class Body(PhysicalObject):
     layer : Slab, Coating or None (half-space)
         a finite thickness of the material, on a rigid base or on a half-space of another solid
         (Coating, if the material is Elastic or Prony).
+    thermal : ThermalProperties or None
+        how it takes up heat, if not as the Heating of the scene says; a rigid body takes up its share of
+        the heat of contact shear.
     """
 
     material: Material = child()
     spectrum: Spectrum | None = child(default=None)
     layer: Layer | None = child(unnamed="slab", default=None)
+    thermal: ThermalProperties | None = child(default=None)
 
     def _check(self):
         if self.layer is None:
@@ -103,13 +107,19 @@ class Scene(PhysicalObject):
 
 
 def shifts(scene: Scene) -> list[Shift]:
-    """Time-temperature shifts in the scene: of the lower and upper material and of the contact shear.
+    """Time-temperature shifts in the scene: of both materials, of what they coat, of the contact shear.
 
     What has none is left out.
     """
-    found = (
-        getattr(part, "shift", None) for part in (scene.lower.material, scene.upper.material, scene.shear)
-    )
+    bodies = scene.lower, scene.upper
+    parts = *(body.material for body in bodies), *(body.layer for body in bodies), scene.shear
+    found = (getattr(part, "shift", None) for part in parts)
+    return [shift for shift in found if shift is not None]
+
+
+def shifts_of(body: Body) -> list[Shift]:
+    """Those of a body: of its material, and of what that is a coating of."""
+    found = body.material.shift, None if body.layer is None else body.layer.shift
     return [shift for shift in found if shift is not None]
 
 

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from rubberfric.base.checks import NONNEGATIVE, PLAUSIBLE_STRESS, POSITIVE
 from rubberfric.base.objects.fields import Number, child, leaf
 from rubberfric.base.objects.physical import PhysicalObject, physical
-from rubberfric.materials.shifts import Shift
+from rubberfric.materials.shifts import Shift, log_vertical
 
 _LN_10 = math.log(10.0)  # a Python float: a NumPy one would widen float32
 
@@ -34,7 +34,7 @@ class ContactShear(PhysicalObject):
     shift : WLF, Arrhenius, TabulatedShift or None
         how v0 moves with temperature, apart from the shift of the material: a_T' = 1 if None,
         or without a temperature. Arrhenius(energy, T_ref), energy about 0.97 eV, is the law
-        ln a_T' = (energy / k_B) (1/T - 1/T_ref).
+        ln a_T' = (energy / k_B) (1/T - 1/T_ref). A vertical shift multiplies the stress by b_T'.
 
     Limits: odd in the velocity. For c > 0 smooth through v = 0, where value and slope are 0:
     tau_f falls faster than any power of v (it takes 10^(1/sqrt(c)) in v to lose a factor e,
@@ -72,6 +72,9 @@ def shear_friction(
     if temperature is not None and shear.shift is not None:
         log_ratio = log_ratio + shear.shift.log_factor(temperature)
     largest = shear.tau_f0 * area / pressure
+    log_vertical_factor = log_vertical(shear.shift, temperature)
+    if log_vertical_factor is not None:
+        largest = largest * jnp.exp(log_vertical_factor)
     return jnp.sign(velocity) * largest * _bell(shear.c, log_ratio / _LN_10)
 
 

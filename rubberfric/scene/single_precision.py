@@ -34,7 +34,7 @@ def check_single(scene: Scene, temperature: ArrayLike | None) -> None:
             "in float32; use float64"
         )
     if temperature is not None:
-        for name in ("lower.material", "upper.material", "shear"):
+        for name in ("lower.material", "upper.material", "lower.layer", "upper.layer", "shear"):
             shift = getattr(_part(scene, name), "shift", None)
             if shift is not None:
                 _check_shift(name, shift, temperature)

@@ -12,6 +12,7 @@ is one small matrix product a panel. Where the means are taken is settled by the
 - `DirectContribution`: at the contact nodes themselves, for they have kinks over q.
 """
 
+import dataclasses
 import functools
 import operator
 from collections.abc import Iterable
@@ -23,7 +24,7 @@ import numpy as np
 
 from rubberfric.base.quadrature import cumulative, typed, weights_between
 from rubberfric.roughness.mesh import Mesh
-from rubberfric.scene.pairs import Pair
+from rubberfric.scene.pairs import Pair, PairTemperatures
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Means
 from rubberfric.theory.stiffness.excitation import Excitation, excitation
@@ -47,9 +48,9 @@ class StaticContribution(NamedTuple):
 
     fixed: Terms  # whatever the velocity
 
-    def terms(self, mesh: Mesh, velocity: jax.Array, temperature: jax.Array | None) -> Terms:
+    def terms(self, mesh: Mesh, velocity: jax.Array, temperatures: PairTemperatures) -> Terms:
         """`Terms` at points; see `InterpolatedContribution.terms`."""
-        del mesh, velocity, temperature
+        del mesh, velocity, temperatures
         return self.fixed
 
 
@@ -61,17 +62,17 @@ class InterpolatedContribution(NamedTuple):
     within: tuple[jax.Array, ...] | None  # in that up to every contact node, (panels, order, i)
     others: Means  # weights of the other means at the contact nodes, (panels, order)
 
-    def terms(self, mesh: Mesh, velocity: jax.Array, temperature: jax.Array | None) -> Terms:
+    def terms(self, mesh: Mesh, velocity: jax.Array, temperatures: PairTemperatures) -> Terms:
         """`Terms` at points.
 
         Parameters
         ----------
         mesh : Mesh
         velocity : [m/s], shape (points,)
-        temperature : of the strained solid [K]: None, (points,), or (angular panels, points, angular
+        temperatures : of the two solids [K]: None, (points,), or (angular panels, points, angular
             order) if it differs from scale to scale
         """
-        means = self.excitation.means(mesh.angular_q, velocity, temperature)
+        means = self.excitation.means(mesh.angular_q, velocity, temperatures)
         # Without integrals up to the nodes the weights are those of the angular panels themselves.
         power = means["power"] if self.within is None else tuple(map(mesh.serving, means["power"]))
         return _terms(*_integrated(self.power, self.within, power), self.others, means, mesh.to_contact)
@@ -89,9 +90,9 @@ class LogarithmicContribution(NamedTuple):
     between: tuple[jax.Array, ...] | None  # at the nodes between them, (panels, nodes between)
     others: Means  # as of `InterpolatedContribution`
 
-    def terms(self, mesh: Mesh, velocity: jax.Array, temperature: jax.Array | None) -> Terms:
+    def terms(self, mesh: Mesh, velocity: jax.Array, temperatures: PairTemperatures) -> Terms:
         """`Terms` at points; see `InterpolatedContribution.terms`."""
-        means = self.excitation.means(mesh.angular_q, velocity, temperature)
+        means = self.excitation.means(mesh.angular_q, velocity, temperatures)
         logarithms = [log_power(mesh.serving(mean)) for mean in means["power"]]
 
         def interpolated(basis):
@@ -115,11 +116,10 @@ class DirectContribution(NamedTuple):
     within: tuple[jax.Array, ...] | None
     others: Means
 
-    def terms(self, mesh: Mesh, velocity: jax.Array, temperature: jax.Array | None) -> Terms:
+    def terms(self, mesh: Mesh, velocity: jax.Array, temperatures: PairTemperatures) -> Terms:
         """`Terms` at points; see `InterpolatedContribution.terms`."""
-        if temperature is not None and temperature.ndim > 1:
-            temperature = mesh.to_contact(temperature)
-        means = self.excitation.means(mesh.q, velocity, temperature)
+        at_nodes = jax.tree.map(lambda T: mesh.to_contact(T) if T.ndim > 1 else T, temperatures)
+        means = self.excitation.means(mesh.q, velocity, at_nodes)
         return _terms(*_integrated(self.power, self.within, means["power"]), self.others, means)
 
 
@@ -139,8 +139,10 @@ def contribution(pair: Pair, mesh: Mesh, j: int, scale: jax.Array, needs: Needs,
     angle : nodes of an angular integral that has no closed form
     """
     weights, between = mesh.roughness[j], None
-    if not pair.relaxes:
+    if pair.static:
         return _static(pair, mesh, j, scale, needs)
+    if not pair.relaxes:
+        needs = dataclasses.replace(needs, dissipation=False, transverse=False)
     factors = factors_at(pair, mesh.q)
     power = factors.of("power", weights)
     others = {

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.mesh import build_mesh
-from rubberfric.scene.pairs import Pair, pairs_of
+from rubberfric.scene.pairs import Pair, PairTemperatures, pairs_of
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import ContactShear, shear_friction
 from rubberfric.scene.softening import knots
@@ -136,11 +136,12 @@ def solved(
     """
     roughness, thermal = prepared.roughness, prepared.thermal
     if thermal is None:
-        return roughness.contact(velocity, pressure, [temperature] * len(roughness.contributions)), None
+        both = PairTemperatures(temperature, temperature)
+        return roughness.contact(velocity, pressure, [both] * len(roughness.contributions)), None
     if temperature is None:
         raise ValueError("temperature is missing: a scene with heating needs that far from the contact [K]")
     found = solve_temperatures(thermal, roughness, velocity, pressure, temperature)
-    return roughness.contact(velocity, pressure, found.strained), found
+    return roughness.contact(velocity, pressure, found.inside), found
 
 
 def evaluate(

@@ -200,13 +200,16 @@ def solve(
     if scene.heating is None or "converged" in quantities:
         return _solve(scene, *conditions, quadrature=quadrature, quantities=quantities)
     solution = _solve(scene, *conditions, quadrature=quadrature, quantities=(*quantities, "converged"))
-    _warn_of_last_iterates(solution.converged, conditions)
+    warn_of_last_iterates(solution.converged, conditions)
     return solution._replace(converged=None)
 
 
-def _warn_of_last_iterates(converged: Values | None, conditions: Sequence[jax.Array | None]) -> None:
-    """RuntimeWarning naming the points at which the temperatures of a heated scene are not a solution."""
-    if not is_concrete(converged) or np.all(converged):
+def warn_of_last_iterates(converged: Values | None, conditions: Sequence[jax.Array | None]) -> None:
+    """RuntimeWarning naming the points at which the temperatures of a heated scene are not a solution.
+
+    converged : of the broadcast shape of the conditions, None of a scene without heating; traced: no warning
+    """
+    if converged is None or not is_concrete(converged) or np.all(converged):
         return
     left = ~np.asarray(converged)
     velocity, pressure, temperature = (np.broadcast_to(np.asarray(x), left.shape)[left] for x in conditions)

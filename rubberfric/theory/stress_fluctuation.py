@@ -18,6 +18,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.roughness.mesh import Mesh
+from rubberfric.scene.pairs import PairTemperatures
 from rubberfric.theory.area_correction import CorrectionTable, correct_argument
 from rubberfric.theory.contributions import Contribution, Terms, total
 from rubberfric.theory.partial_contact import contact_argument, contact_fraction, friction_weight
@@ -73,14 +74,14 @@ class Roughness(NamedTuple):
     correction: CorrectionTable | None  # of S in G
 
     def contact(
-        self, velocity: jax.Array, pressure: jax.Array, temperatures: Sequence[jax.Array | None]
+        self, velocity: jax.Array, pressure: jax.Array, temperatures: Sequence[PairTemperatures]
     ) -> Contact:
         """`Contact` at points.
 
         Parameters
         ----------
         velocity, pressure : shape (points,) [m/s], [Pa]
-        temperatures : for each contribution that of the solid it strains [K]: None, (points,), or
+        temperatures : for each contribution those of its two solids [K]: None, (points,), or
             (angular panels, points, angular order)
         """
         found = [

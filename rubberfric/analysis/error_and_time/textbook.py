@@ -28,6 +28,7 @@ from rubberfric.analysis.error_and_time.textbook_solids import (
     shift_factor,
     spectrum_at,
     stiffness,
+    vertical_factor,
 )
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import ContactShear
@@ -123,7 +124,7 @@ def _over_angle(pairs, q, velocity, temperature, count, quantities):
     for spectrum, rough, other in pairs:
         roughness = 2 * np.pi * spectrum_at(spectrum, q)
         omega = q[:, None] * (velocity[:, None, None] * cosine)
-        K = series(stiffness(other, q, omega, temperature), stiffness(rough, q, None, None))
+        K = series(stiffness(other, q, omega, temperature), stiffness(rough, q, None, temperature))
         power = power + roughness * np.mean(np.real(K) ** 2 + np.imag(K) ** 2, -1)
         if "friction" in quantities:
             dissipation = dissipation + roughness * np.mean(np.imag(K) * cosine, -1)
@@ -171,8 +172,11 @@ def _over_pressure(x: np.ndarray, gamma: float, count: int) -> np.ndarray:
 
 def _contact_shear(shear: ContactShear, velocity: np.ndarray, temperature: np.ndarray | None) -> np.ndarray:
     """Shear stress in the area of contact [Pa], with the sign of the velocity."""
-    scaled = np.abs(velocity)
+    scaled, largest = np.abs(velocity), float(shear.tau_f0)
     if temperature is not None and shear.shift is not None:
         scaled = scaled * shift_factor(shear.shift, temperature)
+        if shear.shift.vertical is not None:
+            T_ref = float(shear.shift.reference_temperature)
+            largest = largest * vertical_factor(shear.shift.vertical, temperature, T_ref)
     decades = np.log10(np.maximum(scaled, np.finfo(float).tiny) / float(shear.v0))
-    return float(shear.tau_f0) * np.exp(-float(shear.c) * decades**2) * np.sign(velocity)
+    return largest * np.exp(-float(shear.c) * decades**2) * np.sign(velocity)

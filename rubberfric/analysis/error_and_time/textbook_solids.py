@@ -12,7 +12,15 @@ from rubberfric.materials.coating import Coating
 from rubberfric.materials.elastic import Elastic, Rigid
 from rubberfric.materials.material import Material
 from rubberfric.materials.prony import Prony, PronyShear
-from rubberfric.materials.shifts import WLF, Arrhenius, Shift, TabulatedShift
+from rubberfric.materials.shifts import (
+    WLF,
+    Arrhenius,
+    Entropic,
+    Shift,
+    TabulatedShift,
+    TabulatedVertical,
+    VerticalShift,
+)
 from rubberfric.materials.slab import Slab
 from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.roughness.spectra import SelfAffine, Spectrum
@@ -23,21 +31,27 @@ BOLTZMANN_EV = 8.617333262e-5  # [eV/K]
 
 _MATERIALS = (Rigid, Elastic, Prony, PronyShear, TabulatedModulus)
 _SHIFTS = (WLF, Arrhenius, TabulatedShift, type(None))
+_VERTICAL = (Entropic, TabulatedVertical, type(None))
 _LAYERS = (Slab, Coating, type(None))
 _SPECTRA = (SelfAffine, TabulatedSpectrum, type(None))
 
 
 def knows(body: Body) -> bool:
     """Whether the material, its shift, the layer and the spectrum of a body are ones written down here."""
-    parts = (body.material, body.material.shift, body.layer, body.spectrum)
-    known = (_MATERIALS, _SHIFTS, _LAYERS, _SPECTRA)
-    return all(isinstance(part, kinds) for part, kinds in zip(parts, known, strict=True))
+    shifts = [body.material.shift, None if body.layer is None else body.layer.shift]
+    parts = [(body.material, _MATERIALS), (body.layer, _LAYERS), (body.spectrum, _SPECTRA)]
+    parts += [(shift, _SHIFTS) for shift in shifts]
+    parts += [(shift.vertical, _VERTICAL) for shift in shifts if shift is not None]
+    return all(isinstance(part, kinds) for part, kinds in parts)
 
 
 def stiffness(
     body: Body, q: np.ndarray, omega: np.ndarray | None, temperature: np.ndarray | None
 ) -> np.ndarray | None:
-    """1 / M = q E_r Sbar / 2 [Pa/m] at omega of shape (points, q, phi), None for omega = 0; None if rigid."""
+    """1 / M = q E_r Sbar / 2 [Pa/m] at omega of shape (points, q, phi), None for omega = 0; None if rigid.
+
+    temperature : (points,) or None
+    """
     material = body.material
     if isinstance(material, Rigid):
         return None
@@ -54,11 +68,12 @@ def stiffness(
 
 
 def _coated(material, layer, q, omega, temperature):
-    """E(omega) Sbar(q, omega) of a layer on a half-space, which shares the layer's shift."""
-    nu1, nu0 = _poisson(material), _poisson(layer.base)
-    omega = _shifted(material, omega, temperature)
-    modulus = modulus_at(material, omega, None)
-    one, two = modulus / (1 + nu1), modulus_at(layer.base, omega, None) / (1 + nu0)
+    """E(omega) Sbar(q, omega) of a layer on a half-space, which may share the layer's shift."""
+    nu1, nu0, base = _poisson(material), _poisson(layer.base), layer.base
+    if base.shift is None and not isinstance(base, Elastic):
+        base = base.replace(shift=material.shift)
+    modulus = modulus_at(material, omega, temperature)
+    one, two = modulus / (1 + nu1), modulus_at(base, omega, temperature) / (1 + nu0)
     x = np.minimum(q * float(layer.thickness), 60.0)[:, None]
     a, b = 3 - 4 * nu1, 3 - 4 * nu0
     small, rise, fall = 4 * x * np.exp(-2 * x), -np.expm1(-4 * x), 1 + np.exp(-4 * x)
@@ -87,7 +102,15 @@ def modulus_at(
     """E(omega), complex, of a PronyShear G(omega); real, at omega = 0, for omega None."""
     if isinstance(material, Elastic):
         return float(material.young)
-    omega = _shifted(material, omega, temperature)
+    stiffer = 1.0
+    if temperature is not None and material.shift is not None and material.shift.vertical is not None:
+        law = material.shift.vertical
+        T_ref = float(material.shift.reference_temperature)
+        stiffer = vertical_factor(law, temperature, T_ref)[:, None, None]
+    return stiffer * _at_reference(material, _shifted(material, omega, temperature))
+
+
+def _at_reference(material, omega):
     if isinstance(material, TabulatedModulus):
         return _interpolated(material, omega)
     assert isinstance(material, Prony | PronyShear)
@@ -130,6 +153,15 @@ def shift_factor(shift: Shift, temperature: np.ndarray) -> np.ndarray:
     assert isinstance(shift, TabulatedShift)
     T, log_aT = np.asarray(shift.T), np.log(np.asarray(shift.aT))
     return np.exp(np.interp(temperature, T, log_aT) - np.interp(float(shift.T_ref), T, log_aT))
+
+
+def vertical_factor(law: VerticalShift, temperature: np.ndarray, T_ref: float) -> np.ndarray:
+    """b_T."""
+    if isinstance(law, Entropic):
+        return temperature / T_ref * np.exp(-float(law.expansion) * (temperature - T_ref))
+    assert isinstance(law, TabulatedVertical)
+    T, log_bT = np.asarray(law.T), np.log(np.asarray(law.bT))
+    return np.exp(np.interp(temperature, T, log_bT) - np.interp(T_ref, T, log_bT))
 
 
 def _poisson(material: Material) -> float:

@@ -124,6 +124,11 @@ def write_prony(
             f"material has the shift {type(series.shift).__name__}: {program} cards must have"
             f" {'WLF' if form.shifts else 'none'}; shift=False leaves it out"
         )
+    if series.shift is not None and series.shift.vertical is not None:
+        raise ValueError(
+            f"material.shift.vertical is {type(series.shift.vertical).__name__}: must be None for {program};"
+            " shift=False leaves out all of the shift"
+        )
     degrees = f", {unit_temperature}" if series.shift is not None else ""
     head = f"Prony series of {series.tau.size} terms. Units: {unit_stress}, s{degrees}"
     lines = [f"{form.comment} {head}"] if form.comment else []

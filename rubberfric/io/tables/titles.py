@@ -20,6 +20,7 @@ _SPELLINGS = {
     "f": ("frequency",),
     "T": ("temperature", "temp"),
     "aT": ("shift factor",),
+    "bT": ("vertical shift factor",),
     "v": ("velocity", "sliding velocity"),
     "mu": ("friction coefficient", "coefficient of friction", "mu_visc", "\u03bc"),
     "p": ("pressure", "contact pressure"),

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from rubberfric.materials.shifts import Shift
-from rubberfric.scene.pairs import Pair
+from rubberfric.materials.shifts import Shift, log_vertical
+from rubberfric.scene.pairs import AT_REFERENCE, Pair, PairTemperatures
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means, Relaxing
 from rubberfric.theory.stiffness.factors import harmonic_shares
@@ -14,40 +14,69 @@ from rubberfric.theory.stiffness.means_table import MeansTable, means_table
 from rubberfric.theory.stiffness.series import relaxing_stiffness
 from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
 from rubberfric.theory.stiffness.tabulated_means import Tabulated
+from rubberfric.theory.stiffness.varying import VaryingSeries
 
 
 class Excitation(NamedTuple):
     """The stiffness that roughness of given wavevectors meets, and which of its means are needed."""
 
-    stiffness: Relaxing | Tabulated | MeansTable | SoftenedInSeries
+    stiffness: Relaxing | Tabulated | MeansTable | SoftenedInSeries | None  # None if nothing relaxes
+    varying: VaryingSeries | None  # the same at temperatures that change its form
     shift: Shift | None  # of the strained solid
+    resting: Shift | None  # of the rough one
     harmonics: Harmonics | None  # as `harmonic_shares`
     split: bool  # whether <F'^2> and <F''^2> are needed apart
     needs: Needs
 
-    def means(self, q: jax.Array, velocity: jax.Array, temperature: jax.Array | None = None) -> Means:
+    def means(
+        self, q: jax.Array, velocity: jax.Array, temperatures: PairTemperatures = AT_REFERENCE
+    ) -> Means:
         """Angular means at the wavevectors that the stiffness was made for.
 
         Parameters
         ----------
         q : [1/m], shape (panels, order)
         velocity : [m/s], shape (points,)
-        temperature : of the strained solid [K], None, (points,) or (panels, points, order)
+        temperatures : of the two solids [K], None, (points,) or (panels, points, order) each
 
         Returns
         -------
-        Means, arrays (panels, points, order)
+        Means, arrays (panels, points, order), of a stiffness that does not relax (panels, points or 1, order)
         """
-        F, speed = self.stiffness, self._shifted(velocity, temperature)
+        if self.stiffness is None:
+            assert self.varying is not None
+            return self.varying.static(q, temperatures)
+        F, speed = self.stiffness, self._shifted(velocity, temperatures.strained)
+        if isinstance(F, SoftenedInSeries):
+            factors = (self._vertical(*x) for x in zip((self.shift, self.resting), temperatures, strict=True))
+            return F.means(_by_points(speed) * q[:, None], self.needs, *factors)
+        if self.varying is not None and temperatures.strained is not None:
+            return self.varying.means(q, speed, temperatures, self.needs, self.harmonics)
+        means, factor = self._means(F, q, speed), self._vertical(self.shift, temperatures.strained)
+        if factor is None:
+            return means
+        square = factor * factor
+        return {
+            kind: tuple(x * (square if kind == "power" else factor) for x in values)
+            for kind, values in means.items()
+        }
+
+    def _means(self, F, q, speed):
+        """Means at v a_T."""
         if F.by_node:
             # All nodes in one row, as the stiffness has them.
             speed = speed[:, None] if speed.ndim == 1 else jnp.swapaxes(speed, 0, 1).reshape(-1, q.size)
             harmonics = self._harmonics(lambda shares: shares.reshape(-1, q.size))
             means = F.means(speed * q.reshape(-1), self.needs, self.split, harmonics)
             return jax.tree.map(lambda x: jnp.swapaxes(x.reshape(-1, *q.shape), 0, 1), means)
-        speed = speed[:, None] if speed.ndim == 1 else speed
         harmonics = self._harmonics(lambda shares: shares[:, :, None])
-        return F.means(speed * q[:, None], self.needs, self.split, harmonics)
+        return F.means(_by_points(speed) * q[:, None], self.needs, self.split, harmonics)
+
+    @staticmethod
+    def _vertical(shift, temperature):
+        """b_T, broadcastable to (panels, points, order); None if it is 1."""
+        log_factor = log_vertical(shift, temperature)
+        return None if log_factor is None else _by_points(jnp.exp(log_factor))
 
     def _harmonics(self, arranged):
         """The shares of the harmonics, those that differ from q to q as the stiffness takes them."""
@@ -64,19 +93,28 @@ class Excitation(NamedTuple):
         return velocity * factor if temperature.ndim == 1 else velocity[:, None] * factor
 
 
+def _by_points(values):
+    """(points,) or (panels, points, order), broadcastable to the latter."""
+    return values[:, None] if values.ndim == 1 else values
+
+
 def excitation(pair: Pair, scale: jax.Array, q: jax.Array, needs: Needs, angle: int) -> Excitation:
     """`Excitation` by roughness of wavevectors q.
 
     Parameters
     ----------
-    pair : Pair whose strained solid relaxes
+    pair : Pair whose stiffness is no constant
     scale : modulus scale [Pa]
     q : [1/m], shape (panels, order)
     needs : Needs
     angle : nodes of an angular integral that has no closed form
     """
+    varying = VaryingSeries(pair, scale, angle) if pair.varies else None
+    shifts = pair.strained.material.shift, pair.rough.material.shift
+    if not pair.relaxes:
+        return Excitation(None, varying, *shifts, None, False, needs)
     F, harmonics = relaxing_stiffness(pair, scale, q, angle), harmonic_shares(pair, q)
     split = pair.softens_apart
     if isinstance(F, Tabulated) and not F.by_node:
         F = means_table(F, needs, split, harmonics)
-    return Excitation(F, pair.strained.material.shift, harmonics, split, needs)
+    return Excitation(F, varying, *shifts, harmonics, split, needs)

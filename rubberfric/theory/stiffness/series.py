@@ -14,10 +14,10 @@ factor (a slab's Sbar) known at every q, and F of order one: a constant, a Prony
 import jax
 import jax.numpy as jnp
 
-from rubberfric.materials.material import plane_strain
+from rubberfric.materials.material import plane_strain, stiffer
 from rubberfric.materials.series.prony_and_prony import two_in_series
 from rubberfric.materials.series.prony_and_spring import in_series
-from rubberfric.scene.pairs import Pair
+from rubberfric.scene.pairs import AT_REFERENCE, Pair, PairTemperatures
 from rubberfric.scene.scene import Body, Scene, relaxes
 from rubberfric.scene.softening import Softened, softening_factors
 from rubberfric.theory.stiffness.angular_means import Relaxing
@@ -37,7 +37,11 @@ def modulus_scale(scene: Scene) -> jax.Array:
 
 
 def relaxing_stiffness(
-    pair: Pair, scale: jax.Array, q: jax.Array, angle: int
+    pair: Pair,
+    scale: jax.Array,
+    q: jax.Array,
+    angle: int,
+    temperatures: PairTemperatures = AT_REFERENCE,
 ) -> Relaxing | Tabulated | SoftenedInSeries:
     """F of K_j where the strained solid relaxes, without the factor of `layer_factor`.
 
@@ -47,6 +51,7 @@ def relaxing_stiffness(
     scale : modulus scale [Pa]
     q : wavevectors [1/m], shape (panels, order)
     angle : nodes of an angular integral that has no closed form
+    temperatures : of the two solids [K], shape () each, or None: both at their references
 
     Returns
     -------
@@ -55,28 +60,32 @@ def relaxing_stiffness(
     if pair.softened is not None and pair.both_deform:
         return _softened(pair, pair.softened, scale, q, angle)
     nodes = q.reshape(-1) if pair.by_wavevector else None
-    spring = _spring(pair.rough, scale, nodes) if pair.both_deform else None
+    spring = _spring(pair.rough, scale, nodes, temperature=temperatures.rough) if pair.both_deform else None
     material, layer = pair.strained.material, pair.strained.layer
     if nodes is not None and layer is not None and not layer.multiplies:
-        series = layer.reduced_series(material, scale, nodes)
+        series = layer.reduced_series(material, scale, nodes, temperatures.strained)
         if spring is not None:
             nothing = jnp.zeros(0, q.dtype)
-            series = two_in_series(series, (spring, nothing, nothing))
+            series = two_in_series((series.rest, series.weight, series.tau), (spring, nothing, nothing))
         return Relaxing(*series)
     own = None if nodes is None else _layer(pair.strained, nodes)
     series = material.reduced_series(scale)
     if series is None:
-        unit = plane_strain(material) / scale
+        unit = stiffer(plane_strain(material) / scale, material.shift, temperatures.strained)
         return Tabulated(material, unit if own is None else unit * own, spring, angle)
+    rest, weight = (stiffer(x, material.shift, temperatures.strained) for x in series[:2])
+    series = rest, weight, series.tau
     if own is not None:
-        series = (own * series.rest, own[:, None] * series.weight, series.tau)
+        series = own * rest, own[:, None] * weight, series[2]
     return Relaxing(*(series if spring is None else in_series(*series, spring)))
 
 
-def static_stiffness(pair: Pair, scale: jax.Array, q: jax.Array) -> jax.Array:
-    """K_j / (q/2 scale) at q of any shape where the strained solid does not relax: springs in series."""
-    bodies = [body for body in (pair.rough, pair.strained) if body.material.deforms]
-    springs = [_spring(body, scale, q, pair.softened) for body in bodies]
+def static_stiffness(
+    pair: Pair, scale: jax.Array, q: jax.Array, temperatures: PairTemperatures = AT_REFERENCE
+) -> jax.Array:
+    """K_j / (q/2 scale) where the strained solid does not relax: springs in series; q, T of any shapes."""
+    bodies = (pair.rough, temperatures.rough), (pair.strained, temperatures.strained)
+    springs = [_spring(body, scale, q, pair.softened, T) for body, T in bodies if body.material.deforms]
     if len(springs) == 1:
         return springs[0]
     soft, hard = jnp.minimum(*springs), jnp.maximum(*springs)
@@ -102,11 +111,17 @@ def _softened(pair: Pair, softened: Softened, scale: jax.Array, q: jax.Array, an
     return SoftenedInSeries(modulus, storage, loss, _spring(pair.rough, scale, q, softened), angle)
 
 
-def _spring(body: Body, scale: jax.Array, q: jax.Array | None, softened: Softened | None = None) -> jax.Array:
-    """E_r(0) Sbar of a body over the scale, at q; q None: of its half-space."""
+def _spring(
+    body: Body,
+    scale: jax.Array,
+    q: jax.Array | None,
+    softened: Softened | None = None,
+    temperature: jax.Array | None = None,
+) -> jax.Array:
+    """E_r(0) Sbar of a body over the scale, at q and a temperature; q None: of its half-space."""
     if q is not None and body.layer is not None and not body.layer.multiplies:
-        return body.layer.static_reduced(body.material, scale, q)
-    own = body.material.static_reduced() / scale
+        return body.layer.static_reduced(body.material, scale, q, temperature)
+    own = stiffer(body.material.static_reduced() / scale, body.material.shift, temperature)
     if q is None:
         return own
     if softened is not None and relaxes(body):

@@ -14,7 +14,7 @@ import numpy as np
 
 from rubberfric.materials.material import Material, squarable
 from rubberfric.theory.quantities import Needs
-from rubberfric.theory.stiffness.angular_means import Harmonics, Means, Relaxing
+from rubberfric.theory.stiffness.angular_means import Means, Relaxing
 from rubberfric.theory.stiffness.tabulated_means import angular_rule, log_frequency
 
 
@@ -30,10 +30,16 @@ class SoftenedInSeries(NamedTuple):
     by_node = False  # its panels are those of q
 
     def means(
-        self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: Harmonics | None = None
+        self,
+        qv: jax.Array,
+        needs: Needs,
+        strained: jax.Array | None = None,
+        resting: jax.Array | None = None,
     ) -> Means:
-        """`Means` of qv = q v a_T [1/s], shape (panels, points, order); neither split nor harmonics."""
-        del split, harmonics
+        """`Means` of qv = q v a_T [1/s], shape (panels, points, order).
+
+        strained, resting : b_T of either solid, broadcastable to qv; None: 1
+        """
         # Without a table's kinks half the nodes are good to 1e-9.
         smooth = isinstance(self.modulus, Relaxing)
         psi, weight = angular_rule(self.angle // 2 if smooth else self.angle)
@@ -43,9 +49,9 @@ class SoftenedInSeries(NamedTuple):
             qv, storage_factor, loss_factor, spring = values
             omega = qv[..., None] * sine
             storage, loss = _modulus(self.modulus, omega)
-            storage, loss = storage_factor[:, None] * storage, loss_factor[:, None] * loss
+            storage, loss = storage_factor[..., None] * storage, loss_factor[..., None] * loss
             square = storage**2 + loss**2
-            spring = spring[:, None]
+            spring = spring[..., None]
             share = spring / ((storage + spring) ** 2 + loss**2)
             return (
                 (share * spring * square) @ weight,
@@ -54,9 +60,20 @@ class SoftenedInSeries(NamedTuple):
             )
 
         # Panel by panel, and again for the gradient: all angles at once would take gigabytes.
-        found = jax.lax.map(jax.checkpoint(panel), (qv, self.storage, self.loss, self.spring))
+        factors = (
+            self._stiffer(qv, (self.storage, self.loss), strained),
+            self._stiffer(qv, (self.spring,), resting),
+        )
+        found = jax.lax.map(jax.checkpoint(panel), (qv, *factors[0], *factors[1]))
         found = dict(zip(("power", "dissipation", "storage"), found, strict=True))
         return {kind: (found[kind],) for kind in needs.kinds if kind in found}
+
+    @staticmethod
+    def _stiffer(qv, factors, vertical):
+        """Factors (panels, order) times b_T, (panels, points, order)."""
+        if vertical is None:
+            return factors
+        return tuple(jnp.broadcast_to(x[:, None] * vertical, qv.shape) for x in factors)
 
 
 def _modulus(modulus: Material | Relaxing, omega: jax.Array) -> tuple[jax.Array, jax.Array]:

@@ -14,9 +14,21 @@ from typing import NamedTuple, TypeVar
 import jax
 import jax.numpy as jnp
 
+from rubberfric.materials.shifts import Shift
 from rubberfric.roughness.mesh import Mesh
-from rubberfric.scene.heating import Diffusion, Heating, diffusion, memory, rise_below_surface, rise_inside
-from rubberfric.scene.scene import Scene
+from rubberfric.scene.heating import (
+    Diffusion,
+    Heating,
+    Memory,
+    diffusion,
+    heating_of,
+    memory,
+    rise_below_surface,
+    rise_inside,
+    shear_shares,
+)
+from rubberfric.scene.pairs import PairTemperatures
+from rubberfric.scene.scene import Scene, shifts_of
 from rubberfric.scene.shear import ContactShear, shear_friction
 from rubberfric.theory.stress_fluctuation import Contact, Roughness
 
@@ -25,6 +37,7 @@ Points = tuple[jax.Array, jax.Array, jax.Array]
 
 
 _Tree = TypeVar("_Tree")
+_OTHER = {"lower": "upper", "upper": "lower"}
 
 
 class Coarse(NamedTuple):
@@ -40,9 +53,12 @@ class Thermal(NamedTuple):
     """What temperatures need of a scene."""
 
     heating: Heating
+    bodies: tuple[Heating, ...]  # of every deformable solid, with its own properties
+    shares: tuple[jax.Array, ...]  # of the heat of contact shear, of every deformable solid
     diffusion: Diffusion  # from the contact nodes to the angular nodes and the largest wavevector
     exciting: tuple[int | None, ...]  # for every deformable solid the contribution that strains it
-    strained: tuple[int | None, ...]  # for every contribution which of these solids it strains
+    # For every contribution which of these solids it strains, and which is rough.
+    solids: tuple[tuple[int | None, int | None], ...]
     shear: ContactShear | None
     coarse: Coarse | None  # None if nothing depends on the temperature
 
@@ -51,8 +67,7 @@ class Temperatures(NamedTuple):
     """Temperatures at points [K]."""
 
     thermal: Thermal
-    # For each contribution, of the solid it strains: (angular panels, points, angular order).
-    strained: list[jax.Array]
+    inside: list[PairTemperatures]  # for each contribution, (angular panels, points, angular order)
     flash: jax.Array  # at the largest wavevector, of two deformable solids the mean, (points,)
     surface: jax.Array  # that the contact shear has, (points,)
     converged: jax.Array  # whether they are a solution, (points,)
@@ -65,7 +80,7 @@ def macroasperity(heating: Heating) -> jax.Array:
 
 def feeds_back(scene: Scene) -> bool:
     """Whether anything that makes heat depends on the temperature."""
-    shifts = [body.material.shift for body in (scene.lower, scene.upper) if body.material.deforms]
+    shifts: list[Shift | None] = [*shifts_of(scene.lower), *shifts_of(scene.upper)]
     if scene.shear is not None and scene.heating is not None and scene.heating.shear_at == "flash":
         shifts.append(scene.shear.shift)
     return any(shift is not None for shift in shifts)
@@ -90,12 +105,16 @@ def prepare_thermal(
     """
     bodies = {"lower": scene.lower, "upper": scene.upper}
     solids = [side for side, body in bodies.items() if body.material.deforms]
+    own = {side: heating_of(heating, body.thermal) for side, body in bodies.items()}
+    shares = dict(zip(bodies, shear_shares(own["lower"], own["upper"], len(solids) == 2), strict=True))
     mesh, sides = roughness.mesh, roughness.strained
     thermal = Thermal(
         heating=heating,
+        bodies=tuple(own[side] for side in solids),
+        shares=tuple(shares[side] for side in solids),
         diffusion=_diffusion(mesh, unknowns(mesh), count),
-        exciting=tuple(sides.index(side) if side in sides else None for side in solids),
-        strained=tuple(solids.index(side) if side in solids else None for side in sides),
+        exciting=tuple(_index(sides, side) for side in solids),
+        solids=tuple((_index(solids, side), _index(solids, _OTHER[side])) for side in sides),
         shear=scene.shear,
         coarse=None,
     )
@@ -110,6 +129,11 @@ def prepare_thermal(
     return thermal._replace(coarse=without_derivatives(found))
 
 
+def _index(values, one):
+    """Where it is among the values, None if it is not."""
+    return values.index(one) if one in values else None
+
+
 def unknowns(mesh: Mesh) -> jax.Array:
     """Wavevectors whose temperature is unknown: the angular nodes and the largest [1/m]."""
     return jnp.concatenate([mesh.angular_q.reshape(-1), mesh.last[None]])
@@ -120,9 +144,9 @@ def without_derivatives(tree: _Tree) -> _Tree:
     return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if isinstance(x, jax.Array) else x, tree)
 
 
-def strained_temperatures(
+def inner_temperatures(
     thermal: Thermal, mesh: Mesh, rises: jax.Array, background: jax.Array
-) -> tuple[list[jax.Array], jax.Array]:
+) -> tuple[list[PairTemperatures], jax.Array]:
     """Temperatures from the rises at the unknowns.
 
     Parameters
@@ -133,7 +157,7 @@ def strained_temperatures(
 
     Returns
     -------
-    (strained, flash) [K]: for each contribution that of the solid it strains, (angular panels, points,
+    (inside, flash) [K]: for each contribution those of its solids, (angular panels, points,
     angular order); at the largest wavevector, of two deformable solids the mean, (points,)
     """
     solids = len(thermal.exciting)
@@ -142,8 +166,11 @@ def strained_temperatures(
     rises = jnp.where(rises < 0, 0.0, rises).reshape(rises.shape[0], solids, -1)
     inside = rises[..., :-1].reshape(-1, solids, *mesh.angular_q.shape)
     T = background[:, None] + jnp.moveaxis(inside, 0, 2)  # solids, panels, points, order
-    strained = [background if solid is None else T[solid] for solid in thermal.strained]
-    return strained, background + jnp.mean(rises[..., -1], 1)
+    found = [
+        PairTemperatures(*(background if solid is None else T[solid] for solid in pair))
+        for pair in thermal.solids
+    ]
+    return found, background + jnp.mean(rises[..., -1], 1)
 
 
 def heat_balance(
@@ -163,11 +190,11 @@ def heat_balance(
     function from (points, solids * unknowns) to (points, solids * targets) [K]
     """
     velocity, pressure, background = points
-    spread = memory(thermal.heating, ready, velocity, thermal.shear is not None)
+    spread = _memories(thermal, ready, velocity)
 
     def caused(rises):
-        strained, flash = strained_temperatures(thermal, roughness.mesh, rises, background)
-        contact = roughness.contact(velocity, pressure, strained)
+        inside, flash = inner_temperatures(thermal, roughness.mesh, rises, background)
+        contact = roughness.contact(velocity, pressure, inside)
         surface = shear_temperature(thermal.heating, flash, background)
         found = _rises(thermal, roughness, spread, contact, (velocity, pressure, surface))
         return found.reshape(velocity.shape[0], -1)
@@ -192,7 +219,7 @@ def temperature_at(
     """
     (velocity, pressure, background), thermal = points, temperatures.thermal
     ready = _diffusion(roughness.mesh, q, thermal.diffusion.k.size)
-    spread = memory(thermal.heating, ready, velocity, thermal.shear is not None)
+    spread = _memories(thermal, ready, velocity)
     rises = _rises(thermal, roughness, spread, contact, (velocity, pressure, temperatures.surface))
     return background[:, None, None] + rises
 
@@ -216,6 +243,15 @@ def _linear(nodes, targets):
     return chosen * (1 - share) + jnp.roll(chosen, 1, 1) * share
 
 
+def _memories(thermal: Thermal, ready: Diffusion, velocity: jax.Array) -> list[Memory]:
+    """`Memory` of every deformable solid, one for those of the same properties."""
+    found: list[Memory] = []
+    for i, heating in enumerate(thermal.bodies):
+        same = i > 0 and heating is thermal.bodies[0]
+        found.append(found[0] if same else memory(heating, ready, velocity, thermal.shear is not None))
+    return found
+
+
 def _rises(thermal, roughness, spread, contact, points):
     """Temperature rises of the heat of one contact, (points, solids, rows)."""
     heating, pressure = thermal.heating, points[1]
@@ -225,15 +261,16 @@ def _rises(thermal, roughness, spread, contact, points):
     stress = pressure / area
     terms = contact.friction_terms()
     count = pressure.shape[0]
-    at_surface = jnp.zeros((count, spread.diffusion.wavevector.shape[0]), pressure.dtype)
+    sheared = None
     if thermal.shear is not None:
-        sheared = shear_friction(thermal.shear, contact.area(), *points)
-        at_surface = rise_below_surface(spread, heating.shear_share * sheared * stress)
+        sheared = shear_friction(thermal.shear, contact.area(), *points) * stress
     found = []
-    for exciting in thermal.exciting:
-        rise = at_surface
+    for exciting, share, own in zip(thermal.exciting, thermal.shares, spread, strict=True):
+        rise = jnp.zeros((count, own.diffusion.wavevector.shape[0]), pressure.dtype)
+        if sheared is not None:
+            rise = rise_below_surface(own, share * sheared)
         if exciting in terms:
             power = jnp.moveaxis(terms[exciting], 0, 1).reshape(count, -1) * stress[:, None]
-            rise = rise + rise_inside(spread, power)
+            rise = rise + rise_inside(own, power)
         found.append(rise)
     return jnp.stack(found, 1)

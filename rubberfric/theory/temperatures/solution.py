@@ -25,8 +25,8 @@ from rubberfric.theory.temperatures.heat_balance import (
     Temperatures,
     Thermal,
     heat_balance,
+    inner_temperatures,
     shear_temperature,
-    strained_temperatures,
     without_derivatives,
 )
 
@@ -65,9 +65,9 @@ def solve_temperatures(
         found = _solution(*without_derivatives((thermal, roughness, points)))
         inverse = Inverse(found.left, thermal.coarse.restriction)
         rises, converged = implicit(heat, found.rises, inverse), found.converged
-    strained, flash = strained_temperatures(thermal, roughness.mesh, rises, background)
+    inside, flash = inner_temperatures(thermal, roughness.mesh, rises, background)
     surface = shear_temperature(thermal.heating, flash, background)
-    return Temperatures(thermal, strained, flash, surface, converged)
+    return Temperatures(thermal, inside, flash, surface, converged)
 
 
 def _size(thermal, roughness):
@@ -126,14 +126,18 @@ def _begin(thermal, points):
     .. math:: \frac{2\sigma_0}{\pi P_m \rho c_p} \int_0^\infty dk\,\frac{v (1 - e^{-D k^2 R/v})}{D k^2}
               = \frac{2\sigma_0}{P_m \rho c_p} \sqrt{\frac{v R}{\pi D}}
     """
-    heating, pressure = thermal.heating, points[1]
+    area, pressure = thermal.heating.area_fraction, points[1]
     if _direction(thermal) < 0:
         return jnp.full_like(pressure, np.log(_FAST))
-    area = 0.01 if heating.area_fraction is None else heating.area_fraction
-    # Logarithms: their squares leave float32.
-    heat = jnp.log(heating.density) + jnp.log(heating.heat_capacity) + jnp.log(area) - jnp.log(pressure)
-    length = jnp.log(diffusivity(heating)) - jnp.log(heating.radius)
-    return 2 * (heat + np.log(0.5 * _COLD)) + length + np.log(np.pi)
+    area = 0.01 if area is None else area
+
+    def begin(own):
+        # Logarithms: their squares leave float32.
+        heat = jnp.log(own.density) + jnp.log(own.heat_capacity) + jnp.log(area) - jnp.log(pressure)
+        length = jnp.log(diffusivity(own)) - jnp.log(own.radius)
+        return 2 * (heat + np.log(0.5 * _COLD)) + length + np.log(np.pi)
+
+    return functools.reduce(jnp.minimum, map(begin, thermal.bodies))
 
 
 def _before(thermal, log_v, targets):

@@ -1,7 +1,8 @@
 """Writes heated_cases.json: the scenes of heated.py with their quantities.
 
-    python tests/reference/oracle/make_heated_cases.py
+    python tests/reference/oracle/make_heated_cases.py [NAME ...]
 
+Those named are made anew, without names all; the others stay as they are.
 The values come from `tests/support/oracles/oracle_heating.py`. Printed beside flash temperature and friction:
 the largest relative change with coarser panels, and with other polynomials for the temperatures.
 """
@@ -32,8 +33,13 @@ def friction_slope(case, start):
 
 
 def main():
+    path = REFERENCE / "heated_cases.json"
+    known = {one["name"]: one for one in json.loads(path.read_text())}
     scenes = []
     for name, case in CASES.items():
+        if sys.argv[1:] and name not in sys.argv[1:]:
+            scenes.append(known[name])
+            continue
         coarse = solve(case)
         fine = solve(case, halvings=40, order=12, start=coarse["rises"])
         other = solve(case, points=POINTS - 11)
@@ -43,7 +49,7 @@ def main():
         changes = f"{largest_change(coarse, fine):.0e} {largest_change(other, coarse):.0e}"
         print(f"{name:18} {fine['flash_temperature']:12.6f} {fine['friction']:.6e} {changes}", flush=True)
     text = json.dumps(scenes, indent=1, default=lambda x: np.asarray(x).tolist())
-    (REFERENCE / "heated_cases.json").write_text(text + "\n")
+    path.write_text(text + "\n")
 
 
 if __name__ == "__main__":

@@ -282,7 +282,7 @@ def test_coatings(folder):
         ("lower.layer.base", "bonded", "lower.layer.base = 'bonded': must be a table"),
         ("lower.layer.base.kind", "rigid", "use Slab"),
         ("lower.layer.base.tau", [-1.0], "lower.layer.base: Prony.tau[0] = -1.0: must be > 0"),
-        ("lower.layer.base.shift", {"kind": "arrhenius", "energy": 1.0, "T_ref": 300.0}, "must be None"),
+        ("lower.layer.base.shift", {"kind": "arrhenius", "energy": 0.0, "T_ref": 300.0}, "must be > 0"),
         ("lower.layer.kind", "slap", "lower.layer.kind = 'slap': did you mean 'slab'?"),
         ("lower.layer.thickness", ..., "lower.layer.thickness: is missing"),
     ):

@@ -364,10 +364,6 @@ def test_what_single_precision_cannot_hold():
             r"^Coating\.base = Rigid\(\): must be Elastic, Prony .*use Slab",
         ),
         (
-            lambda: rf.Coating(1e-3, dataclasses.replace(RUBBER, shift=rf.WLF(8.0, 100.0, 293.0))),
-            r"^Coating\.base\.shift is given: must be None",
-        ),
-        (
             lambda: rf.Coating(1e-3, rf.TabulatedModulus([1.0, 2.0], [1.0, 2.0], [1.0, 2.0])),
             r"^Coating\.base = .*: must be Elastic, Prony",
         ),

@@ -15,8 +15,9 @@ import rubberfric as rf
 from rubberfric.scene.heating import diffusion
 from rubberfric.theory import model
 from rubberfric.theory.integrals import prepare
+from rubberfric.theory.temperatures import solution
 from rubberfric.theory.temperatures.branch import arrive, begin_at, path
-from rubberfric.theory.temperatures.heat_balance import heat_balance, strained_temperatures
+from rubberfric.theory.temperatures.heat_balance import heat_balance, inner_temperatures
 
 # --- A cubic with known folds
 
@@ -285,8 +286,8 @@ def test_energy_is_what_friction_set_free():
         kernel = diffusion(mesh.q.reshape(-1), q, (q[0], mesh.last), 600)
         rises = jnp.linspace(2.0, 20.0, ready.thermal.diffusion.wavevector.size) * jnp.ones((3, 1))
         caused = heat_balance(ready.thermal, ready.roughness, kernel, points)(rises)[:, 0]
-        strained, _ = strained_temperatures(ready.thermal, mesh, rises, points[2])
-        terms = ready.roughness.contact(*points[:2], strained).friction_terms()
+        inside, _ = inner_temperatures(ready.thermal, mesh, rises, points[2])
+        terms = ready.roughness.contact(*points[:2], inside).friction_terms()
         return caused / (2 * q), sum(jnp.sum(x, (0, 2)) for x in terms.values())
 
     depth, mu = both(scene)
@@ -323,3 +324,27 @@ def test_what_did_not_converge_is_named(monkeypatch, recwarn):
     monkeypatch.setattr(model, "_solve", lambda *_, **__: values._replace(converged=jnp.ones(5, bool)))
     rf.friction(dataclasses.replace(scene), v, PRESSURE, COLD)
     assert not recwarn.list
+
+
+@pytest.mark.parametrize("name", ["profile", "dissipated_power", "contact_stiffness", "stress_distribution"])
+def test_what_did_not_converge_is_named_by_the_analysis(name, monkeypatch, recwarn):
+    """As if the second of three points had not converged."""
+    scene, v = folded(), np.array([1e-9, 0.1, 1e-9])
+    further = {"profile": {"q": [1e3]}, "stress_distribution": {"stress": 3e5}}.get(name, {})
+    small = rf.Quadrature(order=4, panels=2, graded=1, angular_order=4, heat=48)
+    at = {"velocity": v, "pressure": PRESSURE, "temperature": COLD, "quadrature": small}
+    monkeypatch.setattr(solution, "_solution", _second_is_left(solution._solution))
+    message = r"^the temperatures did not converge at 1 of 3 points, at v = 0.1 m/s"
+    with pytest.warns(RuntimeWarning, match=message):
+        getattr(rf.analysis, name)(scene, **further, **at)
+    recwarn.clear()
+    jax.eval_shape(lambda v: getattr(rf.analysis, name)(scene, **further, **(at | {"velocity": v})), v)
+    assert not recwarn.list
+
+
+def _second_is_left(solve):
+    def left(*arguments):
+        found = solve(*arguments)
+        return found._replace(converged=found.converged & (np.arange(3) != 1))
+
+    return left

@@ -16,6 +16,8 @@ RUBBER = {
 SOFT = {"kind": "prony", "E_inf": 8e5, "E": [2.5e8, 4e6], "tau": [3e-8, 2e-4], "nu": 0.48, "shift": ARRHENIUS}
 ROAD = {"q0": 300.0, "qr": 300.0, "q1": 3e4, "H": 0.8, "h_rms": 2e-4}
 WORN = {"q0": 300.0, "qr": 1e3, "q1": 3e4, "H": 0.7, "h_rms": 3e-5}
+VERTICAL = {"kind": "entropic", "expansion": 6e-4}
+TABLE = {"kind": "table", "T": [250.0, 300.0, 400.0, 600.0], "bT": [1.3, 1.0, 0.7, 0.4]}
 HEATING = {
     "density": 1200.0,
     "heat_capacity": 1600.0,
@@ -23,6 +25,7 @@ HEATING = {
     "radius": 2e-3,
     "area_fraction": 0.05,
 }
+STONE = {"density": 2400.0, "heat_capacity": 900.0, "conductivity": 1.5}
 MACRO = {**HEATING, "radius": 1.5e-3, "area_fraction": None}  # q_m = 2.1e3, inside the roughness
 SHEAR = {"tau_f0": 6.5e6, "c": 0.1, "v0": 6e-3, "shift": {**ARRHENIUS, "energy": 0.5}}
 
@@ -56,6 +59,41 @@ CASES = {
     "two-rubbers": BASE | {"solid1": SOFT, "psd2": WORN, "v": 2.0, "heating": MACRO},
     "on-elastic": BASE | {"solid1": ELASTIC, "psd2": WORN, "shear": SHEAR, "v": 2.0, "pressure": 3e5},
     "light": BASE | {"pressure": 1e4, "v": 100.0},
+    "two-bodies": BASE
+    | {
+        "solid1": SOFT | {"thermal": STONE},
+        "psd2": WORN,
+        "v": 0.3,
+        "pressure": 3e5,
+        "shear": SHEAR | {"tau_f0": 2e6},
+    },
+    "on-stone": BASE
+    | {
+        "solid1": RIGID | {"thermal": STONE},
+        "v": 1.0,
+        "pressure": 3e5,
+        "shear": SHEAR,
+    },
+    "vertical": BASE | {"solid2": RUBBER | {"shift": WLF | {"vertical": VERTICAL}}, "v": 1.0},
+    "vertical-two-rubbers": BASE
+    | {
+        "solid1": SOFT | {"shift": ARRHENIUS | {"vertical": {"kind": "entropic", "expansion": 2e-3}}},
+        "solid2": RUBBER | {"shift": WLF | {"vertical": VERTICAL}},
+        "psd2": WORN,
+        "v": 0.1,
+        "pressure": 3e5,
+        "shear": SHEAR | {"tau_f0": 2e6, "shift": {**ARRHENIUS, "energy": 0.5, "vertical": VERTICAL}},
+    },
+    "vertical-on-elastic": BASE
+    | {"solid1": ELASTIC, "solid2": RUBBER | {"shift": WLF | {"vertical": TABLE}}, "psd2": WORN, "v": 2.0},
+    "skin": BASE
+    | {"solid2": {**ELASTIC, "coating": {"thickness": 1e-4, "base": RUBBER}}, "v": 1.0, "pressure": 3e5},
+    "coating": BASE
+    | {
+        "solid2": RUBBER
+        | {"shift": WLF | {"vertical": VERTICAL}, "coating": {"thickness": 2e-4, "base": SOFT}},
+        "v": 1.0,
+    },
     "sheared": BASE
     | {"solid2": ELASTIC, "psd1": ROAD | {"qr": 900.0}, "shear": SHEAR, "v": 0.1, "pressure": 3e5},
 }

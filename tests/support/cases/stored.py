@@ -25,7 +25,7 @@ def reference(name):
 def scene(case):
     """The rf.Scene of a case."""
     lower, upper = (
-        rf.Body(_material(case[solid]), _spectrum(case[psd]), _layer(case[solid]))
+        rf.Body(_material(case[solid]), _spectrum(case[psd]), _layer(case[solid]), _thermal(case[solid]))
         for solid, psd in (("solid1", "psd1"), ("solid2", "psd2"))
     )
     softening, heating, shear = (case.get(name) for name in ("softening", "heating", "shear"))
@@ -147,7 +147,12 @@ def _shift(data):
     if data is None:
         return None
     kinds = {"wlf": rf.WLF, "arrhenius": rf.Arrhenius, "table": rf.TabulatedShift}
-    return kinds[data["kind"]](**{name: value for name, value in data.items() if name != "kind"})
+    values = {name: value for name, value in data.items() if name not in ("kind", "vertical")}
+    if "vertical" in data:
+        law = {name: value for name, value in data["vertical"].items() if name != "kind"}
+        vertical = {"entropic": rf.Entropic, "table": rf.TabulatedVertical}[data["vertical"]["kind"]]
+        values["vertical"] = vertical(**law)
+    return kinds[data["kind"]](**values)
 
 
 def _spectrum(data):
@@ -160,6 +165,10 @@ def _spectrum(data):
     if "ratio" not in data:
         return base
     return rf.Anisotropic(base, data["ratio"], data["angle"], data.get("harmonics", 16))
+
+
+def _thermal(data):
+    return rf.ThermalProperties(**data["thermal"]) if "thermal" in data else None
 
 
 def _layer(data):

@@ -16,9 +16,11 @@ A scene is a plain dictionary, as in `reference/*.json`:
                      the last four also with "thickness" (null: half-space),
                      "base" ("bonded", "frictionless") and "shift", one of
                      {"kind": "wlf", "C1", "C2", "T_ref"}, {"kind": "arrhenius",
-                     "energy", "T_ref"}, {"kind": "table", "T", "aT", "T_ref"};
+                     "energy", "T_ref"}, {"kind": "table", "T", "aT", "T_ref"}, each also with
+                     "vertical": {"kind": "entropic", "expansion"} or {"kind": "table", "T", "bT"};
                      elastic and prony also with "coating": {"thickness", "base"}, a layer of
-                     the solid on a half-space of another, "base", an elastic or prony solid
+                     the solid on a half-space of another, "base", an elastic or prony solid;
+                     a prony base without a shift has that of the layer
     psd1, psd2       null, {"q0", "qr", "q1", "H", "h_rms"}, with "ratio" and "angle" if it is stretched,
                      or {"q", "C"}, with "angle" if C is a list of directions for each q, an odd number
     v, pressure, gamma, temperature (default none), area_correction (default false)
@@ -71,8 +73,8 @@ def state(case, halvings=150, order=12, warm=(None, None), marks=()):
         if on.any():
             keys = np.stack([q[on].ravel(), *(row[on].ravel() for row in soft)])
             flat, back = np.unique(keys, axis=1, return_inverse=True)  # many graded nodes share one q
-            a_T = None if warm[moved] is None else solids[moved].shift(warm[moved](flat[0]))
-            parts = _angular(solids[moved], solids[1 - moved], flat, v, order, a_T, spectrum.shape)
+            T = [None if warm[i] is None else warm[i](flat[0]) for i in (moved, 1 - moved)]
+            parts = _angular(solids[moved], solids[1 - moved], flat, v, order, T, spectrum.shape)
             for total, part in zip((square, odd, real, across), parts, strict=True):
                 total[on] += spectrum(q[on]) * part[back.reshape(q[on].shape)]
             own[on] = spectrum(q[on]) * parts[1][back.reshape(q[on].shape)]
@@ -184,22 +186,30 @@ class _Solid:
         self.kind = data["kind"]
         self.nu = data.get("nu", 0.5)
         self.thickness, self.base = data.get("thickness"), data.get("base", "bonded")
-        self.data = data
+        self.data, self.temperature = data, temperature
         self.a_T = 1.0 if temperature is None else self.shift(temperature)
         self.kinks = np.array(data["omega"]) / self.a_T if self.kind == "table" else np.zeros(0)
         self.coating = data.get("coating")
         if self.coating is not None:
-            self.under = _Solid(self.coating["base"], None)
-            self.under.a_T = self.a_T
+            base = self.coating["base"]
+            if base["kind"] == "prony" and not base.get("shift"):
+                base = {**base, "shift": data.get("shift")}
+            self.under = _Solid(base, temperature)
 
     def shift(self, temperature):
         """a_T."""
         shift = self.data.get("shift")
         return shift_factor(shift, temperature) if shift else np.ones(np.shape(temperature))
 
-    def modulus(self, omega, a_T=None):
-        """E' + i E'' at omega >= 0, of a relaxing shear G' + i G''."""
-        omega = (self.a_T if a_T is None else a_T) * np.asarray(omega, float)
+    def modulus(self, omega, temperature=None):
+        """E' + i E'' at omega >= 0, of a relaxing shear G' + i G''; the temperature is that of the case."""
+        temperature = self.temperature if temperature is None else temperature
+        if temperature is None:
+            return self._at_reference(np.asarray(omega, float))
+        b_T = vertical_factor(self.data.get("shift"), temperature)
+        return b_T * self._at_reference(self.shift(temperature) * np.asarray(omega, float))
+
+    def _at_reference(self, omega):
         if self.kind == "elastic":
             return np.full(omega.shape, self.data["E"], complex)
         if self.kind == "table":
@@ -211,17 +221,17 @@ class _Solid:
             total += E * (s / (1 + s))
         return total
 
-    def compliance(self, q, omega, factor, soft, a_T=None):
+    def compliance(self, q, omega, factor, soft, temperature=None):
         """M = 2 / (q E_r Sbar); a liquid at rest has an infinite one. soft: f and g of E' and E''."""
         if self.kind == "rigid":
             return np.zeros(np.broadcast_shapes(q.shape, omega.shape), complex)
-        E = self.modulus(omega, a_T)
+        E = self.modulus(omega, temperature)
         if self.kind == "shear":  # E_r = 2 G / (1 - nu) with the complex nu
             E = E * 2 / (1 - complex_poisson(E, self.data["bulk"]))
         else:
             E = E / (1 - self.nu**2)
         if self.coating is not None:
-            one, two = (s.modulus(omega, a_T) / (2 * (1 + s.nu)) for s in (self, self.under))
+            one, two = (s.modulus(omega, temperature) / (2 * (1 + s.nu)) for s in (self, self.under))
             N0, N1, N2, D0, D1, D2 = np.moveaxis(factor, -1, 0)
             top, bottom = (
                 (a * one**2 + b * one * two + c * two**2) for a, b, c in ((N0, N1, N2), (D0, D1, D2))
@@ -302,7 +312,18 @@ def shift_factor(shift, T):
         return 10 ** (-shift["C1"] * above / (shift["C2"] + above))
     if shift["kind"] == "arrhenius":
         return np.exp(shift["energy"] / BOLTZMANN * (1 / T - 1 / shift["T_ref"]))
-    log = np.interp([T, shift["T_ref"]], shift["T"], np.log(shift["aT"]))
+    log = [np.interp(t, shift["T"], np.log(shift["aT"])) for t in (T, shift["T_ref"])]
+    return np.exp(log[0] - log[1])
+
+
+def vertical_factor(shift, T):
+    """b_T, 1 without."""
+    vertical = (shift or {}).get("vertical")
+    if not vertical:
+        return 1.0
+    if vertical["kind"] == "entropic":
+        return T / shift["T_ref"] * np.exp(-vertical["expansion"] * (T - shift["T_ref"]))
+    log = [np.interp(t, vertical["T"], np.log(vertical["bT"])) for t in (T, shift["T_ref"])]
     return np.exp(log[0] - log[1])
 
 
@@ -450,13 +471,13 @@ def _cumulative(weight, density, order):
     return inside + np.concatenate([[0.0], np.cumsum(total)[:-1]])[:, None]
 
 
-def _angular(moved, resting, at, v, order, a_T, shape):
+def _angular(moved, resting, at, v, order, temperatures, shape):
     """int dphi of |K|^2, cos phi Im K, Re K, sin phi Im K; K = 1 / (M_moved(q v cos phi) + M_resting(0)).
 
     cos phi = sin psi, psi = (pi/2) e^-y: every relaxation time is one step on the y axis.
 
     at : q, and f and g of the softening there
-    a_T : of the moved solid at every q, or None
+    temperatures : of the moved and the resting solid at every q, or None
     shape : C(q, phi) / C(q), or None: all under the integrals
     """
     q, *soft = at
@@ -466,10 +487,10 @@ def _angular(moved, resting, at, v, order, a_T, shape):
     for rows in np.array_split(np.arange(q.size), max(1, q.size // 200)):
         q_i = q[rows, None]
         edges = np.tile(np.arange(0.0, 42.0, 0.5), (rows.size, 1))
-        a_T_i = None if a_T is None else a_T[rows, None, None]
+        T = [None if x is None else x[rows, None, None] for x in temperatures]
         soft_i = [row[rows, None, None] for row in soft]
         if moved.kinks.size and v != 0:  # panel borders where q v cos phi meets a knot of the table
-            kinks = moved.kinks if a_T is None else moved.kinks * moved.a_T / a_T_i[..., 0]
+            kinks = moved.kinks if T[0] is None else moved.kinks * moved.a_T / moved.shift(T[0][..., 0])
             sine = np.minimum(kinks / (q_i * abs(v)), 1.0)
             at_kink = np.clip(-np.log(np.arcsin(sine) * 2 / np.pi), 0.0, edges[0, -1])
             edges = np.sort(np.concatenate([edges, at_kink], axis=1), axis=1)
@@ -479,8 +500,8 @@ def _angular(moved, resting, at, v, order, a_T, shape):
         cosine = np.sin(psi)
         measure = 4 * psi * half * node_weight
         q_i = q_i[:, :, None]
-        M = moved.compliance(q_i, q_i * abs(v) * cosine, factor_m[rows, None, None], soft_i, a_T_i)
-        M = M + resting.compliance(q_i, np.zeros(q_i.shape), factor_r[rows, None, None], soft_i)
+        M = moved.compliance(q_i, q_i * abs(v) * cosine, factor_m[rows, None, None], soft_i, T[0])
+        M = M + resting.compliance(q_i, np.zeros(q_i.shape), factor_r[rows, None, None], soft_i, T[1])
         K = 1 / M
         even = measure
         if shape is not None:  # the four quarters of the circle, of which the measure has one

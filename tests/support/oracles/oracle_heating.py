@@ -4,7 +4,7 @@ The kernel is the one of the theory, summed over k on panels that double in widt
 polynomials in ln q, and the iteration is the plain one, damped. Beside the keys of `oracle`:
 
     heating   {"density", "heat_capacity", "conductivity", "radius"}, and as in rf.Heating
-              "area_fraction", "shear_share", "shear_at"
+              "area_fraction", "shear_share", "shear_at"; a solid may have "thermal", its own first three
     shear     (default none) {"tau_f0", "c", "v0", "shift"}
     temperature   far from the contact, needed
 """
@@ -21,7 +21,8 @@ POINTS = 48  # of the polynomials
 def solve(case, halvings=30, order=8, damping=0.5, tolerance=1e-13, start=None, points=POINTS):
     """Quantities of rf.Solution; "rises" to start another call at."""
     heating, v, T0 = case["heating"], case["v"], case["temperature"]
-    heat = heating["density"] * heating["heat_capacity"]
+    own = [heating | case[name].get("thermal", {}) for name in ("solid1", "solid2")]
+    heats = [x["density"] * x["heat_capacity"] for x in own]
     spectra = [case[psd] for psd in ("psd1", "psd2") if case[psd] is not None]
     ends = [(s["q"][0], s["q"][-1]) if "q" in s else (s["q0"], s["q1"]) for s in spectra]
     low, high = math.log(min(end[0] for end in ends)), math.log(max(end[1] for end in ends))
@@ -35,6 +36,12 @@ def solve(case, halvings=30, order=8, damping=0.5, tolerance=1e-13, start=None, 
         return lambda q: T0 + chebyshev.chebval(2 * (np.log(q) - low) / (high - low) - 1, c)
 
     deformable = [i for i, name in enumerate(("solid1", "solid2")) if case[name]["kind"] != "rigid"]
+    share = heating.get("shear_share")
+    if share is None:
+        effusivity = [math.sqrt(x["conductivity"] * heat) for x, heat in zip(own, heats, strict=True)]
+        shares = [x / sum(effusivity) for x in effusivity]
+    else:
+        shares = [1 - share if len(deformable) == 2 else share, share]
     rises = np.zeros((2, points)) if start is None else start
     for step in range(300):
         flash = T0 + np.mean([rises[i][-1] for i in deformable])
@@ -52,11 +59,11 @@ def solve(case, halvings=30, order=8, damping=0.5, tolerance=1e-13, start=None, 
             # terms: [by the roughness of solid 1, of solid 2]; solid 1 is heated by that of solid 2.
             # f dq = 2 q (heat of dq per volume), and the heat of dq is terms sigma v / P_m.
             terms = found["terms"][1 - i].ravel()
-            power = terms * case["pressure"] * v / fraction / heat
+            power = terms * case["pressure"] * v / fraction / heats[i]
             q = found["q"].ravel()
-            new[i] = kernel(heating, v, targets, q) @ (2 * q * power)
-            surface = heating.get("shear_share", 0.5) * mu_con * case["pressure"] * v / fraction / heat
-            new[i] += surface_kernel(heating, v, targets) * surface
+            new[i] = kernel(own[i], v, targets, q) @ (2 * q * power)
+            surface = shares[i] * mu_con * case["pressure"] * v / fraction / heats[i]
+            new[i] += surface_kernel(own[i], v, targets) * surface
         change = np.max(np.abs(new - rises))
         rises = damping * new + (1 - damping) * rises if step else new
         if change <= tolerance * np.max(np.abs(new)):
@@ -78,7 +85,8 @@ def shear_friction(shear, area, v, pressure, T):
     if v == 0:
         return 0.0
     a_T = oracle.shift_factor(shear["shift"], T) if shear.get("shift") else 1.0
-    stress = shear["tau_f0"] * math.exp(-shear["c"] * math.log10(a_T * abs(v) / shear["v0"]) ** 2)
+    b_T = oracle.vertical_factor(shear.get("shift"), T)
+    stress = b_T * shear["tau_f0"] * math.exp(-shear["c"] * math.log10(a_T * abs(v) / shear["v0"]) ** 2)
     return math.copysign(stress * area / pressure, v)
 
 

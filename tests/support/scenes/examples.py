@@ -10,9 +10,14 @@ import rubberfric as rf
 def examples(number=float, vector=np.array):
     """One object of every class, its leaves made by `number` and `vector`."""
     wlf = rf.WLF(C1=number(8.0), C2=number(100.0), T_ref=number(293.0))
-    arrhenius = rf.Arrhenius(energy=number(1.0), T_ref=number(293.0))
+    entropic = rf.Entropic(expansion=number(6e-4))
+    vertical = rf.TabulatedVertical(T=vector([280.0, 300.0, 320.0]), bT=vector([1.2, 1.0, 0.7]))
+    arrhenius = rf.Arrhenius(energy=number(1.0), T_ref=number(293.0), vertical=vertical)
     table = rf.TabulatedShift(
-        T=vector([280.0, 300.0, 320.0]), aT=vector([10.0, 0.5, 0.1]), T_ref=number(293.0)
+        T=vector([280.0, 300.0, 320.0]),
+        aT=vector([10.0, 0.5, 0.1]),
+        T_ref=number(293.0),
+        vertical=entropic,
     )
     elastic = rf.Elastic(young=number(1e6), poisson=number(0.3))
     prony = rf.Prony(
@@ -48,7 +53,10 @@ def examples(number=float, vector=np.array):
     )
     slab = rf.Slab(thickness=number(1e-3), base="frictionless")
     coating = rf.Coating(thickness=number(1e-3), base=elastic)
-    body = rf.Body(prony, road, slab)
+    thermal = rf.ThermalProperties(
+        density=number(2.4e3), heat_capacity=number(0.9e3), conductivity=number(1.5)
+    )
+    body = rf.Body(prony, road, slab, thermal)
     shear = rf.ContactShear(tau_f0=number(6.5e6), c=number(0.1), v0=number(6e-3), shift=arrhenius)
     softening = rf.Softening(
         strain=vector([1e-2, 0.1, 1.0]),
@@ -75,6 +83,8 @@ def examples(number=float, vector=np.array):
         wlf,
         arrhenius,
         table,
+        entropic,
+        vertical,
         road,
         spectrum,
         stretched,
@@ -84,6 +94,7 @@ def examples(number=float, vector=np.array):
         shear,
         softening,
         heating,
+        thermal,
     ]
     return {type(x).__name__: x for x in (*objects, body, scene)}
 

@@ -1,0 +1,101 @@
+r"""Two solids in series that temperature changes differently, so that their series is another at every T.
+
+With a vertical shift b_T of one of two deformable solids, or layer and base of a coating with shifts of their
+own, not only the times of K_j move by a common a_T:
+
+.. math:: K_j = \frac{1}{M_o(q, a_o\omega)/b_o + M_j(q, 0)/b_j}
+
+where a and b are those of the temperatures that either solid has at q. Its Prony series is found for each q
+and temperature.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+from rubberfric.scene.pairs import Pair, PairTemperatures
+from rubberfric.theory.quantities import Needs
+from rubberfric.theory.stiffness.angular_means import Harmonics, Means, Relaxing
+from rubberfric.theory.stiffness.series import relaxing_stiffness, static_stiffness
+from rubberfric.theory.stiffness.tabulated_means import Tabulated
+
+
+class VaryingSeries(NamedTuple):
+    """F of a pair, to be found for every temperature."""
+
+    pair: Pair
+    scale: jax.Array  # modulus scale [Pa]
+    angle: int  # nodes of an angular integral that has no closed form
+
+    def means(
+        self,
+        q: jax.Array,
+        speed: jax.Array,
+        temperatures: PairTemperatures,
+        needs: Needs,
+        harmonics: Harmonics | None,
+    ) -> Means:
+        """Means of F.
+
+        Parameters
+        ----------
+        q : [1/m], shape (panels, order)
+        speed : v a_T of the strained solid [m/s], shape (points,) or (panels, points, order)
+        temperatures : [K], shapes (points,) or (panels, points, order)
+        needs, harmonics : as of `Relaxing.means`; shares (harmonics,) or (harmonics, panels, order)
+
+        Returns
+        -------
+        Means, arrays (panels, points, order)
+        """
+        points = speed.shape[-2] if speed.ndim > 1 else speed.shape[0]
+        at_points = all(x is None or x.ndim == 1 for x in (speed, *temperatures))
+        shares = None
+        if harmonics is not None and harmonics[0].ndim > 1:
+            shares = [jnp.moveaxis(x, 1, 0) for x in harmonics]
+        if at_points and not self.pair.by_wavevector and shares is None:
+            # One series for each point serves all wavevectors.
+            F = self._series(q[0, 0] * jnp.ones(points, q.dtype), temperatures)
+            found = F.means(q.reshape(-1, 1) * speed, needs, False, harmonics)
+            return jax.tree.map(lambda x: jnp.swapaxes(x.reshape(*q.shape, points), 1, 2), found)
+
+        def everywhere(x):
+            x = x[:, None] if x.ndim == 1 else x
+            return jnp.broadcast_to(x, (q.shape[0], points, q.shape[1]))
+
+        def panel(values):
+            q, speed, temperatures, shares = values
+            at = jnp.broadcast_to(q, speed.shape).reshape(-1)
+            F = self._series(at, jax.tree.map(jnp.ravel, temperatures))
+            own = harmonics
+            if shares is not None:
+                cosine, sine = (jnp.tile(x, (1, points))[:, None] for x in shares)
+                own = cosine, sine
+            found = F.means((at * speed.reshape(-1))[None], needs, False, own)
+            return jax.tree.map(lambda x: x.reshape(speed.shape), found)
+
+        values = q, everywhere(speed), jax.tree.map(everywhere, temperatures), shares
+        # Panel by panel, and again for the gradient: all series at once take much memory.
+        return jax.lax.map(jax.checkpoint(panel), values)
+
+    def static(self, q: jax.Array, temperatures: PairTemperatures) -> Means:
+        """The same of a strained solid that does not relax: arrays (panels, points or 1, order)."""
+        at = jax.tree.map(lambda T: T[:, None] if T.ndim == 1 else T, temperatures)
+        F = static_stiffness(self.pair, self.scale, q[:, None], at)
+        return {"power": (F * F,), "storage": (F,)}
+
+    def _series(self, q, temperatures):
+        """F at q and temperatures of shape (nodes,)."""
+
+        def one(q, temperatures):
+            F = relaxing_stiffness(self.pair, self.scale, q[None, None], self.angle, temperatures)
+            assert isinstance(F, Relaxing | Tabulated)
+            if isinstance(F, Relaxing):
+                return F.rest.reshape(()), F.weight.reshape(-1), F.tau.reshape(-1)
+            return tuple(jnp.reshape(x, ()) for x in (F.scale, F.spring) if x is not None)
+
+        found = jax.vmap(one)(q, temperatures)
+        if len(found) == 3:
+            return Relaxing(*found)
+        return Tabulated(self.pair.strained.material, found[0], found[1], self.angle)

@@ -1,0 +1,318 @@
+"""Vertical shifts, E(omega, T) = b_T E(a_T omega): their laws, and what they do to materials and scenes."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import mpmath as mp
+import numpy as np
+import pytest
+from support.scenes.fits import AFFINE as ROAD
+
+import fitting
+import rubberfric as rf
+from rubberfric.analysis.error_and_time import textbook
+
+T_REF = 293.15
+ENTROPIC, TABLE = rf.Entropic(6e-4), rf.TabulatedVertical([250.0, 300.0, 400.0], [1.3, 1.0, 0.6])
+LAWS = [ENTROPIC, TABLE]
+WORN = rf.SelfAffine(300.0, 2000.0, 5e4, 0.7, 4e-5)
+V, T = np.array([1e-3, 0.1, 5.0]), np.array([273.0, 320.0, 350.0])
+
+
+def name_of(law):
+    return type(law).__name__
+
+
+def wlf(vertical=None):
+    return rf.WLF(8.86, 101.6, T_REF, vertical=vertical)
+
+
+def shifts(vertical):
+    """One of every kind."""
+    yield wlf(vertical)
+    yield rf.Arrhenius(0.97, T_REF, vertical=vertical)
+    yield rf.TabulatedShift([250.0, 300.0, 400.0], [1e3, 0.7, 1e-3], T_REF, vertical=vertical)
+
+
+def factor(law, T):
+    """b_T, to 30 digits."""
+    with mp.workdps(30):
+        T, T_ref = mp.mpf(T), mp.mpf(T_REF)
+        if isinstance(law, rf.Entropic):
+            return float(T / T_ref * mp.exp(-mp.mpf(6e-4) * (T - T_ref)))
+
+        def log(T):
+            i = 0 if T < 300 else 1
+            x, y = [250, 300, 400][i : i + 2], [mp.mpf(b) for b in (1.3, 1.0, 0.6)][i : i + 2]
+            return mp.log(y[0]) + (T - x[0]) / (x[1] - x[0]) * mp.log(y[1] / y[0])
+
+        return float(mp.exp(log(T) - log(T_ref)))
+
+
+@pytest.mark.parametrize("law", LAWS, ids=name_of)
+@pytest.mark.parametrize("at", [250.0, 280.0, T_REF, 301.0, 400.0])
+def test_law(law, at):
+    assert jnp.exp(law.log_factor(at, T_REF)) == pytest.approx(factor(law, at), rel=1e-14)
+    slope = jax.grad(law.log_factor)(at + 1e-3, T_REF)
+    ends = [law.log_factor(at + 1e-3 + h, T_REF) for h in (1e-4, -1e-4)]
+    assert slope == pytest.approx(float(ends[0] - ends[1]) / 2e-4, rel=1e-6)
+
+
+@pytest.mark.parametrize("law", LAWS, ids=name_of)
+@pytest.mark.parametrize("at", [-10.0, 0.0, 1e-3, 1e300])
+def test_finite_under_jit_at_every_temperature(law, at):
+    value, slopes = jax.jit(jax.value_and_grad(lambda law, T: law.log_factor(T, T_REF), (0, 1)))(law, at)
+    assert np.isfinite(value) and all(np.isfinite(x).all() for x in jax.tree.leaves(slopes))
+
+
+@pytest.mark.parametrize("shift", list(shifts(TABLE)), ids=name_of)
+def test_temperatures_outside_the_law(shift):
+    with pytest.raises(ValueError, match=r"temperature = 410.0: must be inside the table, 250 to 400 K"):
+        shift.check_temperature(410.0)
+    scene = rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(prony(shift)))
+    with pytest.raises(ValueError, match=r"temperature = 410.0: must be inside the table, 250 to 400 K"):
+        rf.friction(scene, 1.0, 1e5, 410.0)
+
+
+def test_bad_tables():
+    with pytest.raises(ValueError, match=r"TabulatedVertical\.T has 1 entries: must have at least 2"):
+        rf.TabulatedVertical([300.0], [1.0])
+    with pytest.raises(ValueError, match=r"TabulatedVertical\.T"):
+        rf.TabulatedVertical([300.0, 280.0], [1.0, 1.1])
+
+
+def prony(shift, soft=1.0):
+    E = soft * np.array([8e8, 7e8, 9e7, 1.5e7])
+    return rf.Prony(soft * 4e6, E, [1e-9, 1e-7, 1e-5, 1e-3], shift=shift)
+
+
+def table(shift):
+    omega = np.logspace(-2, 10, 30)
+    return rf.TabulatedModulus(omega, 1e6 * (1 + omega**0.3), 3e5 * omega**0.29, shift=shift)
+
+
+@pytest.mark.parametrize("make", [prony, table])
+@pytest.mark.parametrize("kind", range(3))
+def test_modulus(make, kind):
+    for law in LAWS:
+        plain, shifted = (make(list(shifts(vertical))[kind]) for vertical in (None, law))
+        omega = np.array([[0.1], [1e3], [1e8]])
+        b = np.array([factor(law, x) for x in T])
+        wanted = b * rf.complex_modulus(plain, omega, T)
+        np.testing.assert_allclose(rf.complex_modulus(shifted, omega, T), wanted, rtol=1e-13)
+        wanted = rf.complex_modulus(plain, omega)
+        np.testing.assert_array_equal(rf.complex_modulus(shifted, omega), wanted)
+
+
+def softening():
+    return rf.Softening([1e-2, 0.1, 1.0], [1.0, 0.7, 0.4], [1.0, 1.1, 0.6])
+
+
+RIGID, ELASTIC = rf.Rigid(), rf.Elastic(2e7, 0.3)
+DIRECTIONS = [[2e-12, 1e-12, 3e-12, 1e-12], [2e-12, 3e-12, 1e-12, 2e-12], [1e-17] * 4]
+# Scenes of the shift of a rubber: of one solid, of two whose series changes, of which nothing relaxes.
+SCENES = {
+    "one": lambda s: rf.Scene(rf.Body(RIGID, ROAD), rf.Body(prony(s))),
+    "table": lambda s: rf.Scene(rf.Body(RIGID, ROAD), rf.Body(table(s), layer=rf.Slab(2e-3))),
+    "two": lambda s: rf.Scene(rf.Body(prony(s, 0.3), ROAD), rf.Body(prony(wlf()), WORN)),
+    "on-elastic": lambda s: rf.Scene(rf.Body(ELASTIC, ROAD), rf.Body(prony(s), WORN)),
+    "layers": lambda s: rf.Scene(
+        rf.Body(table(s), ROAD, rf.Slab(1e-2)), rf.Body(prony(s), WORN, rf.Slab(2e-3))
+    ),
+    "static": lambda s: rf.Scene(rf.Body(RIGID, WORN), rf.Body(prony(s), ROAD, rf.Slab(2e-3))),
+    "coating": lambda s: rf.Scene(
+        rf.Body(RIGID, ROAD), rf.Body(prony(s), layer=rf.Coating(1e-4, prony(None, 0.2)))
+    ),
+    "on-steel": lambda s: rf.Scene(rf.Body(RIGID, ROAD), rf.Body(prony(s), layer=rf.Coating(1e-4, ELASTIC))),
+    "own-base": lambda s: rf.Scene(
+        rf.Body(ELASTIC, ROAD), rf.Body(ELASTIC, WORN, layer=rf.Coating(1e-4, prony(s)))
+    ),
+    "softened": lambda s: rf.Scene(rf.Body(RIGID, ROAD), rf.Body(prony(s)), softening=softening()),
+    "two-softened": lambda s: rf.Scene(
+        rf.Body(prony(s, 0.3), ROAD), rf.Body(prony(s), WORN), softening=softening()
+    ),
+    "softened-on-elastic": lambda s: rf.Scene(
+        rf.Body(ELASTIC, ROAD), rf.Body(prony(s), WORN), softening=softening()
+    ),
+    "stretched": lambda s: rf.Scene(
+        rf.Body(prony(s, 0.3), rf.Anisotropic(ROAD, 2.0, 0.3)), rf.Body(prony(s), WORN)
+    ),
+    "directions": lambda s: rf.Scene(
+        rf.Body(
+            prony(s, 0.3),
+            rf.TabulatedAnisotropic([1e2, 1e3, 3e4], DIRECTIONS),
+        ),
+        rf.Body(prony(s)),
+    ),
+}
+QUICK = ("one", "two", "static", "own-base")
+QUANTITIES = ("area", "friction", "separation")
+
+
+def some(names):
+    return [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in names]
+
+
+def stiffer(scene, shift, b, a):
+    """The scene with b times the moduli that move with a shift, whose times become a times as long."""
+
+    def moved(part):
+        if isinstance(part, rf.Body):
+            layer = part.layer
+            if isinstance(layer, rf.Coating) and layer.base.relaxes:
+                own = layer.base if layer.base.shift else layer.base.replace(shift=part.material.shift)
+                layer = dataclasses.replace(layer, base=moved(own))
+            return rf.Body(moved(part.material), part.spectrum, layer)
+        if part.shift is not shift:
+            return part
+        if isinstance(part, rf.Prony):
+            return rf.Prony(b * part.E_inf, b * part.E, a * part.tau, part.poisson)
+        return part.replace(storage=b * part.storage, loss=b * part.loss, shift=wlf())
+
+    return dataclasses.replace(scene, lower=moved(scene.lower), upper=moved(scene.upper))
+
+
+@pytest.mark.parametrize("name", some(SCENES))
+def test_scenes_with_scaled_moduli(name):
+    """At every temperature the scene is one of b times the moduli."""
+    law = wlf(ENTROPIC)
+    scene = SCENES[name](law)
+    found = rf.solve(scene, V, 3e5, T, quantities=QUANTITIES)
+    for i, at in enumerate(T):
+        plain = stiffer(scene, law, factor(ENTROPIC, at), float(jnp.exp(law.log_factor(at))))
+        has_shift = any(body.material.shift is not None for body in (plain.lower, plain.upper))
+        wanted = rf.solve(plain, V[i], 3e5, at if has_shift else None, quantities=QUANTITIES)
+        for quantity in QUANTITIES:
+            value, exact = getattr(found, quantity)[i], getattr(wanted, quantity)
+            np.testing.assert_allclose(value, exact, rtol=2e-11, err_msg=quantity)
+    # Without a temperature nothing is shifted.
+    cold = rf.friction(scene, V, 3e5)
+    np.testing.assert_allclose(cold, rf.friction(SCENES[name](wlf()), V, 3e5), rtol=1e-12)
+
+
+@pytest.mark.parametrize("name", some(SCENES))
+def test_derivatives(name):
+    """By the temperature and by all numbers of the shift, in both modes and by differences."""
+    scene = SCENES[name](wlf(ENTROPIC))
+
+    @jax.jit
+    def values(x):
+        law = rf.WLF(8.86 * x[0], 101.6 * x[1], T_REF, vertical=rf.Entropic(6e-4 * x[2]))
+        found = rf.solve(SCENES[name](law), 0.1, 3e5, 320.0 * x[3], quantities=QUANTITIES)
+        return jnp.log(jnp.stack([getattr(found, q) for q in QUANTITIES if q != "friction" or dissipates]))
+
+    dissipates = rf.friction(scene, 0.1, 3e5, 320.0) > 0
+    one, h = jnp.ones(4), 1e-4
+    forward, reverse = jax.jit(jax.jacfwd(values))(one), jax.jit(jax.jacrev(values))(one)
+    np.testing.assert_allclose(forward, reverse, rtol=1e-9, atol=1e-11)
+    if name in ("table", "layers"):
+        return  # entries of a table are kinks, at which differences err
+    for i in range(4):
+        f = [values(one.at[i].add(k * h)) for k in (-2, -1, 1, 2)]
+        difference = (8 * (f[2] - f[1]) - (f[3] - f[0])) / (12 * h)
+        np.testing.assert_allclose(forward[:, i], difference, rtol=1e-7, atol=1e-9)
+
+
+def test_textbook():
+    law = wlf(TABLE)
+    shear = rf.ContactShear(6.5e6, 0.1, 6e-3, shift=rf.Arrhenius(0.5, T_REF, vertical=ENTROPIC))
+    for name in ("one", "two", "own-base", "coating"):
+        scene = dataclasses.replace(SCENES[name](law), shear=shear)
+        exact = rf.solve(scene, V, 3e5, T, quantities=QUANTITIES)
+        found = textbook.solve(scene, V, 3e5, T, nodes=(1500, 128))
+        for quantity in QUANTITIES:
+            np.testing.assert_allclose(found[quantity], getattr(exact, quantity), rtol=2e-2, err_msg=name)
+
+
+def test_contact_shear():
+    scene = SCENES["one"](None)
+    laws = (rf.Arrhenius(0.5, T_REF, vertical=vertical) for vertical in (None, ENTROPIC))
+    shears = (rf.ContactShear(6.5e6, 0.1, 6e-3, shift=law) for law in laws)
+    plain, shifted = (dataclasses.replace(scene, shear=shear) for shear in shears)
+    found, wanted = (
+        rf.solve(s, V, 3e5, T, quantities=("shear_friction",)).shear_friction for s in (shifted, plain)
+    )
+    np.testing.assert_allclose(found / wanted, [factor(ENTROPIC, x) for x in T], rtol=1e-12)
+
+
+def test_bulk_modulus():
+    with pytest.raises(ValueError, match=r"^PronyShear\.shift\.vertical is given: must be None"):
+        rf.PronyShear(1e6, [1e6], [1.0], 2e9, wlf(ENTROPIC))
+
+
+TOML = """
+[lower]
+material = { kind = "rigid" }
+spectrum = { kind = "self_affine", q0 = 1e2, qr = 1e3, q1 = 3e4, hurst = 0.8, h_rms = 5e-4 }
+[upper.material]
+kind = "prony"
+E_inf = 3e6
+E = [1e8]
+tau = [1e-6]
+[upper.material.shift]
+kind = "wlf"
+C1 = 8.86
+C2 = 101.6
+T_ref = 293.15
+vertical = { kind = "entropic", expansion = 6e-4 }
+"""
+
+
+def test_files_and_key_paths(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(TOML)
+    scene = rf.load_scene(path)
+    assert scene.upper.material.shift.vertical.expansion == 6e-4
+    stored = tmp_path / "scene.h5"
+    rf.save_scene(stored, scene)
+    again = rf.load_scene(stored)
+    assert jax.tree.structure(again) == jax.tree.structure(scene)
+    assert jax.tree.leaves(again) == jax.tree.leaves(scene)
+    other = scene.replace("upper.material.shift.vertical.expansion", 1e-3)
+    assert other.upper.material.shift.vertical.expansion == 1e-3
+    assert "upper.material.shift.vertical.expansion" in scene._repr_html_()
+    path.write_text(TOML.replace('"entropic"', '"entropc"'))
+    with pytest.raises(ValueError, match=r"upper\.material\.shift\.vertical\.kind = 'entropc'"):
+        rf.load_scene(path)
+    (tmp_path / "b.csv").write_text("T,bT\nK,-\n250,1.2\n300,1\n400,0.7\n")
+    path.write_text(TOML.replace('kind = "entropic", expansion = 6e-4', 'kind = "table", file = "b.csv"'))
+    assert rf.load_scene(path).upper.material.shift.vertical.bT.tolist() == [1.2, 1.0, 0.7]
+
+
+def test_cards_refuse_it():
+    material = prony(wlf(ENTROPIC))
+    with pytest.raises(ValueError, match=r"^material\.shift\.vertical is Entropic: must be None for abaqus"):
+        rf.io.write_prony(None, material, "abaqus")
+    assert "*VISCOELASTIC" in rf.io.write_prony(None, material, "abaqus", shift=False).upper()
+
+
+def measured(law):
+    omega = np.tile(np.logspace(-1, 3, 20), 4)
+    at = np.repeat([263.0, 283.0, 303.0, 323.0], 20)
+    E = rf.complex_modulus(prony(wlf(law)), omega, at)
+    return fitting.ModulusData(omega, E.real, E.imag, temperature=at)
+
+
+def test_fit_of_a_modulus_at_several_temperatures():
+    data = measured(rf.Entropic(8e-4))
+    start = SCENES["one"](wlf(rf.Entropic(1e-4)))
+    free = {
+        "upper.material.shift.vertical.expansion": fitting.Positive(),
+        "upper.material.shift.C1": fitting.Positive(),
+    }
+    result = fitting.fit(start, data, free)
+    assert result.success
+    np.testing.assert_allclose(result.values, [8e-4, 8.86], rtol=1e-6)
+
+
+def test_prony_fit_of_raw_curves():
+    tau = [1e-5, 1e-3]
+    omega, at = np.tile(np.logspace(-1, 5, 30), 3), np.repeat([273.0, 293.0, 313.0], 30)
+    solid = rf.Prony(4e6, [9e7, 1.5e7], tau, shift=wlf(ENTROPIC))
+    E = rf.complex_modulus(solid, omega, at)
+    found = fitting.fit_prony(
+        fitting.ModulusData(omega, E.real, E.imag, temperature=at), tau=tau, shift=solid.shift
+    )
+    np.testing.assert_allclose(found.material.E, solid.E, rtol=1e-7)
+    assert np.abs(found.residuals).max() < 1e-7

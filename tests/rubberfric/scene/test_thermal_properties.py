@@ -1,0 +1,117 @@
+"""Two bodies that take up heat: what each has of the heat of contact shear, and that none of it is lost."""
+
+import dataclasses
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from support.scenes.fits import AFFINE as ROAD
+
+import rubberfric as rf
+from rubberfric.scene.heating import diffusion, heating_of, memory, rise_below_surface, shear_shares
+from rubberfric.theory.integrals import prepare
+from rubberfric.theory.temperatures.heat_balance import heat_balance, inner_temperatures
+
+RUBBER, STONE = rf.ThermalProperties(1200.0, 1600.0, 0.23), rf.ThermalProperties(2400.0, 900.0, 1.5)
+HEATING = rf.Heating(1200.0, 1600.0, 0.23, 2e-3, 0.05)
+SHEAR = rf.ContactShear(6.5e6, 0.1, 6e-3)
+
+
+def effusivity(x):
+    return np.sqrt(float(x.conductivity * x.density * x.heat_capacity))
+
+
+def test_share_by_effusivity():
+    lower, upper = (heating_of(HEATING, x) for x in (STONE, None))
+    shares = shear_shares(lower, upper, False)
+    both = effusivity(STONE) + effusivity(RUBBER)
+    np.testing.assert_allclose(shares, [effusivity(STONE) / both, effusivity(RUBBER) / both], rtol=1e-14)
+    assert float(sum(shares)) == pytest.approx(1, rel=1e-15)
+    assert [float(x) for x in shear_shares(upper, upper, True)] == [0.5, 0.5]
+
+
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.9, 1.0])
+def test_a_given_share_leaves_the_rest_to_the_other_solid(share):
+    given = heating_of(dataclasses.replace(HEATING, shear_share=share), None)
+    np.testing.assert_allclose(shear_shares(given, given, True), [1 - share, share], rtol=1e-15)
+    np.testing.assert_allclose(shear_shares(given, given, False), [share, share], rtol=1e-15)
+
+
+@pytest.mark.parametrize("lower", [RUBBER, STONE, rf.ThermalProperties(7800.0, 460.0, 50.0)])
+def test_flash_temperature_of_two_half_spaces(lower):
+    r"""Of heat Q at the surface for t_0 = R/v each would rise by 2 Q sqrt(t_0/pi) / effusivity, alone.
+
+    With both it is the same on either side, 1/T = 1/T_1 + 1/T_2 [Jaeger 1942, at high Peclet number].
+    """
+    v, power = 1.0, 3e6
+    q = jnp.array([1e9])
+    bodies = heating_of(HEATING, lower), heating_of(HEATING, None)
+    ready = diffusion(q, q, (q[0], q[0]), 161)
+    spread = [memory(x, ready, jnp.array([v]), True) for x in bodies]
+    alone = [float(rise_below_surface(x, jnp.array([power]))[0, 0]) for x in spread]
+    t0 = 2e-3 / v
+    exact = [2 * power * v * np.sqrt(t0 / np.pi) / effusivity(x) for x in bodies]
+    # What q sees is the mean over a depth of 1e-9 m.
+    np.testing.assert_allclose(alone, exact, rtol=1e-4)
+    shares = shear_shares(*bodies, True)
+    found = [
+        float(rise_below_surface(x, share * jnp.array([power]))[0, 0])
+        for x, share in zip(spread, shares, strict=True)
+    ]
+    harmonic = 1 / sum(1 / x for x in exact)
+    np.testing.assert_allclose(found, harmonic, rtol=1e-4)
+
+
+def two_rubbers(share=None):
+    rubber = rf.Prony(4e6, [8e8, 9e7, 1.5e7], [1e-9, 1e-5, 1e-3], shift=rf.WLF(14.0, 100.0, 293.15))
+    worn = rf.SelfAffine(300.0, 2000.0, 3e4, 0.7, 4e-5)
+    heating = dataclasses.replace(HEATING, shear_share=share)
+    lower, upper = rf.Body(rubber, ROAD, thermal=STONE), rf.Body(rubber, worn)
+    return rf.Scene(lower, upper, shear=SHEAR, heating=heating)
+
+
+@pytest.mark.parametrize("share", [None, 0.8])
+def test_energy_of_both_bodies(share):
+    r"""Near the surfaces, rho c_p int dz T of both add up to R mu sigma_0 / P_m, at any temperatures."""
+    v, q = jnp.array([1e-3, 0.1, 1.0]), jnp.array([1e-13])
+    points = v, jnp.full(3, 3e5), jnp.full(3, 290.0)
+
+    @jax.jit
+    def both(scene):
+        ready = prepare(scene, ("friction",), rf.Quadrature(panels=4, order=6))
+        mesh, thermal = ready.roughness.mesh, ready.thermal
+        kernel = diffusion(mesh.q.reshape(-1), q, (q[0], mesh.last), 600)
+        rises = jnp.linspace(2.0, 20.0, 2 * thermal.diffusion.wavevector.size) * jnp.ones((3, 1))
+        caused = heat_balance(thermal, ready.roughness, kernel, points)(rises)
+        inside, flash = inner_temperatures(thermal, mesh, rises, points[2])
+        contact = ready.roughness.contact(*points[:2], inside)
+        mu = sum(jnp.sum(x, (0, 2)) for x in contact.friction_terms().values())
+        shear = rf.scene.shear.shear_friction(scene.shear, contact.area(), *points[:2], flash)
+        return caused / (2 * q), mu + shear
+
+    depth, mu = both(two_rubbers(share))
+    volume = np.array([float(x.density * x.heat_capacity) for x in (STONE, RUBBER)])
+    energy = (volume * depth).sum(1)
+    np.testing.assert_allclose(energy, 2e-3 * mu * 3e5 / 0.05, rtol=1e-12)
+
+
+def test_files_and_key_paths(tmp_path):
+    path = tmp_path / "scene.h5"
+    scene = two_rubbers()
+    rf.save_scene(path, scene)
+    again = rf.load_scene(path)
+    assert jax.tree.structure(again) == jax.tree.structure(scene)
+    assert float(again.lower.thermal.conductivity) == 1.5 and again.upper.thermal is None
+    assert scene.replace("lower.thermal.conductivity", 2.0).lower.thermal.conductivity == 2.0
+    path = tmp_path / "scene.toml"
+    path.write_text(
+        "[lower]\nthermal = { density = 2400.0, heat_capacity = 900.0, conductivity = 1.5 }\n"
+        'material = { kind = "rigid" }\n'
+        'spectrum = { kind = "self_affine", q0 = 1e2, qr = 1e3, q1 = 3e4, hurst = 0.8, h_rms = 5e-4 }\n'
+        '[upper]\nmaterial = { kind = "elastic", young = 1e7, poisson = 0.5 }\n'
+    )
+    assert rf.load_scene(path).lower.thermal.density == 2400.0
+    path.write_text(path.read_text().replace("density", "densty"))
+    with pytest.raises(ValueError, match=r"lower\.thermal\.densty: unknown key; did you mean 'density'"):
+        rf.load_scene(path)
