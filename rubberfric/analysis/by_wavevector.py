@@ -225,7 +225,7 @@ def densities(scene, prepared, laws, q):
         mix = mix_of(rough, modes, q)
         found.append(
             AtWavevectors(
-                stiffness=with_means(F, {"power", "dissipation"}, prepared.quadrature, modes.split, mix),
+                stiffness=with_means(F, {"power", "dissipation"}, modes.split, mix),
                 shift=getattr(other.material, "shift", None),
                 modes=modes,
                 mix=mix,
@@ -253,10 +253,10 @@ def density_at(at, wanted, velocity, temperature, q, quadrature):
     if isinstance(F, Sampled):
         F = F._replace(storage=F.storage[None], loss=F.loss[None], spring=F.spring[None])
         means = jax.tree.map(
-            lambda x: x[0], sampled_means(F, qv[None], frozenset({wanted}), quadrature.angle)
+            lambda x: x[0], sampled_means(F, qv[None], frozenset({wanted}))
         )
     else:
-        means = angular_means(F, qv, frozenset({wanted}), quadrature, at.modes.split, at.mix)
+        means = angular_means(F, qv, frozenset({wanted}), at.modes.split, at.mix)
     means, factors = getattr(means, wanted), getattr(at.factors, wanted)
     terms = (mean if f is None else f * mean for f, mean in zip(factors, means, strict=True))
     return at.roughness * sum(terms)

@@ -99,7 +99,7 @@ def make_channel(mesh, j, pair, softened, scale, wanted, quadrature):
         return (base,) if static else tuple(base if f is None else base * f for f in getattr(factors, name))
 
     return Channel(
-        stiffness=with_means(F, wanted, quadrature, modes.split, mix),
+        stiffness=with_means(F, wanted, modes.split, mix),
         modes=modes,
         shift=other.material.shift,
         by_node=by_node(rough, other) and not static,
@@ -200,7 +200,7 @@ def _parts_at_contact(channel, mesh, speed, wanted, quadrature):
     """`Parts` of means that are taken at the contact nodes."""
     if isinstance(channel.stiffness, Sampled):
         speed = speed[:, None] if speed.ndim == 1 else speed
-        means = sampled_means(channel.stiffness, speed * mesh.q[:, None], wanted, quadrature.angle)
+        means = sampled_means(channel.stiffness, speed * mesh.q[:, None], wanted)
     else:
         means = _means_by_panel(channel, mesh.q, speed, wanted, quadrature)
     (power,), within = means.power, None
@@ -248,9 +248,9 @@ def _means_by_panel(channel, q, speed, wanted, quadrature):
     if not channel.by_node:
         speed = speed[:, None] if speed.ndim == 1 else speed
         mix = tuple(share[:, :, None] for share in mix) if depends_on_q else mix
-        return angular_means(F, speed * q[:, None], wanted, quadrature, split, mix)
+        return angular_means(F, speed * q[:, None], wanted, split, mix)
     flat = q.reshape(-1)
     speed = speed[:, None] if speed.ndim == 1 else jnp.swapaxes(speed, 0, 1).reshape(-1, flat.size)
     mix = tuple(share.reshape(-1, flat.size) for share in mix) if depends_on_q else mix
-    means = angular_means(F, speed * flat, wanted, quadrature, split, mix)
+    means = angular_means(F, speed * flat, wanted, split, mix)
     return jax.tree.map(lambda x: jnp.swapaxes(x.reshape(-1, *q.shape), 0, 1), means)

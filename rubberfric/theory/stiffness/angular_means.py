@@ -41,7 +41,7 @@ class Means(NamedTuple):
     transverse: tuple | None = None
 
 
-def with_means(F, wanted, quadrature, split=False, mix=None):
+def with_means(F, wanted, split=False, mix=None):
     """F with the table of its means, if it is Tabulated and they depend on q v alone.
 
     No velocity or temperature changes the table: it is made once, for every call of `angular_means`
@@ -49,10 +49,10 @@ def with_means(F, wanted, quadrature, split=False, mix=None):
     """
     if not isinstance(F, Tabulated):
         return F
-    return F._replace(table=means_table(F, wanted, quadrature.angle, split, mix))
+    return F._replace(table=means_table(F, wanted, split, mix))
 
 
-def angular_means(F, qv, wanted, quadrature, split=False, mix=None):
+def angular_means(F, qv, wanted, split=False, mix=None):
     """Means of F for roughness passing at q v.
 
     Parameters
@@ -60,7 +60,6 @@ def angular_means(F, qv, wanted, quadrature, split=False, mix=None):
     F : Relaxing or Tabulated
     qv : q v a_T [1/s], shape (points, nodes); negative for reversed sliding
     wanted : set of "power", "dissipation", "storage", "transverse"
-    quadrature : Quadrature
     split : bool
         whether <F'^2> and <F''^2> are wanted apart.
     mix : shares (c_m, s_m) of the harmonics, which are added to the means, shape (harmonics,) each, or
@@ -75,7 +74,7 @@ def angular_means(F, qv, wanted, quadrature, split=False, mix=None):
             return _split_form(F, qv, wanted)
         means = _closed_form(F, qv, wanted)
         return means if mix is None else _with_harmonics(F, qv, wanted, mix, means)
-    return Means(*tabulated_means(F, qv, wanted, quadrature.angle, split, mix))
+    return Means(*tabulated_means(F, qv, wanted, split, mix))
 
 
 def static_means(F, wanted):

@@ -1,12 +1,11 @@
-r"""Tabulated moduli: E(omega) between and beyond the entries, and its angular means.
+r"""Angular means of a solid that is no Prony series: of E(omega) as its own law has it.
 
-No closed form here. With cos(phi) = sin(psi), psi = (pi/2) e^-y the structure of E at
-cos(phi) ~ omega_i / (q v), whatever decade that is in, becomes structure in y, and
+With a constant spring k the series F = f k / (f + k) depends on q v alone: its means are convolutions over
+ln(q v), taken once on a uniform grid (`rubberfric.theory.stiffness.uniform_grid`), and splines for every
+node and velocity. If the spring or a layer varies with q, every node has an integral of its own.
 
-.. math:: \langle h\rangle = \frac{2}{\pi}\int_0^\infty h(q v \sin\psi)\,\psi\,dy
-
-is done by Gauss panels in y. For a half-space the means depend on q v alone: they are
-tabulated once over ln(q v), about where the modulus is, and interpolated for every node and velocity.
+The grid begins at a whole multiple of its step, has the same length whatever the table, and no derivative
+goes through where it lies: a value depends on nothing but its own q v.
 """
 
 import math
@@ -16,59 +15,78 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.base.quadrature import gauss
+from rubberfric.materials.material import Material
+from rubberfric.materials.tabulated_modulus import LONGEST, REACH
+from rubberfric.theory.stiffness.series import Tabulated
+from rubberfric.theory.stiffness.uniform_grid import (
+    LEAD,
+    MARGIN,
+    Weights,
+    at,
+    circle_means,
+    circle_rule,
+    circle_weights,
+    depth,
+    harmonic,
+    splines,
+)
 
-# Panels in y; short ones first, where the weight psi is: e^-25 of the circle is left out.
-_EDGES = np.array([0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0, 11.0, 25.0])
+# Steps of the grid in the finest detail of E over ln omega, and of the integral of a node.
+_PER_DETAIL, _PER_DETAIL_OF_A_NODE = 5, 2
 
-# Entries of the table over ln(q v), for one node of the angular integral.
-_ENTRIES_PER_NODE = 8
+# How far the grid goes beyond the table of the modulus at either end, in ln(q v): there the
+# means are two powers of q v, and what is left of a third is e^-32 and e^-27.
+_BELOW, _ABOVE = 8.0, 9.0  # and the reach of a rounded knot
 
-# How far the table of means goes beyond that of the modulus at either end, in ln(q v): there the
-# means are two powers of q v, and what is left of a third is e^-24 and e^-27.
-_BELOW, _ABOVE = 6.0, 9.0
-
-# Where the limits of the means are taken.
+# Where the limits of the means are taken: beyond all of the table, and all of the circle within reach.
 _FAR = 40.0
 
 
 class Table(NamedTuple):
-    """Angular means over a uniform grid of ln(q v), a tuple of arrays of shape (entries,) each, or None.
+    """Splines over a uniform grid of ln(q v) through the means, each kind a row or several, or None."""
 
-    The grid depends on the ends of the modulus' own table and on nothing else, so that no point of a
-    call has a say in the value at another one. Its step is a power of 2^(1/4) and its entries are whole
-    multiples of it: it does not move with the ends but leaps, and no derivative is to go through it.
-    """
-
-    first: jax.Array  # which multiple of the step the first entry is
-    step: jax.Array
-    means: tuple  # as `tabulated_means`, <|F|^2> as its logarithm
-    slopes: tuple  # the same of their differences from entry to entry
-    limits: tuple  # the same at two entries, far below and far above
+    first: jax.Array  # the first coefficient is that at step * first
+    ends: jax.Array  # ln(q v) where the means become powers, below and above
+    coefficients: jax.Array  # `splines` of the rows, of ln of those that are positive
+    limits: jax.Array  # the rows _FAR beyond the ends, (rows, 2)
 
 
-def tabulated_means(F, qv, wanted, angle, split=False, mix=None):
-    """(power, dissipation, storage, transverse) of a Tabulated stiffness, as `angular.angular_means`."""
-    # Far below the table F is its static value and Im F is linear in q v: the means are
-    # taken at the floor and the dissipation scaled, so that v = 0 keeps its derivative.
-    floor = jnp.log(F.material.frequency_range()[0]) - math.log(1e9)
-    tiny = jnp.finfo(qv.dtype).tiny
-    log_qv = jnp.maximum(jnp.log(jnp.maximum(jnp.abs(qv), tiny)), floor)
-    harmonics = 0 if mix is None else mix[0].shape[0]
+def tabulated_means(F, qv, wanted, split=False, mix=None):
+    """(power, dissipation, storage, transverse) of a Tabulated stiffness, as `angular_means`."""
+    log_qv, sign = log_and_sign(F.material, qv)
     # Shares that depend on q are not those of a table over q v: the harmonics are kept apart till then.
-    late, mix = (mix, None) if mix is not None and mix[0].ndim > 1 else (None, mix)
+    harmonics, now, late = _shares(mix)
     if F.table is None:
-        means = _direct(F, log_qv, wanted, angle, split, harmonics, mix)
+        means = _by_node(F, log_qv, wanted, split, harmonics, now)
     else:
-        means = _by_table(F, log_qv, split)
+        means = _by_table(F, log_qv, wanted, split, harmonics, now)
     if late is not None:
         means = _mixed(means, *late)
     power, dissipation, storage, transverse = means
-    # If E'' does not vanish at v = 0+, only the sign is left.
-    sign = jnp.sign(qv) if F.material.loss_at_rest else qv * jnp.exp(-log_qv)
-    signed = (None if m is None else tuple(mean * sign for mean in m) for m in (dissipation, transverse))
-    dissipation, transverse = signed
+    dissipation, transverse = (
+        None if m is None else tuple(mean * sign for mean in m) for m in (dissipation, transverse)
+    )
     return power, dissipation, storage, transverse
+
+
+def log_and_sign(material, omega):
+    """ln |omega| and what E'' there is to be multiplied by: v = 0 keeps its derivative.
+
+    Far below the table E'' is linear in omega: it is taken at a floor and scaled. If it does not vanish
+    at v = 0+, only the sign is left.
+    """
+    floor = jnp.log(material.frequency_range()[0]) - math.log(1e9)
+    log_omega = jnp.log(jnp.maximum(jnp.abs(omega), float(jnp.finfo(omega.dtype).tiny)))
+    log_omega = jnp.maximum(log_omega, floor)
+    return log_omega, jnp.sign(omega) if material.loss_at_rest else omega * jnp.exp(-log_omega)
+
+
+def _shares(mix):
+    """How many harmonics; their shares if they are constant; and if they depend on q."""
+    if mix is None:
+        return 0, None, None
+    harmonics = mix[0].shape[0]
+    return (harmonics, None, mix) if mix[0].ndim > 1 else (harmonics, mix, None)
 
 
 def _mixed(means, cosine, sine):
@@ -80,92 +98,133 @@ def _mixed(means, cosine, sine):
     return *even, None if odd is None else (sum(s * x for s, x in zip(sine, odd, strict=True)),)
 
 
-def _angles(count):
-    """psi and its weights in a mean over the circle, host arrays."""
-    order = max(2, count // (len(_EDGES) - 1))
-    node, weight = gauss(order)
-    y = (_EDGES[:-1, None] + np.diff(_EDGES)[:, None] * node).ravel()
-    psi = 0.5 * np.pi * np.exp(-y)
-    weight = (np.diff(_EDGES)[:, None] * weight).ravel() * psi * (2 / np.pi)
-    return psi, weight / weight.sum()
+class Parts(NamedTuple):
+    """Of a complex stiffness F."""
+
+    storage: jax.Array  # F'
+    loss: jax.Array  # F''
+    power: jax.Array  # |F|^2
 
 
-def angular_rule(count, dtype):
-    """(cos(phi), weight) of a mean over the directions of sliding, of a function even in cos(phi)."""
-    psi, weight = _angles(count)
-    return jnp.asarray(np.sin(psi), dtype), jnp.asarray(weight, dtype)
-
-
-def _direct(F, log_qv, wanted, angle, split, harmonics, mix):
-    """Means at every node by its own angular integral; scale and spring of shape () or (nodes,)."""
-    psi, weight = _angles(angle)
-    m = np.arange(1, harmonics + 1)[:, None]
-    # phi = pi/2 - psi: cos 2 m phi = (-1)^m cos 2 m psi, sin 2 m phi = -(-1)^m sin 2 m psi.
-    even = np.concatenate([np.ones((1, psi.size)), (-1.0) ** m * np.cos(2 * m * psi)])
-    odd = -((-1.0) ** m) * np.sin(2 * m * psi) * np.cos(psi)
-    sine = jnp.asarray(np.sin(psi), log_qv.dtype)
-    even, odd = (jnp.asarray(weight * rows, log_qv.dtype) for rows in (even, odd))
-    if mix is not None:
-        even, odd = even[:1] + mix[0] @ even[1:], (mix[1] @ odd)[None]
-    storage, loss = F.material.storage_and_loss(log_qv[..., None] + jnp.log(sine))
-    scale = F.scale[..., None] if F.scale.ndim else F.scale
-    storage, loss = scale * storage, scale * loss
+def _parts(F, storage, loss):
+    """`Parts` of F for E' and E'', for a spring that is constant or has their shape."""
+    storage, loss = F.scale * storage, F.scale * loss
     power = storage**2 + loss**2
-    if F.spring is not None:
-        # F = f k / (f + k), by parts; a liquid at rest is a spring of k = 0.
-        spring = F.spring[..., None]
-        share = spring / ((storage + spring) ** 2 + loss**2)
-        storage = share * (spring * storage + power)
-        power, loss = share * spring * power, share * spring * loss
-    powers = (storage**2, loss**2) if split else (power,)
-
-    def means(name, values, rows):
-        return tuple(jnp.moveaxis(values @ rows.T, -1, 0)) if name in wanted else None
-
-    return (
-        sum((means("power", power, even) for power in powers), ()) if "power" in wanted else None,
-        means("dissipation", loss * sine, even),
-        means("storage", storage, even),
-        means("transverse", loss, odd),
-    )
+    if F.spring is None:
+        return Parts(storage, loss, power)
+    # F = f k / (f + k), by parts; a liquid at rest is a spring of k = 0.
+    share = F.spring / ((storage + F.spring) ** 2 + loss**2)
+    return Parts(share * (F.spring * storage + power), share * F.spring * loss, share * F.spring * power)
 
 
-def means_table(F, wanted, angle, split=False, mix=None):
+class Kind(NamedTuple):
+    """One of the functions that means are taken of, and of which there is a row or several in a table."""
+
+    name: str
+    part: str  # of `Parts`
+    weights: int  # which of those of `circle_weights`
+    squared: bool = False
+    positive: bool = False  # the first of its rows
+
+    def of(self, parts):
+        """The function."""
+        values = getattr(parts, self.part)
+        return values**2 if self.squared else values
+
+
+def _kinds(wanted, split, loss_beyond):
+    """`Kind` of everything that is wanted, in the order of `Means`."""
+    # Where E' steps up, a spline of <|F|^2> itself would swing below 0.
+    powers = [Kind("power", "power", 0, positive=True)]
+    if split:
+        falls = loss_beyond != "none"
+        powers = [Kind("power", "storage", 0, True, True), Kind("power", "loss", 0, True, falls)]
+    others = [Kind("dissipation", "loss", 1), Kind("storage", "storage", 0), Kind("transverse", "loss", 2)]
+    return [kind for kind in (*powers, *others) if kind.name in wanted]
+
+
+def means_table(F: Tabulated, wanted, split=False, mix=None) -> Table | None:
     """`Table` of the means of a Tabulated stiffness, for `tabulated_means` of the same arguments.
 
     None where the means depend on more than q v.
     """
-    if F.spring is not None and F.spring.ndim:
+    if F.scale.ndim or (F.spring is not None and F.spring.ndim):
         return None
-    harmonics = 0 if mix is None else mix[0].shape[0]
-    mix = None if mix is not None and mix[0].ndim > 1 else mix
-    count = _ENTRIES_PER_NODE * angle
-    low, high = jax.lax.stop_gradient(jnp.log(jnp.stack(F.material.frequency_range())))
-    step = (high - low + _BELOW + _ABOVE) / (count - 6)
-    step = jnp.exp2(jnp.ceil(4 * jnp.log2(step)) / 4)
-    first = jnp.floor((low - _BELOW) / step) - 2
-    grid = step * (first + np.arange(count))
-    grid = jnp.concatenate([grid, jnp.stack([grid[2] - _FAR, grid[-3] + _FAR])])
-    power, *others = _direct(F, grid, wanted, angle, split, harmonics, mix)
-    if power is not None:
-        # Where E' steps up, a cubic of <|F|^2> itself would swing below 0. Harmonics have any sign.
-        positive = len(power) if split else 1
-        power = (*map(log_power, power[:positive]), *power[positive:])
-    found = power, *others
-    means, limits = (jax.tree.map(lambda x, part=part: x[part], found) for part in (np.s_[:-2], np.s_[-2:]))
-    return Table(first, step, means, jax.tree.map(_slopes, means), limits)
+    material, (harmonics, mix, _) = F.material, _shares(mix)
+    step, reach = material.detail / _PER_DETAIL, REACH * material.detail
+    kinds, before = _kinds(wanted, split, material.loss_beyond), depth(step)
+    low, high = jnp.log(jnp.stack(material.frequency_range()))
+    ends = jax.lax.stop_gradient(jnp.stack([low - _BELOW - reach, high + _ABOVE + reach]))
+    # With what the splines hang on beside the ends, and the circle before and after.
+    first = jnp.floor(ends[0] / step) - 4 - MARGIN
+    count = math.ceil((LONGEST + _BELOW + _ABOVE + 2 * reach) / step) + 12 + 2 * MARGIN
+    moduli = material.storage_and_loss_on_grid(first - before, step, before + count + LEAD)
+    parts = _parts(F, *moduli)
+    weights = _mixed_weights(circle_weights(step, harmonics), mix)
+    weights = Weights(*(_stack([one[kind.weights] for kind in kinds]) for one in zip(*weights, strict=True)))
+    rows = circle_means(jnp.stack([kind.of(parts) for kind in kinds]), weights, step)[..., before:]
+    # Only the first of a kind has one sign.
+    positive = np.zeros(rows.shape[:2], bool)
+    positive[:, 0] = [kind.positive for kind in kinds]
+    positive = positive[..., None]
+    rows = jnp.where(positive, log_power(jnp.where(positive, rows, 1.0)), rows)
+    # A table under jit that is longer than the grid.
+    rows = jnp.where(high - low <= LONGEST, rows, jnp.nan).reshape(-1, rows.shape[-1])
+    # E' and E'' at the ends themselves, of which E'' is a power.
+    entry = jnp.floor(ends / step)
+    storage, loss = (x[(entry - first).astype(int) + before] for x in moduli)
+    if material.loss_beyond == "fall":
+        loss = loss * jnp.exp(jnp.array([1.0, -1.0], ends.dtype) * (ends - step * entry))
+    at_ends = storage, loss
+    return Table(first + MARGIN, ends, splines(rows), _limits(F, kinds, at_ends, harmonics, mix))
 
 
-def _slopes(values):
-    """Derivative by the index, to fourth order but for two entries at either end."""
-    inner = (8 * (values[3:-1] - values[1:-3]) - (values[4:] - values[:-4])) / 12
-    return jnp.pad(inner, 2)
+def _mixed_weights(weights, mix):
+    """Rows of the weights over the circle of the means of f, cos(phi) f and sin(phi) f."""
+    if mix is None:
+        return weights
+    even, along, across = weights
+    return even.mixed(mix[0]), along.mixed(mix[0]), across.mixed(mix[1])
 
 
-def _by_table(F, log_qv, split):
-    r"""Means from the table of F: cubic between its entries, beyond them the powers that the means follow.
+def _stack(arrays):
+    return np.stack(arrays) if isinstance(arrays[0], np.ndarray) else jnp.stack(arrays)
 
-    Their derivatives are continuous, so that a temperature at an entry has one like any other.
+
+def _limits(F, kinds, at_ends, harmonics, mix):
+    """What the rows are far beyond the ends, (rows, 2); of those that go to 0 what e^+-x is multiplied by."""
+    outside = F.material.loss_beyond
+    storage, loss = at_ends
+    far = _parts(F, storage, loss * (math.exp(-_FAR) if outside == "fall" else 1.0))
+    moments = _moments(harmonics, outside)
+    if mix is not None:
+        shares = mix[0], mix[0], mix[1]
+        moments = [m[:, :1] + m[:, 1:] @ c[:, None] for m, c in zip(moments, shares, strict=True)]
+    rows = []
+    for kind in kinds:
+        back = math.exp(_FAR) if outside == "fall" and kind.name in ("dissipation", "transverse") else 1.0
+        rows.append((kind.of(far) * back)[:, None] * moments[kind.weights])
+    return jnp.concatenate(rows, 1).T
+
+
+def _moments(harmonics, outside):
+    """Means over the circle below and above the table of what `circle_weights` is for, (2, 1 + harmonics).
+
+    Of E'' that falls, which is in proportion to cos(phi) below the table and to 1 / cos(phi) above it.
+    """
+    m = np.arange(1, harmonics + 1)
+    sign = -((-1.0) ** m)
+    none, one = np.zeros(harmonics), np.ones((2, 1))
+    even = np.hstack([one, [none, none]])
+    if outside == "fall":
+        first = np.where(m == 1, 0.25, 0.0)
+        return even, np.hstack([[[0.5], [1.0]], [first, none]]), np.hstack([0 * one, [first, sign]])
+    along, across = sign / (4 * m**2 - 1), 2 * m * sign / (4 * m**2 - 1)
+    return even, 2 / np.pi * np.hstack([one, [along] * 2]), 2 / np.pi * np.hstack([0 * one, [across] * 2])
+
+
+def _by_table(F, log_qv, wanted, split, harmonics, mix):
+    r"""Means from the table of F: splines, beyond the ends the powers that the means follow.
 
     With x = ln(q v) and E'' that falls, the means are below the table even or odd in e^x,
 
@@ -174,54 +233,115 @@ def _by_table(F, log_qv, split):
     and above it, where a share e^-x of the circle is within it, P + P' e^-x and D e^-x + D' e^-2x.
     """
     outside, table = F.material.loss_beyond, F.table
-    count = jax.tree.leaves(table.means)[0].shape[0]
-    position = log_qv / table.step - table.first
-    below, above = (table.step * x for x in (position - 2, position - (count - 3)))
-    below, above = jnp.minimum(below, 0.0), jnp.maximum(above, 0.0)
-    position = jnp.clip(position, 2, count - 3)
-    index = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)).astype(int), 2, count - 4)
-    t = position - index
-    # Hermite's weights of the two entries and of their slopes.
-    rise = t * t * (3 - 2 * t)
-    weights = (1 - rise, rise), (t * (1 - t) ** 2, -t * t * (1 - t))
-
-    def interpolate(values, slopes):
-        pairs = zip((values, slopes), weights, strict=True)
-        return sum(left * x[index] + right * x[index + 1] for x, (left, right) in pairs)
-
+    step = F.material.detail / _PER_DETAIL
+    below = jnp.minimum(log_qv - table.ends[0], 0.0)
+    above = jnp.maximum(log_qv - table.ends[1], 0.0)
+    inside = jnp.clip(log_qv, table.ends[0], table.ends[1])
+    rows = at(table.coefficients, inside / step - table.first)
     lower = below < 0
+    down, up = jnp.exp(below), jnp.exp(-above)
 
     def even(value, ends):
         """<|F|^2> and <Re F>, which go to a constant."""
         limit = jnp.where(lower, ends[0], ends[1])
-        return limit + (value - limit) * jnp.exp((0.0 if outside == "hold" else 2.0) * below - above)
+        return limit + (value - limit) * (up if outside == "hold" else down * down * up)
 
     def odd(value, ends):
         """The dissipation, which goes to 0 if E'' does."""
         if outside == "hold":
-            return ends[1] + (value - ends[1]) * jnp.exp(-2.0 * above)
+            return ends[1] + (value - ends[1]) * up * up
         if outside == "none":
-            return value * jnp.exp(-2.0 * above)
+            return value * up * up
         # What is left of the mean where it is the first of the two powers alone.
-        leading = jnp.exp(_FAR) * jnp.where(lower, ends[0], ends[1])
-        return (leading + (value - leading) * jnp.exp(2.0 * below - above)) * jnp.exp(below - above)
+        leading = jnp.where(lower, ends[0], ends[1])
+        return (leading + (value - leading) * (down * down * up)) * (down * up)
 
-    found = jax.tree.map(interpolate, table.means, table.slopes)
-    rules = even, odd, even, odd
-    if found[0] is not None:
-        positive = len(found[0]) if split else 1
-        found, limits = (
-            ((*map(jnp.exp, power[:positive]), *power[positive:]), *others)
-            for power, *others in (found, table.limits)
+    means = {name: () for name in ("power", "dissipation", "storage", "transverse")}
+    size = 1 if mix is not None else 1 + harmonics
+    for k, kind in enumerate(_kinds(wanted, split, outside)):
+        rule = even if kind.name in ("power", "storage") else odd
+        # Across there is no harmonic without sin 2 m phi.
+        begin = 1 if kind.name == "transverse" and mix is None else 0
+        for i in range(begin, size):
+            row = k * size + i
+            value = jnp.exp(rows[row]) if kind.positive and i == 0 else rows[row]
+            means[kind.name] += (rule(value, table.limits[row]),)
+    return [found or None for found in means.values()]
+
+
+def _by_node(F, log_qv, wanted, split, harmonics, mix):
+    """Means at every node by its own integral over the circle; scale and spring of shape () or (nodes,)."""
+    s, psi, weight = rule_of_node(F.material)
+    kernels = [np.ones((2, psi.size)), *(np.stack(harmonic(m, psi)) for m in range(1, harmonics + 1))]
+    even, across = (jnp.asarray(weight * rows, log_qv.dtype) for rows in np.stack(kernels, 1))
+    across = across[1:]
+    if mix is not None:
+        even, across = even[:1] + mix[0] @ even[1:], (mix[1] @ across)[None]
+    along = even * jnp.asarray(np.sin(psi), log_qv.dtype)
+    moduli = moduli_on_grid(F.material)
+
+    def of_points(log_qv):
+        nodes = F._replace(
+            scale=F.scale[..., None] if F.scale.ndim else F.scale,
+            spring=None if F.spring is None else F.spring[..., None],
         )
-    else:
-        limits = table.limits
-    return tuple(
-        None if means is None else tuple(map(rule, means, ends))
-        for rule, means, ends in zip(rules, found, limits, strict=True)
-    )
+        parts = _parts(nodes, *moduli_at(F.material, moduli, log_qv[..., None] - s))
+        storage, loss, power = parts
+        powers = (storage**2, loss**2) if split else (power,)
+
+        def means(name, values, rows):
+            return tuple(jnp.moveaxis(values @ rows.T, -1, 0)) if name in wanted else ()
+
+        found = (
+            sum((means("power", one, even) for one in powers), ()),
+            means("dissipation", loss, along),
+            means("storage", storage, even),
+            means("transverse", loss, across),
+        )
+        return tuple(one or None for one in found)
+
+    if log_qv.ndim < 2:
+        return of_points(log_qv)
+    # Row by row, and again for the gradient: all circles at once would take gigabytes.
+    return jax.lax.map(jax.checkpoint(of_points), log_qv)
 
 
-def log_power(power):
+def rule_of_node(material: Material) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`circle_rule` fine enough for a material without a series."""
+    return circle_rule(material.detail / _PER_DETAIL_OF_A_NODE)
+
+
+class Moduli(NamedTuple):
+    """Splines over a uniform grid of ln omega through ln E' and ln E'' of a material without a series."""
+
+    first: jax.Array  # the first coefficient is that at step * first
+    ends: jax.Array  # ln omega where the moduli become powers, below and above
+    coefficients: jax.Array
+
+
+def moduli_on_grid(material: Material) -> Moduli:
+    """`Moduli`, for `moduli_at`."""
+    step, reach = material.detail / _PER_DETAIL, REACH * material.detail
+    low, high = jnp.log(jnp.stack(material.frequency_range()))
+    ends = jax.lax.stop_gradient(jnp.stack([low - reach, high + reach]))
+    first = jnp.floor(ends[0] / step) - 4 - MARGIN
+    count = math.ceil((LONGEST + 2 * reach) / step) + 12 + 2 * MARGIN
+    logarithms = log_power(jnp.stack(material.storage_and_loss_on_grid(first, step, count)))
+    logarithms = jnp.where(high - low <= LONGEST, logarithms, jnp.nan)
+    return Moduli(first + MARGIN, ends, splines(logarithms))
+
+
+def moduli_at(material: Material, moduli: Moduli, log_omega: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """E' and E'' [Pa] at ln omega, any shape: `material.storage_and_loss` of its `Moduli`, at many points."""
+    inside = jnp.clip(log_omega, *moduli.ends)
+    storage, loss = jnp.exp(at(moduli.coefficients, inside * (_PER_DETAIL / material.detail) - moduli.first))
+    if material.loss_beyond == "fall":
+        loss = loss * jnp.exp(-jnp.abs(log_omega - inside))
+    elif material.loss_beyond == "none":
+        loss = jnp.where(log_omega == inside, loss, 0.0)
+    return storage, loss
+
+
+def log_power(power: jax.Array) -> jax.Array:
     """ln <|F|^2>; the floor is for F = 0 (two liquids at rest), where G need only be as good as 0."""
     return jnp.log(jnp.maximum(power, float(jnp.finfo(power.dtype).tiny) ** 0.8))
