@@ -98,11 +98,10 @@ def terms(count, points=4096):
     rf.friction_map(scene, v, 1e5, 293.15)
     first = time.perf_counter() - begin
     seconds = best(lambda: rf.friction_map(scene, v, 1e5, 293.15))
-    layout = batches.plan(points, 1)
     at = maps.Conditions(v, np.array([1e5]), np.array([293.15]))
-    options = {"quadrature": DEFAULT, "quantities": maps.QUANTITIES}
-    held = batches.program_bytes(layout, model.cast(scene, jnp.float64), at, options)
-    return {"seconds": seconds, "points": points, "compile": first - seconds, "program": held / 1e6}
+    task = batches.Task(model.cast(scene, jnp.float64), at, DEFAULT, maps.DEFAULT_QUANTITIES)
+    program = batches.program_bytes(batches.plan(points, 1), task)
+    return {"seconds": seconds, "points": points, "compile": first - seconds, "program": program / 1e6}
 
 
 def members(count):
@@ -136,10 +135,10 @@ def million(shape, setting):
     seconds, peak = best(run, 2), memory()
     pick = [slice(None, None, max(1, n // 12)) for n in (nT, nP, nv)]
     at = v[pick[2]], p[pick[1], None], T[pick[0], None, None]
-    exact = rf.solve(scene, *at, quadrature=FINEST, quantities=maps.QUANTITIES)
+    exact = rf.solve(scene, *at, quadrature=FINEST, quantities=maps.DEFAULT_QUANTITIES)
     error = max(
         float(np.max(np.abs(getattr(found[0], name)[tuple(pick)] / getattr(exact, name) - 1)))
-        for name in maps.QUANTITIES
+        for name in maps.DEFAULT_QUANTITIES
     )
     return {"seconds": seconds, "first": first, "points": nv * nP * nT, "peak": peak, "error": error}
 
@@ -342,7 +341,7 @@ def _planning(store):
         "quantities of 1e10 points in double precision are 160 GB, in single precision 80 GB; the file is "
         "allocated before the work begins, and beside it a process holds less than 1 GiB. Points do not "
         "need each other: the time falls with the number of cores, of one machine (`--devices`) or of "
-        "several (`jax.distributed`), and a killed map goes on with `resume=True`."
+        "several (`jax.distributed`)."
     )
     for device, parts in store.items():
         if "maps" not in parts:

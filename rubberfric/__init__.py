@@ -1,5 +1,7 @@
 """rubberfric: differentiable rubber friction after Scaraggi and Persson."""
 
+from typing import TYPE_CHECKING
+
 from rubberfric import analysis, io, materials, plot, roughness
 from rubberfric.analysis import FrictionMap, friction_map
 from rubberfric.base import units
@@ -32,6 +34,7 @@ from rubberfric.scene import Body, ContactShear, Heating, Scene, Softening
 from rubberfric.theory import Solution, contact_area, friction, quantities_of, separation, solve
 
 __all__ = [
+    "WLF",
     "Anisotropic",
     "Arrhenius",
     "Body",
@@ -53,7 +56,6 @@ __all__ = [
     "TabulatedModulus",
     "TabulatedShift",
     "TabulatedSpectrum",
-    "WLF",
     "analysis",
     "complex_modulus",
     "contact_area",
@@ -102,8 +104,10 @@ def __dir__():
     return sorted(__all__)
 
 
-def __getattr__(name):
-    """Say where a name is that is not here."""
-    if name in _FITTING:  # an AttributeError would lose its text in "from rubberfric import fit"
-        raise ImportError(f"rubberfric has no {name!r}, fitting has: from fitting import {name}")
-    raise AttributeError(f"module 'rubberfric' has no attribute {name!r}")
+if not TYPE_CHECKING:  # a checker would take every name for one that is here
+
+    def __getattr__(name):
+        """Say where a name is that is not here."""
+        if name in _FITTING:  # an AttributeError would lose its text in "from rubberfric import fit"
+            raise ImportError(f"rubberfric has no {name!r}, fitting has: from fitting import {name}")
+        raise AttributeError(f"module 'rubberfric' has no attribute {name!r}")

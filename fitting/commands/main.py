@@ -8,11 +8,8 @@ bootstrap that was interrupted, or killed, goes on with --resume.
 """
 
 import argparse
-import contextlib
 import importlib.metadata
-import sys
 
-import jax
 import numpy as np
 
 from fitting.commands.job import read_job
@@ -22,8 +19,7 @@ from fitting.fit import fit
 from fitting.results.hdf5 import save
 from fitting.results.plot import save_plot
 from rubberfric.base.atomic import check_writable
-from rubberfric.commands.interrupts import Interrupts
-from rubberfric.commands.main import Parser, complain, reader_left
+from rubberfric.commands.shared import Parser, complain, ended, progress
 from rubberfric.plot.save import check_plot
 
 PROGRAM = "rubberfric-fit"
@@ -40,19 +36,7 @@ def main(argv=None):
         parser.error("--checkpoint and --resume are of a bootstrap: must come with --bootstrap N")
     if arguments.resume and arguments.checkpoint is None:
         parser.error("--resume: must come with --checkpoint FILE.h5")
-    # The library never does this: the precision of a program is its own choice.
-    jax.config.update("jax_enable_x64", True)
-    with Interrupts(PROGRAM, process=argv is None) as interrupts:
-        try:
-            return run(arguments, interrupts)
-        except KeyboardInterrupt:
-            return interrupts.complain()
-        except BrokenPipeError:
-            return reader_left()
-        except (OSError, FloatingPointError, np.linalg.LinAlgError) as error:
-            return complain(PROGRAM, error, 1)
-        except ValueError as error:
-            return complain(PROGRAM, error, 2)
+    return ended(PROGRAM, lambda interrupts: run(arguments, interrupts), process=argv is None)
 
 
 def run(arguments, interrupts):
@@ -96,7 +80,7 @@ def run(arguments, interrupts):
 
 def _fit(path, job, interrupts):
     """The fit of a job, with its progress on a terminal."""
-    with _progress() as show:
+    with progress() as show:
 
         def callback(step, cost):
             show(f"step {step}, cost {cost:.6g}")
@@ -114,7 +98,7 @@ def _fit(path, job, interrupts):
 
 def _bootstrap(arguments, result, interrupts):
     """Refits of simulated data, with their progress on a terminal."""
-    with _progress() as show:
+    with progress() as show:
 
         def callback(done, members):
             show(f"bootstrap: {done} of {members} fits")
@@ -127,26 +111,6 @@ def _bootstrap(arguments, result, interrupts):
             resume=arguments.resume,
             callback=callback,
         )
-
-
-@contextlib.contextmanager
-def _progress():
-    """A function that shows a line on stderr in place of the last one; nothing unless it is a terminal."""
-    if not sys.stderr.isatty():
-        yield lambda line: None
-        return
-    width = 0
-
-    def show(line):
-        nonlocal width
-        print(f"\r{line:<{width}}", end="", file=sys.stderr, flush=True)
-        width = len(line)
-
-    try:
-        yield show
-    finally:
-        show("")
-        print("\r", end="", file=sys.stderr, flush=True)
 
 
 def _parser():

@@ -47,7 +47,7 @@ from fitting.solvers.problem import make_problem
 from fitting.solvers.status import MESSAGES
 from rubberfric.base.atomic import check_writable, replacing
 from rubberfric.io.hdf5 import check_names, creating, reading, write_values
-from rubberfric.io.results import read_quadrature, write_quadrature
+from rubberfric.io.result_files import read_quadrature, write_quadrature
 from rubberfric.io.scene_files.hdf5 import read_object, write_object
 
 FORMAT = "rubberfric fit"

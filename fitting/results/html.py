@@ -3,7 +3,8 @@
 import numpy as np
 
 from fitting.results.report import report, tied_lines, variable_rows
-from rubberfric.base.html import folded, object_html, preformatted, table
+from rubberfric.base import object_html
+from rubberfric.base.html import folded, preformatted, table
 
 
 def fit_html(result):

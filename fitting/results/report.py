@@ -7,7 +7,7 @@ from fitting.parameters.layout import to_scene
 from fitting.parameters.priors import Smooth
 from fitting.solvers.problem import ASSUMED
 from fitting.uncertainty.covariance import residual_rows
-from rubberfric.io.scene_files.hdf5 import UNITS
+from rubberfric.base import unit_of
 
 METHODS = {"lm": "Levenberg-Marquardt", "lbfgs": "limited-memory BFGS", "adam": "Adam"}
 # Elements of one key path that are listed; of longer ones only the first and the last.
@@ -49,7 +49,7 @@ def unit(scene, path):
     owner = scene
     for step in owners:
         owner = getattr(owner, step)
-    found = UNITS[type(owner)][name]
+    found = unit_of(type(owner), name)
     return "" if found == "-" else found
 
 

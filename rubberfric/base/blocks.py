@@ -1,10 +1,15 @@
 """Functions of points over conditions of any shape."""
 
+from collections.abc import Callable, Iterable
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 
 
-def over_points(function, conditions, block):
+def over_points(
+    function: Callable[[list[jax.Array]], Any], conditions: Iterable[jax.Array | None], block: int
+) -> Any:
     """A function of points over conditions of any shape, a block of points at a time.
 
     Parameters

@@ -1,35 +1,43 @@
 """Rules for numbers, and the wording of errors: what was wrong, where, and what it must be."""
 
 import difflib
+from collections.abc import Callable, Collection
+from typing import Any, TypeAlias
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.core import Tracer
 
-# Rules for leaf values: (text for the error message, test on a NumPy array).
-POSITIVE = ("must be > 0", lambda x: x > 0)
-NONNEGATIVE = ("must be >= 0", lambda x: x >= 0)
-FINITE = ("must be finite", lambda x: np.isfinite(x))
+# A rule for numbers: text for the error message, test on a NumPy array.
+Rule: TypeAlias = tuple[str, Callable[[np.ndarray], Any]]
+POSITIVE: Rule = ("must be > 0", lambda x: x > 0)
+NONNEGATIVE: Rule = ("must be >= 0", lambda x: x >= 0)
+FINITE: Rule = ("must be finite", lambda x: np.isfinite(x))
+
+# Magnitudes of numbers in SI beyond which they are taken to be in another unit, see `objects.leaf`.
+PLAUSIBLE_STRESS = (1e2, 1e13)  # [Pa]
+PLAUSIBLE_TEMPERATURE = (1e2, 1e3)  # [K]
 
 
-def shown(value):
-    """How a wrong value is shown: a number as a number, anything else on one line, cut to a readable length."""
+def shown(value: object) -> str:
+    """How a wrong value is shown: a number as a number, all else on one line, cut to a readable length."""
     value = value.item() if isinstance(value, np.generic) else value
     text = " ".join(repr(value).split())  # a matrix has lines
     return text if len(text) <= 60 else text[:57] + "..."
 
 
-def between(low, high):
+def between(low: float, high: float) -> Rule:
     """Rule: low <= value <= high."""
     return (f"must be between {low} and {high}", lambda x: (x >= low) & (x <= high))
 
 
-def is_concrete(value):
+def is_concrete(value: object) -> bool:
     """False for tracers: their values are not known while tracing."""
-    return not isinstance(value, jax.core.Tracer)
+    return not isinstance(value, Tracer)
 
 
-def check_values(name, value, rule):
+def check_values(name: str, value: Any, rule: Rule) -> None:
     """Raise ValueError naming the first element of a concrete value that breaks the rule."""
     if not is_concrete(value):
         return
@@ -45,7 +53,7 @@ def check_values(name, value, rule):
         raise ValueError(f"{name}{index} = {shown(array[where])}: {text}")
 
 
-def as_leaf(name, value, ndim):
+def as_leaf(name: str, value: Any, ndim: int) -> jax.Array:
     """A float array of the wanted rank; Python scalars stay weakly typed floats.
 
     Weak typing lets a float32 scene keep float32 although its Poisson ratio was
@@ -56,7 +64,7 @@ def as_leaf(name, value, ndim):
         raise ValueError(f"{name} = {shown(value)}: must be {kind}")
     if isinstance(value, int | float) and ndim == 0:
         try:
-            return float(value)
+            return float(value)  # pyright: ignore[reportReturnType] (weakly typed, all that an array does)
         except OverflowError:
             raise ValueError(f"{name} = {shown(value)}: must be within floating-point range") from None
     try:
@@ -74,7 +82,7 @@ def as_leaf(name, value, ndim):
     return jnp.asarray(array)
 
 
-def check_lengths(owner, **vectors):
+def check_lengths(owner: str, **vectors: jax.Array) -> None:
     """Raise ValueError unless all vectors of one object have the same length."""
     lengths = {name: vector.shape[0] for name, vector in vectors.items()}
     if len(set(lengths.values())) > 1:
@@ -82,7 +90,7 @@ def check_lengths(owner, **vectors):
         raise ValueError(f"{owner}: lengths differ ({shown}); they must be equal")
 
 
-def check_increasing(name, vector):
+def check_increasing(name: str, vector: Any) -> None:
     """Raise ValueError unless a concrete vector increases strictly."""
     if is_concrete(vector):
         array = np.asarray(vector)
@@ -94,13 +102,13 @@ def check_increasing(name, vector):
             )
 
 
-def either(names):
+def either(names: Collection[str]) -> str:
     """Names as a sentence has them: "A, B or C"."""
     *first, last = names
     return f"{', '.join(first)} or {last}" if first else last
 
 
-def closest(name, allowed):
+def closest(name: object, allowed: Collection[str]) -> str:
     """End of an error message on an unknown name: the nearest allowed one, and all of them."""
     near = difflib.get_close_matches(str(name), list(allowed), n=1)
     hint = f"did you mean {near[0]!r}? " if near else ""

@@ -3,20 +3,21 @@
 Nothing is computed: of what is being traced a table says that it is, of arrays it shows the ends.
 """
 
-import dataclasses
 import html
+from collections.abc import Sequence
+from typing import Any
 
-import jax
 import numpy as np
+from jax.core import Tracer
+
+from rubberfric.base.checks import shown
 
 # Elements of an array that are all shown.
 _ALL = 3
-# Elements beyond which the smallest and largest are not searched: the array may lie in a file.
-_SEARCHED = 2**24
 _LEFT = "text-align:left"
 
 
-def table(rows, headings=(), caption=""):
+def table(rows: Sequence[Sequence[str] | str], headings: Sequence[str] = (), caption: str = "") -> str:
     """A table of texts; a row that is one text goes across all columns."""
     columns = max([len(headings), *(len(row) for row in rows if not isinstance(row, str))])
     lines = [f"<caption style='{_LEFT}'><b>{html.escape(caption)}</b></caption>"] * bool(caption)
@@ -26,33 +27,33 @@ def table(rows, headings=(), caption=""):
     return "\n".join(["<table>", *lines, "</table>"])
 
 
-def folded(summary, content):
+def folded(summary: str, content: str) -> str:
     """HTML that shows when its summary is clicked on."""
     return f"<details><summary>{html.escape(summary)}</summary>\n{content}\n</details>"
 
 
-def preformatted(text):
+def preformatted(text: str) -> str:
     """Text in the columns that it has."""
     return f"<pre>{html.escape(text)}</pre>"
 
 
-def short(value):
+def short(value: Any) -> str:
     """A value in a few characters: numbers to six digits, of arrays the ends and the count."""
-    if isinstance(value, jax.core.Tracer):
-        return f"traced, {value.dtype}" + f" ({_count(value.shape)})" * (value.ndim > 0)
+    if isinstance(value, Tracer):
+        return f"traced, {value.dtype}" + f" ({count(value.shape)})" * (value.ndim > 0)
     if isinstance(value, str | bool):
         return str(value)
     array = np.asarray(value)
     if array.dtype.kind not in "biuf":  # what maps over trees put in place of a number
-        return " ".join(repr(value).split())[:60]
+        return shown(value)
     flat = array.ravel()
     texts = [f"{float(number):.6g}" for number in (flat if flat.size <= _ALL else flat[[0, -1]])]
     if flat.size <= _ALL and array.ndim <= 1:
         return ", ".join(texts) or "empty"
-    return f"{texts[0]} … {texts[-1]} ({_count(array.shape)})" if texts else f"empty ({_count(array.shape)})"
+    return f"{texts[0]} … {texts[-1]} ({count(array.shape)})" if texts else f"empty ({count(array.shape)})"
 
 
-def with_unit(text, unit):
+def with_unit(text: str, unit: str) -> str:
     """A number's text and its unit, that of an array before its count."""
     if unit in ("", "-") or text.startswith(("traced", "empty")):
         return text
@@ -60,58 +61,8 @@ def with_unit(text, unit):
     return f"{number} {unit}{bracket}{count}"
 
 
-def object_html(value):
-    """Table of a physical object: the key path of every number, as fits take it, and its value."""
-    return table(object_rows(value), ("key path", "value"), type(value).__name__)
-
-
-def object_rows(value, path=""):
-    """(key path, text) of every field of a physical object and of those within."""
-    from rubberfric.io.scene_files.hdf5 import UNITS
-
-    rows = []
-    for field in dataclasses.fields(value):
-        content, name = getattr(value, field.name), path + field.name
-        if content is None:
-            continue
-        if dataclasses.is_dataclass(content) and "child" in field.metadata:
-            rows += [(name, type(content).__name__), *object_rows(content, f"{name}.")]
-        else:
-            unit = UNITS.get(type(value), {}).get(field.name, "")
-            rows.append((name, with_unit(short(content), unit)))
-    return rows
-
-
-def result_html(result):
-    """Tables of a `rubberfric.io.results.Result`: conditions, the range of every quantity, the scene."""
-    from rubberfric.io.results import CONDITIONS, DIMENSIONS, QUANTITIES
-
-    conditions = [
-        (name, with_unit(short(values), CONDITIONS[name]))
-        for name, values in result.conditions._asdict().items()
-        if values is not None
-    ]
-    quantities = [
-        (name, with_unit(_range(values, name), QUANTITIES[name]))
-        for name, values in result.solution._asdict().items()
-        if values is not None
-    ]
-    rows = [*conditions, f"smallest … largest ({' x '.join(DIMENSIONS)})", *quantities]
-    parts = [table(rows, caption=result.title or "Result"), folded("scene", object_html(result.scene))]
-    return "\n".join(parts)
-
-
-def _range(values, name):
-    """The smallest and the largest value, and the shape."""
-    if isinstance(values, jax.core.Tracer) or np.size(values) in (0, 1) or np.size(values) > _SEARCHED:
-        return short(values)
-    array = np.asarray(values)
-    if name == "converged":
-        return f"{np.count_nonzero(array)} of {array.size}"
-    return f"{array.min():.6g} … {array.max():.6g} ({_count(array.shape)})"
-
-
-def _count(shape):
+def count(shape: tuple[int, ...]) -> str:
+    """The shape of an array in words."""
     return " x ".join(map(str, shape))
 
 

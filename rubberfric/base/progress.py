@@ -6,6 +6,8 @@ import numbers
 import sys
 import time
 import weakref
+from collections.abc import Callable
+from typing import Any, Self, TextIO
 
 from rubberfric.base.checks import shown
 
@@ -15,7 +17,7 @@ _PAUSE = 0.1
 _WIDTH = 79
 
 
-def progress(label=""):
+def progress(label: str = "") -> "Progress":
     """A function that shows how far long work is: to be its `progress=` or `callback=`.
 
     ::
@@ -47,61 +49,63 @@ def progress(label=""):
 
 
 class Progress:
-    """See `progress`; `place` has the methods show(text, part) and end(), or is None."""
+    """See `progress`; silent where `place` is None."""
 
-    def __init__(self, label, place, clock=time.monotonic):
+    def __init__(
+        self, label: str, place: "Place | None", clock: Callable[[], float] = time.monotonic
+    ) -> None:
         self._label, self._place, self._clock = label, place, clock
         self._begin = clock()
         if place is not None:
             self._end = weakref.finalize(self, place.end)
 
-    def __call__(self, done, of=None):
+    def __call__(self, done: int | str, of: float | None = None) -> None:
         """Show points done of all, a step and its cost, or a text."""
         if self._place is None:
             return
         text, part = describe(done, of, self._clock() - self._begin)
         self._place.show(f"{self._label}: {text}" if self._label else text, part)
 
-    def __enter__(self):
+    def __enter__(self) -> Self:
         return self
 
-    def __exit__(self, *error):
+    def __exit__(self, *error: object) -> None:
         if self._place is not None:
             self._end()
 
 
-def describe(done, of, seconds, before=0):
-    """(text, part done or None) of points done of all, of a step and its cost, or of a text.
-
-    before : points that were done when the time began
-    """
+def describe(done: Any, of: float | None, seconds: float) -> tuple[str, float | None]:
+    """(text, part done or None) of points done of all, of a step and its cost, or of a text."""
     if of is None:
         return str(done), None
     if not isinstance(of, numbers.Integral):
         return f"step {done}, cost {of:.6g}, {seconds:.0f} s", None
     part = done / max(of, 1)
     text = f"{of} points, {100 * done // max(of, 1):3d} %"
-    if before < done < of:
-        text += f", {seconds * (of - done) / (done - before):.0f} s left"
-    elif done > before:
+    if 0 < done < of:
+        text += f", {seconds * (of - done) / done:.0f} s left"
+    elif done > 0:
         text += f", {seconds:.0f} s"
     return text, part
 
 
-class _Terminal:
-    """A line of standard error, in place of the last one."""
+class TerminalLine:
+    """A line of a terminal, in place of the last one; at the end it stays, or is gone."""
 
-    def __init__(self, stream):
-        self._stream, self._open = stream, False
+    def __init__(self, stream: TextIO, stays: bool = True) -> None:
+        self._stream, self._stays, self._open = stream, stays, False
 
-    def show(self, text, part):
+    def show(self, text: str, part: float | None) -> None:
+        """Show a text."""
+        del part  # a line has no bar
         print(f"\r\033[K{text[:_WIDTH]}", end="", file=self._stream, flush=True)
         self._open = True
 
-    def end(self):
+    def end(self) -> None:
+        """End the line."""
         if self._open:
             with contextlib.suppress(ValueError, OSError):  # the stream may be closed before
-                print(file=self._stream, flush=True)
+                print(end="\n" if self._stays else "\r\033[K", file=self._stream, flush=True)
         self._open = False
 
 
@@ -110,9 +114,10 @@ class _Notebook:
 
     def __init__(self, display, clock=time.monotonic):
         self._display, self._clock = display, clock
-        self._handle = self._waiting = self._last = None
+        self._handle: Any = None  # of what is displayed
+        self._waiting = self._last = None
 
-    def show(self, text, part):
+    def show(self, text: str, part: float | None) -> None:
         picture = _Bar(text, part)
         if self._handle is None:
             self._handle = self._display(picture, display_id=True)
@@ -123,10 +128,13 @@ class _Notebook:
             self._handle.update(picture)
         self._waiting, self._last = None, self._clock()
 
-    def end(self):
+    def end(self) -> None:
         if self._waiting is not None:
             self._handle.update(self._waiting)
         self._waiting = None
+
+
+Place = TerminalLine | _Notebook  # where progress is shown
 
 
 class _Bar:
@@ -143,7 +151,7 @@ class _Bar:
         return f"<div>{bar}{html.escape(self._text)}</div>"
 
 
-def _place():
+def _place() -> "Place | None":
     """Where progress is shown: the notebook whose kernel this is, a terminal, or None."""
     # A kernel has imported IPython; where nobody has, it is not imported.
     if "IPython" in sys.modules:
@@ -154,5 +162,5 @@ def _place():
 
             return _Notebook(display)
     if sys.stderr is not None and sys.stderr.isatty():
-        return _Terminal(sys.stderr)
+        return TerminalLine(sys.stderr)
     return None

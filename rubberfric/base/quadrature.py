@@ -36,9 +36,6 @@ class Quadrature:
         neighbouring graded panels shrink by ratio^2 in ln(q/q0).
     angular_order : int, 4 ... 64
         nodes of an angular panel, where the angular integrals of the stiffness are evaluated.
-    angle : int, 24 ... 1200
-        nodes of the angular integral over a TabulatedModulus; half as many where one of two
-        deformable solids softens, and none for any other Prony solids.
     heat : int, 40 ... 2000
         nodes of the sum over ln k of the temperatures of a heated scene.
     """
@@ -48,7 +45,6 @@ class Quadrature:
     graded: int = 8
     ratio: float = 4.5
     angular_order: int = 14
-    angle: int = 192
     heat: int = 176
 
     def __post_init__(self):
@@ -57,7 +53,6 @@ class Quadrature:
             "panels": (2, 200),
             "graded": (0, 40),
             "angular_order": (4, 64),
-            "angle": (24, 1200),
             "heat": (40, 2000),
         }
         for name, (low, high) in limits.items():

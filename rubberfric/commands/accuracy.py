@@ -1,19 +1,21 @@
 """The command `rubberfric accuracy`: error against run time of a scene file at its conditions."""
 
+import argparse
+
 import numpy as np
 
 from rubberfric.analysis.error_and_time.settings import check_error
 from rubberfric.analysis.error_and_time.sweep import accuracy
-from rubberfric.base.atomic import check_writable
-from rubberfric.commands.terminal import progress
+from rubberfric.commands.shared import add_outputs, check_outputs, progress
 from rubberfric.io.files import read_computable
-from rubberfric.plot.save import check_plot, save_accuracy_plot
+from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.plot.save import save_accuracy_plot
 
 # More points make the sweep slower, and tell hardly more.
 _POINTS = 60
 
 
-def add(commands):
+def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command to argparse's subparsers."""
     parser = commands.add_parser(
         "accuracy",
@@ -24,18 +26,14 @@ def add(commands):
     )
     parser.add_argument("scene", metavar="SCENE", help="scene file (.toml) or result file (.h5)")
     parser.add_argument("--error", type=float, default=1e-6, help="wanted relative error (default: 1e-6)")
-    parser.add_argument("--out", metavar="FILE.csv", help="write the table")
-    parser.add_argument("--plot", metavar="FILE.png", help="draw error over run time (.png, .pdf or .svg)")
+    add_outputs(parser, "FILE.csv", "write the table", "draw error over run time")
     parser.set_defaults(run=run)
 
 
-def run(arguments):
+def run(arguments: argparse.Namespace) -> int:
     """`rubberfric accuracy`: sweep over settings for a scene file at its conditions."""
     check_error(arguments.error)
-    if arguments.out is not None:
-        check_writable(arguments.out, (".csv",))
-    if arguments.plot is not None:
-        check_plot(arguments.plot)
+    check_outputs(arguments, ".csv")
     scene, conditions, title = read_computable(arguments.scene)
     velocity = thinned(conditions)
     with progress() as tell:
@@ -53,7 +51,7 @@ def run(arguments):
     return 0
 
 
-def thinned(conditions):
+def thinned(conditions: Conditions) -> np.ndarray:
     """Velocities of the conditions, equally spread over them and few enough; at least 5 if there are."""
     temperatures = 1 if conditions.temperature is None else conditions.temperature.size
     count = max(5, _POINTS // (temperatures * conditions.pressure.size))

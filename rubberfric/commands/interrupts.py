@@ -13,6 +13,8 @@ import signal
 import socket
 import sys
 import threading
+from types import FrameType
+from typing import Any, Self
 
 from rubberfric.base.atomic import remove_begun
 
@@ -28,20 +30,19 @@ class Interrupts:
     Parameters
     ----------
     program : what the line begins with
-    left : function of nothing that says in a few words what remains
     process : bool
         whether the command is the process, which a signal may end. If not, it was called from Python,
         and a signal is a KeyboardInterrupt there.
     """
 
-    def __init__(self, program, left=lambda: LOST, *, process):
-        self.program, self.left, self.process = program, left, process
+    def __init__(self, program: str, *, process: bool) -> None:
+        self.program, self.process = program, process
         self.asked = self.stopped = False
         self.which = signal.SIGINT
-        self._held = self._seen = False
-        self._before = {}
+        self._holding = self._seen = False
+        self._before: dict[signal.Signals, Any] = {}  # handlers
 
-    def __enter__(self):
+    def __enter__(self) -> Self:
         if threading.current_thread() is threading.main_thread():  # others cannot
             if self.process:
                 hear, self._tell = socket.socketpair()  # which, unlike a pipe, Windows takes for this
@@ -54,7 +55,7 @@ class Interrupts:
                     self._before[which] = signal.signal(which, self._arrived)
         return self
 
-    def __exit__(self, *error):
+    def __exit__(self, *error: object) -> None:
         for which, handler in self._before.items():
             signal.signal(which, handler)
         if hasattr(self, "_thread"):
@@ -62,43 +63,43 @@ class Interrupts:
             self._tell.close()
             self._thread.join()  # if a signal came before, it ends the process
 
-    def _arrived(self, which, frame):
+    def _arrived(self, which: int, _frame: FrameType | None) -> None:
         first, self.asked, self.which = not self.asked, True, which
-        if not (self._held and first) and not self.process:
+        if not (self._holding and first) and not self.process:
             raise KeyboardInterrupt
 
-    def _wait(self, hear):
+    def _wait(self, hear: socket.socket) -> None:
         """In its thread: end the process at the first signal that is not held back."""
         with hear:
             while which := hear.recv(1):
                 first, self._seen = not self._seen, True
-                if which[0] in self._before and not (self._held and first):
+                if which[0] in self._before and not (self._holding and first):
                     self._leave(which[0])
 
-    def _leave(self, which):
+    def _leave(self, which: int) -> None:
         try:
             remove_begun()
-            line = f"{self.program}: interrupted; {self.left()}\n"
+            line = f"{self.program}: interrupted; {LOST}\n"
             # Not by Python's streams: the main thread may hold them, and what waits in them is incomplete.
             with contextlib.suppress(OSError):
                 os.write(2, (("\r\033[K" if os.isatty(2) else "") + line).encode())
         finally:
             os._exit(128 + which)
 
-    def complain(self):
+    def complain(self) -> int:
         """Say that the command was interrupted, where the process goes on; returns the exit status."""
-        print(f"{self.program}: interrupted; {self.left()}", file=sys.stderr)
+        print(f"{self.program}: interrupted; {LOST}", file=sys.stderr)
         return 128 + int(self.which)
 
-    def hold(self):
+    def hold(self) -> None:
         """Hold the first signal back from now on."""
-        self._held = True
+        self._holding = True
 
-    def release(self):
+    def release(self) -> None:
         """Hold no signal back from now on."""
-        self._held = False
+        self._holding = False
 
-    def check(self):
+    def check(self) -> None:
         """KeyboardInterrupt if a signal was held back."""
         if self.asked:
             self.stopped = True

@@ -1,52 +1,41 @@
 """The command `rubberfric map`: quantities of a scene file over velocity, temperature and pressure."""
 
+import argparse
 import os
 import sys
-import time
+from collections.abc import Iterator
 
 import jax
 import numpy as np
 
-from rubberfric.analysis.maps.friction_map import QUANTITIES, friction_map
-from rubberfric.analysis.maps.unfinished import folder_of
-from rubberfric.base.atomic import check_writable
-from rubberfric.base.progress import describe
-from rubberfric.commands.interrupts import LOST
-from rubberfric.commands.reliability import convergence_note
-from rubberfric.commands.terminal import progress
+from rubberfric.analysis.maps.friction_map import DEFAULT_QUANTITIES, friction_map
+from rubberfric.commands.shared import add_outputs, check_outputs, convergence_line, progress
 from rubberfric.io.files import read_computable
-from rubberfric.io.results import CONDITIONS, result_shape
-from rubberfric.io.results import QUANTITIES as UNITS
-from rubberfric.plot.map import check_map, save_map_plot
-from rubberfric.plot.save import check_plot
-from rubberfric.theory.model import Solution
+from rubberfric.io.results import CONDITIONS, QUANTITIES, Result, result_shape
+from rubberfric.plot.map import check_map
+from rubberfric.plot.save import save_map_plot
 
 _SEVERAL = {"velocity": "velocities", "pressure": "pressures", "temperature": "temperatures"}
 
 
-def add(commands):
+def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command to argparse's subparsers."""
     parser = commands.add_parser(
         "map",
         help="compute a scene over velocity, temperature and pressure",
         description="Compute a scene at every combination of the velocities, pressures and temperatures of "
         "the table [map] of its file, or of [run] if there is none; print the range of each quantity, and "
-        "where its largest value is. A map of which a file is written, and that is interrupted or killed "
-        "after some seconds, leaves what is done in the folder FILE.h5.partial.",
+        "where its largest value is.",
     )
     parser.add_argument("scene", metavar="SCENE", help="scene file (.toml) or result file (.h5)")
-    parser.add_argument("--out", metavar="FILE.h5", help="write the map and the scene that made it")
-    parser.add_argument(
-        "--resume", action="store_true", help="go on with what an interrupted map left, if there is anything"
-    )
-    parser.add_argument("--plot", metavar="FILE.png", help="draw the map (.png, .pdf or .svg)")
+    add_outputs(parser, "FILE.h5", "write the map and the scene that made it", "draw the map")
     parser.add_argument(
         "--quantity",
         nargs="+",
-        choices=Solution._fields,
-        default=QUANTITIES,
+        choices=tuple(QUANTITIES),
+        default=DEFAULT_QUANTITIES,
         metavar="NAME",
-        help=f"what to compute, out of {', '.join(Solution._fields)} (default: {' '.join(QUANTITIES)})",
+        help=f"what to compute, out of {', '.join(QUANTITIES)} (default: {' '.join(DEFAULT_QUANTITIES)})",
     )
     parser.add_argument(
         "--devices",
@@ -54,16 +43,13 @@ def add(commands):
         metavar="N",
         help="devices that JAX makes of the processor (default: one for each core); nothing to other devices",
     )
-    parser.set_defaults(run=run, left=left)
+    parser.set_defaults(run=run)
 
 
-def run(arguments):
+def run(arguments: argparse.Namespace) -> int:
     """`rubberfric map`: a friction map of a scene file."""
     make_devices(arguments.devices)  # before the scene is read, for with that JAX begins
-    if arguments.out is not None:
-        check_writable(arguments.out, (".h5",))
-    if arguments.plot is not None:
-        check_plot(arguments.plot)
+    check_outputs(arguments, ".h5")
     scene, conditions, title = read_computable(arguments.scene, "map")
     if arguments.plot is not None:
         try:
@@ -75,26 +61,19 @@ def run(arguments):
         quantities.append("converged")
     with progress() as show:
         result = friction_map(
-            scene,
-            *conditions,
-            quantities=quantities,
-            progress=bar(show),
-            path=arguments.out,
-            resume=arguments.resume,
-            title=title,
+            scene, *conditions, quantities=quantities, progress=show, path=arguments.out, title=title
         )
     if arguments.plot is not None:
         save_map_plot(arguments.plot, result)
     for line in summary(result):
         print(line)
-    note = convergence_note(result)
-    if note:
-        print(f"\n{note}")
+    if line := convergence_line(result):
+        print(f"\n{line}")
     sys.stdout.flush()
     return 0
 
 
-def make_devices(count):
+def make_devices(count: int | None) -> None:
     """One device of the processor for each of its cores, or as many as asked for.
 
     ValueError if they are not a number > 0, or if JAX has others already.
@@ -102,36 +81,15 @@ def make_devices(count):
     if count is not None and count < 1:
         raise ValueError(f"--devices {count}: must be > 0")
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
-    wanted = count or cores
     try:
-        jax.config.update("jax_num_cpu_devices", wanted)
+        jax.config.update("jax_num_cpu_devices", count or cores)
     except RuntimeError:  # JAX has begun, which only a caller from Python can have done
         found = jax.local_device_count("cpu")
         if count not in (None, found):
             raise ValueError(f"--devices {count}: JAX has begun with {found}: must be that") from None
 
 
-def left(arguments):
-    """What an interrupt left."""
-    out = arguments.out
-    if out is not None and folder_of(out).exists():
-        return f"--resume goes on with {folder_of(out).name}"
-    return LOST
-
-
-def bar(show, clock=time.monotonic):
-    """A progress function of points done and points in all, that shows percentage and remaining time."""
-    begin, before = clock(), None
-
-    def tell(done, points):
-        nonlocal before
-        before = done if before is None else before  # what is resumed took no time
-        show(describe(done, points, clock() - begin, before)[0])
-
-    return tell
-
-
-def summary(result):
+def summary(result: Result) -> Iterator[str]:
     """Lines that say what a map covers, and the range of each of its quantities."""
     if result.title:
         yield result.title
@@ -156,4 +114,6 @@ def summary(result):
         j, k = np.unravel_index(int(values[i].argmax()), values.shape[1:])
         at = [f"{v[k]:.4g}", f"{p[j] / 1e6:.6g}"] + ([] if T is None else [f"{T[i]:.6g}"])
         columns = (f"{low:.5g}", f"{float(values[i, j, k]):.5g}", *at)
-        yield " ".join((f"{f'{name} [{UNITS[name]}]':25}", *(f"{column:>11}" for column in columns)))
+        yield " ".join(
+            (f"{f'{name} [{QUANTITIES[name].unit}]':25}", *(f"{column:>11}" for column in columns))
+        )

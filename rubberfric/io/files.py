@@ -1,14 +1,15 @@
 """Scene files of either kind: TOML written by hand, HDF5 written by the library."""
 
-from rubberfric.base.atomic import as_path, check_writable
-from rubberfric.io.results import read_scene_hdf5, write_scene_hdf5
+from rubberfric.base.atomic import StrPath, as_path, check_writable
+from rubberfric.io.result_files import read_scene_hdf5, write_scene_hdf5
+from rubberfric.io.scene_files.conditions import Conditions, SceneFile
 from rubberfric.io.scene_files.toml import read_scene_toml
 from rubberfric.scene.scene import Scene
 
 SUFFIXES = (".toml", ".h5")
 
 
-def read_scene_file(path, table="run"):
+def read_scene_file(path: StrPath, table: str = "run") -> SceneFile:
     """Scene, conditions and title of a scene file; see `load_scene`.
 
     A TOML file has conditions in the tables "run" and "map"; an HDF5 file has one set of them.
@@ -21,15 +22,15 @@ def read_scene_file(path, table="run"):
     return read_scene_toml(path, table) if suffix == ".toml" else read_scene_hdf5(path)
 
 
-def read_computable(path, table="run"):
+def read_computable(path: StrPath, table: str = "run") -> tuple[Scene, Conditions, str]:
     """The same of a file that says at what conditions to compute, or ValueError."""
     found = read_scene_file(path, table)
     if found.conditions is None:
         raise ValueError(f"{path}: {table}: is missing; must hold velocity and pressure to compute at")
-    return found
+    return found.scene, found.conditions, found.title
 
 
-def load_scene(path):
+def load_scene(path: StrPath) -> Scene:
     """Scene of a file, its curves resolved.
 
     Parameters
@@ -50,7 +51,7 @@ def load_scene(path):
     return read_scene_file(path).scene
 
 
-def save_scene(path, scene):
+def save_scene(path: StrPath, scene: Scene) -> None:
     """Write a scene as an HDF5 file (.h5), whole or not at all; `load_scene` reads it back.
 
     Raises

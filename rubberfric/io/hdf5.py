@@ -2,21 +2,24 @@
 
 import contextlib
 import importlib.metadata
+from collections.abc import Collection, Iterator
+from typing import Any
 
 import h5py
 import jax
 import numpy as np
+from jax.typing import ArrayLike
 
 from rubberfric.base.checks import closest
 
 
-def release():
+def release() -> str:
     """The version of this package."""
     return importlib.metadata.version("rubberfric")
 
 
 @contextlib.contextmanager
-def creating(path, form, version=1):
+def creating(path: Any, form: str, version: int = 1) -> Iterator[h5py.File]:
     """Open a new file of the format named `form` for writing; `path` may be a file object."""
     # Since 1.10 the file format has checksums on its structure.
     with h5py.File(path, "x", libver=("v110", "v110")) as file:
@@ -27,7 +30,7 @@ def creating(path, form, version=1):
 
 
 @contextlib.contextmanager
-def reading(path, form, version=1):
+def reading(path: Any, form: str, version: int = 1) -> Iterator[h5py.File]:
     """Open a file of the format named `form`; whatever is wrong with it becomes one ValueError naming it."""
     try:
         with open(path, "rb"):  # so that a missing file is not called a broken one
@@ -45,7 +48,7 @@ def reading(path, form, version=1):
         raise ValueError(f"{path}: must be a whole HDF5 file: {text}") from None
 
 
-def write_values(group, name, values, units):
+def write_values(group: h5py.Group, name: str, values: ArrayLike, units: str) -> h5py.Dataset:
     """Write numbers as a dataset with their units; the dataset."""
     weak = isinstance(values, float) or (isinstance(values, jax.Array) and values.weak_type)
     array = np.asarray(values)
@@ -58,12 +61,11 @@ def write_values(group, name, values, units):
     return data
 
 
-def read_values(group, name, units):
+def read_values(group: h5py.Group, name: str, units: str) -> np.ndarray | float:
     """Numbers of a dataset, in the units it must be in: a NumPy array, or a float if it is weak."""
-    where = f"{group.name.rstrip('/')}/{name}"
-    if name not in group or not isinstance(group[name], h5py.Dataset):
+    where, data = f"{str(group.name).rstrip('/')}/{name}", group.get(name)
+    if not isinstance(data, h5py.Dataset):
         raise ValueError(f"{where}: is missing; must be a dataset")
-    data = group[name]
     if data.attrs.get("units") != units:
         raise ValueError(f"{where}: units = {data.attrs.get('units')!r}: must be {units!r}")
     if data.dtype.kind != "f":
@@ -72,17 +74,19 @@ def read_values(group, name, units):
     return float(array) if data.attrs.get("weak", False) and array.ndim == 0 else array
 
 
-def check_names(group, names, attributes):
+def check_names(group: h5py.Group, names: Collection[str], attributes: Collection[str]) -> None:
     """ValueError if a group holds something unknown."""
     for name in group:
         if name not in names:
-            raise ValueError(f"{group.name.rstrip('/')}/{name}: unknown field; {closest(name, tuple(names))}")
+            raise ValueError(
+                f"{str(group.name).rstrip('/')}/{name}: unknown field; {closest(name, tuple(names))}"
+            )
     for name in group.attrs:
         if name not in attributes:
             raise ValueError(f"{group.name}: attribute {name!r} is unknown; {closest(name, attributes)}")
 
 
-def plain(attribute):
+def plain(attribute: Any) -> Any:
     """An attribute as Python has it: bool, int, float or str."""
     return attribute.item() if isinstance(attribute, np.generic) else attribute
 

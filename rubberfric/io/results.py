@@ -1,51 +1,53 @@
-"""Results in HDF5: what came out, at what conditions, and the whole scene that made it.
+"""Results: what came out of a scene, at what conditions, and how its quantities are named and written."""
 
-A result file is a scene file (`rubberfric.io.scene_files.hdf5`) with these datasets beside /scene,
-each with the attribute units:
-
-    velocity [m/s]  pressure [Pa]  temperature [K]      one-dimensional; temperature may be missing
-    area [-]  friction [-]  separation [m]              shape [temperature, pressure, velocity]
-    viscoelastic_friction [-]  shear_friction [-]       the same; what the scene has no part for is missing
-    transverse_friction [-]  flash_temperature [K]
-    converged [-]                                       of type bool; 1.0 or 0.0 in older files
-
-the group /quadrature, whose attributes are the accuracy settings, and the attribute title.
-
-The conditions are HDF5 dimension scales, so that `xarray.open_dataset(path, engine="h5netcdf")` has
-the quantities over named coordinates. Where there is no temperature, its dimension is one without
-values, as netCDF marks it.
-"""
-
-import contextlib
-import dataclasses
 from typing import NamedTuple
 
-import h5py
 import numpy as np
 
-from rubberfric.base.atomic import replacing
+from rubberfric.base.checks import is_concrete
+from rubberfric.base.html import count, folded, short, table, with_unit
+from rubberfric.base.objects.physical import object_html
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.io.hdf5 import check_names, creating, plain, read_values, reading, write_values
-from rubberfric.io.scene_files.conditions import Conditions, SceneFile, check_conditions
-from rubberfric.io.scene_files.hdf5 import FORMAT, read_object, write_object
+from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.model import Solution
 
-CONDITIONS = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}
+
+class Quantity(NamedTuple):
+    """How a field of `Solution` is written."""
+
+    unit: str  # SI, in files
+    symbol: str = ""  # in printed tables; "": not there
+    printed: tuple[str, float] | None = None  # unit there, and its factor; None: SI
+
+    @property
+    def heading(self) -> str:
+        """Heading of its column in a printed table."""
+        return f"{self.symbol} [{self.printed[0] if self.printed else self.unit}]"
+
+    @property
+    def factor(self) -> float:
+        """From SI to the unit of that column."""
+        return self.printed[1] if self.printed else 1.0
+
+
+# In the order of a printed table.
 QUANTITIES = {
-    "area": "-",
-    "friction": "-",
-    "separation": "m",
-    "viscoelastic_friction": "-",
-    "shear_friction": "-",
-    "transverse_friction": "-",
-    "flash_temperature": "K",
-    "converged": "-",
+    "area": Quantity("-", "A/A0"),
+    "friction": Quantity("-", "mu"),
+    "separation": Quantity("m", "u_bar", ("um", 1e6)),
+    "viscoelastic_friction": Quantity("-", "mu_visc"),
+    "shear_friction": Quantity("-", "mu_shear"),
+    "transverse_friction": Quantity("-", "mu_side"),
+    "flash_temperature": Quantity("K", "T_flash"),
+    "converged": Quantity("-"),
 }
+CONDITIONS = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}
+# Axes of the arrays of a result.
 DIMENSIONS = ("temperature", "pressure", "velocity")
 
-# NAME of a dimension scale that is no coordinate, as netCDF writes it (with its length).
-_BARE = "This is a netCDF dimension but not a netCDF variable."
+# Elements beyond which the smallest and largest are not searched: the array may lie in a file.
+_SEARCHED = 2**24
 
 
 class Result(NamedTuple):
@@ -53,151 +55,39 @@ class Result(NamedTuple):
 
     scene: Scene
     conditions: Conditions
-    solution: Solution
+    solution: Solution  # arrays [temperature, pressure, velocity], None for what was not computed
     quadrature: Quadrature
     title: str = ""
 
-    def _repr_html_(self):
-        """Tables for notebooks."""
-        from rubberfric.base.html import result_html
-
-        return result_html(self)
-
-
-def save_result(path, result):
-    """Write a result file, whole or not at all."""
-    shape = result_shape(result.conditions)
-    with replacing(path) as temporary, writing_result(temporary, result) as file:
-        for name in QUANTITIES:
-            values = getattr(result.solution, name)
-            if values is not None:
-                values = np.broadcast_to(values, shape)
-                allocate_quantity(file, name, shape, values.dtype)[...] = values
-
-
-@contextlib.contextmanager
-def writing_result(path, result):
-    """A new file with all of a result but its quantities: those follow."""
-    with creating(path, FORMAT) as file:
-        file.attrs["title"] = result.title
-        write_object(file, "scene", result.scene)
-        for name, units in CONDITIONS.items():
-            values = getattr(result.conditions, name)
-            if values is None:
-                file.create_dataset(name, (1,), float).make_scale(f"{_BARE}{1:10d}")
-            else:
-                write_values(file, name, values, units).make_scale(name)
-        write_quadrature(file, result.quadrature)
-        yield file
+    def _repr_html_(self) -> str:
+        """Tables for notebooks: conditions, the range of every quantity, the scene."""
+        conditions, quantities = (
+            {name: values for name, values in record._asdict().items() if values is not None}
+            for record in (self.conditions, self.solution)
+        )
+        rows = [
+            *((name, with_unit(short(values), CONDITIONS[name])) for name, values in conditions.items()),
+            f"smallest … largest ({' x '.join(DIMENSIONS)})",
+            *(
+                (name, with_unit(_range(values, name), QUANTITIES[name].unit))
+                for name, values in quantities.items()
+            ),
+        ]
+        tables = [table(rows, caption=self.title or "Result"), folded("scene", object_html(self.scene))]
+        return "\n".join(tables)
 
 
-def allocate_quantity(file, name, shape, dtype):
-    """The dataset of a quantity, to be filled, in one piece and in its place from the beginning."""
-    creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-    creation.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
-    creation.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
-    data = file.create_dataset(name, shape, dtype, dcpl=creation)
-    data.attrs["units"] = QUANTITIES[name]
-    label(data)
-    return data
-
-
-def label(data):
-    """Name the dimensions of the dataset of a quantity, and tie them to the conditions."""
-    for axis, dimension in enumerate(DIMENSIONS):
-        data.dims[axis].label = dimension
-        data.dims[axis].attach_scale(data.file[dimension])
-
-
-def load_result(path):
-    """What a result file holds: a `Result`, its arrays NumPy arrays. ValueError if it is none."""
-    with reading(path, FORMAT) as file:
-        scene, conditions, title = _read_scene(file)
-        if conditions is None:
-            raise ValueError("has a scene but no results; must be a result file")
-        shape = result_shape(conditions)
-        values = {name: _read_quantity(file, name) for name in QUANTITIES if name in file}
-        for name, array in values.items():
-            if np.shape(array) != shape:
-                raise ValueError(
-                    f"/{name} has shape {np.shape(array)}: must be {shape}, [{', '.join(DIMENSIONS)}]"
-                )
-        quadrature = read_quadrature(file)
-    return Result(scene, conditions, Solution(**values), quadrature, title)
-
-
-def _read_quantity(file, name):
-    if name == "converged":
-        data = file[name]
-        if isinstance(data, h5py.Dataset) and data.dtype == bool:
-            return np.asarray(data[()])
-        return read_values(file, name, QUANTITIES[name]) != 0
-    return read_values(file, name, QUANTITIES[name])
-
-
-def read_scene_hdf5(path):
-    """Scene, conditions and title of a scene file or a result file."""
-    with reading(path, FORMAT) as file:
-        return _read_scene(file)
-
-
-def write_scene_hdf5(path, scene):
-    """Write a scene file, whole or not at all."""
-    with replacing(path) as temporary, creating(temporary, FORMAT) as file:
-        write_object(file, "scene", scene)
-
-
-def result_shape(conditions):
+def result_shape(conditions: Conditions) -> tuple[int, int, int]:
     """Shape of the results: [temperature, pressure, velocity], one temperature if there is none."""
     temperatures = 1 if conditions.temperature is None else conditions.temperature.size
     return temperatures, conditions.pressure.size, conditions.velocity.size
 
 
-def write_quadrature(file, quadrature):
-    """The accuracy settings as attributes of the group /quadrature."""
-    group = file.create_group("quadrature")
-    for field in dataclasses.fields(Quadrature):
-        group.attrs[field.name] = getattr(quadrature, field.name)
-
-
-def read_quadrature(file):
-    """The Quadrature that `write_quadrature` wrote; ValueError naming what is wrong."""
-    if "quadrature" not in file:
-        raise ValueError("/quadrature: is missing; must be a group")
-    group = file["quadrature"]
-    names = [field.name for field in dataclasses.fields(Quadrature)]
-    check_names(group, (), names)
-    for name in names:
-        if name not in group.attrs:
-            raise ValueError(f"{group.name}: attribute {name} is missing; must be given")
-    return Quadrature(**{name: plain(group.attrs[name]) for name in names})
-
-
-def _read_scene(file):
-    check_names(
-        file,
-        ("scene", *CONDITIONS, *QUANTITIES, "quadrature"),
-        ("format", "format_version", "rubberfric_version", "title"),
-    )
-    if "scene" not in file:
-        raise ValueError("/scene: is missing; must be a group")
-    scene = read_object(file["scene"])
-    if not isinstance(scene, Scene):
-        raise ValueError(f"/scene: kind = {type(scene).__name__!r}: must be 'Scene'")
-    title = str(file.attrs.get("title", ""))
-    given = [name for name in CONDITIONS if name in file and not _is_bare(file[name])]
-    if not given:
-        return SceneFile(scene, None, title)
-    values = {name: read_values(file, name, CONDITIONS[name]) for name in given}
-    conditions = Conditions(**dict.fromkeys(CONDITIONS) | values)
-    for name in ("velocity", "pressure"):
-        if name not in values:
-            raise ValueError(f"/{name}: is missing; must be given")
-    check_conditions("/", conditions, scene)
-    return SceneFile(scene, conditions, title)
-
-
-def _is_bare(data):
-    """Whether a dataset stands for a dimension alone."""
-    name = data.attrs.get("NAME", b"")
-    return (name.decode("ascii", "replace") if isinstance(name, bytes) else str(name)).startswith(_BARE)
+def _range(values: np.ndarray, name: str) -> str:
+    """The smallest and the largest value, and the shape."""
+    if not is_concrete(values) or np.size(values) in (0, 1) or np.size(values) > _SEARCHED:
+        return short(values)
+    array = np.asarray(values)
+    if name == "converged":
+        return f"{np.count_nonzero(array)} of {array.size}"
+    return f"{array.min():.6g} … {array.max():.6g} ({count(array.shape)})"

@@ -1,12 +1,15 @@
 """Reading TOML strictly: every error is one line naming the file, the key, its value and the rule."""
 
 import tomllib
+from collections.abc import Collection
+from typing import Any
 
+from rubberfric.base.atomic import StrPath
 from rubberfric.base.checks import closest, shown
 from rubberfric.io.tables.text import read_text
 
 
-def read_toml(path):
+def read_toml(path: StrPath) -> dict[str, Any]:
     """The content of a TOML file as a dict; ValueError if it is missing or is not TOML."""
     text = read_text(path)
     try:
@@ -17,7 +20,9 @@ def read_toml(path):
         raise ValueError(f"{path}: is not TOML: nested too deeply") from None
 
 
-def check_keys(path, key, content, allowed, needed=()):
+def check_keys(
+    path: StrPath, key: str, content: Any, allowed: Collection[str], needed: Collection[str] = ()
+) -> None:
     """ValueError unless the table at `key` has only allowed keys and all needed ones."""
     if not isinstance(content, dict):
         raise ValueError(f"{path}: {key} = {shown(content)}: must be a table")
@@ -29,12 +34,12 @@ def check_keys(path, key, content, allowed, needed=()):
             raise ValueError(f"{path}: {join(key, name)}: is missing; must be given")
 
 
-def join(key, name):
+def join(key: str, name: str) -> str:
     """Key path of `name` in the table at `key`, "" being the file."""
     return f"{key}.{name}" if key else name
 
 
-def number(path, key, value):
+def number(path: StrPath, key: str, value: Any) -> Any:
     """A number or a list of numbers as floats; NaN and signs are the constructors' business."""
     if isinstance(value, list):
         items = [number(path, f"{key}[{i}]", item) for i, item in enumerate(value)]

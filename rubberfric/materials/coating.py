@@ -18,10 +18,12 @@ from typing import ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 
 from rubberfric.base.checks import POSITIVE, either
-from rubberfric.base.objects import child, kinds, leaf, physical
-from rubberfric.materials.material import Coatable, Series
+from rubberfric.base.objects.fields import Number, child, leaf
+from rubberfric.base.objects.physical import kinds, physical
+from rubberfric.materials.material import Coatable, Material, Series, poisson_of, series_of
 from rubberfric.materials.series.prony_and_prony import two_in_series
 from rubberfric.materials.slab import Layer, sinh_minus_linear
 
@@ -40,8 +42,8 @@ class Coating(Layer):
 
     multiplies: ClassVar[bool] = False
 
-    thickness: float = leaf(POSITIVE)
-    base: Coatable = child(Coatable, optional=False, hint=" (on a rigid base use Slab)")
+    thickness: Number = leaf(POSITIVE, unit="m")
+    base: Coatable = child(hint=" (on a rigid base use Slab)")
 
     def _check(self):
         if self.base.shift is not None:
@@ -51,11 +53,11 @@ class Coating(Layer):
             )
 
     @property
-    def relaxes(self):
+    def relaxes(self) -> bool:
         """Whether the base does."""
         return self.base.relaxes
 
-    def check_material(self, material):
+    def check_material(self, material: Material) -> None:
         """ValueError unless a coating can be of this material."""
         if not isinstance(material, Coatable):
             raise ValueError(
@@ -63,20 +65,20 @@ class Coating(Layer):
                 f"{either(kinds(Coatable))}"
             )
 
-    def static_reduced(self, material, scale, q):
+    def static_reduced(self, material: Material, scale: ArrayLike, q: jax.Array) -> jax.Array:
         """E_r(0) Sbar of a body of this material over a scale [Pa] at q [1/m], any shape."""
         layer, base = (solid.static_reduced() / scale for solid in (material, self.base))
-        return coated_spring(self, material.poisson, layer, base, q)
+        return coated_spring(self, poisson_of(material), layer, base, q)
 
-    def glassy_stiffening(self, material, q):
+    def glassy_stiffening(self, material: Material, q: jax.Array) -> jax.Array:
         """Sbar [-] at q [1/m], any shape, where both solids are glassy."""
         layer, base = material.glassy_reduced(), self.base.glassy_reduced()
-        return coated_spring(self, material.poisson, layer, base, q) / layer
+        return coated_spring(self, poisson_of(material), layer, base, q) / layer
 
-    def reduced_series(self, material, scale, q):
+    def reduced_series(self, material: Material, scale: ArrayLike, q: jax.Array) -> Series:
         """E_r Sbar over a scale [Pa] at q [1/m], shape (nodes,); see `coated_series`."""
-        layer, base = (solid.reduced_series(scale) for solid in (material, self.base))
-        return coated_series(self, material.poisson, layer, base, q)
+        layer, base = (series_of(solid, scale) for solid in (material, self.base))
+        return coated_series(self, poisson_of(material), layer, base, q)
 
 
 class _Rational(NamedTuple):
@@ -199,7 +201,9 @@ def _numbers(coating, layer):
     return 2 * (1 - 2 * layer), 2 * (1 - 2 * base), (1 - base) / (1 - layer)
 
 
-def coated_spring(coating, poisson, layer, base, q):
+def coated_spring(
+    coating: Coating, poisson: jax.Array, layer: jax.Array, base: jax.Array, q: jax.Array
+) -> jax.Array:
     """E_r1 Sbar of a coated body whose two solids do not relax.
 
     Parameters
@@ -225,7 +229,7 @@ def coated_spring(coating, poisson, layer, base, q):
     return layer * (free + shared)
 
 
-def coated_series(coating, poisson, layer, base, q):
+def coated_series(coating: Coating, poisson: jax.Array, layer: Series, base: Series, q: jax.Array) -> Series:
     """E_r1 Sbar of a coated body as a Prony series at every q.
 
     Parameters

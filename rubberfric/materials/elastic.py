@@ -3,9 +3,11 @@
 from typing import ClassVar
 
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 
-from rubberfric.base.checks import POSITIVE
-from rubberfric.base.objects import leaf, physical
+from rubberfric.base.checks import PLAUSIBLE_STRESS, POSITIVE
+from rubberfric.base.objects.fields import Number, leaf
+from rubberfric.base.objects.physical import physical
 from rubberfric.materials.material import POISSON, Coatable, Material, Series, plane_strain
 
 
@@ -29,10 +31,10 @@ class Elastic(Coatable):
 
     relaxes: ClassVar[bool] = False
 
-    young: float = leaf(POSITIVE)
-    poisson: float = leaf(POISSON)
+    young: Number = leaf(POSITIVE, unit="Pa", plausible=PLAUSIBLE_STRESS)
+    poisson: Number = leaf(POISSON, unit="-")
 
-    def reduced_series(self, scale):
+    def reduced_series(self, scale: ArrayLike) -> Series:
         """E_r over a scale [Pa], a Prony series of no terms."""
         nothing = jnp.zeros(0, jnp.result_type(self.young))
         return Series(self.young * (plane_strain(self) / scale), nothing, nothing)

@@ -13,7 +13,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.checks import as_leaf, between, is_concrete
-from rubberfric.base.objects import Kind, check_kind, kinds
+from rubberfric.base.objects.physical import Kind, check_kind, kinds
 from rubberfric.materials.shifts import Shift
 
 POISSON = between(0.0, 0.5)
@@ -40,7 +40,7 @@ class Material(Kind):
     # Whether its series is one of two solids, so that single precision limits its relaxation times.
     always_in_series: ClassVar[bool] = False
     # Poisson's ratio [-]; None if there is not one for all frequencies. Such a body has no layer.
-    poisson: float | jax.Array | None = None
+    poisson: jax.Array | None = None
     # How the relaxation times move with temperature, E(omega, T) = E(a_T omega).
     shift: Shift | None = None
 
@@ -104,17 +104,15 @@ class Material(Kind):
 
     def modulus(self, omega: jax.Array) -> jax.Array:
         """E(omega) [Pa], complex, at the reference temperature; omega >= 0, any shape [rad/s]."""
-        series = self.reduced_series(plane_strain(self)) if self.has_series else None
-        if series is not None:
-            return series_modulus(series, omega)
+        if self.has_series:
+            return series_modulus(series_of(self, plane_strain(self)), omega)
         # ln 0 has no finite derivative; below the smallest number E' is held and E'' is 0.
         storage, loss = self.storage_and_loss(jnp.log(jnp.maximum(omega, jnp.finfo(omega.dtype).tiny)))
         return storage + 1j * jnp.where(omega > 0, loss, 0.0)
 
     def static_modulus(self) -> jax.Array:
         """E(omega = 0) [Pa], real."""
-        series = self.reduced_series(plane_strain(self)) if self.has_series else None
-        return self._end(0) if series is None else series.rest
+        return series_of(self, plane_strain(self)).rest if self.has_series else self._end(0)
 
     def static_reduced(self) -> jax.Array:
         """E_r(omega = 0) [Pa], real."""
@@ -122,9 +120,10 @@ class Material(Kind):
 
     def glassy_reduced(self) -> jax.Array:
         """The largest |E_r| at any frequency [Pa], real: the value at infinity."""
-        series = self.reduced_series(plane_strain(self)) if self.has_series else None
-        glassy = self._end(1) if series is None else series.rest + jnp.sum(series.weight)
-        return glassy * plane_strain(self)
+        if not self.has_series:
+            return self._end(1) * plane_strain(self)
+        series = series_of(self, plane_strain(self))
+        return (series.rest + jnp.sum(series.weight)) * plane_strain(self)
 
     def is_liquid(self) -> bool:
         """Whether it is known to have no stiffness at rest."""
@@ -143,9 +142,25 @@ class Coatable(Material):
     """A material that a coating and its base may be of: a Prony series with one Poisson's ratio."""
 
 
+def poisson_of(material: Material) -> jax.Array:
+    """Poisson's ratio [-] of a material that has one for all frequencies; ValueError if it has not."""
+    if material.poisson is None:
+        raise ValueError(f"material is a {type(material).__name__}: must have one Poisson's ratio")
+    return material.poisson
+
+
+def series_of(material: Material, scale: ArrayLike) -> Series:
+    """`reduced_series` of a material that has one; ValueError if it has not."""
+    series = material.reduced_series(scale)
+    if series is None:
+        raise ValueError(f"material is a {type(material).__name__}: must be a Prony series")
+    return series
+
+
 def plane_strain(material: Material) -> jax.Array:
     """1 / (1 - poisson^2), written so that poisson -> 1 would keep its digits [-]."""
-    return 1.0 / ((1.0 - material.poisson) * (1.0 + material.poisson))
+    poisson = poisson_of(material)
+    return 1.0 / ((1.0 - poisson) * (1.0 + poisson))
 
 
 def complex_modulus(material: Material, omega: ArrayLike, temperature: ArrayLike | None = None) -> jax.Array:

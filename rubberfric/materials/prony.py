@@ -2,10 +2,20 @@
 
 from typing import ClassVar
 
+import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 
-from rubberfric.base.checks import NONNEGATIVE, POSITIVE, check_lengths, check_values, is_concrete
-from rubberfric.base.objects import child, leaf, physical
+from rubberfric.base.checks import (
+    NONNEGATIVE,
+    PLAUSIBLE_STRESS,
+    POSITIVE,
+    check_lengths,
+    check_values,
+    is_concrete,
+)
+from rubberfric.base.objects.fields import Number, Vector, child, leaf
+from rubberfric.base.objects.physical import physical
 from rubberfric.materials.material import (
     POISSON,
     Coatable,
@@ -34,21 +44,21 @@ class Prony(Coatable):
         how the relaxation times move with temperature: E(omega, T) = E(a_T omega).
     """
 
-    E_inf: float = leaf(NONNEGATIVE)
-    E: object = leaf(NONNEGATIVE, ndim=1)
-    tau: object = leaf(POSITIVE, ndim=1)
-    poisson: float = leaf(POISSON, default=0.5)
-    shift: Shift | None = child(Shift, default=None)
+    E_inf: Number = leaf(NONNEGATIVE, unit="Pa", plausible=PLAUSIBLE_STRESS, plus="E")
+    E: Vector = leaf(NONNEGATIVE, unit="Pa")
+    tau: Vector = leaf(POSITIVE, unit="s")
+    poisson: Number = leaf(POISSON, unit="-", default=0.5)
+    shift: Shift | None = child(default=None)
 
     def _check(self):
         _check_terms("Prony", "E", self.E_inf, self.E, self.tau)
 
-    def reduced_series(self, scale):
+    def reduced_series(self, scale: ArrayLike) -> Series:
         """E_r over a scale [Pa] as a Prony series."""
         unit = plane_strain(self) / scale
         return Series(self.E_inf * unit, self.E * unit, self.tau)
 
-    def static_modulus(self):
+    def static_modulus(self) -> jax.Array:
         """E(omega = 0) [Pa]."""
         return self.E_inf
 
@@ -79,16 +89,16 @@ class PronyShear(Material):
 
     always_in_series: ClassVar[bool] = True  # with the bulk modulus
 
-    G_inf: float = leaf(NONNEGATIVE)
-    G: object = leaf(NONNEGATIVE, ndim=1)
-    tau: object = leaf(POSITIVE, ndim=1)
-    bulk: float = leaf(POSITIVE)
-    shift: Shift | None = child(Shift, default=None)
+    G_inf: Number = leaf(NONNEGATIVE, unit="Pa", plausible=PLAUSIBLE_STRESS, plus="G")
+    G: Vector = leaf(NONNEGATIVE, unit="Pa")
+    tau: Vector = leaf(POSITIVE, unit="s")
+    bulk: Number = leaf(POSITIVE, unit="Pa")
+    shift: Shift | None = child(default=None)
 
     def _check(self):
         _check_terms("PronyShear", "G", self.G_inf, self.G, self.tau)
 
-    def reduced_series(self, scale):
+    def reduced_series(self, scale: ArrayLike) -> Series:
         """E_r over a scale [Pa] as a Prony series of twice the terms."""
         rest, weight, bulk = self.G_inf / scale, self.G / scale, self.bulk / scale
         compressed = Series(*in_series(4 * rest, 4 * weight, self.tau, jnp.asarray(3 * bulk)))
@@ -96,23 +106,23 @@ class PronyShear(Material):
         times = jnp.concatenate([self.tau, compressed.tau])
         return Series(rest + 0.75 * compressed.rest, relaxing, times)
 
-    def relaxation_times(self):
+    def relaxation_times(self) -> jax.Array:
         """Those of the shear [s], shape (n,)."""
         return self.tau
 
-    def modulus(self, omega):
+    def modulus(self, omega: jax.Array) -> jax.Array:
         """E(omega) [Pa], complex."""
         return _young(series_modulus(Series(self.G_inf, self.G, self.tau), omega), self.bulk)
 
-    def static_modulus(self):
+    def static_modulus(self) -> jax.Array:
         """E(omega = 0) [Pa]."""
         return _young(self.G_inf, self.bulk)
 
-    def static_reduced(self):
+    def static_reduced(self) -> jax.Array:
         """E_r(omega = 0) [Pa]."""
         return _reduced(self.G_inf, self.bulk)
 
-    def glassy_reduced(self):
+    def glassy_reduced(self) -> jax.Array:
         """E_r(omega = infinity) [Pa]."""
         return _reduced(self.G_inf + jnp.sum(self.G), self.bulk)
 

@@ -5,14 +5,24 @@ finite for every finite T.
 """
 
 import math
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
+from numpy.typing import DTypeLike
 
-from rubberfric.base.checks import POSITIVE, check_increasing, check_lengths, check_values, is_concrete
-from rubberfric.base.objects import Kind, leaf, physical
+from rubberfric.base.checks import (
+    PLAUSIBLE_TEMPERATURE,
+    POSITIVE,
+    check_increasing,
+    check_lengths,
+    check_values,
+    is_concrete,
+)
+from rubberfric.base.objects.fields import Number, Vector, leaf
+from rubberfric.base.objects.physical import Kind, physical
 
 BOLTZMANN_EV = 8.617333262e-5  # Boltzmann constant [eV/K], CODATA 2018 (exact to the digits given)
 
@@ -43,18 +53,18 @@ class WLF(Shift):
     raise ValueError; under jit the factor saturates at the largest finite value.
     """
 
-    C1: float = leaf(POSITIVE)
-    C2: float = leaf(POSITIVE)
-    T_ref: float = leaf(POSITIVE)
+    C1: Number = leaf(POSITIVE, unit="-")
+    C2: Number = leaf(POSITIVE, unit="K")
+    T_ref: Number = leaf(POSITIVE, unit="K", plausible=PLAUSIBLE_TEMPERATURE)
 
-    def check_temperature(self, temperature):
+    def check_temperature(self, temperature: ArrayLike) -> None:
         """Raise ValueError for concrete temperatures at or below the pole."""
         if is_concrete(temperature) and is_concrete(self.T_ref) and is_concrete(self.C2):
             pole = float(self.T_ref) - float(self.C2)
             rule = (f"must be > {pole:g} K, the pole of the WLF law", lambda T: pole < T)
             check_values("temperature", temperature, rule)
 
-    def log_factor(self, temperature):
+    def log_factor(self, temperature: ArrayLike) -> jax.Array:
         """ln a_T at temperature [K]."""
         above = temperature - self.T_ref
         distance = self.C2 + above
@@ -74,10 +84,10 @@ class Arrhenius(Shift):
     T_ref : [K]
     """
 
-    energy: float = leaf(POSITIVE)
-    T_ref: float = leaf(POSITIVE)
+    energy: Number = leaf(POSITIVE, unit="eV")
+    T_ref: Number = leaf(POSITIVE, unit="K", plausible=PLAUSIBLE_TEMPERATURE)
 
-    def log_factor(self, temperature):
+    def log_factor(self, temperature: ArrayLike) -> jax.Array:
         """ln a_T at temperature [K]."""
         # Below 1 K the factor is beyond all numbers; held there, it has a finite derivative at 0.
         temperature = jnp.maximum(temperature, 1.0)
@@ -102,9 +112,11 @@ class TabulatedShift(Shift):
     shift is a guess); under jit the end values are held.
     """
 
-    T: object = leaf(POSITIVE, ndim=1)
-    aT: object = leaf(POSITIVE, ndim=1)
-    T_ref: float = leaf(POSITIVE)
+    file_kind: ClassVar[str] = "table"
+
+    T: Vector = leaf(POSITIVE, unit="K", column="T")
+    aT: Vector = leaf(POSITIVE, unit="-", column="aT")
+    T_ref: Number = leaf(POSITIVE, unit="K", plausible=PLAUSIBLE_TEMPERATURE)
 
     def _check(self):
         check_lengths("TabulatedShift", T=self.T, aT=self.aT)
@@ -120,24 +132,24 @@ class TabulatedShift(Shift):
         rule = (f"must be inside the table, {low:g} to {high:g} K", lambda T: (low <= T) & (high >= T))
         check_values(name, temperature, rule)
 
-    def check_temperature(self, temperature):
+    def check_temperature(self, temperature: ArrayLike) -> None:
         """Raise ValueError for concrete temperatures outside the table."""
         if is_concrete(temperature) and is_concrete(self.T):
             self._inside("temperature", temperature)
 
-    def log_factor(self, temperature):
+    def log_factor(self, temperature: ArrayLike) -> jax.Array:
         """ln a_T at temperature [K]."""
         log_aT = jnp.log(self.aT)
         here = jnp.interp(temperature, self.T, log_aT)
         return saturated(here - jnp.interp(self.T_ref, self.T, log_aT))
 
 
-def largest_log_factor(dtype):
+def largest_log_factor(dtype: DTypeLike) -> float:
     """Where |ln a_T| saturates, so that a_T and its products with q v tau stay finite: 177 (float32: 22)."""
     return 0.25 * float(np.log(float(jnp.finfo(dtype).max)))
 
 
-def saturated(log_factor):
+def saturated(log_factor: jax.Array) -> jax.Array:
     """ln a_T within the limits that keep a_T and its products finite."""
     limit = largest_log_factor(jnp.result_type(log_factor))
     return jnp.clip(log_factor, -limit, limit)

@@ -1,6 +1,6 @@
 """Layers: how a finite thickness stiffens a solid, M = 2 / (q E_r Sbar(q d))."""
 
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import jax
 import jax.numpy as jnp
@@ -8,8 +8,9 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.checks import POSITIVE
-from rubberfric.base.objects import Kind, leaf, physical, static
-from rubberfric.materials.material import Material, Series
+from rubberfric.base.objects.fields import Number, leaf, static
+from rubberfric.base.objects.physical import Kind, physical
+from rubberfric.materials.material import Material, Series, poisson_of, series_of
 
 # sinh(2x) - 2x = sum_{k>=1} (2x)^(2k+1) / (2k+1)!: exact to rounding for x <= 1.
 _SINH_SERIES = 1.0 / np.cumprod([6.0] + [(2 * k) * (2 * k + 1) for k in range(2, 13)])
@@ -32,25 +33,25 @@ class Layer(Kind):
     def check_material(self, material: Material) -> None:
         """ValueError if it cannot be a layer of this material, whose Poisson's ratio is a constant."""
 
-    def stiffening(self, poisson: ArrayLike, q: jax.Array) -> jax.Array:
+    def stiffening(self, poisson: jax.Array, q: jax.Array) -> jax.Array:
         """Sbar [-] at q [1/m], any shape: stiffness of the layered solid over that of the half-space."""
         raise NotImplementedError(f"{type(self).__name__}.stiffening")
 
     def static_reduced(self, material: Material, scale: ArrayLike, q: jax.Array) -> jax.Array:
         """E_r(0) Sbar of a body of this material over a scale [Pa] at q, any shape."""
-        return material.static_reduced() / scale * self.stiffening(material.poisson, q)
+        return material.static_reduced() / scale * self.stiffening(poisson_of(material), q)
 
     def glassy_stiffening(self, material: Material, q: jax.Array) -> jax.Array:
         """Sbar [-] at q where all of the body is glassy."""
-        return self.stiffening(material.poisson, q)
+        return self.stiffening(poisson_of(material), q)
 
     def reduced_series(self, material: Material, scale: ArrayLike, q: jax.Array) -> Series:
         """E_r Sbar over a scale [Pa] at q, shape (nodes,), of a body of a material that has a series.
 
         rest, weight, tau have the shapes (nodes,), (nodes, terms), (nodes, terms).
         """
-        rest, weight, tau = material.reduced_series(scale)
-        factor = self.stiffening(material.poisson, q)
+        rest, weight, tau = series_of(material, scale)
+        factor = self.stiffening(poisson_of(material), q)
         weight = factor[:, None] * weight
         return Series(factor * rest, weight, jnp.broadcast_to(tau, weight.shape))
 
@@ -66,10 +67,10 @@ class Slab(Layer):
         whether the far side sticks to the base or slides on it.
     """
 
-    thickness: float = leaf(POSITIVE)
-    base: str = static(("bonded", "frictionless"), default="bonded")
+    thickness: Number = leaf(POSITIVE, unit="m")
+    base: Literal["bonded", "frictionless"] = static(default="bonded")
 
-    def stiffening(self, poisson, q):
+    def stiffening(self, poisson: jax.Array, q: jax.Array) -> jax.Array:
         r"""Sbar(q d) [-]: stiffness of the layered solid over that of the half-space.
 
         Bonded [Scaraggi & Persson, below (A10), scaled by exp(-2x)], x = q d, a = 3 - 4 nu:
@@ -98,7 +99,7 @@ class Slab(Layer):
         return top / bottom
 
 
-def sinh_minus_linear(x, decay):
+def sinh_minus_linear(x: jax.Array, decay: jax.Array) -> jax.Array:
     """(sinh 2x - 2x) e^(-2x) without the cancellation at small x."""
     small = jnp.minimum(x, 1.0)
     y = (2 * small) ** 2

@@ -2,13 +2,15 @@
 
 import functools
 import math
+from typing import ClassVar, Literal
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.base.checks import POSITIVE, check_increasing, check_lengths, is_concrete
-from rubberfric.base.objects import child, leaf, physical, static
+from rubberfric.base.checks import PLAUSIBLE_STRESS, POSITIVE, check_increasing, check_lengths, is_concrete
+from rubberfric.base.objects.fields import Number, Vector, child, leaf, static
+from rubberfric.base.objects.physical import physical
 from rubberfric.base.quadrature import typed
 from rubberfric.materials.material import POISSON, Material, plane_strain
 from rubberfric.materials.shifts import Shift
@@ -58,12 +60,14 @@ class TabulatedModulus(Material):
     its friction is nan.
     """
 
-    omega: jax.Array = leaf(POSITIVE, ndim=1)
-    storage: jax.Array = leaf(POSITIVE, ndim=1)
-    loss: jax.Array = leaf(POSITIVE, ndim=1)
-    poisson: float = leaf(POISSON, default=0.5)
-    shift: Shift | None = child(Shift, default=None)
-    outside: str = static(("fall", "hold", "none"), default="fall")
+    file_kind: ClassVar[str] = "tabulated"
+
+    omega: Vector = leaf(POSITIVE, unit="rad/s", column="omega")
+    storage: Vector = leaf(POSITIVE, unit="Pa", plausible=PLAUSIBLE_STRESS, column="E_stor")
+    loss: Vector = leaf(POSITIVE, unit="Pa", column="E_loss")
+    poisson: Number = leaf(POISSON, unit="-", default=0.5)
+    shift: Shift | None = child(default=None)
+    outside: Literal["fall", "hold", "none"] = static(default="fall")
     smoothing: float = static(default=0.1)
 
     def _check(self):
@@ -73,10 +77,8 @@ class TabulatedModulus(Material):
                 f"TabulatedModulus.omega has {self.omega.shape[0]} entries: must have at least 2"
             )
         check_increasing("TabulatedModulus.omega", self.omega)
-        width = self.smoothing
-        if isinstance(width, bool) or not isinstance(width, int | float) or not 0.02 <= width <= 1:
-            raise ValueError(f"TabulatedModulus.smoothing = {width!r}: must be a number, 0.02 to 1")
-        object.__setattr__(self, "smoothing", float(width))
+        if not 0.02 <= self.smoothing <= 1:
+            raise ValueError(f"TabulatedModulus.smoothing = {self.smoothing!r}: must be 0.02 to 1")
         if is_concrete(self.omega):
             decades = math.log10(float(self.omega[-1])) - math.log10(float(self.omega[0]))
             if decades > LONGEST / math.log(10):

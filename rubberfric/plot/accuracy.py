@@ -1,9 +1,11 @@
 """Picture of a sweep over accuracy settings. It needs matplotlib, as `rubberfric.plot`."""
 
+from typing import Any
+
 import numpy as np
 
-from rubberfric.analysis.error_and_time.report import Accuracy
-from rubberfric.plot.style import check_kind, legend, one_axes
+from rubberfric.analysis.error_and_time.report import Accuracy, Row
+from rubberfric.plot.style import Axes, check_kind, legend, one_axes
 
 # What is drawn of a sweep: method, precision, attribute of errors and times; line style, marker,
 # filled or open, colour, and name.
@@ -16,7 +18,7 @@ SWEEPS = {
 }
 
 
-def plot_accuracy(accuracy, ax=None, *, unit=None):
+def plot_accuracy(accuracy: Accuracy, ax: Axes | None = None, *, unit: Row | None = None) -> Axes:
     """Draw error over run time: the largest over area, friction and separation, a line for each use.
 
     A gradient is drawn over the time for values and gradients. Errors that the reference cannot tell
@@ -47,21 +49,22 @@ def plot_accuracy(accuracy, ax=None, *, unit=None):
         drawn = [(second * getattr(row, time), getattr(accuracy.known(row), what)) for row in rows]
         drawn = [point for point in drawn if np.isfinite(point[1]) and point[1] > 0]
         if drawn:
-            look = {"linestyle": line, "marker": marker, "color": colour, "markersize": 5}
+            look: dict[str, Any] = {"linestyle": line, "marker": marker, "color": colour, "markersize": 5}
             ax.loglog(*zip(*drawn, strict=True), **look, mfc=colour if filled else "white", label=label)
     ax.axhline(accuracy.error, color="0.6", linewidth=0.8, label="wanted")
     ax.set_xlabel("run time [ms]" if unit is None else f"run time / that of the {unit.method} method")
     ax.set_ylabel("largest relative error [-]")
-    _label_times(ax.xaxis)
+    _label_times(ax)
     ax.grid(alpha=0.3)
     legend(ax)
     return ax
 
 
-def _label_times(axis):
+def _label_times(axes: Axes) -> None:
     """Plain numbers, as many as there is room for: a sweep may span less than a decade, or four."""
     from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
+    axis = axes.xaxis
     low, high = axis.get_view_interval()
     axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 1e3 * low else (1,)))
     axis.set_major_formatter(FuncFormatter(lambda time, _: f"{time:g}"))

@@ -1,12 +1,21 @@
 """Pictures of quantities over the sliding velocity. They need matplotlib, as `rubberfric.plot`."""
 
+from collections.abc import Mapping
+from typing import Any
+
 import numpy as np
+from jax.typing import ArrayLike
 
 from rubberfric.base.checks import closest
+from rubberfric.base.units import to_celsius
 from rubberfric.io.results import Result
+from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.plot.style import (
     LOG_V,
     PANELS,
+    Axes,
+    Line2D,
+    Panels,
     check_kind,
     legend,
     looks,
@@ -23,7 +32,7 @@ PARTS = {
 }
 
 
-def plot_result(result, ax=None):
+def plot_result(result: Result, ax: Panels | None = None) -> Panels:
     """Draw A/A0, mu, mean separation and more over log10 v: a panel each, a line per condition.
 
     Transverse friction and flash temperature have a panel where the solution has them.
@@ -47,21 +56,14 @@ def plot_result(result, ax=None):
     """
     check_kind("result", result, Result)
     names = [name for name in PANELS if getattr(result.solution, name) is not None]
-    if ax is None:
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(6.4, 0.8 + 2.3 * len(names)), layout="constrained")
-        ax = figure.subplots(len(names), 1, sharex=True, squeeze=False)[:, 0]
-        if result.title:
-            figure.suptitle(result.title, fontsize="medium", wrap=True)
-    several_axes(ax, names)
+    ax = several_axes(ax, names, (6.4, 0.8 + 2.3 * len(names)), result.title)
     for i, (name, axes) in enumerate(zip(names, ax, strict=True)):
         _draw(axes, result, name, named=i == 0)
     ax[-1].set_xlabel(LOG_V)
     return ax
 
 
-def plot_friction(result, ax=None):
+def plot_friction(result: Result, ax: Axes | None = None) -> Axes:
     """Draw mu over log10 v, a line for each pressure and temperature, its parts thin below it.
 
     Parameters
@@ -83,17 +85,22 @@ def plot_friction(result, ax=None):
     return _quantity(result, "friction", ax)
 
 
-def plot_area(result, ax=None):
+def plot_area(result: Result, ax: Axes | None = None) -> Axes:
     """Draw A/A0 over log10 v, a line for each pressure and temperature; all else as `plot_friction`."""
     return _quantity(result, "area", ax)
 
 
-def plot_separation(result, ax=None):
+def plot_separation(result: Result, ax: Axes | None = None) -> Axes:
     """Draw the mean separation over log10 v in µm; all else as `plot_friction`."""
     return _quantity(result, "separation", ax)
 
 
-def plot_curve(velocity, values, quantity="friction", ax=None):
+def plot_curve(
+    velocity: ArrayLike,
+    values: ArrayLike | Mapping[str, ArrayLike],
+    quantity: str = "friction",
+    ax: Axes | None = None,
+) -> Axes:
     """Draw one quantity over log10 v from arrays.
 
     Parameters
@@ -115,8 +122,8 @@ def plot_curve(velocity, values, quantity="friction", ax=None):
     if quantity not in PANELS:
         raise ValueError(f"quantity = {quantity!r}: {closest(quantity, tuple(PANELS))}")
     velocity = vector("velocity", velocity)
-    curves = values if isinstance(values, dict) else {None: values}
-    names = [f"values[{name!r}]" if isinstance(values, dict) else "values" for name in curves]
+    curves = values if isinstance(values, Mapping) else {None: values}
+    names = [f"values[{name!r}]" if isinstance(values, Mapping) else "values" for name in curves]
     curves = {
         label: vector(name, curve, velocity.size)
         for name, (label, curve) in zip(names, curves.items(), strict=True)
@@ -126,22 +133,22 @@ def plot_curve(velocity, values, quantity="friction", ax=None):
     _lines(axes, velocity, list(curves.values()), curves, shown, quantity)
     _from_zero(axes, quantity)
     axes.set_xlabel(LOG_V)
-    if isinstance(values, dict):
+    if isinstance(values, Mapping):
         legend(axes)
     return axes
 
 
-def curve_labels(conditions):
+def curve_labels(conditions: Conditions) -> dict[tuple[int, int], str]:
     """(index of temperature, index of pressure) -> text naming that curve's conditions."""
     temperatures = [None] if conditions.temperature is None else conditions.temperature
     return {
-        (i, j): f"{p / 1e6:.6g} MPa" + ("" if T is None else f", {T - 273.15:.6g} °C")
+        (i, j): f"{p / 1e6:.6g} MPa" + ("" if T is None else f", {to_celsius(T):.6g} °C")
         for i, T in enumerate(temperatures)
         for j, p in enumerate(conditions.pressure)
     }
 
 
-def _quantity(result, name, ax):
+def _quantity(result: Result, name: str, ax: Axes | None) -> Axes:
     check_kind("result", result, Result)
     if getattr(result.solution, name) is None:
         known = [one for one, values in result.solution._asdict().items() if values is not None]
@@ -155,7 +162,7 @@ def _quantity(result, name, ax):
     return axes
 
 
-def _draw(axes, result, name, named=True):
+def _draw(axes: Axes, result: Result, name: str, named: bool = True) -> None:
     """One quantity of a result; a legend of its conditions if `named`, and of its parts."""
     labels, velocity = curve_labels(result.conditions), np.asarray(result.conditions.velocity)
     shown = shown_velocities(velocity)
@@ -179,13 +186,13 @@ def _lines(axes, velocity, curves, labels, shown, quantity):
     return handles
 
 
-def _from_zero(axes, quantity):
+def _from_zero(axes: Axes, quantity: str) -> None:
     """Begin the panel of what is >= 0 at zero."""
     if quantity in ("area", "friction", "separation") and axes.dataLim.y0 >= 0:
         axes.set_ylim(bottom=0, auto=None)  # what is drawn next may still raise the top
 
 
-def _parts(axes, result, shown, lines):
+def _parts(axes: Axes, result: Result, shown: np.ndarray, lines: list[Line2D]) -> list[Line2D]:
     """Parts of the friction in the colours of its lines; the handles of a legend."""
     from matplotlib.lines import Line2D
 
@@ -195,7 +202,11 @@ def _parts(axes, result, shown, lines):
     for name, (style, marker, label) in PARTS.items():
         if getattr(result.solution, name) is None:
             continue
-        look = {"linestyle": style, "linewidth": 1.2, "marker": marker if shown.size < 2 else None}
+        look: dict[str, Any] = {
+            "linestyle": style,
+            "linewidth": 1.2,
+            "marker": marker if shown.size < 2 else None,
+        }
         for (i, j), line in zip(labels, lines, strict=True):
             part = np.asarray(getattr(result.solution, name))[i, j, shown]
             axes.plot(log_v, part, color=line.get_color(), **look)
@@ -203,7 +214,7 @@ def _parts(axes, result, shown, lines):
     return handles
 
 
-def _some_velocities(velocity):
+def _some_velocities(velocity: np.ndarray) -> np.ndarray:
     shown = shown_velocities(velocity)
     if shown.size == 0:
         raise ValueError("velocity has no value > 0: must have one at least, for log10 v")

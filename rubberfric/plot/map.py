@@ -1,12 +1,14 @@
 """Pictures of friction maps. They need matplotlib: pip install 'rubberfric[plot]'."""
 
+from collections.abc import Callable
+
 import numpy as np
 
-from rubberfric.base.atomic import replacing
 from rubberfric.base.checks import closest
+from rubberfric.base.units import to_celsius
 from rubberfric.io.results import QUANTITIES, Result
-from rubberfric.plot.style import LOG_V, PANELS, check_kind, several_axes
-from rubberfric.theory.model import Solution
+from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.plot.style import LOG_V, PANELS, Figure, Panels, check_kind, new_figure, several_axes
 
 # Panels of a figure, and points drawn along an axis: a picture has no room for more.
 _PANELS = 4
@@ -16,7 +18,14 @@ _DRAWN = 800
 _LOGARITHMIC = ("area",)
 
 
-def plot_map(result, quantity="friction", ax=None, *, temperature=None, pressure=None):
+def plot_map(
+    result: Result,
+    quantity: str = "friction",
+    ax: Panels | None = None,
+    *,
+    temperature: int | None = None,
+    pressure: int | None = None,
+) -> Panels:
     """Draw a quantity over log10 v and temperature, a panel for each pressure; contours are labelled.
 
     With one temperature, or where `temperature` picks one, a single panel over log10 v and log10 p.
@@ -43,21 +52,15 @@ def plot_map(result, quantity="friction", ax=None, *, temperature=None, pressure
     """
     check_kind("result", result, Result)
     check_map(result.conditions, temperature, pressure)
-    field = getattr(result.solution, quantity) if quantity in Solution._fields else None
+    field = getattr(result.solution, quantity) if quantity in QUANTITIES else None
     if field is None:
         known = [name for name, values in result.solution._asdict().items() if values is not None]
         raise ValueError(f"quantity = {quantity!r}: {closest(quantity, known)}")
-    other = (f"{quantity.replace('_', ' ')} [{QUANTITIES[quantity]}]", 1.0, 0.0)
+    other = (f"{quantity.replace('_', ' ')} [{QUANTITIES[quantity].unit}]", 1.0, 0.0)
     label, scale, offset = PANELS.get(quantity, other)
     panels = _panels(result.conditions, temperature, pressure)
-    if ax is None:
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=_size(len(panels), 1), layout="constrained")
-        ax = figure.subplots(1, len(panels), sharex=True, sharey=True, squeeze=False)[0]
-        if result.title:
-            figure.suptitle(result.title, fontsize="medium", wrap=True)
-    several_axes(ax, [title or "the map" for _, _, title, _ in panels])
+    names = [title or "the map" for _, _, title, _ in panels]
+    ax = several_axes(ax, names, _size(len(panels), 1), result.title, across=True)
     columns, log_v = _axis(np.log10, result.conditions.velocity)
     drawn = []
     for (rows, y, title, place), axes in zip(panels, ax, strict=True):
@@ -71,26 +74,22 @@ def plot_map(result, quantity="friction", ax=None, *, temperature=None, pressure
     return ax
 
 
-def save_map_plot(path, result):
-    """Draw all quantities of a map to a file, a row of panels for each, whole or not at all."""
-    from matplotlib.figure import Figure
-
+def figure_of_map(result: Result) -> Figure:
+    """A figure of all quantities of a map, a row of panels for each."""
     names = [name for name, values in result.solution._asdict().items() if values is not None]
     columns = len(_panels(result.conditions, None, None))
-    figure = Figure(figsize=_size(columns, len(names)), layout="constrained")
+    figure = new_figure(_size(columns, len(names)), result.title)
     axes = figure.subplots(len(names), columns, sharex=True, sharey=True, squeeze=False)
-    figure.suptitle(result.title, fontsize="medium", wrap=True)
     for name, row in zip(names, axes, strict=True):
         plot_map(result, name, row)
     for below in axes[1:].ravel():
         below.set_title("")
     for above in axes[:-1].ravel():
         above.set_xlabel("")
-    with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=150)
+    return figure
 
 
-def check_map(conditions, temperature=None, pressure=None):
+def check_map(conditions: Conditions, temperature: int | None = None, pressure: int | None = None) -> None:
     """ValueError unless conditions, and indices that pick some of them, leave a plane to draw."""
     count = np.unique(conditions.velocity[conditions.velocity > 0]).size
     if count < 2:
@@ -107,26 +106,27 @@ def check_map(conditions, temperature=None, pressure=None):
         raise ValueError(f"{name} has one value: must have 2 or more for a map, unless the other has")
 
 
-def _over_pressure(conditions, temperature):
+def _over_pressure(conditions: Conditions, temperature: int | None) -> bool:
     T = conditions.temperature
     return temperature is not None or T is None or T.size == 1
 
 
-def _panels(conditions, temperature, pressure):
+def _panels(conditions: Conditions, temperature: int | None, pressure: int | None) -> list[tuple]:
     """(rows, their y, title, where in the result) of every panel."""
     T, p = conditions.temperature, conditions.pressure
     if _over_pressure(conditions, temperature):
         i = 0 if temperature is None else temperature
         rows, y = _axis(lambda x: np.log10(x / 1e6), p)
-        return [(rows, y, "" if T is None else f"{T[i] - 273.15:.6g} °C", i)]
+        return [(rows, y, "" if T is None else f"{to_celsius(T[i]):.6g} °C", i)]
+    assert T is not None  # as else the map is over the pressure
     chosen = range(p.size) if pressure is None else [pressure]
     if len(chosen) > _PANELS:
         chosen = np.linspace(0, p.size - 1, _PANELS).round().astype(int)
-    rows, y = _axis(lambda x: x - 273.15, T)
+    rows, y = _axis(to_celsius, T)
     return [(rows, y, f"{p[j] / 1e6:.4g} MPa", (slice(None), j)) for j in chosen]
 
 
-def _axis(scale, values):
+def _axis(scale: Callable[[np.ndarray], np.ndarray], values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Indices of the values > 0 in increasing order, as many as are drawn, and these values scaled."""
     unique, index = np.unique(values, return_index=True)
     index = index[unique > 0]
@@ -160,6 +160,6 @@ def _draw(drawn, x, label, logarithmic):
     bar.set_label(label)
 
 
-def _size(columns, rows):
+def _size(columns: int, rows: int) -> tuple[float, float]:
     """Width and height of a figure of panels [inch]."""
     return 1.6 + max(3.0 * columns, 4.2), 0.7 + (3.2 if rows == 1 else 2.7 * rows)

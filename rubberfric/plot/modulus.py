@@ -1,12 +1,16 @@
 """Picture of a complex modulus over frequency. It needs matplotlib, as `rubberfric.plot`."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
+from rubberfric.base.units import to_celsius
 from rubberfric.materials.material import Material, complex_modulus
 from rubberfric.materials.tabulated_modulus import TabulatedModulus
-from rubberfric.plot.style import colours, legend, one_axes, vector
+from rubberfric.plot.style import Axes, colours, legend, one_axes, vector
 
 _POINTS = 400
 # Points up to which each has room.
@@ -20,10 +24,18 @@ _LOOKS = (
     (":", "^", "$\\tan\\delta$ (right)"),
 )
 
+Points = tuple[np.ndarray, np.ndarray, np.ndarray]  # omega, E', E''
+
 _modulus = jax.jit(complex_modulus)
 
 
-def plot_modulus(material, ax=None, omega=None, temperature=None, data=None):
+def plot_modulus(
+    material: Material,
+    ax: Axes | None = None,
+    omega: ArrayLike | None = None,
+    temperature: float | None = None,
+    data: Any = None,
+) -> Axes:
     r"""Draw E' and E'' over omega in log-log, and tan delta = E''/E' on a linear scale of its own.
 
     Parameters
@@ -60,13 +72,14 @@ def plot_modulus(material, ax=None, omega=None, temperature=None, data=None):
     modulus = np.asarray(_modulus(material, omega, temperature))
     axes = one_axes(ax, (7.4, 4.0))
     right = axes.twinx()
-    lines = (modulus.real, modulus.imag, modulus.imag / modulus.real)
+    storage, loss = np.real(modulus), np.imag(modulus)
+    lines = (storage, loss, loss / storage)
     handles = []
     for tone, place, (style, _, name), line in zip(
         colours(3), (axes, axes, right), _LOOKS, lines, strict=True
     ):
         if (line > 0).any():  # an elastic solid has no loss
-            look = {"color": tone, "linestyle": style, "linewidth": 1.8, "label": name}
+            look: dict[str, Any] = {"color": tone, "linestyle": style, "linewidth": 1.8, "label": name}
             handles += place.plot(omega, np.where(line > 0, line, np.nan), **look)
     handles += _points(axes, right, table, "entries of the table", "white")
     handles += _points(axes, right, points, "measured", None)
@@ -76,7 +89,7 @@ def plot_modulus(material, ax=None, omega=None, temperature=None, data=None):
     return axes
 
 
-def _check_temperature(material, temperature):
+def _check_temperature(material: Material, temperature: float | None) -> None:
     if temperature is None:
         return
     if material.shift is None:
@@ -86,14 +99,14 @@ def _check_temperature(material, temperature):
     material.shift.check_temperature(temperature)
 
 
-def _log_shift(material, temperature):
+def _log_shift(material: Material, temperature: ArrayLike | None) -> np.ndarray | float:
     """ln a_T, 0 at the reference temperature."""
     if temperature is None or material.shift is None:
         return 0.0
     return np.asarray(material.shift.log_factor(jnp.asarray(temperature, float)), float)
 
 
-def _range(material, temperature, known):
+def _range(material: Material, temperature: float | None, known: list[np.ndarray]) -> np.ndarray:
     """Frequencies over all that the material and the points at `known` frequencies show."""
     ends = [np.array([one.min(), one.max()]) for one in known]
     beyond = _BEYOND_TABLE
@@ -104,15 +117,15 @@ def _range(material, temperature, known):
     return np.geomspace(ends.min() / 10**beyond, ends.max() * 10**beyond, _POINTS)
 
 
-def _table(material, temperature):
+def _table(material: Material, temperature: float | None) -> Points | None:
     """(omega, E', E'') of the entries of a table, or None."""
     if not isinstance(material, TabulatedModulus):
         return None
-    omega, *values = (np.asarray(x, float) for x in (material.omega, material.storage, material.loss))
-    return omega * np.exp(-_log_shift(material, temperature)), *values
+    omega, storage, loss = (np.asarray(x, float) for x in (material.omega, material.storage, material.loss))
+    return omega * np.exp(-_log_shift(material, temperature)), storage, loss
 
 
-def _shifted(material, temperature, data):
+def _shifted(material: Material, temperature: float | None, data: Any) -> Points:
     """(omega, E', E'') of measured points, at the temperature of the picture."""
     for name in ("omega", "storage", "loss"):
         if not hasattr(data, name):
@@ -142,7 +155,7 @@ def _points(axes, right, points, name, face):
     with np.errstate(divide="ignore", invalid="ignore"):
         values = (storage, loss, loss / storage)
     size = 3.5 if omega.size <= _LARGE else 2.0
-    look = {"linestyle": "none", "markersize": size, "markeredgewidth": 0.8}
+    look: dict[str, Any] = {"linestyle": "none", "markersize": size, "markeredgewidth": 0.8}
     for tone, place, (_, marker, _), value in zip(
         colours(3), (axes, axes, right), _LOOKS, values, strict=True
     ):
@@ -150,13 +163,13 @@ def _points(axes, right, points, name, face):
     return [Line2D([], [], color="0.3", marker="o", markerfacecolor=face or "0.3", label=name, **look)]
 
 
-def _dress(axes, right, temperature):
+def _dress(axes: Axes, right: Axes, temperature: float | None) -> None:
     axes.set_xscale("log")
     axes.set_yscale("log")
     axes.set_xlabel("angular frequency $\\omega$ [rad/s]")
     axes.set_ylabel("modulus $E'$, $E''$ [Pa]")
     if temperature is not None:
-        axes.set_title(f"{float(temperature) - 273.15:.6g} °C", fontsize="medium")
+        axes.set_title(f"{to_celsius(float(temperature)):.6g} °C", fontsize="medium")
     right.set_ylabel("$\\tan\\delta = E''/E'$ [-]")
     right.set_ylim(bottom=0)
     axes.grid(alpha=0.3)

@@ -1,9 +1,11 @@
 """Pictures of profiles: what each length scale does. They need matplotlib, as `rubberfric.plot`."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from rubberfric.analysis.by_wavevector import Profile
-from rubberfric.plot.style import check_kind, legend, looks, several_axes
+from rubberfric.plot.style import Panels, check_kind, legend, looks, several_axes
 
 # Field of Profile, axis label; drawn from the top down.
 PANELS = (
@@ -13,7 +15,11 @@ PANELS = (
 )
 
 
-def plot_profile(profile, ax=None, labels=None):
+def plot_profile(
+    profile: Profile,
+    ax: Panels | None = None,
+    labels: Sequence[str] | None = None,
+) -> Panels:
     r"""Draw P(q), d mu / d ln q and the rms slope over log10 q, a line for each condition.
 
     In the panel of d mu / d ln q, equal areas over log10 q are equal parts of the friction. A second
@@ -39,12 +45,7 @@ def plot_profile(profile, ax=None, labels=None):
     count = int(np.prod(np.shape(profile.area)[:-1]))
     if labels is not None and len(labels) != count:
         raise ValueError(f"labels has {len(labels)} names: must have {count}, one for each condition")
-    if ax is None:
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(6.4, 7.0), layout="constrained")
-        ax = figure.subplots(len(PANELS), 1, sharex=True)
-    several_axes(ax, [name for name, _ in PANELS])
+    ax = several_axes(ax, [name for name, _ in PANELS], (6.4, 7.0))
     order = np.argsort(np.asarray(profile.q), kind="stable")
     log_q = np.log10(np.asarray(profile.q)[order])
     for (name, label), axes in zip(PANELS, ax, strict=True):

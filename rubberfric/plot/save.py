@@ -2,27 +2,39 @@
 
 import importlib.util
 
-from rubberfric.base.atomic import check_writable, replacing
+from rubberfric.analysis.error_and_time.report import Accuracy
+from rubberfric.base.atomic import StrPath, check_writable, replacing
+from rubberfric.io.results import Result
 from rubberfric.plot.accuracy import plot_accuracy
 from rubberfric.plot.curves import plot_result
+from rubberfric.plot.map import figure_of_map
+from rubberfric.plot.style import FigureBase
 
 
-def save_plot(path, result):
-    """Draw a result to a file, whole or not at all."""
-    figure = plot_result(result)[0].figure
+def save_figure(path: StrPath, figure: FigureBase) -> None:
+    """Write a figure to a file."""
     with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=150)
+        figure.savefig(temporary, dpi=150)  # pyright: ignore[reportAttributeAccessIssue]: of no SubFigure
 
 
-def save_accuracy_plot(path, accuracy, title=""):
-    """Draw a sweep to a file, whole or not at all."""
+def save_plot(path: StrPath, result: Result) -> None:
+    """Draw a result to a file."""
+    save_figure(path, plot_result(result)[0].figure)
+
+
+def save_map_plot(path: StrPath, result: Result) -> None:
+    """Draw all quantities of a map to a file, a row of panels for each."""
+    save_figure(path, figure_of_map(result))
+
+
+def save_accuracy_plot(path: StrPath, accuracy: Accuracy, title: str = "") -> None:
+    """Draw a sweep to a file."""
     ax = plot_accuracy(accuracy)
     ax.set_title(title, fontsize="medium", wrap=True)
-    with replacing(path) as temporary:
-        ax.figure.savefig(temporary, dpi=150)
+    save_figure(path, ax.figure)
 
 
-def check_plot(path):
+def check_plot(path: StrPath) -> None:
     """ValueError unless a plot could be drawn to `path`."""
     check_writable(path, (".png", ".pdf", ".svg"))
     if importlib.util.find_spec("matplotlib") is None:

@@ -1,13 +1,23 @@
 """Picture of what each relaxation time does to a quantity. It needs matplotlib, as `rubberfric.plot`."""
 
-import numpy as np
+from typing import Any
 
-from rubberfric.plot.style import LOG_V, one_axes, vector
+import numpy as np
+from jax.typing import ArrayLike
+
+from rubberfric.plot.style import LOG_V, Axes, diverging, one_axes, vector
 
 _LABEL = "$\\partial \\ln \\mu \\;/\\; \\partial \\ln E_i$ [-]"
 
 
-def plot_sensitivity(velocity, tau, values, ax=None, *, label=_LABEL):
+def plot_sensitivity(
+    velocity: ArrayLike,
+    tau: ArrayLike,
+    values: ArrayLike,
+    ax: Axes | None = None,
+    *,
+    label: str = _LABEL,
+) -> Axes:
     r"""Draw d ln mu / d ln E_i as a heat map over log10 v and log10 tau_i.
 
     Colours are balanced about 0. Contours say the sign without them: solid above 0, dashed below,
@@ -37,28 +47,20 @@ def plot_sensitivity(velocity, tau, values, ax=None, *, label=_LABEL):
     rows, y = _axis("tau", vector("tau", tau, positive=True))
     if rows.size < np.size(tau):
         raise ValueError("tau has equal entries: must all be different, to lie beside each other")
-    values, wanted = np.asarray(values, float), (np.size(tau), np.size(velocity))
-    if values.shape != wanted:
-        raise ValueError(f"values has shape {values.shape}: must be {wanted}, (tau, velocity)")
-    values = values[rows][:, columns]
-    if not np.isfinite(values).all():
+    shape, table = (np.size(tau), np.size(velocity)), np.asarray(values, float)
+    if table.shape != shape:
+        raise ValueError(f"values has shape {table.shape}: must be {shape}, (tau, velocity)")
+    table = table[rows][:, columns]
+    if not np.isfinite(table).all():
         raise ValueError("values has a number that is not finite: must be finite where v > 0")
     axes = one_axes(ax, (6.8, 4.2))
-    _draw(axes, x, y, values, label)
+    _draw(axes, x, y, table, label)
     axes.set_xlabel(LOG_V)
     axes.set_ylabel("$\\log_{10}(\\tau_i\\;/\\;\\mathrm{s})$")
     return axes
 
 
-def diverging():
-    """Red above, blue below, white at 0; not so dark at its ends that black lines were lost on it."""
-    from matplotlib import colormaps
-    from matplotlib.colors import ListedColormap
-
-    return ListedColormap(colormaps["RdBu_r"](np.linspace(0.15, 0.85, 256)))
-
-
-def _axis(name, values):
+def _axis(name: str, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Indices of the different values > 0 in increasing order, and their logarithms."""
     unique, index = np.unique(values, return_index=True)
     index = index[(unique > 0) & np.isfinite(unique)]
@@ -67,16 +69,22 @@ def _axis(name, values):
     return index, np.log10(values[index])
 
 
-def _draw(axes, x, y, values, label):
+def _draw(axes: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, label: str) -> None:
     from matplotlib.ticker import MaxNLocator
 
     largest = float(np.abs(values).max()) or 1.0
-    look = {"cmap": diverging(), "vmin": -largest, "vmax": largest, "shading": "nearest", "rasterized": True}
+    look: dict[str, Any] = {
+        "cmap": diverging(),
+        "vmin": -largest,
+        "vmax": largest,
+        "shading": "nearest",
+        "rasterized": True,
+    }
     mesh = axes.pcolormesh(x, y, values, **look)
     levels = MaxNLocator(9, symmetric=True).tick_values(-largest, largest)
     levels = [level for level in levels if values.min() < level < values.max()]
     if levels:
-        style = {
+        style: dict[str, Any] = {
             "linestyles": ["dashed" if level < 0 else "solid" for level in levels],
             "linewidths": [1.6 if level == 0 else 0.7 for level in levels],
         }

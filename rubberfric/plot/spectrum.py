@@ -1,21 +1,25 @@
 """Picture of roughness power spectra. It needs matplotlib, as `rubberfric.plot`."""
 
-from typing import NamedTuple
+from collections.abc import Collection, Mapping
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
+from jax.typing import ArrayLike
 
-from rubberfric.plot.style import colours, legend, one_axes, vector
+from rubberfric.plot.style import Axes, Line2D, colours, legend, one_axes, vector
 from rubberfric.roughness.anisotropy import Anisotropic, TabulatedAnisotropic
 from rubberfric.roughness.moments import rms_slope
 from rubberfric.roughness.spectra import SelfAffine, TabulatedSpectrum, log_power_spectrum
+
+Spectrum = SelfAffine | TabulatedSpectrum | Anisotropic | TabulatedAnisotropic
 
 _POINTS = 200
 # Entries of a table that are drawn as points.
 _ENTRIES = 100
 _STYLES = ("-", "--", "-.", ":")
-# Wavevectors that are marked: marker, and name.
-_MARKS = {"q0": ("o", "$q_0$, first"), "qr": ("s", "$q_r$, roll-off"), "q1": ("D", "$q_1$, cut-off")}
+# Wavevectors that are drawn with a marker: marker, and name.
+_NAMED = {"q0": ("o", "$q_0$, first"), "qr": ("s", "$q_r$, roll-off"), "q1": ("D", "$q_1$, cut-off")}
 
 
 class _Curve(NamedTuple):
@@ -26,11 +30,11 @@ class _Curve(NamedTuple):
     points: bool  # measured: points with error bars, no line
     errors: np.ndarray | None  # below and above, shape (2, n)
     slope: np.ndarray | None  # rms slope up to q
-    marks: dict  # name in _MARKS -> (q, C)
-    entries: tuple  # (q, C) of a table
+    named: dict[str, tuple[float, float]]  # name in _NAMED -> (q, C)
+    entries: tuple[np.ndarray, np.ndarray] | None  # (q, C) of a table
 
 
-def plot_spectrum(spectra, ax=None, q=None):
+def plot_spectrum(spectra: Any, ax: Axes | None = None, q: ArrayLike | None = None) -> Axes:
     r"""Draw C(q) in log-log, and the rms slope of all roughness up to q on a scale of its own.
 
     .. math:: h_\mathrm{rms}^2 = 2\pi \int q\, C\, dq, \qquad
@@ -56,12 +60,12 @@ def plot_spectrum(spectra, ax=None, q=None):
     ------
     ValueError : no spectrum, one that is smooth, a wrong q, or `ax` is no axes.
     """
-    several = isinstance(spectra, dict)
-    spectra = spectra if several else {"spectrum": spectra}
+    several = isinstance(spectra, Mapping)
+    spectra = spectra if isinstance(spectra, Mapping) else {"spectrum": spectra}
     if not spectra:
         raise ValueError("spectra is empty: must have one at least")
-    q = None if q is None else np.unique(vector("q", q, positive=True))
-    curves = {label: _curve(label, one, q) for label, one in spectra.items()}
+    at = None if q is None else np.unique(vector("q", q, positive=True))
+    curves = {label: _curve(label, one, at) for label, one in spectra.items()}
     axes = one_axes(ax, (7.6, 4.0))
     right = axes.twinx()
     handles = [
@@ -81,8 +85,8 @@ def plot_spectrum(spectra, ax=None, q=None):
     return axes
 
 
-def _curve(label, spectrum, q):
-    if isinstance(spectrum, SelfAffine | TabulatedSpectrum | Anisotropic | TabulatedAnisotropic):
+def _curve(label: str, spectrum: Any, q: np.ndarray | None) -> _Curve:
+    if isinstance(spectrum, Spectrum):
         return _line(label, spectrum, q)
     if not (hasattr(spectrum, "q") and hasattr(spectrum, "C")):
         raise ValueError(f"{label} is a {type(spectrum).__name__}: must be a spectrum, or have q and C")
@@ -101,10 +105,10 @@ def _curve(label, spectrum, q):
         raise ValueError(f"{label}.C has no value > 0: must have one at least, for its logarithm")
     table = TabulatedSpectrum(q, C) if q.size > 1 and (np.diff(q) > 0).all() else None
     slope = None if table is None else _values(table, q)[1]
-    return _Curve(q, C, True, None if errors is None else errors[:, order], slope, {}, ())
+    return _Curve(q, C, True, None if errors is None else errors[:, order], slope, {}, None)
 
 
-def _line(label, spectrum, q):
+def _line(label: str, spectrum: Spectrum, q: np.ndarray | None) -> _Curve:
     own = spectrum.base if isinstance(spectrum, Anisotropic) else spectrum
     broken = isinstance(own, SelfAffine)
     if broken and not own.h_rms > 0:
@@ -118,25 +122,25 @@ def _line(label, spectrum, q):
     C, slope = _values(spectrum, q)
     at_kinks = _values(spectrum, kinks)[0]
     places = {"q0": 0, "qr": 1, "q1": 2} if broken else {"q0": 0, "q1": -1}
-    marks = {name: (kinks[i], at_kinks[i]) for name, i in places.items()}
-    entries = () if broken or kinks.size > _ENTRIES else (kinks, at_kinks)
-    return _Curve(q, C, False, None, slope, marks, entries)
+    named = {name: (kinks[i], at_kinks[i]) for name, i in places.items()}
+    entries = None if broken or kinks.size > _ENTRIES else (kinks, at_kinks)
+    return _Curve(q, C, False, None, slope, named, entries)
 
 
-def _values(spectrum, q):
+def _values(spectrum: Spectrum, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """C and the rms slope at q, in double precision: in single, C itself may be 0."""
     log_C, slope = (np.asarray(x, float) for x in _log_C_and_slope(spectrum, q))
     return np.exp(log_C), slope
 
 
 @jax.jit
-def _log_C_and_slope(spectrum, q):
+def _log_C_and_slope(spectrum: Spectrum, q: jax.Array) -> tuple[jax.Array, jax.Array]:
     return log_power_spectrum(spectrum.power_law(), q), rms_slope(spectrum, q)
 
 
 def _draw(axes, right, curve, label, colour, style):
     """Draw one spectrum; its handle of a legend."""
-    look = {"color": colour, "linestyle": style}
+    look: dict[str, Any] = {"color": colour, "linestyle": style}
     if curve.slope is not None:
         rises = curve.slope > 0  # 0 at the first wavevector
         right.plot(curve.q[rises], curve.slope[rises], linewidth=0.9, **look)
@@ -146,12 +150,12 @@ def _draw(axes, right, curve, label, colour, style):
     (handle,) = axes.plot(curve.q, curve.C, linewidth=1.8, label=label, **look)
     if curve.entries:
         axes.plot(*curve.entries, ".", color=colour, markersize=4)
-    for name, place in curve.marks.items():
-        axes.plot(*place, _MARKS[name][0], color=colour, markerfacecolor="white", markersize=6)
+    for name, place in curve.named.items():
+        axes.plot(*place, _NAMED[name][0], color=colour, markerfacecolor="white", markersize=6)
     return handle
 
 
-def _keep_slopes_in_view(right, curves):
+def _keep_slopes_in_view(right: Axes, curves: Collection[_Curve]) -> None:
     """Just above the first wavevector a slope falls to 0, through all decades: four are enough."""
     highest = max((curve.slope.max() for curve in curves if curve.slope is not None), default=0.0)
     if highest > 0:
@@ -159,16 +163,16 @@ def _keep_slopes_in_view(right, curves):
         right.set_ylim(max(low, 1e-4 * highest), high)
 
 
-def _explained(curves):
+def _explained(curves: Collection[_Curve]) -> list[Line2D]:
     """Handles of a legend for what the lines and marks of the curves are."""
     from matplotlib.lines import Line2D
 
-    look = {"color": "0.3", "markerfacecolor": "white"}
-    marked = {name for curve in curves for name in curve.marks}
+    look: dict[str, Any] = {"color": "0.3", "markerfacecolor": "white"}
+    named = {name for curve in curves for name in curve.named}
     handles = [
         Line2D([], [], linestyle="none", marker=marker, label=name, **look)
-        for key, (marker, name) in _MARKS.items()
-        if key in marked
+        for key, (marker, name) in _NAMED.items()
+        if key in named
     ]
     if any(curve.slope is not None for curve in curves):
         handles.append(Line2D([], [], color="0.3", linewidth=0.9, label="rms slope (thin, right)"))

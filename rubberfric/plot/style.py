@@ -3,7 +3,26 @@
 Conditions differ by colour (of increasing lightness) and marker, parts of a quantity by line style.
 """
 
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+from jax.typing import ArrayLike
+
+from rubberfric.base.units import ZERO_CELSIUS
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap
+    from matplotlib.container import Container
+    from matplotlib.figure import Figure, FigureBase
+    from matplotlib.lines import Line2D
+
+    Panels = Sequence[Axes] | np.ndarray
+    Handle = Artist | Container  # of a legend
+else:  # matplotlib is there only where it draws
+    Axes = Colormap = Figure = FigureBase = Handle = Line2D = Panels = Any
 
 # Quantities that have a panel: label, and scale and offset from the unit they are computed in.
 PANELS = {
@@ -11,15 +30,15 @@ PANELS = {
     "friction": ("friction coefficient\n$\\mu$ [-]", 1.0, 0.0),
     "separation": ("mean separation\n$\\bar u$ [µm]", 1e6, 0.0),
     "transverse_friction": ("transverse friction\n$\\mu_\\perp$ [-]", 1.0, 0.0),
-    "flash_temperature": ("flash temperature\n$T$ [°C]", 1.0, -273.15),
+    "flash_temperature": ("flash temperature\n$T$ [°C]", 1.0, -ZERO_CELSIUS),
 }
 LOG_V = "$\\log_{10}(v\\;/\\;\\mathrm{m\\,s^{-1}})$"
 MARKERS = "os^DvPX<>p"
 # Markers along a line that has more points.
-_MARKS = 7
+_MARKERS_OF_A_LINE = 7
 
 
-def colours(count):
+def colours(count: int) -> np.ndarray:
     """As many colours, dark to light: viridis without its yellow, of a few colours its darker half."""
     from matplotlib import colormaps
 
@@ -27,10 +46,18 @@ def colours(count):
     return colormaps["viridis"](np.linspace(0.0, lightest, count) if count > 1 else [0.25])
 
 
-def looks(count, points):
+def diverging() -> Colormap:
+    """Red above, blue below, white at 0; not so dark at its ends that black lines were lost on it."""
+    from matplotlib import colormaps
+    from matplotlib.colors import ListedColormap
+
+    return ListedColormap(colormaps["RdBu_r"](np.linspace(0.15, 0.85, 256)))
+
+
+def looks(count: int, points: int) -> list[dict[str, Any]]:
     """Colour and markers of `count` lines of so many points; those of neighbours are staggered."""
     several = count > 1
-    step = max(1, -(-points // _MARKS))
+    step = max(1, -(-points // _MARKERS_OF_A_LINE))
     return [
         {
             "color": colour,
@@ -42,12 +69,20 @@ def looks(count, points):
     ]
 
 
-def one_axes(ax, size=(6.4, 4.0)):
-    """The axes to draw into: `ax`, or of a new figure, which pyplot does not know, if it is None."""
-    if ax is None:
-        from matplotlib.figure import Figure
+def new_figure(size: tuple[float, float], title: str = "") -> Figure:
+    """A figure that pyplot does not know."""
+    from matplotlib.figure import Figure
 
-        return Figure(figsize=size, layout="constrained").subplots()
+    figure = Figure(figsize=size, layout="constrained")
+    if title:
+        figure.suptitle(title, fontsize="medium", wrap=True)
+    return figure
+
+
+def one_axes(ax: Axes | None, size: tuple[float, float] = (6.4, 4.0)) -> Axes:
+    """The axes to draw into: `ax`, or of a new figure if it is None."""
+    if ax is None:
+        return new_figure(size).subplots()
     from matplotlib.axes import Axes
 
     if not isinstance(ax, Axes):
@@ -55,34 +90,54 @@ def one_axes(ax, size=(6.4, 4.0)):
     return ax
 
 
-def check_kind(name, value, kind):
+def several_axes(
+    ax: Panels | None,
+    names: Sequence[object],
+    size: tuple[float, float],
+    title: str = "",
+    across: bool = False,
+) -> Panels:
+    """The axes to draw into, one for each name: `ax`, or of a new figure with that title if it is None.
+
+    Those of a new figure share their x axis and are one below the other; `across`, one beside the other,
+    they share both. ValueError if `ax` is no such sequence.
+    """
+    if ax is None:
+        rows, columns = (1, len(names)) if across else (len(names), 1)
+        figure = new_figure(size, title)
+        return figure.subplots(rows, columns, sharex=True, sharey=across, squeeze=False).ravel()
+    from matplotlib.axes import Axes
+
+    rule = f"must have {len(names)}, for {', '.join(map(str, names))}; or be None"
+    if isinstance(ax, Axes):
+        raise ValueError(f"ax is one axes, not a sequence: {rule}")
+    if not isinstance(ax, Sequence | np.ndarray) or not all(isinstance(one, Axes) for one in ax):
+        raise ValueError(f"ax is a {type(ax).__name__}, not a sequence of axes: {rule}")
+    if len(ax) != len(names):
+        raise ValueError(f"ax has {len(ax)} axes: {rule}")
+    return ax
+
+
+def check_kind(name: str, value: object, kind: type) -> None:
     """ValueError unless a value is an object of a class."""
     if not isinstance(value, kind):
         raise ValueError(f"{name} is a {type(value).__name__}: must be of class {kind.__name__}")
 
 
-def several_axes(ax, names):
-    """ValueError unless `ax` is a sequence of axes, one for each name."""
-    from matplotlib.axes import Axes
-
-    wanted = f"must have {len(names)}, for {', '.join(map(str, names))}; or be None"
-    if isinstance(ax, Axes):
-        raise ValueError(f"ax is one axes, not a sequence: {wanted}")
-    if not np.iterable(ax) or not all(isinstance(one, Axes) for one in ax):
-        raise ValueError(f"ax is a {type(ax).__name__}, not a sequence of axes: {wanted}")
-    if len(ax) != len(names):
-        raise ValueError(f"ax has {len(ax)} axes: {wanted}")
-
-
-def legend(axes, handles=None, scale_right=False, inside="best"):
+def legend(
+    axes: Axes,
+    handles: Iterable[Handle] | None = None,
+    scale_right: bool = False,
+    inside: str = "best",
+) -> None:
     """A legend beside the axes if their figure makes room for it, else inside.
 
     `scale_right`: the axes have a second scale on the right, whose lines "best" would not see.
     """
-    handles = axes.get_legend_handles_labels()[0] if handles is None else handles
+    handles = list(axes.get_legend_handles_labels()[0] if handles is None else handles)
     if not handles:
         return
-    look = {"loc": inside}
+    look: dict[str, Any] = {"loc": inside}
     if axes.figure.get_layout_engine() is not None:
         look = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.02)}
         if scale_right:
@@ -91,22 +146,22 @@ def legend(axes, handles=None, scale_right=False, inside="best"):
     axes.legend(handles=handles, fontsize="small", **look)
 
 
-def shown_velocities(velocity):
+def shown_velocities(velocity: ArrayLike) -> np.ndarray:
     """Indices of the velocities > 0, which have a logarithm, in increasing order."""
     velocity = np.asarray(velocity)
     shown = np.flatnonzero(velocity > 0)
     return shown[np.argsort(velocity[shown], kind="stable")]
 
 
-def vector(name, values, size=None, positive=False):
+def vector(name: str, values: ArrayLike, size: int | None = None, positive: bool = False) -> np.ndarray:
     """Numbers of a plot as a one-dimensional array; ValueError if they are none."""
     try:
         array = np.asarray(values, float)
     except (TypeError, ValueError):
         raise ValueError(f"{name} is a {type(values).__name__}: must be an array of numbers") from None
     if array.ndim != 1 or array.size == 0 or (size is not None and array.size != size):
-        wanted = "one number or more" if size is None else f"{size} numbers"
-        raise ValueError(f"{name} has shape {array.shape}: must be one-dimensional, {wanted}")
+        rule = "one number or more" if size is None else f"{size} numbers"
+        raise ValueError(f"{name} has shape {array.shape}: must be one-dimensional, {rule}")
     if positive and not (np.isfinite(array) & (array > 0)).all():
         bad = int(np.argmin(np.isfinite(array) & (array > 0)))
         raise ValueError(f"{name}[{bad}] = {array[bad]:g}: must be > 0 and finite")

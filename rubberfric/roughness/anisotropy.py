@@ -7,21 +7,21 @@ C(q, phi + pi) = C(q, phi): even multiples only.
 """
 
 import dataclasses
-from typing import ClassVar
+from typing import ClassVar, Literal
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from rubberfric.base.checks import FINITE, POSITIVE, check_increasing
-from rubberfric.base.objects import check_kind, child, leaf, physical, static
-from rubberfric.roughness.spectra import SelfAffine, Spectrum, log_ratio, tabulated_law
+from rubberfric.base.objects.fields import Matrix, Number, Vector, child, leaf, static
+from rubberfric.base.objects.physical import check_kind, physical
+from rubberfric.roughness.spectra import BrokenPowerLaw, SelfAffine, Spectrum, log_ratio, tabulated_law
 
 # Directions of which the harmonics of a stretched surface are taken; exact to rounding up to
 # ratios of 30.
 _DIRECTIONS = 1024
-
-HARMONICS = (4, 8, 16, 32, 64)
 
 
 @physical
@@ -47,33 +47,33 @@ class Anisotropic(Spectrum):
 
     endless: ClassVar[bool] = True
 
-    base: SelfAffine = child(SelfAffine, optional=False)
-    ratio: float = leaf(POSITIVE)
-    angle: float = leaf(FINITE, default=0.0)
-    harmonics: int = static(HARMONICS, default=16)
+    base: SelfAffine = child()
+    ratio: Number = leaf(POSITIVE, unit="-")
+    angle: Number = leaf(FINITE, unit="rad", default=0.0)
+    harmonics: Literal[4, 8, 16, 32, 64] = static(default=16)
 
-    def power_law(self):
+    def power_law(self) -> BrokenPowerLaw:
         """That of `base`."""
         return self.base.power_law()
 
-    def height_scale(self):
+    def height_scale(self) -> jax.Array:
         """That of `base` [m]."""
         return self.base.height_scale()
 
-    def cut(self, q1, piece, beyond):
+    def cut(self, q1: jax.Array, piece: jax.Array, beyond: jax.Array) -> "Anisotropic":
         """The same of `base`."""
         return dataclasses.replace(self, base=self.base.cut(q1, piece, beyond))
 
-    def harmonic_count(self):
+    def harmonic_count(self) -> int:
         """As many as are kept."""
         return self.harmonics
 
-    def harmonics_at(self, q):
+    def harmonics_at(self, q: jax.Array) -> tuple[jax.Array, jax.Array]:
         """(c_m, s_m), m = 1 ... harmonics, shape (harmonics,) each: the same at every q."""
         del q
         return _turned(self._all_harmonics()[: self.harmonics], self.angle)
 
-    def harmonics_left_out(self):
+    def harmonics_left_out(self) -> jax.Array:
         """The sum over all that are not kept [-]."""
         return jnp.sum(jnp.abs(self._all_harmonics()[self.harmonics :]))
 
@@ -106,9 +106,9 @@ class TabulatedAnisotropic(Spectrum):
 
     harmonics_vary: ClassVar[bool] = True
 
-    q: object = leaf(POSITIVE, ndim=1)
-    C: object = leaf(POSITIVE, ndim=2)
-    angle: float = leaf(FINITE, default=0.0)
+    q: Vector = leaf(POSITIVE, unit="1/m", column="q")
+    C: Matrix = leaf(POSITIVE, unit="m^4", column="C")
+    angle: Number = leaf(FINITE, unit="rad", default=0.0)
 
     def _check(self):
         if self.C.shape[0] != self.q.shape[0] or self.q.shape[0] < 2 or self.C.shape[1] < 4:
@@ -118,15 +118,15 @@ class TabulatedAnisotropic(Spectrum):
             )
         check_increasing("TabulatedAnisotropic.q", self.q)
 
-    def power_law(self):
+    def power_law(self) -> BrokenPowerLaw:
         """That of the mean over all directions."""
         return tabulated_law(self.q, jnp.mean(self.C, 1))
 
-    def harmonic_count(self):
+    def harmonic_count(self) -> int:
         """All that the table has."""
         return (self.C.shape[1] - 1) // 2
 
-    def harmonics_at(self, q):
+    def harmonics_at(self, q: jax.Array) -> tuple[jax.Array, jax.Array]:
         """(c_m, s_m) at q of any shape, (harmonics, *shape) each."""
         count = self.harmonic_count()
         even = jnp.fft.rfft(self.C, axis=1)[:, 1 : count + 1] * (2 / self.C.shape[1])
@@ -139,17 +139,17 @@ class TabulatedAnisotropic(Spectrum):
         at = jax.vmap(lambda values: jnp.interp(position, knots, values), 1)
         return at(cosine), at(sine)
 
-    def harmonics_left_out(self):
+    def harmonics_left_out(self) -> jax.Array:
         """The largest part that the highest harmonic has at any q of the table [-]."""
         cosine, sine = self.harmonics_at(self.q)
         return jnp.max(jnp.hypot(cosine[-1], sine[-1]))
 
-    def entries(self):
+    def entries(self) -> jax.Array:
         """C [m^4]."""
         return self.C
 
 
-def harmonics_left_out(spectrum):
+def harmonics_left_out(spectrum: Spectrum) -> jax.Array:
     r"""How much of the roughness is in harmonics that are not kept: sum |d_m| over them [-].
 
     A bound on the relative error of G and of the mean separation, and on that of the friction
@@ -171,7 +171,9 @@ def _turned(size, angle):
     return size * jnp.cos(2 * m * angle), size * jnp.sin(2 * m * angle)
 
 
-def from_grid(qx, qy, C, q, directions=64):
+def from_grid(
+    qx: ArrayLike, qy: ArrayLike, C: ArrayLike, q: ArrayLike, directions: int = 64
+) -> TabulatedAnisotropic:
     """(q, directions) table of a spectrum given on a (q_x, q_y) grid; NumPy, on the host.
 
     Bilinear in the logarithm of C between the entries of the grid.

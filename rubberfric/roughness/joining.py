@@ -4,15 +4,18 @@ A profilometer sees long waves, an atomic force microscope short ones. Where bot
 crosses over from one to the other; where neither does, a straight line in log-log bridges the gap.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
-from rubberfric.base.checks import shown
+from rubberfric.base.checks import is_concrete, shown
 from rubberfric.roughness.moments import moment
 from rubberfric.roughness.spectra import (
+    Spectrum,
     TabulatedSpectrum,
     log_power_spectrum,
     log_ratio,
@@ -50,9 +53,9 @@ class JoinedSpectra(NamedTuple):
     """spectrum : TabulatedSpectrum; joints : tuple of `Joint`, one fewer than the spectra."""
 
     spectrum: TabulatedSpectrum
-    joints: tuple
+    joints: tuple[Joint, ...]
 
-    def report(self):
+    def report(self) -> str:
         """What met where, and how well, a line for each joint."""
         return "\n".join(
             f"{'overlap' if one.overlap else 'gap'} {one.low:.4g} ... {one.high:.4g} 1/m:"
@@ -63,7 +66,9 @@ class JoinedSpectra(NamedTuple):
         )
 
 
-def join_spectra(*spectra, method="crossover", weights=(0.5, 0.5)):
+def join_spectra(
+    *spectra: Spectrum, method: str = "crossover", weights: Sequence[float] = (0.5, 0.5)
+) -> JoinedSpectra:
     r"""One table from spectra measured over different ranges.
 
     .. math:: \ln C = (1 - s) \ln C_a + s \ln C_b, \qquad s = t^2 (3 - 2t),\quad
@@ -97,14 +102,13 @@ def join_spectra(*spectra, method="crossover", weights=(0.5, 0.5)):
         raise ValueError(f"join_spectra: has {len(spectra)} spectra: must be two at least")
     if not isinstance(method, str) or method not in METHODS:
         raise ValueError(f"method = {shown(method)}: must be one of {', '.join(METHODS)}")
-    weights = np.asarray(weights, float)
-    if weights.shape != (2,) or not (
-        np.isfinite(weights).all() and (weights >= 0).all() and weights.sum() > 0
-    ):
-        raise ValueError(f"weights = {shown(weights.tolist())}: must be two numbers >= 0, not both 0")
-    share = None if method == "crossover" else float(weights[1] / weights.sum())
-    joined, joints = spectra[0], []
-    for upper in spectra[1:]:
+    both = np.asarray(weights, float)
+    if both.shape != (2,) or not (np.isfinite(both).all() and (both >= 0).all() and both.sum() > 0):
+        raise ValueError(f"weights = {shown(both.tolist())}: must be two numbers >= 0, not both 0")
+    share = None if method == "crossover" else float(both[1] / both.sum())
+    joined, joint = _join(spectra[0], spectra[1], share, 0)
+    joints = [joint]
+    for upper in spectra[2:]:
         joined, joint = _join(joined, upper, share, len(joints))
         joints.append(joint)
     return JoinedSpectra(joined, tuple(joints))
@@ -115,7 +119,7 @@ def _join(lower, upper, share, number):
     laws = [power_law_of(one) for one in (lower, upper)]
     (a, b), (qa, qb) = laws, (np.asarray(law.q, float) for law in laws)
     for i, (law, q) in enumerate(zip(laws, (qa, qb), strict=True)):
-        if not isinstance(law.height2, jax.core.Tracer) and not law.height2 > 0:
+        if is_concrete(law.height2) and not law.height2 > 0:
             raise ValueError(f"join_spectra: spectrum {number + i} is zero: must be rough")
         if not q[0] < q[-1]:
             raise ValueError(f"join_spectra: spectrum {number + i} has no range: must have one")
@@ -172,7 +176,9 @@ def _continued(q, log_C, at, near):
     return level
 
 
-def resample(spectrum, q=None, *, per_decade=None, preserve=False):
+def resample(
+    spectrum: Spectrum, q: ArrayLike | None = None, *, per_decade: float | None = None, preserve: bool = False
+) -> TabulatedSpectrum:
     r"""A spectrum as a table at other wavevectors.
 
     Parameters
@@ -212,8 +218,9 @@ def resample(spectrum, q=None, *, per_decade=None, preserve=False):
         ):
             raise ValueError(f"per_decade = {shown(per_decade)}: must be a number > 0")
         points = int(np.ceil(per_decade * np.log10(ends[1] / ends[0]) - 1e-6)) + 1
-        q = np.geomspace(*ends, max(points, 2))
-        q[[0, -1]] = ends
+        even = np.geomspace(ends[0], ends[1], max(points, 2))
+        even[[0, -1]] = ends
+        q = even
     q = np.asarray(q, float)
     if q.ndim != 1 or q.size < 2 or not (np.diff(q) > 0).all():
         raise ValueError(f"q of shape {q.shape}: must be two wavevectors at least, strictly increasing")

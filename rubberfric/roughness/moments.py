@@ -6,14 +6,16 @@ r"""Moments of a roughness spectrum up to a wavevector: heights, slopes, and whe
 A spectrum is a broken power law, so both a moment and its inverse are closed piece by piece.
 """
 
+import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from rubberfric.base.checks import POSITIVE, check_values, is_concrete
-from rubberfric.roughness.spectra import log_ratio, mean_growth, power_law_of
+from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum, log_ratio, mean_growth, power_law_of
 
 
-def cumulative_moment(law, order, distance):
+def cumulative_moment(law: BrokenPowerLaw, order: float, distance: ArrayLike) -> jax.Array:
     r"""Moment up to a wavevector, exact piece by piece.
 
     .. math:: m_n(q) = 2\pi\int_{q_0}^{q} q'^{\,1+n}\, C\, dq',\qquad distance = \ln(q / q_0)
@@ -56,7 +58,7 @@ def _log_left(law, order):
     return law.log_value[:-1] + order * jnp.log(law.q[:-1])
 
 
-def moment(spectrum, order):
+def moment(spectrum: Spectrum, order: float) -> jax.Array:
     r"""Spectral moment 2 pi int q^(1 + order) C dq, exact piece by piece.
 
     order 0: h_rms^2 [m^2]; 2: mean square slope [-]; 4: mean square curvature [1/m^2].
@@ -64,7 +66,7 @@ def moment(spectrum, order):
     return cumulative_moment(power_law_of(spectrum), order, jnp.inf)
 
 
-def rms_height(spectrum, q=None):
+def rms_height(spectrum: Spectrum, q: ArrayLike | None = None) -> jax.Array:
     r"""Root-mean-square height of the roughness up to q [m].
 
     .. math:: h(q) = \sqrt{2\pi\int_{q_0}^{q} q'\, C\, dq'}
@@ -85,7 +87,7 @@ def rms_height(spectrum, q=None):
     return _root_moment(spectrum, 0, q)
 
 
-def rms_slope(spectrum, q=None):
+def rms_slope(spectrum: Spectrum, q: ArrayLike | None = None) -> jax.Array:
     r"""Root-mean-square slope of the roughness up to q [-].
 
     .. math:: \mathrm{slope}(q) = \sqrt{2\pi\int_{q_0}^{q} q'^3\, C\, dq'}
@@ -110,7 +112,7 @@ def _root_moment(spectrum, order, q):
     return spectrum.height_scale() * root
 
 
-def cutoff(spectrum, rms_slope=1.3):
+def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3) -> jax.Array:
     r"""Wavevector up to which a spectrum has an rms slope: the usual choice of q1 for rubber on roads.
 
     .. math:: 2\pi\int_{q_0}^{q_1} q^3\, C\, dq = \mathrm{slope}^2
@@ -183,7 +185,7 @@ def _inverse_growth(exponent, integral):
     return jnp.where(near, series, far)
 
 
-def with_cutoff(spectrum, rms_slope=1.3):
+def with_cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3) -> Spectrum:
     """The spectrum cut at `cutoff`, so that its rms slope is the one wanted; C(q) is the same below.
 
     Parameters

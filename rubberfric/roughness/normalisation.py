@@ -26,6 +26,7 @@ import math
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from rubberfric.base.checks import (
     POSITIVE,
@@ -37,7 +38,7 @@ from rubberfric.base.checks import (
     shown,
 )
 from rubberfric.base.quadrature import gauss, typed
-from rubberfric.roughness.spectra import log_ratio, mean_growth, power_law_of
+from rubberfric.roughness.spectra import Spectrum, log_ratio, mean_growth, power_law_of
 
 # What C is multiplied by, for a line after the self-affine factor.
 NORMALISATIONS = {"C": 1.0, "C_iso": 4 * math.pi**2, "C_1D": 1.0, "C_1D_surfacetopography": 2 * math.pi}
@@ -52,7 +53,9 @@ _NODES = 24
 _TERMS = 27
 
 
-def spectrum_from(normalisation, q, values, hurst=None):
+def spectrum_from(
+    normalisation: str, q: ArrayLike, values: ArrayLike, hurst: ArrayLike | None = None
+) -> jax.Array:
     r"""C(q) from a spectrum in another normalisation.
 
     .. math:: C = \frac{C_\mathrm{iso}}{4\pi^2},\qquad
@@ -85,12 +88,14 @@ def spectrum_from(normalisation, q, values, hurst=None):
     return jnp.asarray(values) / _factor(normalisation, q, hurst)
 
 
-def spectrum_as(normalisation, q, C, hurst=None):
+def spectrum_as(normalisation: str, q: ArrayLike, C: ArrayLike, hurst: ArrayLike | None = None) -> jax.Array:
     """A spectrum C(q) [m^4] in another normalisation; the inverse of `spectrum_from`."""
     return jnp.asarray(C) * _factor(normalisation, q, hurst)
 
 
-def check_normalisation(normalisation, hurst, what="normalisation", where="hurst"):
+def check_normalisation(
+    normalisation: str, hurst: ArrayLike | None, what: str = "normalisation", where: str = "hurst"
+) -> None:
     """ValueError unless there is such a normalisation, and H stands beside those that need it."""
     if not isinstance(normalisation, str) or normalisation not in NORMALISATIONS:
         raise ValueError(f"{what} = {shown(normalisation)}: {NORMALISATION_RULE}")
@@ -119,7 +124,7 @@ def _factor(normalisation, q, hurst):
     return scale * math.sqrt(math.pi) * ratio * jnp.asarray(q)
 
 
-def line_spectrum(spectrum, q):
+def line_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
     r"""Spectrum along a line of an isotropic surface, exact for its broken power law.
 
     .. math:: C_\mathrm{1D}(q) = 2 \int_q^\infty \frac{C(x)\, x}{\sqrt{x^2 - q^2}}\, dx,\qquad
@@ -146,7 +151,7 @@ def line_spectrum(spectrum, q):
     return 2 * law.height2 * _abel(q, *pieces)
 
 
-def areal_spectrum(q, C_1D, at=None):
+def areal_spectrum(q: ArrayLike, C_1D: ArrayLike, at: ArrayLike | None = None) -> jax.Array:
     r"""Spectrum C of an isotropic surface from that along a line, by Abel's inversion.
 
     .. math:: C(q) = -\frac{1}{\pi} \int_q^\infty \frac{C_\mathrm{1D}'(x)}{\sqrt{x^2 - q^2}}\, dx

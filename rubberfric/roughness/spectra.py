@@ -16,6 +16,7 @@ from typing import ClassVar, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from rubberfric.base.checks import (
     NONNEGATIVE,
@@ -26,7 +27,8 @@ from rubberfric.base.checks import (
     either,
     is_concrete,
 )
-from rubberfric.base.objects import Kind, check_kind, kinds, leaf, physical
+from rubberfric.base.objects.fields import Number, Vector, leaf
+from rubberfric.base.objects.physical import Kind, check_kind, kinds, physical
 
 
 class BrokenPowerLaw(NamedTuple):
@@ -105,27 +107,30 @@ class SelfAffine(Spectrum):
     """
 
     endless: ClassVar[bool] = True
+    alternatives: ClassVar = {"C0": "h_rms"}
 
-    q0: float = leaf(POSITIVE)
-    qr: float = leaf(POSITIVE)
-    q1: float = leaf(POSITIVE)
-    hurst: float = leaf(between(0.0, 1.0))
-    h_rms: float = leaf(NONNEGATIVE)
+    q0: Number = leaf(POSITIVE, unit="1/m")
+    qr: Number = leaf(POSITIVE, unit="1/m")
+    q1: Number = leaf(POSITIVE, unit="1/m")
+    hurst: Number = leaf(between(0.0, 1.0), unit="-")
+    h_rms: Number = leaf(NONNEGATIVE, unit="m")
 
     def _check(self):
         if all(is_concrete(x) for x in (self.q0, self.qr, self.q1)):
             _check_order(float(self.q0), float(self.qr), float(self.q1))
 
     @classmethod
-    def from_C0(cls, q0, qr, q1, hurst, C0):
+    def from_C0(
+        cls, q0: ArrayLike, qr: ArrayLike, q1: ArrayLike, hurst: ArrayLike, C0: ArrayLike
+    ) -> "SelfAffine":
         """The same spectrum given by its plateau C0 [m^4] instead of h_rms [m]."""
         unit = cls(q0, qr, q1, hurst, 1.0)
-        if is_concrete(C0) and not C0 >= 0:
+        if is_concrete(C0) and not np.asarray(C0) >= 0:
             raise ValueError(f"SelfAffine.C0 = {C0!r}: must be >= 0")
         scale = qr * jnp.exp(-0.5 * log_plateau(unit))
         return cls(q0, qr, q1, hurst, scale * jnp.sqrt(C0))
 
-    def power_law(self):
+    def power_law(self) -> BrokenPowerLaw:
         """Two pieces, the plateau and the power law beyond it."""
         q = jnp.stack([jnp.asarray(x) for x in (self.q0, self.qr, self.q1)])
         to_rolloff, beyond = log_ratio(q[1], q[0]), log_ratio(q[2], q[1])
@@ -134,11 +139,11 @@ class SelfAffine(Spectrum):
         log_value = jnp.stack([top - 2 * to_rolloff, top, top + exponent[1] * beyond])
         return BrokenPowerLaw(q, log_value, exponent, self.h_rms**2)
 
-    def height_scale(self):
+    def height_scale(self) -> jax.Array:
         """h_rms [m]."""
         return self.h_rms
 
-    def cut(self, q1, piece, beyond):
+    def cut(self, q1: jax.Array, piece: jax.Array, beyond: jax.Array) -> "Spectrum":
         """The same plateau C0, q0 and H up to q1; qr = q1 if that lies on the plateau."""
         del piece, beyond
         qr = jnp.minimum(self.qr, q1)
@@ -170,8 +175,10 @@ class TabulatedSpectrum(Spectrum):
     C : power spectrum [m^4], > 0, shape (n,)
     """
 
-    q: object = leaf(POSITIVE, ndim=1)
-    C: object = leaf(POSITIVE, ndim=1)
+    file_kind: ClassVar[str] = "tabulated"
+
+    q: Vector = leaf(POSITIVE, unit="1/m", column="q")
+    C: Vector = leaf(POSITIVE, unit="m^4", column="C")
 
     def _check(self):
         check_lengths("TabulatedSpectrum", q=self.q, C=self.C)
@@ -179,11 +186,11 @@ class TabulatedSpectrum(Spectrum):
             raise ValueError(f"TabulatedSpectrum.q has {self.q.shape[0]} entries: must have at least 2")
         check_increasing("TabulatedSpectrum.q", self.q)
 
-    def power_law(self):
+    def power_law(self) -> BrokenPowerLaw:
         """A piece between every two entries."""
         return tabulated_law(self.q, self.C)
 
-    def cut(self, q1, piece, beyond):
+    def cut(self, q1: jax.Array, piece: jax.Array, beyond: jax.Array) -> "Spectrum":
         """The same number of entries, those beyond q1 moved into the interval that it ends."""
         del q1
         law, index = self.power_law(), np.arange(self.q.shape[0])
@@ -193,7 +200,7 @@ class TabulatedSpectrum(Spectrum):
         C = self.C[kept] * jnp.exp((law.exponent[piece] - 2) * move)
         return TabulatedSpectrum(self.q[kept] * jnp.exp(move), C)
 
-    def entries(self):
+    def entries(self) -> jax.Array:
         """C [m^4]."""
         return self.C
 
@@ -204,19 +211,19 @@ def power_law_of(spectrum: Spectrum) -> BrokenPowerLaw:
     return spectrum.power_law()
 
 
-def tabulated_law(q, C):
+def tabulated_law(q: jax.Array, C: jax.Array) -> BrokenPowerLaw:
     """The broken power law through the entries of a table."""
     log_C = jnp.log(C)
     exponent = jnp.diff(log_C) / log_ratio(q[1:], q[:-1]) + 2
     return BrokenPowerLaw(q, log_C + 2 * jnp.log(q), exponent, jnp.ones_like(q[0]))
 
 
-def log_ratio(q, start):
+def log_ratio(q: jax.Array | np.ndarray, start: jax.Array | np.ndarray) -> jax.Array:
     """ln(q / start), with all digits when q is close to start."""
     return jnp.log1p((q - start) / start)
 
 
-def power_spectrum(spectrum, q):
+def power_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
     """C(q) [m^4] at q [1/m], zero outside the spectrum's range; for plots and moments."""
     law = power_law_of(spectrum)
     q = jnp.asarray(q)
@@ -224,18 +231,18 @@ def power_spectrum(spectrum, q):
     return jnp.where(inside, law.height2 * jnp.exp(log_shape(law, q)), 0.0)
 
 
-def log_power_spectrum(law, q):
+def log_power_spectrum(law: BrokenPowerLaw, q: jax.Array | np.ndarray) -> jax.Array:
     """ln C at q, its first and last piece continued beyond the ends; for fits of C."""
     return jnp.log(law.height2) + log_shape(law, q)
 
 
-def log_shape(law, q):
+def log_shape(law: BrokenPowerLaw, q: jax.Array | np.ndarray) -> jax.Array:
     """ln(C / height2) at q."""
     piece = jnp.clip(jnp.searchsorted(law.q, q, side="right") - 1, 0, law.exponent.shape[0] - 1)
     return law.log_value[piece] + law.exponent[piece] * log_ratio(q, law.q[piece]) - 2 * jnp.log(q)
 
 
-def log_plateau(spectrum):
+def log_plateau(spectrum: SelfAffine) -> jax.Array:
     r"""ln(q_r^2 C_0 / h_rms^2), from h_rms^2 = 2 pi int q C dq.
 
     .. math:: \frac{h^2}{\pi C_0 q_r^2} = 1 - (q_0/q_r)^2 + \frac{1 - (q_1/q_r)^{-2H}}{H}
@@ -246,7 +253,7 @@ def log_plateau(spectrum):
     return -jnp.log(jnp.pi * area)
 
 
-def mean_growth(y):
+def mean_growth(y: jax.Array) -> jax.Array:
     """(e^y - 1) / y, the mean of a power law over a piece; 1 at y = 0, where the quotient is 0/0."""
     near = jnp.abs(y) < 1e-2
     safe = jnp.where(near, 1.0, y)

@@ -3,10 +3,12 @@
 Nothing is imported from there: what has `heights()`, `physical_sizes`, `nb_grid_pts` and `unit` will do.
 """
 
+from typing import Any
+
 import numpy as np
 
 from rubberfric.base.checks import shown
-from rubberfric.roughness.topography import spectrum_of_profile, spectrum_of_topography
+from rubberfric.roughness.topography import MeasuredSpectrum, spectrum_of_profile, spectrum_of_topography
 
 # Of lengths and heights [m].
 UNITS = {
@@ -23,7 +25,7 @@ UNITS = {
 _NEEDED = ("heights", "physical_sizes", "nb_grid_pts")
 
 
-def spectrum_of_surface(topography, *, unit=None, **options):
+def spectrum_of_surface(topography: Any, *, unit: str | None = None, **options: Any) -> MeasuredSpectrum:
     r"""Spectrum of a topography object: C(q) of a map, C_1D(q) of a line scan; host-side.
 
     Parameters

@@ -21,6 +21,7 @@ Detrending takes height from the same modes. The instrument's resolution and noi
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rubberfric.base.checks import shown
 from rubberfric.roughness.spectra import TabulatedSpectrum
@@ -53,12 +54,19 @@ class MeasuredSpectrum(NamedTuple):
     left_out: float
     h_rms: float
 
-    def table(self):
+    def table(self) -> TabulatedSpectrum:
         """TabulatedSpectrum of a map; a profile's C_1D must be converted first (`rubberfric.roughness.normalisation`)."""
         return TabulatedSpectrum(self.q, self.C)
 
 
-def spectrum_of_profile(x, height, *, window="hann", detrend=1, per_decade=20):
+def spectrum_of_profile(
+    x: ArrayLike,
+    height: ArrayLike,
+    *,
+    window: str = "hann",
+    detrend: int | None = 1,
+    per_decade: float | None = 20,
+) -> MeasuredSpectrum:
     r"""Spectrum C_1D(q) of a height profile; host-side, not differentiable.
 
     .. math:: h_\mathrm{rms}^2 = 2\int_0^\infty C_\mathrm{1D}\, dq
@@ -91,7 +99,15 @@ def spectrum_of_profile(x, height, *, window="hann", detrend=1, per_decade=20):
     return _spectrum(height, (spacing,), np.abs(kx), window, detrend, per_decade)
 
 
-def spectrum_of_topography(heights, dx, dy=None, *, window="hann", detrend=1, per_decade=20):
+def spectrum_of_topography(
+    heights: ArrayLike,
+    dx: ArrayLike,
+    dy: ArrayLike | None = None,
+    *,
+    window: str = "hann",
+    detrend: int | None = 1,
+    per_decade: float | None = 20,
+) -> MeasuredSpectrum:
     r"""Radially averaged spectrum C(q) of a height map; host-side, not differentiable.
 
     .. math:: h_\mathrm{rms}^2 = 2\pi \int q\, C\, dq

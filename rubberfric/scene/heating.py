@@ -15,7 +15,7 @@ and nothing cancels where q = q'. Its end at small k, which falls slowly, is kno
 """
 
 import functools
-from typing import NamedTuple
+from typing import Literal, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -23,7 +23,8 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from rubberfric.base.checks import POSITIVE, between
-from rubberfric.base.objects import leaf, physical, static
+from rubberfric.base.objects.fields import Number, OptionalNumber, leaf, static
+from rubberfric.base.objects.physical import PhysicalObject, physical
 from rubberfric.base.quadrature import typed
 
 # e-folds of k below the smallest and above the largest 2q: the rest is below 1e-10.
@@ -31,7 +32,7 @@ _BELOW, _ABOVE = 12.0, 8.0
 
 
 @physical
-class Heating:
+class Heating(PhysicalObject):
     """Heat of friction in the deformable solids of a scene.
 
     Parameters
@@ -51,13 +52,13 @@ class Heating:
     is computed: they are those far from the contact.
     """
 
-    density: float = leaf(POSITIVE)
-    heat_capacity: float = leaf(POSITIVE)
-    conductivity: float = leaf(POSITIVE)
-    radius: float = leaf(POSITIVE)
-    area_fraction: float | None = leaf(between(1e-12, 1.0), optional=True, default=None)
-    shear_share: float = leaf(between(0.0, 1.0), default=0.5)
-    shear_at: str = static(("flash", "background"), default="flash")
+    density: Number = leaf(POSITIVE, unit="kg/m^3")
+    heat_capacity: Number = leaf(POSITIVE, unit="J/(kg K)")
+    conductivity: Number = leaf(POSITIVE, unit="W/(m K)")
+    radius: Number = leaf(POSITIVE, unit="m")
+    area_fraction: OptionalNumber = leaf(between(1e-12, 1.0), unit="-", default=None)
+    shear_share: Number = leaf(between(0.0, 1.0), unit="-", default=0.5)
+    shear_at: Literal["flash", "background"] = static(default="flash")
 
 
 class Diffusion(NamedTuple):
@@ -71,7 +72,9 @@ class Diffusion(NamedTuple):
     wavevector: jax.Array  # q of the targets [1/m]
 
 
-def diffusion(source_q, target_q, ends, count):
+def diffusion(
+    source_q: jax.Array, target_q: jax.Array, ends: tuple[jax.Array, jax.Array], count: int
+) -> Diffusion:
     """`Diffusion` from wavevectors of sources to those of targets.
 
     Parameters
@@ -102,7 +105,7 @@ class Memory(NamedTuple):
     heat: jax.Array  # heat capacity of a volume [J/(m^3 K)]
 
 
-def memory(heating, ready, velocity, surface):
+def memory(heating: Heating, ready: Diffusion, velocity: jax.Array, surface: bool) -> Memory:
     """`Memory` at velocities of shape (points,) [m/s]; `surface`: whether heat is set free there too."""
     weight = _memory(heating, ready.k, velocity) * (ready.step * ready.k)
     known = weight @ _share(ready.reference, ready.k) ** 2
@@ -111,7 +114,7 @@ def memory(heating, ready, velocity, surface):
     return Memory(ready, weight, closed, below, heating.density * heating.heat_capacity)
 
 
-def rise_inside(memory, power):
+def rise_inside(memory: Memory, power: jax.Array) -> jax.Array:
     r"""Temperature rise of heat set free inside the solid, over q.
 
     Parameters
@@ -128,15 +131,17 @@ def rise_inside(memory, power):
     return 2 / jnp.pi * (summed + closed[:, None]) / memory.heat
 
 
-def rise_below_surface(memory, power):
+def rise_below_surface(memory: Memory, power: jax.Array) -> jax.Array:
     """Temperature rise of heat set free at the surface, over q: [K], shape (points, targets).
 
     power : heat over velocity per area of macroasperity contact [Pa], shape (points,)
     """
+    if memory.surface is None:
+        raise ValueError("memory.surface is None: must have been made for heat at the surface")
     return 2 / jnp.pi * power[:, None] * memory.surface / memory.heat
 
 
-def diffusivity(heating):
+def diffusivity(heating: Heating) -> jax.Array:
     """D = lambda / (rho c_p) [m^2/s]."""
     return heating.conductivity / (heating.density * heating.heat_capacity)
 

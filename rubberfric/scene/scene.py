@@ -1,20 +1,27 @@
 """A scene: two bodies, what is between them, and which version of the theory to use."""
 
+from typing import Any, TypeVar
+
 import jax
 import jax.numpy as jnp
+import numpy as np
 
 from rubberfric.base.checks import between
-from rubberfric.base.objects import child, leaf, physical, static
+from rubberfric.base.objects.fields import Number, child, leaf, static
+from rubberfric.base.objects.physical import PhysicalObject, physical
 from rubberfric.materials.material import Material
+from rubberfric.materials.shifts import Shift
 from rubberfric.materials.slab import Layer
 from rubberfric.roughness.spectra import Spectrum
 from rubberfric.scene.heating import Heating
 from rubberfric.scene.shear import ContactShear
 from rubberfric.scene.softening import Softening
 
+_Tree = TypeVar("_Tree")
+
 
 @physical
-class Body:
+class Body(PhysicalObject):
     """One solid.
 
     Parameters
@@ -26,9 +33,9 @@ class Body:
         (Coating, if the material is Elastic or Prony).
     """
 
-    material: Material = child(Material, optional=False)
-    spectrum: Spectrum | None = child(Spectrum, default=None)
-    layer: Layer | None = child(Layer, default=None)
+    material: Material = child()
+    spectrum: Spectrum | None = child(default=None)
+    layer: Layer | None = child(unnamed="slab", default=None)
 
     def _check(self):
         if self.layer is None:
@@ -44,7 +51,7 @@ class Body:
 
 
 @physical
-class Scene:
+class Scene(PhysicalObject):
     """Upper solid (2) sliding over lower solid (1).
 
     Parameters
@@ -69,32 +76,33 @@ class Scene:
     Two rigid bodies raise ValueError: nothing would deform.
     """
 
-    lower: Body = child(Body, optional=False)
-    upper: Body = child(Body, optional=False)
-    gamma: float = leaf(between(0.0, 1.0), default=0.5)
-    area_correction: bool = static((False, True), default=False)
-    shear: ContactShear | None = child(ContactShear, default=None)
-    heating: Heating | None = child(Heating, default=None)
-    softening: Softening | None = child(Softening, default=None)
+    lower: Body = child()
+    upper: Body = child()
+    gamma: Number = leaf(between(0.0, 1.0), unit="-", default=0.5)
+    area_correction: bool = static(default=False)
+    shear: ContactShear | None = child(default=None)
+    heating: Heating | None = child(default=None)
+    softening: Softening | None = child(default=None)
 
     def _check(self):
         if not (self.lower.material.deforms or self.upper.material.deforms):
             raise ValueError(
                 "Scene: lower.material and upper.material are both Rigid; one of the solids must deform"
             )
-        if self.softening is not None and any(
-            rough.spectrum.harmonic_count() for rough, _ in rough_pairs(self)
-        ):
+        if self.softening is None:
+            return
+        bodies = self.lower, self.upper
+        if any(body.spectrum is not None and body.spectrum.harmonic_count() for body in bodies):
             raise ValueError(
                 "Scene.softening: not together with anisotropic roughness; one of them must be left out"
             )
-        if self.softening is not None and any(
-            body.layer is not None and not body.layer.multiplies for body in (self.lower, self.upper)
-        ):
-            raise ValueError("Scene.softening: not together with a Coating; one of them must be left out")
+        for body in bodies:
+            if body.layer is not None and not body.layer.multiplies:
+                kind = type(body.layer).__name__
+                raise ValueError(f"Scene.softening: not together with a {kind}; one of them must be left out")
 
 
-def shifts(scene):
+def shifts(scene: Scene) -> list[Shift]:
     """Time-temperature shifts in the scene: of the lower and upper material and of the contact shear.
 
     What has none is left out.
@@ -105,40 +113,40 @@ def shifts(scene):
     return [shift for shift in found if shift is not None]
 
 
-def takes_temperature(scene):
+def takes_temperature(scene: Scene) -> bool:
     """Whether anything in the scene depends on temperature."""
     return scene.heating is not None or bool(shifts(scene))
 
 
-def check_background(scene, where="", missing="temperature is missing"):
+def check_background(scene: Scene, where: str = "", missing: str = "temperature is missing") -> None:
     """ValueError for a scene that cannot do without a temperature; `where` and `missing` begin its line."""
     if scene.heating is not None:
         raise ValueError(f"{where}{missing}: a scene with heating needs that far from the contact [K]")
 
 
-def rough_pairs(scene):
+def rough_pairs(scene: Scene) -> list[tuple[Body, Body]]:
     """(rough body, body facing it) for every body that has roughness, lower first."""
     pairs = [(scene.lower, scene.upper), (scene.upper, scene.lower)]
     return [(rough, other) for rough, other in pairs if rough.spectrum is not None]
 
 
-def relaxes(body):
+def relaxes(body: Body) -> bool:
     """Whether a body is viscoelastic: its material, or what that is a coating of."""
     return body.material.relaxes or (body.layer is not None and body.layer.relaxes)
 
 
-def dissipates(scene):
+def dissipates(scene: Scene) -> bool:
     """Whether roughness excites a viscoelastic solid: else there is no viscoelastic friction."""
     return any(relaxes(other) for _, other in rough_pairs(scene))
 
 
-def result_dtype(*values):
+def result_dtype(*values: Any) -> jnp.dtype:
     """The one dtype a call computes in: of all leaves, Python scalars yielding."""
     leaves = jax.tree_util.tree_leaves(values)
     dtype = jnp.result_type(*leaves) if leaves else jnp.result_type(float)
     return dtype if jnp.issubdtype(dtype, jnp.floating) else jnp.result_type(float)
 
 
-def cast(tree, dtype):
+def cast(tree: _Tree, dtype: str | type | np.dtype) -> _Tree:
     """All leaves as strongly typed arrays of one dtype."""
     return jax.tree_util.tree_map(lambda x: jnp.asarray(x, dtype), tree)

@@ -9,15 +9,16 @@ import math
 import jax
 import jax.numpy as jnp
 
-from rubberfric.base.checks import NONNEGATIVE, POSITIVE
-from rubberfric.base.objects import child, leaf, physical
+from rubberfric.base.checks import NONNEGATIVE, PLAUSIBLE_STRESS, POSITIVE
+from rubberfric.base.objects.fields import Number, child, leaf
+from rubberfric.base.objects.physical import PhysicalObject, physical
 from rubberfric.materials.shifts import Shift
 
 _LN_10 = math.log(10.0)  # a Python float: a NumPy one would widen float32
 
 
 @physical
-class ContactShear:
+class ContactShear(PhysicalObject):
     r"""Shear stress in the area of real contact, a bell over the logarithm of the velocity.
 
     .. math:: \tau_f = \tau_{f0} \exp\left(-c\,[\log_{10}(a_T' v / v_0)]^2\right)
@@ -39,13 +40,19 @@ class ContactShear:
     given as 0. ln a_T' saturates at a quarter of the exponent range (see `rubberfric.materials.shifts`).
     """
 
-    tau_f0: float = leaf(NONNEGATIVE)
-    c: float = leaf(NONNEGATIVE)
-    v0: float = leaf(POSITIVE)
-    shift: Shift | None = child(Shift, default=None)
+    tau_f0: Number = leaf(NONNEGATIVE, unit="Pa", plausible=PLAUSIBLE_STRESS)
+    c: Number = leaf(NONNEGATIVE, unit="-")
+    v0: Number = leaf(POSITIVE, unit="m/s")
+    shift: Shift | None = child(default=None)
 
 
-def shear_friction(shear, area, velocity, pressure, temperature=None):
+def shear_friction(
+    shear: ContactShear,
+    area: jax.Array,
+    velocity: jax.Array,
+    pressure: jax.Array,
+    temperature: jax.Array | None = None,
+) -> jax.Array:
     r"""Friction coefficient of the contact shear, (tau_f / sigma_0) (A / A_0) sign(v).
 
     Parameters

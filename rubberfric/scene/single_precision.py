@@ -7,11 +7,12 @@ are known only at run time (under jit) pass unchecked.
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from rubberfric.base.checks import is_concrete
 from rubberfric.materials.coating import Coating
 from rubberfric.materials.shifts import largest_log_factor
-from rubberfric.scene.scene import relaxes
+from rubberfric.scene.scene import Scene, relaxes
 
 # Sbar^2 must not overflow.
 STIFFEST_LAYER = 1e18
@@ -19,7 +20,7 @@ STIFFEST_LAYER = 1e18
 DECADES = 30
 
 
-def check_single(scene, temperature):
+def check_single(scene: Scene, temperature: ArrayLike | None) -> None:
     """ValueError naming what in a scene of float32 numbers needs float64."""
     for name in ("lower", "upper"):
         body = getattr(scene, name)

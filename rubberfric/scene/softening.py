@@ -7,13 +7,14 @@ r"""Strain softening of filled rubber (Payne effect), scale by scale.
 The rubber deformed by the asperities up to q has the strain of their slope.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from rubberfric.base.checks import POSITIVE, check_increasing, check_lengths
-from rubberfric.base.objects import leaf, physical
+from rubberfric.base.objects.fields import Number, Vector, leaf
+from rubberfric.base.objects.physical import PhysicalObject, physical
 from rubberfric.roughness.moments import cumulative_moment
 from rubberfric.roughness.spectra import log_ratio
 
@@ -22,7 +23,7 @@ _HALVINGS, _NEWTON_STEPS = 40, 3
 
 
 @physical
-class Softening:
+class Softening(PhysicalObject):
     r"""Softening of all viscoelastic solids of a scene.
 
     f and g are linear in ln(strain) between the entries; outside, their end values hold.
@@ -37,10 +38,10 @@ class Softening:
     angular integrals are done by quadrature, which is slower.
     """
 
-    strain: object = leaf(POSITIVE, ndim=1)
-    storage: object = leaf(POSITIVE, ndim=1)
-    loss: object = leaf(POSITIVE, ndim=1)
-    factor: float = leaf(POSITIVE, default=1.0)
+    strain: Vector = leaf(POSITIVE, unit="-", column="strain")
+    storage: Vector = leaf(POSITIVE, unit="-", column="storage_factor")
+    loss: Vector = leaf(POSITIVE, unit="-", column="loss_factor")
+    factor: Number = leaf(POSITIVE, unit="-", default=1.0)
 
     def _check(self):
         check_lengths("Softening", strain=self.strain, storage=self.storage, loss=self.loss)
@@ -56,7 +57,7 @@ class Softened(NamedTuple):
     laws: tuple  # BrokenPowerLaw of every rough solid
 
 
-def softened_of(scene):
+def softened_of(scene: Any) -> Softened | None:
     """`Softened` of a scene, None if nothing softens."""
     if scene.softening is None:
         return None
@@ -65,12 +66,12 @@ def softened_of(scene):
     return Softened(scene.softening, laws)
 
 
-def strain(softened, q):
+def strain(softened: Softened, q: jax.Array) -> jax.Array:
     """Strain of the scale q [1/m], any shape; 0 below the roughness [-]."""
     return softened.softening.factor * jnp.sqrt(_square_slope(softened.laws, q))
 
 
-def softening_factors(softened, q):
+def softening_factors(softened: Softened, q: jax.Array) -> tuple[jax.Array, jax.Array]:
     """f and g at q [1/m], any shape."""
     softening = softened.softening
     # Below the roughness, and where the slope underflows, ln 0 has no finite derivative.
@@ -80,7 +81,7 @@ def softening_factors(softened, q):
     return jnp.interp(log_strain, knots, softening.storage), jnp.interp(log_strain, knots, softening.loss)
 
 
-def knots(softened):
+def knots(softened: Softened) -> jax.Array:
     """Wavevectors where the strain meets an entry of the table, f and g have kinks there [1/m].
 
     The ends of the roughness where it does not.

@@ -1,23 +1,22 @@
-"""README's snippets and commands run, the API reference builds, and the wheel holds what it must."""
+"""What README and CONTRIBUTING say: snippets and commands run, names exist, the reference is built."""
 
 import re
 import shlex
 import shutil
-import subprocess
-import sys
-import zipfile
 from pathlib import Path
 
+import jax
+import numpy as np
 import pytest
-from support.folders import ROOT
+from support.folders import README, RECIPE, ROOT, SNIPPETS
 
 import fitting
 import rubberfric
+import rubberfric as rf
 from fitting.commands.main import main as fit_main
+from rubberfric.base import forget
 from rubberfric.commands.main import main as scene_main
 
-README = (ROOT / "README.md").read_text()
-SNIPPETS = re.findall(r"^```python\n(.*?)^```", README, re.M | re.S)
 COMMANDS = re.findall(r"^    .*?\b((?:rubberfric|rubberfric-fit) .*)$", README, re.M)
 LONG = ("rubberfric accuracy",)  # half a minute and more
 
@@ -54,9 +53,39 @@ def test_commands(command, call_main):
             assert Path(name).stat().st_size > 1000
 
 
-def test_files_that_are_named_exist():
-    for name in re.findall(r"\]\(([\w./]+)\)", README):
+PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "data/README.md", "notebooks/README.md")
+NAMED = re.compile(r"(?:rubberfric|fitting|tests|notebooks|data)/[\w./]+\.(?:py|md|toml|csv|json|ipynb)")
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_files_that_are_named_exist(page):
+    text = (ROOT / page).read_text()
+    for name in re.findall(r"\]\(([\w./]+)\)", text):
+        assert ((ROOT / page).parent / name).exists(), name
+    for name in NAMED.findall(text):
         assert (ROOT / name).exists(), name
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_modules_that_are_named_exist(page):
+    now = "\n".join(line for line in (ROOT / page).read_text().splitlines() if not line.startswith("| `rf."))
+    for name in re.findall(r"(?<![/\w])((?:rf|rubberfric|fitting)(?:\.[a-zA-Z_]\w*)+)", now):
+        package, *attributes = name.split(".")
+        found = {"rf": rubberfric, "rubberfric": rubberfric, "fitting": fitting}[package]
+        for attribute in attributes:
+            found = getattr(found, attribute)
+
+
+def test_names_of_the_tables_exist():
+    tables = re.findall(r"^\| in (.*?) \| what \|\n\|---\|---\|\n((?:\|.*\n)+)", README, re.M)
+    assert len(tables) == 3
+    for head, rows in tables:
+        for cell in re.findall(r"^\| (.*?) \|", rows, re.M):
+            for name in re.findall(r"`([\w.]+)`", cell):
+                found = fitting if "fitting" in head else rubberfric
+                for part in name.split("."):
+                    assert part in found.__all__, name
+                    found = getattr(found, part)
 
 
 def test_api_reference(tmp_path):
@@ -66,8 +95,9 @@ def test_api_reference(tmp_path):
     pdoc.pdoc(
         "rubberfric", "rubberfric.base.units", "fitting", "fitting.results.plot", output_directory=tmp_path
     )
-    for package in (rubberfric, fitting):
-        page = (tmp_path / f"{package.__name__}.html").read_text()
+    rooms = [getattr(rubberfric, name) for name in ("analysis", "io", "materials", "plot", "roughness")]
+    for package in (rubberfric, *rooms, fitting):
+        page = (tmp_path / f"{package.__name__.replace('.', '/')}.html").read_text()
         for name in package.__all__:
             module = getattr(getattr(package, name), "__name__", "")  # has a page of its own
             own_page = tmp_path / f"{module.replace('.', '/')}.html"
@@ -75,20 +105,32 @@ def test_api_reference(tmp_path):
         assert ".. math::" not in page
 
 
-def test_wheel(tmp_path):
-    """Both packages with their py.typed, and nothing else."""
-    source = tmp_path / "source"
-    shutil.copytree(ROOT, source, ignore=shutil.ignore_patterns(".git", "*.egg-info", "build", "dist"))
-    build = "from setuptools.build_meta import build_wheel; print(build_wheel('dist'))"
-    done = subprocess.run([sys.executable, "-c", build], cwd=source, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    (wheel,) = (source / "dist").glob("*.whl")
-    names = zipfile.ZipFile(wheel).namelist()
-    modules = {
-        str(path.relative_to(ROOT))
-        for name in ("rubberfric", "fitting")
-        for path in (ROOT / name).rglob("*.py")
-    }
-    assert modules | {"rubberfric/py.typed", "fitting/py.typed"} <= set(names)
-    others = set(names) - modules
-    assert all(n.endswith("py.typed") or ".dist-info/" in n for n in others), others
+ZENER_SCENE = """
+[lower]
+material = { kind = "rigid" }
+spectrum = { kind = "self_affine", q0 = 100, qr = 1000, q1 = 1e4, hurst = 0.8, h_rms = 1e-4 }
+[upper]
+material = { kind = "fractional_zener", E_inf = 3e6, E = 1e9, tau = 1e-6, alpha = 0.5 }
+"""
+
+
+def test_recipe_of_a_material(tmp_path):
+    """CONTRIBUTING's class, and all that it says of it without a line more."""
+    names = {"__name__": "recipe"}
+    exec(compile(RECIPE, "CONTRIBUTING.md", "exec"), names)
+    try:
+        (tmp_path / "scene.toml").write_text(ZENER_SCENE)
+        scene = rf.load_scene(tmp_path / "scene.toml")
+        assert isinstance(scene.upper.material, names["FractionalZener"])
+        omega = np.logspace(-5, 17, 12)
+        exact = 3e6 + 1e9 / (1 + (1e-6j * omega) ** -0.5)
+        np.testing.assert_allclose(rf.complex_modulus(scene.upper.material, omega), exact, rtol=1e-13)
+        rf.save_scene(tmp_path / "scene.h5", scene)
+        again = rf.load_scene(tmp_path / "scene.h5")
+        slope = jax.grad(lambda s: rf.friction(s.replace("upper.material.tau", 1e-5), 0.01, 1e5))(again)
+        assert np.isfinite(slope.upper.material.alpha) and slope.upper.material.alpha != 0
+        assert "upper.material.alpha" in scene._repr_html_()
+        with pytest.raises(ValueError, match=r"FractionalZener\.alpha = 2\.0: must be between 0\.3 and 1\.0"):
+            scene.replace("upper.material.alpha", 2.0)
+    finally:
+        forget(names["FractionalZener"])

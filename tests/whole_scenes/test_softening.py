@@ -34,7 +34,7 @@ def test_a_tabulated_modulus_converges(name):
     """Its kinks are lines of the (q, angle) plane: the error falls with the square of the nodes."""
     given = CASES[name]
     at, exact = arguments(given), expected(given)[:3]
-    setting = rf.Quadrature(angle=1200, order=24, panels=48)
+    setting = rf.Quadrature(order=24, panels=48)
     error = np.abs(np.array(jax.jit(lambda a: rf.solve(*a, quadrature=setting)[:3])(at)) / exact - 1)
     assert error.max() < 1e-8
 
@@ -69,7 +69,7 @@ def by_quadrature(rest, weight, tau, qv):
 
 
 def split_means(F, qv):
-    found = angular_means(F, qv[None], {"power", "dissipation", "storage"}, rf.Quadrature(), True)
+    found = angular_means(F, qv[None], {"power", "dissipation", "storage"}, True)
     return jnp.stack([*found.power, *found.dissipation, *found.storage])[:, 0]
 
 

@@ -2,11 +2,14 @@
 
 import csv
 import dataclasses
+import math
 import textwrap
+from collections.abc import Iterator
 from typing import NamedTuple
 
 from rubberfric.analysis.error_and_time.reference import TRUSTED, Errors
-from rubberfric.base.atomic import check_writable, replacing
+from rubberfric.base.atomic import StrPath, check_writable, replacing
+from rubberfric.base.html import table
 from rubberfric.base.quadrature import Quadrature
 
 # An error this many times the disagreement of the two refinements, or less, is only bounded by it.
@@ -19,11 +22,11 @@ class Row(NamedTuple):
     """One setting: how far off it is, and what it costs for all points."""
 
     method: str  # "panels" or "textbook"
-    setting: object  # Quadrature, or (nodes in ln q, nodes in phi)
+    setting: Quadrature | tuple[int, int]  # (nodes in ln q, nodes in phi)
     dtype: str  # "float64" or "float32"
     nodes: int  # in q; textbook: in q and phi
     errors: Errors
-    forward: float | None = None  # median run time of all three quantities [s]
+    forward: float = math.nan  # median run time of all three quantities [s]
     gradient: float | None = None  # of them and the gradient of their sum [s]; None for the textbook method
     compile_forward: float | None = None  # [s]; tracing included, as far as JAX has not kept it
     compile_gradient: float | None = None  # [s]
@@ -33,14 +36,14 @@ class Accuracy(NamedTuple):
     """Result of `rubberfric.analysis.accuracy`."""
 
     error: float  # wanted
-    rows: tuple
+    rows: tuple[Row, ...]
     agreement: Errors  # of the two refinements that the reference is made of
     points: int
     gradient_points: int  # points at which gradients are compared
     left_out: str = ""  # why single precision is
 
     @property
-    def chosen(self):
+    def chosen(self) -> Row | None:
         """The row of the cheapest setting that meets the error with values and gradients, or None.
 
         That of fewest nodes, in the precision that was quicker: what a setting costs grows with its
@@ -49,23 +52,24 @@ class Accuracy(NamedTuple):
         return self._cheapest(lambda errors: errors.worst, lambda row: row.gradient)
 
     @property
-    def chosen_values(self):
+    def chosen_values(self) -> Row | None:
         """The row of the cheapest setting that meets the error with its values, or None."""
         return self._cheapest(lambda errors: errors.value, lambda row: row.forward)
 
-    def known(self, row):
+    def known(self, row: Row) -> Errors:
         """Errors of a row, those that the reference cannot tell from less raised to what it can."""
-        bounds = [_KNOWN * agreement for agreement in self.agreement]
-        return Errors(*(None if e is None else max(e, b) for e, b in zip(row.errors, bounds, strict=True)))
+        bounds = {name: _KNOWN * a for name, a in self.agreement._asdict().items() if a is not None}
+        errors = row.errors._asdict()
+        return row.errors._replace(
+            **{name: max(errors[name], b) for name, b in bounds.items() if errors[name] is not None}
+        )
 
-    def report(self):
+    def report(self) -> str:
         """The table and the cheapest settings, as lines of at most 110 characters in one text."""
         return "\n".join(self._lines())
 
-    def _repr_html_(self):
+    def _repr_html_(self) -> str:
         """A table for notebooks."""
-        from rubberfric.base.html import table
-
         knobs = self._varied()
         names = ("area", "mu", "u_bar")
         headings = ("method", "/".join(knobs), "nodes", *(f"error of {name} [-]" for name in names))
@@ -82,7 +86,7 @@ class Accuracy(NamedTuple):
         ]
         return table([*rows, *self._about_reference(), *self._choices()], headings, self._about())
 
-    def write(self, path):
+    def write(self, path: StrPath) -> None:
         """Write the rows as a CSV table with two header rows, names and units, whole or not at all.
 
         An error that the reference cannot tell from less is written as what it can.
@@ -97,16 +101,16 @@ class Accuracy(NamedTuple):
             file.write("# Relative errors and median run times; " + self._about() + "\n")
             for line in self._about_reference():
                 file.write(f"# {line}\n")
-            table = csv.writer(file, lineterminator="\n")
-            table.writerow(names)
-            table.writerow(["s" if name in times else "-" for name in names])
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(names)
+            writer.writerow(["s" if name in times else "-" for name in names])
             for row in self.rows:
-                panels = row.method == "panels"
+                panels = isinstance(row.setting, Quadrature)
                 knobs = [getattr(row.setting, knob) if panels else "" for knob in _KNOBS]
-                sizes = ["", ""] if panels else row.setting
+                sizes = ("", "") if isinstance(row.setting, Quadrature) else row.setting
                 seconds = [getattr(row, name) for name in times]
                 numbers = [*knobs, *sizes, row.nodes, *self.known(row), *seconds]
-                table.writerow([row.method, row.dtype, *("" if x is None else x for x in numbers)])
+                writer.writerow([row.method, row.dtype, *("" if x is None else x for x in numbers)])
 
     def _cheapest(self, error, seconds):
         if error(self.agreement) > TRUSTED * self.error:
@@ -114,10 +118,10 @@ class Accuracy(NamedTuple):
         rows = [row for row in self.rows if row.method == "panels" and error(row.errors) <= self.error]
         return min(rows, key=lambda row: (row.nodes, seconds(row)), default=None)
 
-    def _about(self):
+    def _about(self) -> str:
         return f"{self.points} points, gradients at {self.gradient_points} of them"
 
-    def _about_reference(self):
+    def _about_reference(self) -> Iterator[str]:
         yield (
             "reference: two refinements, which agree to "
             f"{self.agreement.value:.1e} (values) and {self.agreement.gradient:.1e} (gradients)"
@@ -127,7 +131,7 @@ class Accuracy(NamedTuple):
         else:
             yield "float32 is compared at the inputs that it sees, rounded to it"
 
-    def _lines(self):
+    def _lines(self) -> Iterator[str]:
         yield self._about()
         for text in self._about_reference():
             yield from textwrap.wrap(text, 110)
@@ -146,13 +150,13 @@ class Accuracy(NamedTuple):
         yield ""
         yield from self._choices()
 
-    def _varied(self):
+    def _varied(self) -> tuple[str, ...]:
         """The knobs of the settings; without those of parts that few scenes have where none changes them."""
         settings = [row.setting for row in self.rows if row.method == "panels"]
-        same = {knob for knob in ("angle", "heat") if len({getattr(one, knob) for one in settings}) < 2}
+        same = {knob for knob in ("heat",) if len({getattr(one, knob) for one in settings}) < 2}
         return tuple(knob for knob in _KNOBS if knob not in same)
 
-    def _line(self, row, knobs):
+    def _line(self, row: Row, knobs: tuple[str, ...]) -> str:
         cells = self._cells(row)
         return (
             f"  {short_setting(row.setting, knobs):18s}{row.nodes:7d}"
@@ -160,17 +164,17 @@ class Accuracy(NamedTuple):
             + "".join(f"{time:>8s}" for time in cells[6:])
         )
 
-    def _cells(self, row):
+    def _cells(self, row: Row) -> tuple[str, ...]:
         """Texts of a row: six errors, two run times [ms] and two times of compiling [s]."""
         errors = (
-            "-" if error is None else "<" * (known > error) + f"{known:.0e}"
+            "-" if error is None or known is None else "<" * (known > error) + f"{known:.0e}"
             for error, known in zip(row.errors, self.known(row), strict=True)
         )
         times = (None if t is None else 1e3 * t for t in (row.forward, row.gradient))
         seconds = (*times, row.compile_forward, row.compile_gradient)
         return (*errors, *("-" if t is None else f"{t:.3g}" for t in seconds))
 
-    def _choices(self):
+    def _choices(self) -> Iterator[str]:
         """Lines about the cheapest settings: one for both uses where it is the same."""
         values, both = self.chosen_values, self.chosen
         if values is None or values is not both:
@@ -185,19 +189,20 @@ class Accuracy(NamedTuple):
                 f"{'first' if values is not both else 'values'}, and is {last.errors.value:.0e} off"
             )
 
-    def _choice(self, what, row, agreement):
-        wanted = f"{what} to {self.error:g}"
+    def _choice(self, what: str, row: Row | None, agreement: float) -> Iterator[str]:
+        aim = f"{what} to {self.error:g}"
         if agreement > TRUSTED * self.error:
-            yield f"{wanted}: no reference, for its refinements agree to {agreement:.0e} only; none chosen"
+            yield f"{aim}: no reference, for its refinements agree to {agreement:.0e} only; none chosen"
         elif row is None:
-            yield f"{wanted}: no setting meets it"
+            yield f"{aim}: no setting meets it"
         else:
+            assert row.gradient is not None  # as all but the textbook method have it
             knobs = ", ".join(f"{knob}={getattr(row.setting, knob)}" for knob in self._varied())
-            yield f"{wanted}: Quadrature({knobs}), {row.dtype}"
+            yield f"{aim}: Quadrature({knobs}), {row.dtype}"
             yield f"  {1e3 * row.forward:.3g} ms, with the gradient {1e3 * row.gradient:.3g} ms"
 
 
-def short_setting(setting, knobs):
+def short_setting(setting: Quadrature | tuple[int, int], knobs: tuple[str, ...]) -> str:
     """A setting in a few characters: its values of the knobs, or the sizes of the textbook method."""
     if not isinstance(setting, Quadrature):
         return f"{setting[0]} x {setting[1]}"

@@ -5,58 +5,58 @@ import dataclasses
 
 import jax
 import numpy as np
+from jax.typing import ArrayLike
 
 from rubberfric.analysis.error_and_time import reference
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.mesh import build_mesh
-from rubberfric.scene.scene import rough_pairs
+from rubberfric.scene.scene import Scene, rough_pairs
 
-# Few others of as few nodes have errors as small, on a road and on a pair of rubbers from 1e-8 to
-# 1e2 m/s and from 1e3 to 1e7 Pa; the last two are for ranges far wider. The angle is for
-# tabulated moduli alone.
-LADDER = (
-    Quadrature(order=4, panels=3, graded=1, ratio=6.0, angular_order=4, angle=24),
-    Quadrature(order=7, panels=3, graded=1, ratio=4.0, angular_order=7, angle=24),
-    Quadrature(order=8, panels=5, graded=1, ratio=3.5, angular_order=7, angle=48),
-    Quadrature(order=8, panels=6, graded=1, ratio=6.0, angular_order=7, angle=48),
-    Quadrature(order=10, panels=7, graded=2, ratio=4.5, angular_order=10, angle=96),
-    Quadrature(order=14, panels=7, graded=4, ratio=3.0, angular_order=12, angle=96),
+# Of increasing work. Few others of as few nodes have errors as small, on a road and on a pair of rubbers
+# from 1e-8 to 1e2 m/s and from 1e3 to 1e7 Pa; the last two are for ranges far wider.
+SETTINGS = (
+    Quadrature(order=4, panels=3, graded=1, ratio=6.0, angular_order=4),
+    Quadrature(order=7, panels=3, graded=1, ratio=4.0, angular_order=7),
+    Quadrature(order=8, panels=5, graded=1, ratio=3.5, angular_order=7),
+    Quadrature(order=8, panels=6, graded=1, ratio=6.0, angular_order=7),
+    Quadrature(order=10, panels=7, graded=2, ratio=4.5, angular_order=10),
+    Quadrature(order=14, panels=7, graded=4, ratio=3.0, angular_order=12),
     Quadrature(),
-    Quadrature(order=16, panels=20, graded=12, ratio=4.0, angular_order=16, angle=768),
+    Quadrature(order=16, panels=20, graded=12, ratio=4.0, angular_order=16),
 )
 
 
-def settings_for(scene):
-    """The ladder for a scene; its angles are the default where nothing needs them."""
-    bodies = (scene.lower, scene.upper)
-    if any(body.material.needs_quadrature for body in bodies):
-        return LADDER
-    return tuple(dataclasses.replace(setting, angle=Quadrature().angle) for setting in LADDER)
-
-
-def node_count(scene, quadrature):
+def node_count(scene: Scene, quadrature: Quadrature) -> int:
     """Nodes in q that a point costs: where the contact is evaluated and where the stiffness is."""
     laws = [rough.spectrum.power_law() for rough, _ in rough_pairs(scene)]
     if not laws:
         return 0
 
-    def nodes():
+    def nodes() -> tuple[jax.Array, jax.Array]:
         mesh = build_mesh(laws, quadrature)
         return mesh.q, mesh.angular_q
 
     return sum(x.size for x in jax.eval_shape(nodes))
 
 
-def check_error(error):
+def check_error(error: float) -> None:
     """ValueError unless a wanted error is a number between 0 and 1."""
     if isinstance(error, bool) or not isinstance(error, int | float) or not 0 < error < 1:
         raise ValueError(f"error = {error!r}: must be a number, > 0 and < 1")
 
 
-def quadrature_for(scene, error, velocity=None, pressure=None, temperature=None, *, gradients=True):
+def quadrature_for(
+    scene: Scene,
+    error: float,
+    velocity: ArrayLike | None = None,
+    pressure: ArrayLike | None = None,
+    temperature: ArrayLike | None = None,
+    *,
+    gradients: bool = True,
+) -> Quadrature:
     """The setting of least work that meets a relative error on a scene.
 
-    Out of `LADDER`, in double precision, against a reference that validates itself
+    Out of `SETTINGS`, in double precision, against a reference that validates itself
     (`rubberfric.analysis.error_and_time.reference`): 10 ... 30 s, most of them spent compiling.
 
     Parameters
@@ -82,20 +82,20 @@ def quadrature_for(scene, error, velocity=None, pressure=None, temperature=None,
     check_error(error)
     velocity = np.logspace(-8, 2, 11)[:, None] if velocity is None else velocity
     pressure = np.logspace(3, 7, 5) if pressure is None else pressure
-    points = reference.points_of(scene, velocity, pressure, temperature)
-    exact = reference.reference(points, gradients)
+    case = reference.case_of(scene, velocity, pressure, temperature)
+    exact = reference.reference(case, gradients)
     agreement = exact.agreement.worst
     if agreement > reference.TRUSTED * error:
         raise ValueError(
             f"error = {error:g}: there is no reference for it on this scene, for two refinements "
             f"agree to {agreement:.1e} only; must be >= {agreement / reference.TRUSTED:.1e}"
         )
-    settings = settings_for(scene)
+    settings = SETTINGS
     reached = {}
 
-    def meets(setting):
-        found, _ = reference.measured(points, setting, gradients)
-        reached[setting] = reference.compare(found, exact.exact, points).worst
+    def meets(setting: Quadrature) -> bool:
+        found, _ = reference.measured(case, setting, gradients)
+        reached[setting] = reference.compare(found, exact.exact, case).worst
         return reached[setting] <= error
 
     # By halves, for each compiles anew.

@@ -1,18 +1,25 @@
 """Error against run time of one scene: accuracy settings of increasing work, and the textbook method."""
 
 import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from rubberfric.analysis.error_and_time import reference
 from rubberfric.analysis.error_and_time.report import Accuracy, Row
-from rubberfric.analysis.error_and_time.settings import check_error, node_count, settings_for
+from rubberfric.analysis.error_and_time.settings import SETTINGS, check_error, node_count
 from rubberfric.analysis.error_and_time.textbook import covers
 from rubberfric.analysis.error_and_time.textbook import solve as textbook_solve
 from rubberfric.base.quadrature import Quadrature
+from rubberfric.scene.scene import Scene
 from rubberfric.theory.model import QUANTITIES
+
+Key = TypeVar("Key")
+Timed = tuple[Row, dict[str, Callable[[], Any]]]  # without its run times, and the calls to time
 
 # Nodes of the textbook method, (ln q, phi).
 TEXTBOOK = ((50, 16), (100, 32), (200, 64), (400, 128))
@@ -25,25 +32,25 @@ _LONG = 2.0
 
 
 def accuracy(
-    scene,
-    velocity,
-    pressure,
-    temperature=None,
+    scene: Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None = None,
     *,
-    error=1e-6,
-    settings=None,
-    textbook=TEXTBOOK,
-    repeats=25,
-    progress=None,
-):
+    error: float = 1e-6,
+    settings: Sequence[Quadrature] | None = None,
+    textbook: Sequence[tuple[int, int]] = TEXTBOOK,
+    repeats: int = 25,
+    progress: Callable[[str], object] | None = None,
+) -> Accuracy:
     """Errors and run times of a scene over accuracy settings, in double and single precision.
 
     Errors of area, friction and separation and of their gradients are against a reference that
-    validates itself (`rubberfric.analysis.error_and_time.reference`); single precision is compared at the inputs it sees,
-    rounded, and left out where it cannot hold the scene. Times are medians over alternating rounds
-    of calls that were compiled before, for all three quantities at all points; the gradient is that
-    of their sum with respect to every number of the scene and the conditions, and comes with the
-    values.
+    validates itself (`rubberfric.analysis.error_and_time.reference`); single precision is compared at the
+    inputs it sees, rounded, and left out where it cannot hold the scene. Times are medians over
+    alternating rounds of calls that were compiled before, for all three quantities at all points; the
+    gradient is that of their sum with respect to every number of the scene and the conditions, and comes
+    with the values.
 
     Parameters
     ----------
@@ -53,10 +60,11 @@ def accuracy(
         equally spread; at 6 where a modulus is tabulated.
     error : wanted relative error [-], 0 ... 1
     settings : sequence of Quadrature, or None
-        None: the ladder, from a few nodes to far more than the default has.
+        None: those of `rubberfric.analysis.error_and_time.settings`, from a few nodes to far more than the
+        default has.
     textbook : sequence of (nodes in ln q, nodes in phi)
-        sizes of the textbook method (`rubberfric.analysis.error_and_time.textbook`), which has no gradient; () for none, as for
-        scenes that it does not cover: heated, softened or anisotropic ones.
+        sizes of the textbook method (`rubberfric.analysis.error_and_time.textbook`), which has no gradient;
+        () for none, as for scenes that it does not cover: heated, softened or anisotropic ones.
     repeats : int, >= 1
         rounds of timing.
     progress : function of a line of text, or None
@@ -73,28 +81,27 @@ def accuracy(
     ValueError : as `solve`; an argument outside its range; double precision is switched off.
     """
     check_error(error)
-    tell = progress or (lambda text: None)
-    points = reference.points_of(scene, velocity, pressure, temperature)
-    settings = settings_for(scene) if settings is None else tuple(settings)
+    tell = progress or (lambda _: None)
+    case = reference.case_of(scene, velocity, pressure, temperature)
+    settings = SETTINGS if settings is None else tuple(settings)
     _check(settings, textbook, repeats)
     tell("reference")
-    exact = reference.reference(points)
+    exact = reference.reference(case)
 
     measured = []
     for setting in settings:
         tell(f"float64, {setting}")
-        measured.append(_panels(points, exact.exact, setting, jnp.float64))
-    left_out = reference.refused(points)
-    single = [] if left_out else single_precision(settings, [row.errors.worst for row, _ in measured])
-    if single:
+        measured.append(_panels(case, exact.exact, setting, jnp.float64))
+    left_out = reference.refused(case)
+    if not left_out:
         tell("reference for float32")
-        at_rounded = reference.sample(exact.compiled, reference.rounded(points))
-    for setting in single:
-        tell(f"float32, {setting}")
-        measured.append(_panels(points, at_rounded, setting, jnp.float32))
+        at_rounded = reference.outcome(exact.compiled, reference.rounded(case))
+        for setting in in_float32(settings, [row.errors.worst for row, _ in measured]):
+            tell(f"float32, {setting}")
+            measured.append(_panels(case, at_rounded, setting, jnp.float32))
     for size in textbook if covers(scene) else ():
         tell(f"textbook, {size[0]} x {size[1]}")
-        measured.append(_textbook(points, exact.exact, size))
+        measured.append(_textbook(case, exact.exact, size))
 
     tell("run times")
     functions = {(i, name): f for i, (_, calls) in enumerate(measured) for name, f in calls.items()}
@@ -103,11 +110,11 @@ def accuracy(
         row._replace(forward=medians[i, "forward"], gradient=medians.get((i, "gradient")))
         for i, (row, _) in enumerate(measured)
     )
-    count = points.conditions[0].size
-    return Accuracy(error, rows, exact.agreement, count, points.chosen.size, left_out)
+    count = case.conditions[0].size
+    return Accuracy(error, rows, exact.agreement, count, case.differentiated.size, left_out)
 
 
-def single_precision(settings, errors):
+def in_float32(settings: Sequence[Quadrature], errors: Sequence[float]) -> list[Quadrature]:
     """Settings worth trying in single precision, from their errors in double precision.
 
     Every second, for most of a sweep is compiling, up to the first that is lost in rounding.
@@ -120,9 +127,9 @@ def single_precision(settings, errors):
     return tried
 
 
-def in_turns(functions, rounds):
+def in_turns(functions: Mapping[Key, Callable[[], Any]], rounds: int) -> dict[Key, float]:
     """Median times of several functions [s], called one after the other in every round."""
-    times = {name: [] for name in functions}
+    times: dict[Key, list[float]] = {name: [] for name in functions}
     for function in functions.values():
         jax.block_until_ready(function())
     for _ in range(rounds):
@@ -141,38 +148,37 @@ def in_turns(functions, rounds):
     return {name: float(np.median(values)) for name, values in times.items()}
 
 
-def _panels(points, exact, setting, dtype):
+def _panels(case: reference.Case, exact: reference.Outcome, setting: Quadrature, dtype: type) -> Timed:
     """Row of a setting without its run times, and the calls to time."""
-    at, ones = reference.arguments(points, dtype)
+    at, ones = reference.arguments(case, dtype)
     forward, forward_seconds = reference.compiled(reference.forward_of(setting), *at)
     gradient, gradient_seconds = reference.compiled(reference.gradient_of(setting), *at, ones)
-    found = reference.sample(gradient, points, dtype)
+    found = reference.outcome(gradient, case, dtype)
     row = Row(
         method="panels",
         setting=setting,
         dtype=np.dtype(dtype).name,
-        nodes=node_count(points.scene, setting),
-        errors=reference.compare(found, exact, points),
+        nodes=node_count(case.scene, setting),
+        errors=reference.compare(found, exact, case),
         compile_forward=forward_seconds,
         compile_gradient=gradient_seconds,
     )
     return row, {"forward": lambda: forward(*at), "gradient": lambda: gradient(*at, ones)}
 
 
-def _textbook(points, exact, size):
+def _textbook(case: reference.Case, exact: reference.Outcome, size: tuple[int, int]) -> Timed:
     """The same for a size of the textbook method."""
 
-    def forward():
-        return textbook_solve(points.scene, *points.conditions, nodes=size)
+    def forward() -> dict[str, np.ndarray]:
+        return textbook_solve(case.scene, *case.conditions, nodes=size)
 
     found = forward()
-    sample = reference.Sample(np.stack([found[name] for name in QUANTITIES]))
-    errors = reference.compare(sample, exact, points)
-    row = Row("textbook", tuple(size), "float64", size[0] * size[1], errors)
-    return row, {"forward": forward}
+    outcome = reference.Outcome(np.stack([found[name] for name in QUANTITIES]))
+    errors = reference.compare(outcome, exact, case)
+    return Row("textbook", (size[0], size[1]), "float64", size[0] * size[1], errors), {"forward": forward}
 
 
-def _check(settings, textbook, repeats):
+def _check(settings: Sequence[Quadrature], textbook: Sequence[tuple[int, int]], repeats: int) -> None:
     for setting in settings:
         if not isinstance(setting, Quadrature):
             raise ValueError(f"settings has {setting!r}: must be Quadrature objects")

@@ -7,14 +7,17 @@ as many as its fast memory holds.
 """
 
 import functools
-import math
-from typing import NamedTuple
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, TypeVar
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.sharding import AxisType, NamedSharding, PartitionSpec
 
+from rubberfric.base.quadrature import Quadrature
+from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.scene.scene import Scene
 from rubberfric.theory.model import evaluate_quantities, prepare_quantities
 
 # Points of a batch: enough that what a call costs beside its points does not count. A processor core
@@ -34,12 +37,23 @@ _FEW = 8
 # Bytes that the programs of all devices of a process may hold.
 MEMORY = 2**28
 
+Tree = TypeVar("Tree")
+
 _POINTS = "points"
 _EVERYWHERE = PartitionSpec()  # one copy on every device
 
 
-class Layout(NamedTuple):
-    """How a map is cut up."""
+class Task(NamedTuple):
+    """What to compute: quantities at every combination of the conditions."""
+
+    scene: Scene
+    conditions: Conditions
+    quadrature: Quadrature
+    quantities: tuple[str, ...]
+
+
+class Tiling(NamedTuple):
+    """How a map is cut into batches."""
 
     pairs: int  # of the map, in all
     pressures: int
@@ -49,34 +63,45 @@ class Layout(NamedTuple):
     mesh: jax.sharding.Mesh
 
     @property
-    def batch(self):
+    def batch(self) -> int:
         """Pairs of a batch."""
         return self.group * self.groups * self.mesh.size
 
-    @property
-    def work(self):
-        """What there is to do: pairs, for every set of pressures."""
-        return self.pairs * -(-self.pressures // self.columns)
-
-    def points(self, done):
-        """Points that are in the work done."""
-        sets, pairs = divmod(done, self.pairs)
-        low = sets * self.columns
-        return min(low, self.pressures) * self.pairs + pairs * min(self.columns, self.pressures - low)
-
 
 class Batch(NamedTuple):
-    """A piece of the work: the pairs first ... stop at the pressures low ... high."""
+    """The pairs first ... stop at the pressures low ... high."""
 
     first: int
     stop: int
     low: int
     high: int
-    done: int  # work done with it
+
+    @property
+    def size(self) -> int:
+        """Points."""
+        return (self.stop - self.first) * (self.high - self.low)
+
+    def pieces(self, velocities: int) -> Iterator[tuple[slice, slice, slice]]:
+        """Its rectangles in a map of so many velocities: temperatures, velocities, pairs of the batch."""
+        first = self.first
+        while first < self.stop:
+            T, v = divmod(first, velocities)
+            rows = 1 if v else max((self.stop - first) // velocities, 1)
+            count = min(rows * velocities - v, self.stop - first)
+            begin = first - self.first
+            yield slice(T, T + rows), slice(v, v + count // rows), slice(begin, begin + count)
+            first += count
 
 
-def plan(pairs, pressures, *, shared=True, block=None, devices=None):
-    """Layout of a map of so many pairs and pressures.
+def plan(
+    pairs: int,
+    pressures: int,
+    *,
+    shared: bool = True,
+    block: int | None = None,
+    devices: Sequence[jax.Device] | None = None,  # pyright: ignore[reportInvalidTypeForm]: a class
+) -> Tiling:
+    """Tiling of a map of so many pairs and pressures.
 
     Parameters
     ----------
@@ -102,58 +127,57 @@ def plan(pairs, pressures, *, shared=True, block=None, devices=None):
     if count <= _FEW:
         # Of one size, as nearly as can be: padding the last would count.
         groups = -(-pairs // (group * len(devices) * count))
-    return Layout(pairs, pressures, columns, group, groups, mesh)
+    return Tiling(pairs, pressures, columns, group, groups, mesh)
 
 
-def smaller(layout):
-    """The layout that takes half as many pairs at once; None if it takes one."""
-    if layout.group == 1:
+def smaller(tiling: Tiling) -> Tiling | None:
+    """The tiling that takes half as many pairs at once; None if it takes one."""
+    if tiling.group == 1:
         return None
-    group = layout.group // 2
-    return layout._replace(group=group, groups=layout.groups * layout.group // group)
+    group = tiling.group // 2
+    return tiling._replace(group=group, groups=tiling.groups * tiling.group // group)
 
 
-def batches(layout, done=0):
-    """Every `Batch` after the work done."""
-    while done < layout.work:
-        part, first = divmod(done, layout.pairs)
-        stop = min(first + layout.batch, layout.pairs)
-        low = part * layout.columns
-        done += stop - first
-        yield Batch(first, stop, low, min(low + layout.columns, layout.pressures), done)
+def batches(tiling: Tiling) -> Iterator[Batch]:
+    """Every batch: all pairs at the first pressures, then all pairs at the next."""
+    for low in range(0, tiling.pressures, tiling.columns):
+        high = min(low + tiling.columns, tiling.pressures)
+        for first in range(0, tiling.pairs, tiling.batch):
+            yield Batch(first, min(first + tiling.batch, tiling.pairs), low, high)
 
 
-def fitted(layout, scene, conditions, options):
-    """The layout, or the next smaller one whose program stays within `MEMORY`."""
-    local = sum(device.process_index == jax.process_index() for device in layout.mesh.devices.flat)
-    while program_bytes(layout, scene, conditions, options) > MEMORY / local and smaller(layout):
-        layout = smaller(layout)
-    return layout
+def fitted(tiling: Tiling, task: Task) -> Tiling:
+    """The tiling, or the next smaller one whose program stays within `MEMORY`."""
+    local = sum(device.process_index == jax.process_index() for device in tiling.mesh.devices.flat)
+    while program_bytes(tiling, task) > MEMORY / local and (less := smaller(tiling)):
+        tiling = less
+    return tiling
 
 
-def program_bytes(layout, scene, conditions, options):
+def program_bytes(tiling: Tiling, task: Task) -> int:
     """Bytes that the program of a batch holds on one device: its own, what it takes and what it returns."""
-    first = next(batches(layout))
-    arguments, static = _arguments(layout, scene, conditions, first, options)
+    arguments, static = _arguments(tiling, task, next(batches(tiling)))
     # JAX keeps what is compiled here for the calls that follow.
     found = _evaluate.lower(*arguments, **static).compile().memory_analysis()
+    if found is None:  # a device that does not say
+        return 0
     return found.temp_size_in_bytes + found.argument_size_in_bytes + found.output_size_in_bytes
 
 
-def launch(layout, scene, conditions, batch, options):
+def launch(tiling: Tiling, task: Task, batch: Batch) -> dict[str, jax.Array]:
     """Begin to compute a batch: a dict of quantities, arrays (pressures, pairs) that are padded."""
-    arguments, static = _arguments(layout, scene, conditions, batch, options)
+    arguments, static = _arguments(tiling, task, batch)
     return _evaluate(*arguments, **static)
 
 
-def points(conditions, batch):
+def points(conditions: Conditions, batch: Batch) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
     """Velocity and temperature of the pairs of a batch, (pairs,) each, and its pressures."""
     T, v = np.divmod(np.arange(batch.first, batch.stop), conditions.velocity.size)
     temperature = None if conditions.temperature is None else conditions.temperature[T]
     return conditions.velocity[v], conditions.pressure[batch.low : batch.high], temperature
 
 
-def on_all(mesh, tree, spec=_EVERYWHERE):
+def on_all(mesh: jax.sharding.Mesh, tree: Tree, spec: PartitionSpec = _EVERYWHERE) -> Tree:
     """A tree of arrays that every process has, as arrays of all devices."""
     sharding = NamedSharding(mesh, spec)
 
@@ -164,31 +188,30 @@ def on_all(mesh, tree, spec=_EVERYWHERE):
     return jax.tree.map(put, tree)
 
 
-def from_first(value):
-    """An integer that the first process knows, in every process."""
+def all_ready(ready: bool) -> bool:
+    """Whether every process is ready; each must ask."""
     if jax.process_count() == 1:
-        return value
+        return ready
     mesh = jax.make_mesh((jax.device_count(),), (_POINTS,), axis_types=(AxisType.Auto,))
-    # In two parts, for without double precision JAX's integers have 32 bits.
-    parts = divmod(value, 2**30) if jax.process_index() == 0 else (-(2**30), -(2**30))
-    known = np.full((jax.device_count(), 2), parts, np.int32)
-    everywhere = jax.jit(lambda x: jnp.max(x, 0), out_shardings=NamedSharding(mesh, _EVERYWHERE))
-    high, low = np.asarray(everywhere(on_all(mesh, known, PartitionSpec(_POINTS)))).tolist()
-    return high * 2**30 + low
+    everywhere = jax.jit(jnp.all, out_shardings=NamedSharding(mesh, _EVERYWHERE))
+    known = on_all(mesh, np.full(jax.device_count(), ready), PartitionSpec(_POINTS))
+    return bool(np.asarray(everywhere(known)))
 
 
-def _arguments(layout, scene, conditions, batch, options):
-    # The last pair and the last pressure pad what is short: every batch has one shape.
+def _arguments(tiling, task, batch):
+    sizes = (tiling.batch, tiling.columns, tiling.batch)
     velocity, pressure, temperature = (
-        None if x is None else np.pad(x, (0, count - x.size), mode="edge")
-        for x, count in zip(
-            points(conditions, batch), (layout.batch, layout.columns, layout.batch), strict=True
-        )
+        None if x is None else np.pad(x, (0, size - x.size), mode="edge")
+        for x, size in zip(points(task.conditions, batch), sizes, strict=True)
     )
     across = PartitionSpec(_POINTS)
-    velocity, temperature = on_all(layout.mesh, (velocity, temperature), across)
-    pressure = on_all(layout.mesh, pressure)
-    return (scene, velocity, pressure, temperature), dict(mesh=layout.mesh, group=layout.group, **options)
+    velocity, temperature = on_all(tiling.mesh, (velocity, temperature), across)
+    pressure = on_all(tiling.mesh, pressure)
+    static = {"quadrature": task.quadrature, "quantities": task.quantities}
+    return (task.scene, velocity, pressure, temperature), static | {
+        "mesh": tiling.mesh,
+        "group": tiling.group,
+    }
 
 
 @functools.partial(jax.jit, static_argnames=("mesh", "group", "quadrature", "quantities"))
@@ -234,8 +257,3 @@ def _heated(ready, quantities, pressure, pairs):
     conditions = (jnp.broadcast_to(x, shape).reshape(-1) for x in (pairs[0], pressure[:, None], pairs[1]))
     found = evaluate_quantities(ready, quantities, list(conditions))
     return {name: x.reshape(shape) for name, x in found.items()}
-
-
-def bytes_of(shape, dtypes):
-    """Bytes of arrays of one shape."""
-    return math.prod(shape) * sum(dtype.itemsize for dtype in dtypes)

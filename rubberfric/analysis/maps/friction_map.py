@@ -1,30 +1,33 @@
 """Friction maps: quantities over velocity, pressure and temperature, however many points they have.
 
-Points are computed in batches of one size (`rubberfric.analysis.maps.batches`), so that one compiled program serves them
-all and memory holds two batches and the results. Those of a map with a file are written to it batch by
-batch; an interrupted map goes on where it stopped (`rubberfric.analysis.maps.unfinished`).
+Points are computed in batches of one size (`rubberfric.analysis.maps.batches`), so that one compiled
+program serves them all and memory holds two batches and the results. Those of a map with a file are
+written to it batch by batch; it appears when the last is done.
 """
 
 import contextlib
-from typing import NamedTuple
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
+import h5py
 import jax
 import numpy as np
+from jax.typing import ArrayLike
 
 from rubberfric.analysis.maps import batches
-from rubberfric.analysis.maps.unfinished import unfinished
-from rubberfric.base.atomic import check_writable
+from rubberfric.base.atomic import StrPath, check_writable
 from rubberfric.base.checks import as_leaf, closest
 from rubberfric.base.quadrature import Quadrature
+from rubberfric.io.result_files import filling_result, mapped_quantities
 from rubberfric.io.results import Result, result_shape
 from rubberfric.io.scene_files.conditions import Conditions, check_conditions
-from rubberfric.scene.scene import result_dtype
+from rubberfric.scene.scene import Scene, result_dtype
 from rubberfric.theory.model import Solution, check_heated, check_kinds, checked
 
 # What a result file holds and `load_result` reads back, of arrays [temperature, pressure, velocity].
 FrictionMap = Result
 
-QUANTITIES = ("area", "friction")
+DEFAULT_QUANTITIES = ("area", "friction")
 
 # Bytes of results that are held in memory.
 LARGEST = 2**28
@@ -32,37 +35,31 @@ LARGEST = 2**28
 _DEFAULT = Quadrature()
 
 
-class Memory(NamedTuple):
-    """Arrays that a process fills in: of a map with a file that the first process writes, none."""
-
-    values: dict
-    done: int = 0
-
-    def reached(self, done):
-        """Nothing to mark."""
+Progress = Callable[[int, int], object]  # of points done and points in all
+Values = Mapping[str, np.ndarray | h5py.Dataset]
+Arrays = dict[str, np.ndarray]
 
 
 def friction_map(
-    scene,
-    velocity,
-    pressure,
-    temperature=None,
+    scene: Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None = None,
     *,
-    quantities=QUANTITIES,
-    quadrature=_DEFAULT,
-    progress=None,
-    block=None,
-    path=None,
-    resume=False,
-    title="",
-    devices=None,
-):
+    quantities: str | Iterable[str] = DEFAULT_QUANTITIES,
+    quadrature: Quadrature = _DEFAULT,
+    progress: Progress | None = None,
+    block: int | None = None,
+    path: StrPath | None = None,
+    title: str = "",
+    devices: Sequence[jax.Device] | None = None,  # pyright: ignore[reportInvalidTypeForm]: a class
+) -> FrictionMap:
     """Quantities at every combination of velocity, pressure and temperature.
 
     The same numbers as `solve` at every point, computed on all devices. Of memory it takes the results, at
     most 256 MiB of them, and at most as much again for the programs of all devices of the process together
-    (`rubberfric.analysis.maps.batches.MEMORY`; some 10 MB on a processor); what several pressures have in common, most of
-    the work, is done once.
+    (`MEMORY` in `rubberfric.analysis.maps.batches`; some 10 MB on a processor); what several pressures have
+    in common, most of the work, is done once.
 
     Parameters
     ----------
@@ -77,10 +74,7 @@ def friction_map(
     block : int, >= 1, or None
         points of a batch, at most, but one for each device; None: as suits the devices. The last is padded.
     path : result file (.h5) to write, whole or not at all, or None
-        Its space is taken before the work begins. A map that is interrupted or killed after some seconds
-        leaves what is done in the folder `path`.partial.
-    resume : bool
-        whether to go on with what such a map left there, if there is anything.
+        Its space is taken before the work begins.
     title : what the map is called in its file and figure
     devices : sequence of JAX devices, or None
         None: all, of every process. Of several processes (`jax.distributed`) each makes this call.
@@ -94,8 +88,7 @@ def friction_map(
 
     Raises
     ------
-    ValueError : as `solve`; results beyond 256 MiB without a path; no space for the file; what an earlier
-        map left is there without `resume`, or is of another map, cut off or in use.
+    ValueError : as `solve`; results beyond 256 MiB without a path; no space for the file.
     FloatingPointError : a quantity is not finite at a point.
     """
     quantities = _check(scene, quantities, quadrature, block)
@@ -108,90 +101,85 @@ def friction_map(
     dtypes = {name: np.dtype(bool) if name == "converged" else dtype for name in quantities}
     found = FrictionMap(scene, conditions, Solution(), quadrature, title)
     temperatures, pressures, velocities = shape = result_shape(conditions)
-    size = batches.bytes_of(shape, dtypes.values())
+    size = math.prod(shape) * sum(x.itemsize for x in dtypes.values())
     if path is None and size > LARGEST:
         raise ValueError(
             f"path is None: must name a file for the {size / 2**30:.3g} GiB of results, "
             f"of which memory holds {LARGEST / 2**30:.3g} GiB"
         )
-    if path is None and resume:
-        raise ValueError("resume is set, path is None: must name the file of the interrupted map")
-    layout = batches.plan(
+    tiling = batches.plan(
         temperatures * velocities, pressures, shared=scene.heating is None, block=block, devices=devices
     )
-    work = (ready, conditions, {"quadrature": quadrature, "quantities": quantities})
-    progress = progress or (lambda done, points: None)
+    task = batches.Task(ready, conditions, quadrature, quantities)
     if path is None:
         values = {name: np.empty(shape, dtypes[name]) for name in quantities}
-        _fill(Memory(values), layout, work, progress)
-        return found._replace(solution=Solution(**values))
-    with _writing(path, found, dtypes, layout.columns, resume) as part:
-        _fill(part, layout, work, progress)
-    if jax.process_index() > 0:
-        return found
-    values = part.arrays(path)
-    if size <= LARGEST:
-        values = {name: np.array(x) for name, x in values.items()}
+        _fill(values, tiling, task, progress)
+    else:
+        with _file(path, found, dtypes) as data:
+            _fill(data, tiling, task, progress)
+        if jax.process_index() > 0:
+            return found
+        values = mapped_quantities(path)
+        if size <= LARGEST:
+            values = {name: np.array(x) for name, x in values.items()}
     return found._replace(solution=Solution(**values))
 
 
 @contextlib.contextmanager
-def _writing(path, result, dtypes, columns, resume):
-    """The `Unfinished` file of a map, which the first process has; all begin where it does."""
-    if jax.process_index() > 0:
-        done = batches.from_first(0)
-        if done < 0:
-            raise ValueError(f"{path}: cannot be written by the first process, which says why")
-        yield Memory({}, done)
-        return
+def _file(path: StrPath, result: Result, dtypes: Mapping[str, np.dtype]) -> Iterator[Values]:
+    """The quantities in the file of a map, which the first process has; all begin when it does."""
     with contextlib.ExitStack() as stack:
-        try:
-            check_writable(path, (".h5",))
-            part = stack.enter_context(unfinished(path, result, dtypes, columns, resume))
-        except BaseException:
-            batches.from_first(-1)  # or the others would wait
-            raise
-        batches.from_first(part.done)
-        yield part
+        data = {}
+        if jax.process_index() == 0:
+            try:
+                check_writable(path, (".h5",))
+                data = stack.enter_context(filling_result(path, result, dtypes))
+            except BaseException:
+                batches.all_ready(False)  # or the others would wait
+                raise
+        if not batches.all_ready(True):
+            raise ValueError(f"{path}: cannot be written by the first process, which says why")
+        yield data
 
 
-def _fill(part, layout, work, progress):
-    """Compute what is not yet done of a map."""
-    scene, conditions, options = work
-    scene = batches.on_all(layout.mesh, scene)
-    velocities = conditions.velocity.size
-    layout = batches.fitted(layout, scene, conditions, options)
-    points = layout.pairs * layout.pressures
-    progress(layout.points(part.done), points)
-    for batch, values in _computed(layout, scene, conditions, options, part.done):
-        _check_finite(values, conditions, batch)
-        T, v = np.divmod(np.arange(batch.first, batch.stop), velocities)
-        for name, array in part.values.items():
-            array[T, batch.low : batch.high, v] = values[name].T
-        part.reached(batch.done)
-        progress(layout.points(batch.done), points)
+def _fill(data: Values, tiling: batches.Tiling, task: batches.Task, progress: Progress | None) -> None:
+    """Compute a map, arrays [temperature, pressure, velocity]."""
+    task = task._replace(scene=batches.on_all(tiling.mesh, task.scene))
+    tiling = batches.fitted(tiling, task)
+    done, points = 0, tiling.pairs * tiling.pressures
+    if progress:
+        progress(done, points)
+    for batch, values in _computed(tiling, task):
+        _check_finite(values, task.conditions, batch)
+        for T, v, pairs in batch.pieces(task.conditions.velocity.size):
+            for name, array in data.items():
+                piece = values[name][:, pairs].reshape(batch.high - batch.low, T.stop - T.start, -1)
+                array[T, batch.low : batch.high, v] = piece.swapaxes(0, 1)
+        done += batch.size
+        if progress:
+            progress(done, points)
 
 
-def _computed(layout, scene, conditions, options, done):
+def _computed(tiling: batches.Tiling, task: batches.Task) -> Iterator[tuple[batches.Batch, Arrays]]:
     """(batch, its values (pressures, pairs)) for one batch after the other."""
-    waiting = None
-    for batch in batches.batches(layout, done):
+    before = None
+    for batch in batches.batches(tiling):
         # The next is begun before this one is read, so that devices need not wait for the host.
-        begun = batch, batches.launch(layout, scene, conditions, batch, options)
-        if waiting is not None:
-            yield _read(*waiting)
-        waiting = begun
-    if waiting is not None:
-        yield _read(*waiting)
+        begun = batch, batches.launch(tiling, task, batch)
+        if before is not None:
+            yield _read(*before)
+        before = begun
+    if before is not None:
+        yield _read(*before)
 
 
-def _read(batch, values):
+def _read(batch: batches.Batch, values: Mapping[str, jax.Array]) -> tuple[batches.Batch, Arrays]:
     """A batch on the host, without its padding."""
     rows, pairs = slice(batch.high - batch.low), slice(batch.stop - batch.first)
     return batch, {name: np.asarray(x)[rows, pairs] for name, x in values.items()}
 
 
-def _check_finite(values, conditions, batch):
+def _check_finite(values: Arrays, conditions: Conditions, batch: batches.Batch) -> None:
     """FloatingPointError that names the first point of a batch where a quantity is not finite."""
     for name, array in values.items():
         bad = np.argwhere(~np.isfinite(array))
@@ -206,16 +194,14 @@ def _check_finite(values, conditions, batch):
 
 def _conditions(scene, velocity, pressure, temperature):
     """Conditions, checked, and the dtype that they and the results have."""
-    given = Conditions(velocity, pressure, temperature)
-    leaves = Conditions(
-        *(
-            None if name == "temperature" and values is None else as_leaf(name, values, np.ndim(values))
-            for name, values in given._asdict().items()
-        )
-    )
+    given = {"velocity": velocity, "pressure": pressure}
+    if temperature is not None:
+        given["temperature"] = temperature
+    leaves = {name: as_leaf(name, values, np.ndim(values)) for name, values in given.items()}
     # Before they become arrays: a plain number's precision yields to that of the scene.
-    dtype = np.dtype(result_dtype(scene, *leaves))
-    conditions = Conditions(*(None if x is None else np.atleast_1d(x).astype(dtype) for x in leaves))
+    dtype = np.dtype(result_dtype(scene, *leaves.values()))
+    arrays = {name: np.atleast_1d(values).astype(dtype) for name, values in leaves.items()}
+    conditions = Conditions(arrays["velocity"], arrays["pressure"], arrays.get("temperature"))
     check_conditions("", conditions, scene)
     return conditions, dtype
 

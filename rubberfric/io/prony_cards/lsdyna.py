@@ -6,7 +6,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from rubberfric.base.units import bulk_from_young, young_from_shear
-from rubberfric.io.prony_cards.series import Format, Material, Series, Units, from_shear, number, text_of
+from rubberfric.io.prony_cards.series import Format, Material, Series, Units, number, relaxing_alike, text_of
+from rubberfric.materials.prony import PronyShear
 
 MOST_TERMS = 18
 _SIGN = r"^\s*\*MAT_(GENERAL_VISCOELASTIC|0?76)"
@@ -37,8 +38,9 @@ def read(text: str, units: Units, poisson: float | None, shift: bool) -> Materia
             tau.append(1 / rate)
     if not weights:
         raise ValueError("*MAT_GENERAL_VISCOELASTIC: has no term with a rate: must have one at least")
-    bulk = None if poisson is not None else first[2] * units.pascal
-    return from_shear(rest, np.array(weights), np.array(tau), bulk, poisson, None)
+    if poisson is None:
+        return PronyShear(rest, weights, tau, first[2] * units.pascal)
+    return relaxing_alike(rest, np.array(weights), np.array(tau), poisson, None)
 
 
 def write(series: Series, units: Units, mass: float | None, _name: str) -> Iterator[str]:

@@ -106,19 +106,11 @@ def series_of(material: object, bulk: float | None, shift: bool) -> Series:
     return Series(glassy, poisson, g, k, np.asarray(material.tau, float), rest / glassy, law)
 
 
-def from_shear(
-    rest: float,
-    weights: np.ndarray,
-    tau: np.ndarray,
-    bulk: float | None,
-    poisson: float | None,
-    shift: WLF | None,
-) -> Material:
-    """The material of shear moduli [Pa]; `bulk` None: it relaxes alike, at Poisson's ratio `poisson`."""
-    if bulk is None:
-        E_inf, E = (young_from_shear(G, poisson) for G in (rest, weights))
-        return Prony(E_inf, E, tau, poisson, shift)
-    return PronyShear(rest, weights, tau, bulk, shift)
+def relaxing_alike(
+    rest: float, weights: np.ndarray, tau: np.ndarray, poisson: float, shift: WLF | None
+) -> Prony:
+    """The material of shear moduli [Pa] and a constant Poisson's ratio."""
+    return Prony(young_from_shear(rest, poisson), young_from_shear(weights, poisson), tau, poisson, shift)
 
 
 def from_relative(
@@ -158,7 +150,9 @@ def from_relative(
     shear = shear_from_young(modulus, nu)
     glassy = shear / rest if long_term else shear
     relaxed = shear if long_term else shear * rest
-    return from_shear(relaxed, glassy * g, tau, bulk, nu if poisson is None else poisson, shift)
+    if bulk is not None:
+        return PronyShear(relaxed, glassy * g, tau, bulk, shift)
+    return relaxing_alike(relaxed, glassy * g, tau, nu if poisson is None else poisson, shift)
 
 
 def number(field: str) -> float:

@@ -15,7 +15,8 @@ logarithm for velocity and pressure, in the temperature itself.
 """
 
 import math
-from typing import NamedTuple
+from pathlib import Path
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -34,7 +35,7 @@ class Conditions(NamedTuple):
     pressure: np.ndarray  # [Pa], shape (m,)
     temperature: np.ndarray | None  # [K], shape (k,); None where nothing depends on it
 
-    def grid(self):
+    def grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Velocity, pressure and temperature that broadcast to [temperature, pressure, velocity]."""
         T = self.temperature
         return self.velocity, self.pressure[:, None], None if T is None else T[:, None, None]
@@ -48,7 +49,7 @@ class SceneFile(NamedTuple):
     title: str
 
 
-def check_conditions(where, conditions, scene):
+def check_conditions(where: str, conditions: Conditions, scene: Scene) -> None:
     """Raise ValueError for conditions that the scene cannot be computed at; `where` begins its line."""
     rules = {
         "velocity": (np.isfinite, "must be finite"),
@@ -79,10 +80,10 @@ def check_conditions(where, conditions, scene):
             raise ValueError(f"{where}{error}") from None
 
 
-def read_conditions(path, table, content, scene):
+def read_conditions(path: Path, table: str, content: Any, scene: Scene) -> Conditions:
     """The conditions of the TOML table named `table` of the file `path`, checked against the scene."""
     check_keys(path, table, content, Conditions._fields, needed=("velocity", "pressure"))
-    values = dict.fromkeys(Conditions._fields)
+    values: dict[str, Any] = dict.fromkeys(Conditions._fields)
     for name, value in content.items():
         key = f"{table}.{name}"
         if isinstance(value, dict):

@@ -13,105 +13,66 @@ attribute `weak` is a plain number, whose precision yields to that of the other 
 A result file (`rubberfric.io.results`) is a scene file with more in it.
 """
 
-import dataclasses
+from typing import Any
 
 import h5py
 
 from rubberfric.base.checks import closest
+from rubberfric.base.objects.fields import Child, Leaf, Static
+from rubberfric.base.objects.physical import PhysicalObject, fields_of, kinds
 from rubberfric.io.hdf5 import check_names, plain, read_values, write_values
-from rubberfric.materials.coating import Coating
-from rubberfric.materials.elastic import Elastic, Rigid
-from rubberfric.materials.prony import Prony, PronyShear
-from rubberfric.materials.shifts import WLF, Arrhenius, TabulatedShift
-from rubberfric.materials.slab import Slab
-from rubberfric.materials.tabulated_modulus import TabulatedModulus
-from rubberfric.roughness.anisotropy import Anisotropic, TabulatedAnisotropic
-from rubberfric.roughness.spectra import SelfAffine, TabulatedSpectrum
-from rubberfric.scene.heating import Heating
-from rubberfric.scene.scene import Body, Scene
-from rubberfric.scene.shear import ContactShear
-from rubberfric.scene.softening import Softening
 
 FORMAT = "rubberfric scene"
 
-# Units of the leaves of every class that a scene can hold; one row makes a class storable.
-UNITS = {
-    Scene: {"gamma": "-"},
-    Body: {},
-    Rigid: {},
-    Elastic: {"young": "Pa", "poisson": "-"},
-    Prony: {"E_inf": "Pa", "E": "Pa", "tau": "s", "poisson": "-"},
-    PronyShear: {"G_inf": "Pa", "G": "Pa", "tau": "s", "bulk": "Pa"},
-    TabulatedModulus: {"omega": "rad/s", "storage": "Pa", "loss": "Pa", "poisson": "-"},
-    WLF: {"C1": "-", "C2": "K", "T_ref": "K"},
-    Arrhenius: {"energy": "eV", "T_ref": "K"},
-    TabulatedShift: {"T": "K", "aT": "-", "T_ref": "K"},
-    SelfAffine: {"q0": "1/m", "qr": "1/m", "q1": "1/m", "hurst": "-", "h_rms": "m"},
-    TabulatedSpectrum: {"q": "1/m", "C": "m^4"},
-    Anisotropic: {"ratio": "-", "angle": "rad"},
-    TabulatedAnisotropic: {"q": "1/m", "C": "m^4", "angle": "rad"},
-    Slab: {"thickness": "m"},
-    Coating: {"thickness": "m"},
-    ContactShear: {"tau_f0": "Pa", "c": "-", "v0": "m/s"},
-    Softening: {"strain": "-", "storage": "-", "loss": "-", "factor": "-"},
-    Heating: {
-        "density": "kg/m^3",
-        "heat_capacity": "J/(kg K)",
-        "conductivity": "W/(m K)",
-        "radius": "m",
-        "area_fraction": "-",
-        "shear_share": "-",
-    },
-}
-CLASSES = {cls.__name__: cls for cls in UNITS}
 
-
-def write_object(parent, name, value):
+def write_object(parent: h5py.Group, name: str, value: PhysicalObject) -> None:
     """Write a physical object as the group `name`; ValueError if its constructor would refuse it."""
     cls = type(value)
-    if cls not in UNITS:
-        raise ValueError(f"{name} = {value!r}: must be one of {', '.join(CLASSES)}")
-    fields = {field.name: getattr(value, field.name) for field in dataclasses.fields(cls)}
-    cls(**fields)  # what jit, grad and vmap rebuilt was never checked
+    if cls not in kinds(PhysicalObject).values():
+        raise ValueError(f"{name} = {value!r}: must be one of {', '.join(kinds(PhysicalObject))}")
+    cls(**{field: getattr(value, field) for field in fields_of(cls)})  # what jax rebuilt was never checked
     group = parent.create_group(name)
     group.attrs["kind"] = cls.__name__
-    for field in dataclasses.fields(cls):
-        content = fields[field.name]
-        if "static" in field.metadata:
-            group.attrs[field.name] = content
+    for key, field in fields_of(cls).items():
+        content = getattr(value, key)
+        if isinstance(field, Static):
+            group.attrs[key] = content
         elif content is None:
             continue
-        elif "child" in field.metadata:
-            write_object(group, field.name, content)
+        elif isinstance(field, Child):
+            write_object(group, key, content)
         else:
-            write_values(group, field.name, content, UNITS[cls][field.name])
+            write_values(group, key, content, field.unit)
 
 
-def read_object(group):
+def read_object(group: Any) -> PhysicalObject:
     """The object that a group holds; ValueError, naming what is wrong where, if it holds none."""
-    where = group.name
+    where, known = group.name, kinds(PhysicalObject)
     if not isinstance(group, h5py.Group):
         raise ValueError(f"{where}: is a dataset: must be a group")
     kind = group.attrs.get("kind")
-    if kind not in CLASSES:
-        raise ValueError(f"{where}: kind = {kind!r}: {closest(kind, tuple(CLASSES))}")
-    cls = CLASSES[kind]
-    static = {f.name: f for f in dataclasses.fields(cls) if "static" in f.metadata}
-    stored = {f.name: f for f in dataclasses.fields(cls) if "static" not in f.metadata}
-    check_names(group, stored, ("kind", *static))
+    if kind not in known:
+        raise ValueError(f"{where}: kind = {kind!r}: {closest(kind, tuple(known))}")
+    fields = fields_of(known[kind])
+    static = [name for name, field in fields.items() if isinstance(field, Static)]
+    check_names(group, [name for name in fields if name not in static], ("kind", *static))
     values = {}
     for name in static:
+        if name not in group.attrs and not fields[name].choices:
+            continue  # written before there was one: the default
         if name not in group.attrs:
             raise ValueError(f"{where}: attribute {name} is missing; {kind} must have it")
         values[name] = plain(group.attrs[name])
-    for name, field in stored.items():
-        if name not in group and ("child" in field.metadata or field.metadata["optional"]):
+    for name, field in fields.items():
+        if isinstance(field, Static):
+            continue
+        if name not in group and (isinstance(field, Child) or field.optional):
             values[name] = None
-        elif "child" in field.metadata:
-            values[name] = read_object(group[name])
+        elif isinstance(field, Leaf):
+            values[name] = read_values(group, name, field.unit)
         else:
-            values[name] = read_values(group, name, UNITS[cls][name])
+            values[name] = read_object(group[name])
     try:
-        return cls(**values)
+        return known[kind](**values)
     except ValueError as error:
         raise ValueError(f"{where}: {error}") from None

@@ -44,83 +44,29 @@
 
     [run]                               # for the commands, as [map]: see `rubberfric.io.scene_files.conditions`
 
-Keys are the fields of the classes, except those of `CURVES`, which come from a CSV file.
+Keys are the fields of the classes, except those with a `column`, which come from a CSV file; `kind` is
+the class's `file_kind`.
 """
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
+from rubberfric.base.atomic import StrPath
 from rubberfric.base.checks import closest, shown
+from rubberfric.base.objects.fields import Child, Leaf, Static
+from rubberfric.base.objects.physical import Kind, fields_of, kinds, leaves_of
 from rubberfric.io.prony_cards.cards import read_prony
 from rubberfric.io.scene_files.conditions import TABLES, SceneFile, read_conditions
 from rubberfric.io.scene_files.plausibility import check_plausible_conditions, check_plausible_scene
 from rubberfric.io.tables.reading import read_directions, read_table
 from rubberfric.io.toml import check_keys, join, number, read_toml
-from rubberfric.materials.coating import Coating
-from rubberfric.materials.elastic import Elastic, Rigid
 from rubberfric.materials.prony import Prony, PronyShear
-from rubberfric.materials.shifts import WLF, Arrhenius, TabulatedShift
-from rubberfric.materials.slab import Slab
-from rubberfric.materials.tabulated_modulus import TabulatedModulus
-from rubberfric.roughness.anisotropy import Anisotropic, TabulatedAnisotropic
 from rubberfric.roughness.normalisation import LINES, NORMALISATION_RULE, check_normalisation, spectrum_from
-from rubberfric.roughness.spectra import SelfAffine, TabulatedSpectrum
-from rubberfric.scene.heating import Heating
-from rubberfric.scene.scene import Body, Scene
-from rubberfric.scene.shear import ContactShear
-from rubberfric.scene.softening import Softening
-
-# Class of the object that a field holds: by its key `kind`, or without one if there is no choice.
-# A field that holds another thing in one class than in the others is named with that class.
-KINDS = {
-    "lower": Body,
-    "upper": Body,
-    "material": {
-        "rigid": Rigid,
-        "elastic": Elastic,
-        "prony": Prony,
-        "prony_shear": PronyShear,
-        "tabulated": TabulatedModulus,
-    },
-    "shift": {"wlf": WLF, "arrhenius": Arrhenius, "table": TabulatedShift},
-    "spectrum": {
-        "self_affine": SelfAffine,
-        "tabulated": TabulatedSpectrum,
-        "anisotropic": Anisotropic,
-        "tabulated_anisotropic": TabulatedAnisotropic,
-    },
-    "layer": {"slab": Slab, "coating": Coating},
-    "base": {"elastic": Elastic, "prony": Prony, "rigid": Rigid},
-    (Anisotropic, "base"): {"self_affine": SelfAffine},
-    "shear": ContactShear,
-    "softening": Softening,
-    "heating": Heating,
-}
-
-# Kind of an object whose table says none.
-DEFAULT_KIND = {"layer": "slab"}
-
-# Fields that come from columns of a CSV file, named by the key `file`.
-CURVES = {
-    TabulatedModulus: {"omega": "omega", "storage": "E_stor", "loss": "E_loss"},
-    TabulatedShift: {"T": "T", "aT": "aT"},
-    TabulatedSpectrum: {"q": "q", "C": "C"},
-    TabulatedAnisotropic: {"q": "q", "C": "C"},
-    Softening: {"strain": "strain", "storage": "storage_factor", "loss": "loss_factor"},
-}
-
-# Keys that are no fields.
-EXTRA = {
-    SelfAffine: ("C0",),
-    TabulatedModulus: ("file", "columns"),
-    TabulatedShift: ("file", "columns"),
-    TabulatedSpectrum: ("file", "columns", "normalisation", "hurst"),
-    TabulatedAnisotropic: ("file", "normalisation"),
-    Softening: ("file", "columns"),
-}
+from rubberfric.scene.scene import Scene
 
 
-def read_scene_toml(path, table="run"):
+def read_scene_toml(path: StrPath, table: str = "run") -> SceneFile:
     """Scene, conditions and title of a TOML file.
 
     The conditions are those of `table`, "run" or "map", and without [map] those of [run].
@@ -132,7 +78,7 @@ def read_scene_toml(path, table="run"):
     """
     path = Path(path)
     content = read_toml(path)
-    check_keys(path, "", content, ("title", "plausible", *_fields(Scene), *TABLES))
+    check_keys(path, "", content, ("title", "plausible", *fields_of(Scene), *TABLES))
     title = content.pop("title", "")
     if not isinstance(title, str) or not title.isprintable():
         raise ValueError(f"{path}: title = {shown(title)}: must be one line of text")
@@ -149,52 +95,46 @@ def read_scene_toml(path, table="run"):
     return SceneFile(scene, conditions.get(table, conditions.get("run")), title)
 
 
-def _fields(cls):
-    return {field.name: field for field in dataclasses.fields(cls)}
-
-
 def _build(path, key, cls, content):
     """An object of class `cls` from the TOML table at `key`, "" being the file."""
-    fields, curves, extra = _fields(cls), CURVES.get(cls, {}), EXTRA.get(cls, ())
-    from_C0 = cls is SelfAffine and "C0" in content
-    if from_C0 and "h_rms" in content:
-        raise ValueError(f"{path}: {key}.C0 = {shown(content['C0'])}: must not stand beside h_rms")
-    given = {name for name in extra if name != "C0"} | set(curves) | ({"h_rms"} if from_C0 else set())
-    needed = [n for n, f in fields.items() if f.default is dataclasses.MISSING and n not in given]
-    check_keys(path, key, content, (*(n for n in fields if n not in curves), *extra), needed)
+    fields, curves = fields_of(cls), _curves(cls)
+    instead = {name: field for name, field in cls.alternatives.items() if name in content}
+    for name, field in instead.items():
+        if field in content:
+            raise ValueError(f"{path}: {key}.{name} = {shown(content[name])}: must not stand beside {field}")
+    allowed = [*(name for name in fields if name not in curves), *cls.alternatives, *_file_keys(cls)]
+    required = [field.name for field in dataclasses.fields(cls) if field.default is dataclasses.MISSING]
+    needed = [name for name in required if name not in curves and name not in instead.values()]
+    check_keys(path, key, content, allowed, needed)
     values = _read_curves(path, key, cls, content) if curves else {}
     for name, value in content.items():
-        below = join(key, name)
-        if name == "C0":
+        field, below = fields.get(name), join(key, name)
+        if isinstance(field, Leaf) or name in instead:
             values[name] = number(path, below, value)
-        elif name in extra:
-            continue
-        elif "child" in fields[name].metadata:
-            values[name] = _build_child(path, below, KINDS.get((cls, name)) or KINDS[name], value)
-        elif "static" in fields[name].metadata:
+        elif isinstance(field, Child):
+            values[name] = _build_child(path, below, field, value)
+        elif isinstance(field, Static):
             values[name] = value
-        else:
-            values[name] = number(path, below, value)
     try:
-        return (SelfAffine.from_C0 if from_C0 else cls)(**values)
+        return getattr(cls, f"from_{next(iter(instead))}")(**values) if instead else cls(**values)
     except ValueError as error:
         raise ValueError(f"{path}: {f'{key}: ' if key else ''}{error}") from None
 
 
-def _build_child(path, key, kinds, content):
-    """The object that a field holds, of the class out of `kinds` that its `kind` says."""
-    if not isinstance(kinds, dict):
-        check_keys(path, key, content, content)
-        return _build(path, key, kinds, content)
-    default = DEFAULT_KIND.get(key.rpartition(".")[2])
-    check_keys(path, key, content, content, needed=() if default else ("kind",))
-    kind = content.get("kind", default)
-    if not isinstance(kind, str) or kind not in kinds:
-        raise ValueError(f"{path}: {key}.kind = {shown(kind)}: {closest(kind, tuple(kinds))}")
+def _build_child(path, key, field, content):
+    """The object that a field holds: of its class, or where that is a role of the kind that it says."""
+    check_keys(path, key, content, content)
+    if not issubclass(field.role, Kind):
+        return _build(path, key, field.role, content)
+    known = {cls.file_kind: cls for cls in kinds(field.role).values()}
+    check_keys(path, key, content, content, needed=() if field.unnamed else ("kind",))
+    kind = content.get("kind", field.unnamed)
+    if not isinstance(kind, str) or kind not in known:
+        raise ValueError(f"{path}: {key}.kind = {shown(kind)}: {closest(kind, tuple(known))}{field.hint}")
     rest = {name: value for name, value in content.items() if name != "kind"}
-    if kinds[kind] in (Prony, PronyShear) and "file" in rest:
-        return _read_cards(path, key, kinds[kind], rest)
-    return _build(path, key, kinds[kind], rest)
+    if known[kind] in (Prony, PronyShear) and "file" in rest:
+        return _read_cards(path, key, known[kind], rest)
+    return _build(path, key, known[kind], rest)
 
 
 def _read_cards(path, key, cls, content):
@@ -203,49 +143,65 @@ def _read_cards(path, key, cls, content):
     given = {name: content[name] for name in ("unit_stress", "unit_temperature") if name in content}
     if "poisson" in content:
         given["poisson"] = number(path, f"{key}.poisson", content["poisson"])
-    name = content["file"]
+    name, shift = content["file"], None
     if not isinstance(name, str):
         raise ValueError(f"{path}: {key}.file = {shown(name)}: must be the name of a file of cards")
-    shift = (
-        _build_child(path, f"{key}.shift", KINDS["shift"], content["shift"]) if "shift" in content else None
-    )
+    if "shift" in content:
+        shift = _build_child(path, f"{key}.shift", fields_of(cls)["shift"], content["shift"])
     material = read_prony(path.parent / name, shift=shift is None, **given)
     if type(material) is not cls:
         advice = 'kind = "prony_shear", or poisson be given' if cls is Prony else 'kind = "prony"'
         raise ValueError(
             f"{path}: {key}.file = {name!r}: holds a {type(material).__name__}: must be {advice}"
         )
-    return material if shift is None else dataclasses.replace(material, shift=shift)
+    return material if shift is None else material.replace(shift=shift)
+
+
+def _curves(cls):
+    """Column of every field that comes from a CSV file."""
+    return {name: field.column for name, field in leaves_of(cls).items() if field.column is not None}
+
+
+def _over_directions(cls):
+    """Whether the file has a row for every direction."""
+    return any(field.ndim == 2 for field in leaves_of(cls).values() if field.column is not None)
+
+
+def _file_keys(cls):
+    """Keys of a class with curves that are no fields: the file, and what must be known to read it."""
+    columns = _curves(cls).values()
+    if _over_directions(cls):
+        return ("file", "normalisation")
+    return ("file", "columns") * bool(columns) + ("normalisation", "hurst") * ("C" in columns)
 
 
 def _read_curves(path, key, cls, content):
     """Fields of a tabulated class from its CSV file."""
-    curves, name = CURVES[cls], content.get("file")
+    curves, name = _curves(cls), content.get("file")
     if not isinstance(name, str):
         value = "is missing" if name is None else f"= {shown(name)}"
         raise ValueError(f"{path}: {key}.file {value}: must be the name of a CSV file")
-    directions = cls is TabulatedAnisotropic
+    directions = _over_directions(cls)
     if directions and content.get("normalisation") in LINES:
         found = shown(content["normalisation"])
         raise ValueError(f'{path}: {key}.normalisation = {found}: is along a line; must be "C" or "C_iso"')
-    normalisation = _normalisation(path, key, content) if "C" in curves else None
-    if normalisation in LINES:
-        curves = curves | {"C": "C_1D"}
+    normalisation = _normalisation(path, key, content) if "C" in curves.values() else None
+    density = "C_1D" if normalisation in LINES else "C"  # the column
     file = path.parent / name
     try:
         if directions:
-            table = dict(zip(("q", "C"), read_directions(file), strict=True))
+            table: dict[str, Any] = dict(zip(("q", "C"), read_directions(file), strict=True))
         else:
             layout = {"columns": content.get("columns"), "poisson": content.get("poisson"), "generic": "E"}
-            table = read_table(file, tuple(curves.values()), **layout)
+            wanted = tuple(density if column == "C" else column for column in curves.values())
+            table = read_table(file, wanted, **layout)
     except ValueError as error:
         raise ValueError(
             str(error) if file.is_file() else f"{path}: {key}.file = {name!r}: {error}"
         ) from None
-    values = {field: table[column] for field, column in curves.items()}
     if normalisation is not None:
-        values["C"] = spectrum_from(normalisation, values["q"], values["C"], content.get("hurst"))
-    return values
+        table["C"] = spectrum_from(normalisation, table["q"], table[density], content.get("hurst"))
+    return {field: table[column] for field, column in curves.items()}
 
 
 def _normalisation(path, key, content):

@@ -27,17 +27,17 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 Rows = list[tuple[int, list[str]]]  # (line, fields)
 
 
-class Export(NamedTuple):
-    """A table of another program: its columns in the names and units of `COLUMNS`."""
+class Table(NamedTuple):
+    """A table with names and units as `COLUMNS` has them."""
 
     where: str  # file and line of the names
     titles: list[str]  # as they stand in the file
-    names: list[str | None]  # in `COLUMNS` or `SET_VALUES`
+    names: list[str | None]  # in `COLUMNS` or `SET_VALUES`; None: not known
     units: list[str]
     rows: Rows  # numbers with decimal points
 
 
-def find_table(path: StrPath, text: str, generic: str = "E") -> Export | None:
+def find_table(path: StrPath, text: str, generic: str = "E") -> Table | None:
     """The first table of a text that is an export, or None: then it is the project's own, or none.
 
     Parameters
@@ -62,7 +62,7 @@ def find_table(path: StrPath, text: str, generic: str = "E") -> Export | None:
     return None
 
 
-def headless(path: StrPath, text: str, titles: list[str]) -> Export:
+def headless(path: StrPath, text: str, titles: list[str]) -> Table:
     """The table of a text whose columns are said by `titles`, "name [unit]" each, "-" for one not read.
 
     Lines that begin with no number are skipped, so a header may be there; blanks may separate columns.
@@ -88,10 +88,10 @@ def headless(path: StrPath, text: str, titles: list[str]) -> Export:
             rows.append((number, fields))
     if not rows:
         raise ValueError(f"{path}: has no row that begins with a number: must have data")
-    return Export(f"{path}: columns", list(titles), names, units, _checked(path, len(titles), rows))
+    return Table(f"{path}: columns", list(titles), names, units, _checked(path, len(titles), rows))
 
 
-def pick(export: Export, quantities: tuple[str, ...]) -> dict[str, tuple[int, str]]:
+def pick(export: Table, quantities: tuple[str, ...]) -> dict[str, tuple[int, str]]:
     """{quantity: (place, name of the column)} of what is there of the quantities asked for, each once.
 
     ValueError if two columns hold one of them; a set value gives way to the measured one.
@@ -125,14 +125,7 @@ def split(line: str, separator: str | None) -> list[str]:
     return [f[1:-1] if len(f) > 2 and f[0] == f[-1] == '"' else f for f in fields]
 
 
-def _table(
-    path: StrPath,
-    lines: list[tuple[int, str]],
-    separator: str,
-    titles: list[str],
-    names: list[str | None],
-    units: list[str | None],
-) -> Export:
+def _table(path, lines, separator, titles, names, units):
     """The export whose titles are in the first of the lines."""
     (number, _), *below = lines
     where = f"{path}: line {number}"
@@ -161,7 +154,7 @@ def _table(
     if not rows:
         raise ValueError(f"{path}: has no numbers below line {number}: must have data")
     spelled = [known_unit(unit, name) for unit, name in zip(units, names, strict=True)]
-    return Export(where, titles, names, spelled, _checked(path, len(titles), rows))
+    return Table(where, titles, names, spelled, _checked(path, len(titles), rows))
 
 
 def _checked(path: StrPath, count: int, rows: Rows) -> Rows:
@@ -196,7 +189,7 @@ def _is_number(field: str) -> bool:
     return True
 
 
-def _agree(export: Export, places: list[tuple[int, str]]) -> bool:
+def _agree(export: Table, places: list[tuple[int, str]]) -> bool:
     """Whether columns hold the same quantity in two spellings, as omega and f do, to the digits of a file."""
     if len({name for _, name in places}) < len(places):
         return False

@@ -16,27 +16,16 @@ import csv
 import io
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from rubberfric.base.atomic import StrPath
 from rubberfric.base.checks import closest
-from rubberfric.io.tables.columns import COLUMNS, MODULI, Column
-from rubberfric.io.tables.exports import Export, Rows, find_table, headless, pick
+from rubberfric.io.tables.columns import COLUMNS, MODULI
+from rubberfric.io.tables.exports import Rows, Table, find_table, headless, pick
 from rubberfric.io.tables.moduli import missing, with_moduli
 from rubberfric.io.tables.text import read_text
 from rubberfric.io.tables.titles import SET_VALUES
-
-
-class Table(NamedTuple):
-    """The columns of a table that are read."""
-
-    where: str  # file and line of the names
-    titles: list[str]  # as they stand in the file
-    columns: list[Column]
-    units: list[str]
-    rows: Rows
 
 
 def read_table(
@@ -77,7 +66,8 @@ def read_table(
     export = _export(path, text, columns, generic or ("E" if poisson is None else "G"))
     found = _own(path, text, needed, optional) if export is None else _of_export(export, needed, optional)
     table = {}
-    for i, (title, column, unit) in enumerate(zip(found.titles, found.columns, found.units, strict=True)):
+    kinds = [COLUMNS[name] for name in found.names if name is not None]
+    for i, (title, column, unit) in enumerate(zip(found.titles, kinds, found.units, strict=True)):
         texts = [(f"{path}: line {line}: {title} = {row[i]!r}", row[i]) for line, row in found.rows]
         table[column.name] = np.array([column.read(where, text, unit) for where, text in texts])
     if export is not None or (poisson is not None and generic is None):
@@ -88,7 +78,7 @@ def read_table(
             return {name: values[::-1] for name, values in table.items()}
         bad = np.flatnonzero(~(np.diff(first) > 0))
         if bad.size:
-            i = [column.name for column in found.columns].index(needed[0])
+            i = [column.name for column in kinds].index(needed[0])
             (_, before), (line, row) = found.rows[bad[0] : bad[0] + 2]
             raise ValueError(
                 f"{path}: line {line}: {found.titles[i]} = {row[i]} after {before[i]}: must increase strictly"
@@ -165,7 +155,7 @@ def read_names(path: StrPath, columns: list[str] | None = None, generic: str = "
     return [SET_VALUES.get(name, name) for name in export.names if name is not None]
 
 
-def _export(path: StrPath, text: str, titles: list[str] | None, generic: str) -> Export | None:
+def _export(path: StrPath, text: str, titles: list[str] | None, generic: str) -> Table | None:
     """The table of another program in a text, or None if it is an own one."""
     return find_table(path, text, generic) if titles is None else headless(path, text, titles)
 
@@ -174,32 +164,31 @@ def _own(path: StrPath, text: str, needed: Sequence[str], optional: Sequence[str
     """What is read of an own table: all that it has."""
     (name_line, names), (unit_line, units), *rows = every = _rows(path, text)
     where = f"{path}: line {name_line}"
-    columns = _columns(where, names, needed, optional)
+    _check_names(where, names, needed, optional)
     for line, row in every[1:]:
         if len(row) != len(names):
             raise ValueError(f"{path}: line {line}: has {len(row)} fields: must have {len(names)}")
-    for name, unit, column in zip(names, units, columns, strict=True):
-        _check_unit(f"{path}: line {unit_line}: column {name}", unit, column)
-    return Table(where, names, columns, units, rows)
+    _check_units(f"{path}: line {unit_line}", names, names, units)
+    return Table(where, names, list(names), units, rows)
 
 
-def _of_export(export: Export, needed: Sequence[str], optional: Sequence[str]) -> Table:
+def _of_export(export: Table, needed: Sequence[str], optional: Sequence[str]) -> Table:
     """What is read of an export: only the columns asked for, and those they may follow from."""
     more = MODULI if "E_stor" in needed else ()
     picked = pick(export, (*needed, *optional, *more))
     places = [place for place, _ in picked.values()]
-    columns = [COLUMNS[name] for _, name in picked.values()]
+    names = [name for _, name in picked.values()]
     titles, units = ([values[i] for i in places] for values in (export.titles, export.units))
-    for title, unit, column in zip(titles, units, columns, strict=True):
-        _check_unit(f"{export.where}: column {title}", unit, column)
-    return Table(
-        export.where, titles, columns, units, [(n, [row[i] for i in places]) for n, row in export.rows]
-    )
+    _check_units(export.where, titles, names, units)
+    rows = [(line, [row[i] for i in places]) for line, row in export.rows]
+    return Table(export.where, titles, list(names), units, rows)
 
 
-def _check_unit(where: str, unit: str, column: Column) -> None:
-    if unit not in column.units:
-        raise ValueError(f"{where}: unit {unit!r}: must be one of {', '.join(column.units)}")
+def _check_units(where: str, titles: list[str], names: list[str], units: list[str]) -> None:
+    for title, name, unit in zip(titles, names, units, strict=True):
+        known = COLUMNS[name].units
+        if unit not in known:
+            raise ValueError(f"{where}: column {title}: unit {unit!r}: must be one of {', '.join(known)}")
 
 
 def _rows(path: StrPath, content: str) -> Rows:
@@ -223,17 +212,16 @@ def _rows(path: StrPath, content: str) -> Rows:
     return rows
 
 
-def _columns(where: str, names: list[str], needed: Sequence[str], optional: Sequence[str]) -> list[Column]:
-    """The `Column` of every name of a file; ValueError unless they are the ones asked for."""
-    known = {n: c for n, c in COLUMNS.items() if c.name in (*needed, *optional) and c.offered}
+def _check_names(where: str, names: list[str], needed: Sequence[str], optional: Sequence[str]) -> None:
+    """ValueError unless the names of a file are those of the quantities asked for, each once."""
+    known = {n: c.name for n, c in COLUMNS.items() if c.name in (*needed, *optional) and c.offered}
     for name in names:
         if name not in known:
             raise ValueError(f"{where}: column {name!r}: {closest(name, tuple(known))}")
-    given = [known[name].name for name in names]
+    given = [known[name] for name in names]
     for quantity in needed:
         if quantity not in given:
             raise ValueError(missing(where, quantity))
     for i, quantity in enumerate(given):
         if quantity in given[:i]:
             raise ValueError(f"{where}: column {names[i]!r}: {quantity} is given twice; must be given once")
-    return [known[name] for name in names]

@@ -4,44 +4,29 @@ import re
 
 from rubberfric.io.tables.columns import COLUMNS
 
-# Another name of a column: which of `COLUMNS` it is. "M_..." is E_... or G_..., as the caller says.
-ALIASES = {
-    "E'": "E_stor",
-    "E''": "E_loss",
-    "|E*|": "E_comp",
-    "E*": "E_comp",
-    "G'": "G_stor",
-    "G''": "G_loss",
-    "|G*|": "G_comp",
-    "G*": "G_comp",
-    "storage modulus": "M_stor",
-    "loss modulus": "M_loss",
-    "complex modulus": "M_comp",
-    "tan(delta)": "tan_del",
-    "tan delta": "tan_del",
-    "tan(\u03b4)": "tan_del",
-    "tan \u03b4": "tan_del",
-    "tan d": "tan_del",
-    "loss factor": "tan_del",
-    "angular frequency": "omega",
-    "\u03c9": "omega",
-    "frequency": "f",
-    "temperature": "T",
-    "temp": "T",
-    "shift factor": "aT",
-    "velocity": "v",
-    "sliding velocity": "v",
-    "friction coefficient": "mu",
-    "coefficient of friction": "mu",
-    "mu_visc": "mu",
-    "\u03bc": "mu",
-    "pressure": "p",
-    "contact pressure": "p",
-    "contact area": "A_over_A0",
-    "A/A0": "A_over_A0",
-    "wavevector": "q",
-    "wavenumber": "q",
+# Other spellings of the names in `COLUMNS`. "M_..." is E_... or G_..., as the caller says.
+_SPELLINGS = {
+    "E_stor": ("E'",),
+    "E_loss": ("E''",),
+    "E_comp": ("|E*|", "E*"),
+    "G_stor": ("G'",),
+    "G_loss": ("G''",),
+    "G_comp": ("|G*|", "G*"),
+    "M_stor": ("storage modulus",),
+    "M_loss": ("loss modulus",),
+    "M_comp": ("complex modulus",),
+    "tan_del": ("tan(delta)", "tan delta", "tan(\u03b4)", "tan \u03b4", "tan d", "loss factor"),
+    "omega": ("angular frequency", "\u03c9"),
+    "f": ("frequency",),
+    "T": ("temperature", "temp"),
+    "aT": ("shift factor",),
+    "v": ("velocity", "sliding velocity"),
+    "mu": ("friction coefficient", "coefficient of friction", "mu_visc", "\u03bc"),
+    "p": ("pressure", "contact pressure"),
+    "A_over_A0": ("contact area", "A/A0"),
+    "q": ("wavevector", "wavenumber"),
 }
+_NAMES = {spelling: name for name, spellings in _SPELLINGS.items() for spelling in spellings}
 # Set values, taken where the measured ones are not there.
 SET_VALUES = {"f_set": "f", "T_set": "T"}
 # Columns that belong to such tables and are never read.
@@ -54,26 +39,17 @@ OTHERS = (
     *(f"{name}_filt" for name in ("E_stor", "E_loss", "G_stor", "G_loss")),
 )
 
-_UNITS = {
-    "°C": "C",
-    "\u00baC": "C",
-    "℃": "C",
-    "degC": "C",
-    "rad/sec": "rad/s",
-    "N/mm²": "MPa",
-    "N/mm^2": "MPa",
-    "N/mm2": "MPa",
-    "N/m²": "Pa",
-    "N/m^2": "Pa",
-    "m⁴": "m^4",
-    "m4": "m^4",
-    "m³": "m^3",
-    "m3": "m^3",
-    "m⁻¹": "1/m",
-    "m^-1": "1/m",
-    "": "-",
-    "1": "-",
+_UNIT_SPELLINGS = {
+    "C": ("°C", "\u00baC", "℃", "degC"),
+    "rad/s": ("rad/sec",),
+    "MPa": ("N/mm²", "N/mm^2", "N/mm2"),
+    "Pa": ("N/m²", "N/m^2"),
+    "m^4": ("m⁴", "m4"),
+    "m^3": ("m³", "m3"),
+    "1/m": ("m⁻¹", "m^-1"),
+    "-": ("", "1"),
 }
+_UNITS = {spelling: unit for unit, spellings in _UNIT_SPELLINGS.items() for spelling in spellings}
 # Signs that stand for a prime, for two of them, and for the Greek letter mu.
 _PRIMES, _DOUBLE = "\u00b4\u0060\u2018\u2019\u2032\u02b9", '"\u2033\u201d'
 _ONE_SIGN = str.maketrans({p: "'" for p in _PRIMES} | {d: "''" for d in _DOUBLE} | {"\u00b5": "\u03bc"})
@@ -112,11 +88,11 @@ def _known(text: str) -> str | None:
     if text in COLUMNS or text in SET_VALUES:
         return text
     text = " ".join(text.translate(_ONE_SIGN).split())
-    if text in ALIASES:
-        return ALIASES[text]
+    if text in _NAMES:
+        return _NAMES[text]
     plain = re.sub(r"[\s_.]+", " ", text).strip().lower()
-    if plain in ALIASES:
-        return ALIASES[plain]
+    if plain in _NAMES:
+        return _NAMES[plain]
     logarithm = _LOGARITHM.fullmatch(text)
     if logarithm:
         known = f"log10_{_known(logarithm[1])}"

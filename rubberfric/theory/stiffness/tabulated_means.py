@@ -32,7 +32,7 @@ from rubberfric.theory.stiffness.uniform_grid import (
 )
 
 # Steps of the grid in the finest detail of E over ln omega, and of the integral of a node.
-_PER_DETAIL, _PER_DETAIL_OF_A_NODE = 5, 2
+_PER_DETAIL, _PER_DETAIL_OF_A_NODE = 7, 2
 
 # How far the grid goes beyond the table of the modulus at either end, in ln(q v): there the
 # means are two powers of q v, and what is left of a third is e^-32 and e^-27.

@@ -275,6 +275,7 @@ def test_bad_jobs(call, job, monkeypatch, old, new, message):
     assert sorted(os.listdir()) == JOB_FILES
 
 
+@pytest.mark.usefixtures("job")
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -288,7 +289,7 @@ def test_bad_jobs(call, job, monkeypatch, old, new, message):
         (("job.toml", "--plot", "no/fit.png"), "there is no folder 'no'; it must exist"),
     ],
 )
-def test_bad_arguments(call, job, monkeypatch, arguments, message):
+def test_bad_arguments(call, monkeypatch, arguments, message):
     monkeypatch.setattr(command, "fit", None)  # nothing may be computed
     status, printed, complaint = call(*arguments)
     assert (status, printed, complaint.count("\n")) == (2, "", 1)
@@ -298,7 +299,7 @@ def test_bad_arguments(call, job, monkeypatch, arguments, message):
 
 
 def test_plot_without_matplotlib(call, job, monkeypatch):
-    monkeypatch.setattr(command.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(command.importlib.util, "find_spec", lambda _: None)
     status, printed, complaint = call(job, "--plot", "fit.png")
     assert (status, printed) == (2, "")
     assert complaint == (
@@ -313,7 +314,8 @@ def test_version_and_help(call):
     assert "--plot" in printed
 
 
-def test_command_needs_no_matplotlib_and_switches_double_precision_on(job):
+@pytest.mark.usefixtures("job")
+def test_command_needs_no_matplotlib_and_switches_double_precision_on():
     """In a process of its own: conftest switches double precision on here."""
     program = """
 import sys
@@ -339,7 +341,7 @@ def test_a_fit_that_does_not_converge_is_written_and_reported_all_the_same(call,
 
 
 def test_a_full_disk_does_not_cost_the_report(call, job, monkeypatch):
-    def full(*arguments):
+    def full(*_):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("fitting.results.hdf5.write_object", full)
@@ -351,7 +353,7 @@ def test_a_full_disk_does_not_cost_the_report(call, job, monkeypatch):
 
 @pytest.mark.parametrize("error", [FloatingPointError("not finite"), np.linalg.LinAlgError("no SVD")])
 def test_failed_work(call, job, monkeypatch, error):
-    def fail(*arguments, **options):
+    def fail(*_, **__):
         raise error
 
     monkeypatch.setattr(command, "fit", fail)
@@ -359,7 +361,8 @@ def test_failed_work(call, job, monkeypatch, error):
     assert sorted(os.listdir()) == JOB_FILES
 
 
-def test_reader_that_goes_away(job):
+@pytest.mark.usefixtures("job")
+def test_reader_that_goes_away():
     """`rubberfric-fit ... | head` ends without a traceback, but writes what it was asked for."""
     program = (
         "import sys; from fitting.commands.main import main; sys.exit(main(['job.toml', '--out', 'fit.h5']))"
@@ -413,14 +416,13 @@ def test_interrupt_in_the_middle_of_a_fit(job):
     assert printed.startswith("Small fit\nTHE FIT DID NOT SUCCEED: interrupted: these are the best values")
 
     # the progress is rewritten in place and gone at the end
-    *shown, cleared, last = seen.decode().split("\r")[1:-1]
-    assert shown[0] == "compiling ..."
-    assert all(re.fullmatch(r"step \d+, cost \S+ *", line) for line in shown[1:])
+    before, *shown, last = seen.decode().split("\r\033[K")  # begins and clears a line
+    assert (before, shown[0]) == ("", "compiling ...")
+    assert all(re.fullmatch(r"step \d+, cost \S+", line) for line in shown[1:])
     steps = [int(line.split()[1][:-1]) for line in shown[1:]]
     assert steps == list(range(1, len(steps) + 1))
     assert len(steps) < 3000
-    assert cleared.strip() == "" and len(cleared) >= len(shown[-1].rstrip())
-    assert last == "rubberfric-fit: interrupted: these are the best values so far"
+    assert last == "rubberfric-fit: interrupted: these are the best values so far\r\n"
 
 
 def _read(descriptor):
@@ -487,7 +489,7 @@ def test_an_interrupt_while_saving_waits_until_the_file_is_whole(call, job, monk
 
 
 def test_a_second_interrupt_does_not_wait_and_leaves_no_half_file(call, job, monkeypatch):
-    def impatient(*arguments):
+    def impatient(*_):
         os.kill(os.getpid(), signal.SIGINT)
         os.kill(os.getpid(), signal.SIGINT)
 
@@ -499,7 +501,7 @@ def test_a_second_interrupt_does_not_wait_and_leaves_no_half_file(call, job, mon
 
 
 def test_an_interrupt_before_the_fit(call, job, monkeypatch):
-    def read(path):
+    def read(_):
         os.kill(os.getpid(), signal.SIGINT)
         raise AssertionError("must not get here")
 

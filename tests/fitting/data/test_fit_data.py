@@ -559,7 +559,7 @@ def test_what_is_no_data(tmp_path):
 
 
 @pytest.mark.skipif(not TYRE.is_dir(), reason="no measured tyre data beside the project")
-def test_measured_tyre_data(tmp_path):
+def test_measured_tyre_data():
     """Tables as an engineer has them: no pressure, no errors, frequencies in Hz."""
     for compound in ("R20", "R40"):
         path = TYRE / f"measured_friction_{compound}.csv"

@@ -3,6 +3,7 @@
 import dataclasses
 import os
 import random
+import re
 import resource
 import socket
 import subprocess
@@ -68,7 +69,7 @@ def finished(process, timeout=120):
 
 def refused(call, *words):
     """The message of the ValueError that `call` raises: one line with these words in it."""
-    with pytest.raises(ValueError) as caught:
+    with pytest.raises(ValueError, match=re.escape(str(words[0]))) as caught:
         call()
     message = str(caught.value)
     assert "\n" not in message
@@ -172,7 +173,8 @@ def test_two_processes_do_not_change_a_bit(tmp_path, members, whole):
     assert_same(fitting.run_ensemble(members, checkpoint=path, resume=True), whole)
 
 
-def test_a_second_ensemble_compiles_no_fit(members, whole):
+@pytest.mark.usefixtures("whole")
+def test_a_second_ensemble_compiles_no_fit(members):
     with compilations() as compiled:
         fitting.run_ensemble(members, lanes=3)
         assert "of_a_device" in " ".join(map(str, compiled))
@@ -197,7 +199,7 @@ def test_lanes_are_as_many_as_memory_holds(members):
     assert result.peak == few.peak and result.lanes == few.count
 
 
-def test_too_little_memory_is_refused_before_a_step(members, tmp_path):
+def test_too_little_memory_is_refused_before_a_step(members):
     steps = []
     refused(
         lambda: fitting.run_ensemble(members, max_memory=1000, callback=lambda *at: steps.append(at)),
@@ -240,7 +242,7 @@ def test_a_member_out_of_steps_is_told(members):
 def interrupt(after):
     calls = []
 
-    def callback(done, members):
+    def callback(done, _):
         calls.append(done)
         if len(calls) > after:
             raise KeyboardInterrupt
@@ -275,7 +277,7 @@ def test_the_state_of_every_solver_is_kept(tmp_path, method):
 
 
 @pytest.mark.parametrize("kills", [5, pytest.param(50, marks=pytest.mark.slow)])
-def test_kills_lose_nothing_but_the_steps_since_the_checkpoint(tmp_path, members, whole, kills):
+def test_kills_lose_nothing_but_the_steps_since_the_checkpoint(tmp_path, whole, kills):
     """Killed with no chance to clean up, at random moments from the first line it prints on."""
     path, out = tmp_path / "run.h5", tmp_path / "out.npz"
     chance, killed, told, stop = random.Random(kills), 0, 0, 0.8
@@ -326,7 +328,7 @@ def test_a_full_disk_is_reported_before_the_first_step(tmp_path, members, small_
 def test_a_disk_that_fills_up_meanwhile_costs_no_results(tmp_path, members, whole, small_files):
     path, calls = tmp_path / "run.h5", []
 
-    def callback(done, members):
+    def callback(done, _):
         calls.append(done)
         if len(calls) == 4:
             small_files(1000)
@@ -364,17 +366,21 @@ def half_way(tmp_path_factory, members):
         lambda m: dataclasses.replace(m, max_steps=7),
         lambda m: dataclasses.replace(m, solver=fitting.solvers.levenberg_marquardt.LevenbergMarquardt(1e-8)),
         lambda m: dataclasses.replace(m, targets=m.targets._replace(error=2 * m.targets.error)),
-        lambda m: fitting.multi_start(
+        lambda _: fitting.multi_start(
             cases.SCENE, cases.modulus_data(), {cases.E: fitting.Positive()}, 17, jax.random.key(1)
         ),
-        lambda m: cases.modulus(quadrature=cases.QUADRATURE),
+        lambda _: cases.modulus(quadrature=cases.QUADRATURE),
     ],
     ids=["starts", "steps", "solver", "errors", "free", "quadrature"],
 )
 def test_a_checkpoint_of_another_job_is_refused(members, half_way, change):
     before = half_way.read_bytes()
-    run = lambda: fitting.run_ensemble(change(members), checkpoint=half_way, resume=True)
-    refused(run, half_way, "belongs to another job")
+    other = change(members)
+    refused(
+        lambda: fitting.run_ensemble(other, checkpoint=half_way, resume=True),
+        half_way,
+        "belongs to another job",
+    )
     assert half_way.read_bytes() == before
 
 
@@ -413,8 +419,11 @@ def test_a_checkpoint_of_another_version_is_refused(tmp_path, members, half_way,
 def test_a_truncated_checkpoint_is_refused(tmp_path, members, half_way, part):
     path, whole = tmp_path / "run.h5", half_way.read_bytes()
     path.write_bytes(whole[: int(part * len(whole))])
-    run = lambda: fitting.run_ensemble(members, checkpoint=path, resume=True)
-    refused(run, path, "must be a whole HDF5 file")
+    refused(
+        lambda: fitting.run_ensemble(members, checkpoint=path, resume=True),
+        path,
+        "must be a whole HDF5 file",
+    )
 
 
 @pytest.mark.parametrize(

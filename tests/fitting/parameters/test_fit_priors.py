@@ -228,7 +228,7 @@ def test_cost_is_scipys(loss, width):
         loss=loss,
         f_scale=width,
         max_nfev=1,
-        jac=lambda x: 0 * RESIDUALS[:, None],
+        jac=lambda _: 0 * RESIDUALS[:, None],
     )
     cost = 0.5 * np.sum(rho(loss, width, jnp.asarray(RESIDUALS))[0])
     np.testing.assert_allclose(cost, result.cost, rtol=1e-13)

@@ -19,6 +19,7 @@ from fitting.results.result import Minimum
 from fitting.solvers.problem import make_problem
 from fitting.solvers.status import INTERRUPTED, OUT_OF_STEPS
 from fitting.uncertainty.covariance import uncertainty
+from rubberfric.base.objects.physical import PhysicalObject
 from rubberfric.io.scene_files.hdf5 import read_object
 
 RUBBER = rf.Prony(
@@ -355,7 +356,7 @@ def test_picture_is_written_whole_or_not_at_all(quick, tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["fit.png"]
 
 
-def interrupted(*arguments, **options):
+def interrupted(*_, **__):
     raise KeyboardInterrupt
 
 
@@ -363,10 +364,7 @@ def same(one, other):
     """Equality to the last bit, of whatever a result holds."""
     if isinstance(one, dict):
         return list(one) == list(other) and all(same(one[key], other[key]) for key in one)
-    if (
-        isinstance(one, fitting.data.measured.Measured)
-        or type(one).__name__ in rf.io.scene_files.hdf5.CLASSES
-    ):
+    if isinstance(one, fitting.data.measured.Measured | PhysicalObject):
         names = [field.name for field in dataclasses.fields(one)]
         return type(one) is type(other) and all(same(getattr(one, n), getattr(other, n)) for n in names)
     if isinstance(one, tuple):
@@ -453,7 +451,7 @@ def test_an_earlier_file_survives_a_failure(quick, tmp_path, monkeypatch, failur
     quick.save(path)
     before = path.read_bytes()
 
-    def fail(*arguments):
+    def fail(*_):
         raise failure
 
     monkeypatch.setattr("fitting.results.hdf5.write_minima", fail)

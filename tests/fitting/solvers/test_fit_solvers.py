@@ -369,7 +369,7 @@ def test_an_interrupt_of_several_fits_keeps_those_that_are_done():
     starts = np.tile(problem.start, (6, 1))
     starts[1:] += 3.0
 
-    def interrupt(step, cost):
+    def interrupt(step, _):
         if step == 5:
             raise KeyboardInterrupt
 

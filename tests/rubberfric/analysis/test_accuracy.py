@@ -24,16 +24,16 @@ import rubberfric as rf
 from rubberfric.analysis.error_and_time import sweep
 from rubberfric.analysis.error_and_time.reference import (
     Errors,
+    Outcome,
     Reference,
-    Sample,
     arguments,
+    case_of,
     compare,
-    points_of,
     rounded,
 )
 from rubberfric.analysis.error_and_time.reference import reference as reference_of
 from rubberfric.analysis.error_and_time.report import Accuracy, Row
-from rubberfric.analysis.error_and_time.settings import LADDER, node_count, settings_for
+from rubberfric.analysis.error_and_time.settings import SETTINGS, node_count
 from rubberfric.commands import accuracy as accuracy_command
 from rubberfric.commands import main as command
 from rubberfric.io.scene_files.conditions import Conditions
@@ -50,13 +50,13 @@ VELOCITY = np.array([1e-5, 1e-2, 1.0])
 @functools.cache
 def known():
     """The reference of a case whose values are known by brute force."""
-    return reference_of(points_of(*AT))
+    return reference_of(case_of(*AT))
 
 
 @functools.cache
 def found():
     """A sweep over that case."""
-    with unittest.mock.patch("rubberfric.analysis.error_and_time.reference.reference", lambda *_: known()):
+    with unittest.mock.patch("rubberfric.analysis.error_and_time.reference.reference", return_value=known()):
         options = {"settings": (MIDDLE, COARSE), "textbook": ((60, 24), (120, 48)), "repeats": 3}
         return rf.analysis.accuracy(*AT, **options)
 
@@ -94,8 +94,8 @@ def test_rows_of_a_sweep():
 
 
 def test_single_precision_is_tried_until_it_is_lost_in_rounding():
-    assert sweep.single_precision("abcdefg", [1e-1, 1, 1e-3, 1, 1e-7, 1, 1e-9]) == ["a", "c", "e"]
-    assert sweep.single_precision("abc", [1e-1, 1e-8, 1e-3]) == ["a", "c"]
+    assert sweep.in_float32("abcdefg", [1e-1, 1, 1e-3, 1, 1e-7, 1, 1e-9]) == ["a", "c", "e"]
+    assert sweep.in_float32("abc", [1e-1, 1e-8, 1e-3]) == ["a", "c"]
 
 
 def test_gradient_errors_are_those_of_all_sensitivities():
@@ -104,7 +104,7 @@ def test_gradient_errors_are_those_of_all_sensitivities():
     def values(scene, conditions):
         return jnp.stack(three(rf.solve(scene, *conditions, quadrature=COARSE)))
 
-    at, exact = points_of(*AT)[:2], known().exact.sensitivities[:, 0]
+    at, exact = case_of(*AT)[:2], known().exact.sensitivities[:, 0]
     jacobian = jax.jit(jax.jacrev(values, (0, 1)))(*at)
     leaves = zip(jax.tree.leaves(jacobian), jax.tree.leaves(at), strict=True)
     coarse = np.concatenate([np.reshape(d * x, (3, -1)) for d, x in leaves], 1)
@@ -114,27 +114,27 @@ def test_gradient_errors_are_those_of_all_sensitivities():
 
 def test_errors_of_samples():
     """Worst over the points; a vanishing quantity, and what is not finite."""
-    points = points_of(SCENE, VELOCITY, 1e5)
+    points = case_of(SCENE, VELOCITY, 1e5)
     values = np.array([[0.5, 0.2, 0.1], [0.0, 1.0, 1.0], [1e-4, 1e-5, 1e-300]])
-    slopes = np.ones((3, points.chosen.size, 4))
-    exact = Sample(values, slopes)
+    slopes = np.ones((3, points.differentiated.size, 4))
+    exact = Outcome(values, slopes)
     assert compare(exact, exact, points) == Errors(0, 0, 0, 0, 0, 0)
     off = values.copy()
     off[0, 1] *= 1.25
     off[2, 2] = 0.0  # 1e-300 m is no separation: nobody needs its digits
     steeper = slopes.copy()
     steeper[1, 2, 3] = 1.5
-    errors = compare(Sample(off, steeper), exact, points)
+    errors = compare(Outcome(off, steeper), exact, points)
     np.testing.assert_allclose(errors, [0.25, 0, 0, 0, 0.5, 0], atol=1e-12, rtol=1e-5)
-    assert compare(Sample(off), exact, points).gradient is None
+    assert compare(Outcome(off), exact, points).gradient is None
     off[1, 0] = 1e-30  # not zero where zero is exact
-    assert compare(Sample(off), exact, points).friction == np.inf
+    assert compare(Outcome(off), exact, points).friction == np.inf
     off[0, 0] = np.nan
-    assert compare(Sample(off), exact, points).area == np.inf
+    assert compare(Outcome(off), exact, points).area == np.inf
 
 
 def test_single_precision_is_compared_at_its_own_inputs():
-    points = points_of(SCENE, VELOCITY, 1.1e5, 283.15)
+    points = case_of(SCENE, VELOCITY, 1.1e5, 283.15)
     near = rounded(points)
     assert near.conditions[0].dtype == near.scene.upper.spectrum.q1.dtype == "float64"
     assert float(near.conditions[2][0]) == float(np.float32(283.15)) != 283.15
@@ -148,14 +148,14 @@ def compared(monkeypatch):
     """What every row of a sweep is compared with, its precision beside it; nothing is compiled."""
     seen = []
 
-    def panels(points, exact, setting, dtype):
+    def panels(_, exact, setting, dtype):
         seen.append((exact, dtype))
         return Row("panels", setting, str(dtype), 1, Errors(*[0.1] * 6)), {"forward": list, "gradient": list}
 
     monkeypatch.setattr(sweep, "_panels", panels)
     nothing = Reference("compiled", "exact", Errors(*[0.0] * 6))
     monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.reference", lambda *_: nothing)
-    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.sample", lambda *arguments: arguments)
+    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.outcome", lambda *arguments: arguments)
     return seen
 
 
@@ -182,7 +182,7 @@ def test_single_precision_is_left_out_where_it_cannot_hold_the_scene(compared):
 
 
 def test_errors_fall_along_the_ladder():
-    settings = settings_for(SCENE)
+    settings = SETTINGS
     nodes = [node_count(SCENE, setting) for setting in settings]
     assert len(settings) >= 8 and np.all(np.diff(nodes) > 0)
     assert nodes[0] < 50 and nodes[-1] > node_count(SCENE, rf.Quadrature())
@@ -190,18 +190,11 @@ def test_errors_fall_along_the_ladder():
     assert first > 1e-4 and middle < 1e-2 * first and last < 1e-2 * middle
 
 
-def test_the_angle_is_left_alone_where_nothing_needs_it():
-    assert {setting.angle for setting in settings_for(SCENE)} == {rf.Quadrature().angle}
-    tabulated = rf.load_scene(DATA / "tabulated_tread.toml")
-    assert settings_for(tabulated) == LADDER
-    angles = [setting.angle for setting in LADDER]
-    assert angles == sorted(angles) and angles[0] < rf.Quadrature().angle < angles[-1]
-
 
 def test_for_error_keeps_its_word(monkeypatch):
     """The cheapest setting with which the values are as near to brute force as wanted."""
     monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.reference", lambda *_: known())
-    settings = settings_for(AT[0])
+    settings = SETTINGS
     chosen = settings.index(rf.analysis.quadrature_for(AT[0], 1e-5, *AT[1:], gradients=False))
     assert np.max(value_error(settings[chosen])) <= 1e-5 < np.max(value_error(settings[chosen - 1]))
 
@@ -215,7 +208,7 @@ def test_for_error_with_and_without_gradients(monkeypatch):
         seen.append(points.conditions)
         return Errors(*errors[setting][: None if gradients else 3]), None
 
-    monkeypatch.setattr("rubberfric.analysis.error_and_time.settings.LADDER", (COARSE, MIDDLE))
+    monkeypatch.setattr("rubberfric.analysis.error_and_time.settings.SETTINGS", (COARSE, MIDDLE))
     monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.measured", measured)
     monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.compare", lambda found, *_: found)
     nothing = Reference(None, None, Errors(*6 * [1e-12]))
@@ -235,7 +228,7 @@ def test_for_error_with_and_without_gradients(monkeypatch):
 def test_no_reference_for_a_noisy_table(monkeypatch):
     """The kinks of a table leave errors that refinement does not see the end of: nothing is claimed."""
     at = rf.load_scene(DATA / "tabulated_tread.toml"), 1e-3, 1.5e5, 278.15
-    exact = reference_of(points_of(*at), gradients=False)
+    exact = reference_of(case_of(*at), gradients=False)
     assert exact.agreement.worst > 1e-10
     row = Row("panels", COARSE, "float64", 100, Errors(*[1e-11] * 6), 1e-3, 1e-2, 1.0, 2.0)
     result = Accuracy(1e-9, (row,), Errors(*exact.agreement[:3], *exact.agreement[:3]), 1, 1)
@@ -381,7 +374,8 @@ def test_double_precision_is_needed():
     program = (
         "import rubberfric as rf\n"
         "scene = rf.Scene(rf.Body(rf.Elastic(1e6, 0.5)), rf.Body(rf.Rigid()))\n"
-        "for call in (lambda: rf.analysis.accuracy(scene, 1.0, 1e5), lambda: rf.analysis.quadrature_for(scene, 1e-6)):\n"
+        "accuracy, setting = rf.analysis.accuracy, rf.analysis.quadrature_for\n"
+        "for call in (lambda: accuracy(scene, 1.0, 1e5), lambda: setting(scene, 1e-6)):\n"
         "    try:\n        call()\n    except ValueError as error:\n        print(error)\n"
     )
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
@@ -412,7 +406,7 @@ def call(call_main, tmp_path, monkeypatch):
 def test_command(call, monkeypatch):
     seen = {}
 
-    def sweep_of(scene, *at, error, progress):
+    def sweep_of(_, *at, error, progress):
         seen.update(at=at, error=error)
         progress("working")  # not a terminal: nothing is shown
         return found()
@@ -466,7 +460,7 @@ def test_velocities_are_thinned_to_a_number_of_points():
 def test_command_with_bad_input(call, monkeypatch, arguments, message):
     rf.save_scene("bare.h5", SCENE)
     monkeypatch.setattr(
-        "rubberfric.analysis.error_and_time.reference.points_of", None
+        "rubberfric.analysis.error_and_time.reference.case_of", None
     )  # nothing may be computed
     before = sorted(os.listdir())
     status, printed, complaint = call("accuracy", *arguments)

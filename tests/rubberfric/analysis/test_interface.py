@@ -149,7 +149,7 @@ def separations(name, edges):
     return t, q, rf.analysis.separation_profile(scene, v, p, q=q), rf.analysis.profile(scene, v, p, q=q)
 
 
-def lost_area(t, edges, G):
+def lost_area(edges, G):
     """-dP/dt from ln G at Gauss nodes by Legendre differentiation: relative accuracy where P = 1."""
     legendre = np.polynomial.legendre
     slope = np.zeros_like(G)
@@ -177,7 +177,7 @@ def test_separations_add_up_to_the_mean(name, start):
     G = np.asarray(contact.fluctuation[n:]).reshape(t.shape)
     u1 = np.asarray(found.separation[n:]).reshape(t.shape)
     measure = 0.5 * np.diff(edges)[:, None] * weight
-    total = np.sum(measure * u1 * lost_area(t, edges, G))
+    total = np.sum(measure * u1 * lost_area(edges, G))
     # At q1 nothing opens: what is left in contact has no separation.
     assert found.contact_separation[n - 1] == 0
     assert total == pytest.approx(float(found.contact_separation[0] * found.area[0]), rel=1e-8)

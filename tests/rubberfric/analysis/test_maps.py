@@ -3,8 +3,10 @@
 import json
 import math
 import os
+import re
 import subprocess
 import sys
+import types
 
 import h5py
 import jax
@@ -28,10 +30,10 @@ from support.scenes.maps import (
 import rubberfric as rf
 from rubberfric.analysis.maps import batches
 from rubberfric.analysis.maps import friction_map as maps
+from rubberfric.base.progress import Progress
 from rubberfric.commands import main as command
-from rubberfric.commands.map import bar
 from rubberfric.io.files import read_computable
-from rubberfric.io.results import load_result
+from rubberfric.io.result_files import load_result
 from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.plot.map import plot_map
 
@@ -68,7 +70,7 @@ def test_single_precision_stays_single():
     assert found.solution.friction.dtype == np.float32
     assert found.conditions.velocity.dtype == np.float32
     point = [np.array([x], np.float32) for x in (0.5, 1e5, 300.0)]
-    expected = rf.solve(scene, *point, quadrature=QUICK, quantities=maps.QUANTITIES)
+    expected = rf.solve(scene, *point, quadrature=QUICK, quantities=maps.DEFAULT_QUANTITIES)
     np.testing.assert_array_equal(found.solution.friction, expected.friction[None, None])
 
 
@@ -88,7 +90,7 @@ def test_streaming_to_a_file_equals_memory(tmp_path, monkeypatch):
     monkeypatch.setattr(maps, "LARGEST", 0)
     streamed = rf.friction_map(SCENE, *POINTS, quadrature=QUICK, path=path, title="Map", block=BLOCK)
     again = load_result(path)
-    for name in maps.QUANTITIES:
+    for name in maps.DEFAULT_QUANTITIES:
         assert isinstance(getattr(streamed.solution, name), np.memmap)
         assert not getattr(streamed.solution, name).flags.writeable
         for found in (streamed, written, again):
@@ -132,7 +134,7 @@ def test_bad_arguments_are_one_line(tmp_path, monkeypatch, change, message):
     monkeypatch.setattr(maps, "LARGEST", 2**23)
     monkeypatch.setattr(batches, "launch", None)  # nothing may be computed
     good = dict(scene=SCENE, velocity=VELOCITY, pressure=PRESSURE, temperature=TEMPERATURE)
-    with pytest.raises(ValueError) as caught:
+    with pytest.raises(ValueError, match=re.escape(message)) as caught:
         rf.friction_map(**good | change)
     assert message in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -156,7 +158,7 @@ def test_a_stopped_map_leaves_no_file_and_an_old_one_alone(tmp_path, monkeypatch
     monkeypatch.setattr(maps, "LARGEST", 0 if streamed else 2**28)
     path = tmp_path / "m.h5"
 
-    def interrupt(done, points):
+    def interrupt(done, _):
         if done:
             raise KeyboardInterrupt
 
@@ -174,8 +176,8 @@ def test_a_stopped_map_leaves_no_file_and_an_old_one_alone(tmp_path, monkeypatch
 
 @pytest.mark.parametrize("streamed", [False, True])
 def test_a_point_that_is_not_finite_is_named(tmp_path, monkeypatch, streamed):
-    def launch(layout, scene, conditions, batch, options):
-        velocity, pressure, _ = batches.points(conditions, batch)
+    def launch(_, task, batch):
+        velocity, pressure, _ = batches.points(task.conditions, batch)
         return {"area": np.ones((pressure.size, 1)) / (velocity - VELOCITY[3]), "friction": np.ones((2, 45))}
 
     monkeypatch.setattr(maps, "LARGEST", 0 if streamed else 2**28)
@@ -193,11 +195,11 @@ def test_a_point_that_is_not_finite_is_named(tmp_path, monkeypatch, streamed):
 def test_a_batch_takes_little_memory_however_large_the_map(nv, nT, nP):
     """What the one compiled program holds; all else is results, bounded by LARGEST, or in the file."""
     conditions = Conditions(np.ones(nv), np.full(nP, 1e5), np.full(nT, 300.0))
-    layout = batches.plan(nv * nT, nP)
-    scene = batches.on_all(layout.mesh, jax.tree.map(jnp.asarray, SCENE))
-    options = {"quadrature": rf.Quadrature(), "quantities": rf.quantities_of(SCENE)}
-    assert batches.fitted(layout, scene, conditions, options) == layout
-    batch = batches.program_bytes(layout, scene, conditions, options)
+    tiling = batches.plan(nv * nT, nP)
+    scene = batches.on_all(tiling.mesh, jax.tree.map(jnp.asarray, SCENE))
+    task = batches.Task(scene, conditions, rf.Quadrature(), rf.quantities_of(SCENE))
+    assert batches.fitted(tiling, task) == tiling
+    batch = batches.program_bytes(tiling, task)
     assert 0 < batch < 2**23
     # Of a program no more than batches.MEMORY; two hold results; half a GiB for JAX itself.
     assert 2 * batches.MEMORY + maps.LARGEST + 2**29 < 2**31
@@ -227,7 +229,7 @@ at = conditions._replace(velocity=v[k], pressure=conditions.pressure[:2], temper
 exact = rf.solve(scene, *at.grid(), quadrature=finest)
 error = max(
     float(np.max(np.abs(getattr(found.solution, name)[i, :, k] / getattr(exact, name) - 1)))
-    for name in maps.QUANTITIES
+    for name in maps.DEFAULT_QUANTITIES
 )
 used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 2**20
 print(json.dumps([found.solution.friction.size, seconds, used, error]))
@@ -341,7 +343,7 @@ def test_picture_of_many_pressures_points_and_a_constant():
     ],
 )
 def test_what_cannot_be_drawn(conditions, options, message):
-    with pytest.raises(ValueError) as caught:
+    with pytest.raises(ValueError, match=re.escape(message)) as caught:
         plot_map(drawn_map(*conditions), **options)
     assert message in str(caught.value)
 
@@ -368,8 +370,8 @@ def test_command_writes_draws_and_sums_up(call_main, scene_file, tmp_path):
     np.testing.assert_allclose(found.conditions.pressure, [1e5, 2e5, 4e5], rtol=1e-13)
     np.testing.assert_allclose(found.conditions.temperature, [273.15, 283.15, 293.15], rtol=1e-13)
     v, p, T = (np.broadcast_to(x, (3, 3, 5)).ravel() for x in found.conditions.grid())
-    expected = rf.solve(rf.load_scene(scene_file), v, p, T, quantities=maps.QUANTITIES)
-    for name in maps.QUANTITIES:
+    expected = rf.solve(rf.load_scene(scene_file), v, p, T, quantities=maps.DEFAULT_QUANTITIES)
+    for name in maps.DEFAULT_QUANTITIES:
         np.testing.assert_allclose(getattr(found.solution, name).ravel(), getattr(expected, name), rtol=1e-13)
 
     lines = printed.splitlines()
@@ -394,10 +396,10 @@ def test_command_writes_draws_and_sums_up(call_main, scene_file, tmp_path):
 
 def test_each_command_has_its_table(scene_file):
     """[map] is nothing to the other commands, and without it a map is that of [run]."""
-    assert read_computable(scene_file).conditions.velocity == [1.0]
-    assert read_computable(scene_file, "map").conditions.velocity.size == 5
+    assert read_computable(scene_file)[1].velocity == [1.0]
+    assert read_computable(scene_file, "map")[1].velocity.size == 5
     scene_file.write_text(FILE[: FILE.index("[map]")])
-    assert read_computable(scene_file, "map").conditions.velocity == [1.0]
+    assert read_computable(scene_file, "map")[1].velocity == [1.0]
     scene_file.write_text(FILE.replace("[run]\nvelocity = 1.0\npressure = 1e5", ""))
     with pytest.raises(ValueError, match="run: is missing; must hold velocity and pressure"):
         read_computable(scene_file)
@@ -431,7 +433,7 @@ def test_bad_input_of_the_command(call_main, scene_file, monkeypatch, old, new, 
 
 
 def test_an_interrupted_command_says_so_and_writes_nothing(call_main, scene_file, monkeypatch):
-    def launch(*arguments):
+    def launch(*_):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(batches, "launch", launch)
@@ -445,7 +447,8 @@ def test_an_interrupted_command_says_so_and_writes_nothing(call_main, scene_file
 
 def test_line_of_progress():
     shown = []
-    tell = bar(shown.append, iter([0.0, 1.0, 3.0, 12.0]).__next__)
+    place = types.SimpleNamespace(show=lambda text, _: shown.append(text), end=lambda: None)
+    tell = Progress("", place, iter([0.0, 1.0, 3.0, 12.0]).__next__)
     for done in (0, 30, 120):
         tell(done, 120)
     assert shown == ["120 points,   0 %", "120 points,  25 %, 9 s left", "120 points, 100 %, 12 s"]

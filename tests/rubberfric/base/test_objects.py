@@ -9,6 +9,8 @@ import pytest
 from support.scenes.examples import EXAMPLES, examples, same
 
 import rubberfric as rf
+from rubberfric.base.objects.fields import Child, Static
+from rubberfric.base.objects.physical import fields_of
 
 WITH_LEAVES = [name for name in EXAMPLES if name != "Rigid"]
 
@@ -62,9 +64,9 @@ def test_vmap_is_a_loop(obj):
     stacked = jax.tree.map(lambda *x: jnp.stack(x), *pair)
     loop = np.array([total(x) for x in pair])
     np.testing.assert_allclose(jax.vmap(total)(stacked), loop, rtol=1e-14)
-    axes = jax.tree.map(lambda x: 0, obj)  # an object whose leaves are axes
+    axes = jax.tree.map(lambda _: 0, obj)  # an object whose leaves are axes
     np.testing.assert_allclose(jax.vmap(total, in_axes=(axes,))(stacked), loop, rtol=1e-14)
-    nowhere = jax.tree.map(lambda x: None, obj)
+    nowhere = jax.tree.map(lambda _: None, obj)
     same_twice = jax.vmap(lambda x, i: total(x) + i, in_axes=(nowhere, 0))(obj, jnp.zeros(2))
     np.testing.assert_allclose(same_twice, loop[[0, 0]], rtol=1e-14)
 
@@ -136,38 +138,32 @@ def test_constructors_work_on_traced_values():
         jax.jit(lambda E: rf.Prony(1.0, E, E[:1]))(E)
 
 
-def wrong_values(obj, field):
+def wrong_matrices(good):
+    for bad in (np.nan, np.inf, -1.0, 0.0):
+        wrong = np.array(good)
+        wrong[1, 2] = bad
+        yield wrong
+    yield from (1.0, np.asarray(good)[0], np.asarray(good)[None], np.asarray(good)[:2])
+    yield from (np.asarray(good)[:, :3], "nonsense", None, True, [[1.0], [1.0, 2.0]], 1j * good, [], {})
+
+
+def wrong_values(obj, name):
     """Values that the field must refuse."""
-    meta, good = field.metadata, getattr(obj, field.name)
-    if "static" in meta:
+    field, good = fields_of(type(obj))[name], getattr(obj, name)
+    if isinstance(field, Static):
         yield from ("nonsense", None, 1, 1.5, [], np.ones(2))
-    elif "child" in meta:
+    elif isinstance(field, Child):
         yield from ("nonsense", 1.0, True, rf.Rigid, type(obj), obj, [], {}, np.ones(2))
-        if not meta["optional"]:
+        if not field.optional:
             yield None
-    elif meta["ndim"] == 2:
-        for bad in (np.nan, np.inf, -1.0, 0.0):
-            wrong = np.array(good)
-            wrong[1, 2] = bad
-            yield wrong
-        yield from (1.0, np.asarray(good)[0], np.asarray(good)[None], np.asarray(good)[:2])
-        yield from (
-            np.asarray(good)[:, :3],
-            "nonsense",
-            None,
-            True,
-            [[1.0], [1.0, 2.0]],
-            1j * good,
-            [],
-            {},
-            obj,
-        )
-    elif meta["ndim"] == 0:
-        if not meta["optional"]:
+    elif field.ndim == 2:
+        yield from (*wrong_matrices(good), obj)
+    elif field.ndim == 0:
+        if not field.optional:
             yield None
         yield from (np.nan, np.inf, -np.inf, jnp.nan * jnp.ones(()), np.float32("nan"))
         yield from ([1.0], np.ones(2), jnp.ones((1, 1)), "1.0", b"1", True, np.True_, 1j, {}, obj)
-        if not meta["rule"][1](-1.0):
+        if not field.rule[1](-1.0):
             yield from (-1, -1.0, -1e-300, np.array(-1.0), jnp.array(-1.0))
     else:
         for bad in (np.nan, np.inf, -np.inf):
@@ -175,7 +171,7 @@ def wrong_values(obj, field):
         yield from (1.0, np.ones((3, 1)), [[1.0], [1.0, 2.0]], "nonsense", ["a", "b", "c"], [1.0, None, 2.0])
         yield from (None, True, [True, True, True], 1j * np.ones(3), [], {}, obj)
         yield from (np.asarray(good)[:2], np.append(good, 2 * good[-1]))
-        if not meta["rule"][1](-1.0):
+        if not field.rule[1](-1.0):
             yield [float(good[0]), -1.0, float(good[2])]
 
 
@@ -186,7 +182,7 @@ BAD = [(name, field.name) for name in EXAMPLES for field in dataclasses.fields(E
 def test_every_field_refuses_wrong_values(name, field):
     obj = EXAMPLES[name]
     count = 0
-    for value in wrong_values(obj, {f.name: f for f in dataclasses.fields(obj)}[field]):
+    for value in wrong_values(obj, field):
         count += 1
         with pytest.raises(ValueError, match=r"^\w") as caught:
             type(obj)(**(fields(obj) | {field: value}))

@@ -16,7 +16,10 @@ from support.folders import DATA
 
 import rubberfric as rf
 from rubberfric.commands import main as command
-from rubberfric.io.results import Result, load_result
+from rubberfric.commands import run as run_command
+from rubberfric.commands.shared import convergence_line
+from rubberfric.io.result_files import load_result
+from rubberfric.io.results import Result
 from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.plot.save import plot_result
 
@@ -144,7 +147,7 @@ def test_heat_shows_in_table_result_and_plot(call, scene_file, tmp_path):
 
     left = result.solution.converged.copy()
     left[0, 1, 2] = False
-    note = command.convergence_note(result._replace(solution=result.solution._replace(converged=left)))
+    note = convergence_line(result._replace(solution=result.solution._replace(converged=left)))
     assert note.startswith("the temperatures did not converge at 1 of 30 points, first at v = ")
 
     scene_file.write_text(SCENE.replace("[run]", HEATING + "[run]").replace("temperature", "# temperature"))
@@ -224,7 +227,7 @@ def test_bad_scene(call, scene_file, tmp_path, old, new, message):
 )
 def test_bad_arguments(call, scene_file, tmp_path, monkeypatch, arguments, message):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(command, "solve", None)  # nothing may be computed
+    monkeypatch.setattr(run_command, "solve", None)  # nothing may be computed
     rf.save_scene("bare.h5", rf.load_scene(scene_file))
     Path("cut.h5").write_bytes(Path("bare.h5").read_bytes()[:-100])
     Path("folder.h5").mkdir()
@@ -236,7 +239,7 @@ def test_bad_arguments(call, scene_file, tmp_path, monkeypatch, arguments, messa
 
 
 def test_plot_without_matplotlib(call, scene_file, tmp_path, monkeypatch):
-    monkeypatch.setattr(command.importlib.util, "find_spec", lambda name: None)
+    monkeypatch.setattr(command.importlib.util, "find_spec", lambda _: None)
     status, printed, complaint = call("run", scene_file, "--plot", tmp_path / "r.png")
     assert (status, printed) == (2, "")
     assert complaint == (
@@ -248,16 +251,16 @@ def test_plot_without_matplotlib(call, scene_file, tmp_path, monkeypatch):
 def test_failed_work(call, scene_file, tmp_path, monkeypatch, failure):
     """Status 1, and no half-written file."""
 
-    def solve(scene, velocity, pressure, temperature, *, quantities):
+    def solve(_, velocity, pressure, temperature, **__):
         good = jax.numpy.asarray(velocity + pressure + temperature)
         return rf.Solution(good, good / (velocity - 1e-3 if failure == "not finite" else 1.0), good)
 
-    def full(*arguments):
+    def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(command, "solve", solve)
+    monkeypatch.setattr(run_command, "solve", solve)
     if failure == "full disk":
-        monkeypatch.setattr("rubberfric.io.results.write_object", full)
+        monkeypatch.setattr("rubberfric.io.result_files.write_object", full)
     status, printed, complaint = call("run", scene_file, "--out", tmp_path / "r.h5")
     assert (status, printed, complaint.count("\n")) == (1, "", 1)
     expected = {
@@ -397,7 +400,7 @@ def test_roughness_of_the_rubber_costs_area_but_hardly_any_friction_at_high_spee
     """The red and blue curves of the paper's last figure approach each other as v increases."""
     flat, rough = (rf.load_scene(DATA / f"{n}.toml") for n in ("tread_on_asphalt", "rough_tread_on_asphalt"))
     conditions = Conditions(np.array([1e-6, 1e-3, 1e1]), np.array([0.15e6]), np.array([293.15]))
-    red, blue = (command.compute(scene, conditions) for scene in (flat, rough))
+    red, blue = (run_command.compute(scene, conditions) for scene in (flat, rough))
     area, friction = (blue.area / red.area)[0, 0], (blue.friction / red.friction)[0, 0]
     assert np.all(area < 1)
     assert np.all(np.diff(area) > 0)
@@ -416,6 +419,7 @@ def test_a_tabulated_scene_says_how_much_lies_outside_its_table(call):
     sheared = rf.Scene(scene.lower, scene.upper, shear=rf.ContactShear(6.5e6, 0.1, 6e-3))
     conditions = Conditions(np.array([1e-3]), np.array([1e5]), None)
     notes = [
-        command.outside_note(Result(s, conditions, rf.Solution(), rf.Quadrature())) for s in (scene, sheared)
+        run_command.extrapolation_line(Result(s, conditions, rf.Solution(), rf.Quadrature()))
+        for s in (scene, sheared)
     ]
     assert notes[1] == notes[0].replace("of mu", "of the viscoelastic mu")

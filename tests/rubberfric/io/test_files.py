@@ -13,10 +13,11 @@ from support.refusals import refused
 from support.scenes.examples import EXAMPLES, examples, same
 
 import rubberfric as rf
+from rubberfric.base.objects.physical import PhysicalObject, kinds, leaves_of
 from rubberfric.io.files import read_scene_file
-from rubberfric.io.results import Result, load_result, save_result
+from rubberfric.io.result_files import load_result, save_result
+from rubberfric.io.results import Result
 from rubberfric.io.scene_files.conditions import Conditions
-from rubberfric.io.scene_files.hdf5 import UNITS
 from rubberfric.io.tables import read_directions, read_table, write_table
 
 SCENE_FILES = sorted(path for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
@@ -657,10 +658,9 @@ def test_hdf5_keeps_every_bit(scene, tmp_path):
 
 
 def test_every_leaf_has_units(tmp_path):
-    assert {cls.__name__ for cls in UNITS} == set(EXAMPLES)
-    for cls, units in UNITS.items():
-        leaves = [f.name for f in dataclasses.fields(cls) if not {"static", "child"} & set(f.metadata)]
-        assert list(units) == leaves
+    assert set(kinds(PhysicalObject)) == set(EXAMPLES)
+    for cls in kinds(PhysicalObject).values():
+        assert all(field.unit for field in leaves_of(cls).values())
     path = tmp_path / "scene.h5"
     rf.save_scene(path, EXAMPLES["Scene"])
     with h5py.File(path) as file:

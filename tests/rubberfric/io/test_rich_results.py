@@ -14,7 +14,7 @@ from support.scenes.examples import EXAMPLES, examples
 
 import rubberfric as rf
 from rubberfric.base.html import short, with_unit
-from rubberfric.base.progress import Progress, _Notebook, _Terminal, describe
+from rubberfric.base.progress import Progress, TerminalLine, _Notebook, describe
 from rubberfric.io.results import Result
 from rubberfric.io.scene_files.conditions import Conditions
 
@@ -80,7 +80,7 @@ def test_traced_scenes_show_that_and_compute_nothing():
 
 
 def test_what_maps_put_in_place_of_numbers_is_shown_too():
-    assert pairs(jax.tree.map(lambda x: "<b>", EXAMPLES["Elastic"]))["young"] == "<b> Pa"
+    assert pairs(jax.tree.map(lambda _: "<b>", EXAMPLES["Elastic"]))["young"] == "<b> Pa"
     shapes = jax.eval_shape(lambda x: x, EXAMPLES["Elastic"])
     assert "ShapeDtypeStruct" in pairs(shapes)["young"]
     stacked = jax.tree.map(lambda x: jnp.stack([x, 2 * x]), EXAMPLES["Prony"])
@@ -157,13 +157,13 @@ def test_words_of_progress():
 
 def test_a_line_is_ended_once_and_survives_a_closed_terminal():
     terminal = Terminal()
-    with Progress("", _Terminal(terminal)) as tell:
+    with Progress("", TerminalLine(terminal)) as tell:
         pass
     assert terminal.getvalue() == ""
     tell(1, 2.0)
     terminal.close()
     del tell
-    place = _Terminal(Terminal())
+    place = TerminalLine(Terminal())
     place.show("a", None)
     place.end()
     place.end()

@@ -6,7 +6,8 @@ import pytest
 from support.scenes.fits import ROAD
 
 import rubberfric as rf
-from rubberfric.io.results import DIMENSIONS, Result, load_result, save_result
+from rubberfric.io.result_files import load_result, save_result
+from rubberfric.io.results import DIMENSIONS, Result
 from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.theory.model import Solution
 

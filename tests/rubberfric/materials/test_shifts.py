@@ -102,7 +102,7 @@ def solids(shift):
 
 
 ROAD = rf.Body(rf.Rigid(), rf.TabulatedSpectrum([1e3, 1e4], [1e-13, 1e-17]))
-CHEAP = rf.Quadrature(order=4, panels=2, graded=0, angular_order=4, angle=24)
+CHEAP = rf.Quadrature(order=4, panels=2, graded=0, angular_order=4)
 
 
 @pytest.mark.parametrize("kind", range(6))
@@ -119,7 +119,7 @@ def test_conditions_alone_traced(law, kind):
         return rf.friction(scene, velocity, 1e5, T, quadrature=CHEAP), modulus
 
     as_argument = jax.jit(area)(scene, 0.1)
-    for closed_over in (jax.jit(lambda v: area(scene, v)), jax.jit(lambda v: area(scene, 0.1))):
+    for closed_over in (jax.jit(lambda v: area(scene, v)), jax.jit(lambda _: area(scene, 0.1))):
         np.testing.assert_allclose(closed_over(0.1), as_argument, rtol=1e-12)
 
 

@@ -13,6 +13,7 @@ import fitting
 import rubberfric as rf
 from fitting.results.plot import plot_correlation
 from rubberfric import plot
+from rubberfric.analysis.error_and_time.report import Accuracy
 from rubberfric.io.results import Result
 from rubberfric.io.scene_files.conditions import Conditions
 
@@ -307,7 +308,7 @@ SQUARE = np.ones((3, 5))
         (plot.plot_profile, (RESULT,), "profile is a Result: must be of class Profile"),
         (plot.plot_accuracy, (RESULT,), "accuracy is a Result: must be of class Accuracy"),
         (fitting.plot.plot_fit, (RESULT,), "result is a Result: must be of class FitResult"),
-        (plot.plot_accuracy, (rf.analysis.error_and_time.sweep.Accuracy(1e-6, (), None, 1, 1), 1), "ax is a int: must be one"),
+        (plot.plot_accuracy, (Accuracy(1e-6, (), None, 1, 1), 1), "ax is a int: must be one"),
     ],
 )  # fmt: skip
 def test_wrong_arguments_are_named(draw, arguments, message):

@@ -26,6 +26,11 @@ def knots(spectrum):
     return q, [C0, C0, float(C0 * (q[2] / q[1]) ** (-2 * (1 + spectrum.hurst)))]
 
 
+def power_law(q, a, Ca, m):
+    """C q of a piece that begins at (a, Ca)."""
+    return Ca * (q / a) ** m * q
+
+
 def exact_line(spectrum, x):
     """2 int C q / sqrt(q^2 - x^2) dq of a log-log linear table, with q = x cosh u."""
     q, C = knots(spectrum)
@@ -38,7 +43,7 @@ def exact_line(spectrum, x):
             m = mp.log(Cb / Ca) / mp.log(b / a)
             low, high = mp.acosh(max(a, x) / x), mp.acosh(b / x)
             parts = mp.linspace(low, high, int(high - low) + 2)
-            total += 2 * mp.quad(lambda u: Ca * (x * mp.cosh(u) / a) ** m * x * mp.cosh(u), parts)
+            total += 2 * mp.quad(lambda u, a=a, Ca=Ca, m=m: power_law(x * mp.cosh(u), a, Ca, m), parts)
         return total
 
 
@@ -94,8 +99,10 @@ def test_line_spectrum_derivatives():
             q0, qr, q1, H, h = (mp.mpf(a) for a in values[:5])
             area = mp.pi * qr**2 * (1 - (q0 / qr) ** 2 + (1 - (q1 / qr) ** (-2 * H)) / H)
             C0, y = h**2 / area, mp.mpf(values[5])
-            flat = lambda q: C0 * q / mp.sqrt(q * q - y * y)
-            fall = lambda q: flat(q) * (q / qr) ** (-2 * (1 + H))
+
+            def fall(q):
+                return C0 * q / mp.sqrt(q * q - y * y) * (q / qr) ** (-2 * (1 + H))
+
             return 2 * (
                 C0 * mp.sqrt(qr**2 - y**2)
                 + mp.quad(fall, [qr * (q1 / qr) ** (mp.mpf(i) / 12) for i in range(13)])

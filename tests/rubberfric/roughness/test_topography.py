@@ -99,8 +99,9 @@ def test_known_surfaces(maps):
 
 def test_profiles_of_known_surfaces(maps):
     """C_1D of all lines of the maps is int C dqy, sums in place of integrals."""
-    found = [rf.roughness.spectrum_of_profile(LENGTH / N, h[:, j], window="none", detrend=None, per_decade=None)
-             for h in maps for j in range(0, N, 16)]  # fmt: skip
+    options = {"window": "none", "detrend": None, "per_decade": None}
+    lines = [h[:, j] for h in maps for j in range(0, N, 16)]
+    found = [rf.roughness.spectrum_of_profile(LENGTH / N, line, **options) for line in lines]
     k = np.fft.fftfreq(N, LENGTH / N) * 2 * np.pi
     q = np.hypot(k[:, None], k)
     exact = np.asarray(rf.power_spectrum(TRUTH, np.where(q > 0, q, 1e-9))).sum(1) * 2 * np.pi / LENGTH

@@ -116,7 +116,7 @@ def test_brute_force_kernel_in_15_digits(q, source_q, v):
 
         return float(mp.quad(f, borders) / mp.pi)
 
-    inside, surface = integral(lambda k: 4 * source_q / (k * k + 4 * source_q**2)), integral(lambda k: 2)
+    inside, surface = integral(lambda k: 4 * source_q / (k * k + 4 * source_q**2)), integral(lambda _: 2)
     found = oracle_heating.kernel(LAW, v, np.array([q]), np.array([source_q]))[0, 0]
     assert found == pytest.approx(inside, rel=1e-12)
     assert oracle_heating.surface_kernel(LAW, v, np.array([q]))[0] == pytest.approx(surface, rel=1e-10)

@@ -1,0 +1,182 @@
+"""Fields of physical objects: what they hold, and all that files, tables and errors need to know of it, once.
+
+::
+
+    @physical
+    class Prony(Material):
+        E_inf: Number = leaf(NONNEGATIVE, unit="Pa")
+        E: Vector = leaf(NONNEGATIVE, unit="Pa")
+        shift: Shift | None = child(default=None)
+
+The annotation says how many dimensions numbers have, which values an option takes, or which objects
+belong there; the rest stands in `leaf`, `static` or `child`.
+"""
+
+import dataclasses
+from collections.abc import Sequence
+from typing import Any, ClassVar, Literal, TypeAlias, get_args, get_origin, get_type_hints
+
+import jax
+import numpy as np
+from jax.typing import ArrayLike
+
+from rubberfric.base.checks import FINITE, Rule, as_leaf, check_values, shown
+
+
+class Number:
+    """Annotation of a field: any number, read as an array of no dimensions.
+
+    To a type checker it is what the constructor takes (`__set__`) and what an object has (`__get__`).
+    A plain number stays one, and its precision yields to that of arrays.
+    """
+
+    ndim: ClassVar[int] = 0
+
+    def __get__(self, instance: object, owner: type) -> jax.Array: ...
+    def __set__(self, instance: object, value: ArrayLike) -> None: ...
+
+
+class OptionalNumber:
+    """Annotation of a field: any number, or None."""
+
+    ndim: ClassVar[int] = 0
+
+    def __get__(self, instance: object, owner: type) -> jax.Array | None: ...
+    def __set__(self, instance: object, value: ArrayLike | None) -> None: ...
+
+
+class Vector:
+    """Annotation of a field: an array of one dimension, or a list of numbers."""
+
+    ndim: ClassVar[int] = 1
+
+    def __get__(self, instance: object, owner: type) -> jax.Array: ...
+    def __set__(self, instance: object, value: ArrayLike | Sequence[ArrayLike]) -> None: ...
+
+
+class Matrix:
+    """Annotation of a field: an array of two dimensions, or a list of lists of numbers."""
+
+    ndim: ClassVar[int] = 2
+
+    def __get__(self, instance: object, owner: type) -> jax.Array: ...
+    def __set__(self, instance: object, value: ArrayLike | Sequence[Sequence[ArrayLike]]) -> None: ...
+
+
+@dataclasses.dataclass(frozen=True)
+class Leaf:
+    """A field that gradients go through."""
+
+    rule: Rule
+    unit: str  # "-" without one
+    plausible: tuple[float, float] | None
+    plus: str | None
+    column: str | None
+    ndim: int = 0
+    optional: bool = False
+
+
+@dataclasses.dataclass(frozen=True)
+class Static:
+    """A field that is part of the structure: changing it retraces."""
+
+    choices: tuple = ()  # none: any number
+
+
+@dataclasses.dataclass(frozen=True)
+class Child:
+    """A field that holds another physical object."""
+
+    hint: str
+    unnamed: str | None
+    role: type = object
+    optional: bool = False
+
+
+Meaning: TypeAlias = Leaf | Static | Child
+
+
+def leaf(
+    rule: Rule = FINITE,
+    *,
+    unit: str,
+    plausible: tuple[float, float] | None = None,
+    plus: str | None = None,
+    column: str | None = None,
+    default: Any = dataclasses.MISSING,
+) -> Any:
+    """Field of numbers, annotated as Number, OptionalNumber, Vector or Matrix.
+
+    Parameters
+    ----------
+    rule : what every element must be
+    unit : in SI, "-" without one
+    plausible : lowest and highest magnitude that a file may have which people write: beyond them the
+        number is taken to be in another unit
+    plus : field whose elements are added before a number is compared with them
+    column : of the CSV file that the field comes from, if it is one of a curve
+    default : as of a dataclass
+    """
+    return _field(Leaf(rule, unit, plausible, plus, column), default)
+
+
+def static(*, default: Any = dataclasses.MISSING) -> Any:
+    """Field that is one of a few values: annotated as a Literal of them, or as bool; or any float."""
+    return _field(Static(), default)
+
+
+def child(*, hint: str = "", unnamed: str | None = None, default: Any = dataclasses.MISSING) -> Any:
+    """Field that holds an object of the annotated class or one under it; with "| None", or none.
+
+    Parameters
+    ----------
+    hint : end of the error that another object gives
+    unnamed : kind of a table in a file that says none
+    default : as of a dataclass
+    """
+    return _field(Child(hint, unnamed), default)
+
+
+def _field(meaning, default):
+    return dataclasses.field(default=default, metadata={"meaning": meaning})
+
+
+def meaning_of(cls: type, field: dataclasses.Field) -> Meaning:
+    """What a field is, completed by its annotation."""
+    meaning, annotation = field.metadata.get("meaning"), field.type
+    if isinstance(annotation, str):
+        annotation = get_type_hints(cls)[field.name]
+    members = [x for x in get_args(annotation) or (annotation,) if x is not type(None)]
+    if isinstance(meaning, Leaf) and annotation in (Number, OptionalNumber, Vector, Matrix):
+        optional = annotation is OptionalNumber
+        return dataclasses.replace(meaning, ndim=annotation.ndim, optional=optional)
+    if isinstance(meaning, Static) and (annotation is bool or get_origin(annotation) is Literal):
+        return Static((False, True) if annotation is bool else tuple(members))
+    if isinstance(meaning, Static) and annotation is float:
+        return meaning
+    if isinstance(meaning, Child) and len(members) == 1 and isinstance(members[0], type):
+        return dataclasses.replace(meaning, role=members[0], optional=annotation is not members[0])
+    raise TypeError(
+        f"{cls.__name__}.{field.name}: annotated {annotation}: must be Number, OptionalNumber, Vector or "
+        "Matrix with leaf(), a Literal, bool or float with static(), a PhysicalObject with child()"
+    )
+
+
+def checked(where: str, value: Any, field: Meaning) -> Any:
+    """The number or the option of a field as an object has it, or ValueError."""
+    if isinstance(field, Leaf):
+        if value is None and field.optional:
+            return None
+        value = as_leaf(where, value, field.ndim)
+        check_values(where, value, field.rule)
+    elif isinstance(field, Static) and not field.choices:
+        if isinstance(value, bool) or not isinstance(value, int | float | np.floating):
+            raise ValueError(f"{where} = {shown(value)}: must be a number")
+        value = float(value)
+    elif isinstance(field, Static):
+        # 1 == True, but a static field keeps the type it was declared with.
+        if not any(type(value) is type(c) and value == c for c in field.choices):
+            raise ValueError(
+                f"{where} = {shown(value)}: must be one of {', '.join(map(repr, field.choices))}"
+            )
+    return value

@@ -1,0 +1,80 @@
+"""Key paths: "upper.material.E[3]" names a number of a physical object, as fits and tables of it do.
+
+Names of fields joined by dots, and after an array the element in brackets, counted from 0, or from
+the end if negative; "[1:3]" names those from 1 up to 3, which is not one of them.
+"""
+
+import re
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rubberfric.base.checks import as_leaf, shown
+
+_PATH = re.compile(r"([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)(?:\[\s*(-?\d+|)\s*(:?)\s*(-?\d+|)\s*\])?")
+
+
+class KeyPath(NamedTuple):
+    """A key path in its parts."""
+
+    text: str  # as it was given
+    names: tuple[str, ...]  # of the fields on the way
+    index: tuple[str, str, str] | None  # what stands before the colon, the colon, and after it
+
+    @property
+    def name(self) -> str:
+        """The path without its brackets."""
+        return ".".join(self.names)
+
+    def elements(self, shape: tuple[int, ...]) -> tuple[int, ...] | None:
+        """Which elements along the first axis of an array of this shape are named, counted from 0.
+
+        All without brackets; None of a number.
+
+        Raises
+        ------
+        ValueError : there are no such elements.
+        """
+        if not shape:
+            if self.index is not None:
+                raise ValueError(f"{self.text!r}: {self.name} is a single number; must be without [ ]")
+            return None
+        size = shape[0]
+        if self.index is None:
+            return tuple(range(size))
+        first, colon, last = self.index
+        if colon:
+            chosen = slice(*(int(end) if end else None for end in (first, last)))
+            found = tuple(range(size)[chosen])
+        else:
+            found = (int(first) % size,) if first and not last and -size <= int(first) < size else ()
+        if not found:
+            raise ValueError(
+                f"{self.text!r}: {self.name} has the elements [0] ... [{size - 1}]; must name one of them"
+            )
+        return found
+
+
+def parse_key_path(path: str) -> KeyPath:
+    """The parts of a key path; ValueError if it is none."""
+    match = _PATH.fullmatch(path) if isinstance(path, str) else None
+    if match is None:
+        raise ValueError(f'{path!r}: must be a key path like "upper.material.E" or "upper.material.E[3]"')
+    name, first, colon, last = match.groups()
+    return KeyPath(path, tuple(name.split(".")), None if first is None else (first, colon, last))
+
+
+def with_elements(path: KeyPath, array: Any, new: Any) -> jax.Array:
+    """An array with new numbers in the elements that a key path names."""
+    if not isinstance(array, jax.Array | float):
+        raise ValueError(f"{path.text!r}: {path.name} = {shown(array)} is no array; must be without [ ]")
+    array = jnp.asarray(array)
+    elements = path.elements(array.shape) or ()
+    new = jnp.asarray(as_leaf(path.text, new, np.ndim(new)))
+    shape = (len(elements), *array.shape[1:])
+    if new.shape not in ((), shape, array.shape[1:]):
+        raise ValueError(f"{path.text} = {shown(new)}: has shape {new.shape}: must be {shape}, or one number")
+    both = jnp.result_type(array, new)
+    return array.astype(both).at[np.array(elements)].set(new.astype(both))

@@ -1,0 +1,238 @@
+"""Physical objects as frozen dataclasses that jit, grad and vmap can rebuild.
+
+`jax.tree_util.register_dataclass` rebuilds objects through their constructor, so
+checks made there would reject gradients (a negative "modulus") and vmap's axis
+markers. Here the constructor checks and converts; rebuilding goes past it.
+"""
+
+import dataclasses
+import re
+import types
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Self, TypeVar, dataclass_transform
+
+import jax
+
+from rubberfric.base.checks import closest, either, shown
+from rubberfric.base.html import short, table, with_unit
+from rubberfric.base.objects.fields import (
+    Child,
+    Leaf,
+    Meaning,
+    Static,
+    checked,
+    child,
+    leaf,
+    meaning_of,
+    static,
+)
+from rubberfric.base.objects.key_paths import parse_key_path, with_elements
+
+_NOT_GIVEN: Any = object()
+
+
+class PhysicalObject:
+    """What scenes are made of: dataclasses that `physical` makes, frozen, and pytrees to jax."""
+
+    # Keys of a scene file that stand for a field, which the class method from_KEY takes instead.
+    alternatives: ClassVar[Mapping[str, str]] = {}
+
+    _meanings: ClassVar[Mapping[str, Meaning]] = {}
+
+    def __post_init__(self) -> None:
+        for name, field in fields_of(type(self)).items():
+            where, value = f"{type(self).__name__}.{name}", getattr(self, name)
+            if isinstance(field, Child):
+                _check_child(where, value, field)
+            else:
+                object.__setattr__(self, name, checked(where, value, field))
+        self._check()
+
+    def _check(self) -> None:
+        """Raise ValueError unless the fields go together; called when each of them is what it must be."""
+
+    def replace(
+        self, paths: str | Mapping[str, Any] | None = None, value: Any = _NOT_GIVEN, /, **fields: Any
+    ) -> Self:
+        """A copy with other values, checked as the constructor does; also of traced ones.
+
+        ::
+
+            scene.replace(gamma=0.4)
+            scene.replace("lower.spectrum.hurst", 0.7)
+            scene.replace({"lower.spectrum.q0": 1e3, "upper.material.E[3]": 2e6}, gamma=0.4)
+
+        Parameters
+        ----------
+        paths : a key path, as fits take them, or several with their values
+            elements of an array, as "E[3]" or "E[1:3]", take a number or as many as they are. All are
+            changed before any is checked.
+        value : of the one path
+        fields : values of fields of this object
+
+        Raises
+        ------
+        ValueError : a path that names nothing, or a value that a constructor refuses; names the path.
+        """
+        if isinstance(paths, str) != (value is not _NOT_GIVEN):
+            raise TypeError(
+                "replace takes a key path and its value, or key paths with their values as a dict"
+            )
+        given = {paths: value} if isinstance(paths, str) else dict(paths or {})
+        changes = [(parse_key_path(path), new) for path, new in (given | fields).items()]
+        return _replaced(self, "", [(path, path.names, new) for path, new in changes])
+
+    def _repr_html_(self) -> str:
+        """A table for notebooks."""
+        return object_html(self)
+
+
+class Kind(PhysicalObject):
+    """An object whose place in a scene others can take: a subclass without fields says what they answer.
+
+    Such a subclass, `Material` or `Spectrum`, is their role; the classes under it are the kinds.
+    """
+
+    # What scene files call it: by default PronyShear is "prony_shear".
+    file_kind: ClassVar[str]
+
+    def __init_subclass__(cls, **options: Any):
+        super().__init_subclass__(**options)
+        if "file_kind" not in cls.__dict__:
+            cls.file_kind = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", cls.__name__).lower()
+
+
+def object_html(value: PhysicalObject) -> str:
+    """Table of an object: the key path of every number, as fits take it, and its value."""
+    return table(_rows(value, ""), ("key path", "value"), type(value).__name__)
+
+
+def _rows(value, path):
+    """(key path, text) of every field and of those within."""
+    rows = []
+    for name in fields_of(type(value)):
+        content, here = getattr(value, name), path + name
+        if isinstance(content, PhysicalObject):
+            rows += [(here, type(content).__name__), *_rows(content, f"{here}.")]
+        elif content is not None:
+            rows.append((here, with_unit(short(content), unit_of(type(value), name))))
+    return rows
+
+
+# Every class that `physical` made, by its name.
+_CLASSES: dict[str, type[PhysicalObject]] = {}
+
+_T = TypeVar("_T", bound=PhysicalObject)
+
+
+def kinds(role: type[_T]) -> dict[str, type[_T]]:
+    """The classes of a role that can be made, by name, in the order of their definition."""
+    return {name: cls for name, cls in _CLASSES.items() if issubclass(cls, role)}
+
+
+def forget(cls: type[PhysicalObject]) -> None:
+    """Take back what `physical` made known of a class: it is no kind of its role any more."""
+    if _CLASSES.get(cls.__name__) is cls:
+        del _CLASSES[cls.__name__]
+
+
+def check_kind(name: str, value: object, role: type[PhysicalObject], without: Sequence[type] = ()) -> None:
+    """ValueError unless a value is of a role, and none of the classes `without`."""
+    if not isinstance(value, role) or isinstance(value, tuple(without)):
+        allowed = [kind for kind, cls in kinds(role).items() if cls not in without]
+        raise ValueError(f"{name} is a {type(value).__name__}: must be {either(allowed)}")
+
+
+def fields_of(cls: type[PhysicalObject]) -> Mapping[str, Meaning]:
+    """What the fields of a physical class are, by name, in their order."""
+    return cls._meanings
+
+
+def leaves_of(cls: type[PhysicalObject]) -> dict[str, Leaf]:
+    """Those of them that are numbers."""
+    return {name: field for name, field in fields_of(cls).items() if isinstance(field, Leaf)}
+
+
+def unit_of(cls: type[PhysicalObject], name: str) -> str:
+    """Unit of the numbers in a field, "-" without one; "" if it holds none."""
+    field = fields_of(cls)[name]
+    return field.unit if isinstance(field, Leaf) else ""
+
+
+@dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(leaf, static, child))
+def physical(cls: type[_T]) -> type[_T]:
+    """Class decorator: frozen dataclass, checked when constructed, known to jax as a pytree and by its name.
+
+    Raises
+    ------
+    TypeError : another class has that name, or the annotation of a field is not what it must be.
+    """
+    known = _CLASSES.get(cls.__name__)
+    if known is not None and (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
+        raise TypeError(
+            f"{cls.__name__}: there is such a class in {known.__module__}; must have another name"
+        )
+    # eq=False: comparing arrays has no single truth value; identity does for hashing.
+    cls = dataclasses.dataclass(frozen=True, eq=False)(cls)
+    meanings = {field.name: meaning_of(cls, field) for field in dataclasses.fields(cls)}  # pyright: ignore[reportArgumentType] (it is a dataclass now)
+    cls._meanings = types.MappingProxyType(meanings)
+    _register_pytree(cls)
+    _CLASSES[cls.__name__] = cls
+    return cls
+
+
+def _check_child(where, value, field):
+    if not isinstance(value, field.role) and not (value is None and field.optional):
+        allowed = " or ".join([", ".join(kinds(field.role))] + ["None"] * field.optional)
+        raise ValueError(f"{where} = {shown(value)}: must be {allowed}{field.hint}")
+
+
+def _register_pytree(cls):
+    fields = fields_of(cls)
+    children = tuple(name for name, field in fields.items() if not isinstance(field, Static))
+    aux = tuple(name for name, field in fields.items() if isinstance(field, Static))
+
+    def flatten_with_keys(self):
+        keyed = tuple((jax.tree_util.GetAttrKey(n), getattr(self, n)) for n in children)
+        return keyed, tuple(getattr(self, n) for n in aux)
+
+    def flatten(self):
+        return tuple(getattr(self, n) for n in children), tuple(getattr(self, n) for n in aux)
+
+    def unflatten(aux_values, child_values):
+        self = object.__new__(cls)
+        for name, value in zip(aux + children, tuple(aux_values) + tuple(child_values), strict=True):
+            object.__setattr__(self, name, value)
+        return self
+
+    jax.tree_util.register_pytree_with_keys(cls, flatten_with_keys, unflatten, flatten)
+
+
+def _replaced(owner, where, changes):
+    """An object with changes (key path, what of it is left to go, new value); `where` is its own path."""
+    values = {name: getattr(owner, name) for name in fields_of(type(owner))}
+    by_field: dict[str, list] = {}
+    for path, steps, new in changes:
+        if steps[0] not in values:
+            advice = closest(steps[0], tuple(values))
+            raise ValueError(f"{path.text!r}: {type(owner).__name__} has no {steps[0]!r}; {advice}")
+        by_field.setdefault(steps[0], []).append((path, steps[1:], new))
+    for name, group in by_field.items():
+        whole = [path for path, steps, _ in group if not steps and path.index is None]
+        if whole and len(group) > 1:
+            raise ValueError(f"{whole[0].text!r}: is given besides what lies in it; must be one of them")
+        deeper = []
+        for path, steps, new in group:
+            if not steps:
+                values[name] = new if path.index is None else with_elements(path, values[name], new)
+            elif isinstance(values[name], PhysicalObject):
+                deeper.append((path, steps, new))
+            else:
+                here = ".".join(path.names[: len(path.names) - len(steps)])
+                raise ValueError(f"{path.text!r}: {here} = {shown(values[name])}: must be an object")
+        if deeper:
+            values[name] = _replaced(values[name], f"{where}.{name}" if where else name, deeper)
+    try:
+        return type(owner)(**values)
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}" if where else str(error)) from None

@@ -1,0 +1,108 @@
+"""The command `rubberfric run`: all quantities of a scene file at its conditions."""
+
+import argparse
+import sys
+from collections.abc import Iterator
+
+import numpy as np
+
+from rubberfric.analysis.extrapolation import friction_outside_table
+from rubberfric.base.quadrature import Quadrature
+from rubberfric.base.units import to_celsius
+from rubberfric.commands.shared import add_outputs, check_outputs, convergence_line
+from rubberfric.io.files import read_computable
+from rubberfric.io.result_files import save_result
+from rubberfric.io.results import QUANTITIES, Result, result_shape
+from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.materials.tabulated_modulus import TabulatedModulus
+from rubberfric.plot.save import save_plot
+from rubberfric.scene.scene import Scene
+from rubberfric.theory.model import Solution, quantities_of, solve
+
+
+def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command to argparse's subparsers."""
+    parser = commands.add_parser(
+        "run",
+        help="compute a scene at the conditions in its file",
+        description="Print contact area, friction coefficient and mean separation over velocity; parts of "
+        "the friction, the force across the direction of sliding and the flash temperature where the scene "
+        "has contact shear, anisotropic roughness and heating.",
+    )
+    parser.add_argument(
+        "scene", metavar="SCENE", help="scene file (.toml), or result file (.h5) to compute again"
+    )
+    add_outputs(parser, "FILE.h5", "write the result and the scene that made it", "draw the curves")
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """`rubberfric run`: compute a scene file at its conditions."""
+    check_outputs(arguments, ".h5")
+    scene, conditions, title = read_computable(arguments.scene)
+    result = Result(scene, conditions, compute(scene, conditions), Quadrature(), title)
+    if arguments.out is not None:
+        save_result(arguments.out, result)
+    if arguments.plot is not None:
+        save_plot(arguments.plot, result)
+    for line in table(result):
+        print(line)
+    for line in (extrapolation_line(result), convergence_line(result)):
+        if line:
+            print(f"\n{line}")
+    sys.stdout.flush()
+    return 0
+
+
+def compute(scene: Scene, conditions: Conditions) -> Solution:
+    """All quantities at all conditions, NumPy arrays of shape [temperature, pressure, velocity].
+
+    Which they are follows from the scene (`model.quantities_of`).
+    FloatingPointError if one of them is not finite.
+    """
+    quantities = quantities_of(scene)
+    solution = solve(scene, *conditions.grid(), quantities=quantities)
+    shape = result_shape(conditions)
+    found = {name: np.broadcast_to(np.asarray(getattr(solution, name)), shape) for name in quantities}
+    for name, values in found.items():
+        bad = np.argwhere(~np.isfinite(values))
+        if bad.size:
+            _, j, k = bad[0]
+            v, p = conditions.velocity[k], conditions.pressure[j]
+            raise FloatingPointError(
+                f"{name} = {values[tuple(bad[0])]} at v = {v:g} m/s, p = {p:g} Pa: not finite"
+            )
+    return Solution(**found)
+
+
+def table(result: Result) -> Iterator[str]:
+    """Lines of the printed table: a block for every temperature and pressure."""
+    solution = result.solution._asdict()
+    columns = {
+        name: solution[name] for name, q in QUANTITIES.items() if q.symbol and solution[name] is not None
+    }
+    # Six columns of 12 leave no more than one space between them on a line of 80.
+    gap = " " if len(columns) > 4 else "  "
+    if result.title:
+        yield result.title
+    for i, j in np.ndindex(result_shape(result.conditions)[:2]):
+        T = result.conditions.temperature
+        at = "" if T is None else f", temperature {T[i]:.6g} K ({to_celsius(T[i]):.4g} °C)"
+        yield ""
+        yield f"pressure {result.conditions.pressure[j] / 1e6:.6g} MPa{at}"
+        yield gap.join(
+            f"{heading:>12}" for heading in ("v [m/s]", *(QUANTITIES[name].heading for name in columns))
+        )
+        for k, v in enumerate(result.conditions.velocity):
+            row = (f"{QUANTITIES[name].factor * values[i, j, k]:12.5e}" for name, values in columns.items())
+            yield gap.join((f"{v:12.4e}", *row))
+
+
+def extrapolation_line(result: Result) -> str:
+    """How far the friction rests on extrapolated moduli; "" if no modulus is tabulated."""
+    bodies = (result.scene.lower, result.scene.upper)
+    if not any(isinstance(body.material, TabulatedModulus) for body in bodies):
+        return ""
+    share = np.max(np.abs(friction_outside_table(result.scene, *result.conditions.grid())))
+    mu = "mu" if result.scene.shear is None else "the viscoelastic mu"
+    return f"at most {100 * share:.2g} % of {mu} comes from frequencies outside the tabulated moduli"

@@ -1,0 +1,63 @@
+"""What is installed: all of both packages and nothing else, and in a checkout the checkout itself."""
+
+import shutil
+import subprocess
+import sys
+import tarfile
+import zipfile
+
+import pytest
+from support.folders import ROOT
+
+PACKAGES = ("rubberfric", "fitting")
+BUILD = """
+import sys
+from setuptools import build_meta
+print(getattr(build_meta, f"build_{sys.argv[1]}")("dist"))
+"""
+
+
+@pytest.fixture(scope="module")
+def source(tmp_path_factory):
+    """A copy of the project, which building does not change."""
+    folder = tmp_path_factory.mktemp("source") / "project"
+    left = shutil.ignore_patterns(".git", "*.egg-info", "build", "dist", "__pycache__", ".*_cache")
+    shutil.copytree(ROOT, folder, ignore=left)
+    return folder
+
+
+def built(source, kind):
+    """Path of what the build back end makes of the project."""
+    shutil.rmtree(source / "dist", ignore_errors=True)
+    command = [sys.executable, "-c", BUILD, kind]
+    done = subprocess.run(command, cwd=source, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    (path,) = (source / "dist").iterdir()
+    return path
+
+
+def needed():
+    """All modules of the packages, and what tells type checkers that they are typed."""
+    modules = {str(path.relative_to(ROOT)) for name in PACKAGES for path in (ROOT / name).rglob("*.py")}
+    assert any(name.count("/") > 2 for name in modules)
+    return modules | {f"{name}/py.typed" for name in PACKAGES}
+
+
+def test_wheel(source):
+    names = set(zipfile.ZipFile(built(source, "wheel")).namelist())
+    assert needed() <= names
+    assert all(".dist-info/" in name for name in names - needed()), names - needed()
+
+
+def test_source_distribution(source):
+    with tarfile.open(built(source, "sdist")) as archive:
+        names = {name.partition("/")[2] for name in archive.getnames()}
+    assert needed() | {"pyproject.toml", "README.md", "LICENSE"} <= names
+
+
+def test_an_editable_install_is_a_plain_path(source):
+    """Type checkers follow a path, an import hook they do not."""
+    wheel = zipfile.ZipFile(built(source, "editable"))
+    names = [name for name in wheel.namelist() if ".dist-info/" not in name]
+    assert len(names) == 1 and names[0].endswith(".pth"), names
+    assert wheel.read(names[0]).decode().strip() == str(source)

@@ -1,0 +1,256 @@
+"""A kind is one class: two materials and a shift that this file alone defines do all that those of the library do."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from support.html_tables import pairs
+from support.scenes.fits import FAST
+
+import fitting
+import rubberfric as rf
+from fitting.parameters.keypaths import find, scene_paths
+from rubberfric.base import POSITIVE, Number, between, child, forget, leaf, physical
+from rubberfric.base.checks import PLAUSIBLE_STRESS, PLAUSIBLE_TEMPERATURE
+from rubberfric.materials.material import Coatable, Material, Series, plane_strain
+from rubberfric.materials.shifts import Shift, saturated
+
+
+def vogel_fulcher():
+    class VogelFulcher(Shift):
+        """ln a_T = B / (T - T_0) - B / (T_ref - T_0)."""
+
+        B: Number = leaf(POSITIVE, unit="K")
+        T_0: Number = leaf(POSITIVE, unit="K")
+        T_ref: Number = leaf(POSITIVE, unit="K", plausible=PLAUSIBLE_TEMPERATURE)
+
+        def log_factor(self, temperature):
+            return saturated(self.B / (temperature - self.T_0) - self.B / (self.T_ref - self.T_0))
+
+    return VogelFulcher
+
+
+def fractional_zener():
+    class FractionalZener(Coatable):
+        """E = E_inf + E_relaxing s / (1 + s), s = (i omega tau)^alpha, as a Prony series of its spectrum."""
+
+        E_inf: Number = leaf(POSITIVE, unit="Pa", plausible=PLAUSIBLE_STRESS)
+        E_relaxing: Number = leaf(POSITIVE, unit="Pa")
+        tau: Number = leaf(POSITIVE, unit="s")
+        alpha: Number = leaf(between(0.3, 0.9), unit="-")
+        poisson: Number = leaf(between(0.0, 0.5), unit="-", default=0.5)
+        shift: Shift | None = child(default=None)
+
+        def reduced_series(self, scale):
+            step = 1.0
+            x = step * np.arange(-40.0, 40.5)  # ln of time over tau
+            # [Cole & Cole, J. Chem. Phys. 9 (1941) 341]
+            below = jnp.cosh(self.alpha * x) + jnp.cos(self.alpha * np.pi)
+            density = jnp.sin(self.alpha * np.pi) / (2 * np.pi * below)
+            unit = plane_strain(self) / scale
+            weight = self.E_relaxing * unit * density * step
+            return Series(self.E_inf * unit, weight, self.tau * jnp.exp(x))
+
+    return FractionalZener
+
+
+def havriliak_negami():
+    class HavriliakNegami(Material):
+        """E = E_glassy - (E_glassy - E_inf) / (1 + (i omega tau)^a)^b."""
+
+        E_inf: Number = leaf(POSITIVE, unit="Pa", plausible=PLAUSIBLE_STRESS)
+        E_glassy: Number = leaf(POSITIVE, unit="Pa")
+        tau: Number = leaf(POSITIVE, unit="s")
+        a: Number = leaf(between(0.3, 1.0), unit="-")
+        b: Number = leaf(between(0.3, 1.0), unit="-")
+        poisson: Number = leaf(between(0.0, 0.5), unit="-", default=0.5)
+        shift: Shift | None = child(default=None)
+
+        def frequency_range(self):
+            return 1e-10 / self.tau, 1e10 / self.tau
+
+        def storage_and_loss(self, log_omega):
+            low, high = (jnp.log(jnp.asarray(end)) for end in self.frequency_range())
+            inside = jnp.clip(log_omega, low, high)
+            s = jnp.exp(self.a * (inside + jnp.log(self.tau) + 0.5j * np.pi))
+            E = self.E_glassy - (self.E_glassy - self.E_inf) * jnp.exp(-self.b * jnp.log1p(s))
+            return E.real, E.imag * jnp.exp(-jnp.abs(log_omega - inside))
+
+    return HavriliakNegami
+
+
+MATERIALS = {
+    "FractionalZener": {"E_inf": 3e6, "E_relaxing": 5e8, "tau": 1e-6, "alpha": 0.5},
+    "HavriliakNegami": {"E_inf": 3e6, "E_glassy": 5e8, "tau": 1e-6, "a": 0.5, "b": 0.8},
+}
+SHIFT = {"B": 900.0, "T_0": 170.0, "T_ref": 293.15}
+ROAD = rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4)
+V = np.array([1e-3, 1e-1, 10.0])
+TOML = """
+[lower]
+material = {{ kind = "rigid" }}
+spectrum = {{ kind = "self_affine", q0 = 1e2, qr = 1e3, q1 = 3e4, hurst = 0.8, h_rms = 5e-4 }}
+[upper.material]
+kind = "{kind}"
+shift = {{ kind = "vogel_fulcher", {shift} }}
+{numbers}
+"""
+
+
+@pytest.fixture(scope="module")
+def kinds():
+    """The new classes by their names, known while these tests run."""
+    made = [physical(cls()) for cls in (vogel_fulcher, fractional_zener, havriliak_negami)]
+    yield {cls.__name__: cls for cls in made}
+    for cls in made:
+        forget(cls)
+
+
+@pytest.fixture(scope="module", params=list(MATERIALS))
+def scene(request, kinds):
+    material = kinds[request.param](**MATERIALS[request.param], shift=kinds["VogelFulcher"](**SHIFT))
+    return rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(material))
+
+
+def written(scene):
+    """The scene as a TOML file has it."""
+    name = type(scene.upper.material).__name__
+    shift = ", ".join(f"{key} = {value}" for key, value in SHIFT.items())
+    numbers = "\n".join(f"{key} = {value}" for key, value in MATERIALS[name].items())
+    kind = {"FractionalZener": "fractional_zener", "HavriliakNegami": "havriliak_negami"}[name]
+    return TOML.format(kind=kind, shift=shift, numbers=numbers)
+
+
+def same(one, other):
+    assert jax.tree.structure(one) == jax.tree.structure(other)
+    assert jax.tree.leaves(one) == jax.tree.leaves(other)
+
+
+def test_toml(scene, tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(written(scene))
+    same(rf.load_scene(path), scene)
+    path.write_text(written(scene).replace("T_0", "T_O"))
+    with pytest.raises(ValueError, match=r"upper\.material\.shift\.T_O: unknown key; did you mean 'T_0'\?"):
+        rf.load_scene(path)
+    path.write_text(written(scene).replace("E_inf = 3000000.0", "E_inf = 3"))
+    with pytest.raises(
+        ValueError, match=r"upper\.material\.E_inf = 3 Pa: must be 100 .* is it in MPa or GPa"
+    ):
+        rf.load_scene(path)
+    path.write_text(written(scene).replace("T_ref = 293.15", "T_ref = 20"))
+    with pytest.raises(ValueError, match=r"upper\.material\.shift\.T_ref = 20 K: .* is it in °C"):
+        rf.load_scene(path)
+
+
+def test_hdf5(scene, tmp_path):
+    path = tmp_path / "scene.h5"
+    rf.save_scene(path, scene)
+    same(rf.load_scene(path), scene)
+
+
+def test_html(scene):
+    found = pairs(scene)
+    assert found["upper.material"] == type(scene.upper.material).__name__
+    assert found["upper.material.E_inf"] == "3e+06 Pa"
+    assert found["upper.material.shift.B"] == "900 K"
+
+
+def test_fields_are_checked(scene):
+    name = type(scene.upper.material).__name__
+    with pytest.raises(ValueError, match=rf"^upper\.material: {name}\.tau = -1\.0: must be > 0$"):
+        scene.replace("upper.material.tau", -1)
+    allowed = "Rigid, Elastic, Prony, PronyShear, TabulatedModulus, FractionalZener, HavriliakNegami"
+    with pytest.raises(ValueError, match=rf"^Body\.material = None: must be {allowed}$"):
+        rf.Body(None)
+    with pytest.raises(ValueError, match=r"must be WLF, Arrhenius, TabulatedShift, VogelFulcher or None$"):
+        scene.replace("upper.material.shift", 1)
+
+
+def test_key_paths(scene):
+    assert scene_paths(scene)[find(scene, "upper.material.shift.B")[0]] == "upper.material.shift.B"
+    with pytest.raises(ValueError, match=r"did you mean 'upper\.material\.tau'\?"):
+        find(scene, "upper.material.tan")
+    assert float(scene.replace("upper.material.shift.B", 800.0).upper.material.shift.B) == 800
+
+
+def formula(material, omega):
+    """E of the two materials, without their code."""
+    p = MATERIALS[type(material).__name__]
+    s = 1j * omega * p["tau"]
+    if "alpha" in p:
+        return p["E_inf"] + p["E_relaxing"] * s ** p["alpha"] / (1 + s ** p["alpha"])
+    return p["E_glassy"] - (p["E_glassy"] - p["E_inf"]) / (1 + s ** p["a"]) ** p["b"]
+
+
+def test_modulus(scene):
+    omega, material = np.logspace(-3, 12, 31), scene.upper.material
+    np.testing.assert_allclose(rf.complex_modulus(material, omega), formula(material, omega), rtol=2e-4)
+    hot = rf.complex_modulus(material, omega, 320.0)
+    a_T = np.exp(900 / (320 - 170) - 900 / (293.15 - 170))
+    np.testing.assert_allclose(hot, formula(material, a_T * omega), rtol=2e-4)
+    poisson = float(plane_strain(material))
+    assert float(material.static_reduced()) == pytest.approx(3e6 * poisson, rel=1e-3)
+    glassy = abs(formula(material, 1e30))
+    assert float(material.glassy_reduced()) == pytest.approx(glassy * poisson, rel=1e-3)
+
+
+def table_of(material):
+    """The same modulus as a master curve, which a table can follow."""
+    omega = np.logspace(-4, 16, 801)
+    E = np.asarray(rf.complex_modulus(material, omega))
+    return rf.TabulatedModulus(omega, E.real, E.imag)
+
+
+@jax.jit
+def friction(scene, temperature):
+    return rf.friction(scene, V, 1e5, temperature, quadrature=FAST)
+
+
+def test_friction_and_its_derivatives(scene):
+    """That of a master curve of many entries; derivatives are differences of values."""
+    table = scene.replace("upper.material", table_of(scene.upper.material))
+    value = np.asarray(friction(scene, None))
+    np.testing.assert_allclose(value, friction(table, None), rtol=1e-3)
+
+    @jax.jit
+    def total(x):
+        changed = scene.replace({"upper.material.tau": x[0] * 1e-6, "upper.material.shift.B": 900 * x[1]})
+        return jnp.sum(friction(changed, 305.0))
+
+    x, step = jnp.ones(2), 1e-4
+    slopes = [(total(x + step * e) - total(x - step * e)) / (2 * step) for e in np.eye(2)]
+    np.testing.assert_allclose(jax.grad(total)(x), slopes, rtol=1e-5)
+
+
+def test_fit(scene):
+    """A time and a parameter of the shift, from frictions that the scene itself gives."""
+    v, T = np.repeat(np.logspace(-4, 1, 4), 2), np.tile([293.15, 313.15], 4)
+    mu = rf.friction(scene, v, 1e5, T, quadrature=FAST)
+    data = fitting.FrictionData(v, np.asarray(mu), pressure=1e5, temperature=T, relative=np.full(8, 0.01))
+    start = scene.replace({"upper.material.tau": 3e-6, "upper.material.shift.B": 850.0})
+    free = {"upper.material.tau": fitting.Positive(), "upper.material.shift.B": fitting.Bounded(500, 1500)}
+    result = fitting.fit(start, data, free, quadrature=FAST)
+    assert result.success
+    np.testing.assert_allclose(result.values, [1e-6, 900.0], rtol=1e-6)
+    assert "K" in result.report()
+
+
+def test_in_a_coating(kinds):
+    """The kind that is a Prony series, on an elastic base and under one."""
+    zener = kinds["FractionalZener"](**MATERIALS["FractionalZener"])
+    with pytest.raises(ValueError, match=r"must be Elastic, Prony, FractionalZener \(on a rigid base"):
+        rf.Coating(1e-3, rf.Rigid())
+    bodies = (
+        rf.Body(zener, None, rf.Coating(1e-3, rf.Elastic(1e9, 0.3))),
+        rf.Body(rf.Elastic(1e9, 0.3), None, rf.Coating(1e-3, zener)),
+    )
+    for body in bodies:
+        mu = rf.friction(rf.Scene(rf.Body(rf.Rigid(), ROAD), body), 0.1, 1e5, quadrature=FAST)
+        assert 0 < float(mu) < 1
+    # Its modulus is no series: without a formula it can be in no coating.
+    negami = kinds["HavriliakNegami"](**MATERIALS["HavriliakNegami"])
+    with pytest.raises(ValueError, match=r"^Body\.material is a HavriliakNegami with a Coating: must be"):
+        rf.Body(negami, None, rf.Coating(1e-3, rf.Elastic(1e9, 0.3)))
+    layered = rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(negami, None, rf.Slab(1e-3)))
+    assert 0 < float(rf.friction(layered, 0.1, 1e5, quadrature=FAST)) < 1

@@ -1,0 +1,204 @@
+"""Angular means of tabulated moduli against quadrature of their law, written down here once more."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.special import erf, erfc
+
+import rubberfric as rf
+from rubberfric.theory.stiffness.angular_means import angular_means, with_means
+from rubberfric.theory.stiffness.series import Tabulated
+
+WANTED = frozenset({"power", "dissipation", "storage"})
+NODE, SHARE = np.polynomial.legendre.leggauss(16)
+
+
+def averaged(knots, values, fall, width, x):
+    """Mean over a Gaussian of the lines through knots: the integral over every piece; complex knots too."""
+    slopes = np.concatenate([[fall], np.diff(values) / np.diff(knots), [-fall]])
+    begin, height = (np.concatenate([row[:1], row]) for row in (knots, values))
+    total = 0
+    for k, slope in enumerate(slopes):
+        low = -np.inf if k == 0 else (knots[k - 1] - x) / width
+        high = np.inf if k == slopes.size - 1 else (knots[k] - x) / width
+        mass = 0.5 * (erf(high / 2**0.5) - erf(low / 2**0.5))
+        mean = (np.exp(-0.5 * np.square(low)) - np.exp(-0.5 * np.square(high))) / np.sqrt(2 * np.pi)
+        total = total + (height[k] + slope * (x - begin[k])) * mass + slope * width * mean
+    return total
+
+
+def law(table, outside, x, width=0.1):
+    """E' and E'' at x = ln omega; table: ln omega, ln E', ln E''."""
+    knots, storage, loss = table
+    fall = 1.0 if outside == "fall" else 0.0
+    E1, E2 = (np.exp(averaged(knots, *curve, width, x)) for curve in ((storage, 0.0), (loss, fall)))
+    if outside == "none":
+        E2 = E2 * erfc((knots[0] - x) / width / 2**0.5) * erfc((x - knots[-1]) / width / 2**0.5) / 4
+    return E1, E2
+
+
+def by_quadrature(table, outside, x, spring=None, harmonic=0, width=0.1):
+    """<|F|^2>, <cos Im F>, <Re F> with cos 2 m phi at ln(q v), by Gauss panels of one width in ln cos phi."""
+    edges = np.arcsin(np.exp(-width * np.arange(int(40 / width))))
+    psi = edges[1:, None] - np.diff(edges)[:, None] * 0.5 * (1 + NODE)
+    measure = -np.diff(edges)[:, None] * SHARE / np.pi * np.cos(2 * harmonic * (0.5 * np.pi - psi))
+    found = []
+    for one in x:
+        storage, loss = law(table, outside, one + np.log(np.sin(psi)), width)
+        if spring is None:
+            parts = storage**2 + loss**2, loss, storage
+        else:
+            square, under = storage**2 + loss**2, (storage + spring) ** 2 + loss**2
+            parts = (
+                spring**2 * square / under,
+                spring**2 * loss / under,
+                spring * (spring * storage + square) / under,
+            )
+        found.append([np.sum(measure * p) for p in (parts[0], parts[1] * np.sin(psi), parts[2])])
+    return np.array(found).T
+
+
+def random_table(seed):
+    """(ln omega, ln E', ln E'') with 10 ... 300 entries: smooth, stepping up, of little loss, noisy."""
+    rng = np.random.default_rng(seed)
+    n = (10, 40, 120, 300)[(seed + seed // 4) % 4]  # every length compiles once
+    gaps = 10 ** rng.uniform(-2.5, 0, n - 1)
+    x = -10 + np.concatenate([[0], np.cumsum(gaps * rng.uniform(10, 45) / gaps.sum())])
+    kind = ("smooth", "step", "little loss", "noisy")[seed % 4]
+    storage = 3 * np.tanh((x - 5) / 8)
+    if kind == "step":  # a factor 20 between two entries, however near
+        storage = storage + 3.0 * (x > np.median(x))
+    loss = storage + np.log(1e-3 if kind == "little loss" else 0.2)
+    scatter = {"smooth": 0.01, "step": 0.1, "little loss": 0.1, "noisy": 0.5}[kind]
+    return x, storage + scatter * rng.normal(size=n), loss + scatter * rng.normal(size=n)
+
+
+def velocities(table):
+    """ln(q v) within the table, at an entry, and far beyond its ends."""
+    x = table[0]
+    inside = np.random.default_rng(1).uniform(x[0] - 3, x[-1] + 3, 10)
+    return np.concatenate([inside, [x[0], x[1], x[0] - 12, x[0] - 30, x[-1] + 12, x[-1] + 30]])
+
+
+def stiffness(table, outside, spring):
+    """As by_quadrature has it: E' and E'' themselves."""
+    material = rf.TabulatedModulus(*map(jnp.exp, table), poisson=0.0, outside=outside)
+    return Tabulated(material, jnp.asarray(1.0), spring)
+
+
+@jax.jit
+def means(F, x):
+    found = angular_means(with_means(F, WANTED), jnp.exp(x), WANTED)
+    return jnp.stack([getattr(found, name)[0] for name in ("power", "dissipation", "storage")])
+
+
+@jax.jit
+def means_by_node(F, x):
+    found = angular_means(F._replace(spring=jnp.full(x.shape, F.spring)), jnp.exp(x)[None], WANTED)
+    return jnp.stack([getattr(found, name)[0][0] for name in ("power", "dissipation", "storage")])
+
+
+def close(found, exact, outside, tolerance):
+    # E'' that is cut off has the dissipation below the table underflow.
+    floor = np.zeros((3, 1))
+    if outside == "none":
+        floor[1] = 1e-3 * exact[1].max()
+    return (np.abs(found - exact) <= tolerance * np.maximum(exact, floor)).all()
+
+
+OUTSIDE = ("fall", "hold", "none")
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_means_of_random_tables(seed):
+    table, outside = random_table(seed), OUTSIDE[seed // 4 % 3]
+    x = velocities(table)
+    material = rf.TabulatedModulus(*map(np.exp, table), outside=outside)
+    np.testing.assert_allclose(material.storage_and_loss(x), law(table, outside, x), rtol=1e-12, atol=1e-200)
+    assert close(means(stiffness(table, outside, None), x), by_quadrature(table, outside, x), outside, 1e-9)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_means_in_series_with_a_spring(seed):
+    """The same for all nodes, or another for every node."""
+    table, outside = random_table(seed), OUTSIDE[seed % 3]
+    x, F = velocities(table), stiffness(table, outside, jnp.asarray(2.0))
+    exact = by_quadrature(table, outside, x, 2.0)
+    assert close(means(F, x), exact, outside, 1e-9)
+    assert close(means_by_node(F, x), exact, outside, 1e-9)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_derivatives_of_random_tables(seed):
+    """With respect to every entry, ln omega, ln E' and ln E'', and to ln(q v)."""
+    table, outside = random_table(seed), OUTSIDE[seed // 4 % 3]
+    x, rng = velocities(table), np.random.default_rng(2)
+    # Along a direction of all entries: a difference in omega must not be larger than what it moves.
+    gap = np.diff(table[0]).min()
+    along = np.array([0.1 * gap, 1, 1])[:, None] * rng.uniform(-1, 1, (3, table[0].size))
+    h = 1e-3
+    moved = [
+        by_quadrature(np.array(table) + k * h * along, outside, x + k * h) for k in (-3, -2, -1, 1, 2, 3)
+    ]
+    difference = np.tensordot([-1 / 60, 3 / 20, -3 / 4, 3 / 4, -3 / 20, 1 / 60], moved, 1) / h
+    slope = slope_along(np.array(table), x, along, outside)
+    scale = np.abs(means(stiffness(table, outside, None), x))
+    scale = np.maximum(scale, 1e-3 * scale.max(1, keepdims=True)) if outside == "none" else scale
+    assert (np.abs(slope - difference) <= 1e-7 * scale).all()
+
+
+def slope_along(table, x, along, outside):
+    return jax.jit(
+        lambda *at: jax.jvp(
+            lambda t, x: means(stiffness(t, outside, None), x), at, (along, jnp.ones(x.shape))
+        )[1]
+    )(table, x)
+
+
+def test_forward_and_reverse_mode_are_alike():
+    table = np.array(random_table(0))
+    x = velocities(table)
+
+    def values(table, x):
+        return means(stiffness(table, "fall", jnp.asarray(2.0)), x)
+
+    forward, reverse = (jax.jit(d(values, (0, 1)))(table, x) for d in (jax.jacfwd, jax.jacrev))
+    for one, other in zip(forward, reverse, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12 * np.abs(one).max())
+
+
+def test_a_mean_depends_on_its_own_velocity_alone():
+    table = random_table(3)
+    x, F = velocities(table), stiffness(table, "fall", None)
+    together = means(F, x)
+    alone = jnp.concatenate([means(F, x[k : k + 1]) for k in (0, 5, 12)], 1)
+    np.testing.assert_allclose(alone, together[:, np.array([0, 5, 12])], rtol=1e-14)
+
+
+def test_no_seams():
+    """Second differences over a cell of the grid do not see where one begins."""
+    table = random_table(0)
+    x = np.linspace(0, 0.05, 301)
+    found = np.log(means(stiffness(table, "fall", None), x))
+    curvature = np.diff(found, 3, axis=1) / np.diff(x)[0] ** 3
+    assert np.abs(np.diff(curvature)).max() < 0.2 * np.abs(curvature).max()
+
+
+@pytest.mark.parametrize("width", [0.05, 0.4])
+def test_another_width(width):
+    table = random_table(0)
+    x, F = velocities(table), stiffness(table, "fall", None)
+    F = F._replace(material=rf.replace(F.material, smoothing=width))
+    assert close(means(F, x), by_quadrature(table, "fall", x, width=width), "fall", 1e-9)
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 2.0, "x", True])
+def test_widths_that_are_refused(smoothing):
+    with pytest.raises(ValueError, match=r"TabulatedModulus\.smoothing = .*: must be"):
+        rf.TabulatedModulus([1.0, 2.0], [1.0, 2.0], [1.0, 2.0], smoothing=smoothing)
+
+
+def test_a_table_that_is_too_long():
+    with pytest.raises(ValueError, match="omega spans 30 decades: must be at most 26"):
+        rf.TabulatedModulus([1e-15, 1e15], [1.0, 2.0], [1.0, 2.0])
