@@ -241,20 +241,24 @@ def _by_table(F, log_qv, wanted, split, harmonics, mix):
     lower = below < 0
     down, up = jnp.exp(below), jnp.exp(-above)
 
+    def part(value, limit, share):
+        # The limit may be 1e8 times the value where nothing of it is wanted.
+        return value * share + limit * (1 - share)
+
     def even(value, ends):
         """<|F|^2> and <Re F>, which go to a constant."""
         limit = jnp.where(lower, ends[0], ends[1])
-        return limit + (value - limit) * (up if outside == "hold" else down * down * up)
+        return part(value, limit, up if outside == "hold" else down * down * up)
 
     def odd(value, ends):
         """The dissipation, which goes to 0 if E'' does."""
         if outside == "hold":
-            return ends[1] + (value - ends[1]) * up * up
+            return part(value, ends[1], up * up)
         if outside == "none":
             return value * up * up
         # What is left of the mean where it is the first of the two powers alone.
         leading = jnp.where(lower, ends[0], ends[1])
-        return (leading + (value - leading) * (down * down * up)) * (down * up)
+        return part(value, leading, down * down * up) * (down * up)
 
     means = {name: () for name in ("power", "dissipation", "storage", "transverse")}
     size = 1 if mix is not None else 1 + harmonics
