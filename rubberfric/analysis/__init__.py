@@ -4,14 +4,10 @@ from rubberfric.analysis.by_wavevector import Profile, profile
 from rubberfric.analysis.error_and_time.settings import quadrature_for
 from rubberfric.analysis.error_and_time.sweep import accuracy
 from rubberfric.analysis.extrapolation import friction_outside_table
-from rubberfric.analysis.interface import (
-    SeparationProfile,
-    contact_stiffness,
-    separation_profile,
-    stress_distribution,
-)
+from rubberfric.analysis.interface import contact_stiffness, stress_distribution
 from rubberfric.analysis.maps.friction_map import FrictionMap, friction_map
 from rubberfric.analysis.power import DissipatedPower, dissipated_power
+from rubberfric.analysis.separation_by_wavevector import SeparationProfile, separation_profile
 
 __all__ = [
     "DissipatedPower",

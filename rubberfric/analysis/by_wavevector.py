@@ -9,20 +9,23 @@ whole panels, and the density is formed at q itself: nothing is interpolated fro
 """
 
 import functools
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import cumulative_moment
-from rubberfric.roughness.spectra import log_ratio, log_shape
-from rubberfric.scene.scene import cast, rough_pairs
-from rubberfric.scene.softening import softened_of
-from rubberfric.theory.integrals import prepare, solved
+from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio, log_shape
+from rubberfric.scene.pairs import Pair, pairs_of
+from rubberfric.scene.scene import Scene
+from rubberfric.theory.contributions import total
+from rubberfric.theory.integrals import Prepared, prepare, solved
 from rubberfric.theory.model import checked
 from rubberfric.theory.partial_contact import (
     contact_argument,
@@ -30,11 +33,11 @@ from rubberfric.theory.partial_contact import (
     energy_factor,
     friction_weight,
 )
-from rubberfric.theory.stiffness.angular_means import angular_means, with_means
-from rubberfric.theory.stiffness.factors import mix_of, modes_of, node_factors
-from rubberfric.theory.stiffness.series import Sampled, Static, series_stiffness
-from rubberfric.theory.stiffness.softened_means import sampled_means
-from rubberfric.theory.stress_fluctuation import corrected, friction_terms
+from rubberfric.theory.quantities import Needs
+from rubberfric.theory.stiffness.excitation import excitation
+from rubberfric.theory.stiffness.factors import factors_at
+from rubberfric.theory.stiffness.series import static_stiffness
+from rubberfric.theory.stress_fluctuation import Contact
 from rubberfric.theory.temperatures import temperature_at
 
 _DEFAULT = Quadrature()
@@ -60,7 +63,15 @@ class Profile(NamedTuple):
     strain: jax.Array | None = None  # of a scene that softens [-]
 
 
-def profile(scene, velocity, pressure, temperature=None, *, q=None, quadrature=_DEFAULT):
+def profile(
+    scene: Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None = None,
+    *,
+    q: ArrayLike | None = None,
+    quadrature: Quadrature = _DEFAULT,
+) -> Profile:
     r"""Contact area, friction and roughness as functions of the largest wavevector seen.
 
     .. math:: P(q) = \mathrm{erf}\frac{1}{2\sqrt{G(q)}},\qquad
@@ -95,33 +106,42 @@ def profile(scene, velocity, pressure, temperature=None, *, q=None, quadrature=_
     `scene.area_correction` G has S inside. G keeps its digits where P = 1 - 1e-300. The
     magnification of a scene without roughness is counted from q[0].
     """
-    scene, conditions, q = checked_with_q(scene, velocity, pressure, temperature, quadrature, q)
-    if q is None and not rough_pairs(scene):
-        raise ValueError("q is None, but nothing in the scene is rough: must be given")
+    scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
+    q = checked_wavevectors(q, 1, conditions, scene)
     return _profile(scene, *conditions, q, quadrature=quadrature)
 
 
-def checked_with_q(scene, velocity, pressure, temperature, quadrature, q, ndim=1):
-    """`checked`, and the wavevectors of a call in the same dtype."""
-    scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
-    if q is None:
-        return scene, conditions, None
-    q = as_leaf("q", q, ndim)
-    check_values("q", q, POSITIVE)
-    return scene, conditions, cast(q, conditions[1].dtype)
+def checked_wavevectors(
+    q: ArrayLike | None, ndim: int, conditions: Sequence[jax.Array], scene: Scene
+) -> jax.Array | None:
+    """The wavevectors of a call in the dtype of its conditions, or ValueError; None if it names none.
+
+    Several are needed where nothing is rough.
+    """
+    if q is not None:
+        q = as_leaf("q", q, ndim)
+        check_values("q", q, POSITIVE)
+        return jnp.asarray(q, conditions[1].dtype)
+    if ndim and not pairs_of(scene):
+        raise ValueError("q is None, but nothing in the scene is rough: must be given")
+    return None
 
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
 def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
-    laws = [rough.spectrum.power_law() for rough, _ in rough_pairs(scene)]
-    if not laws:
+    pairs = pairs_of(scene)
+    if not pairs:
         return _without_roughness(q, jnp.broadcast_shapes(velocity.shape, pressure.shape))
+    laws = [pair.law for pair in pairs]
     first = functools.reduce(jnp.minimum, [law.q[0] for law in laws])
     if q is None:
         q = default_wavevectors(laws)
-    prepared = prepare(scene, ("area", "friction"), quadrature, marks=q)
-    at_q = densities(scene, prepared, laws, q) if "dissipation" in prepared.wanted else None
-    block = functools.partial(_over_wavevectors, prepared, at_q, q)
+    prepared = prepare(scene, ("area", "friction"), quadrature, pairs=pairs, borders=q)
+    densities = []
+    if prepared.roughness is not None and prepared.needs.dissipation:
+        scale = prepared.roughness.scale
+        densities = [density_of(pair, scale, "dissipation", q) for pair in pairs]
+    block = functools.partial(_over_wavevectors, prepared, densities, q)
     results = over_points(block, (velocity, pressure, temperature), BLOCK)
     slope2, height2 = (
         sum(cumulative_moment(law, order, log_ratio(jnp.maximum(q, law.q[0]), law.q[0])) for law in laws)
@@ -137,7 +157,7 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
     )
 
 
-def default_wavevectors(laws, count=COUNT):
+def default_wavevectors(laws: Sequence[BrokenPowerLaw], count: int = COUNT) -> jax.Array:
     """Equally spaced in ln q, over all the roughness."""
     first = functools.reduce(jnp.minimum, [law.q[0] for law in laws])
     last = functools.reduce(jnp.maximum, [law.q[-1] for law in laws])
@@ -146,120 +166,81 @@ def default_wavevectors(laws, count=COUNT):
     return jnp.concatenate([first[None], jnp.clip(within, first, last), last[None]])
 
 
-def fluctuation_at_marks(prepared, state, count):
-    """Plain G at the last `count` marks, (points, marks)."""
-    g = sum_before_marks(prepared, state.panels, count)
-    return state.stiffness[:, None] ** 2 * jnp.maximum(g, 0.0)
+def fluctuation_at_borders(prepared: Prepared, contact: Contact, count: int) -> jax.Array:
+    """Plain G at the last `count` borders that were asked for, (points, borders)."""
+    g = sum_below_borders(prepared, contact.panels, count)
+    return contact.stiffness[:, None] ** 2 * jnp.maximum(g, 0.0)
 
 
-def sum_before_marks(prepared, panels, count):
-    """Sums over the panels before each of the last `count` marks, (points, marks), of (panels, points)."""
-    before = jnp.concatenate([jnp.zeros_like(panels[:1]), jnp.cumsum(panels, 0)])
-    return before[prepared.mesh.marks[-count:]].T
+def sum_below_borders(prepared: Prepared, panels: jax.Array, count: int) -> jax.Array:
+    """Sums over the panels below each of these borders, (points, borders), of (panels, points)."""
+    roughness, below = (
+        prepared.roughness,
+        jnp.concatenate([jnp.zeros_like(panels[:1]), jnp.cumsum(panels, 0)]),
+    )
+    assert roughness is not None and roughness.mesh.panels_below is not None  # borders were asked for
+    return below[roughness.mesh.panels_below[-count:]].T
 
 
-def contact_at_marks(prepared, state, count):
-    """x and G at the last marks, with S in G where the scene asks for it, both (points, marks)."""
-    plain = fluctuation_at_marks(prepared, state, count)
+def contact_at_borders(prepared: Prepared, contact: Contact, count: int) -> tuple[jax.Array, jax.Array]:
+    """x and G at these borders, with S in G where the scene asks for it, both (points, borders)."""
+    plain = fluctuation_at_borders(prepared, contact, count)
     x_plain = contact_argument(plain, jnp.ones_like(plain))
-    x = corrected(prepared, x_plain)
+    x = contact.corrected(x_plain)
     # x stops at 27, where S = 1: G itself goes on.
     return x, plain * (x_plain / x) ** 2
 
 
-def _over_wavevectors(prepared, at_q, q, points):
-    """Fields of Profile at points, (points, marks)."""
-    velocity, pressure, temperature = (*points, None)[:3]
-    state, temperatures = solved(prepared, velocity, pressure, temperature)
-    x, G = contact_at_marks(prepared, state, q.shape[0])
+def _over_wavevectors(prepared, densities, q, points):
+    """Fields of Profile at points, (points, wavevectors)."""
+    contact, temperatures = solved(prepared, *points)
+    x, G = contact_at_borders(prepared, contact, q.shape[0])
     P = contact_fraction(x)
-    density = friction = jnp.zeros_like(G)
-    warm = None
+    results = {"area": P, "fluctuation": G, "energy_factor": energy_factor(P, contact.gamma)}
+    strained = [points[2] if len(points) > 2 else None] * len(densities)
     if temperatures is not None:
-        warm = temperature_at(prepared, state, temperatures, velocity, pressure, temperature, q)
-    if at_q is not None:
-        terms = sum(jnp.sum(values, -1) for values in friction_terms(prepared, state).values())
-        friction = sum_before_marks(prepared, terms, q.shape[0])
-        temperatures_of = [temperature] * len(at_q) if warm is None else _of_channels(prepared, warm)
-        density = (jnp.pi * state.stiffness)[:, None] * friction_weight(x, prepared.gamma)
-        density = density * sum(
-            density_at(one, "dissipation", velocity, T, q, prepared.quadrature)
-            for one, T in zip(at_q, temperatures_of, strict=True)
-        )
-    results = {
-        "area": P,
-        "fluctuation": G,
-        "energy_factor": energy_factor(P, prepared.gamma),
-        "friction_density": density,
-        "friction": friction,
+        solids = prepared.thermal.strained
+        found = temperature_at(prepared.thermal, prepared.roughness, contact, temperatures, points, q)
+        strained = [None if solid is None else found[:, solid] for solid in solids]
+        results["temperature"] = jnp.mean(found, 1)
+    if not prepared.needs.dissipation:
+        return results | dict.fromkeys(("friction_density", "friction"), jnp.zeros_like(G))
+    terms = total(jnp.sum(values, -1) for values in contact.friction_terms().values())
+    density = sum(one(points[0], T) for one, T in zip(densities, strained, strict=True))
+    weight = (jnp.pi * contact.stiffness)[:, None] * friction_weight(x, contact.gamma)
+    return results | {
+        "friction_density": weight * density,
+        "friction": sum_below_borders(prepared, terms, q.shape[0]),
     }
-    return results if warm is None else results | {"temperature": jnp.mean(warm, 1)}
 
 
-def _of_channels(prepared, warm):
-    """For every channel the temperatures of the solid it excites, (points, wavevectors)."""
-    return [None if solid is None else warm[:, solid] for solid in prepared.thermal.heated]
+def density_of(
+    pair: Pair, scale: jax.Array, kind: str, q: jax.Array
+) -> Callable[[jax.Array, jax.Array | None], jax.Array | float]:
+    """Function that gives q^4 C <cos phi Im K'> ("dissipation") or q^4 C <|K'|^2> ("power") of a pair.
 
-
-class AtWavevectors(NamedTuple):
-    """What a channel adds to densities over ln q at given wavevectors."""
-
-    stiffness: object  # Static, Relaxing, Tabulated or Sampled, at q itself
-    shift: object
-    modes: tuple  # `factors.Modes`
-    mix: tuple | None  # as `channels.Channel`
-    factors: object  # `factors.Factors`, None if F is Static
-    roughness: jax.Array  # q^4 C, 0 outside the spectrum
-
-
-def densities(scene, prepared, laws, q):
-    """`AtWavevectors` of every channel."""
-    found, softened = [], softened_of(scene)
-    for (rough, other), law in zip(rough_pairs(scene), laws, strict=True):
-        F = series_stiffness(rough, other, prepared.scale, (q, q), softened)
-        inside = (q >= law.q[0]) & (q <= law.q[-1])
-        # Outside, at a wavevector of the spectrum: continued far, it may overflow.
-        at = jnp.where(inside, q, law.q[0])
-        roughness = law.height2 * jnp.exp(log_shape(law, at) + 4 * jnp.log(at))
-        modes = modes_of(rough, other, softened)
-        mix = mix_of(rough, modes, q)
-        found.append(
-            AtWavevectors(
-                stiffness=with_means(F, {"power", "dissipation"}, modes.split, mix),
-                shift=getattr(other.material, "shift", None),
-                modes=modes,
-                mix=mix,
-                factors=None if isinstance(F, Static) else node_factors(rough, other, softened, q),
-                roughness=jnp.where(inside, roughness, 0.0),
-            )
-        )
-    return found
-
-
-def density_at(at, wanted, velocity, temperature, q, quadrature):
-    """q^4 C <cos phi Im K'> ("dissipation") or q^4 C <|K'|^2> ("power"), (points, wavevectors).
-
-    K' is the series stiffness in its unit, all factors included. 0.0 if F is Static and the dissipation
-    is wanted. The temperature is None, (points,) or (points, wavevectors).
+    K' is the series stiffness in its unit, the scale, all factors included. The function takes the velocity
+    and the temperature of the strained solid: None, (points,) or (points, wavevectors), and returns an
+    array (points, wavevectors); of a dissipation that is zero 0.0.
     """
-    F = at.stiffness
-    if isinstance(F, Static):
-        return (at.roughness * F.value**2)[None] if wanted == "power" else 0.0
-    velocity = velocity[:, None]
-    if temperature is not None and at.shift is not None:
-        temperature = temperature[:, None] if temperature.ndim == 1 else temperature
-        velocity = velocity * jnp.exp(at.shift.log_factor(temperature))
-    qv = velocity * q
-    if isinstance(F, Sampled):
-        F = F._replace(storage=F.storage[None], loss=F.loss[None], spring=F.spring[None])
-        means = jax.tree.map(
-            lambda x: x[0], sampled_means(F, qv[None], frozenset({wanted}))
-        )
-    else:
-        means = angular_means(F, qv, frozenset({wanted}), at.modes.split, at.mix)
-    means, factors = getattr(means, wanted), getattr(at.factors, wanted)
-    terms = (mean if f is None else f * mean for f, mean in zip(factors, means, strict=True))
-    return at.roughness * sum(terms)
+    law = pair.law
+    inside = (q >= law.q[0]) & (q <= law.q[-1])
+    # Outside, at a wavevector of the spectrum: continued far, it may overflow.
+    at = jnp.where(inside, q, law.q[0])
+    roughness = jnp.where(inside, law.height2 * jnp.exp(log_shape(law, at) + 4 * jnp.log(at)), 0.0)
+    if not pair.relaxes:
+        power = (roughness * static_stiffness(pair, scale, q) ** 2)[None] if kind == "power" else 0.0
+        return lambda *_: power
+    excited = excitation(pair, scale, q[None], Needs(**{kind: True}))
+    weights = factors_at(pair, q).of(kind, roughness)
+
+    def density(velocity, temperature):
+        if temperature is not None and temperature.ndim > 1:
+            temperature = temperature[None]
+        means = excited.means(q[None], velocity, temperature)
+        return sum(w * mean[0] for w, mean in zip(weights, means[kind], strict=True))
+
+    return density
 
 
 def _root(square):

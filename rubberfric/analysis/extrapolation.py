@@ -1,17 +1,31 @@
 """How far a friction rests on the extrapolation of tabulated moduli."""
 
-import dataclasses
-
+import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.tabulated_modulus import TabulatedModulus
+from rubberfric.scene.scene import Scene
 from rubberfric.theory.model import solve
 
 _DEFAULT = Quadrature()
 
 
-def friction_outside_table(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT):
+def tabulated_solids(scene: Scene) -> list[str]:
+    """Which of "lower" and "upper" have a tabulated modulus."""
+    bodies = {"lower": scene.lower, "upper": scene.upper}
+    return [name for name, body in bodies.items() if isinstance(body.material, TabulatedModulus)]
+
+
+def friction_outside_table(
+    scene: Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None = None,
+    *,
+    quadrature: Quadrature = _DEFAULT,
+) -> jax.Array:
     r"""Share of the viscoelastic friction that comes from frequencies outside the tabulated moduli.
 
     .. math:: 1 - \mu_\mathrm{none} / \mu
@@ -34,18 +48,13 @@ def friction_outside_table(scene, velocity, pressure, temperature=None, *, quadr
     ------
     ValueError : as `contact_area`, or a scene without a tabulated modulus.
     """
-    bodies = {"lower": scene.lower, "upper": scene.upper}
-    tabulated = {name: body for name, body in bodies.items() if isinstance(body.material, TabulatedModulus)}
+    tabulated = tabulated_solids(scene)
     if not tabulated:
         raise ValueError("scene: no material is a TabulatedModulus; one must be")
-    cut = {
-        name: dataclasses.replace(body, material=dataclasses.replace(body.material, outside="none"))
-        for name, body in tabulated.items()
-    }
+    cut = scene.replace({f"{solid}.material.outside": "none" for solid in tabulated})
     conditions = (velocity, pressure, temperature)
     part = "viscoelastic_friction"
     whole, inside = (
-        getattr(solve(s, *conditions, quadrature=quadrature, quantities=(part,)), part)
-        for s in (scene, dataclasses.replace(scene, **cut))
+        getattr(solve(s, *conditions, quadrature=quadrature, quantities=(part,)), part) for s in (scene, cut)
     )
     return jnp.where(whole != 0, 1 - inside / jnp.where(whole != 0, whole, 1.0), 0.0)

@@ -11,18 +11,30 @@ whatever the number of parameters, and the second by forward mode, once for all 
 Forward mode alone costs an evaluation for every parameter.
 """
 
+from collections.abc import Callable
+
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
-from rubberfric.theory.model import evaluate_quantities, prepare_quantities, solve
+from rubberfric.base.quadrature import Quadrature
+from rubberfric.scene.scene import Scene
+from rubberfric.theory.integrals import evaluate, prepare
+from rubberfric.theory.model import solve
 
 # Points at once: each keeps the derivatives with respect to all that was prepared, about 0.2 MB.
 # On a processor they must stay in its cache: 32 at once take a third of the time that 256 take.
 BLOCK, CACHED = 256, 32
 
 
-def value_and_jacobian(scene_of, x, conditions, quantity, quadrature):
+def value_and_jacobian(
+    scene_of: Callable[[jax.Array], Scene],
+    x: jax.Array,
+    conditions: tuple[ArrayLike, ArrayLike, ArrayLike | None],
+    quantity: str,
+    quadrature: Quadrature,
+) -> tuple[jax.Array, jax.Array]:
     """A quantity at points, and its derivatives with respect to x.
 
     Parameters
@@ -46,9 +58,7 @@ def value_and_jacobian(scene_of, x, conditions, quantity, quadrature):
 
     def prepared(x):
         """Arrays of the prepared scene, reals and integers; what is no array stays behind in `shape`."""
-        leaves, shape["tree"] = jax.tree_util.tree_flatten(
-            prepare_quantities(scene_of(x), (quantity,), quadrature)
-        )
+        leaves, shape["tree"] = jax.tree_util.tree_flatten(prepare(scene_of(x), (quantity,), quadrature))
         shape["kind"] = [_kind(leaf) for leaf in leaves]
         shape["objects"] = [leaf for leaf in leaves if _kind(leaf) == "object"]
         return (
@@ -70,7 +80,7 @@ def value_and_jacobian(scene_of, x, conditions, quantity, quadrature):
             "object": iter(shape["objects"]),
         }
         ready = jax.tree_util.tree_unflatten(shape["tree"], [next(parts[kind]) for kind in shape["kind"]])
-        return evaluate_quantities(ready, (quantity,), [c[None] for c in point])[quantity][0]
+        return evaluate(ready, (quantity,), [c[None] for c in point])[quantity][0]
 
     chosen = [a for a, moves in zip(arrays, moving, strict=True) if moves]
 

@@ -9,15 +9,14 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import over_points
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.scene import dissipates
+from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import shear_friction
 from rubberfric.theory.integrals import prepare, solved
 from rubberfric.theory.model import checked
-from rubberfric.theory.stress_fluctuation import contact_area, friction_terms
-from rubberfric.theory.temperatures import shear_temperature
 
 BLOCK = 128  # points evaluated at once
 _DEFAULT = Quadrature()
@@ -32,7 +31,14 @@ class DissipatedPower(NamedTuple):
     total: jax.Array  # their sum, mu sigma_0 v
 
 
-def dissipated_power(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT):
+def dissipated_power(
+    scene: Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None = None,
+    *,
+    quadrature: Quadrature = _DEFAULT,
+) -> DissipatedPower:
     r"""Power dissipated per nominal area, by where it goes.
 
     .. math:: p_\mathrm{lower} = v \int d^2q\, S P\, C_2\, q\cos\varphi\,\mathrm{Im}K_2,\qquad
@@ -67,25 +73,20 @@ def dissipated_power(scene, velocity, pressure, temperature=None, *, quadrature=
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
 def _dissipated_power(scene, velocity, pressure, temperature, *, quadrature):
-    wanted = (("area",) if scene.shear is not None else ()) + ("friction",) * dissipates(scene)
-    prepared = prepare(scene, wanted, quadrature)
-    # Roughness of the lower solid strains the upper one, and the other way round.
-    strained = [
-        name for name, rough in (("upper", scene.lower), ("lower", scene.upper)) if rough.spectrum is not None
-    ]
+    prepared = prepare(scene, ("friction",), quadrature)
 
     def powers(points):
-        velocity, pressure, temperature = (*points, None)[:3]
-        results = dict.fromkeys(("lower", "upper", "shear"), jnp.zeros_like(pressure))
+        velocity, pressure = points[:2]
+        temperature = points[2] if len(points) > 2 else None
+        results = {solid: jnp.zeros_like(pressure) for solid in ("lower", "upper", "shear")}
         area = jnp.ones_like(pressure)
-        if prepared.wanted:
-            state, temperatures = solved(prepared, velocity, pressure, temperature)
-            area = contact_area(prepared, state)
+        if prepared.roughness is not None:
+            contact, temperatures = solved(prepared, *points)
+            area = contact.area()
             if temperatures is not None:
-                temperature = shear_temperature(scene.heating, temperatures.flash, temperature)
-            found = friction_terms(prepared, state) if "dissipation" in prepared.wanted else {}
-            for j, terms in found.items():
-                results[strained[j]] = jnp.sum(terms, (0, 2)) * pressure * velocity
+                temperature = temperatures.surface
+            for j, terms in contact.friction_terms().items():
+                results[prepared.roughness.strained[j]] = jnp.sum(terms, (0, 2)) * pressure * velocity
         if scene.shear is not None:
             mu = shear_friction(scene.shear, area, velocity, pressure, temperature)
             results["shear"] = mu * pressure * velocity

@@ -84,15 +84,15 @@ def legendre_transform(order):
 
 
 @functools.cache
-def between(order):
+def nodes_between(order):
     """Nodes on [0, 1] for integrals from 0 to every Gauss node: a few in each gap between neighbours."""
     borders = np.concatenate([[0.0], gauss(order)[0]])
     return _frozen((borders[:-1, None] + np.diff(borders)[:, None] * gauss(_IN_A_GAP)[0]).ravel())
 
 
 @functools.cache
-def between_weights(order):
-    """Weights of the nodes of `between`, each for the gap it lies in; shape (order, nodes in a gap)."""
+def weights_between(order):
+    """Weights of the nodes of `nodes_between`, each for the gap it lies in; shape (order, nodes in a gap)."""
     gap = np.diff(np.concatenate([[0.0], gauss(order)[0]]))
     return _frozen(gap[:, None] * gauss(_IN_A_GAP)[1])
 
@@ -101,12 +101,12 @@ def between_weights(order):
 def cumulative(order):
     """Array T with int_0^x_k w f = sum_si w(y_s) T[s, k, i] f(x_i) on [0, 1].
 
-    x are the Gauss nodes, y those of `between`; f is smooth and known at x only, w known
+    x are the Gauss nodes, y those of `nodes_between`; f is smooth and known at x only, w known
     anywhere: a rule for each w that stays accurate, and so positive, where w grows by 1e6
-    within the panel. Shape (nodes of between, order, order).
+    within the panel. Shape (nodes between, order, order).
     """
-    y = between(order)
-    weight = between_weights(order).ravel()
+    y = nodes_between(order)
+    weight = weights_between(order).ravel()
     basis = legendre.legvander(2 * y - 1, order - 1) @ legendre_transform(order)
     before = np.repeat(np.arange(order), _IN_A_GAP)[:, None] <= np.arange(order)
     return _frozen((weight[:, None] * before)[:, :, None] * basis[:, None, :])

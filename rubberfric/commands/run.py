@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rubberfric.analysis.extrapolation import friction_outside_table
+from rubberfric.analysis.extrapolation import friction_outside_table, tabulated_solids
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.base.units import to_celsius
 from rubberfric.commands.shared import add_outputs, check_outputs, convergence_line
@@ -14,10 +14,10 @@ from rubberfric.io.files import read_computable
 from rubberfric.io.result_files import save_result
 from rubberfric.io.results import QUANTITIES, Result, result_shape
 from rubberfric.io.scene_files.conditions import Conditions
-from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.plot.save import save_plot
 from rubberfric.scene.scene import Scene
-from rubberfric.theory.model import Solution, quantities_of, solve
+from rubberfric.theory.model import solve
+from rubberfric.theory.quantities import Solution, quantities_of
 
 
 def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -100,8 +100,7 @@ def table(result: Result) -> Iterator[str]:
 
 def extrapolation_line(result: Result) -> str:
     """How far the friction rests on extrapolated moduli; "" if no modulus is tabulated."""
-    bodies = (result.scene.lower, result.scene.upper)
-    if not any(isinstance(body.material, TabulatedModulus) for body in bodies):
+    if not tabulated_solids(result.scene):
         return ""
     share = np.max(np.abs(friction_outside_table(result.scene, *result.conditions.grid())))
     mu = "mu" if result.scene.shear is None else "the viscoelastic mu"

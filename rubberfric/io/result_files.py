@@ -33,7 +33,7 @@ from rubberfric.io.results import CONDITIONS, DIMENSIONS, QUANTITIES, Result, re
 from rubberfric.io.scene_files.conditions import Conditions, SceneFile, check_conditions
 from rubberfric.io.scene_files.hdf5 import FORMAT, read_object, write_object
 from rubberfric.scene.scene import Scene
-from rubberfric.theory.model import Solution
+from rubberfric.theory.quantities import Solution
 
 # NAME of a dimension scale that is no coordinate, as netCDF writes it (with its length).
 _BARE = "This is a netCDF dimension but not a netCDF variable."

@@ -10,7 +10,7 @@ from rubberfric.base.objects.physical import object_html
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.scene.scene import Scene
-from rubberfric.theory.model import Solution
+from rubberfric.theory.quantities import Solution
 
 
 class Quantity(NamedTuple):

@@ -9,6 +9,7 @@ from rubberfric.materials.slab import Layer, Slab
 from rubberfric.materials.tabulated_modulus import TabulatedModulus
 
 __all__ = [
+    "WLF",
     "Arrhenius",
     "Coating",
     "Elastic",
@@ -21,6 +22,5 @@ __all__ = [
     "Slab",
     "TabulatedModulus",
     "TabulatedShift",
-    "WLF",
     "complex_modulus",
 ]

@@ -53,9 +53,9 @@ class Coating(Layer):
             )
 
     @property
-    def relaxes(self) -> bool:
-        """Whether the base does."""
-        return self.base.relaxes
+    def below(self) -> Material:
+        """`base`."""
+        return self.base
 
     def check_material(self, material: Material) -> None:
         """ValueError unless a coating can be of this material."""

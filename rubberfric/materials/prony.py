@@ -1,4 +1,7 @@
-"""Prony series (generalised Maxwell models), of Young's or of the shear modulus."""
+"""Prony series (generalised Maxwell models), of Young's or of the shear modulus.
+
+[Ferry, Viscoelastic Properties of Polymers, 3rd edition, Wiley 1980, chapters 1 and 3]
+"""
 
 from typing import ClassVar
 

@@ -43,6 +43,8 @@ class Shift(Kind):
 class WLF(Shift):
     r"""Williams-Landel-Ferry shift, log10 a_T = -C1 (T - T_ref) / (C2 + T - T_ref).
 
+    [Williams, Landel & Ferry, J. Am. Chem. Soc. 77 (1955) 3701, doi:10.1021/ja01619a008]
+
     Parameters
     ----------
     C1 : [-]

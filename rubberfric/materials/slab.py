@@ -26,9 +26,14 @@ class Layer(Kind):
     multiplies: ClassVar[bool] = True
 
     @property
+    def below(self) -> Material | None:
+        """The material of what deforms below the layer; None on a rigid base."""
+        return None
+
+    @property
     def relaxes(self) -> bool:
         """Whether it has a solid of its own, beside the body's material, that relaxes."""
-        return False
+        return self.below is not None and self.below.relaxes
 
     def check_material(self, material: Material) -> None:
         """ValueError if it cannot be a layer of this material, whose Poisson's ratio is a constant."""
@@ -73,7 +78,7 @@ class Slab(Layer):
     def stiffening(self, poisson: jax.Array, q: jax.Array) -> jax.Array:
         r"""Sbar(q d) [-]: stiffness of the layered solid over that of the half-space.
 
-        Bonded [Scaraggi & Persson, below (A10), scaled by exp(-2x)], x = q d, a = 3 - 4 nu:
+        Bonded [Scaraggi & Persson, arXiv:1506.06955, below (A10), scaled by exp(-2x)], x = q d, a = 3 - 4 nu:
 
         .. math:: \bar S = \frac{2a\sinh^2 x + 2x^2 + 8(1-\nu)^2}{a(\sinh 2x - 2x) + 4(1-2\nu)x}
 

@@ -27,8 +27,7 @@ def plot_accuracy(accuracy: Accuracy, ax: Axes | None = None, *, unit: Row | Non
     Parameters
     ----------
     accuracy : Accuracy
-    ax : matplotlib axes, or None
-        None: axes of a new figure of its own, `ax.figure`, which pyplot does not know.
+    ax : matplotlib axes, or None for those of a new figure
     unit : a row of `accuracy` whose forward run time is the unit of time, or None
         None: milliseconds.
 

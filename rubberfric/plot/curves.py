@@ -43,8 +43,7 @@ def plot_result(result: Result, ax: Panels | None = None) -> Panels:
     ----------
     result : Result
         see `rubberfric.io.results`. Velocities <= 0 have no logarithm and are left out.
-    ax : sequence of as many matplotlib axes as the solution has of these quantities, or None
-        None: axes of a new figure of its own, `ax[0].figure`, which pyplot does not know.
+    ax : sequence of a matplotlib axes for each quantity drawn, or None for those of a new figure
 
     Returns
     -------
@@ -71,8 +70,7 @@ def plot_friction(result: Result, ax: Axes | None = None) -> Axes:
     result : Result
         of `rubberfric.friction_map` or a result file; see `plot_curve` for bare arrays. Velocities
         <= 0 have no logarithm and are left out.
-    ax : matplotlib axes, or None
-        None: axes of a new figure of its own, `ax.figure`, which pyplot does not know.
+    ax : matplotlib axes, or None for those of a new figure
 
     Returns
     -------
@@ -108,8 +106,7 @@ def plot_curve(
     velocity : [m/s], shape (n,); those <= 0 have no logarithm and are left out
     values : of the quantity, in SI units, shape (n,); or a dict of label -> such an array
     quantity : "friction", "area", "separation", "transverse_friction" or "flash_temperature"
-    ax : matplotlib axes, or None
-        None: axes of a new figure of its own, `ax.figure`, which pyplot does not know.
+    ax : matplotlib axes, or None for those of a new figure
 
     Returns
     -------
@@ -154,11 +151,9 @@ def _quantity(result: Result, name: str, ax: Axes | None) -> Axes:
         known = [one for one, values in result.solution._asdict().items() if values is not None]
         raise ValueError(f"result has no {name}, only {', '.join(known) or 'nothing'}: must be computed")
     _some_velocities(result.conditions.velocity)
-    axes = one_axes(ax)
+    axes = one_axes(ax, title=result.title)
     _draw(axes, result, name)
     axes.set_xlabel(LOG_V)
-    if ax is None and result.title:
-        axes.figure.suptitle(result.title, fontsize="medium", wrap=True)
     return axes
 
 
@@ -202,11 +197,8 @@ def _parts(axes: Axes, result: Result, shown: np.ndarray, lines: list[Line2D]) -
     for name, (style, marker, label) in PARTS.items():
         if getattr(result.solution, name) is None:
             continue
-        look: dict[str, Any] = {
-            "linestyle": style,
-            "linewidth": 1.2,
-            "marker": marker if shown.size < 2 else None,
-        }
+        point = marker if shown.size < 2 else None
+        look: dict[str, Any] = {"linestyle": style, "linewidth": 1.2, "marker": point}
         for (i, j), line in zip(labels, lines, strict=True):
             part = np.asarray(getattr(result.solution, name))[i, j, shown]
             axes.plot(log_v, part, color=line.get_color(), **look)

@@ -36,8 +36,7 @@ def plot_map(
         at two velocities > 0 or more (others have no logarithm and are left out), and at two
         pressures or temperatures or more.
     quantity : name of a field of its solution
-    ax : sequence of as many matplotlib axes as there are panels, or None
-        None: axes of a new figure of its own, `ax[0].figure`, which pyplot does not know.
+    ax : sequence of as many matplotlib axes as there are panels, or None for those of a new figure
     temperature : index of the one temperature to draw over the pressure, or None
     pressure : index of the one pressure to draw over the temperature, or None
         None: every pressure; of more than four, four from the first to the last.

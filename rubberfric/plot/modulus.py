@@ -42,9 +42,8 @@ def plot_modulus(
     ----------
     material : Elastic, Prony, PronyShear or TabulatedModulus
         entries of a table are points.
-    ax : matplotlib axes, or None
-        None: axes of a new figure of its own, `ax.figure`, which pyplot does not know. The scale of
-        tan delta is the last of `ax.figure.axes`.
+    ax : matplotlib axes, or None for those of a new figure
+        The scale of tan delta is the last of `ax.figure.axes`.
     omega : angular frequencies [rad/s], > 0, shape (n,)
         None: two decades more than the relaxation times span, one more than a table, and the data.
     temperature : [K], or None for the reference temperature

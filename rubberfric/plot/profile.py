@@ -29,8 +29,7 @@ def plot_profile(
     ----------
     profile : Profile
         see `rubberfric.analysis.profile`
-    ax : sequence of three matplotlib axes, or None
-        None: axes of a new figure of its own, `ax[0].figure`, which pyplot does not know.
+    ax : sequence of three matplotlib axes, or None for those of a new figure
     labels : names of the conditions in the order of their flattened array, for a legend; None: no legend
 
     Returns

@@ -29,9 +29,8 @@ def plot_sensitivity(
     tau : relaxation times [s], > 0, all different, shape (m,), m >= 2
     values : [-], shape (m, n)
         of `fitting.sensitivity(scene, velocity, pressure, "upper.material.E")`
-    ax : matplotlib axes, or None
-        None: axes of a new figure of its own, `ax.figure`, which pyplot does not know. The scale of
-        colours is the last of `ax.figure.axes`.
+    ax : matplotlib axes, or None for those of a new figure
+        The scale of colours is the last of `ax.figure.axes`.
     label : text beside the scale of colours
 
     Returns

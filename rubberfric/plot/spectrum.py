@@ -8,11 +8,8 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.plot.style import Axes, Line2D, colours, legend, one_axes, vector
-from rubberfric.roughness.anisotropy import Anisotropic, TabulatedAnisotropic
 from rubberfric.roughness.moments import rms_slope
-from rubberfric.roughness.spectra import SelfAffine, TabulatedSpectrum, log_power_spectrum
-
-Spectrum = SelfAffine | TabulatedSpectrum | Anisotropic | TabulatedAnisotropic
+from rubberfric.roughness.spectra import Spectrum, TabulatedSpectrum, log_power_spectrum
 
 _POINTS = 200
 # Entries of a table that are drawn as points.
@@ -47,9 +44,8 @@ def plot_spectrum(spectra: Any, ax: Axes | None = None, q: ArrayLike | None = No
         directions) are lines, with their first, roll-off and cut-off wavevectors marked; what has
         arrays q [1/m] and C [m^4] (`MeasuredSpectrum` of a map, `fitting.SpectrumData`) is points,
         with error bars if it has `relative` or `sigma`.
-    ax : matplotlib axes, or None
-        None: axes of a new figure of its own, `ax.figure`, which pyplot does not know. The scale of the
-        slope is the last of `ax.figure.axes`.
+    ax : matplotlib axes, or None for those of a new figure
+        The scale of the slope is the last of `ax.figure.axes`.
     q : wavevectors of the lines [1/m], > 0, shape (n,); None: 200 from end to end, and all kinks
 
     Returns
@@ -109,11 +105,10 @@ def _curve(label: str, spectrum: Any, q: np.ndarray | None) -> _Curve:
 
 
 def _line(label: str, spectrum: Spectrum, q: np.ndarray | None) -> _Curve:
-    own = spectrum.base if isinstance(spectrum, Anisotropic) else spectrum
-    broken = isinstance(own, SelfAffine)
-    if broken and not own.h_rms > 0:
+    if not spectrum.height_scale() > 0:
         raise ValueError(f"{label} is smooth: must be rough, for log C")
-    kinks = np.asarray((own.q0, own.qr, own.q1) if broken else own.q, float)
+    kinks = np.asarray(spectrum.power_law().q, float)
+    formula = spectrum.entries() is None
     if q is None:
         q = np.union1d(np.geomspace(kinks[0], kinks[-1], _POINTS)[1:-1], kinks)
     q = q[(q >= kinks[0]) & (q <= kinks[-1])]
@@ -121,9 +116,10 @@ def _line(label: str, spectrum: Spectrum, q: np.ndarray | None) -> _Curve:
         raise ValueError(f"{label}: no q lies within {kinks[0]:g} ... {kinks[-1]:g} 1/m; one must at least")
     C, slope = _values(spectrum, q)
     at_kinks = _values(spectrum, kinks)[0]
-    places = {"q0": 0, "qr": 1, "q1": 2} if broken else {"q0": 0, "q1": -1}
+    rolls_off = formula and kinks.size == 3
+    places = {"q0": 0, "qr": 1, "q1": 2} if rolls_off else {"q0": 0, "q1": -1}
     named = {name: (kinks[i], at_kinks[i]) for name, i in places.items()}
-    entries = None if broken or kinks.size > _ENTRIES else (kinks, at_kinks)
+    entries = None if formula or kinks.size > _ENTRIES else (kinks, at_kinks)
     return _Curve(q, C, False, None, slope, named, entries)
 
 

@@ -79,10 +79,10 @@ def new_figure(size: tuple[float, float], title: str = "") -> Figure:
     return figure
 
 
-def one_axes(ax: Axes | None, size: tuple[float, float] = (6.4, 4.0)) -> Axes:
+def one_axes(ax: Axes | None, size: tuple[float, float] = (6.4, 4.0), title: str = "") -> Axes:
     """The axes to draw into: `ax`, or of a new figure if it is None."""
     if ax is None:
-        return new_figure(size).subplots()
+        return new_figure(size, title).subplots()
     from matplotlib.axes import Axes
 
     if not isinstance(ax, Axes):

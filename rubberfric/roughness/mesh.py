@@ -12,14 +12,24 @@ many knots costs no evaluation of the stiffness.
 Nothing here depends on velocity or pressure: one mesh serves all points of a call.
 """
 
+import functools
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.base.quadrature import between, gauss, legendre_transform, typed
-from rubberfric.roughness.spectra import log_ratio
+from rubberfric.base.quadrature import Quadrature, gauss, legendre_transform, nodes_between, typed
+from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio
+
+
+class Between(NamedTuple):
+    """Nodes between the contact nodes, for integrals up to every one of them; (contact panels, nodes)."""
+
+    q: jax.Array  # [1/m]
+    roughness: tuple[jax.Array, ...]  # q^4 C_j there, times dt / d(node coordinate)
+    interpolate: jax.Array | None  # from angular nodes, (contact panels, nodes, angular_order), if asked for
 
 
 class Mesh(NamedTuple):
@@ -27,58 +37,67 @@ class Mesh(NamedTuple):
 
     angular_q: jax.Array  # wavevectors of the angular nodes [1/m], (angular panels, angular_order)
     q: jax.Array  # of the contact nodes [1/m], (contact panels, order)
-    measure: jax.Array  # dt / d(node coordinate), same shape
-    roughness: tuple  # q^4 C_j at the contact nodes, one array for each spectrum
-    between_q: jax.Array | None  # nodes between the contact nodes [1/m], for cumulative integrals
-    between_roughness: tuple | None  # q^4 C_j dt / d(node coordinate) there
+    roughness: tuple[jax.Array, ...]  # q^4 C_j there, times the weight in an integral over ln q
+    between: Between | None  # if graded
     panel: jax.Array  # the angular panel that serves each contact panel, (contact panels,)
     interpolate: jax.Array  # from angular to contact nodes, (contact panels, order, angular_order)
-    between_interpolate: jax.Array | None  # to the nodes between, if asked for
     last: jax.Array  # largest wavevector of the roughness [1/m]
-    marks: jax.Array | None  # how many contact panels lie before each mark, if there are marks
+    panels_below: jax.Array | None  # how many contact panels lie below each border that was asked for
+
+    def serving(self, values: jax.Array) -> jax.Array:
+        """Values at the angular nodes, (angular panels, ...), that serve each contact panel."""
+        return values.at[self.panel].get(mode="promise_in_bounds")
+
+    def to_contact(self, values: jax.Array) -> jax.Array:
+        """Values at the angular nodes, (angular panels, points, angular_order), at the contact nodes."""
+        return jnp.einsum("kvi,kci->kvc", self.serving(values), self.interpolate)
 
 
-def build_mesh(laws, quadrature, graded=True, logarithmic=False, marks=None):
+def build_mesh(
+    laws: Sequence[BrokenPowerLaw],
+    quadrature: Quadrature,
+    graded: bool = True,
+    logarithmic: bool = False,
+    borders: jax.Array | None = None,
+) -> Mesh:
     """Mesh for one or two broken power laws.
 
     Parameters
     ----------
-    laws : sequence of BrokenPowerLaw
+    laws : of one rough surface or two
     quadrature : Quadrature
-    graded : bool
-        False leaves out the panels graded towards the beginnings and the nodes for
-        cumulative integrals; enough for G(q1), as the contact area needs.
-    logarithmic : bool
-        True adds the interpolation to the nodes for cumulative integrals.
-    marks : wavevectors that must be borders of contact panels [1/m], shape (n,), or None
-        Integrals up to a mark are then sums over whole panels. One outside the roughness counts as
+    graded : whether there are panels graded towards the beginnings, and nodes between; without them
+        the mesh is enough for G(q1), as the contact area needs.
+    logarithmic : whether there is the interpolation to the nodes between.
+    borders : wavevectors that must be borders of contact panels [1/m], shape (n,), or None
+        Integrals up to one are then sums over whole panels. One outside the roughness counts as
         its nearer end.
     """
     begins = jnp.stack([law.q[0] for law in laws])
     leader = jnp.argmin(jax.lax.stop_gradient(begins))
     first = begins[leader]
-    kinks = [_from_first(law.q, first, leader == j) for j, law in enumerate(laws)]
     start = jnp.log(first)
+    kinks = [_from_first(law.q, first, leader == j) for j, law in enumerate(laws)]
     # Only beginnings and kinks carry gradients: where the other borders are does not matter.
     fixed_kinks = jax.lax.stop_gradient(kinks)
-    end = _reduce(jnp.maximum, [kink[-1] for kink in fixed_kinks])
+    end = functools.reduce(jnp.maximum, [kink[-1] for kink in fixed_kinks])
     width, uniform = _uniform_borders(laws, fixed_kinks, quadrature.panels)
     # These stay where they are when the first wavevector moves, from which t counts.
     uniform = uniform - (start - jax.lax.stop_gradient(start))
-    borders = [uniform, *kinks]
+    t = [uniform, *kinks]
     if graded:
         fractions = typed(quadrature.ratio ** (-2.0 * np.arange(1, quadrature.graded + 1)), end)
-        # These hang on the beginning and move with it: held, the innermost panel, 1e-10
+        # These hang on the beginning and move with it: fixed, the innermost panel, 1e-10
         # wide, would stretch with q0, and its quadrature error with it.
-        borders += [
+        t += [
             jnp.minimum(kink[0] + width(fixed[0]) * fractions, end)
             for kink, fixed in zip(kinks, fixed_kinks, strict=True)
         ]
-    if marks is not None:
-        # Selected, not clipped: a clip would give half the derivative to a mark at an end.
-        distance = log_ratio(jnp.where(marks >= first, marks, first), first)
-        borders.append(jnp.where(distance <= end, distance, end))
-    t = jnp.concatenate(borders)
+    if borders is not None:
+        # Selected, not clipped: a clip would give half the derivative to a border at an end.
+        distance = log_ratio(jnp.where(borders >= first, borders, first), first)
+        t.append(jnp.where(distance <= end, distance, end))
+    t = jnp.concatenate(t)
     rank = _ranks(jax.lax.stop_gradient(t))
     t = jnp.sort(t)
     left, right = t[:-1], t[1:]
@@ -92,44 +111,40 @@ def build_mesh(laws, quadrature, graded=True, logarithmic=False, marks=None):
     begins = uniform.shape[0] + np.cumsum([0] + [kink.shape[0] for kink in kinks])
     pieces = [passed(int(begin), kink.shape[0]) - 1 for begin, kink in zip(begins, kinks, strict=False)]
     origin = _origin(fixed_kinks, pieces)
+    # The outer angular nodes move with the ends of the roughness: fixed, the contact nodes there
+    # would move along the interpolant, whose slope is 1e3 times less accurate than its values.
+    begin = functools.reduce(jnp.minimum, [kink[0] for kink in kinks])
+    last = functools.reduce(jnp.maximum, [kink[-1] for kink in kinks])
+    edges = jnp.concatenate([begin[None], uniform, last[None]])
 
     def at(coordinate):
         """t, dt / d coordinate and q^4 C_j at the same coordinates in [0, 1] of every panel."""
         relative, stretch = _node_map(left, right, origin, coordinate)
         nodes = left[:, None] + (right - left)[:, None] * relative
         spectra = zip(laws, kinks, pieces, strict=True)
-        roughness = tuple(_roughness(law, kink, piece, nodes, start) for law, kink, piece in spectra)
+        roughness = tuple(_roughness(*one, nodes, start) for one in spectra)
         return nodes, (right - left)[:, None] * stretch, roughness
 
-    nodes, measure, roughness = at(typed(gauss(quadrature.order)[0], t))
-    between_q = between_roughness = between_interpolate = None
+    node, weight = (typed(table, t) for table in gauss(quadrature.order))
+    nodes, measure, roughness = at(node)
+    between, serving = None, (edges[panel], edges[panel + 1], quadrature.angular_order)
     if graded:
-        inner, inner_measure, inner_roughness = at(typed(between(quadrature.order), t))
-        between_q = jnp.exp(start + inner)
-        between_roughness = tuple(values * inner_measure for values in inner_roughness)
-    # The outer angular nodes move with the ends of the roughness: held, the contact nodes there
-    # would move along the interpolant, whose slope is 1e3 times less accurate than its values.
-    begin = _reduce(jnp.minimum, [kink[0] for kink in kinks])
-    last = _reduce(jnp.maximum, [kink[-1] for kink in kinks])
-    edges = jnp.concatenate([begin[None], uniform, last[None]])
-    serving = edges[panel], edges[panel + 1], quadrature.angular_order
-    if graded and logarithmic:
-        between_interpolate = _interpolation(inner, *serving)
+        inner, inner_measure, inner_roughness = at(typed(nodes_between(quadrature.order), t))
+        between = Between(
+            q=jnp.exp(start + inner),
+            roughness=tuple(values * inner_measure for values in inner_roughness),
+            interpolate=_interpolation(inner, *serving) if logarithmic else None,
+        )
     angular_node = typed(gauss(quadrature.angular_order)[0], t)
-    angular_nodes = edges[:-1, None] + jnp.diff(edges)[:, None] * angular_node
-
     return Mesh(
-        angular_q=jnp.exp(start + angular_nodes),
+        angular_q=jnp.exp(start + (edges[:-1, None] + jnp.diff(edges)[:, None] * angular_node)),
         q=jnp.exp(start + nodes),
-        measure=measure,
-        roughness=roughness,
-        between_q=between_q,
-        between_roughness=between_roughness,
+        roughness=tuple(values * (measure * weight) for values in roughness),
+        between=between,
         panel=panel,
         interpolate=_interpolation(nodes, *serving),
-        between_interpolate=between_interpolate,
         last=jnp.exp(start + last),
-        marks=None if marks is None else rank[-marks.shape[0] :],
+        panels_below=None if borders is None else rank[-borders.shape[0] :],
     )
 
 
@@ -141,13 +156,6 @@ def _from_first(q, first, leads):
     """
     t = log_ratio(q, first)
     return jnp.concatenate([jnp.where(leads, 0.0, t[:1]), t[1:]])
-
-
-def _reduce(function, values):
-    result = values[0]
-    for value in values[1:]:
-        result = function(result, value)
-    return result
 
 
 def _ranks(values):
@@ -172,7 +180,7 @@ def _uniform_borders(laws, kinks, panels):
 
     def share(t):
         steep = [_ramps(t, kink, slope) for kink, slope in zip(kinks, slopes, strict=True)]
-        return t + _reduce(jnp.add, steep)
+        return t + functools.reduce(jnp.add, steep)
 
     knots = kinks[0] if len(kinks) == 1 else jnp.sort(jnp.concatenate(kinks))
     shares = share(knots)

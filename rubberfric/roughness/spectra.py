@@ -2,7 +2,8 @@ r"""Roughness power spectra C(q), isotropic.
 
 Normalisation: C(q) = (2 pi)^-2 int d^2x <h(x) h(0)> e^{-i q x}, so that
 h_rms^2 = 2 pi int q C dq and slope^2 = 2 pi int q^3 C dq. (contact.engineering's C_iso
-is 4 pi^2 times this.)
+is 4 pi^2 times this.) [Persson et al., J. Phys.: Condens. Matter 17 (2005) R1,
+arXiv:cond-mat/0502419]
 
 Inside, a spectrum is a broken power law: wavevectors of its kinks, from its first to
 its last wavevector, ln(q^2 C) there [m^2], and the exponent of every piece. The forward
@@ -68,6 +69,7 @@ class Spectrum(Kind):
         piece : of the power law, in which q1 lies
         beyond : ln of q1 over the left end of that piece
         """
+        del q1, piece, beyond
         can = [name for name, kind in kinds(Spectrum).items() if kind.cut is not Spectrum.cut]
         raise ValueError(f"spectrum is a {type(self).__name__}: must be {either(can)}")
 

@@ -55,7 +55,7 @@ class MeasuredSpectrum(NamedTuple):
     h_rms: float
 
     def table(self) -> TabulatedSpectrum:
-        """TabulatedSpectrum of a map; a profile's C_1D must be converted first (`rubberfric.roughness.normalisation`)."""
+        """TabulatedSpectrum of a map; a profile's C_1D must be converted first, by `spectrum_from`."""
         return TabulatedSpectrum(self.q, self.C)
 
 

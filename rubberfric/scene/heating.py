@@ -1,7 +1,8 @@
 r"""Frictional heating: how hot a solid is at each length scale.
 
 Roughness up to q sees the temperature averaged over the depth and width 1/q, the heat of all
-scales q' diffusing for the time t_0 = R/v in which a macroasperity contact of size R slides past:
+scales q' diffusing for the time t_0 = R/v in which a macroasperity contact of size R slides past
+[Persson, J. Phys.: Condens. Matter 18 (2006) 7789, arXiv:cond-mat/0605273, with S in f]:
 
 .. math:: T_q = T_0 + \int dq'\, g(q, q')\, f(q'),\qquad
           f(q) = \frac{2 v q^3}{\rho c_p P_m} S P\, C \int d\varphi \cos\varphi\, \mathrm{Im}K
@@ -178,7 +179,9 @@ def _chebyshev(coefficients, u):
 
 @functools.cache
 def _tables():
-    r"""Chebyshev coefficients over u = (z - 1)/(z + 1) of (1 + z)/z times
+    r"""Chebyshev coefficients over u = (z - 1)/(z + 1) of two functions of z.
+
+    They are (1 + z)/z times
 
     .. math:: z^2 \int_0^\infty dp \frac{1 - e^{-p^2}}{p^2 (p^2 + z^2)} \quad\text{("single")},\qquad
               z^4 \int_0^\infty dp \frac{1 - e^{-p^2}}{p^2 (p^2 + z^2)^2} \quad\text{("double")}

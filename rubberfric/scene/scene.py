@@ -124,10 +124,10 @@ def check_background(scene: Scene, where: str = "", missing: str = "temperature 
         raise ValueError(f"{where}{missing}: a scene with heating needs that far from the contact [K]")
 
 
-def rough_pairs(scene: Scene) -> list[tuple[Body, Body]]:
-    """(rough body, body facing it) for every body that has roughness, lower first."""
-    pairs = [(scene.lower, scene.upper), (scene.upper, scene.lower)]
-    return [(rough, other) for rough, other in pairs if rough.spectrum is not None]
+def rough_surfaces(scene: Scene) -> list[tuple[Spectrum, Body]]:
+    """(spectrum, body facing it) of every rough surface, that of the lower solid first."""
+    facing = [(scene.lower.spectrum, scene.upper), (scene.upper.spectrum, scene.lower)]
+    return [(spectrum, other) for spectrum, other in facing if spectrum is not None]
 
 
 def relaxes(body: Body) -> bool:
@@ -137,7 +137,7 @@ def relaxes(body: Body) -> bool:
 
 def dissipates(scene: Scene) -> bool:
     """Whether roughness excites a viscoelastic solid: else there is no viscoelastic friction."""
-    return any(relaxes(other) for _, other in rough_pairs(scene))
+    return any(relaxes(other) for _, other in rough_surfaces(scene))
 
 
 def result_dtype(*values: Any) -> jnp.dtype:

@@ -2,6 +2,9 @@ r"""Contact shear: what the rubber in real contact resists to being sheared, bes
 
 .. math:: \mu_\mathrm{con} = \frac{\tau_f(v^*)}{\sigma_0}\frac{A}{A_0},\qquad
           \tau_f = \tau_{f0}\, e^{-c\,[\log_{10}(v^*/v_0)]^2},\qquad v^* = a_T' v
+
+An empirical law: on smooth glass friction is such a bell, which moves with the temperature
+[Grosch, Proc. R. Soc. A 274 (1963) 21].
 """
 
 import math

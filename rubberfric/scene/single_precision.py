@@ -10,13 +10,13 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.checks import is_concrete
-from rubberfric.materials.coating import Coating
 from rubberfric.materials.shifts import largest_log_factor
 from rubberfric.scene.scene import Scene, relaxes
 
 # Sbar^2 must not overflow.
 STIFFEST_LAYER = 1e18
-# Between neighbouring relaxation times where both solids deform: see `rubberfric.materials.series.prony_and_spring`.
+# Between neighbouring relaxation times where both solids deform: see
+# `rubberfric.materials.series.prony_and_spring`.
 DECADES = 30
 
 
@@ -26,22 +26,8 @@ def check_single(scene: Scene, temperature: ArrayLike | None) -> None:
         body = getattr(scene, name)
         if body.spectrum is not None:
             _check_table(f"{name}.spectrum.C", body.spectrum.entries())
-        if not body.material.deforms:
-            continue
-        if body.layer is not None:
-            _check_layer(f"{name}.layer", body, _first_wavevectors(scene))
-        deforming = _two_deform(scene)
-        if isinstance(body.layer, Coating) and relaxes(body):
-            deforming = True  # two solids of one body
-            _check_times(f"{name}.layer.base.tau", body.layer.base.relaxation_times())
-            if body.material.is_liquid() and body.layer.base.is_liquid():
-                raise ValueError(
-                    f"{name}.material.E_inf and {name}.layer.base.E_inf are 0: one must be > 0 in float32; "
-                    "use float64"
-                )
-        # A relaxing shear is in series with the bulk modulus, whatever it faces.
-        if deforming or body.material.always_in_series:
-            _check_times(f"{name}.material.tau", body.material.relaxation_times())
+        if body.material.deforms:
+            _check_body(name, body, scene)
     if _two_deform(scene) and all(body.material.is_liquid() for body in (scene.lower, scene.upper)):
         raise ValueError(
             "lower.material and upper.material are liquids, with an E_inf or G_inf of 0: one must be > 0 "
@@ -52,6 +38,24 @@ def check_single(scene: Scene, temperature: ArrayLike | None) -> None:
             shift = getattr(_part(scene, name), "shift", None)
             if shift is not None:
                 _check_shift(name, shift, temperature)
+
+
+def _check_body(name, body, scene):
+    in_series, below = _two_deform(scene), None
+    if body.layer is not None:
+        _check_layer(f"{name}.layer", body, _first_wavevectors(scene))
+        below = body.layer.below
+    if below is not None and relaxes(body):
+        in_series = True  # two solids of one body
+        _check_times(f"{name}.layer.base.tau", below.relaxation_times())
+        if body.material.is_liquid() and below.is_liquid():
+            raise ValueError(
+                f"{name}.material.E_inf and {name}.layer.base.E_inf are 0: one must be > 0 in float32; "
+                "use float64"
+            )
+    # A relaxing shear is in series with the bulk modulus, whatever it faces.
+    if in_series or body.material.always_in_series:
+        _check_times(f"{name}.material.tau", body.material.relaxation_times())
 
 
 def _part(scene, name):

@@ -1,4 +1,4 @@
-r"""Strain softening of filled rubber (Payne effect), scale by scale.
+r"""Strain softening of filled rubber (Payne effect) [J. Appl. Polym. Sci. 6 (1962) 57], scale by scale.
 
 .. math:: E' \to f(\varepsilon)\,E',\qquad E'' \to g(\varepsilon)\,E'',\qquad
           \varepsilon(q) = factor \times h'(q),\qquad
@@ -7,7 +7,8 @@ r"""Strain softening of filled rubber (Payne effect), scale by scale.
 The rubber deformed by the asperities up to q has the strain of their slope.
 """
 
-from typing import Any, NamedTuple
+import functools
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -16,7 +17,7 @@ from rubberfric.base.checks import POSITIVE, check_increasing, check_lengths
 from rubberfric.base.objects.fields import Number, Vector, leaf
 from rubberfric.base.objects.physical import PhysicalObject, physical
 from rubberfric.roughness.moments import cumulative_moment
-from rubberfric.roughness.spectra import log_ratio
+from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio
 
 # Halvings of ln t from 1e-40 to the whole range leave 1e-10 of t, which Newton's steps square.
 _HALVINGS, _NEWTON_STEPS = 40, 3
@@ -54,16 +55,7 @@ class Softened(NamedTuple):
     """Softening of a scene with this roughness."""
 
     softening: Softening
-    laws: tuple  # BrokenPowerLaw of every rough solid
-
-
-def softened_of(scene: Any) -> Softened | None:
-    """`Softened` of a scene, None if nothing softens."""
-    if scene.softening is None:
-        return None
-    spectra = (body.spectrum for body in (scene.lower, scene.upper))
-    laws = tuple(spectrum.power_law() for spectrum in spectra if spectrum is not None)
-    return Softened(scene.softening, laws)
+    laws: tuple[BrokenPowerLaw, ...]  # of every rough solid
 
 
 def strain(softened: Softened, q: jax.Array) -> jax.Array:
@@ -87,8 +79,8 @@ def knots(softened: Softened) -> jax.Array:
     The ends of the roughness where it does not.
     """
     laws, softening = softened.laws, softened.softening
-    first = jax.lax.stop_gradient(_extreme(jnp.minimum, [law.q[0] for law in laws]))
-    last = jax.lax.stop_gradient(_extreme(jnp.maximum, [law.q[-1] for law in laws]))
+    first = jax.lax.stop_gradient(functools.reduce(jnp.minimum, [law.q[0] for law in laws]))
+    last = jax.lax.stop_gradient(functools.reduce(jnp.maximum, [law.q[-1] for law in laws]))
     log_target = 2 * (jnp.log(softening.strain) - jnp.log(softening.factor))
     target = jax.lax.stop_gradient(jnp.exp(log_target))
     end = jnp.log(last / first)
@@ -118,10 +110,3 @@ def knots(softened: Softened) -> jax.Array:
 
 def _square_slope(laws, q):
     return sum(cumulative_moment(law, 2, log_ratio(q, law.q[0])) for law in laws)
-
-
-def _extreme(function, values):
-    result = values[0]
-    for value in values[1:]:
-        result = function(result, value)
-    return result

@@ -1,256 +1,211 @@
-r"""Channels: roughness on one solid, the stiffness it sees, and what it adds to the radial integrals.
+r"""What each rough surface contributes to the integrals over ln q.
 
-Roughness of solid j adds to the density of G the product of q^4 C_j, known at every
-contact node, and <|F_j|^2>, known at the angular nodes. The rules that join the two
-belong to the scene alone: for each velocity there is one small matrix product a panel.
+Roughness of solid j adds to the density of G the product of q^4 C_j, known at every contact node, and
+<|F_j|^2> [Scaraggi & Persson, eq. (A11)], known where its angular means are taken; and so to friction
+and separation (A17, A18). The rules that join the two belong to the scene alone: for each velocity there
+is one small matrix product a panel. Where the means are taken is settled by the structure of the pair:
+
+- `StaticContribution`: nothing depends on the velocity;
+- `InterpolatedContribution`: at the angular nodes, for they are smooth in ln q;
+- `LogarithmicContribution`: the same, interpolated in the logarithm of <|F|^2>, which may rise by 1e9
+  within a panel: with two deformable solids and a layer, a coating, or a tabulated modulus that steps up;
+- `DirectContribution`: at the contact nodes themselves, for they have kinks over q.
 """
 
+import functools
+import operator
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.base.quadrature import between_weights, cumulative, gauss, typed
-from rubberfric.scene.scene import relaxes
-from rubberfric.theory.stiffness.angular_means import angular_means, static_means, with_means
-from rubberfric.theory.stiffness.factors import Modes, mix_of, modes_of, node_factors
-from rubberfric.theory.stiffness.series import Sampled, Static, by_node, series_stiffness, static_series
-from rubberfric.theory.stiffness.softened_means import sampled_means
+from rubberfric.base.quadrature import cumulative, typed, weights_between
+from rubberfric.roughness.mesh import Mesh
+from rubberfric.scene.pairs import Pair
+from rubberfric.theory.quantities import Needs
+from rubberfric.theory.stiffness.angular_means import Means
+from rubberfric.theory.stiffness.excitation import Excitation, excitation
+from rubberfric.theory.stiffness.factors import factors_at
+from rubberfric.theory.stiffness.series import static_stiffness
 from rubberfric.theory.stiffness.tabulated_means import log_power
 
 
-class Channel(NamedTuple):
-    """Roughness on one solid, and the stiffness it sees.
+class Terms(NamedTuple):
+    """Terms of the integrals at points; axes (panels, points or 1, order)."""
 
-    `power` and `cumulative` are weights of <|F|^2> at the angular nodes i. If F is Static they are the
-    integrals. If it is `logarithmic` they are weights at the contact nodes, and at the nodes between; if
-    the modes are taken `at_contact` the nodes i are the contact nodes.
-    A tuple has an entry for each of the `angular.Means` of its kind.
-    """
-
-    stiffness: object  # Static, Relaxing, Tabulated or Sampled
-    modes: Modes  # which angular means there are
-    shift: object  # time-temperature shift of the solid it excites, or None
-    by_node: bool  # F depends on q itself, not on q v alone
-    logarithmic: bool  # <|F|^2> may change by 1e9 within a panel: see `_logarithmic`
-    power: tuple  # to the integral over a panel, (panels, i)
-    cumulative: tuple | None  # to the integral up to every contact node, (panels, order, i)
-    dissipation: tuple | None  # q^4 C factor dt at the contact nodes, (panels, order)
-    storage: tuple | None  # q^3 C factor dt [m], same shape
-    transverse: tuple | None  # as dissipation
-    mix: tuple | None  # shares (c_m, s_m) of the harmonics, (harmonics,) or (harmonics, panels, order) each
-
-
-class Parts(NamedTuple):
-    """What a channel adds at points; axes (panels, points or 1, order)."""
-
-    panels: jax.Array  # integral of its density of g over every panel, (panels, points or 1)
+    panels: jax.Array  # integral of the density of g over every panel, (panels, points or 1)
     within: jax.Array | None  # the same from the left border of the panel to every contact node
-    dissipation: jax.Array | None  # terms of the friction, before the factor S P; None if F is Static
-    storage: jax.Array | None  # terms of the separation, before the factor x Psi [m]
-    transverse: jax.Array | None  # terms of the transverse friction, as dissipation
+    # By kind: of the friction, "dissipation" and "transverse", before the factor S P, and of the separation,
+    # "storage", before the factor x Psi [m].
+    densities: dict[str, jax.Array]
 
 
-def is_logarithmic(rough, other):
-    """Whether <|F|^2> may change by 1e9 within a panel: see `_logarithmic`."""
-    return other.material.needs_quadrature or (relaxes(other) and by_node(rough, other))
+class StaticContribution(NamedTuple):
+    """Roughness on a solid that does not relax."""
+
+    fixed: Terms  # whatever the velocity
+
+    def terms(self, mesh: Mesh, velocity: jax.Array, temperature: jax.Array | None) -> Terms:
+        """`Terms` at points; see `InterpolatedContribution.terms`."""
+        del mesh, velocity, temperature
+        return self.fixed
 
 
-def make_channel(mesh, j, pair, softened, scale, wanted, quadrature):
-    """Channel of the roughness j of a mesh, for the angular means `wanted`.
+class InterpolatedContribution(NamedTuple):
+    """Roughness whose angular means are smooth in ln q; tuples have an entry for each mean of a kind."""
+
+    excitation: Excitation  # at the angular nodes
+    power: tuple[jax.Array, ...]  # weights of <|F|^2> at nodes i in the integral over a panel, (panels, i)
+    within: tuple[jax.Array, ...] | None  # in that up to every contact node, (panels, order, i)
+    others: Means  # weights of the other means at the contact nodes, (panels, order)
+
+    def terms(self, mesh: Mesh, velocity: jax.Array, temperature: jax.Array | None) -> Terms:
+        """`Terms` at points.
+
+        Parameters
+        ----------
+        mesh : Mesh
+        velocity : [m/s], shape (points,)
+        temperature : of the strained solid [K]: None, (points,), or (angular panels, points, angular
+            order) if it differs from scale to scale
+        """
+        means = self.excitation.means(mesh.angular_q, velocity, temperature)
+        # Without integrals up to the nodes the weights are those of the angular panels themselves.
+        power = means["power"] if self.within is None else tuple(map(mesh.serving, means["power"]))
+        return _terms(*_integrated(self.power, self.within, power), self.others, means, mesh.to_contact)
+
+
+class LogarithmicContribution(NamedTuple):
+    """Roughness whose <|F|^2> is smooth in its logarithm.
+
+    Interpolated in the logarithm and summed with positive weights, the small end keeps its digits and G
+    stays positive.
+    """
+
+    excitation: Excitation  # at the angular nodes
+    power: tuple[jax.Array, ...]  # weights of <|F|^2> at the contact nodes, (panels, order)
+    between: tuple[jax.Array, ...] | None  # at the nodes between them, (panels, nodes between)
+    others: Means  # as of `InterpolatedContribution`
+
+    def terms(self, mesh: Mesh, velocity: jax.Array, temperature: jax.Array | None) -> Terms:
+        """`Terms` at points; see `InterpolatedContribution.terms`."""
+        means = self.excitation.means(mesh.angular_q, velocity, temperature)
+        logarithms = [log_power(mesh.serving(mean)) for mean in means["power"]]
+
+        def interpolated(basis):
+            return [jnp.exp(jnp.einsum("kvi,kci->kvc", logarithm, basis)) for logarithm in logarithms]
+
+        within, (panels, _) = None, _integrated(self.power, None, interpolated(mesh.interpolate))
+        if self.between is not None and mesh.between is not None:
+            order = mesh.q.shape[1]
+            between = zip(self.between, interpolated(mesh.between.interpolate), strict=True)
+            shape = (*panels.shape, order, -1)
+            gaps = total((w[:, None] * mean).reshape(shape).sum(-1) for w, mean in between)
+            within = gaps @ np.triu(np.ones((order, order), gaps.dtype))
+        return _terms(panels, within, self.others, means, mesh.to_contact)
+
+
+class DirectContribution(NamedTuple):
+    """Roughness whose angular means have kinks over q; as `InterpolatedContribution`, at contact nodes."""
+
+    excitation: Excitation
+    power: tuple[jax.Array, ...]
+    within: tuple[jax.Array, ...] | None
+    others: Means
+
+    def terms(self, mesh: Mesh, velocity: jax.Array, temperature: jax.Array | None) -> Terms:
+        """`Terms` at points; see `InterpolatedContribution.terms`."""
+        if temperature is not None and temperature.ndim > 1:
+            temperature = mesh.to_contact(temperature)
+        means = self.excitation.means(mesh.q, velocity, temperature)
+        return _terms(*_integrated(self.power, self.within, means["power"]), self.others, means)
+
+
+Contribution = StaticContribution | InterpolatedContribution | LogarithmicContribution | DirectContribution
+
+
+def contribution(pair: Pair, mesh: Mesh, j: int, scale: jax.Array, needs: Needs) -> Contribution:
+    """What the roughness of a pair contributes.
 
     Parameters
     ----------
+    pair : Pair
     mesh : Mesh
-    j : which of its spectra
-    pair : (rough body, body facing it)
-    softened : `softening.Softened` or None
+    j : which of the spectra of the mesh it is
     scale : modulus scale [Pa]
-    wanted : set of "power", "dissipation", "storage"
-    quadrature : Quadrature
+    needs : Needs
     """
-    rough, other = pair
-    modes = modes_of(rough, other, softened)
-    nodes = mesh.q if modes.at_contact else mesh.angular_q
-    F = series_stiffness(rough, other, scale, (nodes.reshape(-1), mesh.q), softened)
-    static = isinstance(F, Static)
-    logarithmic = is_logarithmic(rough, other) and not modes.at_contact
-    mix = mix_of(rough, modes, nodes)
-    once = mesh.roughness[j] * (mesh.measure * typed(gauss(quadrature.order)[1], mesh.measure))
-    factors = None if static else node_factors(rough, other, softened, mesh.q)
-    rule = None
-    if static:
-        power = (jnp.sum(once * F.value**2, -1),)
+    weights, between = mesh.roughness[j], None
+    if not pair.relaxes:
+        return _static(pair, mesh, j, scale, needs)
+    factors = factors_at(pair, mesh.q)
+    power = factors.of("power", weights)
+    others = {
+        kind: factors.of(kind, weights / mesh.q if kind == "storage" else weights)
+        for kind in needs.kinds
+        if kind != "power" and (kind != "transverse" or pair.harmonics)
+    }
+    excited = excitation(pair, scale, mesh.q if pair.kinked else mesh.angular_q, needs)
+    if mesh.between is not None:
+        between = factors_at(pair, mesh.between.q).of("power", mesh.between.roughness[j])
+    if pair.steep:
+        if between is not None:
+            gaps = typed(weights_between(mesh.q.shape[1]), weights).reshape(-1)
+            between = tuple(density * gaps for density in between)
+        return LogarithmicContribution(excited, power, between, others)
+    within = None
+    if between is not None:
+        rule = typed(cumulative(mesh.q.shape[1]), weights)
+        within = tuple(jnp.tensordot(density, rule, 1) for density in between)
+    if pair.kinked:
+        return DirectContribution(excited, power, within, others)
+    power = tuple(jnp.einsum("kc,kci->ki", one, mesh.interpolate) for one in power)
+    if within is not None:
+        within = tuple(rule @ mesh.interpolate for rule in within)
     else:
-        power = tuple(once if f is None else once * f for f in factors.power)
-    interpolated = not (static or logarithmic or modes.at_contact)
-    if interpolated:
-        power = tuple(jnp.einsum("kc,kci->ki", weights, mesh.interpolate) for weights in power)
-    if mesh.between_q is not None:
-        rule = _cumulative_rule(mesh, j, pair, softened, scale, F, modes, logarithmic)
-    elif interpolated:
-        # Only the whole integral is wanted: the contact nodes have done their part.
-        power = tuple(jnp.zeros_like(mesh.angular_q).at[mesh.panel].add(weights) for weights in power)
-
-    def weights_of(name, base):
-        if name not in wanted or (static and name != "storage"):
-            return None
-        return (base,) if static else tuple(base if f is None else base * f for f in getattr(factors, name))
-
-    return Channel(
-        stiffness=with_means(F, wanted, modes.split, mix),
-        modes=modes,
-        shift=other.material.shift,
-        by_node=by_node(rough, other) and not static,
-        logarithmic=logarithmic,
-        power=power,
-        cumulative=rule,
-        dissipation=weights_of("dissipation", once),
-        storage=weights_of("storage", once / mesh.q),
-        transverse=weights_of("transverse", once) if modes.harmonics else None,
-        mix=mix,
-    )
+        # Only the whole integral is needed: the contact nodes have done their part.
+        power = tuple(jnp.zeros_like(mesh.angular_q).at[mesh.panel].add(one) for one in power)
+    return InterpolatedContribution(excited, power, within, others)
 
 
-def _cumulative_rule(mesh, j, pair, softened, scale, F, modes, logarithmic):
-    """Weights of <|F|^2> in g at the contact nodes, exact in the roughness and in all its factors.
+def _static(pair, mesh, j, scale, needs):
+    """A stiffness that does not relax is known at every q, and part of the weights."""
+    F, within = static_stiffness(pair, scale, mesh.q), None
+    if mesh.between is not None:
+        density = mesh.between.roughness[j] * static_stiffness(pair, scale, mesh.between.q) ** 2
+        within = (density @ typed(cumulative(mesh.q.shape[1]), density).sum(-1))[:, None]
+    densities = {"storage": (mesh.roughness[j] / mesh.q * F)[:, None]} if needs.storage else {}
+    panels = jnp.sum(mesh.roughness[j] * F**2, -1)[:, None]
+    return StaticContribution(Terms(panels, within, densities))
 
-    They may change by 1e6 within a panel, and g, where it matters most, is what the
-    small end adds up to: a rule for the product of all would lose it, or make it < 0.
-    A stiffness that does not relax is known at every q and goes into the rule as well.
+
+def _integrated(power, within, means):
+    """Integrals over every panel and up to every contact node, of the means of <|F|^2> at their nodes.
+
+    Weights of the latter are exact in the roughness and in all its factors (`cumulative`). They may
+    change by 1e6 within a panel, and g, where it matters most, is what the small end adds up to: a rule
+    for the product of all would lose it, or make it < 0.
     """
-    density, order = mesh.between_roughness[j], mesh.q.shape[1]
-    rule = typed(cumulative(order), density)
-    if isinstance(F, Static):
-        return ((density * static_series(*pair, scale, mesh.between_q, softened) ** 2) @ rule.sum(-1),)
-    if isinstance(F, Sampled):
-        return (jnp.tensordot(density, rule, 1),)
-    factors = node_factors(*pair, softened, mesh.between_q).power
-    densities = (density if f is None else density * f for f in factors)
-    if modes.at_contact:
-        return tuple(jnp.tensordot(values, rule, 1) for values in densities)
-    if logarithmic:
-        gaps = typed(between_weights(order), density).reshape(-1)
-        return tuple(density * gaps for density in densities)
-    return tuple(jnp.tensordot(density, rule, 1) @ mesh.interpolate for density in densities)
-
-
-def parts(channel, mesh, speed, wanted, quadrature):
-    """`Parts` of a channel at points.
-
-    Parameters
-    ----------
-    channel : Channel
-    mesh : Mesh
-    speed : v a_T [m/s], shape (points,), or (angular panels, points, angular order) if the temperature
-        differs from scale to scale; the contact nodes' for a Sampled stiffness
-    wanted : set of "power", "dissipation", "storage"
-    quadrature : Quadrature
-    """
-    if isinstance(channel.stiffness, Static):
-        within = None if channel.cumulative is None else channel.cumulative[0][:, None]
-        storage = None
-        if "storage" in wanted:
-            storage = (channel.storage[0] * static_means(channel.stiffness, wanted).storage[0])[:, None]
-        return Parts(channel.power[0][:, None], within, None, storage, None)
-    if channel.modes.at_contact:
-        return _parts_at_contact(channel, mesh, speed, wanted, quadrature)
-    means = _means_by_panel(channel, mesh.angular_q, speed, wanted, quadrature)
-
-    def serving(values):
-        """Means of the angular panel that serves each contact panel."""
-        return values.at[mesh.panel].get(mode="promise_in_bounds")
-
-    def at_contact(weights, values):
-        return total(w[:, None] * to_contact(mesh, mean) for w, mean in zip(weights, values, strict=True))
-
-    if channel.logarithmic:
-        powers = tuple(map(serving, means.power))
-        pairs = [_logarithmic(channel, mesh, k, powers) for k in range(len(powers))]
-        panels, within = (None if x[0] is None else total(x) for x in zip(*pairs, strict=True))
-    else:
-        # Without nodes between, the weights are those of the angular panels themselves.
-        power = means.power if channel.cumulative is None else [serving(mean) for mean in means.power]
-        panels = total(map(lambda w, mean: jnp.einsum("kvi,ki->kv", mean, w), channel.power, power))
-        within = None
-        if channel.cumulative is not None:
-            # Over a panel of five e-folds and more, where <|F|^2> rises by 1e5, its interpolant may
-            # swing below 0 at the small end: there G is that of the panels before.
-            within = total(
-                map(lambda w, mean: jnp.einsum("kvi,kci->kvc", mean, w), channel.cumulative, power)
-            )
-            within = jnp.maximum(within, 0.0)
-    return Parts(
-        panels,
-        within,
-        at_contact(channel.dissipation, means.dissipation) if "dissipation" in wanted else None,
-        at_contact(channel.storage, means.storage) if "storage" in wanted else None,
-        at_contact(channel.transverse, means.transverse) if channel.transverse is not None else None,
-    )
-
-
-def to_contact(mesh, values):
-    """Values at the angular nodes, (angular panels, points, angular order), at the contact nodes."""
-    serving = values.at[mesh.panel].get(mode="promise_in_bounds")
-    return jnp.einsum("kvi,kci->kvc", serving, mesh.interpolate)
-
-
-def _parts_at_contact(channel, mesh, speed, wanted, quadrature):
-    """`Parts` of means that are taken at the contact nodes."""
-    if isinstance(channel.stiffness, Sampled):
-        speed = speed[:, None] if speed.ndim == 1 else speed
-        means = sampled_means(channel.stiffness, speed * mesh.q[:, None], wanted)
-    else:
-        means = _means_by_panel(channel, mesh.q, speed, wanted, quadrature)
-    (power,), within = means.power, None
-    if channel.cumulative is not None:
-        within = jnp.maximum(jnp.einsum("kvi,kci->kvc", power, channel.cumulative[0]), 0.0)
-
-    def terms(name):
-        return getattr(channel, name)[0][:, None] * getattr(means, name)[0] if name in wanted else None
-
-    panels = jnp.einsum("kvc,kc->kv", power, channel.power[0])
-    return Parts(panels, within, *map(terms, ("dissipation", "storage", "transverse")))
-
-
-def total(terms):
-    """Sum of arrays, without a zero to begin with."""
-    first, *others = terms
-    return sum(others, first)
-
-
-def _logarithmic(channel, mesh, k, powers):
-    """Integrals of g where <|F|^2> may change by 1e9 within a panel, of its logarithm at angular nodes.
-
-    So it may with two deformable solids and a layer, with a coating, and with a tabulated
-    modulus that steps up. Interpolated in the logarithm and summed with positive weights, the
-    small end keeps its digits and G stays positive.
-    """
-    logarithm = log_power(powers[k])
-
-    def at(basis):
-        return jnp.exp(jnp.einsum("kvi,kci->kvc", logarithm, basis))
-
-    panels = jnp.einsum("kvc,kc->kv", at(mesh.interpolate), channel.power[k])
-    if channel.cumulative is None:
+    panels = total(jnp.einsum("kvi,ki->kv", mean, w) for mean, w in zip(means, power, strict=True))
+    if within is None:
         return panels, None
-    between = at(mesh.between_interpolate)
-    order = mesh.q.shape[1]
-    gaps = (channel.cumulative[k][:, None] * between).reshape(*between.shape[:2], order, -1).sum(-1)
-    return panels, gaps @ np.triu(np.ones((order, order), gaps.dtype))
+    nodes = total(jnp.einsum("kvi,kci->kvc", mean, w) for mean, w in zip(means, within, strict=True))
+    # Over a panel of five e-folds and more, where <|F|^2> rises by 1e5, its interpolant may
+    # swing below 0 at the small end: there G is that of the panels before.
+    return panels, jnp.maximum(nodes, 0.0)
 
 
-def _means_by_panel(channel, q, speed, wanted, quadrature):
-    """Angular means at the nodes q, (panels, order) [1/m], as (panels, points, order)."""
-    F, split, mix = channel.stiffness, channel.modes.split, channel.mix
-    depends_on_q = mix is not None and mix[0].ndim > 1
-    if not channel.by_node:
-        speed = speed[:, None] if speed.ndim == 1 else speed
-        mix = tuple(share[:, :, None] for share in mix) if depends_on_q else mix
-        return angular_means(F, speed * q[:, None], wanted, split, mix)
-    flat = q.reshape(-1)
-    speed = speed[:, None] if speed.ndim == 1 else jnp.swapaxes(speed, 0, 1).reshape(-1, flat.size)
-    mix = tuple(share.reshape(-1, flat.size) for share in mix) if depends_on_q else mix
-    means = angular_means(F, speed * flat, wanted, split, mix)
-    return jax.tree.map(lambda x: jnp.swapaxes(x.reshape(-1, *q.shape), 0, 1), means)
+def _terms(panels, within, others, means, at_contact=lambda mean: mean):
+    """`Terms` of means that `at_contact` takes to the contact nodes."""
+    densities = {}
+    for kind, weights in others.items():
+        pairs = zip(weights, means[kind], strict=True)
+        densities[kind] = total(w[:, None] * at_contact(mean) for w, mean in pairs)
+    return Terms(panels, within, densities)
+
+
+def total(terms: Iterable[jax.Array]) -> jax.Array:
+    """Sum of arrays, without a zero to begin with."""
+    return functools.reduce(operator.add, terms)

@@ -1,154 +1,178 @@
-r"""The radial integrals over ln q, for many velocities and pressures at once.
+r"""The integrals over ln q that the quantities of a scene are, for many velocities and pressures at once.
 
 `prepare` does what depends on the scene alone; `evaluate` adds velocity, pressure and
-temperature. With d^2q = q^2 d ln q dphi and K_j = (q/2) scale factor_j F_j,
+temperature. G and the friction are in `rubberfric.theory.stress_fluctuation`; with its notation
+[Scaraggi & Persson, eq. (A18)]
 
-.. math:: G(q) = \left(\frac{scale}{\sigma_0}\right)^2 g(q),\qquad
-          g = \frac{\pi}{4}\int d\ln q \sum_j q^4 C_j\, factor_j^2 \langle|F_j|^2\rangle
-.. math:: \mu = \pi\frac{scale}{\sigma_0}\int d\ln q\; S P
-          \sum_j q^4 C_j\, factor_j \langle\cos\varphi\,\mathrm{Im}F_j\rangle
 .. math:: \bar u = \frac{\pi}{2}\frac{scale}{\sigma_0}\int d\ln q\; x\Psi(x)
           \sum_j q^3 C_j\, factor_j\langle\mathrm{Re}F_j\rangle
 
-The transverse friction is the second with sin(phi) in place of cos(phi).
+and the transverse friction is the friction with sin(phi) in place of cos(phi).
 """
 
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.roughness.mesh import Mesh, build_mesh
-from rubberfric.scene.scene import dissipates, rough_pairs
-from rubberfric.scene.softening import knots, softened_of
+from rubberfric.roughness.mesh import build_mesh
+from rubberfric.scene.pairs import Pair, pairs_of
+from rubberfric.scene.scene import Scene
+from rubberfric.scene.shear import ContactShear, shear_friction
+from rubberfric.scene.softening import knots
 from rubberfric.theory.area_correction import correction_table
-from rubberfric.theory.contributions import is_logarithmic, make_channel, total
+from rubberfric.theory.contributions import contribution, total
 from rubberfric.theory.partial_contact import separation_weight
-from rubberfric.theory.stiffness.factors import modes_of
+from rubberfric.theory.quantities import Needs, needs_of, parts_of
 from rubberfric.theory.stiffness.series import modulus_scale
-from rubberfric.theory.stress_fluctuation import contact, contact_area, friction_terms
-from rubberfric.theory.temperatures import Thermal, macroasperity, prepare_thermal, solve_temperatures
+from rubberfric.theory.stress_fluctuation import Contact, Roughness
+from rubberfric.theory.temperatures import (
+    Temperatures,
+    Thermal,
+    macroasperity,
+    prepare_thermal,
+    solve_temperatures,
+)
 
 
 class Prepared(NamedTuple):
     """A scene ready for many points."""
 
-    mesh: Mesh | None
-    channels: tuple
-    scale: jax.Array | None  # unit of all moduli [Pa]
-    gamma: jax.Array | None
-    correction: object  # table of S in G, or None
+    needs: Needs
+    roughness: Roughness | None  # None if nothing is needed of it
     thermal: Thermal | None
-    quantities: tuple
-    wanted: frozenset  # angular means: "power", "dissipation", "storage", "transverse"
-    quadrature: Quadrature
+    shear: ContactShear | None
 
 
-def prepare(scene, quantities, quadrature, *, laws=None, marks=None):
-    """Mesh, spectra and series stiffness of a scene: all that no velocity changes.
-
-    laws : one BrokenPowerLaw for each rough body, lower first; None: of the scene's own spectra
-    marks : see `build_mesh`; with marks there are nodes between, whatever the quantities
-    """
-    pairs = rough_pairs(scene)
-    # What is zero or constant by the structure of the scene is settled here, untraced.
-    wanted = {"power"} if pairs and "area" in quantities else set()
-    if dissipates(scene) and "friction" in quantities:
-        wanted |= {"power", "dissipation"}
-    if "transverse_friction" in quantities and pulls_aside(scene):
-        wanted |= {"power", "dissipation", "transverse"}
-    if pairs and "separation" in quantities:
-        wanted |= {"power", "storage"}
-    if pairs and scene.heating is not None and quantities:
-        wanted |= {"power", "dissipation"} if dissipates(scene) else {"power"}
-    wanted = frozenset(wanted)
-    if not wanted:
-        return Prepared(None, (), None, None, None, None, quantities, wanted, quadrature)
-    logarithmic = any(is_logarithmic(*pair) for pair in pairs)
-    softened = softened_of(scene)
-    mesh = build_mesh(
-        [rough.spectrum.power_law() for rough, _ in pairs] if laws is None else laws,
-        quadrature,
-        graded=wanted != {"power"} or scene.heating is not None or marks is not None,
-        logarithmic=logarithmic,
-        marks=_marks(scene, softened, marks),
-    )
-    scale = modulus_scale(scene)
-    channels = tuple(
-        make_channel(mesh, j, pair, softened, scale, wanted, quadrature) for j, pair in enumerate(pairs)
-    )
-    corrected = scene.area_correction and ("area" in quantities or "dissipation" in wanted)
-    table = correction_table(scene.gamma) if corrected else None
-    thermal = None if scene.heating is None else prepare_thermal(scene, mesh, quadrature)
-    return Prepared(mesh, channels, scale, scene.gamma, table, thermal, quantities, wanted, quadrature)
-
-
-def pulls_aside(scene):
-    """Whether roughness that differs with the direction excites a viscoelastic solid."""
-    return any(modes_of(*pair, None).harmonics for pair in rough_pairs(scene))
-
-
-def _marks(scene, softened, asked):
-    """Wavevectors that must be borders of panels: the macroasperities' first, those asked for last."""
-    marks = [] if scene.heating is None else [macroasperity(scene.heating)[None]]
-    marks += [] if softened is None else [knots(softened)]
-    marks += [] if asked is None else [asked]
-    return jnp.concatenate(marks) if marks else None
-
-
-def evaluate(prepared, velocity, pressure, temperature=None):
-    """Quantities at points, each of shape (points,) or (1,) where nothing depends on the point.
+def prepare(
+    scene: Scene,
+    quantities: Iterable[str],
+    quadrature: Quadrature,
+    *,
+    pairs: Sequence[Pair] | None = None,
+    borders: jax.Array | None = None,
+) -> Prepared:
+    """Mesh, spectra and series stiffness of a scene: all that no velocity, pressure or temperature changes.
 
     Parameters
     ----------
-    prepared : Prepared
-    velocity, pressure : shape (points,) [m/s], [Pa]
-    temperature : shape (points,) [K], or None
+    scene : Scene
+    quantities : fields of `Solution`
+    quadrature : Quadrature
+    pairs : `pairs_of` the scene where they are known already, or with other power laws
+    borders : see `build_mesh`; with borders G is known at every node, whatever the quantities
+    """
+    needs = needs_of(scene, quantities)
+    if not needs.power:
+        return Prepared(needs, None, None, scene.shear)
+    pairs = pairs_of(scene) if pairs is None else pairs
+    mesh = build_mesh(
+        [pair.law for pair in pairs],
+        quadrature,
+        graded=needs.everywhere or scene.heating is not None or borders is not None,
+        logarithmic=any(pair.steep for pair in pairs),
+        borders=_borders(scene, pairs, borders),
+    )
+    scale = modulus_scale(scene)
+    roughness = Roughness(
+        mesh,
+        tuple(contribution(pair, mesh, j, scale, needs) for j, pair in enumerate(pairs)),
+        tuple(pair.side for pair in pairs),
+        scale,
+        scene.gamma,
+        correction_table(scene.gamma) if scene.area_correction and needs.area else None,
+    )
+    heating = scene.heating
+    thermal = None if heating is None else prepare_thermal(heating, scene, roughness, quadrature.heat)
+    return Prepared(needs, roughness, thermal, scene.shear)
+
+
+def _borders(scene, pairs, asked):
+    """Wavevectors that must be borders of panels: the macroasperities' first, those asked for last."""
+    borders = [] if scene.heating is None else [macroasperity(scene.heating)[None]]
+    borders += [] if pairs[0].softened is None else [knots(pairs[0].softened)]
+    borders += [] if asked is None else [asked]
+    return jnp.concatenate(borders) if borders else None
+
+
+def solved(
+    prepared: Prepared, velocity: jax.Array, pressure: jax.Array, temperature: jax.Array | None = None
+) -> tuple[Contact, Temperatures | None]:
+    """`Contact` at points, shape (points,) each, and the `Temperatures` of a heated scene.
+
+    Raises
+    ------
+    ValueError : a scene prepared for nothing that is an integral, or a heated one without temperature.
+    """
+    roughness, thermal = prepared.roughness, prepared.thermal
+    if roughness is None:
+        raise ValueError("the scene was prepared for nothing that is an integral: there is no contact")
+    if thermal is None:
+        return roughness.contact(velocity, pressure, [temperature] * len(roughness.contributions)), None
+    if temperature is None:
+        raise ValueError("temperature is missing: a scene with heating needs that far from the contact [K]")
+    found = solve_temperatures(thermal, roughness, velocity, pressure, temperature)
+    return roughness.contact(velocity, pressure, found.strained), found
+
+
+def evaluate(
+    prepared: Prepared, quantities: Iterable[str], points: Sequence[jax.Array]
+) -> dict[str, jax.Array]:
+    """Quantities at points.
+
+    Parameters
+    ----------
+    prepared : Prepared for these quantities at least
+    quantities : fields of `Solution`
+    points : velocity [m/s], pressure [Pa](, temperature [K]), shape (n,)
 
     Returns
     -------
-    dict from the names in prepared.quantities to arrays; of a heated scene also "flash_temperature"
-    and "converged".
+    dict from the quantities to arrays, shape (n,)
     """
-    quantities, wanted = prepared.quantities, prepared.wanted
-    results = _integrals(prepared, velocity, pressure, temperature) if wanted else {}
-    constants = {
-        "area": 1.0,
-        "friction": 0.0,
-        "separation": 0.0,
-        "transverse_friction": 0.0,
-        "converged": True,
-    }
-    if not wanted and temperature is not None:
-        results = {"flash_temperature": temperature}  # without roughness there is no scale to be hot
-    return results | {
-        name: jnp.full_like(pressure, constants[name]) for name in quantities if name not in results
-    }
+    velocity, pressure = points[:2]
+    surface = points[2] if len(points) > 2 else None
+    parts = parts_of(quantities)
+    sheared = prepared.shear is not None and "shear_friction" in parts
+    found: dict[str, jax.Array] = {}
+    if prepared.roughness is not None:
+        contact, temperatures = solved(prepared, *points)
+        found = _integrated(contact, parts | {"area"} if sheared else parts)
+        if temperatures is not None:
+            found |= {"flash_temperature": temperatures.flash, "converged": temperatures.converged}
+            surface = temperatures.surface
+
+    def value(name):
+        return found[name] if name in found else _constant(name, points)
+
+    if prepared.shear is not None and sheared:
+        found["shear_friction"] = shear_friction(prepared.shear, value("area"), velocity, pressure, surface)
+    if "friction" in quantities:
+        found["friction"] = value("viscoelastic_friction")
+        if sheared:
+            found["friction"] = found["friction"] + found["shear_friction"]
+    return {name: jnp.broadcast_to(value(name), velocity.shape) for name in quantities}
 
 
-def _integrals(prepared, velocity, pressure, temperature):
-    """What does not follow from the structure of the scene alone."""
-    wanted, results = prepared.wanted, {}
-    state, temperatures = solved(prepared, velocity, pressure, temperature)
-    if temperatures is not None:
-        results = {"flash_temperature": temperatures.flash, "converged": temperatures.converged}
-    if "area" in prepared.quantities:
-        results["area"] = contact_area(prepared, state)
-    for name, kind in (("friction", "dissipation"), ("transverse_friction", "transverse")):
-        if kind in wanted and name in prepared.quantities:
-            terms = friction_terms(prepared, state, kind).values()
-            results[name] = total(jnp.sum(values, (0, 2)) for values in terms)
-    if "storage" in wanted:
-        density = total(part.storage for part in state.parts)
-        weight = separation_weight(state.x, prepared.gamma)
-        results["separation"] = jnp.pi / 2 * state.stiffness * jnp.sum(weight * density, (0, 2))
-    return results
+def _integrated(contact, parts):
+    """What of the parts is an integral over the roughness."""
+    found = {"area": contact.area()} if "area" in parts else {}
+    for name, kind in (("viscoelastic_friction", "dissipation"), ("transverse_friction", "transverse")):
+        if name in parts and (terms := contact.friction_terms(kind)):
+            found[name] = total(jnp.sum(values, (0, 2)) for values in terms.values())
+    if "separation" in parts:
+        density = total(terms.densities["storage"] for terms in contact.terms)
+        weight = separation_weight(contact.x, contact.gamma)
+        found["separation"] = jnp.pi / 2 * contact.stiffness * jnp.sum(weight * density, (0, 2))
+    return found
 
 
-def solved(prepared, velocity, pressure, temperature):
-    """`state.Contact` at points, and the `thermal.Temperatures` of a heated scene, else None."""
-    if prepared.thermal is None:
-        return contact(prepared, velocity, pressure, [temperature] * len(prepared.channels)), None
-    temperatures = solve_temperatures(prepared, velocity, pressure, temperature)
-    return contact(prepared, velocity, pressure, temperatures.warm), temperatures
+def _constant(name, points):
+    """What is not integrated: full contact of smooth surfaces, and no force where nothing relaxes."""
+    if name == "flash_temperature":
+        return points[2]  # without roughness there is no scale to be hot
+    if name == "converged":
+        return jnp.ones_like(points[1], bool)
+    return jnp.full_like(points[1], 1.0 if name == "area" else 0.0)

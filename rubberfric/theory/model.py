@@ -9,12 +9,12 @@ series stiffness K_j (see `rubberfric.theory.stiffness.series`):
 .. math:: \bar u = \int d^2q \sum_j C_j\,\mathrm{Re} K_j
           \int_{\sigma_0}^\infty \frac{dp}{2p}\frac{\partial[SP]}{\partial p}
 
-mu is the viscoelastic friction; contact shear (`rubberfric.scene.shear`) adds to it where the scene has it.
-Strain softening (`rubberfric.scene.softening`) and frictional heating (`rubberfric.scene.heating`) change K_j.
+mu is the viscoelastic friction; contact shear (`rubberfric.scene.shear`) adds to it where the scene has
+it. Strain softening (`rubberfric.scene.softening`) and frictional heating (`rubberfric.scene.heating`)
+change K_j.
 """
 
 import functools
-from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -24,26 +24,11 @@ from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import FINITE, POSITIVE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene, cast, check_background, result_dtype, shifts, takes_temperature
-from rubberfric.scene.shear import shear_friction
 from rubberfric.scene.single_precision import check_single
-from rubberfric.theory.integrals import evaluate, prepare, pulls_aside
-from rubberfric.theory.temperatures import shear_temperature
+from rubberfric.theory.integrals import evaluate, prepare
+from rubberfric.theory.quantities import QUANTITIES, Solution
 
-QUANTITIES = ("area", "friction", "separation")
 BLOCK = 512  # points evaluated at once
-
-
-class Solution(NamedTuple):
-    """Results of `solve`; quantities not asked for are None."""
-
-    area: jax.Array | None = None  # A/A0 [-]
-    friction: jax.Array | None = None  # mu, the sum of its two parts below [-]
-    separation: jax.Array | None = None  # u_bar [m]
-    viscoelastic_friction: jax.Array | None = None  # [-]
-    shear_friction: jax.Array | None = None  # mu_con; 0 in a scene without contact shear [-]
-    transverse_friction: jax.Array | None = None  # across the sliding; 0 if isotropic [-]
-    flash_temperature: jax.Array | None = None  # of the contact, of two deformable solids the mean [K]
-    converged: jax.Array | None = None  # whether the temperatures of a heated scene did, bool
 
 
 _DEFAULT = Quadrature()
@@ -176,18 +161,6 @@ def solve(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT, q
     return _solve(scene, *conditions, quadrature=quadrature, quantities=quantities)
 
 
-def quantities_of(scene):
-    """All quantities that say something about a scene: the three, and what its parts add to them."""
-    names = list(QUANTITIES)
-    if scene.shear is not None:
-        names += ["viscoelastic_friction", "shear_friction"]
-    if pulls_aside(scene):
-        names.append("transverse_friction")
-    if scene.heating is not None:
-        names += ["flash_temperature", "converged"]
-    return tuple(names)
-
-
 def check_heated(scene, quantities):
     """ValueError for quantities of heating although the scene has none."""
     if scene.heating is None and {"flash_temperature", "converged"} & set(quantities):
@@ -233,53 +206,9 @@ def check_kinds(scene, quadrature):
 # operation; inside a user's jit it is traced through.
 @functools.partial(jax.jit, static_argnames=("quadrature", "quantities"))
 def _solve(scene, velocity, pressure, temperature, *, quadrature, quantities):
-    ready = prepare_quantities(scene, quantities, quadrature)
-    block = functools.partial(evaluate_quantities, ready, quantities)
+    prepared = prepare(scene, quantities, quadrature)
+    block = functools.partial(evaluate, prepared, quantities)
     return Solution(**over_points(block, (velocity, pressure, temperature), BLOCK))
-
-
-def prepare_quantities(scene, quantities, quadrature):
-    """All that no velocity, pressure or temperature changes, for `evaluate_quantities`."""
-    return prepare(scene, _integrals(scene, quantities), quadrature), scene.shear
-
-
-def evaluate_quantities(ready, quantities, points):
-    """Quantities at points [velocity, pressure(, temperature)] of shape (n,): dict of arrays (n,)."""
-    prepared, shear = ready
-    results = _with_shear(shear, prepared.thermal, evaluate(prepared, *points), quantities, points)
-    return {name: jnp.broadcast_to(results[name], points[0].shape) for name in quantities}
-
-
-def _integrals(scene, quantities):
-    """The radial integrals that the quantities are made of."""
-    sheared = scene.shear is not None and {"friction", "shear_friction"} & set(quantities)
-    needed = {
-        "area": "area" in quantities or sheared,
-        "friction": "friction" in quantities or "viscoelastic_friction" in quantities,
-        "separation": "separation" in quantities,
-        "transverse_friction": "transverse_friction" in quantities,
-        "flash_temperature": "flash_temperature" in quantities,
-        "converged": "converged" in quantities,
-    }
-    return tuple(name for name in needed if needed[name])
-
-
-def _with_shear(shear, thermal, integrals, quantities, points):
-    """All quantities at points from the radial integrals, of which the friction is viscoelastic."""
-    results = dict(integrals)
-    if "viscoelastic_friction" in quantities:
-        results["viscoelastic_friction"] = integrals["friction"]
-    if shear is None and "shear_friction" in quantities:
-        results["shear_friction"] = jnp.zeros_like(points[0])
-    if shear is not None and {"friction", "shear_friction"} & set(quantities):
-        if thermal is not None:
-            *others, background = points
-            surface = shear_temperature(thermal.heating, integrals["flash_temperature"], background)
-            points = (*others, surface)
-        results["shear_friction"] = shear_friction(shear, integrals["area"], *points)
-    if shear is not None and "friction" in quantities:
-        results["friction"] = integrals["friction"] + results["shear_friction"]
-    return results
 
 
 def _condition(name, value, rule):

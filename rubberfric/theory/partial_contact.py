@@ -149,7 +149,7 @@ def _psi_tables():
         return 3 / math.sqrt(math.pi) * verf(t) ** 2 * np.exp(-t2) / t2
 
     def h1(z):
-        return z * tail(z, lambda z, y: TWO_OVER_ROOT_PI)
+        return z * tail(z, lambda *_: TWO_OVER_ROOT_PI)
 
     def h3(x):
         def f(z, y):

@@ -1,82 +1,102 @@
-"""State of contact: G(q) and what follows from it, at points and for given temperatures."""
+r"""G(q), the fluctuation of the contact stress, and what follows from it, for given temperatures.
 
+With d^2q = q^2 d ln q dphi and K_j = (q/2) scale factor_j F_j (`rubberfric.theory.stiffness.series`)
+[Scaraggi & Persson, eqs. (10), (A11), (A17)]
+
+.. math:: G(q) = \left(\frac{scale}{\sigma_0}\right)^2 g(q),\qquad
+          g = \frac{\pi}{4}\int d\ln q \sum_j q^4 C_j\, factor_j^2 \langle|F_j|^2\rangle
+.. math:: P = \mathrm{erf}\,x,\qquad x = \frac{1}{2\sqrt G},\qquad
+          \mu = \pi\frac{scale}{\sigma_0}\int d\ln q\; S P
+          \sum_j q^4 C_j\, factor_j \langle\cos\varphi\,\mathrm{Im}F_j\rangle
+"""
+
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
-from rubberfric.theory.area_correction import correct_argument
-from rubberfric.theory.contributions import parts, to_contact, total
+from rubberfric.roughness.mesh import Mesh
+from rubberfric.theory.area_correction import CorrectionTable, correct_argument
+from rubberfric.theory.contributions import Contribution, Terms, total
 from rubberfric.theory.partial_contact import contact_argument, contact_fraction, friction_weight
 
 
 class Contact(NamedTuple):
     """What the roughness does at points; axes (panels, points, order) where there are three."""
 
-    parts: list  # `channels.Parts` of every channel
+    terms: list[Terms]  # of every contribution
     stiffness: jax.Array  # modulus scale over pressure, (points,)
     panels: jax.Array  # g of every panel, (panels, points); of all together, (1, points), if not graded
     x: jax.Array | None  # 1 / (2 sqrt G), plain; None if the mesh is not graded
+    gamma: ArrayLike
+    correction: CorrectionTable | None
+
+    def area(self, panels: jax.Array | None = None) -> jax.Array:
+        """P after the first `panels` panels (None: after all, A/A0), (points,)."""
+        g = self.panels
+        if panels is not None:
+            g = jnp.where(np.arange(g.shape[0])[:, None] < panels, g, 0.0)
+        return contact_fraction(self.corrected(contact_argument(jnp.sum(g, 0), self.stiffness)))
+
+    def friction_terms(self, kind: str = "dissipation") -> dict[int, jax.Array]:
+        """Viscoelastic friction of every contribution that dissipates, by contact nodes.
+
+        Parameters
+        ----------
+        kind : "dissipation", or "transverse" for the friction across the direction of sliding
+
+        Returns
+        -------
+        dict from the number of the contribution to an array (panels, points, order), whose sum is mu [-]
+        """
+        found = {j: one.densities[kind] for j, one in enumerate(self.terms) if kind in one.densities}
+        if not found or self.x is None:
+            return {}
+        weight = jnp.pi * self.stiffness[:, None] * friction_weight(self.corrected(self.x), self.gamma)
+        return {j: weight * density for j, density in found.items()}
+
+    def corrected(self, x: jax.Array) -> jax.Array:
+        """X with S in G, where the scene asks for it."""
+        return x if self.correction is None else correct_argument(self.correction, x)
 
 
-def contact(prepared, velocity, pressure, warm):
-    """`Contact` of a `radial.Prepared` scene.
+class Roughness(NamedTuple):
+    """The rough surfaces of a scene, ready for many points."""
 
-    Parameters
-    ----------
-    prepared : radial.Prepared
-    velocity, pressure : shape (points,) [m/s], [Pa]
-    warm : for each channel the temperature of the solid it excites [K]: None, (points,), or
-        (angular panels, points, angular order)
-    """
-    mesh = prepared.mesh
-    found = [
-        parts(channel, mesh, _speed(channel, mesh, velocity, T), prepared.wanted, prepared.quadrature)
-        for channel, T in zip(prepared.channels, warm, strict=True)
-    ]
-    stiffness = prepared.scale / pressure
-    if found[0].within is None:
-        # Channels have panels of their own where nothing but the whole integral is wanted.
-        whole = jnp.pi / 4 * total(jnp.sum(part.panels, 0, keepdims=True) for part in found)
-        return Contact(found, stiffness, whole, None)
-    panels = jnp.pi / 4 * total(part.panels for part in found)
-    g = _sum_before(panels)[..., None] + jnp.pi / 4 * total(part.within for part in found)
-    return Contact(found, stiffness, panels, contact_argument(g, stiffness[:, None]))
+    mesh: Mesh
+    contributions: tuple[Contribution, ...]
+    strained: tuple[str, ...]  # which solid each of them strains: "lower" or "upper"
+    scale: jax.Array  # unit of all moduli [Pa]
+    gamma: ArrayLike
+    correction: CorrectionTable | None  # of S in G
 
+    def contact(
+        self, velocity: jax.Array, pressure: jax.Array, temperatures: Sequence[jax.Array | None]
+    ) -> Contact:
+        """`Contact` at points.
 
-def contact_area(prepared, state, panels=None):
-    """P after the first `panels` panels (None: after all, A/A0), (points,)."""
-    whole = state.panels
-    if panels is not None:
-        whole = jnp.where(np.arange(whole.shape[0])[:, None] < panels, whole, 0.0)
-    return contact_fraction(corrected(prepared, contact_argument(jnp.sum(whole, 0), state.stiffness)))
-
-
-def friction_terms(prepared, state, kind="dissipation"):
-    """Viscoelastic friction of every channel that dissipates, by contact nodes: (panels, points, order).
-
-    kind : "dissipation", or "transverse" for the friction across the direction of sliding
-    """
-    weight = friction_weight(corrected(prepared, state.x), prepared.gamma)
-    weight = jnp.pi * state.stiffness[:, None] * weight
-    found = {j: getattr(part, kind) for j, part in enumerate(state.parts)}
-    return {j: weight * density for j, density in found.items() if density is not None}
-
-
-def _speed(channel, mesh, velocity, temperature):
-    """v a_T [m/s]."""
-    if temperature is None or channel.shift is None:
-        return velocity
-    if temperature.ndim > 1 and channel.modes.at_contact:
-        temperature = to_contact(mesh, temperature)
-    factor = jnp.exp(channel.shift.log_factor(temperature))
-    return velocity * factor if temperature.ndim == 1 else velocity[:, None] * factor
-
-
-def corrected(prepared, x):
-    """S in G, where the scene asks for it."""
-    return x if prepared.correction is None else correct_argument(prepared.correction, x)
+        Parameters
+        ----------
+        velocity, pressure : shape (points,) [m/s], [Pa]
+        temperatures : for each contribution that of the solid it strains [K]: None, (points,), or
+            (angular panels, points, angular order)
+        """
+        found = [
+            one.terms(self.mesh, velocity, T) for one, T in zip(self.contributions, temperatures, strict=True)
+        ]
+        stiffness = self.scale / pressure
+        within = [terms.within for terms in found if terms.within is not None]
+        if not within:
+            # Contributions have panels of their own where nothing but the whole integral is needed.
+            whole = jnp.pi / 4 * total(jnp.sum(terms.panels, 0, keepdims=True) for terms in found)
+            return Contact(found, stiffness, whole, None, self.gamma, self.correction)
+        panels = jnp.pi / 4 * total(terms.panels for terms in found)
+        g = _sum_before(panels)[..., None] + jnp.pi / 4 * total(within)
+        x = contact_argument(g, stiffness[:, None])
+        return Contact(found, stiffness, panels, x, self.gamma, self.correction)
 
 
 def _sum_before(panels):

@@ -15,8 +15,8 @@ from support.oracles import oracle
 from support.scenes.common import ROAD
 
 import rubberfric as rf
-from rubberfric.theory.stiffness.angular_means import angular_means
-from rubberfric.theory.stiffness.series import Relaxing
+from rubberfric.theory.quantities import Needs
+from rubberfric.theory.stiffness.angular_means import Relaxing
 
 NAMES = [name for name in CASES if name.startswith("grooved-")]
 # One compilation serves all but the last.
@@ -60,12 +60,12 @@ def by_quadrature(a, m):
     return [np.sum(measure * part) for part in parts]
 
 
-def mixed(mix, qv):
+def mixed(shares, qv):
     """The four means of one term with shares of their harmonics, (4, nodes)."""
     F = Relaxing(*as_arrays((REST, np.ones(1), np.ones(1))))
-    wanted = {"power", "dissipation", "storage", "transverse"}
-    found = angular_means(F, qv[None], wanted, rf.Quadrature(), mix=mix)
-    return jnp.concatenate([getattr(found, name)[0] for name in found._fields])
+    needs = Needs(power=True, dissipation=True, storage=True, transverse=True)
+    found = F.means(qv[None], needs, harmonics=shares)
+    return jnp.concatenate([found[kind][0] for kind in needs.kinds])
 
 
 def harmonic_means(qv, count=6):

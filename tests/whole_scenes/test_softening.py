@@ -12,9 +12,10 @@ from support.oracles import oracle
 from support.scenes.common import ROAD
 
 import rubberfric as rf
-from rubberfric.scene.softening import knots, softened_of, softening_factors, strain
-from rubberfric.theory.stiffness.angular_means import angular_means
-from rubberfric.theory.stiffness.series import Relaxing
+from rubberfric.scene.pairs import pairs_of
+from rubberfric.scene.softening import knots, softening_factors, strain
+from rubberfric.theory.quantities import Needs
+from rubberfric.theory.stiffness.angular_means import Relaxing
 
 NAMES = [name for name in CASES if name.startswith("soft-")]
 # One compilation serves the first six.
@@ -69,8 +70,8 @@ def by_quadrature(rest, weight, tau, qv):
 
 
 def split_means(F, qv):
-    found = angular_means(F, qv[None], {"power", "dissipation", "storage"}, True)
-    return jnp.stack([*found.power, *found.dissipation, *found.storage])[:, 0]
+    found = F.means(qv[None], Needs(power=True, dissipation=True, storage=True), split=True)
+    return jnp.stack([*found["power"], *found["dissipation"], *found["storage"]])[:, 0]
 
 
 @pytest.mark.parametrize("name", F)
@@ -111,7 +112,7 @@ def test_means_have_the_derivatives_of_the_quadrature():
 
 
 def softened(name):
-    return softened_of(scene(CASES[name]))
+    return pairs_of(scene(CASES[name]))[0].softened
 
 
 @pytest.mark.slow

@@ -23,8 +23,9 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import moment
-from rubberfric.scene.scene import Scene, cast, rough_pairs
-from rubberfric.theory.model import QUANTITIES, solve
+from rubberfric.scene.scene import Scene, cast, rough_surfaces
+from rubberfric.theory.model import solve
+from rubberfric.theory.quantities import QUANTITIES
 
 REFINED = (
     Quadrature(order=16, panels=40, graded=20, ratio=3.0, angular_order=18, heat=320),
@@ -113,7 +114,7 @@ def case_of(
     if conditions[0].size == 0:
         raise ValueError("velocity, pressure and temperature have no point in common: must have at least one")
     differentiated = np.unique(np.linspace(0, conditions[0].size - 1, count).round().astype(int))
-    height2 = sum(float(moment(rough.spectrum, 0)) for rough, _ in rough_pairs(scene))
+    height2 = sum(float(moment(spectrum, 0)) for spectrum, _ in rough_surfaces(scene))
     return Case(cast(scene, jnp.float64), conditions, differentiated, height2**0.5)
 
 

@@ -10,7 +10,8 @@ from jax.typing import ArrayLike
 from rubberfric.analysis.error_and_time import reference
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.mesh import build_mesh
-from rubberfric.scene.scene import Scene, rough_pairs
+from rubberfric.scene.pairs import pairs_of
+from rubberfric.scene.scene import Scene
 
 # Of increasing work. Few others of as few nodes have errors as small, on a road and on a pair of rubbers
 # from 1e-8 to 1e2 m/s and from 1e3 to 1e7 Pa; the last two are for ranges far wider.
@@ -28,7 +29,7 @@ SETTINGS = (
 
 def node_count(scene: Scene, quadrature: Quadrature) -> int:
     """Nodes in q that a point costs: where the contact is evaluated and where the stiffness is."""
-    laws = [rough.spectrum.power_law() for rough, _ in rough_pairs(scene)]
+    laws = [pair.law for pair in pairs_of(scene)]
     if not laws:
         return 0
 

@@ -16,7 +16,7 @@ from rubberfric.analysis.error_and_time.textbook import covers
 from rubberfric.analysis.error_and_time.textbook import solve as textbook_solve
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene
-from rubberfric.theory.model import QUANTITIES
+from rubberfric.theory.quantities import QUANTITIES
 
 Key = TypeVar("Key")
 Timed = tuple[Row, dict[str, Callable[[], Any]]]  # without its run times, and the calls to time

@@ -29,7 +29,7 @@ from rubberfric.analysis.error_and_time.textbook_solids import (
 )
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import ContactShear
-from rubberfric.theory.model import QUANTITIES
+from rubberfric.theory.quantities import QUANTITIES
 
 _AT_ONCE = 1_000_000  # complex moduli: 16 MB
 _FULL = 6.0  # P = 1 to the last bit from this argument of erf on

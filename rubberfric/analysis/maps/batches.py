@@ -18,7 +18,7 @@ from jax.sharding import AxisType, NamedSharding, PartitionSpec
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.scene.scene import Scene
-from rubberfric.theory.model import evaluate_quantities, prepare_quantities
+from rubberfric.theory.integrals import evaluate, prepare
 
 # Points of a batch: enough that what a call costs beside its points does not count. A processor core
 # takes few pairs at once, whose 300 nodes in q stay in its cache; any other device as many as it can.
@@ -220,10 +220,10 @@ def _evaluate(scene, velocity, pressure, temperature, *, mesh, group, quadrature
     several = jax.process_count() > 1
 
     def share(scene, velocity, pressure, temperature):
-        ready = prepare_quantities(scene, quantities, quadrature)
-        evaluate = functools.partial(_heated if ready[0].thermal else _shared, ready, quantities, pressure)
+        ready = prepare(scene, quantities, quadrature)
+        found_at = functools.partial(_heated if ready.thermal else _shared, ready, quantities, pressure)
         pairs = [None if x is None else x.reshape(-1, group) for x in (velocity, temperature)]
-        found = jax.lax.map(evaluate, pairs)
+        found = jax.lax.map(found_at, pairs)
         found = {name: jnp.swapaxes(x, 0, 1).reshape(pressure.size, -1) for name, x in found.items()}
         # Every process needs all of it: to find what is not finite, and the first to write it.
         gather = functools.partial(jax.lax.all_gather, axis_name=_POINTS, axis=1, tiled=True)
@@ -246,7 +246,7 @@ def _shared(ready, quantities, pressure, pairs):
 
     def at(pressure):
         conditions = [velocity, jnp.full_like(velocity, pressure), temperature]
-        return evaluate_quantities(ready, quantities, [x for x in conditions if x is not None])
+        return evaluate(ready, quantities, [x for x in conditions if x is not None])
 
     return jax.vmap(at)(pressure)
 
@@ -255,5 +255,5 @@ def _heated(ready, quantities, pressure, pairs):
     """The same where every pressure has temperatures of its own, and so nothing is shared."""
     shape = pressure.size, pairs[0].size
     conditions = (jnp.broadcast_to(x, shape).reshape(-1) for x in (pairs[0], pressure[:, None], pairs[1]))
-    found = evaluate_quantities(ready, quantities, list(conditions))
+    found = evaluate(ready, quantities, list(conditions))
     return {name: x.reshape(shape) for name, x in found.items()}

@@ -22,7 +22,8 @@ from rubberfric.io.result_files import filling_result, mapped_quantities
 from rubberfric.io.results import Result, result_shape
 from rubberfric.io.scene_files.conditions import Conditions, check_conditions
 from rubberfric.scene.scene import Scene, result_dtype
-from rubberfric.theory.model import Solution, check_heated, check_kinds, checked
+from rubberfric.theory.model import check_heated, check_kinds, checked
+from rubberfric.theory.quantities import Solution
 
 # What a result file holds and `load_result` reads back, of arrays [temperature, pressure, velocity].
 FrictionMap = Result

@@ -1,1 +1,1 @@
-"""Physical objects: fields that say what they are, and classes that check, save and show themselves by them."""
+"""Physical objects: fields that say what they are, and classes that are checked and shown by them."""

@@ -173,10 +173,7 @@ def checked(where: str, value: Any, field: Meaning) -> Any:
         if isinstance(value, bool) or not isinstance(value, int | float | np.floating):
             raise ValueError(f"{where} = {shown(value)}: must be a number")
         value = float(value)
-    elif isinstance(field, Static):
-        # 1 == True, but a static field keeps the type it was declared with.
-        if not any(type(value) is type(c) and value == c for c in field.choices):
-            raise ValueError(
-                f"{where} = {shown(value)}: must be one of {', '.join(map(repr, field.choices))}"
-            )
+    # 1 == True, but a static field keeps the type it was declared with.
+    elif isinstance(field, Static) and not any(type(value) is type(c) and value == c for c in field.choices):
+        raise ValueError(f"{where} = {shown(value)}: must be one of {', '.join(map(repr, field.choices))}")
     return value

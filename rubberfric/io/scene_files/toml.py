@@ -10,7 +10,8 @@
     material = { kind = "rigid" }
     [lower.spectrum]
     kind = "self_affine"                # q0, qr, q1 [1/m], hurst, and h_rms [m] or C0 [m^4]
-    ...                                 # or "tabulated": file (q, C), normalisation, see rubberfric.roughness.normalisation;
+    ...                                 # or "tabulated": file (q, C), normalisation, see
+                                        # `rubberfric.roughness.normalisation`;
                                         # a spectrum along a line (q, C_1D) needs hurst;
                                         # or "anisotropic": ratio, angle [rad], harmonics, and
                                         # base = { kind = "self_affine", ... }; or
@@ -21,8 +22,9 @@
     [upper.material]
     kind = "tabulated"                  # or "elastic", "prony", "prony_shear": the fields of the class
     file = "master_curve.csv"           # omega or f, E_stor, E_loss; relative to this file; other programs'
-                                        # tables as `rubberfric.io.tables.exports` has them; columns = ["f [Hz]", ...]
-                                        # says what the columns are of a file that does not
+                                        # tables as `rubberfric.io.tables.exports` has them;
+                                        # columns = ["f [Hz]", ...] says what the columns are of a file
+                                        # that does not
     shift = { kind = "wlf", C1 = 8.86, C2 = 101.6, T_ref = 293.15 }
                                         # a "prony" or "prony_shear" may be in a file of cards (`read_prony`):
                                         # file, unit_stress, unit_temperature, poisson
@@ -42,7 +44,8 @@
     [heating]                           # optional: density, heat_capacity, conductivity, radius, ...
     ...
 
-    [run]                               # for the commands, as [map]: see `rubberfric.io.scene_files.conditions`
+    [run]                               # for the commands, as [map]: see
+                                        # `rubberfric.io.scene_files.conditions`
 
 Keys are the fields of the classes, except those with a `column`, which come from a CSV file; `kind` is
 the class's `file_kind`.

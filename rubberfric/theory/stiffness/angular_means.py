@@ -25,110 +25,91 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from rubberfric.theory.stiffness.series import Relaxing, Tabulated
-from rubberfric.theory.stiffness.tabulated_means import means_table, tabulated_means
+from rubberfric.theory.quantities import Needs
+
+# By kind, "power", "dissipation", "storage" and "transverse": one array, but of the power two, <F'^2> and
+# <F''^2>, where they are needed apart.
+Means = dict[str, tuple[jax.Array, ...]]
+# Shares (c_m, s_m) of the harmonics of anisotropic roughness, m = 1, 2, ... along their first axis.
+Harmonics = tuple[jax.Array, jax.Array]
 
 
-class Means(NamedTuple):
-    """Angular means of F; those not asked for, and a dissipation that is zero, are None.
+class Relaxing(NamedTuple):
+    """F(s) = rest + sum_i weight_i s tau_i / (1 + s tau_i), of every node or of all of them."""
 
-    Each is a tuple: one array, but of the power two, <F'^2> and <F''^2>, if they are asked for apart.
-    """
+    rest: jax.Array  # [-], shape () or (nodes,)
+    weight: jax.Array  # [-], shape (n,) or (nodes, n)
+    tau: jax.Array  # [s], same shape
 
-    power: tuple | None
-    dissipation: tuple | None
-    storage: tuple | None
-    transverse: tuple | None = None
+    @property
+    def by_node(self) -> bool:
+        """Whether every node has its own."""
+        return self.tau.ndim > 1
 
+    def means(
+        self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: Harmonics | None = None
+    ) -> Means:
+        """Means of F for roughness passing at q v.
 
-def with_means(F, wanted, split=False, mix=None):
-    """F with the table of its means, if it is Tabulated and they depend on q v alone.
+        Parameters
+        ----------
+        qv : q v a_T [1/s], any shape, (points, nodes) if every node has its own F; negative for
+            reversed sliding
+        needs : Needs
+        split : whether <F'^2> and <F''^2> are needed apart
+        harmonics : shares (c_m, s_m) of the harmonics, which are added to the means, shape (harmonics,)
+            each, or (harmonics, ...) broadcastable with qv where they depend on q; None: there are
+            none. Not with split.
 
-    No velocity or temperature changes the table: it is made once, for every call of `angular_means`
-    with the same split and mix.
-    """
-    if not isinstance(F, Tabulated):
-        return F
-    return F._replace(table=means_table(F, wanted, split, mix))
-
-
-def angular_means(F, qv, wanted, split=False, mix=None):
-    """Means of F for roughness passing at q v.
-
-    Parameters
-    ----------
-    F : Relaxing or Tabulated
-    qv : q v a_T [1/s], shape (points, nodes); negative for reversed sliding
-    wanted : set of "power", "dissipation", "storage", "transverse"
-    split : bool
-        whether <F'^2> and <F''^2> are wanted apart.
-    mix : shares (c_m, s_m) of the harmonics, which are added to the means, shape (harmonics,) each, or
-        (harmonics, ...) broadcastable with qv where they depend on q; None: no harmonics. Not with split.
-
-    Returns
-    -------
-    Means, arrays of the shape of qv.
-    """
-    if isinstance(F, Relaxing):
+        Returns
+        -------
+        Means, arrays of the shape of qv
+        """
         if split:
-            return _split_form(F, qv, wanted)
-        means = _closed_form(F, qv, wanted)
-        return means if mix is None else _with_harmonics(F, qv, wanted, mix, means)
-    return Means(*tabulated_means(F, qv, wanted, split, mix))
+            return _split_form(self, qv, needs)
+        means = _closed_form(self, qv, needs)
+        return means if harmonics is None else _with_harmonics(self, qv, needs, harmonics, means)
 
 
-def static_means(F, wanted):
-    """The same for a stiffness that does not relax (Static): no dissipation."""
-    return Means(
-        (F.value**2,) if "power" in wanted else None, None, (F.value,) if "storage" in wanted else None
-    )
-
-
-def _closed_form(F, qv, wanted):
-    weights = {
-        "power": 2 * F.weight * _at_own_rates(F) if "power" in wanted else None,
-        "dissipation": F.weight if "dissipation" in wanted else None,
-        "storage": F.weight if "storage" in wanted else None,
-    }
-    if F.tau.ndim == 1:
-        sums = _sums(weights, F.tau, qv)
-    else:
-        weights = {name: None if w is None else w.T[:, None, :] for name, w in weights.items()}
+def _closed_form(F, qv, needs):
+    weights = {kind: F.weight for kind in needs.kinds if kind != "transverse"}
+    if needs.power:
+        weights["power"] = 2 * F.weight * _at_own_rates(F)
+    if F.by_node:
+        weights = {kind: weight.T[:, None, :] for kind, weight in weights.items()}
         sums = _sums_of_rows(weights, F.tau.T[:, None, :] * qv)
-    return Means(
-        None if sums["power"] is None else (F.rest**2 + sums["power"],),
-        None if sums["dissipation"] is None else (sums["dissipation"],),
-        None if sums["storage"] is None else (F.rest + sums["storage"],),
-    )
-
-
-def _with_harmonics(F, qv, wanted, mix, means):
-    """The closed forms with their harmonics added, summed by Horner's scheme for each node and term."""
-    if F.tau.ndim == 1:
-        front = (slice(None), *(None,) * qv.ndim)
-        a, weight, at_rates = F.tau[front] * qv, F.weight[front], _at_own_rates(F)[front]
     else:
+        sums = _sums(weights, F.tau, qv)
+    if needs.power:
+        sums["power"] = F.rest**2 + sums["power"]
+    if needs.storage:
+        sums["storage"] = F.rest + sums["storage"]
+    return {kind: (value,) for kind, value in sums.items()}
+
+
+def _with_harmonics(F, qv, needs, harmonics, means):
+    """The closed forms with their harmonics added, summed by Horner's scheme for each node and term."""
+    if F.by_node:
         a, weight, at_rates = (x.T[:, None, :] for x in (F.tau, F.weight, _at_own_rates(F)))
         a = a * qv
+    else:
+        front = (slice(None), *(None,) * qv.ndim)
+        a, weight, at_rates = F.tau[front] * qv, F.weight[front], _at_own_rates(F)[front]
     _, sine, r, _ = _relaxation_parts(a)
     quotient = sine * r  # a / (1 + r), at most 1
     ratio = quotient**2
-    # Terms of the first harmonic.
+    cosines = _series(harmonics[0], -ratio)
+    # Terms of the first harmonic, and what the others make of them.
     first = {
         "power": 2 * weight * at_rates * (ratio / r),
         "dissipation": weight * (sine / (1 + r)),
         "storage": weight * (ratio / r),
-        "transverse": weight * (quotient / (1 + r)),
     }
-    series = {"transverse": _series(mix[1], -ratio) if "transverse" in wanted else None}
-    cosine = _series(mix[0], -ratio)
-
-    def mixed(name):
-        added = jnp.sum(first[name] * series.get(name, cosine), 0)
-        isotropic = getattr(means, name)
-        return (added if isotropic is None else isotropic[0] + added,)
-
-    return Means(*(mixed(name) if name in wanted else None for name in Means._fields))
+    mixed = {kind: (mean + jnp.sum(first[kind] * cosines, 0),) for kind, (mean,) in means.items()}
+    if needs.transverse:
+        sines = _series(harmonics[1], -ratio)
+        mixed["transverse"] = (jnp.sum(weight * (quotient / (1 + r)) * sines, 0),)
+    return mixed
 
 
 @jax.custom_jvp
@@ -149,7 +130,7 @@ def _series_jvp(primals, tangents):
     return _series(coefficients, x), _series(tangents[0], x) + slope * tangents[1]
 
 
-def _split_form(F, qv, wanted):
+def _split_form(F, qv, needs):
     r"""The same with the power in two, sums over pairs of terms, all positive.
 
     .. math:: \langle F''^2\rangle = \sum_{ij} \frac{F_i F_j s_i s_j}{r_i + r_j},\quad s = \frac{a}{r},\qquad
@@ -161,14 +142,14 @@ def _split_form(F, qv, wanted):
     one, sine, r, _ = _relaxation_parts(F.tau[front] * qv)
     ones, sines = weight * one, weight * (sine * (1 + r))
     storage = F.rest + jnp.sum(ones, 0)
-    power = None
-    if "power" in wanted:
-        power = storage**2 + _pairs(ones, r), _pairs(sines, r)
-    return Means(
-        power,
-        (jnp.sum(weight * sine, 0),) if "dissipation" in wanted else None,
-        (storage,) if "storage" in wanted else None,
-    )
+    means = {}
+    if needs.power:
+        means["power"] = storage**2 + _pairs(ones, r), _pairs(sines, r)
+    if needs.dissipation:
+        means["dissipation"] = (jnp.sum(weight * sine, 0),)
+    if needs.storage:
+        means["storage"] = (storage,)
+    return means
 
 
 @jax.custom_jvp
@@ -195,8 +176,7 @@ def _pairs_jvp(primals, tangents):
 def _sums(weights, tau, qv):
     """Sums over the terms at every q v, in one pass: nothing of the size terms x points is stored."""
     front = (slice(None), *(None,) * qv.ndim)
-    weights = {name: None if w is None else w[front] for name, w in weights.items()}
-    return _sums_of_rows(weights, tau[front] * qv)
+    return _sums_of_rows({name: weight[front] for name, weight in weights.items()}, tau[front] * qv)
 
 
 @_sums.defjvp
@@ -208,14 +188,14 @@ def _sums_as_products(weights, tau, qv):
     """The same as matrix products over one long row of points: slower, but its derivative is quicker."""
     one, sine = _relaxation(tau[:, None] * qv.reshape(-1))
     parts = {"power": one, "dissipation": sine, "storage": one}
-    return {name: None if w is None else (w @ parts[name]).reshape(qv.shape) for name, w in weights.items()}
+    return {name: (weight @ parts[name]).reshape(qv.shape) for name, weight in weights.items()}
 
 
 def _sums_of_rows(weights, a):
     """Sums over the first axis."""
     one, sine = _relaxation(a)
     parts = {"power": one, "dissipation": sine, "storage": one}
-    return {name: None if w is None else jnp.sum(w * parts[name], 0) for name, w in weights.items()}
+    return {name: jnp.sum(weight * parts[name], 0) for name, weight in weights.items()}
 
 
 @jax.custom_jvp

@@ -7,64 +7,42 @@ over its means of factor times mean, one of each unless <F'^2> and <F''^2> softe
 
 from typing import NamedTuple
 
-from rubberfric.scene.scene import relaxes
+import jax
+
+from rubberfric.scene.pairs import Pair
 from rubberfric.scene.softening import softening_factors
+from rubberfric.theory.stiffness.angular_means import Harmonics
 from rubberfric.theory.stiffness.series import layer_factor
 
 
-class Modes(NamedTuple):
-    """Which angular means a channel needs."""
-
-    split: bool = False  # <F'^2> and <F''^2> apart, for softening changes them differently
-    harmonics: int = 0  # highest m of cos(2 m phi) in the roughness
-    at_contact: bool = False  # taken at the contact nodes: what they are means of has kinks over q
-
-
 class Factors(NamedTuple):
-    """Factors of the means of each kind, tuples in the order of `angular.Means`; None is 1."""
+    """Factors of the means of each kind, tuples in the order of `Means`; None is 1."""
 
-    power: tuple
-    dissipation: tuple
-    storage: tuple
-    transverse: tuple
+    power: tuple[jax.Array | None, ...]
+    dissipation: tuple[jax.Array | None, ...]
+    storage: tuple[jax.Array | None, ...]
+    transverse: tuple[jax.Array | None, ...]
 
-
-def modes_of(rough, other, softened):
-    """`Modes` of roughness on `rough` facing `other`."""
-    if not relaxes(other):
-        return Modes()
-    of_two = softened is not None and rough.material.deforms
-    return Modes(
-        split=softened is not None and not of_two,
-        harmonics=rough.spectrum.harmonic_count(),
-        at_contact=of_two or rough.spectrum.harmonics_vary,
-    )
+    def of(self, kind: str, values: jax.Array) -> tuple[jax.Array, ...]:
+        """Values times the factor of each of the means of a kind."""
+        return tuple(values if factor is None else values * factor for factor in getattr(self, kind))
 
 
-def mix_of(rough, modes, q):
-    """Shares (c_m, s_m) of the harmonics at wavevectors q; None without harmonics.
+def factors_at(pair: Pair, q: jax.Array) -> Factors:
+    """`Factors` at wavevectors q [1/m] of any shape, for a stiffness that relaxes."""
+    layer = layer_factor(pair, q)
+    if pair.softens_apart:
+        storage, loss = (_times(layer, x) for x in softening_factors(pair.softened, q))
+        return Factors((storage**2, loss**2), (loss,), (storage,), ())
+    return Factors((_times(layer, layer),), (layer,), (layer,), (layer,))
+
+
+def harmonic_shares(pair: Pair, q: jax.Array) -> Harmonics | None:
+    """Shares (c_m, s_m) of the harmonics of the roughness at wavevectors q; None without harmonics.
 
     Shape (harmonics,) each where they are the same at every wavevector, else (harmonics, *q.shape).
     """
-    if not modes.harmonics:
-        return None
-    return rough.spectrum.harmonics_at(q)
-
-
-def node_factors(rough, other, softened, q):
-    """`Factors` at wavevectors q [1/m], for a stiffness that relaxes.
-
-    Parameters
-    ----------
-    rough, other : Body
-    softened : `softening.Softened` or None
-    q : any shape
-    """
-    layer = layer_factor(rough, other, q)
-    if modes_of(rough, other, softened).split:
-        storage, loss = (_times(layer, x) for x in softening_factors(softened, q))
-        return Factors((storage**2, loss**2), (loss,), (storage,), ())
-    return Factors((_times(layer, layer),), (layer,), (layer,), (layer,))
+    return pair.spectrum.harmonics_at(q) if pair.harmonics else None
 
 
 def _times(a, b):

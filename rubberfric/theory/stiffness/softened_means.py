@@ -6,63 +6,68 @@ E' and E'' fall by different factors, so that the solid is no Prony solid any mo
 the other one has no closed form. f and g have kinks over q: F is taken at the contact nodes themselves.
 """
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.materials.material import Material
-from rubberfric.theory.stiffness.angular_means import Means
-from rubberfric.theory.stiffness.series import Relaxing, Sampled
-from rubberfric.theory.stiffness.tabulated_means import log_and_sign, moduli_at, moduli_on_grid, rule_of_node
+from rubberfric.theory.quantities import Needs
+from rubberfric.theory.stiffness.angular_means import Harmonics, Means, Relaxing
+from rubberfric.theory.stiffness.tabulated_means import held_below, moduli_at, moduli_on_grid, rule_of_node
 from rubberfric.theory.stiffness.uniform_grid import circle_rule
 
-# Step of the trapezoidal rule over the circle for a Prony series, whose poles are pi/2 from the real axis
-# of ln omega.
+# Step of the integral over the circle of a Prony series, whose poles are pi/2 from the real axis of ln omega.
 _STEP = 0.22
 
 
-def sampled_means(F: Sampled, qv: jax.Array, wanted: set | frozenset) -> Means:
-    """`Means` at the contact nodes, (panels, points, order).
+class SoftenedInSeries(NamedTuple):
+    """F of a softened solid in series with a spring, at given wavevectors, (panels, order) each."""
 
-    Parameters
-    ----------
-    F : stiffness.Sampled
-    qv : q v a_T [1/s], (panels, points, order)
-    wanted : set of "power", "dissipation", "storage"
-    """
-    material = F.modulus if isinstance(F.modulus, Material) else None
-    s, psi, weight = circle_rule(_STEP) if material is None else rule_of_node(material)
-    cosine, weight = (jnp.asarray(x, qv.dtype) for x in (np.sin(psi), weight))
-    moduli = None if material is None else moduli_on_grid(material)
+    modulus: Material | Relaxing  # without a series, or its series in units of the scale
+    storage: jax.Array  # f times what makes it a stiffness in units of the scale
+    loss: jax.Array  # the same with g
+    spring: jax.Array  # the other solid at rest [-]
 
-    def panel(values):
-        qv, storage_factor, loss_factor, spring = values
-        if material is None:
-            storage, loss = _series_modulus(F.modulus, qv[..., None] * cosine)
-        else:
-            log_qv, sign = log_and_sign(material, qv)
-            storage, loss = moduli_at(material, moduli, log_qv[..., None] - s)
-            loss = loss * sign[..., None]
-        storage, loss = storage_factor[:, None] * storage, loss_factor[:, None] * loss
-        square = storage**2 + loss**2
-        spring = spring[:, None]
-        share = spring / ((storage + spring) ** 2 + loss**2)
-        return (
-            (share * spring * square) @ weight,
-            (share * spring * loss * cosine) @ weight,
-            (share * (spring * storage + square)) @ weight,
-        )
+    by_node = False  # its panels are those of q
 
-    # Panel by panel, and again for the gradient: all angles at once would take gigabytes.
-    power, dissipation, storage = jax.lax.map(jax.checkpoint(panel), (qv, F.storage, F.loss, F.spring))
-    return Means(
-        (power,) if "power" in wanted else None,
-        (dissipation,) if "dissipation" in wanted else None,
-        (storage,) if "storage" in wanted else None,
-    )
+    def means(
+        self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: Harmonics | None = None
+    ) -> Means:
+        """`Means` of qv = q v a_T [1/s], shape (panels, points, order); neither split nor harmonics."""
+        del split, harmonics
+        modulus = self.modulus
+        series = modulus if isinstance(modulus, Relaxing) else None
+        s, psi, weight = circle_rule(_STEP) if isinstance(modulus, Relaxing) else rule_of_node(modulus)
+        sine, weight = (jnp.asarray(x, qv.dtype) for x in (np.sin(psi), weight))
+        moduli = None if isinstance(modulus, Relaxing) else moduli_on_grid(modulus)
+
+        def panel(values):
+            qv, storage_factor, loss_factor, spring = values
+            if series is not None:
+                storage, loss = _series_modulus(series, qv[..., None] * sine)
+            else:
+                log_qv, sign = held_below(modulus, qv)
+                storage, loss = moduli_at(modulus, moduli, log_qv[..., None] - s)
+                loss = loss * sign[..., None]
+            storage, loss = storage_factor[:, None] * storage, loss_factor[:, None] * loss
+            square = storage**2 + loss**2
+            spring = spring[:, None]
+            share = spring / ((storage + spring) ** 2 + loss**2)
+            return (
+                (share * spring * square) @ weight,
+                (share * spring * loss * sine) @ weight,
+                (share * (spring * storage + square)) @ weight,
+            )
+
+        # Panel by panel, and again for the gradient: all angles at once would take gigabytes.
+        found = jax.lax.map(jax.checkpoint(panel), (qv, self.storage, self.loss, self.spring))
+        found = dict(zip(("power", "dissipation", "storage"), found, strict=True))
+        return {kind: (found[kind],) for kind in needs.kinds if kind in found}
 
 
-def _series_modulus(series: Relaxing, omega):
+def _series_modulus(series, omega):
     """E' and E'' of a Prony series at omega of any sign, odd in E''."""
     # a^2 must not overflow; beyond the bound the terms are glassy to the last bit.
     bound = 1e150 if omega.dtype == jnp.float64 else 1e18

@@ -17,7 +17,8 @@ import numpy as np
 
 from rubberfric.materials.material import Material
 from rubberfric.materials.tabulated_modulus import LONGEST, REACH
-from rubberfric.theory.stiffness.series import Tabulated
+from rubberfric.theory.quantities import Needs
+from rubberfric.theory.stiffness.angular_means import Harmonics, Means
 from rubberfric.theory.stiffness.uniform_grid import (
     LEAD,
     MARGIN,
@@ -42,60 +43,95 @@ _BELOW, _ABOVE = 8.0, 9.0  # and the reach of a rounded knot
 _FAR = 40.0
 
 
-class Table(NamedTuple):
-    """Splines over a uniform grid of ln(q v) through the means, each kind a row or several, or None."""
+class Tabulated(NamedTuple):
+    """F = f k / (f + k) with f(omega) the scaled E_r and a spring k, its means taken at every node."""
 
+    material: Material  # without a series
+    scale: jax.Array  # f = scale * E [1/Pa], shape () or (nodes,)
+    spring: jax.Array | None  # [-], shape () or (nodes,); None: rigid
+
+    @property
+    def by_node(self) -> bool:
+        """Whether every node has its own."""
+        return self.scale.ndim > 0
+
+    def means(
+        self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: Harmonics | None = None
+    ) -> Means:
+        """Means of F for roughness passing at q v; arguments as `Relaxing.means`."""
+        log_qv, sign = held_below(self.material, qv)
+        return _signed(_mixed(_by_node(self, log_qv, needs, split, harmonics), harmonics), sign)
+
+
+class MeansTable(NamedTuple):
+    """Splines over a uniform grid of ln(q v) through the means, each kind a row or several."""
+
+    material: Material
     first: jax.Array  # the first coefficient is that at step * first
     ends: jax.Array  # ln(q v) where the means become powers, below and above
     coefficients: jax.Array  # `splines` of the rows, of ln of those that are positive
-    limits: jax.Array  # the rows _FAR beyond the ends, (rows, 2)
+    limits: jax.Array  # the rows far beyond the ends, (rows, 2)
+
+    by_node = False
+
+    def means(
+        self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: Harmonics | None = None
+    ) -> Means:
+        """Means of F for roughness passing at q v; arguments as for the table, and `Relaxing.means`."""
+        log_qv, sign = held_below(self.material, qv)
+        return _signed(_mixed(_by_table(self, log_qv, needs, split, harmonics), harmonics), sign)
 
 
-def tabulated_means(F, qv, wanted, split=False, mix=None):
-    """(power, dissipation, storage, transverse) of a Tabulated stiffness, as `angular_means`."""
-    log_qv, sign = log_and_sign(F.material, qv)
-    # Shares that depend on q are not those of a table over q v: the harmonics are kept apart till then.
-    harmonics, now, late = _shares(mix)
-    if F.table is None:
-        means = _by_node(F, log_qv, wanted, split, harmonics, now)
-    else:
-        means = _by_table(F, log_qv, wanted, split, harmonics, now)
-    if late is not None:
-        means = _mixed(means, *late)
-    power, dissipation, storage, transverse = means
-    dissipation, transverse = (
-        None if m is None else tuple(mean * sign for mean in m) for m in (dissipation, transverse)
-    )
-    return power, dissipation, storage, transverse
+def held_below(material: Material, omega: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """ln |omega|, not far below the frequencies of a material, and what is odd in omega over its value there.
 
-
-def log_and_sign(material, omega):
-    """ln |omega| and what E'' there is to be multiplied by: v = 0 keeps its derivative.
-
-    Far below the table E'' is linear in omega: it is taken at a floor and scaled. If it does not vanish
-    at v = 0+, only the sign is left.
+    Far below, E is E(0) and E'' linear in omega: so v = 0 keeps its derivative. If E'' does not vanish at
+    v = 0+, only the sign is left.
     """
-    floor = jnp.log(material.frequency_range()[0]) - math.log(1e9)
-    log_omega = jnp.log(jnp.maximum(jnp.abs(omega), float(jnp.finfo(omega.dtype).tiny)))
-    log_omega = jnp.maximum(log_omega, floor)
+    floor = _log_range(material)[0] - math.log(1e9)
+    tiny = float(jnp.finfo(omega.dtype).tiny)
+    log_omega = jnp.maximum(jnp.log(jnp.maximum(jnp.abs(omega), tiny)), floor)
     return log_omega, jnp.sign(omega) if material.loss_at_rest else omega * jnp.exp(-log_omega)
 
 
-def _shares(mix):
-    """How many harmonics; their shares if they are constant; and if they depend on q."""
-    if mix is None:
-        return 0, None, None
-    harmonics = mix[0].shape[0]
-    return (harmonics, None, mix) if mix[0].ndim > 1 else (harmonics, mix, None)
+def _log_range(material):
+    """ln of the lowest and highest frequency of what a modulus does [rad/s]."""
+    ends = material.frequency_range()
+    if ends is None:
+        raise ValueError(
+            f"{type(material).__name__} has neither a series nor a frequency range: must have one"
+        )
+    return jnp.log(jnp.stack(ends))
 
 
-def _mixed(means, cosine, sine):
-    """One mean of each kind from its harmonics, the isotropic one first but for the transverse."""
-    *even, odd = means
-    even = (
-        None if m is None else (sum((c * x for c, x in zip(cosine, m[1:], strict=True)), m[0]),) for m in even
-    )
-    return *even, None if odd is None else (sum(s * x for s, x in zip(sine, odd, strict=True)),)
+def _vary(harmonics):
+    """Whether the shares of the harmonics depend on q."""
+    return harmonics is not None and harmonics[0].ndim > 1
+
+
+def _shares(harmonics):
+    """How many harmonics; their shares if they are constant. Those of others are kept apart till later."""
+    if harmonics is None:
+        return 0, None
+    return harmonics[0].shape[0], None if _vary(harmonics) else harmonics
+
+
+def _mixed(means, harmonics):
+    """One mean of each kind from those of varying harmonics; the isotropic one is the first of the even."""
+    if not _vary(harmonics):
+        return means
+    mixed = {}
+    for kind, found in means.items():
+        shares = harmonics[kind == "transverse"]
+        isotropic = found[: len(found) - len(shares)]
+        mixed[kind] = (sum((c * x for c, x in zip(shares, found[-len(shares) :], strict=True)), *isotropic),)
+    return mixed
+
+
+def _signed(means, sign):
+    """The means with the sign of what is odd in q v."""
+    odd = ("dissipation", "transverse")
+    return {kind: tuple(x * sign for x in found) if kind in odd else found for kind, found in means.items()}
 
 
 class Parts(NamedTuple):
@@ -132,7 +168,7 @@ class Kind(NamedTuple):
         return values**2 if self.squared else values
 
 
-def _kinds(wanted, split, loss_beyond):
+def _kinds(needs, split, loss_beyond):
     """`Kind` of everything that is wanted, in the order of `Means`."""
     # Where E' steps up, a spline of <|F|^2> itself would swing below 0.
     powers = [Kind("power", "power", 0, positive=True)]
@@ -140,27 +176,22 @@ def _kinds(wanted, split, loss_beyond):
         falls = loss_beyond != "none"
         powers = [Kind("power", "storage", 0, True, True), Kind("power", "loss", 0, True, falls)]
     others = [Kind("dissipation", "loss", 1), Kind("storage", "storage", 0), Kind("transverse", "loss", 2)]
-    return [kind for kind in (*powers, *others) if kind.name in wanted]
+    return [kind for kind in (*powers, *others) if kind.name in needs.kinds]
 
 
-def means_table(F: Tabulated, wanted, split=False, mix=None) -> Table | None:
-    """`Table` of the means of a Tabulated stiffness, for `tabulated_means` of the same arguments.
-
-    None where the means depend on more than q v.
-    """
-    if F.scale.ndim or (F.spring is not None and F.spring.ndim):
-        return None
-    material, (harmonics, mix, _) = F.material, _shares(mix)
+def means_table(F: Tabulated, needs: Needs, split: bool, harmonics: Harmonics | None) -> MeansTable:
+    """Table of the means of an F that depends on q v alone; arguments as of `Tabulated.means`."""
+    material, (count_of_harmonics, mix) = F.material, _shares(harmonics)
     step, reach = material.detail / _PER_DETAIL, REACH * material.detail
-    kinds, before = _kinds(wanted, split, material.loss_beyond), depth(step)
-    low, high = jnp.log(jnp.stack(material.frequency_range()))
+    kinds, before = _kinds(needs, split, material.loss_beyond), depth(step)
+    low, high = _log_range(material)
     ends = jax.lax.stop_gradient(jnp.stack([low - _BELOW - reach, high + _ABOVE + reach]))
     # With what the splines hang on beside the ends, and the circle before and after.
     first = jnp.floor(ends[0] / step) - 4 - MARGIN
     count = math.ceil((LONGEST + _BELOW + _ABOVE + 2 * reach) / step) + 12 + 2 * MARGIN
     moduli = material.storage_and_loss_on_grid(first - before, step, before + count + LEAD)
     parts = _parts(F, *moduli)
-    weights = _mixed_weights(circle_weights(step, harmonics), mix)
+    weights = _mixed_weights(circle_weights(step, count_of_harmonics), mix)
     weights = Weights(*(_stack([one[kind.weights] for kind in kinds]) for one in zip(*weights, strict=True)))
     rows = circle_means(jnp.stack([kind.of(parts) for kind in kinds]), weights, step)[..., before:]
     # Only the first of a kind has one sign.
@@ -176,7 +207,9 @@ def means_table(F: Tabulated, wanted, split=False, mix=None) -> Table | None:
     if material.loss_beyond == "fall":
         loss = loss * jnp.exp(jnp.array([1.0, -1.0], ends.dtype) * (ends - step * entry))
     at_ends = storage, loss
-    return Table(first + MARGIN, ends, splines(rows), _limits(F, kinds, at_ends, harmonics, mix))
+    return MeansTable(
+        material, first + MARGIN, ends, splines(rows), _limits(F, kinds, at_ends, count_of_harmonics, mix)
+    )
 
 
 def _mixed_weights(weights, mix):
@@ -223,8 +256,8 @@ def _moments(harmonics, outside):
     return even, 2 / np.pi * np.hstack([one, [along] * 2]), 2 / np.pi * np.hstack([0 * one, [across] * 2])
 
 
-def _by_table(F, log_qv, wanted, split, harmonics, mix):
-    r"""Means from the table of F: splines, beyond the ends the powers that the means follow.
+def _by_table(table, log_qv, needs, split, harmonics):
+    r"""Means from a table: splines, beyond the ends the powers that the means follow.
 
     With x = ln(q v) and E'' that falls, the means are below the table even or odd in e^x,
 
@@ -232,8 +265,8 @@ def _by_table(F, log_qv, wanted, split, harmonics, mix):
 
     and above it, where a share e^-x of the circle is within it, P + P' e^-x and D e^-x + D' e^-2x.
     """
-    outside, table = F.material.loss_beyond, F.table
-    step = F.material.detail / _PER_DETAIL
+    outside, (count, mix) = table.material.loss_beyond, _shares(harmonics)
+    step = table.material.detail / _PER_DETAIL
     below = jnp.minimum(log_qv - table.ends[0], 0.0)
     above = jnp.maximum(log_qv - table.ends[1], 0.0)
     inside = jnp.clip(log_qv, table.ends[0], table.ends[1])
@@ -260,9 +293,9 @@ def _by_table(F, log_qv, wanted, split, harmonics, mix):
         leading = jnp.where(lower, ends[0], ends[1])
         return part(value, leading, down * down * up) * (down * up)
 
-    means = {name: () for name in ("power", "dissipation", "storage", "transverse")}
-    size = 1 if mix is not None else 1 + harmonics
-    for k, kind in enumerate(_kinds(wanted, split, outside)):
+    means = {kind: () for kind in needs.kinds}
+    size = 1 if mix is not None else 1 + count
+    for k, kind in enumerate(_kinds(needs, split, outside)):
         rule = even if kind.name in ("power", "storage") else odd
         # Across there is no harmonic without sin 2 m phi.
         begin = 1 if kind.name == "transverse" and mix is None else 0
@@ -270,13 +303,14 @@ def _by_table(F, log_qv, wanted, split, harmonics, mix):
             row = k * size + i
             value = jnp.exp(rows[row]) if kind.positive and i == 0 else rows[row]
             means[kind.name] += (rule(value, table.limits[row]),)
-    return [found or None for found in means.values()]
+    return means
 
 
-def _by_node(F, log_qv, wanted, split, harmonics, mix):
+def _by_node(F, log_qv, needs, split, harmonics):
     """Means at every node by its own integral over the circle; scale and spring of shape () or (nodes,)."""
+    count, mix = _shares(harmonics)
     s, psi, weight = rule_of_node(F.material)
-    kernels = [np.ones((2, psi.size)), *(np.stack(harmonic(m, psi)) for m in range(1, harmonics + 1))]
+    kernels = [np.ones((2, psi.size)), *(np.stack(harmonic(m, psi)) for m in range(1, count + 1))]
     even, across = (jnp.asarray(weight * rows, log_qv.dtype) for rows in np.stack(kernels, 1))
     across = across[1:]
     if mix is not None:
@@ -290,19 +324,15 @@ def _by_node(F, log_qv, wanted, split, harmonics, mix):
             spring=None if F.spring is None else F.spring[..., None],
         )
         parts = _parts(nodes, *moduli_at(F.material, moduli, log_qv[..., None] - s))
-        storage, loss, power = parts
-        powers = (storage**2, loss**2) if split else (power,)
+        by = even, along, across
 
-        def means(name, values, rows):
-            return tuple(jnp.moveaxis(values @ rows.T, -1, 0)) if name in wanted else ()
+        def rows(kind):
+            return tuple(jnp.moveaxis(kind.of(parts) @ by[kind.weights].T, -1, 0))
 
-        found = (
-            sum((means("power", one, even) for one in powers), ()),
-            means("dissipation", loss, along),
-            means("storage", storage, even),
-            means("transverse", loss, across),
-        )
-        return tuple(one or None for one in found)
+        found = {kind: () for kind in needs.kinds}
+        for kind in _kinds(needs, split, F.material.loss_beyond):
+            found[kind.name] += rows(kind)
+        return found
 
     if log_qv.ndim < 2:
         return of_points(log_qv)
@@ -326,7 +356,7 @@ class Moduli(NamedTuple):
 def moduli_on_grid(material: Material) -> Moduli:
     """`Moduli`, for `moduli_at`."""
     step, reach = material.detail / _PER_DETAIL, REACH * material.detail
-    low, high = jnp.log(jnp.stack(material.frequency_range()))
+    low, high = _log_range(material)
     ends = jax.lax.stop_gradient(jnp.stack([low - reach, high + reach]))
     first = jnp.floor(ends[0] / step) - 4 - MARGIN
     count = math.ceil((LONGEST + 2 * reach) / step) + 12 + 2 * MARGIN

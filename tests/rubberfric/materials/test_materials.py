@@ -9,8 +9,8 @@ from support.oracles.oracle import shift_factor, table_modulus
 
 import rubberfric as rf
 from rubberfric.materials.material import plane_strain
-from rubberfric.theory.stiffness.angular_means import angular_means, with_means
-from rubberfric.theory.stiffness.series import Tabulated
+from rubberfric.theory.quantities import Needs
+from rubberfric.theory.stiffness.tabulated_means import Tabulated, means_table
 
 OMEGA = np.array([0.0, *np.logspace(-30, 30, 61)])
 E, TAU = [7.6e8, 1.5e7, 0.0, 2.2e6, 9e5, 9e5], [1e-20, 1e-6, 3e-5, 1e-3, 1.0, 1e20]
@@ -155,19 +155,16 @@ def test_a_table_on_a_liquid_at_rest():
 @pytest.mark.parametrize("outside", ["fall", "hold", "none"])
 def test_means_follow_their_powers_beyond_the_table_of_means(outside):
     """At q v of e^-30 ... e^40 beside the ends, against the angular integral at q v itself."""
-    wanted = frozenset({"power", "dissipation", "storage", "transverse"})
+    needs = Needs(power=True, dissipation=True, storage=True, transverse=True)
     F = Tabulated(rf.TabulatedModulus(**TABLE, outside=outside), jnp.asarray(1e-9), jnp.asarray(0.01))
-    mix = jnp.array([0.3, -0.1]), jnp.array([0.2, 0.4])
+    harmonics = jnp.array([0.3, -0.1]), jnp.array([0.2, 0.4])
     ends = np.log(TABLE["omega"][[0, -1]])
     # Where E'' steps to 0 the angular integrals themselves are off, by 1e-9 of what they are in the table.
     small = 1e-10 if outside == "none" else 1e-20
     x = np.concatenate([ends[0] + [-19.0, -9.0, -7.0, -6.0], ends[1] + [8.99, 9.5, 11.0, 20.0, 40.0]])
     for spring in (None, F.spring):
         one = F._replace(spring=spring)
-        known = angular_means(one, jnp.exp(x)[None], wanted, mix=mix)
-        tabled = with_means(one, wanted, mix=mix)
-        found = angular_means(tabled, jnp.exp(x)[None], wanted, mix=mix)
-        for name in wanted:
-            np.testing.assert_allclose(
-                getattr(found, name)[0], getattr(known, name)[0], rtol=3e-6, atol=small, err_msg=name
-            )
+        known = one.means(jnp.exp(x)[None], needs, harmonics=harmonics)
+        found = means_table(one, needs, False, harmonics).means(jnp.exp(x)[None], needs, harmonics=harmonics)
+        for kind in needs.kinds:
+            np.testing.assert_allclose(found[kind][0], known[kind][0], rtol=3e-6, atol=small, err_msg=kind)

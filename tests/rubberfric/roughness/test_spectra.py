@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
+from support.scenes.examples import EXAMPLES
 
 import rubberfric as rf
 
@@ -162,3 +163,24 @@ def test_single_precision_with_underflowing_C():
         assert rf.roughness.moment(single, order) == pytest.approx(
             float(exact_moment(spectrum, order)), rel=1e-5
         )
+
+
+def test_what_spectra_answer():
+    """Isotropic ones have no harmonics, tables have entries, and only what can be cut is cut."""
+    affine, table, stretched, directions = (
+        EXAMPLES[name] for name in ("SelfAffine", "TabulatedSpectrum", "Anisotropic", "TabulatedAnisotropic")
+    )
+    assert [one.harmonic_count() for one in (affine, table, stretched, directions)] == [0, 0, 8, 1]
+    assert [one.harmonics_vary for one in (stretched, directions)] == [False, True]
+    assert [one.endless for one in (affine, table, stretched, directions)] == [True, False, True, False]
+    assert affine.entries() is None
+    assert directions.entries() is directions.C
+    for one in (affine, table, stretched, directions):
+        assert float(one.height_scale()) ** 2 == pytest.approx(float(one.power_law().height2))
+    assert [float(rf.roughness.harmonics_left_out(one)) for one in (affine, table)] == [0, 0]
+    message = r"^spectrum is a TabulatedAnisotropic: must be SelfAffine, TabulatedSpectrum or Anisotropic$"
+    with pytest.raises(ValueError, match=message):
+        rf.with_cutoff(directions, 1e-6)
+    for function in (rf.rms_slope, rf.roughness.harmonics_left_out, rf.with_cutoff):
+        with pytest.raises(ValueError, match=r"^spectrum is a Slab: must be SelfAffine, .* or Tabulated"):
+            function(rf.Slab(1.0))

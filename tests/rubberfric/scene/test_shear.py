@@ -421,7 +421,8 @@ def test_a_scene_without_shear_traces_nothing_new():
 
         def integral(s, v):
             s, v, p = cast((s, v, jnp.full_like(v, 1e5)), jnp.float64)
-            return evaluate(prepare(s, ("friction",), rf.Quadrature()), v, p)
+            found = evaluate(prepare(s, ("friction",), rf.Quadrature()), ("friction",), (v, p))
+            return found["friction"]
 
         # Beyond the integral itself: the dtype of every number, and the broadcast of three conditions.
         plumbing = {"convert_element_type", "broadcast_in_dim", "reshape", "squeeze"}

@@ -7,10 +7,10 @@ import pytest
 from scipy.special import erf, erfc
 
 import rubberfric as rf
-from rubberfric.theory.stiffness.angular_means import angular_means, with_means
-from rubberfric.theory.stiffness.series import Tabulated
+from rubberfric.theory.quantities import Needs
+from rubberfric.theory.stiffness.tabulated_means import Tabulated, means_table
 
-WANTED = frozenset({"power", "dissipation", "storage"})
+WANTED = Needs(power=True, dissipation=True, storage=True)
 NODE, SHARE = np.polynomial.legendre.leggauss(16)
 
 
@@ -89,14 +89,15 @@ def stiffness(table, outside, spring):
 
 @jax.jit
 def means(F, x):
-    found = angular_means(with_means(F, WANTED), jnp.exp(x), WANTED)
-    return jnp.stack([getattr(found, name)[0] for name in ("power", "dissipation", "storage")])
+    found = means_table(F, WANTED, False, None).means(jnp.exp(x), WANTED)
+    return jnp.stack([found[kind][0] for kind in WANTED.kinds])
 
 
 @jax.jit
 def means_by_node(F, x):
-    found = angular_means(F._replace(spring=jnp.full(x.shape, F.spring)), jnp.exp(x)[None], WANTED)
-    return jnp.stack([getattr(found, name)[0][0] for name in ("power", "dissipation", "storage")])
+    one = F._replace(scale=jnp.ones(x.shape), spring=jnp.full(x.shape, F.spring))
+    found = one.means(jnp.exp(x)[None], WANTED)
+    return jnp.stack([found[kind][0][0] for kind in WANTED.kinds])
 
 
 def close(found, exact, outside, tolerance):

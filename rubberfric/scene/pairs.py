@@ -1,0 +1,73 @@
+"""Each rough surface of a scene with the solid that it strains in sliding: what the theory asks of a scene.
+
+Roughness of one solid strains the other periodically, and its own solid only statically
+[Scaraggi & Persson, eq. (A6) at omega = q v_j].
+"""
+
+from typing import NamedTuple
+
+from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum
+from rubberfric.scene.scene import Body, Scene, relaxes
+from rubberfric.scene.softening import Softened
+
+
+class Pair(NamedTuple):
+    """A rough surface and the solid that it strains."""
+
+    rough: Body
+    strained: Body
+    side: str  # which solid is strained: "lower" or "upper"
+    spectrum: Spectrum  # of the rough body
+    law: BrokenPowerLaw  # the spectrum, all directions together
+    softened: Softened | None = None  # strain softening of the scene's viscoelastic solids
+
+    @property
+    def relaxes(self) -> bool:
+        """Whether the strained solid is viscoelastic: else nothing depends on the velocity."""
+        return relaxes(self.strained)
+
+    @property
+    def both_deform(self) -> bool:
+        """Whether the rough solid deforms as well, in series with the strained one."""
+        return self.rough.material.deforms
+
+    @property
+    def by_wavevector(self) -> bool:
+        """Whether the stiffness depends on q itself: a coating, or two deformable solids with a layer."""
+        layers = self.rough.layer, self.strained.layer
+        coated = layers[1] is not None and not layers[1].multiplies
+        return coated or (self.both_deform and any(layer is not None for layer in layers))
+
+    @property
+    def harmonics(self) -> int:
+        """Highest m of the cos(2 m phi) in the roughness that a viscoelastic solid sees."""
+        return self.spectrum.harmonic_count() if self.relaxes else 0
+
+    @property
+    def softens_apart(self) -> bool:
+        """Whether <E'^2> and <E''^2> count apart, for softening changes them differently."""
+        return self.relaxes and self.softened is not None and not self.both_deform
+
+    @property
+    def kinked(self) -> bool:
+        """Whether the angular means have kinks over q: they are taken at the contact nodes themselves."""
+        softens = self.softened is not None and self.both_deform
+        return self.relaxes and (softens or self.spectrum.harmonics_vary)
+
+    @property
+    def steep(self) -> bool:
+        """Whether <|F|^2>, where smooth in ln q, may rise by 1e9 within an e-fold of it."""
+        may_rise = self.by_wavevector or self.strained.material.needs_quadrature
+        return self.relaxes and not self.kinked and may_rise
+
+
+def pairs_of(scene: Scene) -> tuple[Pair, ...]:
+    """The pair of every rough surface, that of the lower solid first."""
+    pairs = []
+    for side, rough, strained in (("upper", scene.lower, scene.upper), ("lower", scene.upper, scene.lower)):
+        if rough.spectrum is not None:
+            pairs.append(Pair(rough, strained, side, rough.spectrum, rough.spectrum.power_law()))
+    if scene.softening is None:
+        return tuple(pairs)
+    softened = Softened(scene.softening, tuple(pair.law for pair in pairs))
+    return tuple(pair._replace(softened=softened) for pair in pairs)

@@ -1,0 +1,136 @@
+"""What materials and layers answer the theory: their ends and series are those of the complex modulus."""
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from support.scenes.examples import EXAMPLES
+
+import rubberfric as rf
+from rubberfric.materials.material import (
+    Material,
+    Series,
+    plane_strain,
+    poisson_of,
+    relaxation,
+    series_modulus,
+    series_of,
+)
+
+NAMES = ("Elastic", "Prony", "PronyShear", "TabulatedModulus")
+RIGID, ELASTIC, PRONY, SHEAR, TABLE = (EXAMPLES[name] for name in ("Rigid", *NAMES))
+Q = jnp.logspace(1, 5, 9)
+
+
+def reduced(material, omega):
+    """E_r of the complex modulus; Poisson's ratio of a PronyShear follows from E and its bulk modulus."""
+    E = np.asarray(rf.complex_modulus(material, omega))
+    if material.poisson is None:
+        poisson = 0.5 - E / (6 * float(material.bulk))
+        return E / (1 - poisson**2)
+    return E * float(plane_strain(material))
+
+
+@pytest.mark.parametrize("material", [ELASTIC, PRONY, SHEAR, TABLE], ids=NAMES)
+def test_ends(material):
+    static, glassy = reduced(material, np.array([1e-30, 1e30]))
+    assert float(material.static_reduced()) == pytest.approx(static.real, rel=1e-12)
+    assert float(material.glassy_reduced()) == pytest.approx(glassy.real, rel=1e-12)
+    at_rest = rf.complex_modulus(material, 1e-30)
+    assert float(material.static_modulus()) == pytest.approx(float(at_rest.real), rel=1e-12)
+
+
+@pytest.mark.parametrize("material", [ELASTIC, PRONY, SHEAR], ids=NAMES[:3])
+def test_series(material):
+    omega = np.logspace(-6, 6, 13)
+    found = 1e5 * series_modulus(material.reduced_series(1e5), omega)
+    np.testing.assert_allclose(found, reduced(material, omega), rtol=1e-12)
+    assert material.has_series
+    assert not material.needs_quadrature
+
+
+def test_a_table_is_no_series():
+    assert TABLE.reduced_series(1.0) is None
+    assert TABLE.needs_quadrature
+    assert (TABLE.loss_beyond, TABLE.loss_at_rest) == ("hold", True)
+    assert not TABLE.replace(outside="fall").loss_at_rest
+    storage, loss = TABLE.storage_and_loss(jnp.log(TABLE.omega))
+    np.testing.assert_allclose(storage, TABLE.storage, rtol=1e-12)
+    np.testing.assert_allclose(loss, TABLE.loss, rtol=1e-12)
+    with pytest.raises(ValueError, match=r"^material is a TabulatedModulus: must be a Prony series$"):
+        series_of(TABLE, 1.0)
+
+
+def test_flags():
+    assert [m.deforms for m in (RIGID, ELASTIC, PRONY)] == [False, True, True]
+    assert [m.relaxes for m in (RIGID, ELASTIC, PRONY, SHEAR, TABLE)] == [False, False, True, True, True]
+    assert [m.always_in_series for m in (PRONY, SHEAR, TABLE)] == [False, True, False]
+    assert not RIGID.needs_quadrature
+    with pytest.raises(ValueError, match=r"^material is Rigid: it has no modulus$"):
+        RIGID.static_modulus()
+
+
+def test_frequencies():
+    np.testing.assert_allclose(PRONY.frequency_range(), [1e-2, 1e3])
+    np.testing.assert_allclose(SHEAR.frequency_range(), [1e-2, 1e3])
+    np.testing.assert_allclose(TABLE.frequency_range(), [1e-3, 1e2])
+    assert ELASTIC.frequency_range() is None
+    assert RIGID.frequency_range() is None
+    assert TABLE.relaxation_times() is None
+    np.testing.assert_array_equal(SHEAR.relaxation_times(), SHEAR.tau)
+
+
+def test_what_follows_without_being_said():
+    """The answers of the role, which a kind may leave as they are."""
+    for material in (PRONY, TABLE.replace(outside="fall")):
+        assert float(Material.static_modulus(material)) == pytest.approx(float(material.static_modulus()))
+        assert float(Material.glassy_reduced(material)) == pytest.approx(float(material.glassy_reduced()))
+
+
+def test_liquids():
+    assert not PRONY.is_liquid()
+    assert PRONY.replace(E_inf=0.0).is_liquid()
+    assert SHEAR.replace(G_inf=0.0).is_liquid()
+    assert not TABLE.is_liquid()
+
+
+def test_poisson():
+    assert float(poisson_of(ELASTIC)) == 0.3
+    for material in (SHEAR, RIGID):
+        with pytest.raises(ValueError, match=r": must have one Poisson's ratio$"):
+            poisson_of(material)
+
+
+@pytest.mark.parametrize("dtype", [np.float32, np.float64])
+def test_relaxation_without_overflow(dtype):
+    largest = np.finfo(dtype).max
+    storage, loss = relaxation(jnp.asarray([0.0, 1.0, -1.0, largest, -largest], dtype))
+    np.testing.assert_allclose(storage, [0, 0.5, 0.5, 1, 1], rtol=1e-6)
+    np.testing.assert_allclose(loss, [0, 0.5, -0.5, 0, 0], atol=1e-17)
+
+
+def test_layers_at_rest_and_glassy():
+    slab = rf.Slab(1e-3)
+    factor = slab.stiffening(PRONY.poisson, Q)
+    np.testing.assert_allclose(slab.static_reduced(PRONY, 10.0, Q), PRONY.static_reduced() / 10 * factor)
+    np.testing.assert_allclose(slab.glassy_stiffening(PRONY, Q), factor)
+    assert slab.below is None
+    assert not slab.relaxes
+    coating = rf.Coating(1e-3, PRONY.replace(shift=None))
+    far = jnp.array([1e6])  # the layer alone
+    np.testing.assert_allclose(coating.static_reduced(ELASTIC, 10.0, far), ELASTIC.static_reduced() / 10)
+    near = jnp.array([1e-6])  # the base alone
+    share = PRONY.glassy_reduced() / ELASTIC.glassy_reduced()
+    np.testing.assert_allclose(coating.glassy_stiffening(ELASTIC, near), share, rtol=1e-6)
+    assert coating.below is coating.base
+    assert coating.relaxes
+
+
+@pytest.mark.parametrize("layer", [rf.Slab(1e-3), rf.Coating(1e-3, ELASTIC)], ids=["slab", "coating"])
+def test_layers_as_series(layer):
+    """At every q: at rest what `static_reduced` says, glassy that of `glassy_stiffening`."""
+    series = layer.reduced_series(PRONY, 1e5, Q)
+    assert isinstance(series, Series)
+    assert series.weight.shape == series.tau.shape
+    np.testing.assert_allclose(series.rest, layer.static_reduced(PRONY, 1e5, Q), rtol=1e-12)
+    glassy = layer.glassy_stiffening(PRONY, Q) * PRONY.glassy_reduced() / 1e5
+    np.testing.assert_allclose(series.rest + series.weight.sum(-1), glassy, rtol=1e-10)
