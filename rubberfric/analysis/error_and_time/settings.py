@@ -1,7 +1,6 @@
 """Accuracy settings of increasing work, and the cheapest that meets an error on a scene."""
 
 import bisect
-import dataclasses
 
 import jax
 import numpy as np
