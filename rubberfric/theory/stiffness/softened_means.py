@@ -6,6 +6,7 @@ E' and E'' fall by different factors, so that the solid is no Prony solid any mo
 the other one has no closed form. f and g have kinks over q: F is taken at the contact nodes themselves.
 """
 
+import functools
 from typing import NamedTuple
 
 import jax
@@ -38,19 +39,17 @@ class SoftenedInSeries(NamedTuple):
         """`Means` of qv = q v a_T [1/s], shape (panels, points, order); neither split nor harmonics."""
         del split, harmonics
         modulus = self.modulus
-        series = modulus if isinstance(modulus, Relaxing) else None
-        s, psi, weight = circle_rule(_STEP) if isinstance(modulus, Relaxing) else rule_of_node(modulus)
+        if isinstance(modulus, Relaxing):
+            _, psi, weight = circle_rule(_STEP)
+            moduli_along = functools.partial(_series_modulus, modulus, np.sin(psi))
+        else:
+            s, psi, weight = rule_of_node(modulus)
+            moduli_along = functools.partial(_modulus, modulus, moduli_on_grid(modulus), s)
         sine, weight = (jnp.asarray(x, qv.dtype) for x in (np.sin(psi), weight))
-        moduli = None if isinstance(modulus, Relaxing) else moduli_on_grid(modulus)
 
         def panel(values):
             qv, storage_factor, loss_factor, spring = values
-            if series is not None:
-                storage, loss = _series_modulus(series, qv[..., None] * sine)
-            else:
-                log_qv, sign = held_below(modulus, qv)
-                storage, loss = moduli_at(modulus, moduli, log_qv[..., None] - s)
-                loss = loss * sign[..., None]
+            storage, loss = moduli_along(qv)
             storage, loss = storage_factor[:, None] * storage, loss_factor[:, None] * loss
             square = storage**2 + loss**2
             spring = spring[:, None]
@@ -67,8 +66,16 @@ class SoftenedInSeries(NamedTuple):
         return {kind: (found[kind],) for kind in needs.kinds if kind in found}
 
 
-def _series_modulus(series, omega):
-    """E' and E'' of a Prony series at omega of any sign, odd in E''."""
+def _modulus(material, moduli, s, qv):
+    """E' and E'' at q v e^-s, (..., directions), odd in q v."""
+    log_qv, sign = held_below(material, qv)
+    storage, loss = moduli_at(material, moduli, log_qv[..., None] - s)
+    return storage, loss * sign[..., None]
+
+
+def _series_modulus(series, cosine, qv):
+    """The same of a Prony series at q v cos(phi)."""
+    omega = qv[..., None] * jnp.asarray(cosine, qv.dtype)
     # a^2 must not overflow; beyond the bound the terms are glassy to the last bit.
     bound = 1e150 if omega.dtype == jnp.float64 else 1e18
     storage, loss = jnp.ones_like(omega) * series.rest, jnp.zeros_like(omega)

@@ -293,7 +293,7 @@ def _by_table(table, log_qv, needs, split, harmonics):
         leading = jnp.where(lower, ends[0], ends[1])
         return part(value, leading, down * down * up) * (down * up)
 
-    means = {kind: () for kind in needs.kinds}
+    means: Means = {kind: () for kind in needs.kinds}
     size = 1 if mix is not None else 1 + count
     for k, kind in enumerate(_kinds(needs, split, outside)):
         rule = even if kind.name in ("power", "storage") else odd
@@ -329,7 +329,7 @@ def _by_node(F, log_qv, needs, split, harmonics):
         def rows(kind):
             return tuple(jnp.moveaxis(kind.of(parts) @ by[kind.weights].T, -1, 0))
 
-        found = {kind: () for kind in needs.kinds}
+        found: Means = {kind: () for kind in needs.kinds}
         for kind in _kinds(needs, split, F.material.loss_beyond):
             found[kind.name] += rows(kind)
         return found
