@@ -1,23 +1,25 @@
 """The inverse fit: free parameters of a scene from measured data."""
 
-import dataclasses
 import time
+from collections.abc import Mapping, Sequence
 
 import jax
 import numpy as np
 
-from fitting.parameters.layout import random_starts, to_values
-from fitting.results.result import FitResult, Minimum
-from fitting.solvers.first_order import LBFGS, Adam
-from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
-from fitting.solvers.options import check_friction, check_options, data_sets, not_finite
+import rubberfric as rf
+from fitting.data.kinds import as_data_sets
+from fitting.data.measured import Measured
+from fitting.parameters.constraints import Rule
+from fitting.parameters.priors import Prior
+from fitting.results.record import Minimum
+from fitting.results.result import FitResult
+from fitting.solvers.iterate import succeeded
+from fitting.solvers.options import check_options, make_solver
 from fitting.solvers.problem import ASSUMED, make_problem
-from fitting.solvers.runs import LANES, run_problem
-from fitting.solvers.starts import search
-from fitting.solvers.status import CONVERGED, PERFECT
-from fitting.uncertainty.covariance import residual_rows, uncertainty
-
-METHODS = {"lm": LevenbergMarquardt, "lbfgs": LBFGS, "adam": Adam}
+from fitting.solvers.residuals import residual_rows
+from fitting.solvers.runs import BATCH, Callback, run
+from fitting.solvers.search import random_starts, search
+from fitting.uncertainty.covariance import uncertainty
 
 # Fits, each weighted with the errors that the one before it estimated.
 ROUNDS = 2
@@ -26,29 +28,29 @@ SAME_COST = 5e-5
 
 
 def fit(
-    scene,
-    data,
-    free,
-    method="lm",
-    starts=1,
-    key=None,
-    prior=None,
-    callback=None,
+    scene: rf.Scene,
+    data: Measured | Sequence[Measured],
+    free: Mapping[str, Rule],
+    method: str = "lm",
+    starts: int = 1,
+    key: jax.Array | None = None,
+    prior: Mapping[str, Prior] | None = None,
+    callback: Callback | None = None,
     *,
-    loss="linear",
-    loss_width=None,
-    decades=1.0,
-    max_steps=None,
-    tolerance=None,
-    quadrature=None,
-):
+    loss: str = "linear",
+    loss_width: float | None = None,
+    decades: float = 1.0,
+    max_steps: int | None = None,
+    tolerance: float | None = None,
+    quadrature: rf.Quadrature | None = None,
+) -> FitResult:
     r"""Fit free parameters of a scene to measured data.
 
     .. math:: \min_\theta \; \frac12 \sum_i \rho(r_i^2) + \frac12 \sum_k p_k^2
 
     over the residuals r of the data and p of the priors, in units of their errors
-    (`fitting.solvers.problem`, `fitting.parameters.priors`), in variables that keep the parameters within their
-    rules (`fitting.parameters.layout`).
+    (`fitting.solvers.residuals`, `fitting.parameters.priors`), in variables that keep the parameters within
+    their rules (`fitting.parameters.variables`).
 
     Parameters
     ----------
@@ -88,30 +90,28 @@ def fit(
     their scatter about the fit (twice, the second fit weighted with the first estimate); the
     report says so.
     """
-    begin = time.perf_counter()
-    check_options(method, METHODS, starts, key, prior, callback, decades, max_steps, tolerance, quadrature)
-    data = data_sets(data)
+    began = time.perf_counter()
+    check_options(method=method, starts=starts, key=key, prior=prior, callback=callback)
+    check_options(decades=decades, max_steps=max_steps, tolerance=tolerance)
+    data = as_data_sets(data)
     problem = make_problem(scene, data, free, prior, loss, loss_width, quadrature)
-    check_friction(scene, data)
-    solver = METHODS[method](**({} if tolerance is None else {"tolerance": tolerance}))
-    if method == "adam" and max_steps is not None:
-        solver = dataclasses.replace(solver, max_steps=max_steps)  # its rate falls until then
+    solver = make_solver(method, tolerance, max_steps)
     key = jax.random.key(0) if key is None else key
-    x = random_starts(problem.structure.layout, problem.start, key, starts, decades)
+    x = random_starts(problem.variables, problem.start, key, starts, decades)
     runs = search(solver, problem, x, max_steps, callback)
     # argmin would take a NaN for the least.
     best = int(np.argmin(np.where(np.isfinite(runs.cost), runs.cost, np.inf)))
     if not np.isfinite(runs.cost[best]):
-        raise FloatingPointError(not_finite(problem, data))
+        raise FloatingPointError(_not_finite(problem, data))
     minima = _minima(problem, runs)
     end, evaluations = runs.row(best), np.array([runs.nfev.sum(), runs.njev.sum()])
     known = uncertainty(problem, end.x)
     scales = [None if one.error is not None else ASSUMED for one in data]
     for _ in range(ROUNDS if ASSUMED in scales else 0):
-        if problem.targets.measured.size - known.parameters < 0.5 or end.status not in (CONVERGED, PERFECT):
+        if problem.targets.measured.size - known.parameters < 0.5 or not succeeded(end.status):
             break
-        problem, scales = _estimated(problem, data, scales, known, end.x)
-        again = run_problem(solver, problem, end.x[None], max_steps, callback, min(LANES, starts))
+        problem, scales = _estimated(problem, scales, known, end.x)
+        again = run(solver, problem, end.x[None], None, max_steps, callback, min(BATCH, starts))
         end = again.row(0)
         evaluations += np.array([again.nfev[0], again.njev[0]])
         known = uncertainty(problem, end.x)
@@ -130,7 +130,7 @@ def fit(
         minima=minima,
         estimated=tuple(scales),
         uncertainty=known,
-        seconds=time.perf_counter() - begin,
+        seconds=time.perf_counter() - began,
     )
 
 
@@ -138,32 +138,54 @@ def _minima(problem, runs):
     """Distinct minima that the starts found, lowest first."""
     found = []
     for i in np.argsort(runs.cost):
-        if runs.status[i] not in (CONVERGED, PERFECT):
+        if not succeeded(runs.status[i]):
             continue
         cost = float(runs.cost[i])
         if found and cost - found[-1].cost <= SAME_COST * max(1.0, found[-1].cost):
             found[-1] = found[-1]._replace(count=found[-1].count + 1)
-            continue
-        values = to_values(problem.structure.layout, problem.numbers.constants, runs.x[i])
-        found.append(Minimum(cost, 1, np.asarray(values)))
+        else:
+            found.append(Minimum(cost, 1, problem.values(runs.x[i])))
     return tuple(found)
 
 
-def _estimated(problem, data, scales, known, x):
+def _estimated(problem, scales, known, x):
     """The problem with the errors of data without any taken from their scatter about the fit."""
     rows = residual_rows(problem, x)
     freedom = 1 - known.parameters / problem.targets.measured.size
-    error, scales = problem.targets.error.copy(), list(scales)
-    for i, (one, where) in enumerate(zip(data, problem.order, strict=True)):
-        if one.error is not None:
+    error, scales = np.array(problem.targets.error), list(scales)
+    for i, (scale, where) in enumerate(zip(scales, problem.order, strict=True)):
+        if scale is None:
             continue
-        here = rows[where]
         if problem.structure.loss == "linear":
-            scatter = np.sqrt(np.mean(here**2))
+            scatter = np.sqrt(np.mean(rows[where] ** 2))
         else:
             # Outliers, which a robust fit is asked to expect, must not widen all error bars.
-            scatter = 1.4826 * np.median(np.abs(here))
+            scatter = 1.4826 * np.median(np.abs(rows[where]))
         # Data without noise are met to rounding; they must not get an error of zero.
-        scales[i] = max(float(scales[i] * scatter / np.sqrt(freedom)), 1e-10)
+        scales[i] = max(float(scale * scatter / np.sqrt(freedom)), 1e-10)
         error[where] = scales[i]
     return problem._replace(targets=problem.targets._replace(error=error)), scales
+
+
+def _not_finite(problem, data):
+    """One line on what of a problem is not finite at its start."""
+    rows = residual_rows(problem, problem.start)
+    for one, where in zip(data, problem.order, strict=True):
+        bad = np.flatnonzero(~np.isfinite(rows[where]))
+        if bad.size == 0:
+            continue
+        given = {name: getattr(one, name) for name in one.conditions if getattr(one, name) is not None}
+        at = ", ".join(
+            f"{name} = {values[bad[0] % values.size]:g} {one.fields()[name].unit}"
+            for name, values in given.items()
+        )
+        advice = "check the start values of the free parameters"
+        if one.logarithmic:
+            advice += (
+                ", and give absolute errors (sigma) where the model may be 0 or less, as at velocities <= 0"
+            )
+        return (
+            f"data {one.label!r}: the model is not finite at the start at {bad.size} of {where.size} values,"
+            f" first at {at}: {advice}"
+        )
+    return "a prior is not finite at the start: Smooth needs all moduli of its series > 0"

@@ -9,16 +9,17 @@ ln E, and gives errors, correlations and what the data leave open.
 """
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import rubberfric as rf
-from fitting.characterise.nonnegative import nonnegative, nonnegative_logarithmic
+from fitting.characterise.bounded import nonnegative, nonnegative_logarithmic
 from fitting.characterise.prony_result import PronyFit
 from fitting.data.kinds import ModulusData
-from fitting.data.measured import one_line
 from fitting.fit import fit
-from fitting.parameters.constraints import Positive, is_number
-from fitting.parameters.priors import Smooth
-from rubberfric.base.checks import POSITIVE, as_leaf, check_values
+from fitting.parameters.constraints import Positive, Rule, is_number
+from fitting.parameters.priors import Prior, Smooth
+from rubberfric.base import POSITIVE, as_leaf, check_values, shown
+from rubberfric.materials import Shift
 
 # Decades between neighbouring frequencies; in a wider gap the loss of a term in its middle is
 # down to a fifth wherever it is measured.
@@ -29,7 +30,16 @@ _REACH = 2.0
 _ROUNDING = 1e-9
 
 
-def fit_prony(data, per_decade=1.0, *, tau=None, E_inf="fit", poisson=0.5, shift=None, smooth=None):
+def fit_prony(
+    data: ModulusData,
+    per_decade: float = 1.0,
+    *,
+    tau: ArrayLike | None = None,
+    E_inf: float | str = "fit",
+    poisson: float = 0.5,
+    shift: Shift | None = None,
+    smooth: float | None = None,
+) -> PronyFit:
     r"""Prony series of a measured modulus.
 
     .. math:: \min_{E \ge 0} \sum_k \left(\frac{\ln E'(\omega_k)/E'_k}{e_k}\right)^2
@@ -46,7 +56,7 @@ def fit_prony(data, per_decade=1.0, *, tau=None, E_inf="fit", poisson=0.5, shift
         of the first and the last term peaks at the ends of the data. Of terms further out
         only a flank would be seen, which the ends and E_inf stand for.
     tau : relaxation times [s] instead of that grid, all different
-    E_inf : "fit", or the relaxed modulus [Pa], held (0: a liquid)
+    E_inf : "fit", or the relaxed modulus [Pa], fixed (0: a liquid)
     poisson, shift : of the material; a shift is not fitted here
     smooth : sigma of a `Smooth` prior [-], or None
         for noisy data: no term is absent then, and gaps in the frequencies are bridged.
@@ -64,18 +74,18 @@ def fit_prony(data, per_decade=1.0, *, tau=None, E_inf="fit", poisson=0.5, shift
 
     Notes
     -----
-    The bounded minimum is found by Gauss-Newton steps of `fitting.characterise.nonnegative`, not by updates
+    The bounded minimum is found by the steps of `fitting.characterise.bounded`, not by updates
     that keep E > 0 and approach zeros for ever; terms at 0 there are dropped, as a modulus of
     1e-30 Pa would help no scene. With `smooth` the start is E_i = (2/pi) E''(1/tau_i) d ln tau
     instead, the loss at a term's peak.
     """
     rf.Prony(1.0, [1.0], [1.0], poisson, shift)  # refuses what no material can have
     if smooth is not None and not (is_number(smooth) and smooth > 0):
-        raise ValueError(f"smooth = {one_line(smooth)}: must be None or a number > 0")
+        raise ValueError(f"smooth = {shown(smooth)}: must be None or a number > 0")
     omega = _reduced(data, shift)
     tau = _grid(omega, per_decade) if tau is None else _given(data, tau, omega)
-    held = _held(E_inf)
-    unknowns = tau.size + (held is None)
+    fixed = _fixed(E_inf)
+    unknowns = tau.size + (fixed is None)
     values = len(data) + (0 if smooth is None else tau.size - 2)
     if values < unknowns:
         raise ValueError(
@@ -84,25 +94,25 @@ def fit_prony(data, per_decade=1.0, *, tau=None, E_inf="fit", poisson=0.5, shift
         )
     _check_gaps(data, omega, smooth)
     if smooth is None:
-        E, rest = _bounded(data, omega, tau, held)
+        E, relaxed = _bounded(data, omega, tau, fixed)
     else:
-        E, rest = _peaks(data, omega, tau, held)
+        E, relaxed = _peaks(data, omega, tau, fixed)
     kept = E > 0
     body = data.body or "lower"
-    material = rf.Prony(rest, E[kept], tau[kept], poisson, shift)
-    other = "upper" if body == "lower" else "lower"
-    scene = rf.Scene(**{body: rf.Body(material), other: rf.Body(rf.Rigid())})
-    free = {f"{body}.material.E": Positive()}
-    if held is None and rest > 0:
+    material = rf.Prony(relaxed, E[kept], tau[kept], poisson, shift)
+    own, other = rf.Body(material), rf.Body(rf.Rigid())
+    scene = rf.Scene(own, other) if body == "lower" else rf.Scene(other, own)
+    free: dict[str, Rule] = {f"{body}.material.E": Positive()}
+    if fixed is None and relaxed > 0:
         free[f"{body}.material.E_inf"] = Positive()
-    prior = None if smooth is None else {f"{body}.material.E": Smooth(smooth)}
+    prior: dict[str, Prior] = {} if smooth is None else {f"{body}.material.E": Smooth(smooth)}
     result = fit(scene, data, free, prior=prior)
     material = getattr(result.scene, body).material
     model = _columns(omega, tau[kept]) @ np.asarray(material.E)
     model[: omega.size] += float(material.E_inf)
     measured = np.where(data.measured > 0, data.measured, np.nan)
     ratio = (model / measured).reshape(2, -1)
-    dropped = np.append(tau[~kept], np.inf if held is None and rest == 0 else [])
+    dropped = np.append(tau[~kept], np.inf if fixed is None and relaxed == 0 else [])
     return PronyFit(material, dropped, np.log(ratio), result)
 
 
@@ -123,7 +133,7 @@ def _reduced(data, shift):
 
 def _grid(omega, per_decade):
     if not (is_number(per_decade) and 0 < per_decade <= 100):
-        raise ValueError(f"per_decade = {one_line(per_decade)}: must be a number > 0, at most 100")
+        raise ValueError(f"per_decade = {shown(per_decade)}: must be a number > 0, at most 100")
     decades = np.log10(omega.max() / omega.min())
     # 5.000000001 decades are five.
     return np.geomspace(1 / omega.max(), 1 / omega.min(), int(np.ceil(per_decade * decades - 1e-6)) + 1)
@@ -137,9 +147,9 @@ def _given(data, tau, omega):
         raise ValueError("tau is empty: must have at least one relaxation time")
     if np.unique(tau).size < tau.size:
         raise ValueError("tau: has equal relaxation times; must all be different")
-    outside = np.maximum(np.log10(tau * omega.min()), -np.log10(tau * omega.max()))
-    worst = int(np.argmax(outside))
-    if outside[worst] > _REACH:
+    beyond = np.maximum(np.log10(tau * omega.min()), -np.log10(tau * omega.max()))
+    worst = int(np.argmax(beyond))
+    if beyond[worst] > _REACH:
         raise ValueError(
             f"tau[{worst}] = {tau[worst]:g} s: data {data.label!r} do not reach it; must be within"
             f" {_REACH:g} decades of 1/omega, {1 / omega.max():.3g} ... {1 / omega.min():.3g} s"
@@ -147,12 +157,12 @@ def _given(data, tau, omega):
     return tau
 
 
-def _held(E_inf):
+def _fixed(E_inf: float | str) -> float | None:
     """A relaxed modulus that is not fitted, else None."""
     if isinstance(E_inf, str) and E_inf == "fit":
         return None
-    if not (is_number(E_inf) and E_inf >= 0):
-        raise ValueError(f"E_inf = {one_line(E_inf)}: must be 'fit' or a number >= 0 [Pa]")
+    if isinstance(E_inf, str) or not (is_number(E_inf) and E_inf >= 0):
+        raise ValueError(f"E_inf = {shown(E_inf)}: must be 'fit' or a number >= 0 [Pa]")
     return float(E_inf)
 
 
@@ -174,13 +184,13 @@ def _columns(omega, tau):
     return np.concatenate([a**2 / (1 + a**2), a / (1 + a**2)])
 
 
-def _bounded(data, omega, tau, held):
+def _bounded(data, omega, tau, fixed):
     """(E, E_inf) at the minimum over E >= 0, zeros exact."""
     A = _columns(omega, tau)
-    rest = np.repeat([1.0, 0.0], omega.size)  # the column of E_inf
-    known = np.zeros(len(data)) if held is None else held * rest
-    if held is None:
-        A = np.column_stack([A, rest])
+    relaxed = np.repeat([1.0, 0.0], omega.size)  # the column of E_inf
+    known = np.zeros(len(data)) if fixed is None else fixed * relaxed
+    if fixed is None:
+        A = np.column_stack([A, relaxed])
     error = np.ones(len(data)) if data.error is None else data.error
     if data.logarithmic:
         x = nonnegative_logarithmic(A, data.measured, known, error)
@@ -190,10 +200,10 @@ def _bounded(data, omega, tau, held):
     x = np.where((A * x > _ROUNDING * (A @ x + known)[:, None]).any(0), x, 0.0)
     if not x[: tau.size].any():
         raise ValueError(f"data {data.label!r}: want no relaxing term at all: their loss must be > 0")
-    return x[: tau.size], float(x[-1]) if held is None else held
+    return x[: tau.size], float(x[-1]) if fixed is None else fixed
 
 
-def _peaks(data, omega, tau, held):
+def _peaks(data, omega, tau, fixed):
     """(E, E_inf), all > 0: the loss at the peak of every term, and half the lowest storage."""
     order, at = np.argsort(omega), np.argsort(tau)
     floor = 1e-6 * np.abs(data.storage).max()
@@ -201,4 +211,4 @@ def _peaks(data, omega, tau, held):
     width = np.gradient(np.log(tau[at])) if tau.size > 1 else np.ones(1)
     E = np.empty(tau.size)
     E[at] = 2 / np.pi * np.exp(np.interp(-np.log(tau[at]), np.log(omega[order]), loss)) * width
-    return E, 0.5 * max(data.storage.min(), floor) if held is None else held
+    return E, 0.5 * max(data.storage.min(), floor) if fixed is None else fixed

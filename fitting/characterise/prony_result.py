@@ -5,8 +5,9 @@ import dataclasses
 import numpy as np
 
 import rubberfric as rf
+from fitting.results.report import error_text
 from fitting.results.result import FitResult
-from rubberfric.base.html import table
+from rubberfric.base import html
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -28,19 +29,21 @@ class PronyFit:
     fit: FitResult
 
     @property
-    def rms_storage(self):
+    def rms_storage(self) -> float:
+        """Root-mean-square of the residuals of E'."""
         return float(np.sqrt(np.nanmean(self.residuals[0] ** 2)))
 
     @property
-    def rms_loss(self):
+    def rms_loss(self) -> float:
+        """Root-mean-square of the residuals of E''."""
         return float(np.sqrt(np.nanmean(self.residuals[1] ** 2)))
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         terms = self.material.tau.size
         return f"<PronyFit: {terms} terms, E' to {self.rms_storage:.2g}, E'' to {self.rms_loss:.2g} rms>"
 
-    def report(self):
-        """The series and its error bars in words and numbers."""
+    def report(self) -> str:
+        """The series and its error bars, as text of several lines."""
         result, material = self.fit, self.material
         tau = np.asarray(material.tau)
         lines = [
@@ -53,36 +56,24 @@ class PronyFit:
             times = ", ".join(f"{t:.3g}" for t in self.dropped)
             lines.append(f"    absent, since the data are met best without them: tau = {times} s")
         lines.append(f"    {'tau [s]':>10} {'E [Pa]':>11}")
-        lines += [f"    {time:>10} {value:>11}{more}" for time, value, more in self._rows()]
+        lines += [f"    {time:>10} {value:>11}  {more}" for time, value, more in self._rows()]
         if np.inf in self.dropped:
             lines.append("    without E_inf it is a liquid; if it is a solid, give its E_inf")
         return "\n".join(lines)
 
-    def _repr_html_(self):
+    def _repr_html_(self) -> str:
         """A table for notebooks."""
-        rows = [(time, value, more.strip()) for time, value, more in self._rows()]
+        rows: list[tuple[str, ...] | str] = [*self._rows()]
         rows.append(f"rms of ln(fit / measured): E' {self.rms_storage:.2%}, E'' {self.rms_loss:.2%}")
         if self.dropped.size:
             rows.append(f"absent: tau = {', '.join(f'{t:.3g}' for t in self.dropped)} s")
         caption = f"Prony series of {self.fit.data[0].label}: {self.fit.message}"
-        return table(rows, ("tau [s]", "E [Pa]", "error [Pa]"), caption)
+        return html.table(rows, ("tau [s]", "E [Pa]", "error [Pa]"), caption)
 
     def _rows(self):
         """Texts of every term, E_inf first: relaxation time, modulus, and its error or why it has none."""
-        result, material = self.fit, self.material
-        error = dict(zip((name.rsplit(".", 1)[1] for name in result.names), result.stderr, strict=True))
-        withheld = {name.rsplit(".", 1)[1]: why for name, why in result.withheld.items()}
+        material = self.material
         terms = zip(np.asarray(material.tau), np.asarray(material.E), strict=True)
         rows = [("inf", "E_inf", float(material.E_inf))]
         rows += [(f"{t:.4g}", f"E[{i}]", e) for i, (t, e) in enumerate(terms)]
-        return [
-            (time, f"{value:.4g}", _plus_minus(value, name, error, withheld)) for time, name, value in rows
-        ]
-
-
-def _plus_minus(value, name, error, withheld):
-    if name in withheld:
-        return f"  error bar withheld: {withheld[name]}"
-    if name not in error:
-        return "  (fixed)"
-    return f"  +/- {error[name]:.2g} ({error[name] / value:.1%})"
+        return [(time, f"{value:.4g}", error_text(self.fit, name, value)) for time, name, value in rows]

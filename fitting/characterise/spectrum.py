@@ -11,15 +11,16 @@ import dataclasses
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import rubberfric as rf
 from fitting.characterise.spectrum_result import SpectrumFit
 from fitting.data.kinds import SpectrumData
-from fitting.data.measured import one_line
 from fitting.fit import fit
-from fitting.parameters.constraints import Bounded, Positive, is_number
+from fitting.parameters.constraints import Bounded, Positive, Rule, is_number
+from rubberfric.base import shown
 
-# Slopes that H = 0 and 1 stand for, and how near to them H is held there instead of fitted.
+# Slopes that H = 0 and 1 stand for, and how near to them H is fixed there instead of fitted.
 _SLOPES = (2.0, 4.0)
 _AT_END = 1e-6
 # Variance of ln C that is rounding, not scatter.
@@ -35,7 +36,16 @@ class Line(NamedTuple):
     kink: float  # t of the roll-off
 
 
-def fit_spectrum(data, *, q0=None, q1=None, qr="fit", hurst="fit", relative=None, body=None):
+def fit_spectrum(
+    data: SpectrumData | rf.TabulatedSpectrum | tuple[ArrayLike, ArrayLike],
+    *,
+    q0: float | None = None,
+    q1: float | None = None,
+    qr: float | str = "fit",
+    hurst: float | str = "fit",
+    relative: ArrayLike | None = None,
+    body: str | None = None,
+) -> SpectrumFit:
     r"""Self-affine spectrum of a measured one.
 
     .. math:: \min \sum_k \left( \frac{\ln C(q_k) - \ln C_k}{e_k} \right)^2
@@ -48,8 +58,8 @@ def fit_spectrum(data, *, q0=None, q1=None, qr="fit", hurst="fit", relative=None
     data : SpectrumData, TabulatedSpectrum, or a pair (q, C) [1/m], [m^4]
     q0, q1 : cut-offs of the surface [1/m]; None: the first and the last wavevector of the data.
         Data outside are not used; h_rms counts q0 < q < q1 whether or not the data reach as far.
-    qr : "fit", or the roll-off wavevector [1/m], held; q0 is a surface without plateau
-    hurst : "fit", or H [-], held
+    qr : "fit", or the roll-off wavevector [1/m], fixed; q0 is a surface without plateau
+    hurst : "fit", or H [-], fixed
     relative : standard error of ln C, a number or one for each [-], for data that have none
     body : "lower" or "upper", where `fit`'s key paths say the spectrum is; None: the data's, or "lower"
 
@@ -65,8 +75,8 @@ def fit_spectrum(data, *, q0=None, q1=None, qr="fit", hurst="fit", relative=None
     -----
     Data without errors get one relative error each from their scatter (`fitting.fit`). If no plateau is
     seen, that is if a straight line meets the data as well by Schwarz's criterion, or one point at most
-    lies below the roll-off, q_r is held at q0; if the fall is flatter than H = 0 or steeper than H = 1,
-    H is held there. `SpectrumFit.notes` says so.
+    lies below the roll-off, q_r is fixed at q0; if the fall is flatter than H = 0 or steeper than H = 1,
+    H is fixed there. `SpectrumFit.remarks` says so.
     """
     data = _data(data, relative, body)
     body = data.body or "lower"
@@ -74,52 +84,49 @@ def fit_spectrum(data, *, q0=None, q1=None, qr="fit", hurst="fit", relative=None
     q1 = _cutoff("q1", q1, data.q.max())
     if not q0 < q1:
         raise ValueError(f"q1 = {q1:g}: must be > q0 = {q0:g}")
-    held_H = _held("hurst", hurst, 0.0, 1.0)
-    held_qr = _held("qr", qr, q0, q1)
+    fixed_H = _fixed("hurst", hurst, 0.0, 1.0)
+    fixed_qr = _fixed("qr", qr, q0, q1)
     inside = (data.q >= q0) & (data.q <= q1)
-    unknowns = 1 + (held_H is None) + (held_qr is None)
+    unknowns = 1 + (fixed_H is None) + (fixed_qr is None)
     if inside.sum() < unknowns + 1:
         raise ValueError(
             f"data {data.label!r}: {inside.sum()} values within {q0:g} ... {q1:g} 1/m for {unknowns}"
             " unknowns: must be more"
         )
-    notes = (
-        [] if inside.all() else [f"{(~inside).sum()} of {inside.size} points lie outside q0 ... q1: not used"]
-    )
-    data = _part(data, inside)
+    remarks = []
+    if not inside.all():
+        remarks.append(f"{(~inside).sum()} of {inside.size} points lie outside q0 ... q1: not used")
+    part = {name: None if (x := getattr(data, name)) is None else x[inside] for name in data.fields()}
+    data = dataclasses.replace(data, **part, check_units=False)
     t, y = np.log(data.q), np.log(np.maximum(data.C, 1e-12 * data.C.max()))
     weight = _weights(data)
-    slopes = _SLOPES if held_H is None else (2 * (1 + held_H),) * 2
-    line, kink_note = _start(t, y, weight, slopes, held_qr, q0, q1, known=data.error is not None)
-    notes += kink_note
+    slopes = _SLOPES if fixed_H is None else (2 * (1 + fixed_H),) * 2
+    line, no_kink = _start(t, y, weight, slopes, fixed_qr, q0, q1, known=data.error is not None)
+    remarks += no_kink
     H = line.slope / 2 - 1
-    spectrum = rf.SelfAffine.from_C0(q0, *_between(line, q0, q1, H), np.exp(line.level))
-    free = {f"{body}.spectrum.h_rms": Positive()}
-    if held_H is None:
+    spectrum = rf.SelfAffine.from_C0(q0, *_ordered(line, q0, q1, H), np.exp(line.level))
+    free: dict[str, Rule] = {f"{body}.spectrum.h_rms": Positive()}
+    if fixed_H is None:
         if _AT_END < H < 1 - _AT_END:
             free[f"{body}.spectrum.hurst"] = Bounded(0.0, 1.0)
         else:
             steeper = "steeper than H = 1" if H > 0.5 else "flatter than H = 0"
-            notes.append(f"the fall is {steeper}: H is held there")
-    if held_qr is None and not kink_note:
+            remarks.append(f"the fall is {steeper}: H is held there")
+    if fixed_qr is None and not no_kink:
         free[f"{body}.spectrum.qr"] = Positive()
-    other = "upper" if body == "lower" else "lower"
-    scene = rf.Scene(
-        **{
-            body: rf.Body(rf.Rigid(), spectrum),
-            other: rf.Body(rf.Elastic(1e6, 0.5)),  # some solid must deform; its modulus is not asked for
-        }
-    )
+    # Some solid must deform; its modulus is not asked for.
+    own, other = rf.Body(rf.Rigid(), spectrum), rf.Body(rf.Elastic(1e6, 0.5))
+    scene = rf.Scene(own, other) if body == "lower" else rf.Scene(other, own)
     result = fit(scene, data, free)
     spectrum = getattr(result.scene, body).spectrum
     if not q0 <= spectrum.qr <= q1:  # absolute errors may want what logarithms do not
         at = q0 if spectrum.qr < q0 else q1
         found = fit_spectrum(data, q0=q0, q1=q1, qr=at, hurst=hurst, body=None if data.body else body)
-        notes.append(f"the roll-off is not within q0 ... q1: qr is held at {at:.4g} 1/m")
-        return dataclasses.replace(found, notes=tuple(notes))
+        remarks.append(f"the roll-off is not within q0 ... q1: qr is held at {at:.4g} 1/m")
+        return dataclasses.replace(found, remarks=tuple(remarks))
     model = np.asarray(rf.power_spectrum(spectrum, np.clip(data.q, q0 * (1 + 1e-12), q1 * (1 - 1e-12))))
     residuals = np.log(model / np.where(data.C > 0, data.C, np.nan))
-    return SpectrumFit(spectrum, residuals, tuple(notes), result)
+    return SpectrumFit(spectrum, residuals, tuple(remarks), result)
 
 
 def _data(data, relative, body):
@@ -134,33 +141,11 @@ def _data(data, relative, body):
         )
     for name, value, own in (("relative", relative, data.error), ("body", body, data.body)):
         if value is not None and own is not None:
-            raise ValueError(f"{name} = {one_line(value)}: must not be given; the data have it")
+            raise ValueError(f"{name} = {shown(value)}: must not be given; the data have it")
     if relative is None and body is None:
         return data
     relative = data.relative if relative is None else relative
-    return SpectrumData(
-        data.q,
-        data.C,
-        data.sigma,
-        relative=relative,
-        body=body or data.body,
-        name=data.name,
-        check_units=False,
-    )
-
-
-def _part(data, inside):
-    """The data at some of their points."""
-    sigma, relative = (None if x is None else x[inside] for x in (data.sigma, data.relative))
-    return SpectrumData(
-        data.q[inside],
-        data.C[inside],
-        sigma,
-        relative=relative,
-        body=data.body,
-        name=data.name,
-        check_units=False,
-    )
+    return dataclasses.replace(data, relative=relative, body=body or data.body, check_units=False)
 
 
 def _weights(data):
@@ -175,29 +160,29 @@ def _cutoff(name, value, default):
     if value is None:
         return float(default)
     if not (is_number(value) and value > 0):
-        raise ValueError(f"{name} = {one_line(value)}: must be None or a number > 0 [1/m]")
+        raise ValueError(f"{name} = {shown(value)}: must be None or a number > 0 [1/m]")
     return float(value)
 
 
-def _held(name, value, low, high):
+def _fixed(name: str, value: float | str, low: float, high: float) -> float | None:
     """A number that is not fitted, else None."""
     if isinstance(value, str) and value == "fit":
         return None
-    if not (is_number(value) and low <= value <= high):
-        raise ValueError(f"{name} = {one_line(value)}: must be 'fit' or a number, {low:g} ... {high:g}")
+    if isinstance(value, str) or not (is_number(value) and low <= value <= high):
+        raise ValueError(f"{name} = {shown(value)}: must be 'fit' or a number, {low:g} ... {high:g}")
     return float(value)
 
 
-def _between(line, q0, q1, H):
+def _ordered(line, q0, q1, H):
     """(qr, q1, H) of a line; the logarithm's rounding must not make a roll-off apart from a cut-off."""
     qr = next((q for q in (q0, q1) if abs(line.kink - np.log(q)) < 1e-12), np.exp(line.kink))
     return float(np.clip(qr, q0, q1)), q1, float(np.clip(H, 0.0, 1.0))
 
 
-def _start(t, y, weight, slopes, held_qr, q0, q1, known):
-    """(Line, notes): the best broken line, without a plateau unless the data show one."""
-    if held_qr is not None:
-        return _line(t, y, weight, slopes, np.log(held_qr)), []
+def _start(t, y, weight, slopes, fixed_qr, q0, q1, known):
+    """(Line, remarks): the best broken line, without a plateau unless the data show one."""
+    if fixed_qr is not None:
+        return _line(t, y, weight, slopes, np.log(fixed_qr)), []
     flat = _line(t, y, weight, slopes, np.log(q0))
     broken = broken_line(t, y, weight, slopes, np.log(q0), np.log(q1))
     # Schwarz: what one more parameter must be worth. Errors that are unknown follow from the scatter.
@@ -210,7 +195,14 @@ def _start(t, y, weight, slopes, held_qr, q0, q1, known):
     return flat, [f"no roll-off is seen above {np.exp(t.min()):.3g} 1/m: qr is held at q0 = {q0:.4g} 1/m"]
 
 
-def broken_line(t, y, weight, slopes, low, high):
+def broken_line(
+    t: np.ndarray,
+    y: np.ndarray,
+    weight: np.ndarray,
+    slopes: tuple[float, float],
+    low: float,
+    high: float,
+) -> Line:
     """The line of least squares that is flat up to a kink and then falls by a slope within bounds.
 
     Every interval between neighbouring t is tried: the best kink inside is where the best level

@@ -29,21 +29,20 @@
 """
 
 import dataclasses
-import math
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 
 import rubberfric as rf
 from fitting.data.files import read
-from fitting.fit import METHODS
+from fitting.data.measured import Measured
 from fitting.parameters.constraints import RULES as CLASSES
-from fitting.parameters.priors import Gaussian, Smooth
-from fitting.solvers.losses import WIDTHS
-from rubberfric.base.checks import closest, shown
-from rubberfric.io.files import read_scene_file
-from rubberfric.io.toml import check_keys, number, read_toml
+from fitting.parameters.constraints import Rule
+from fitting.parameters.priors import Gaussian, Prior, Smooth
+from fitting.solvers.options import IN_FILES, check_options
+from rubberfric.base import StrPath, closest, shown
+from rubberfric.io import toml
 
 RULES = {name.lower(): cls for name, cls in CLASSES.items()}
 RULE_KEYS = ("rule", *dict.fromkeys(f.name for cls in RULES.values() for f in dataclasses.fields(cls)))
@@ -51,23 +50,21 @@ PRIOR_KEYS = ("mean", "sigma", "smooth")
 CONDITIONS = ("pressure", "temperature", "relative", "hurst", "poisson")
 TEXTS = ("body", "normalisation", "kind")
 EXTRA = ("columns", "check_units", "name")
-OPTIONS = ("method", "starts", "seed", "loss", "loss_width", "decades", "max_steps", "tolerance")
-CHOICES = {"method": tuple(METHODS), "loss": tuple(WIDTHS)}
-SMALLEST = {"starts": 1, "seed": 0, "max_steps": 1}  # of the options that are integers
+REALS = ("loss_width", "decades", "tolerance")  # which TOML may have written as integers
 
 
 class Job(NamedTuple):
     """What a job file says: fitting.fit(job.scene, job.data, job.free, prior=job.prior, **job.options)."""
 
     scene: rf.Scene
-    data: list
-    free: dict
-    prior: dict
-    options: dict
+    data: list[Measured]
+    free: dict[str, Rule]
+    prior: dict[str, Prior]
+    options: dict[str, Any]
     title: str
 
 
-def read_job(path):
+def read_job(path: StrPath) -> Job:
     """The `Job` of a TOML file, its scene and data read.
 
     Raises
@@ -79,9 +76,9 @@ def read_job(path):
     path = Path(path)
     if path.suffix.lower() != ".toml":
         raise ValueError(f"{path}: suffix {path.suffix!r}: must be .toml")
-    content = read_toml(path)
+    content = toml.read_toml(path)
     needed = ("scene", "data", "free")
-    check_keys(path, "", content, ("title", *needed, "prior", "fit"), needed)
+    toml.check_keys(path, "", content, ("title", *needed, "prior", "fit"), needed)
     title = _text(path, "title", content.get("title", ""))
     free, prior = content["free"], content.get("prior", {})
     _check_paths(path, "free", free, RULE_KEYS)
@@ -92,7 +89,7 @@ def read_job(path):
     data = content["data"]
     if not isinstance(data, list) or not data:
         raise ValueError(f"{path}: data = {shown(data)}: must be tables, each headed [[data]]")
-    scene = _read(path, "scene", content["scene"], read_scene_file).scene
+    scene = _read(path, "scene", content["scene"], rf.load_scene)
     data = [_data(path, f"data[{i}]", one) for i, one in enumerate(data)]
     return Job(scene, data, free, prior, options, title)
 
@@ -107,7 +104,7 @@ def _one(path, key, value):
     """One number, not a list of them."""
     if isinstance(value, list):
         raise ValueError(f"{path}: {key} = {shown(value)}: must be one number")
-    return number(path, key, value)
+    return toml.number(path, key, value)
 
 
 def _read(path, key, name, reader):
@@ -120,7 +117,7 @@ def _read(path, key, name, reader):
 
 
 def _data(path, key, content):
-    check_keys(path, key, content, ("file", *CONDITIONS, *TEXTS, *EXTRA), ("file",))
+    toml.check_keys(path, key, content, ("file", *CONDITIONS, *TEXTS, *EXTRA), ("file",))
     given = {name: _one(path, f"{key}.{name}", content[name]) for name in CONDITIONS if name in content}
     given |= {name: _text(path, f"{key}.{name}", content[name]) for name in TEXTS if name in content}
     given |= {name: content[name] for name in ("columns", "check_units") if name in content}
@@ -133,7 +130,7 @@ def _data(path, key, content):
 
 def _check_paths(path, table, content, keys):
     """ValueError for a key path without quotes, which TOML takes for tables within tables."""
-    check_keys(path, table, content, content)
+    toml.check_keys(path, table, content, content)
     if table == "free" and not content:
         raise ValueError(f"{path}: free: is empty; must name the key paths that are free")
     for key, value in content.items():
@@ -151,24 +148,24 @@ def _rule(path, key, value):
     table = {"rule": value} if isinstance(value, str) else value
     if not isinstance(table, dict):
         raise ValueError(f'{path}: {key} = {shown(value)}: must be "positive" or a table with the key rule')
-    check_keys(path, key, table, RULE_KEYS, ("rule",))
+    toml.check_keys(path, key, table, RULE_KEYS, ("rule",))
     kind = table["rule"]
     if not isinstance(kind, str) or kind not in RULES:
         raise ValueError(f"{path}: {key}: rule = {shown(kind)}: {closest(kind, tuple(RULES))}")
     fields = dataclasses.fields(RULES[kind])
     needed = [field.name for field in fields if field.default is dataclasses.MISSING]
-    check_keys(path, key, table, ("rule", *(field.name for field in fields)), needed)
-    readers = {"to": _text, "start": number}
+    toml.check_keys(path, key, table, ("rule", *(field.name for field in fields)), needed)
+    readers = {"to": _text, "start": toml.number}
     values = {n: readers.get(n, _one)(path, f"{key}.{n}", v) for n, v in table.items() if n != "rule"}
     return _made(path, key, RULES[kind], values)
 
 
 def _prior(path, key, value):
-    check_keys(path, key, value, PRIOR_KEYS)
+    toml.check_keys(path, key, value, PRIOR_KEYS)
     if "smooth" in value:
-        check_keys(path, key, value, ("smooth",))
+        toml.check_keys(path, key, value, ("smooth",))
         return _made(path, key, Smooth, {"sigma": _one(path, f"{key}.smooth", value["smooth"])})
-    check_keys(path, key, value, PRIOR_KEYS, ("mean", "sigma"))
+    toml.check_keys(path, key, value, PRIOR_KEYS, ("mean", "sigma"))
     return _made(path, key, Gaussian, {n: _one(path, f"{key}.{n}", v) for n, v in value.items()})
 
 
@@ -181,21 +178,12 @@ def _made(path, key, cls, values):
 
 def _options(path, content):
     """Keyword arguments of `fitting.fit`."""
-    check_keys(path, "fit", content, OPTIONS)
-    options = {}
-    for name, value in content.items():
-        key = f"fit.{name}"
-        if name in CHOICES:
-            if not isinstance(value, str) or value not in CHOICES[name]:
-                raise ValueError(f"{path}: {key} = {shown(value)}: {closest(value, CHOICES[name])}")
-        elif name in SMALLEST:
-            if type(value) is not int or not SMALLEST[name] <= value < 2**31:
-                raise ValueError(f"{path}: {key} = {shown(value)}: must be an integer >= {SMALLEST[name]}")
-        else:
-            value = _one(path, key, value)
-            if not 0 < value < math.inf:
-                raise ValueError(f"{path}: {key} = {value!r}: must be > 0 and finite")
-        options[name] = value
+    toml.check_keys(path, "fit", content, IN_FILES)
+    try:
+        check_options(**content)
+    except ValueError as error:
+        raise ValueError(f"{path}: fit.{error}") from None
+    options = {name: float(content[name]) if name in REALS else content[name] for name in content}
     if "seed" in options:
         options["key"] = jax.random.key(options.pop("seed"))
     return options

@@ -9,23 +9,25 @@ bootstrap that was interrupted, or killed, goes on with --resume.
 
 import argparse
 import importlib.metadata
+from collections.abc import Sequence
 
 import numpy as np
 
-from fitting.commands.job import read_job
+from fitting.commands.job import Job, read_job
 from fitting.ensemble.members import bootstrap_members
+from fitting.ensemble.result import EnsembleResult
 from fitting.ensemble.run import run_ensemble
 from fitting.fit import fit
 from fitting.results.hdf5 import save
 from fitting.results.plot import save_plot
-from rubberfric.base.atomic import check_writable
-from rubberfric.commands.shared import Parser, complain, ended, progress
-from rubberfric.plot.save import check_plot
+from fitting.results.result import FitResult
+from rubberfric.base import StrPath, check_writable
+from rubberfric.commands import Interrupts, Parser, add_outputs, check_outputs, complain, ended, progress
 
 PROGRAM = "rubberfric-fit"
 
 
-def main(argv=None):
+def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with arguments `argv`; returns the exit status.
 
     None: those of the process, which a signal then may end (`rubberfric.commands.interrupts`).
@@ -39,12 +41,9 @@ def main(argv=None):
     return ended(PROGRAM, lambda interrupts: run(arguments, interrupts), process=argv is None)
 
 
-def run(arguments, interrupts):
+def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     """Fit a job file, write what was asked for, print the report."""
-    if arguments.out is not None:
-        check_writable(arguments.out, (".h5",))
-    if arguments.plot is not None:
-        check_plot(arguments.plot)
+    check_outputs(arguments, ".h5")
     if arguments.checkpoint is not None:
         check_writable(arguments.checkpoint, (".h5",))
     job, failures = read_job(arguments.job), []
@@ -69,16 +68,13 @@ def run(arguments, interrupts):
     if not result.success:
         return complain(PROGRAM, result.message, 1)
     if interrupts.stopped:
-        text = (
-            "a start had converged, others had not"
-            if spread is None
-            else "of the bootstrap only a part is done"
-        )
-        return complain(PROGRAM, f"interrupted: {text}", 1)
+        left = "a start had converged, others had not"
+        left = left if spread is None else "of the bootstrap only a part is done"
+        return complain(PROGRAM, f"interrupted: {left}", 1)
     return 0
 
 
-def _fit(path, job, interrupts):
+def _fit(path: StrPath, job: Job, interrupts: Interrupts) -> FitResult:
     """The fit of a job, with its progress on a terminal."""
     with progress() as show:
 
@@ -96,7 +92,7 @@ def _fit(path, job, interrupts):
             raise ValueError(f"{path}: {error}") from None
 
 
-def _bootstrap(arguments, result, interrupts):
+def _bootstrap(arguments: argparse.Namespace, result: FitResult, interrupts: Interrupts) -> EnsembleResult:
     """Refits of simulated data, with their progress on a terminal."""
     with progress() as show:
 
@@ -121,9 +117,8 @@ def _parser():
     version = importlib.metadata.version("rubberfric")
     parser.add_argument("--version", action="version", version=f"{PROGRAM} {version}")
     parser.add_argument("job", metavar="JOB", help="job file (.toml): scene, data, what is free")
-    parser.add_argument("--out", metavar="FILE.h5", help="write the fit; fitting.FitResult.load reads it")
-    parser.add_argument(
-        "--plot", metavar="FILE.png", help="draw data, fit and residuals (.png, .pdf or .svg)"
+    add_outputs(
+        parser, "FILE.h5", "write the fit; fitting.FitResult.load reads it", "draw data, fit and residuals"
     )
     parser.add_argument(
         "--bootstrap", metavar="N", type=_count, help="refit N simulated data sets, report their spread"

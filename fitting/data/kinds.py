@@ -10,14 +10,73 @@ in SI units, one element for each measured point. A fit sees all of them in the 
 """
 
 import dataclasses
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
 
+from fitting.data.fields import Field, Numbers, OptionalNumbers, array, likely, measurement
 from fitting.data.measured import Measured
+from rubberfric.base import POSITIVE
+
+_VELOCITY = Field(
+    "v",
+    "m/s",
+    plausible=(likely("must be -1000 ... 1000 m/s; is it in mm/s or um/s?", lambda v: np.abs(v) <= 1e3),),
+)
+_PRESSURE = Field(
+    "p",
+    "Pa",
+    POSITIVE,
+    (
+        likely("must be >= 1 Pa; is it in MPa or GPa?", lambda p: p >= 1),
+        likely("must be <= 1e10 Pa", lambda p: p <= 1e10),
+    ),
+)
+_TEMPERATURE = Field(
+    "T",
+    "K",
+    POSITIVE,
+    (
+        likely("must be >= 100 K; is it in °C? then add 273.15", lambda T: T >= 100),
+        likely("must be <= 2000 K", lambda T: T <= 2000),
+    ),
+)
+_FREQUENCY = Field("omega", "rad/s", POSITIVE)
+_WAVENUMBER = Field(
+    "q", "1/m", POSITIVE, (likely("must be 1e-6 ... 1e12 1/m", lambda q: (q >= 1e-6) & (q <= 1e12)),)
+)
+_FRICTION = Field(
+    "mu", "-", plausible=(likely("must be -50 ... 50; is it in percent?", lambda mu: np.abs(mu) <= 50),)
+)
+_AREA = Field(
+    "A_over_A0",
+    "-",
+    plausible=(
+        POSITIVE,
+        likely("must be <= 1; is it in percent, or not divided by A0?", lambda A: A <= 1),
+    ),
+)
+_MODULUS = (POSITIVE, likely("must be <= 1e13 Pa", lambda E: E <= 1e13))
+_STORAGE = Field(
+    "E_stor",
+    "Pa",
+    plausible=(*_MODULUS, likely("must be >= 1e3 Pa; is it in MPa or GPa?", lambda E: E >= 1e3)),
+)
+_LOSS = Field(
+    "E_loss",
+    "Pa",
+    plausible=(*_MODULUS, likely("must be >= 1 Pa; is it in MPa or GPa, or tan(delta)?", lambda E: E >= 1)),
+)
+_SPECTRUM = Field(
+    "C",
+    "m^4",
+    plausible=(POSITIVE, likely("must be <= 1e3 m^4; is it in mm^4 or um^4?", lambda C: C <= 1e3)),
+)
+_RATIO_ERROR = Field("sigma", "-", POSITIVE)
 
 
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+@measurement
 class FrictionData(Measured):
     """Friction coefficients measured in steady sliding.
 
@@ -43,17 +102,18 @@ class FrictionData(Measured):
     """
 
     quantity: ClassVar[str] = "friction"
-    values: ClassVar[tuple] = ("friction",)
-    sigmas: ClassVar[tuple] = ("sigma",)
+    conditions: ClassVar[tuple[str, ...]] = ("velocity", "pressure", "temperature")
+    values: ClassVar[tuple[str, ...]] = ("friction",)
+    sigmas: ClassVar[tuple[str, ...]] = ("sigma",)
 
-    velocity: np.ndarray
-    friction: np.ndarray
-    sigma: np.ndarray | None = None
-    pressure: np.ndarray = None
-    temperature: np.ndarray | None = None
+    velocity: Numbers = array(_VELOCITY)
+    friction: Numbers = array(_FRICTION)
+    sigma: OptionalNumbers = array(_RATIO_ERROR, default=None)
+    pressure: Numbers = array(_PRESSURE, default=None)
+    temperature: OptionalNumbers = array(_TEMPERATURE, default=None)
 
 
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+@measurement
 class AreaData(Measured):
     """Relative contact areas A/A0 measured in steady sliding; all else as in `FrictionData`.
 
@@ -67,17 +127,18 @@ class AreaData(Measured):
     """
 
     quantity: ClassVar[str] = "area"
-    values: ClassVar[tuple] = ("area",)
-    sigmas: ClassVar[tuple] = ("sigma",)
+    conditions: ClassVar[tuple[str, ...]] = ("velocity", "pressure", "temperature")
+    values: ClassVar[tuple[str, ...]] = ("area",)
+    sigmas: ClassVar[tuple[str, ...]] = ("sigma",)
 
-    velocity: np.ndarray
-    area: np.ndarray
-    sigma: np.ndarray | None = None
-    pressure: np.ndarray = None
-    temperature: np.ndarray | None = None
+    velocity: Numbers = array(_VELOCITY)
+    area: Numbers = array(_AREA)
+    sigma: OptionalNumbers = array(_RATIO_ERROR, default=None)
+    pressure: Numbers = array(_PRESSURE, default=None)
+    temperature: OptionalNumbers = array(_TEMPERATURE, default=None)
 
 
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+@measurement
 class ModulusData(Measured):
     """Complex modulus of a material, measured in oscillation; all else as in `FrictionData`.
 
@@ -98,19 +159,21 @@ class ModulusData(Measured):
     """
 
     quantity: ClassVar[str] = "modulus"
-    values: ClassVar[tuple] = ("storage", "loss")
-    sigmas: ClassVar[tuple] = ("sigma_storage", "sigma_loss")
+    conditions: ClassVar[tuple[str, ...]] = ("omega", "temperature")
+    values: ClassVar[tuple[str, ...]] = ("storage", "loss")
+    sigmas: ClassVar[tuple[str, ...]] = ("sigma_storage", "sigma_loss")
+    others: ClassVar[tuple[str, ...]] = ("G_stor", "E_comp", "G_comp")
 
-    omega: np.ndarray
-    storage: np.ndarray
-    loss: np.ndarray
-    sigma_storage: np.ndarray | None = None
-    sigma_loss: np.ndarray | None = None
-    temperature: np.ndarray | None = None
+    omega: Numbers = array(_FREQUENCY)
+    storage: Numbers = array(_STORAGE)
+    loss: Numbers = array(_LOSS)
+    sigma_storage: OptionalNumbers = array(Field("sigma_stor", "Pa", POSITIVE), default=None)
+    sigma_loss: OptionalNumbers = array(Field("sigma_loss", "Pa", POSITIVE), default=None)
+    temperature: OptionalNumbers = array(_TEMPERATURE, default=None)
     body: str | None = dataclasses.field(default=None, kw_only=True)
 
 
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+@measurement
 class SpectrumData(Measured):
     r"""Power spectrum of a surface; all else as in `FrictionData`.
 
@@ -128,10 +191,30 @@ class SpectrumData(Measured):
     """
 
     quantity: ClassVar[str] = "spectrum"
-    values: ClassVar[tuple] = ("C",)
-    sigmas: ClassVar[tuple] = ("sigma",)
+    conditions: ClassVar[tuple[str, ...]] = ("q",)
+    values: ClassVar[tuple[str, ...]] = ("C",)
+    sigmas: ClassVar[tuple[str, ...]] = ("sigma",)
+    others: ClassVar[tuple[str, ...]] = ("C_1D",)
 
-    q: np.ndarray
-    C: np.ndarray
-    sigma: np.ndarray | None = None
+    q: Numbers = array(_WAVENUMBER)
+    C: Numbers = array(_SPECTRUM)
+    sigma: OptionalNumbers = array(Field("sigma_C", "m^4", POSITIVE), default=None)
     body: str | None = dataclasses.field(default=None, kw_only=True)
+
+
+KINDS = {cls.quantity: cls for cls in (FrictionData, AreaData, ModulusData, SpectrumData)}
+
+
+def as_data_sets(data: Measured | Sequence[Measured]) -> list[Measured]:
+    """The data sets as a list; ValueError if there are none, or something else is among them."""
+    kinds = "FrictionData, AreaData, ModulusData or SpectrumData"
+    if isinstance(data, Measured):
+        return [data]
+    if not isinstance(data, list | tuple):
+        raise ValueError(f"data is a {type(data).__name__}: must be {kinds}, or a list of them")
+    if not data:
+        raise ValueError("data is empty: must hold at least one data set")
+    for i, one in enumerate(data):
+        if not isinstance(one, Measured):
+            raise ValueError(f"data[{i}] is a {type(one).__name__}: must be {kinds}")
+    return list(data)

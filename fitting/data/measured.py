@@ -1,145 +1,85 @@
-"""What the kinds of measured data share: the rules of their fields, and how a fit sees them."""
+"""What the kinds of measured data share: how they are checked, how a fit sees them, how they are written."""
 
 import dataclasses
-from typing import ClassVar, NamedTuple
+from pathlib import Path
+from typing import ClassVar, Self
 
+import h5py
 import numpy as np
+from numpy.typing import ArrayLike
 
-from rubberfric.base.checks import FINITE, POSITIVE, check_values, shown
+from fitting.data.fields import Field, Numbers, OptionalNumbers, array, likely, measurement, numbers
+from rubberfric.base import POSITIVE, StrPath, check_values, check_writable, replacing, shown
+from rubberfric.io import hdf5, write_table
 
+FORMAT = "rubberfric data"
 
-def _likely(text, test):
-    """Rule that only a wrong unit, or noise, would break."""
-    return (f"{text} (check_units=False accepts it)", test)
-
-
-class Field(NamedTuple):
-    """What holds for a field of that name, whichever kind of data it is in."""
-
-    unit: str = ""  # absolute errors have the one of their values
-    rule: tuple = FINITE  # always
-    range: tuple = ()  # unless check_units=False
-    needed: bool = True
+_RELATIVE = Field(
+    "relative_sigma",
+    "-",
+    POSITIVE,
+    (likely("must be <= 3; is it in percent? 3 % is 0.03", lambda error: error <= 3),),
+)
 
 
-_MODULUS = (POSITIVE, _likely("must be <= 1e13 Pa", lambda E: E <= 1e13))
-_ERROR = Field(rule=POSITIVE, needed=False)
-
-FIELDS = {
-    "velocity": Field(
-        "m/s",
-        range=(_likely("must be -1000 ... 1000 m/s; is it in mm/s or um/s?", lambda v: np.abs(v) <= 1e3),),
-    ),
-    "pressure": Field(
-        "Pa",
-        rule=POSITIVE,
-        range=(
-            _likely("must be >= 1 Pa; is it in MPa or GPa?", lambda p: p >= 1),
-            _likely("must be <= 1e10 Pa", lambda p: p <= 1e10),
-        ),
-    ),
-    "temperature": Field(
-        "K",
-        rule=POSITIVE,
-        range=(
-            _likely("must be >= 100 K; is it in °C? then add 273.15", lambda T: T >= 100),
-            _likely("must be <= 2000 K", lambda T: T <= 2000),
-        ),
-        needed=False,
-    ),
-    "omega": Field("rad/s", rule=POSITIVE),
-    "q": Field(
-        "1/m",
-        rule=POSITIVE,
-        range=(_likely("must be 1e-6 ... 1e12 1/m", lambda q: (q >= 1e-6) & (q <= 1e12)),),
-    ),
-    "friction": Field(
-        "-",
-        range=(_likely("must be -50 ... 50; is it in percent?", lambda mu: np.abs(mu) <= 50),),
-    ),
-    "area": Field(
-        "-",
-        range=(
-            POSITIVE,
-            _likely("must be <= 1; is it in percent, or not divided by A0?", lambda A: A <= 1),
-        ),
-    ),
-    "storage": Field(
-        "Pa",
-        range=(*_MODULUS, _likely("must be >= 1e3 Pa; is it in MPa or GPa?", lambda E: E >= 1e3)),
-    ),
-    "loss": Field(
-        "Pa",
-        range=(*_MODULUS, _likely("must be >= 1 Pa; is it in MPa or GPa, or tan(delta)?", lambda E: E >= 1)),
-    ),
-    "C": Field(
-        "m^4",
-        range=(POSITIVE, _likely("must be <= 1e3 m^4; is it in mm^4 or um^4?", lambda C: C <= 1e3)),
-    ),
-    "sigma": _ERROR,
-    "sigma_storage": _ERROR,
-    "sigma_loss": _ERROR,
-    "relative": _ERROR._replace(
-        unit="-",
-        range=(_likely("must be <= 3; is it in percent? 3 % is 0.03", lambda error: error <= 3),),
-    ),
-}
-
-
-@dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+@measurement
 class Measured:
-    """Base of the kinds of measured data, checked when constructed; see `fitting.data`."""
+    """Base of the kinds of measured data, checked when constructed; see `fitting.data.kinds`.
+
+    A subclass has a field for every array, and says which of them were measured.
+    """
 
     quantity: ClassVar[str]
-    values: ClassVar[tuple]  # fields that were measured
-    sigmas: ClassVar[tuple]  # fields of their absolute errors, in the same order
+    conditions: ClassVar[tuple[str, ...]]  # fields at which they were measured, the one of curves first
+    values: ClassVar[tuple[str, ...]]  # fields that were measured
+    sigmas: ClassVar[tuple[str, ...]]  # fields of their absolute errors, in the same order
+    others: ClassVar[tuple[str, ...]] = ()  # columns of a table that give the first value, too
 
-    relative: np.ndarray | None = None
-    name: str = ""
-    check_units: dataclasses.InitVar[bool] = True
+    relative: OptionalNumbers = array(_RELATIVE, default=None, kw_only=True)
+    name: str = dataclasses.field(default="", kw_only=True)
+    check_units: dataclasses.InitVar[bool] = dataclasses.field(default=True, kw_only=True)
 
-    def __post_init__(self, check_units):
+    def __post_init__(self, check_units: bool) -> None:
         kind = type(self).__name__
         if not isinstance(check_units, bool):
-            raise ValueError(f"{kind}.check_units = {one_line(check_units)}: must be True or False")
+            raise ValueError(f"{kind}.check_units = {shown(check_units)}: must be True or False")
         if not isinstance(self.name, str) or not self.name.isprintable():
-            raise ValueError(f"{kind}.name = {one_line(self.name)}: must be text on one line")
+            raise ValueError(f"{kind}.name = {shown(self.name)}: must be text on one line")
         body = getattr(self, "body", None)
         if body is not None and not (isinstance(body, str) and body in ("lower", "upper")):
-            raise ValueError(f"{kind}.body = {one_line(body)}: must be 'lower', 'upper' or None")
+            raise ValueError(f"{kind}.body = {shown(body)}: must be 'lower', 'upper' or None")
         arrays = self._arrays()
         self._check_errors(arrays)
-        for name, array in arrays.items():
-            for rule in (FIELDS[name].rule, *(FIELDS[name].range if check_units else ())):
-                check_values(f"{kind}.{name}", array, rule)
+        for name, values in arrays.items():
+            about = self.fields()[name]
+            for rule in (about.rule, *(about.plausible if check_units else ())):
+                check_values(f"{kind}.{name}", values, rule)
         if self.logarithmic:
             advice = f"must be > 0 with relative errors or none; give {' and '.join(self.sigmas)} instead"
             for name in self.values:
                 check_values(f"{kind}.{name}", arrays[name], (advice, POSITIVE[1]))
-        shapes = {name: array.shape for name, array in arrays.items()}
         try:
-            shape = np.broadcast_shapes(*shapes.values())
+            shape = np.broadcast_shapes(*(values.shape for values in arrays.values()))
         except ValueError:
-            given = ", ".join(f"{name} has {shape}" for name, shape in shapes.items())
+            given = ", ".join(f"{name} has {values.shape}" for name, values in arrays.items())
             raise ValueError(f"{kind}: shapes differ ({given}); they must broadcast") from None
-        for name, array in arrays.items():
-            array = np.broadcast_to(array, shape).flatten()
-            array.flags.writeable = False
-            object.__setattr__(self, name, array)
+        for name, values in arrays.items():
+            own = np.broadcast_to(values, shape).flatten()
+            own.flags.writeable = False
+            object.__setattr__(self, name, own)
 
-    def _arrays(self):
+    def _arrays(self) -> dict[str, np.ndarray]:
         """Fields that are given, as float64 arrays of the shapes they came in."""
-        kind = type(self).__name__
         arrays = {}
-        for name, field in FIELDS.items():
-            value = getattr(self, name, None)
+        for name, about in self.fields().items():
+            value = getattr(self, name)
+            if value is None and name in self.needed():
+                raise ValueError(f"{type(self).__name__}.{name} is missing: must be given, in {about.unit}")
             if value is not None:
-                arrays[name] = _array(f"{kind}.{name}", value)
-            elif field.needed and hasattr(self, name):
-                raise ValueError(f"{kind}.{name} is missing: must be given, in {field.unit}")
+                arrays[name] = _numbers(f"{type(self).__name__}.{name}", value)
         return arrays
 
-    def _check_errors(self, arrays):
+    def _check_errors(self, arrays: dict[str, np.ndarray]) -> None:
         """ValueError unless there are relative errors, absolute ones of all values, or none."""
         kind = type(self).__name__
         given = [name for name in self.sigmas if name in arrays]
@@ -151,96 +91,118 @@ class Measured:
             if given and name not in given:
                 raise ValueError(f"{kind}.{name} is missing: must be given together with {given[0]}")
 
-    def __len__(self):
+    def __len__(self) -> int:
         return sum(getattr(self, name).size for name in self.values)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<{type(self).__name__}: {self.label}>"
 
     @classmethod
-    def unit(cls, name):
-        """Unit of a field, "" if it is no number."""
-        if name in cls.sigmas:
-            name = cls.values[cls.sigmas.index(name)]
-        return FIELDS[name].unit if name in FIELDS else ""
+    def fields(cls) -> dict[str, Field]:
+        """The fields that hold arrays, those that all kinds have last."""
+        fields = sorted(dataclasses.fields(cls), key=lambda field: bool(field.kw_only))
+        return {field.name: field.metadata["about"] for field in fields if "about" in field.metadata}
+
+    @classmethod
+    def needed(cls) -> list[str]:
+        """Names of the arrays that must be given."""
+        return [field.name for field in dataclasses.fields(cls) if field.type is Numbers]
 
     @property
-    def measured(self):
+    def measured(self) -> np.ndarray:
         """Measured values in one array, shape (n,); of a modulus, E' and then E''."""
         return np.concatenate([getattr(self, name) for name in self.values])
 
     @property
-    def logarithmic(self):
+    def logarithmic(self) -> bool:
         """Whether residuals are those of logarithms: relative errors are given, or none."""
         return all(getattr(self, name) is None for name in self.sigmas)
 
     @property
-    def error(self):
+    def error(self) -> np.ndarray | None:
         """Standard deviations of `measured`, or of its logarithm, shape (n,); None if unknown."""
         if not self.logarithmic:
             return np.concatenate([getattr(self, name) for name in self.sigmas])
         return None if self.relative is None else np.tile(self.relative, len(self.values))
 
     @property
-    def label(self):
+    def label(self) -> str:
         """The name, or what was measured in a few words."""
         if self.name:
             return self.name
         points = getattr(self, self.values[0]).size
         body = getattr(self, "body", None)
-        words = [
+        texts = [
             f"{self.quantity} of the {body} body" if body else self.quantity,
             f"{points} point{'s' * (points > 1)}",
         ]
-        if hasattr(self, "pressure"):
-            words.append(_range(self.pressure / 1e6, "MPa"))
-        if getattr(self, "temperature", None) is not None:
-            words.append(_range(np.round(self.temperature - 273.15, 2) + 0.0, "°C"))
-        return ", ".join(words)
+        if (pressure := getattr(self, "pressure", None)) is not None:
+            texts.append(_range(pressure / 1e6, "MPa"))
+        if (temperature := getattr(self, "temperature", None)) is not None:
+            texts.append(_range(np.round(temperature - 273.15, 2) + 0.0, "°C"))
+        return ", ".join(texts)
 
-    def replaced(self, measured):
+    def replaced(self, measured: ArrayLike) -> Self:
         """The same data with other measured values, such as resampled or simulated ones.
 
         Parameters
         ----------
         measured : array_like, shape (n,), in the order and units of `measured`
             any finite values if errors are absolute, since noise may leave the range of a
-            quantity; > 0 otherwise. ValueError if they are not.
+            quantity; > 0 otherwise.
+
+        Raises
+        ------
+        ValueError : they are not.
         """
         kind = type(self).__name__
-        array = _array(f"{kind}.measured", measured)
-        if array.shape != (len(self),):
-            raise ValueError(f"{kind}.measured has shape {array.shape}: must be ({len(self)},)")
-        parts = zip(self.values, np.split(array, len(self.values)), strict=True)
+        values = _numbers(f"{kind}.measured", measured)
+        if values.shape != (len(self),):
+            raise ValueError(f"{kind}.measured has shape {values.shape}: must be ({len(self)},)")
+        parts = zip(self.values, np.split(values, len(self.values)), strict=True)
         return dataclasses.replace(self, **dict(parts), check_units=False)
 
-    def write(self, path):
-        """Write a .csv or an .h5 file; see `fitting.data.files.write`."""
-        from fitting.data.files import write  # which imports this module
+    def write(self, path: StrPath) -> None:
+        """Write a .csv or an .h5 file, whole or not at all; `fitting.read` reads it back.
 
-        write(path, self)
+        A CSV file has no place for `name` and `body`: they go to comment lines, and the body
+        must be given to `read` again.
+
+        Raises
+        ------
+        ValueError
+            one line: the suffix is neither, the folder is missing, or there are values <= 0 of noise
+            that a CSV table must not hold.
+        """
+        check_writable(path, (".csv", ".h5"))
+        if Path(path).suffix.lower() == ".h5":
+            with replacing(path) as temporary, hdf5.creating(temporary, FORMAT) as file:
+                self.write_group(file.create_group("data"))
+            return
+        body = getattr(self, "body", None)
+        comment = [self.name] * bool(self.name) + [f"of the {body} body"] * (body is not None)
+        columns = {about.column: getattr(self, name) for name, about in self.fields().items()}
+        columns = {column: values for column, values in columns.items() if values is not None}
+        write_table(path, columns, "\n".join(comment))
+
+    def write_group(self, group: h5py.Group) -> None:
+        """Store the data in an open, empty HDF5 group; `fitting.data.files.read_group` reads them back."""
+        group.attrs["kind"] = self.quantity
+        group.attrs["name"] = self.name
+        if (body := getattr(self, "body", None)) is not None:
+            group.attrs["body"] = body
+        for name, about in self.fields().items():
+            if getattr(self, name) is not None:
+                hdf5.write_values(group, name, getattr(self, name), about.unit)
 
 
-def _array(name, value):
-    """A float64 array of real numbers; ValueError if it is anything else, or empty."""
+def _numbers(name: str, value: ArrayLike) -> np.ndarray:
     try:
-        array = np.asarray(value)
-        # a mask would be lost without a word
-        if array.dtype.kind not in "fiu" or np.ma.is_masked(value):
-            raise TypeError
-        array = array.astype(float)
-    except (TypeError, ValueError):
-        raise ValueError(f"{name} = {one_line(value)}: must be real numbers") from None
-    if array.size == 0:
-        raise ValueError(f"{name} is empty: must have at least one value")
-    return array
+        return numbers(value)
+    except ValueError as error:
+        raise ValueError(f"{name}{error}") from None
 
 
-def one_line(value):
-    """How a wrong value is shown; `shown` breaks the lines of arrays."""
-    return " ".join(shown(value).split())
-
-
-def _range(values, unit):
+def _range(values: np.ndarray, unit: str) -> str:
     low, high = f"{values.min():.4g}", f"{values.max():.4g}"
     return f"{low} {unit}" if low == high else f"{low} ... {high} {unit}"

@@ -1,16 +1,17 @@
-r"""Lanes: one compiled step for many fits, shared out over the devices of a mesh.
+r"""Batches: one compiled step for many fits, shared out over the devices of a mesh.
 
-Each device holds a number of lanes, and takes one step of the fit in every lane per call.
-On a processor it takes them one after the other: the arithmetic of one fit keeps a core busy,
-its working set stays in the cache, a lane without work costs nothing, and a member's numbers
-are the same bits whatever the number of lanes, as each is computed by the same program. On an
-accelerator, which is idle with one fit, the lanes of a device are one batch.
+Each device has a batch of members, and takes one step of every fit in it per call. On a processor it
+takes them one after the other: the arithmetic of one fit keeps a core busy, its working set stays in
+the cache, a place without work costs nothing, and a member's numbers are the same bits whatever the
+size of the batch, as each is computed by the same program. On an accelerator, which is idle with one
+fit, the batch is one vectorised program.
 
-Nothing is exchanged between devices in a step. Its results, a few numbers a lane, go to all
+Nothing is exchanged between devices in a step. Its results, a few numbers a member, go to all
 processes, each of which keeps the whole ensemble's bookkeeping.
 """
 
 import functools
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import jax
@@ -19,33 +20,49 @@ import numpy as np
 from jax.sharding import AxisType, NamedSharding
 from jax.sharding import PartitionSpec as P
 
-from fitting.solvers.status import CONVERGED, RUNNING
+from fitting.ensemble.members import Members
+from fitting.solvers.iterate import CONVERGED, RUNNING, Iterate
+from fitting.solvers.problem import Numbers, Targets
+from fitting.solvers.residuals import objective
 
 AXIS = "members"
-# Lanes of a device, if memory allows: on a processor as many as hide the host's part of a step.
-SERIAL, BATCHED = 32, 1024
+# Members of a device's batch, if memory allows: in turn as many as hide the host's part of a step.
+IN_TURN, VECTORISED = 32, 1024
+
+Program = Callable[[Numbers, Targets, Iterate], Iterate]
 
 
-class Lanes(NamedTuple):
-    """Compiled programs for a number of lanes."""
+class Batch(NamedTuple):
+    """Compiled programs for a number of members."""
 
     mesh: jax.sharding.Mesh
-    count: int  # lanes in all
-    start: object  # (numbers, targets, state) -> state at its x
-    step: object
-    numbers: object  # on all devices
+    size: int  # members of each device
+    start: Program  # the iterate at its x
+    step: Program
+    numbers: Numbers  # on all devices
     peak: int  # bytes of a device that the step takes: arguments, results and all between
 
+    @property
+    def count(self) -> int:
+        """Members of all devices."""
+        return self.size * self.mesh.size
 
-def make_lanes(members, devices, per_device=None, batched=None, max_memory=2**30):
-    """Compile the programs of an ensemble, with as many lanes as fit into memory.
+
+def make_batch(
+    members: Members,
+    devices: Sequence[jax.Device],  # pyright: ignore[reportInvalidTypeForm]: a class
+    size: int | None = None,
+    vectorised: bool | None = None,
+    max_memory: float = 2**30,
+) -> Batch:
+    """Compile the programs of an ensemble, with as large a batch as fits into memory.
 
     Parameters
     ----------
     members : Members
     devices : list of devices
-    per_device : lanes of each; None: as many as there is work and memory for
-    batched : whether the lanes of a device are one batch; None: unless it is a processor
+    size : members of each device; None: as many as there is work and memory for
+    vectorised : whether a device takes them at once; None: unless it is a processor
     max_memory : bytes of a device that a step may take
 
     Raises
@@ -53,81 +70,82 @@ def make_lanes(members, devices, per_device=None, batched=None, max_memory=2**30
     ValueError
         a step does not fit into `max_memory`.
     """
-    batched = devices[0].platform != "cpu" if batched is None else batched
+    vectorised = devices[0].platform != "cpu" if vectorised is None else vectorised
     mesh = jax.make_mesh((len(devices),), (AXIS,), axis_types=(AxisType.Auto,), devices=devices)
-    most = min(BATCHED if batched else SERIAL, -(-len(members) // len(devices)))
-    lanes = per_device or most
+    most = min(VECTORISED if vectorised else IN_TURN, -(-len(members) // len(devices)))
+    tried = size or most
     while True:
-        count = lanes * len(devices)
-        shapes, tree = jax.tree.flatten(_shapes(members, count, mesh))
-        program = members.solver, members.problem.structure, mesh, batched, tree, tuple(shapes)
+        shapes, tree = jax.tree.flatten(_shapes(members, tried * len(devices), mesh))
+        program = members.solver, members.problem.structure, mesh, vectorised, tree, tuple(shapes)
         step = _compiled(*program, stepping=True)
         peak = _peak(step)
         if peak <= max_memory:
             break
-        if lanes == 1 or per_device:
+        if tried == 1 or size:
             raise ValueError(
-                f"max_memory = {max_memory}: a step of {lanes} lane{'s' * (lanes > 1)} takes {peak} bytes on"
-                " each device; must be at least that"
+                f"max_memory = {max_memory}: a step of a batch of {tried} takes {peak} bytes on each device;"
+                " must be at least that"
             )
-        lanes = max(1, min(lanes - 1, int(lanes * max_memory / peak)))
+        tried = max(1, min(tried - 1, int(tried * max_memory / peak)))
     start = _compiled(*program, stepping=False)
     numbers = jax.tree.map(lambda a: _put(a, mesh, P()), members.problem.numbers)
-    return Lanes(mesh, count, start, step, numbers, peak)
+    return Batch(mesh, tried, start, step, numbers, peak)
 
 
-def blank_state(members):
-    """The solver's state as arrays of zeros with a leading axis of the members, x at the starts."""
+def blank_iterate(members: Members) -> Iterate:
+    """The iterate of every member as arrays of zeros with a leading axis, x at the starts."""
     targets, x = jax.tree.map(lambda a: a[0], (members.targets, members.starts))
-    begin = functools.partial(members.solver.init, members.problem.structure)
-    shapes = jax.eval_shape(begin, members.problem.numbers, targets, x)
-    state = jax.tree.map(lambda s: np.zeros((len(members), *s.shape), s.dtype), shapes)
-    return state._replace(x=members.starts.copy(), status=state.status + RUNNING)
+    shapes = jax.eval_shape(functools.partial(_begin, members), members.problem.numbers, targets, x)
+    blank = jax.tree.map(lambda s: np.zeros((len(members), *s.shape), s.dtype), shapes)
+    return blank._replace(x=members.starts.copy(), status=blank.status + RUNNING)
 
 
-def advance(lanes, program, members, state, which):
-    """Rows `which` of the ensemble's state after one call of a program, as NumPy arrays.
+def _begin(members, numbers, targets, x):
+    return members.solver.init(objective(members.problem.structure, numbers, targets), x)
+
+
+def advance(batch: Batch, program: Program, members: Members, iterate: Iterate, which: np.ndarray) -> Iterate:
+    """Rows `which` of the ensemble's iterate after one call of a program, as NumPy arrays.
 
     Parameters
     ----------
-    program : lanes.start or lanes.step
-    state : of all members
-    which : indices, at most as many as there are lanes
+    program : batch.start or batch.step
+    iterate : of all members
+    which : indices, at most batch.count
     """
-    devices = lanes.mesh.size
     # One to every device in turn, so that the last few members are shared out evenly.
     place = np.arange(which.size)
-    place = place % devices * (lanes.count // devices) + place // devices
-    rows = np.full(lanes.count, which[0])
+    place = place % batch.mesh.size * batch.size + place // batch.mesh.size
+    rows = np.full(batch.count, which[0])
     rows[place] = which
-    empty = np.ones(lanes.count, bool)
+    empty = np.ones(batch.count, bool)
     empty[place] = False
-    here = jax.tree.map(lambda a: a[rows], state)
+    here = jax.tree.map(lambda a: a[rows], iterate)
     here = here._replace(status=np.where(empty, CONVERGED, here.status).astype(here.status.dtype))
     targets = jax.tree.map(
         lambda a: a[rows if len(a) == len(members) else np.zeros_like(rows)], members.targets
     )
-    here, targets = jax.tree.map(lambda a: _put(a, lanes.mesh, P(AXIS)), (here, targets))
-    return jax.tree.map(lambda a: np.asarray(a)[place], program(lanes.numbers, targets, here))
+    here, targets = jax.tree.map(lambda a: _put(a, batch.mesh, P(AXIS)), (here, targets))
+    return jax.tree.map(lambda a: np.asarray(a)[place], program(batch.numbers, targets, here))
 
 
 @functools.lru_cache(maxsize=8)  # a second ensemble of the same kind compiles nothing
-def _compiled(solver, structure, mesh, batched, tree, shapes, stepping):
-    """The step of all lanes, or their start, for arguments of certain shapes; results on every device."""
+def _compiled(solver, structure, mesh, vectorised, tree, shapes, stepping):
+    """The step of a batch, or its start, for arguments of certain shapes; results on every device."""
 
-    def one(numbers, targets, state):
-        def work(state):
-            if stepping:
-                return solver.step(structure, numbers, targets, state)
-            return solver.init(structure, numbers, targets, state.x)
+    def one(numbers, targets, iterate):
+        aim = objective(structure, numbers, targets)
 
-        # A branch where lanes are taken in turn, a choice of both where they are a batch.
-        return jax.lax.cond(state.status == RUNNING, work, lambda state: state, state)
+        def work(iterate):
+            return solver.step(aim, iterate) if stepping else solver.init(aim, iterate.x)
 
-    def of_a_device(numbers, targets, state):
-        if batched:
-            return jax.vmap(functools.partial(one, numbers))(targets, state)
-        return jax.lax.map(lambda lane: one(numbers, *lane), (targets, state))
+        # A branch where members are taken in turn, a choice of both where they are vectorised.
+        return jax.lax.cond(iterate.status == RUNNING, work, lambda iterate: iterate, iterate)
+
+    def of_a_device(numbers, targets, iterate):
+        if vectorised:
+            return jax.vmap(functools.partial(one, numbers))(targets, iterate)
+        return jax.lax.map(lambda member: one(numbers, *member), (targets, iterate))
 
     shared = jax.shard_map(
         of_a_device, mesh=mesh, in_specs=(P(), P(AXIS), P(AXIS)), out_specs=P(AXIS), check_vma=False
@@ -144,9 +162,9 @@ def _shapes(members, count, mesh):
         return jax.ShapeDtypeStruct((*rows, *a.shape), a.dtype, sharding=NamedSharding(mesh, spec))
 
     numbers = jax.tree.map(lambda a: shape(a, P()), members.problem.numbers)
-    one = jax.tree.map(lambda a: a[0], (members.targets, blank_state(members)))
-    targets, state = jax.tree.map(lambda a: shape(a, P(AXIS), (count,)), one)
-    return numbers, targets, state
+    one = jax.tree.map(lambda a: a[0], (members.targets, blank_iterate(members)))
+    targets, iterate = jax.tree.map(lambda a: shape(a, P(AXIS), (count,)), one)
+    return numbers, targets, iterate
 
 
 def _put(array, mesh, spec):

@@ -5,7 +5,7 @@
     /               attributes format = "rubberfric ensemble checkpoint", format_version = 1,
                     rubberfric_version, fingerprint (of the job, `Members.fingerprint`), seconds
     /begun, steps   of every member: whether its start was evaluated, and its steps since
-    /state/0, 1 ... arrays of the solver's state, a row a member, in the order of its fields
+    /iterate/0, 1 ... arrays of the solver's iterate, a row a member, in the order of its fields
 
 A file has its full size from the first write on, and is written under another name, synchronised
 with the disk and renamed: at any moment there is one whole checkpoint. It is put together in
@@ -13,97 +13,81 @@ memory, so that a full disk is an error of the system, told as such, and not one
 """
 
 import io
-import os
 from pathlib import Path
 from typing import NamedTuple
 
+import h5py
 import jax
 import numpy as np
 
-from rubberfric.base.atomic import begin, check_writable, finish
-from rubberfric.io.hdf5 import check_names, creating, plain, reading, release
+from fitting.solvers.iterate import Iterate
+from rubberfric.base import StrPath, check_writable, write_durably
+from rubberfric.io import hdf5
 
 FORMAT = "rubberfric ensemble checkpoint"
 
 
-class Progress(NamedTuple):
+class Checkpoint(NamedTuple):
     """How far an ensemble is: arrays over its members, changed in place."""
 
-    begun: np.ndarray  # bool: whether `state` is one
+    begun: np.ndarray  # bool: whether `iterate` is one
     steps: np.ndarray  # taken since
-    state: object  # of the solver
+    iterate: Iterate
     seconds: np.ndarray  # spent, shape ()
 
 
-def write_checkpoint(path, fingerprint, progress):
+def write_checkpoint(path: StrPath, fingerprint: str, checkpoint: Checkpoint) -> None:
     """Write a checkpoint, whole or not at all; OSError says why it could not be."""
-    path = Path(path).resolve()  # a link is followed, not replaced
     image = io.BytesIO()
-    with creating(image, FORMAT) as file:
-        file.attrs.update(fingerprint=fingerprint, seconds=float(progress.seconds))
-        file["begun"], file["steps"] = progress.begun, progress.steps
-        group = file.create_group("state")
-        for i, leaf in enumerate(jax.tree.leaves(progress.state)):
+    with hdf5.creating(image, FORMAT) as file:
+        file.attrs.update(fingerprint=fingerprint, seconds=float(checkpoint.seconds))
+        file["begun"], file["steps"] = checkpoint.begun, checkpoint.steps
+        group = file.create_group("iterate")
+        for i, leaf in enumerate(jax.tree.leaves(checkpoint.iterate)):
             group[str(i)] = leaf
-    # Always the same name: what a killed run leaves behind is overwritten by the next.
-    temporary = path.with_name(f".{path.name}.writing")
-    begin(temporary)
-    try:
-        with open(temporary, "wb") as file:
-            file.write(image.getbuffer())
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except OSError:
-        temporary.unlink(missing_ok=True)
-        raise
-    finally:
-        finish(temporary)
-    folder = os.open(path.parent, os.O_RDONLY)
-    try:
-        os.fsync(folder)  # the new name, too
-    finally:
-        os.close(folder)
+    write_durably(path, image.getbuffer())
 
 
-def read_checkpoint(path, fingerprint, blank):
-    """The `Progress` that a checkpoint holds.
+def read_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint) -> Checkpoint:
+    """The checkpoint that a file holds.
 
     Parameters
     ----------
     fingerprint : of the job that is to go on
-    blank : Progress of that job before its first step, for the shapes
+    blank : of that job before its first step, for the shapes
 
     Raises
     ------
     ValueError
         one line naming the file: it is truncated or no checkpoint, or one of another job or version.
     """
-    with reading(path, FORMAT) as file:
-        found = plain(file.attrs.get("rubberfric_version"))
-        if found != release():
+    with hdf5.reading(path, FORMAT) as file:
+        found = hdf5.plain(file.attrs.get("rubberfric_version"))
+        if found != hdf5.release():
+            this = hdf5.release()
             raise ValueError(
-                f"written by version {found}: this is {release()}, whose steps may differ; must be the same"
+                f"written by version {found}: this is {this}, whose steps may differ; must be the same"
             )
         if file.attrs.get("fingerprint") != fingerprint:
             raise ValueError(
                 "belongs to another job: scene, data, what is free, starts and solver must be the same"
             )
-        check_names(
+        hdf5.check_names(
             file,
-            ("begun", "steps", "state"),
+            ("begun", "steps", "iterate"),
             ("format", "format_version", "rubberfric_version", "fingerprint", "seconds"),
         )
-        leaves, tree = jax.tree.flatten(blank.state)
-        state = [_same(file, f"state/{i}", leaf) for i, leaf in enumerate(leaves)]
+        leaves, tree = jax.tree.flatten(blank.iterate)
+        iterate = [_same(file, f"iterate/{i}", leaf) for i, leaf in enumerate(leaves)]
         begun, steps = (_same(file, name, getattr(blank, name)) for name in ("begun", "steps"))
-        seconds = np.array(float(file.attrs["seconds"]))
-        return Progress(begun, steps, jax.tree.unflatten(tree, state), seconds)
+        seconds = np.array(float(hdf5.plain(file.attrs["seconds"])))
+        return Checkpoint(begun, steps, jax.tree.unflatten(tree, iterate), seconds)
 
 
-def _same(file, name, like):
+def _same(file: h5py.File, name: str, like: np.ndarray) -> np.ndarray:
     """An array of the file, of the shape and dtype of another."""
-    array = np.asarray(file[name][()])
+    data = file[name]
+    array = np.asarray(data[()] if isinstance(data, h5py.Dataset) else None)
     if array.shape != like.shape or array.dtype != like.dtype:
         raise ValueError(
             f"/{name} is {array.dtype} of shape {array.shape}: must be {like.dtype} of shape {like.shape}"
@@ -111,8 +95,8 @@ def _same(file, name, like):
     return array
 
 
-def check_checkpoint(path, fingerprint, blank, resume):
-    """The progress to begin with, once it is certain that checkpoints can be written.
+def check_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint, resume: bool) -> Checkpoint:
+    """The checkpoint to begin with, once it is certain that checkpoints can be written.
 
     Raises
     ------
@@ -124,11 +108,11 @@ def check_checkpoint(path, fingerprint, blank, resume):
         raise ValueError(
             f"{path}: there is a file already; must be gone on with (resume=True), or removed first"
         )
-    progress = read_checkpoint(path, fingerprint, blank) if Path(path).exists() else blank
+    checkpoint = read_checkpoint(path, fingerprint, blank) if Path(path).exists() else blank
     try:
         # Twice: the second lies beside the first for a moment, as all later ones will.
-        write_checkpoint(path, fingerprint, progress)
-        write_checkpoint(path, fingerprint, progress)
+        write_checkpoint(path, fingerprint, checkpoint)
+        write_checkpoint(path, fingerprint, checkpoint)
     except OSError as error:
         raise ValueError(f"{path}: cannot be written: {error.strerror}") from None
-    return progress
+    return checkpoint

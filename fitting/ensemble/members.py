@@ -1,26 +1,32 @@
 """Members of an ensemble: many fits of one structure, as starts and targets.
 
-A member differs from its neighbours in its start, its data, or what is held. All share one
+A member differs from its neighbours in its start, its data, or what may move. All share one
 compiled step, and one set of conditions and constants. `fitting.run_ensemble` runs them.
 """
 
 import dataclasses
 import hashlib
+from collections.abc import Mapping, Sequence
 
 import jax
 import numpy as np
+from numpy.typing import ArrayLike
 
-from fitting.fit import METHODS
-from fitting.parameters.constraints import is_number
-from fitting.parameters.layout import element_names, random_starts
+import rubberfric as rf
+from fitting.data.kinds import as_data_sets
+from fitting.data.measured import Measured
+from fitting.ensemble.result import EnsembleResult
+from fitting.parameters.constraints import Rule
+from fitting.parameters.priors import Prior
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
-from fitting.solvers.options import check_friction, check_options, data_sets
+from fitting.solvers.options import Solver, check_options, make_solver
 from fitting.solvers.problem import Problem, Targets, make_problem
-from fitting.uncertainty.intervals import bootstrap_fits, bootstrap_of, profile_fits, profile_of
+from fitting.solvers.search import random_starts
+from fitting.uncertainty.intervals import Bootstrap, LikelihoodProfile, SolvedProblem
 
-# First damping of fits that start near their minimum: a quarter of the steps less than with the
-# solver's own, which is meant for starts far off.
-NEAR = 1e-7
+# For fits that start near their minimum: a quarter of the steps less than with the damping that is
+# meant for starts far off.
+NEAR = LevenbergMarquardt(damping=1e-7)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -35,7 +41,7 @@ class Members:
     targets : arrays with a leading axis of one entry a member, or of one for all
     solver : as of `fitting.solvers.runs`
     max_steps : of a member
-    parameter : shape (members,), which parameter is held; -1: none
+    parameter : shape (members,), which parameter stays at its start; -1: none
     source : FitResult that the members were drawn around, or None
     level : of the intervals of a profile
     """
@@ -44,44 +50,45 @@ class Members:
     problem: Problem
     starts: np.ndarray
     targets: Targets
-    solver: object
+    solver: Solver
     max_steps: int
     parameter: np.ndarray
-    source: object = None
+    source: SolvedProblem | None = None
     level: float = 0.95
 
-    def __len__(self):
+    def __len__(self) -> int:
         return len(self.starts)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<Members: {len(self)} of kind {self.kind!r}, {self.starts.shape[1]} parameters>"
 
     @property
-    def names(self):
-        return tuple(element_names(self.problem.structure.layout))
+    def names(self) -> tuple[str, ...]:
+        """Key path of every free element."""
+        return self.problem.names
 
-    def bootstrap(self, ensemble):
-        """The `fitting.uncertainty.intervals.Bootstrap` that a run of these members makes."""
-        if self.kind != "bootstrap":
+    def bootstrap(self, ensemble: EnsembleResult) -> Bootstrap:
+        """What a run of these members makes."""
+        if self.kind != "bootstrap" or self.source is None:
             raise ValueError(f"members are of kind {self.kind!r}: must be 'bootstrap'")
-        return bootstrap_of(self.source, ensemble.x, ensemble.status)
+        return self.source.bootstrap_of(ensemble.x, ensemble.status)
 
-    def profiles(self, ensemble):
-        """dict of name -> `fitting.uncertainty.intervals.Profile` that a run of these members makes."""
-        if self.kind != "profile":
+    def profiles(self, ensemble: EnsembleResult) -> dict[str, LikelihoodProfile]:
+        """What a run of these members makes, by the names of the parameters."""
+        if self.kind != "profile" or self.source is None:
             raise ValueError(f"members are of kind {self.kind!r}: must be 'profile'")
         rows = {self.names[i]: self.parameter == i for i in dict.fromkeys(self.parameter.tolist())}
         return {
-            name: profile_of(
-                self.source, name, self.level, self.starts[own], ensemble.cost[own], ensemble.status[own]
+            name: self.source.profile_of(
+                name, self.level, self.starts[own], ensemble.cost[own], ensemble.status[own]
             )
             for name, own in rows.items()
         }
 
-    def fingerprint(self):
+    def fingerprint(self) -> str:
         """sha256 of all that decides the numbers of a run: structure, constants, data, starts, solver."""
         digest = hashlib.sha256()
-        # Of the scene's tree and the layout the text says all: classes, static fields, key paths.
+        # Of the scene's tree and the variables the text says all: classes, static fields, key paths.
         for part in (self.kind, self.problem.structure, self.solver, self.max_steps):
             digest.update(repr(part).encode() + b"\0")
         for array in jax.tree.leaves((self.problem.numbers, self.targets, self.starts)):
@@ -91,21 +98,21 @@ class Members:
 
 
 def multi_start(
-    scene,
-    data,
-    free,
-    starts,
-    key=None,
-    prior=None,
+    scene: rf.Scene,
+    data: Measured | Sequence[Measured],
+    free: Mapping[str, Rule],
+    starts: int | ArrayLike,
+    key: jax.Array | None = None,
+    prior: Mapping[str, Prior] | None = None,
     *,
-    method="lm",
-    loss="linear",
-    loss_width=None,
-    decades=1.0,
-    max_steps=None,
-    tolerance=None,
-    quadrature=None,
-):
+    method: str = "lm",
+    loss: str = "linear",
+    loss_width: float | None = None,
+    decades: float = 1.0,
+    max_steps: int | None = None,
+    tolerance: float | None = None,
+    quadrature: rf.Quadrature | None = None,
+) -> Members:
     """Fits of one problem from several starts.
 
     Parameters
@@ -125,27 +132,27 @@ def multi_start(
     is tried again. Give it the best member's scene to finish.
     """
     count = starts if isinstance(starts, int) else 1
-    check_options(method, METHODS, count, key, prior, None, decades, max_steps, tolerance, quadrature)
-    data = data_sets(data)
-    problem = make_problem(scene, data, free, prior, loss, loss_width, quadrature)
-    check_friction(scene, data)
-    options = {} if tolerance is None else {"tolerance": tolerance}
-    if method == "adam" and max_steps is not None:
-        options["max_steps"] = max_steps
-    solver = METHODS[method](**options)
-    layout, dtype = problem.structure.layout, problem.start.dtype
+    check_options(method=method, starts=count, key=key, prior=prior)
+    check_options(decades=decades, max_steps=max_steps, tolerance=tolerance)
+    problem = make_problem(scene, as_data_sets(data), free, prior, loss, loss_width, quadrature)
+    size = problem.variables.size
     if isinstance(starts, int):
         key = jax.random.key(0) if key is None else key
-        x = np.asarray(random_starts(layout, problem.start, key, starts, decades))
+        x = np.asarray(random_starts(problem.variables, problem.start, key, starts, decades))
     else:
-        x = np.array(starts, dtype)
-        if x.ndim != 2 or x.shape[1] != layout.size or not len(x):
-            raise ValueError(f"starts has shape {x.shape}: must be (members, {layout.size})")
+        x = np.array(starts, problem.start.dtype)
+        if x.ndim != 2 or x.shape[1] != size or not len(x):
+            raise ValueError(f"starts has shape {x.shape}: must be (members, {size})")
     targets = jax.tree.map(lambda a: a[None], problem.targets)
-    return _members("starts", problem, x, targets, solver, max_steps)
+    return _members("starts", problem, x, targets, make_solver(method, tolerance, max_steps), max_steps)
 
 
-def bootstrap_members(result, count=1000, key=None, tolerance=None):
+def bootstrap_members(
+    result: SolvedProblem,
+    count: int = 1000,
+    key: jax.Array | None = None,
+    tolerance: float | None = None,
+) -> Members:
     """Fits of data drawn from a fitted model with the errors of the data, from its minimum.
 
     Parameters
@@ -156,20 +163,19 @@ def bootstrap_members(result, count=1000, key=None, tolerance=None):
     tolerance : of the solver, None: its own; 1e-6 leaves a member within a fiftieth of a standard
         error of its minimum, in two thirds of the steps
     """
-    if isinstance(count, bool) or not isinstance(count, int) or count < 1:
-        raise ValueError(f"count = {count!r}: must be an integer >= 1")
-    starts, targets = bootstrap_fits(result, count, key)
-    return _members("bootstrap", result.problem, starts, targets, _near(tolerance), source=result)
+    check_options(count=count)
+    starts, targets = result.bootstrap_fits(count, key)
+    solver = NEAR if tolerance is None else dataclasses.replace(NEAR, tolerance=tolerance)
+    return _members("bootstrap", result.problem, starts, targets, solver, source=result)
 
 
-def _near(tolerance=None):
-    """The solver of fits that start near their minimum."""
-    options = {} if tolerance is None else {"tolerance": tolerance}
-    return LevenbergMarquardt(damping=NEAR, **options)
-
-
-def profile_members(result, names=None, level=0.95, points=8):
-    """Fits with one parameter held at each of 2 points + 1 values, for several parameters.
+def profile_members(
+    result: SolvedProblem,
+    names: str | Sequence[str] | None = None,
+    level: float = 0.95,
+    points: int = 8,
+) -> Members:
+    """Fits with one parameter fixed at each of 2 points + 1 values, for several parameters.
 
     Parameters
     ----------
@@ -177,18 +183,15 @@ def profile_members(result, names=None, level=0.95, points=8):
     names : of its parameters; None: all
     level, points : as for `FitResult.profile`
     """
-    if not (is_number(level) and 0 < level < 1):
-        raise ValueError(f"level = {level!r}: must be between 0 and 1")
-    if isinstance(points, bool) or not isinstance(points, int) or points < 1:
-        raise ValueError(f"points = {points!r}: must be an integer >= 1")
+    check_options(level=level, points=points)
     names = result.names if names is None else (names,) if isinstance(names, str) else tuple(names)
-    fits = [profile_fits(result, name, level, points) for name in dict.fromkeys(names)]
+    fits = [result.profile_fits(name, level, points) for name in dict.fromkeys(names)]
     rows = 2 * points + 1
-    held = np.concatenate([np.repeat(targets.held, rows, axis=0) for _, targets in fits])
-    targets = jax.tree.map(lambda a: a[None], result.problem.targets)._replace(held=held)
-    parameter = np.argmin(held, axis=1)
+    moving = np.concatenate([np.repeat(targets.moving, rows, axis=0) for _, targets in fits])
+    targets = jax.tree.map(lambda a: a[None], result.problem.targets)._replace(moving=moving)
+    parameter = np.argmin(moving, axis=1)
     starts = np.concatenate([starts for starts, _ in fits])
-    return _members("profile", result.problem, starts, targets, _near(), None, parameter, result, level)
+    return _members("profile", result.problem, starts, targets, NEAR, None, parameter, result, level)
 
 
 def _members(kind, problem, starts, targets, solver, max_steps=None, parameter=None, source=None, level=0.95):

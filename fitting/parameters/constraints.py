@@ -1,13 +1,16 @@
-"""Which values a free parameter may take; `fitting.parameters.layout` says how a fit sees them."""
+"""Which values a free parameter may take; `fitting.parameters.variables` says how a fit sees them."""
 
 import dataclasses
 import math
+from collections.abc import Sequence
+
+Start = float | Sequence[float] | None
 
 
-def is_number(value):
+def is_number(value: object) -> bool:
     """Whether a value is one finite real number."""
     try:
-        return math.isfinite(value)
+        return math.isfinite(value)  # pyright: ignore[reportArgumentType]  # tells by its TypeError
     except (TypeError, ValueError, OverflowError):
         return False
 
@@ -22,7 +25,7 @@ class Positive:
         one number for all elements, or one for each.
     """
 
-    start: object = None
+    start: Start = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,21 +40,27 @@ class Bounded:
 
     low: float
     high: float
-    start: object = None
+    start: Start = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not (is_number(self.low) and is_number(self.high) and self.low < self.high):
             raise ValueError(f"Bounded({self.low!r}, {self.high!r}): must be finite numbers, low < high")
 
 
 @dataclasses.dataclass(frozen=True)
 class Free:
-    """Any value; `scale` is a change that matters (default: the size of the start value, 1 for 0)."""
+    """Any value.
 
-    start: object = None
+    Parameters
+    ----------
+    start : as for `Positive`
+    scale : a change that matters; None: the size of the start value, 1 for 0
+    """
+
+    start: Start = None
     scale: float | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.scale is not None and not (is_number(self.scale) and self.scale > 0):
             raise ValueError(f"Free: scale = {self.scale!r}: must be a number > 0")
 
@@ -69,9 +78,10 @@ class Tied:
     to: str
     ratio: float | None = None
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if self.ratio is not None and not is_number(self.ratio):
             raise ValueError(f"Tied: ratio = {self.ratio!r}: must be a finite number")
 
 
-RULES = {cls.__name__: cls for cls in (Positive, Bounded, Free, Tied)}
+Rule = Positive | Bounded | Free | Tied
+RULES: dict[str, type[Rule]] = {cls.__name__: cls for cls in (Positive, Bounded, Free, Tied)}

@@ -3,16 +3,17 @@
 import jax
 import numpy as np
 
+import rubberfric as rf
 from rubberfric.base import PhysicalObject, Static, closest, fields_of, parse_key_path
 
 
-def scene_paths(scene):
+def scene_paths(scene: rf.Scene) -> list[str]:
     """Key path of every leaf of a scene, in the order of flattening."""
     flat = jax.tree_util.tree_flatten_with_path(scene)[0]
-    return [".".join(key.name for key in path) for path, _ in flat]
+    return [jax.tree_util.keystr(path, simple=True, separator=".") for path, _ in flat]
 
 
-def find(scene, path):
+def find(scene: rf.Scene, path: str) -> tuple[int, tuple[int, ...] | None]:
     """Which leaf of the scene a key path names, and which elements of it (None for a scalar).
 
     Raises
@@ -29,7 +30,7 @@ def find(scene, path):
     return leaf, parsed.elements(np.shape(jax.tree_util.tree_leaves(scene)[leaf]))
 
 
-def leaf_names(path, elements):
+def leaf_names(path: str, elements: tuple[int, ...] | None) -> list[str]:
     """Names of the elements of a key path."""
     name = path.split("[")[0]
     return [name] if elements is None else [f"{name}[{i}]" for i in elements]

@@ -1,15 +1,17 @@
 """What is known before the data: rows that stand beside the residuals."""
 
 import dataclasses
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+import rubberfric as rf
 from fitting.parameters.constraints import is_number
 from fitting.parameters.keypaths import find
-from fitting.parameters.layout import slopes, to_x
+from fitting.parameters.variables import Array, Constants, Variables, slopes, to_x
 
 
 @dataclasses.dataclass(frozen=True)
@@ -28,7 +30,7 @@ class Gaussian:
     mean: float
     sigma: float
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not is_number(self.mean):
             raise ValueError(f"Gaussian: mean = {self.mean!r}: must be a finite number")
         if not (is_number(self.sigma) and self.sigma > 0):
@@ -49,33 +51,36 @@ class Smooth:
 
     sigma: float = 1.0
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         if not (is_number(self.sigma) and self.sigma > 0):
             raise ValueError(f"Smooth: sigma = {self.sigma!r}: must be a finite number > 0")
 
 
-PRIORS = {cls.__name__: cls for cls in (Gaussian, Smooth)}
+Prior = Gaussian | Smooth
+PRIORS: dict[str, type[Prior]] = {cls.__name__: cls for cls in (Gaussian, Smooth)}
 
 
-class PriorLayout(NamedTuple):
+class PriorStructure(NamedTuple):
     """Structure of the priors; hashable."""
 
-    elements: tuple  # in x, of the Gaussian ones
-    series: tuple  # (leaf of E, leaf of tau, terms) of every smooth series
+    elements: tuple[int, ...]  # in x, of the Gaussian ones
+    series: tuple[tuple[int, int, int], ...]  # (leaf of E, leaf of tau, terms) of every smooth series
 
 
 class PriorNumbers(NamedTuple):
     """Numbers of the priors; a pytree."""
 
-    mean: jax.Array  # in x
-    sigma: jax.Array  # in x
-    smooth: tuple  # sigma of every smooth series
+    mean: Array  # in x
+    sigma: Array  # in x
+    smooth: tuple[float, ...]  # sigma of every smooth series
 
 
-def read_priors(scene, layout, constants, prior):
-    """Layout and numbers of the priors of a fit; ValueError naming the path that is wrong."""
+def read_priors(
+    scene: rf.Scene, variables: Variables, constants: Constants, prior: Mapping[str, Prior] | None
+) -> tuple[PriorStructure, PriorNumbers]:
+    """Structure and numbers of the priors of a fit; ValueError naming the path that is wrong."""
     elements, mean, sigma, series, smooth = [], [], [], [], []
-    groups = {group.path: group for group in layout.groups}
+    groups = {group.path: group for group in variables.groups}
     for path, rule in (prior or {}).items():
         where = f"prior[{path!r}]"
         leaf, _ = find(scene, path)
@@ -83,7 +88,7 @@ def read_priors(scene, layout, constants, prior):
             tau_path = path.rsplit(".", 1)[0] + ".tau"
             if not path.endswith(".E"):
                 raise ValueError(f"{where}: Smooth is for a whole relaxation spectrum; must end in .E")
-            if not any(group.leaf == leaf for group in layout.groups):
+            if not any(group.leaf == leaf for group in variables.groups):
                 raise ValueError(f"{where}: must be a key of free, wholly or in elements")
             tau, _ = find(scene, tau_path)
             values = np.asarray(constants.leaves[tau])
@@ -94,20 +99,19 @@ def read_priors(scene, layout, constants, prior):
         elif isinstance(rule, Gaussian):
             group = groups.get(path)
             if group is None or group.kind == "Tied":
-                known = ", ".join(g.path for g in layout.own)
+                known = ", ".join(g.path for g in variables.own)
                 raise ValueError(f"{where}: must be a free parameter: {known}")
             part = np.arange(*group.slot)
             at = _x_of_mean(where, group, rule.mean, constants.low[part], constants.width[part])
-            x = np.zeros(layout.size)
+            x = np.zeros(variables.size)
             x[part] = at
             elements += part.tolist()
             mean += at.tolist()
-            sigma += (rule.sigma / np.asarray(slopes(layout, constants, jnp.asarray(x)))[part]).tolist()
+            sigma += (rule.sigma / np.asarray(slopes(variables, constants, jnp.asarray(x)))[part]).tolist()
         else:
             raise ValueError(f"{where} = {rule!r}: must be Gaussian or Smooth")
-    return PriorLayout(tuple(elements), tuple(series)), PriorNumbers(
-        np.array(mean, float), np.array(sigma, float), tuple(smooth)
-    )
+    numbers = PriorNumbers(np.array(mean, float), np.array(sigma, float), tuple(smooth))
+    return PriorStructure(tuple(elements), tuple(series)), numbers
 
 
 def _x_of_mean(where, group, mean, low, width):
@@ -119,19 +123,21 @@ def _x_of_mean(where, group, mean, low, width):
     return to_x(group.kind, low, width, np.full(low.shape, mean))
 
 
-def prior_residuals(layout, numbers, scene, x):
-    """Rows of the priors at x, shape (rows,)."""
+def prior_residuals(
+    structure: PriorStructure, numbers: PriorNumbers, scene: rf.Scene, x: jax.Array
+) -> jax.Array:
+    """Rows of the priors at x, shape (rows,): r of `Gaussian` and of `Smooth`."""
     rows = []
-    if layout.elements:
-        rows.append((x[np.array(layout.elements)] - numbers.mean) / numbers.sigma)
-    leaves = jax.tree_util.tree_leaves(scene) if layout.series else None
-    for (E, tau, _), sigma in zip(layout.series, numbers.smooth, strict=True):
+    if structure.elements:
+        rows.append((x[np.array(structure.elements)] - numbers.mean) / numbers.sigma)
+    leaves = jax.tree.leaves(scene) if structure.series else []
+    for (E, tau, _), sigma in zip(structure.series, numbers.smooth, strict=True):
         order = jnp.argsort(leaves[tau])
         slope = jnp.diff(jnp.log(leaves[E][order])) / jnp.diff(jnp.log10(leaves[tau][order]))
         rows.append(jnp.diff(slope) / sigma)
     return jnp.concatenate(rows) if rows else jnp.zeros(0, x.dtype)
 
 
-def prior_size(layout):
+def prior_size(structure: PriorStructure) -> int:
     """Number of rows."""
-    return len(layout.elements) + sum(terms - 2 for _, _, terms in layout.series)
+    return len(structure.elements) + sum(terms - 2 for _, _, terms in structure.series)

@@ -1,9 +1,10 @@
 """Picture of the correlations that a fit leaves. It needs matplotlib: pip install 'rubberfric[plot]'."""
 
+from typing import Any
+
 import numpy as np
 
-from rubberfric.plot.sensitivity import diverging
-from rubberfric.plot.style import one_axes
+from rubberfric.plot import style
 
 # Parameters up to which every number is written, and up to which the sign of the large ones is.
 _NUMBERS, _SIGNS = 14, 40
@@ -12,7 +13,7 @@ _LARGE = 0.5
 _CELL, _AROUND = 0.38, 2.6
 
 
-def plot_correlation(result, ax=None):
+def plot_correlation(result: Any, ax: style.Axes | None = None) -> style.Axes:
     """Draw the correlation matrix of a fit's free parameters, named.
 
     Numbers stand in the cells; of more than 14 parameters the signs of those beyond +-0.5. Hatched is what
@@ -38,8 +39,8 @@ def plot_correlation(result, ax=None):
         raise ValueError(f"result is a {type(result).__name__}: must be a FitResult, PronyFit or SpectrumFit")
     names, correlation = list(result.names), np.asarray(result.correlation)
     side = _AROUND + max(_CELL * min(len(names), 2 * _NUMBERS), 1.5)
-    axes = one_axes(ax, (side + 0.8, side))
-    mesh = axes.imshow(correlation, cmap=diverging(), vmin=-1, vmax=1, interpolation="nearest")
+    axes = style.one_axes(ax, (side + 0.8, side))
+    mesh = axes.imshow(correlation, cmap=style.diverging(), vmin=-1, vmax=1, interpolation="nearest")
     small = "small" if len(names) <= _NUMBERS else "x-small"
     axes.set_xticks(range(len(names)), names, rotation=90, fontsize=small)
     axes.set_yticks(range(len(names)), names, fontsize=small)

@@ -4,12 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.solvers.problem import Block, predictions
-from fitting.uncertainty.covariance import model_rows, residual_rows
-from fitting.uncertainty.intervals import Band, widened
+from fitting.results.record import FitRecord
+from fitting.solvers.problem import Block
+from fitting.solvers.residuals import model_rows, predictions, residual_rows
+from fitting.uncertainty.intervals import Band
 
-# What the curves of a quantity run over.
-X = {"friction": "velocity", "area": "velocity", "modulus": "omega", "spectrum": "q"}
 # Conditions that get a line each; data at more of them are drawn set by set, without lines.
 CURVES = 10
 # Points of a line.
@@ -38,13 +37,13 @@ class Curve(NamedTuple):
     """Points that one line goes through, or those of one data set that has no lines."""
 
     text: str
-    conditions: tuple | None  # (body, temperature, pressure), None without a line
+    conditions: tuple[str, float, float] | None  # (body, temperature, pressure), None without a line
     part: int
     look: int  # which colour and marker
     where: np.ndarray  # its points, by increasing x
 
 
-def measured_points(result, quantity):
+def measured_points(result: FitRecord, quantity: str) -> Points:
     """Points of all data sets of a quantity, without those at velocities <= 0."""
     problem = result.problem
     model, residual = model_rows(problem, result.x), residual_rows(problem, result.x)
@@ -65,7 +64,7 @@ def measured_points(result, quantity):
 
         parts.append(
             (
-                every(X[quantity]), measured, below, above, fitted, -residual[rows],
+                every(one.conditions[0]), measured, below, above, fitted, -residual[rows],
                 np.repeat(np.arange(parts_of_one), size), np.full(rows.size, body or ""),
                 every("temperature"), every("pressure"), np.full(rows.size, one.label),
             )
@@ -74,37 +73,42 @@ def measured_points(result, quantity):
     return Points(*(column[points.x > 0] for column in points))
 
 
-def curves_of(points):
+def curves_of(points: Points) -> list[Curve]:
     """Curves in the order of body, temperature and pressure; of a modulus, E' and E'' of each."""
     columns = (points.body, points.temperature, points.pressure)
     keys = sorted(set(zip(*(column.tolist() for column in columns), strict=True)))
-    lines = len(keys) <= CURVES
-    if not lines:
-        columns, keys = (points.source,), [(label,) for label in dict.fromkeys(points.source.tolist())]
+    if len(keys) <= CURVES:
+        several = len({key[0] for key in keys}) > 1
+        masks = [
+            np.all([column == value for column, value in zip(columns, key, strict=True)], 0) for key in keys
+        ]
+        groups = [(_text(key, several), key, mask) for key, mask in zip(keys, masks, strict=True)]
+    else:
+        groups = [(label, None, points.source == label) for label in dict.fromkeys(points.source.tolist())]
     curves = []
-    for look, key in enumerate(keys):
-        mask = np.all([column == value for column, value in zip(columns, key, strict=True)], 0)
+    for look, (text, key, mask) in enumerate(groups):
         for part in range(int(points.part.max()) + 1):
             where = np.flatnonzero(mask & (points.part == part))
             where = where[np.argsort(points.x[where], kind="stable")]
-            text = _words(*key, several=len({k[0] for k in keys}) > 1) if lines else key[0]
-            if points.part.any():
-                text = ", ".join(filter(None, (text, "$E''$" if part else "$E'$")))
-            curves.append(Curve(text, key if lines else None, part, look, where))
+            name = ("$E''$" if part else "$E'$") if points.part.any() else ""
+            curves.append(Curve(", ".join(filter(None, (text, name))), key, part, look, where))
     return curves
 
 
-def _words(body, temperature, pressure, several):
-    """A curve's conditions in words; the body only if there are several."""
-    words = [body] if several else []
+def _text(key, several):
+    """A curve's conditions; the body only if there are several."""
+    body, temperature, pressure = key
+    texts = [body] if several else []
     if pressure != ABSENT:
-        words.append(f"{pressure / 1e6:.4g} MPa")
+        texts.append(f"{pressure / 1e6:.4g} MPa")
     if temperature != ABSENT:
-        words.append(f"{round(temperature - 273.15, 2) + 0.0:g} °C")
-    return ", ".join(words)
+        texts.append(f"{round(temperature - 273.15, 2) + 0.0:g} °C")
+    return ", ".join(texts)
 
 
-def lines(result, quantity, points, curves, level):
+def lines(
+    result: FitRecord, quantity: str, points: Points, curves: list[Curve], level: float
+) -> list[tuple[np.ndarray, Band] | None]:
     """(x, Band) of every curve; None for one without a line.
 
     The bands are linear in the logarithm of what is > 0, as those of `fitting.uncertainty.intervals.band`.
@@ -115,7 +119,7 @@ def lines(result, quantity, points, curves, level):
             ends[curve.conditions] = points.x[curve.where][[0, -1]]
     for body, temperature, pressure in ends:
         groups.setdefault((body, temperature != ABSENT), []).append((body, temperature, pressure))
-    grids = {key: np.geomspace(*end, POINTS) for key, end in ends.items()}
+    grids = {key: np.geomspace(end[0], end[1], POINTS) for key, end in ends.items()}
     parts, first, blocks, conditions = 2 if quantity == "modulus" else 1, 0, [], []
     for (body, warm), keys in groups.items():
         x = np.concatenate([grids[key] for key in keys])
@@ -140,4 +144,4 @@ def _band(result, blocks, conditions, level):
     structure = result.problem.structure._replace(blocks=blocks)
     numbers = result.problem.numbers._replace(conditions=conditions)
 
-    return widened(result, lambda x: predictions(structure, numbers, x)[0], level)
+    return result.widened(lambda x: predictions(structure, numbers, x)[0], level)

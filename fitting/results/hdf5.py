@@ -14,7 +14,8 @@
     /quadrature         attributes: the accuracy settings
     /parameters         of every free element: names, values, start, stderr, units, withheld, and x,
                         the variables of the solver
-    /uncertainty        covariance and correlation of the values, and what `fitting.uncertainty.covariance` holds
+    /uncertainty        covariance and correlation of the values, and what else
+                        `fitting.uncertainty.covariance.Uncertainty` holds
     /minima             cost, count and values of the distinct minima
     /estimated          relative error of every data set, NaN where errors were given
 
@@ -22,33 +23,24 @@ The uncertainty is stored, not computed again: reading compiles nothing, and giv
 numbers to the last bit on any machine.
 """
 
+from typing import Any, TypeVar
+
 import h5py
 import numpy as np
 
-from fitting.data.files import read_group, write_group
+from fitting.data.files import read_group
 from fitting.parameters.constraints import RULES
 from fitting.parameters.priors import PRIORS
-from fitting.results.hdf5_parts import (
-    attributes,
-    numbered,
-    read_array,
-    read_minima,
-    read_rules,
-    read_texts,
-    read_uncertainty,
-    write_minima,
-    write_parameters,
-    write_rules,
-    write_uncertainty,
-)
+from fitting.results import hdf5_parts as parts
+from fitting.results.record import FitRecord
 from fitting.results.report import report
-from fitting.results.result import FitResult
+from fitting.solvers.iterate import MESSAGES
+from fitting.solvers.options import SOLVERS
 from fitting.solvers.problem import make_problem
-from fitting.solvers.status import MESSAGES
-from rubberfric.base.atomic import check_writable, replacing
-from rubberfric.io.hdf5 import check_names, creating, reading, write_values
-from rubberfric.io.result_files import read_quadrature, write_quadrature
-from rubberfric.io.scene_files.hdf5 import read_object, write_object
+from rubberfric.base import StrPath, check_writable, closest, replacing
+from rubberfric.io import hdf5, read_object, read_quadrature, write_object, write_quadrature
+
+Result = TypeVar("Result", bound=FitRecord)
 
 FORMAT = "rubberfric fit"
 
@@ -60,8 +52,8 @@ ATTRIBUTES = ("format", "format_version", "rubberfric_version", "title", "messag
 GROUPS = ("scene_at_start", "data", "free", "prior", "quadrature", "parameters", "uncertainty", "minima")
 
 
-def save(path, result, title=""):
-    """Write a `fitting.FitResult` as an HDF5 file (.h5), whole or not at all; `load` reads it back.
+def save(path: StrPath, result: FitRecord, title: str = "") -> None:
+    """Write a fit as an HDF5 file (.h5), whole or not at all; `load` reads it back.
 
     Raises
     ------
@@ -70,7 +62,7 @@ def save(path, result, title=""):
     """
     check_writable(path, (".h5",))
     text = report(result)
-    with replacing(path) as temporary, creating(temporary, FORMAT) as file:
+    with replacing(path) as temporary, hdf5.creating(temporary, FORMAT) as file:
         for name, kind in FIELDS.items():
             file.attrs[name] = kind(getattr(result, name))
         structure, numbers = result.problem.structure, result.problem.numbers
@@ -85,19 +77,19 @@ def save(path, result, title=""):
                 del file["scene"]
         group = file.create_group("data")
         for i, one in enumerate(result.data):
-            write_group(group.create_group(str(i)), one)
-        write_rules(file.create_group("free"), result.free)
-        write_rules(file.create_group("prior"), result.prior)
+            one.write_group(group.create_group(str(i)))
+        parts.write_rules(file.create_group("free"), result.free)
+        parts.write_rules(file.create_group("prior"), result.prior)
         write_quadrature(file, structure.quadrature)
         estimated = [np.nan if scale is None else scale for scale in result.estimated]
-        write_values(file, "estimated", np.array(estimated), "-")
-        write_parameters(file.create_group("parameters"), result)
-        write_uncertainty(file.create_group("uncertainty"), result.uncertainty)
-        write_minima(file.create_group("minima"), result.minima, len(result.names))
+        hdf5.write_values(file, "estimated", np.array(estimated), "-")
+        parts.write_parameters(file.create_group("parameters"), result)
+        parts.write_uncertainty(file.create_group("uncertainty"), result.uncertainty)
+        parts.write_minima(file.create_group("minima"), result.minima, len(result.names))
 
 
-def load(path):
-    """The `fitting.FitResult` that `save` wrote.
+def load(path: StrPath, cls: type[Result]) -> Result:
+    """The fit that `save` wrote, as a `fitting.FitResult` or another class of records.
 
     Numbers are equal to the last bit with the precision of the fit (what was float64 becomes
     float32 unless JAX's x64 mode is on).
@@ -107,42 +99,41 @@ def load(path):
     ValueError
         one line naming the file, what in it is wrong, and the rule.
     """
-    with reading(path, FORMAT) as file:
-        check_names(file, ("report", "scene", "estimated", *GROUPS), ATTRIBUTES)
-        for name in GROUPS:
-            if not isinstance(file.get(name), h5py.Group):
-                raise ValueError(f"/{name}: is missing; must be a group")
-        return _read(file)
+    with hdf5.reading(path, FORMAT) as file:
+        hdf5.check_names(file, ("report", "scene", "estimated", *GROUPS), ATTRIBUTES)
+        return cls(**_read(file, {name: hdf5.subgroup(file, name) for name in GROUPS}))
 
 
-def _read(file):
-    found, options = attributes(file, FIELDS), attributes(file, OPTIONS)
+def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
+    """Fields of the record."""
+    found, options = hdf5.attributes(file, FIELDS), hdf5.attributes(file, OPTIONS)
     if found["status"] not in MESSAGES:
         raise ValueError(f"status = {found['status']!r}: must be one of {', '.join(map(str, MESSAGES))}")
-    scene = read_object(file["scene_at_start"])
-    data = tuple(read_group(group) for group in numbered(file["data"]))
-    free, prior = read_rules(file["free"], RULES), read_rules(file["prior"], PRIORS)
+    if found["method"] not in SOLVERS:
+        raise ValueError(f"method = {found['method']!r}: {closest(found['method'], tuple(SOLVERS))}")
+    scene: Any = read_object(groups["scene_at_start"])  # if it is one, `make_problem` finds
+    data = tuple(read_group(group) for group in parts.numbered(groups["data"]))
+    free, prior = parts.read_rules(groups["free"], RULES), parts.read_rules(groups["prior"], PRIORS)
     quadrature = read_quadrature(file)
     problem = make_problem(scene, data, free, prior, options["loss"], options["loss_width"], quadrature)
-    scales = read_array(file, "estimated", "-", (len(data),)).tolist()
+    scales = hdf5.read_array(file, "estimated", "-", (len(data),)).tolist()
     estimated = tuple(None if np.isnan(scale) else scale for scale in scales)
     error = np.array(problem.targets.error)
     for scale, rows in zip(estimated, problem.order, strict=True):
         if scale is not None:
             error[rows] = scale
-    size = problem.structure.layout.size
-    result = FitResult(
-        scene_at_start=scene,
-        free=free,
-        prior=prior,
-        data=data,
-        problem=problem._replace(targets=problem.targets._replace(error=error)),
-        x=read_array(file["parameters"], "x", "-", (size,)),
-        minima=read_minima(file["minima"], size),
-        estimated=estimated,
-        uncertainty=read_uncertainty(file["uncertainty"], file["parameters"], size),
-        **found,
-    )
-    if read_texts(file["parameters"], "names") != list(result.names):
+    if hdf5.read_texts(groups["parameters"], "names") != list(problem.names):
         raise ValueError("/parameters/names: must be the elements that /free names")
-    return result
+    size = problem.variables.size
+    return {
+        "scene_at_start": scene,
+        "free": free,
+        "prior": prior,
+        "data": data,
+        "problem": problem._replace(targets=problem.targets._replace(error=error)),
+        "x": hdf5.read_array(groups["parameters"], "x", "-", (size,)),
+        "minima": parts.read_minima(groups["minima"], size),
+        "estimated": estimated,
+        "uncertainty": parts.read_uncertainty(groups["uncertainty"], groups["parameters"], size),
+        **found,
+    }

@@ -1,15 +1,21 @@
 """Parts of a fit file (`fitting.results.hdf5`): rules, parameters, uncertainty, minima."""
 
 import dataclasses
+from collections.abc import Iterable, Iterator, Mapping
+from typing import TypeVar
 
 import h5py
 import numpy as np
 
+from fitting.parameters.constraints import Rule
+from fitting.parameters.priors import Prior
+from fitting.results.record import FitRecord, Minimum
 from fitting.results.report import unit
-from fitting.results.result import Minimum
 from fitting.uncertainty.covariance import Direction, Uncertainty
-from rubberfric.base.checks import closest
-from rubberfric.io.hdf5 import check_names, plain, read_values, write_values
+from rubberfric.base import closest
+from rubberfric.io import hdf5
+
+T = TypeVar("T", bound=Rule | Prior)
 
 # Arrays and numbers of the uncertainty that are stored as they are.
 ARRAYS = {
@@ -25,7 +31,7 @@ ARRAYS = {
 NUMBERS = {"rank": int, "condition": float, "parameters": float, "chisqr": float}
 
 
-def write_rules(group, rules):
+def write_rules(group: h5py.Group, rules: Mapping[str, Rule | Prior]) -> None:
     """Rules or priors, one numbered group each, since a key path is no name of a group."""
     for i, (path, rule) in enumerate(rules.items()):
         one = group.create_group(str(i))
@@ -36,7 +42,7 @@ def write_rules(group, rules):
                 one.attrs[field.name] = value if isinstance(value, str) else np.asarray(value, float)
 
 
-def read_rules(group, classes):
+def read_rules(group: h5py.Group, classes: Mapping[str, type[T]]) -> dict[str, T]:
     """dict of key path -> rule or prior that `write_rules` wrote, or ValueError naming the wrong group."""
     rules = {}
     for one in numbered(group):
@@ -45,7 +51,7 @@ def read_rules(group, classes):
         if kind not in classes:
             raise ValueError(f"{one.name}: rule = {kind!r}: {closest(kind, tuple(classes))}")
         fields = tuple(field.name for field in dataclasses.fields(classes[kind]))
-        check_names(one, (), ("path", "rule", *fields))
+        hdf5.check_names(one, (), ("path", "rule", *fields))
         try:
             rules[path] = classes[kind](**found)
         except (ValueError, TypeError) as error:
@@ -53,111 +59,73 @@ def read_rules(group, classes):
     return rules
 
 
-def write_parameters(group, result):
+def write_parameters(group: h5py.Group, result: FitRecord) -> None:
     """Names, values, units and x of the free elements."""
-    write_values(group, "x", result.x, "-")
-    units = [
-        unit(result.scene_at_start, free.path) or "-" for free in result.layout.own for _ in range(*free.slot)
-    ]
-    write_texts(group, "names", result.names)
-    write_texts(group, "units", units)
-    write_texts(group, "withheld", [result.withheld.get(name, "") for name in result.names])
+    hdf5.write_values(group, "x", result.x, "-")
+    units = []
+    for free in result.variables.own:
+        units += [unit(result.scene_at_start, free.path) or "-"] * (free.slot[1] - free.slot[0])
+    hdf5.write_texts(group, "names", result.names)
+    hdf5.write_texts(group, "units", units)
+    hdf5.write_texts(group, "withheld", [result.withheld.get(name, "") for name in result.names])
     for name in ("values", "start_values", "stderr"):
-        write_values(group, name, np.asarray(getattr(result, name)), "as in units")
+        hdf5.write_values(group, name, np.asarray(getattr(result, name)), "as in units")
 
 
-def write_uncertainty(group, known):
-    """What `fitting.uncertainty.covariance` found; why an error bar is withheld stands with the parameters."""
+def write_uncertainty(group: h5py.Group, known: Uncertainty) -> None:
+    """All but why an error bar is withheld, which stands with the parameters."""
     for name, units in ARRAYS.items():
-        write_values(group, name, getattr(known, name), units)
+        hdf5.write_values(group, name, getattr(known, name), units)
     for name, kind in NUMBERS.items():
         group.attrs[name] = kind(getattr(known, name))
     below = group.create_group("unidentified")
     loadings = [direction.loadings for direction in known.unidentified]
-    write_values(below, "loadings", np.array(loadings, float).reshape(-1, known.deviation.size), "-")
-    write_values(below, "deviation", np.array([d.deviation for d in known.unidentified], float), "-")
-    write_texts(below, "text", [direction.text for direction in known.unidentified])
+    hdf5.write_values(below, "loadings", np.array(loadings, float).reshape(-1, known.deviation.size), "-")
+    hdf5.write_values(below, "deviation", np.array([d.deviation for d in known.unidentified], float), "-")
+    hdf5.write_texts(below, "text", [direction.text for direction in known.unidentified])
 
 
-def read_uncertainty(group, parameters, size):
+def read_uncertainty(group: h5py.Group, parameters: h5py.Group, size: int) -> Uncertainty:
     """The `Uncertainty` that `write_uncertainty` and `write_parameters` wrote."""
-    check_names(group, (*ARRAYS, "unidentified"), tuple(NUMBERS))
+    hdf5.check_names(group, (*ARRAYS, "unidentified"), tuple(NUMBERS))
     vectors = ("deviation", "deviations", "x", "stretch")
     arrays = {
-        name: read_array(group, name, units, (size,) if name in vectors else (size, size))
+        name: hdf5.read_array(group, name, units, (size,) if name in vectors else (size, size))
         for name, units in ARRAYS.items()
     }
-    if not isinstance(group.get("unidentified"), h5py.Group):
-        raise ValueError(f"{group.name}/unidentified: is missing; must be a group")
-    below = group["unidentified"]
-    texts = read_texts(below, "text")
-    loadings = read_array(below, "loadings", "-", (len(texts), size))
-    deviations = read_array(below, "deviation", "-", (len(texts),)).tolist()
-    names, reasons = read_texts(parameters, "names"), read_texts(parameters, "withheld")
+    below = hdf5.subgroup(group, "unidentified")
+    texts = hdf5.read_texts(below, "text")
+    loadings = hdf5.read_array(below, "loadings", "-", (len(texts), size))
+    deviations = hdf5.read_array(below, "deviation", "-", (len(texts),)).tolist()
+    names, reasons = hdf5.read_texts(parameters, "names"), hdf5.read_texts(parameters, "withheld")
     return Uncertainty(
         **arrays,
-        **attributes(group, NUMBERS),
+        **hdf5.attributes(group, NUMBERS),
         withheld={name: reason for name, reason in zip(names, reasons, strict=True) if reason},
         unidentified=tuple(map(Direction, loadings, deviations, texts)),
     )
 
 
-def write_minima(group, minima, size):
+def write_minima(group: h5py.Group, minima: Iterable[Minimum], size: int) -> None:
     """Cost, values and number of starts of every minimum, one row each."""
-    write_values(group, "cost", np.array([minimum.cost for minimum in minima], float), "-")
-    write_values(
+    hdf5.write_values(group, "cost", np.array([minimum.cost for minimum in minima], float), "-")
+    hdf5.write_values(
         group, "values", np.array([m.values for m in minima], float).reshape(-1, size), "as in units"
     )
     group["count"] = np.array([minimum.count for minimum in minima], int)
 
 
-def read_minima(group, size):
+def read_minima(group: h5py.Group, size: int) -> tuple[Minimum, ...]:
     """The tuple of `Minimum` that `write_minima` wrote."""
-    cost = read_values(group, "cost", "-")
-    values = read_array(group, "values", "as in units", (cost.size, size))
-    count = np.asarray(group["count"][()])
-    if count.shape != cost.shape or count.dtype.kind != "i":
-        raise ValueError(f"{group.name}/count: must be {cost.size} integers")
+    cost = np.asarray(hdf5.read_values(group, "cost", "-"))
+    values = hdf5.read_array(group, "values", "as in units", (cost.size, size))
+    count = hdf5.read_counts(group, "count", cost.size)
     return tuple(map(Minimum, cost.tolist(), count.tolist(), values))
 
 
-def read_array(group, name, units, shape):
-    """Numbers of a dataset of a certain shape."""
-    array = read_values(group, name, units)
-    if np.shape(array) != shape:
-        raise ValueError(f"{group.name.rstrip('/')}/{name} has shape {np.shape(array)}: must be {shape}")
-    return array
-
-
-def write_texts(group, name, texts):
-    """A dataset of texts."""
-    group.create_dataset(name, data=np.array(list(texts), object), dtype=h5py.string_dtype())
-
-
-def read_texts(group, name):
-    """A list of texts; ValueError if the dataset is none of texts."""
-    if name not in group or h5py.check_string_dtype(group[name].dtype) is None:
-        raise ValueError(f"{group.name}/{name}: is missing; must be a dataset of texts")
-    return group[name].asstr()[()].tolist()
-
-
-def attributes(owner, kinds):
-    """Attributes of a file or group, of the types that `kinds` says."""
-    found = {}
-    for name, kind in kinds.items():
-        value = plain(owner.attrs.get(name))
-        if type(value) is not kind:
-            raise ValueError(f"{owner.name}: attribute {name} = {value!r}: must be of type {kind.__name__}")
-        found[name] = value
-    return found
-
-
-def numbered(group):
+def numbered(group: h5py.Group) -> Iterator[h5py.Group]:
     """The groups "0", "1", ... that a group holds, in this order."""
-    for i in range(len(group)):
-        if not isinstance(group.get(str(i)), h5py.Group):
-            raise ValueError(f"{group.name}/{i}: is missing; must be a group")
-        yield group[str(i)]
+    return (hdf5.subgroup(group, str(i)) for i in range(len(group)))
 
 
 def _python(value):

@@ -2,18 +2,18 @@
 
 import numpy as np
 
+from fitting.results.record import FitRecord
 from fitting.results.report import report, tied_lines, variable_rows
-from rubberfric.base import object_html
-from rubberfric.base.html import folded, preformatted, table
+from rubberfric.base import html, object_html
 
 
-def fit_html(result):
+def fit_html(result: FitRecord) -> str:
     """The values of a fit as a table for notebooks, and its report and scene folded below."""
     rows = []
     for row in variable_rows(result):
         if isinstance(row, tuple):
-            name, value, error, unit, share, start, note = row
-            row = (name, f"{value} +/- {error} {unit}", share, f"{start} {unit}", note)
+            name, value, error, unit, share, start, remark = row
+            row = (name, f"{value} +/- {error} {unit}", share, f"{start} {unit}", remark)
         rows.append(row)
     rows += tied_lines(result)
     rows += [f"not identified, {i}: {d.text}" for i, d in enumerate(result.unidentified, 1)]
@@ -22,5 +22,8 @@ def fit_html(result):
     rows.append(f"measured values: {count}; reduced chi-square [-]: {redchi}; cost [-]: {result.cost:.6g}")
     caption = result.message if result.success else f"THE FIT DID NOT SUCCEED: {result.message}"
     headings = ("parameter", "value", "relative error", "start", "")
-    below = folded("report", preformatted(report(result))), folded("scene", object_html(result.scene))
-    return "\n".join([table(rows, headings, caption), *below])
+    below = (
+        html.folded("report", html.preformatted(report(result))),
+        html.folded("scene", object_html(result.scene)),
+    )
+    return "\n".join([html.table(rows, headings, caption), *below])

@@ -4,23 +4,23 @@ import numpy as np
 
 from fitting.results.correlation_plot import plot_correlation
 from fitting.results.curves import curves_of, lines, measured_points
-from fitting.results.result import FitResult
-from rubberfric.base.atomic import replacing
-from rubberfric.plot.style import LOG_V, MARKERS, PANELS, check_kind, colours
+from fitting.results.record import FitRecord
+from rubberfric.base import StrPath
+from rubberfric.plot import save_figure, style
 
 __all__ = ["plot_correlation", "plot_fit", "save_plot"]
 
 # Labels of the axes of every quantity.
 LABELS = {
-    "friction": (LOG_V, PANELS["friction"][0]),
-    "area": (LOG_V, PANELS["area"][0]),
+    "friction": (style.LOG_V, style.PANELS["friction"][0]),
+    "area": (style.LOG_V, style.PANELS["area"][0]),
     "modulus": ("angular frequency $\\omega$ [rad/s]", "modulus\n$E'$, $E''$ [Pa]"),
     "spectrum": ("wavenumber $q$ [1/m]", "power spectrum\n$C$ [m$^4$]"),
 }
 LEVEL = 0.95
 
 
-def plot_fit(result, ax=None):
+def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
     """Draw measured and fitted values, and below each panel the residuals in standard errors.
 
     Friction and area over log10 v, one curve for each temperature and pressure; E' and E''
@@ -46,9 +46,10 @@ def plot_fit(result, ax=None):
     ValueError
         `ax` has another number of axes.
     """
-    check_kind("result", result, FitResult)
-    present = [name for name in LABELS if any(one.quantity == name for one in result.data)]
-    ax = _new_axes(len(present)) if ax is None else ax
+    if not isinstance(result, FitRecord):
+        raise ValueError(f"result is a {type(result).__name__}: must be of class FitResult")
+    present = _present(result)
+    ax = _new_axes(present) if ax is None else ax
     if len(ax) != 2 * len(present):
         raise ValueError(
             f"ax has {len(ax)} axes: must have {2 * len(present)},"
@@ -63,19 +64,19 @@ def plot_fit(result, ax=None):
     return ax
 
 
-def save_plot(path, result, title=""):
+def save_plot(path: StrPath, result: FitRecord, title: str = "") -> None:
     """Draw a fit to a file, whole or not at all."""
-    figure = plot_fit(result)[0].figure
-    if title:
-        figure.suptitle(title, fontsize="medium", wrap=True)
-    with replacing(path) as temporary:
-        figure.savefig(temporary, dpi=150)
+    save_figure(path, plot_fit(result, _new_axes(_present(result), title))[0].figure)
 
 
-def _new_axes(panels):
-    from matplotlib.figure import Figure
+def _present(result):
+    """Quantities among the data."""
+    return [name for name in LABELS if any(one.quantity == name for one in result.data)]
 
-    figure = Figure(figsize=(8.0, 0.4 + 4.2 * panels), layout="constrained")
+
+def _new_axes(present, title=""):
+    panels = len(present)
+    figure = style.new_figure((8.0, 0.4 + 4.2 * panels), title)
     ax = figure.subplots(2 * panels, 1, squeeze=False, height_ratios=[3, 1] * panels)[:, 0]
     for upper, lower in zip(ax[::2], ax[1::2], strict=True):
         upper.sharex(lower)
@@ -88,30 +89,30 @@ def _draw(quantity, points, curves, fitted, upper, lower):
     from matplotlib.patches import Patch
 
     count = max((curve.look for curve in curves), default=0) + 1
-    tones = colours(count)
+    tones = style.colours(count)
     scaled = np.log10 if quantity in ("friction", "area") else np.asarray
     handles = []
     for curve, line in zip(curves, fitted, strict=True):
         colour, where = tones[curve.look], curve.where
         look = {
             "color": colour,
-            "marker": MARKERS[curve.look % len(MARKERS)],
+            "marker": style.MARKERS[curve.look % len(style.MARKERS)],
             "markersize": 3.5,
             "markerfacecolor": "white" if curve.part else colour,
             "linestyle": "none",
         }
-        x, style = scaled(points.x[where]), "--" if curve.part else "-"
+        x, dashes = scaled(points.x[where]), "--" if curve.part else "-"
         errors = points.below[where], points.above[where]
         upper.errorbar(x, points.measured[where], errors, elinewidth=0.7, **look)
         lower.plot(x, points.residual[where], **look)
         if line is None or where.size == 1:
             upper.plot(x, points.fitted[where], "x", color=colour, markersize=3)
         if line is not None:
-            upper.plot(scaled(line[0]), line[1].value, style, color=colour, linewidth=1.2)
+            upper.plot(scaled(line[0]), line[1].value, dashes, color=colour, linewidth=1.2)
             upper.fill_between(
                 scaled(line[0]), line[1].low, line[1].high, color=colour, alpha=0.25, linewidth=0
             )
-            look["linestyle"] = style
+            look["linestyle"] = dashes
         handles.append(upper.plot([], [], label=curve.text or "data, fit", **look)[0])
     if any(fitted):
         handles.append(Patch(color="0.75", label=f"{100 * LEVEL:g} % band"))

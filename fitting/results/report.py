@@ -1,22 +1,27 @@
-"""A fit in words and numbers, laid out as lmfit's fit_report does."""
+"""A fit as text, laid out as lmfit's fit_report does."""
 
+from typing import Any
+
+import jax
 import numpy as np
 
+import rubberfric as rf
+from fitting.parameters.constraints import Tied
 from fitting.parameters.keypaths import leaf_names
-from fitting.parameters.layout import to_scene
 from fitting.parameters.priors import Smooth
+from fitting.results.record import FitRecord
+from fitting.solvers.options import SOLVERS
 from fitting.solvers.problem import ASSUMED
-from fitting.uncertainty.covariance import residual_rows
+from fitting.solvers.residuals import residual_rows
 from rubberfric.base import unit_of
 
-METHODS = {"lm": "Levenberg-Marquardt", "lbfgs": "limited-memory BFGS", "adam": "Adam"}
 # Elements of one key path that are listed; of longer ones only the first and the last.
 LISTED = 24
 # Correlations that are reported: above this size, and how many.
 CORRELATED, PAIRS = 0.5, 20
 
 
-def report(result):
+def report(result: FitRecord) -> str:
     """The report of a `fitting.FitResult` as text of several lines.
 
     Sections: [[Fit]], [[Data]], [[Statistics]], [[Variables]] with value, standard error and
@@ -43,10 +48,10 @@ def report(result):
     return "\n".join(lines) + "\n"
 
 
-def unit(scene, path):
+def unit(scene: rf.Scene, path: str) -> str:
     """Unit of the number of a scene that a key path names, "" if it is dimensionless."""
     *owners, name = path.split("[")[0].split(".")
-    owner = scene
+    owner: Any = scene
     for step in owners:
         owner = getattr(owner, step)
     found = unit_of(type(owner), name)
@@ -57,7 +62,7 @@ def _fit(result):
     values = result.problem.targets.measured.size
     return _aligned(
         {
-            "method": f"{result.method} ({METHODS.get(result.method, 'other')})",
+            "method": f"{result.method} ({SOLVERS[result.method].title})",
             "message": result.message,
             "data": f"{_count(len(result.data), 'set')}, {_count(values, 'value')}",
             "evaluations": f"{result.nfev} of the residuals, {result.njev} of their derivatives",
@@ -69,9 +74,8 @@ def _fit(result):
 def _data(result):
     rows = residual_rows(result.problem, result.x)
     lines = []
-    for i, (one, where, scale) in enumerate(
-        zip(result.data, result.problem.order, result.estimated, strict=True), 1
-    ):
+    sets = zip(result.data, result.problem.order, result.estimated, strict=True)
+    for i, (one, where, scale) in enumerate(sets, 1):
         lines.append(f"{i}: {one.label}: {_count(len(one), 'value')}, {_errors(one, scale, result.success)}")
         lines.append(f"   chi-square per value = {np.mean(rows[where] ** 2):.4g}")
     return lines
@@ -111,9 +115,9 @@ def _variables(result):
     rows = []
     for row in variable_rows(result):
         if isinstance(row, tuple):
-            name, value, error, scale, share, start, note = row
+            name, value, error, scale, share, start, remark = row
             share = f"({share})" if share else ""
-            row = (f"{name}:", value, f"+/- {error}", scale, share, f"(start = {start})", note)
+            row = (f"{name}:", value, f"+/- {error}", scale, share, f"(start = {start})", remark)
         rows.append(row)
     cells = [row for row in rows if isinstance(row, tuple)]
     widths = [max(len(row[k]) for row in cells) for k in range(7)]
@@ -129,14 +133,14 @@ def _variables(result):
     return lines
 
 
-def variable_rows(result):
+def variable_rows(result: FitRecord) -> list[tuple[str, ...] | str]:
     """Texts of every free element: name, value, error, unit, relative error, start and a remark.
 
     One text stands for the elements of a long array that are left out.
     """
     values, starts, errors = result.values, result.start_values, result.stderr
     names, rows = result.names, []
-    for group in result.layout.groups:
+    for group in result.variables.groups:
         if group.kind == "Tied":
             continue
         slot, scale = list(range(*group.slot)), unit(result.scene_at_start, group.path)
@@ -147,20 +151,20 @@ def variable_rows(result):
                     rows.append(_left_out(result, hidden))
                 continue
             reason = result.withheld.get(names[i])
-            error, share, note = "?", "", f"error bar withheld: {reason}"
+            error, share, remark = "?", "", f"error bar withheld: {reason}"
             if reason is None:
-                error, note = f"{errors[i]:#.2g}", ""
+                error, remark = f"{errors[i]:#.2g}", ""
                 share = f"{100 * abs(errors[i] / values[i]):.2f} %" if values[i] else ""
             value = _digits(values[i], np.nan if reason else errors[i])
-            rows.append((names[i], value, error, scale, share, f"{starts[i]:.6g}", note))
+            rows.append((names[i], value, error, scale, share, f"{starts[i]:.6g}", remark))
     return rows
 
 
 def _left_out(result, elements):
     """One line for the elements of a long array that are not listed."""
     bare = sum(result.names[i] in result.withheld for i in elements)
-    note = f", {bare} of them without an error bar" if bare else ""
-    return f"... {len(elements)} more, see result.values{note}"
+    remark = f", {bare} of them without an error bar" if bare else ""
+    return f"... {len(elements)} more, see result.values{remark}"
 
 
 def _digits(value, error):
@@ -171,28 +175,32 @@ def _digits(value, error):
     return f"{value:#.{min(max(digits, 2), 12)}g}"
 
 
-def tied_lines(result):
+def tied_lines(result: FitRecord) -> list[str]:
     """A line for every key path that is tied to another: its value, and to what."""
-    constants = result.problem.numbers.constants
-    scene = to_scene(result.layout, constants, result.x)
-    lines, tied = [], [group for group in result.layout.groups if group.kind == "Tied"]
-    for group, ratio in zip(tied, constants.ratios, strict=True):
-        name, ratio = group.path.split("[")[0], np.asarray(ratio)
-        source = result.free[group.path].to
-        value = scene
-        for step in name.split("."):
-            value = getattr(value, step)
-        values = np.atleast_1d(value) if group.elements is None else np.asarray(value)[list(group.elements)]
+    leaves, lines = jax.tree.leaves(result.scene), []
+    groups = [group for group in result.variables.groups if group.kind == "Tied"]
+    rules = [rule for rule in result.free.values() if isinstance(rule, Tied)]
+    for group, rule, ratio in zip(groups, rules, result.problem.numbers.constants.ratios, strict=True):
+        values, ratio = np.atleast_1d(leaves[group.leaf])[list(group.elements or (0,))], np.asarray(ratio)
         scale = unit(result.scene_at_start, group.path)
         said = f"{ratio[0]:.6g} times" if np.ptp(ratio) == 0 else "in a fixed ratio to"
         ends = f"{values[0]:.6g}" if values.size == 1 else f"{values[0]:.6g} ... {values[-1]:.6g}"
-        lines.append(f"{group.path}: {ends}{f' {scale}' * bool(scale)}, {said} {source}")
+        lines.append(f"{group.path}: {ends}{f' {scale}' * bool(scale)}, {said} {rule.to}")
     return lines
+
+
+def error_text(result: FitRecord, name: str, value: float) -> str:
+    """Error of a fitted value, why it has none, or that it was fixed; `name` ends a key path."""
+    errors = dict(zip((full.rsplit(".", 1)[1] for full in result.names), result.stderr, strict=True))
+    withheld = {full.rsplit(".", 1)[1]: why for full, why in result.withheld.items()}
+    if name in withheld:
+        return f"error bar withheld: {withheld[name]}"
+    return f"+/- {errors[name]:.2g} ({errors[name] / value:.1%})" if name in errors else "(fixed)"
 
 
 def _priors(result):
     fitted = dict(zip(result.names, result.values, strict=True))
-    groups = {group.path: group for group in result.layout.groups}
+    groups = {group.path: group for group in result.variables.groups}
     lines = []
     for path, prior in result.prior.items():
         if isinstance(prior, Smooth):

@@ -4,121 +4,114 @@ They see the gradient of the cost only, by reverse mode, and are for comparison 
 problems with more parameters than residuals; for curves, Levenberg-Marquardt is faster by far.
 """
 
+import abc
 import dataclasses
-import functools
-from typing import NamedTuple
+from typing import Any, ClassVar
 
 import jax
 import jax.numpy as jnp
-import optax
 
-from fitting.solvers.problem import cost_at, rounding_cost
-from fitting.solvers.status import CONVERGED, NOT_FINITE, PERFECT, RUNNING
-
-
-class State(NamedTuple):
-    """Where a fit stands; a pytree."""
-
-    x: jax.Array  # the best so far
-    cost: jax.Array
-    status: jax.Array  # of `fitting.solvers.status`
-    nfev: jax.Array  # evaluations of the cost
-    njev: jax.Array  # and of its gradient
-    here: jax.Array  # the solver's own x
-    inner: object  # the state of the optax transformation
-    quiet: jax.Array  # steps since the cost last fell by more than the tolerance
+from fitting.solvers.iterate import Iterate, begin, ended, unless_done
+from fitting.solvers.losses import Objective
 
 
-class _Gradient:
-    """What both solvers share; they add `optimiser()` and `update(...)`."""
+class FirstOrder(abc.ABC):
+    """What the solvers share."""
 
-    def init(self, structure, numbers, targets, x):
-        """The state at a start vector x."""
-        cost = cost_at(structure, numbers, targets, x)
-        status = jnp.where(jnp.isfinite(cost), RUNNING, NOT_FINITE)
-        zero = jnp.asarray(0)
-        return State(x, cost, status, zero + 1, zero, x, self.optimiser().init(x), zero)
+    tolerance: float
+    patience: int
+    searches: ClassVar[bool]  # along a line, so that value and gradient are known when a step begins
 
-    def step(self, structure, numbers, targets, state):
-        """The state after one step; one that is done stays as it is."""
+    @abc.abstractmethod
+    def optimiser(self) -> Any:
+        """The transformation of gradients, of optax."""
 
-        function = functools.partial(cost_at, structure, numbers, targets)
-        here, inner, evaluations, finite = self.update(function, state, targets.held)
-        cost = function(here)
-        better = cost < state.cost
-        gained = jnp.where(better, state.cost - cost, 0.0)
-        quiet = jnp.where(gained > self.tolerance * state.cost, 0, state.quiet + 1)
-        perfect = jnp.minimum(cost, state.cost) <= rounding_cost(structure, targets)
-        status = jnp.select(
-            [~finite, perfect, quiet >= self.patience], [NOT_FINITE, PERFECT, CONVERGED], RUNNING
+    def init(self, objective: Objective, x: jax.Array) -> Iterate:
+        """The iterate at a start vector x."""
+        # Its own: the solver's x, the arrays of its transformation, and the steps since the cost
+        # last fell by more than the tolerance.
+        return begin(objective.cost(x), x, (x, self.optimiser().init(x), jnp.asarray(0)))
+
+    def step(self, objective: Objective, iterate: Iterate) -> Iterate:
+        """The iterate after one step."""
+        optax = _optax()
+        here, inner, quiet = iterate.own
+        if self.searches:
+            value, gradient = optax.value_and_grad_from_state(objective.cost)(here, state=inner)
+        else:
+            value, gradient = jax.value_and_grad(objective.cost)(here)
+        gradient = gradient * objective.moving
+        updates, inner = optax.with_extra_args_support(self.optimiser()).update(
+            gradient, inner, here, value=value, grad=gradient, value_fn=objective.cost
         )
-        new = State(
-            jnp.where(better, here, state.x),
-            jnp.where(better, cost, state.cost),
-            status,
-            state.nfev + evaluations + 1,
-            state.njev + evaluations,
-            here,
-            inner,
-            quiet,
+        evaluations = jnp.asarray(1) + optax.tree.get(inner, "num_linesearch_steps", default=0)
+        finite = jnp.all(jnp.isfinite(gradient)) & jnp.all(jnp.isfinite(updates))
+        here = here + updates * objective.moving
+        cost = objective.cost(here)
+        better = cost < iterate.cost
+        gained = jnp.where(better, iterate.cost - cost, 0.0)
+        quiet = jnp.where(gained > self.tolerance * iterate.cost, 0, quiet + 1)
+        perfect = jnp.minimum(cost, iterate.cost) <= objective.rounding
+        new = Iterate(
+            jnp.where(better, here, iterate.x),
+            jnp.where(better, cost, iterate.cost),
+            ended(finite, perfect, quiet >= self.patience),
+            iterate.nfev + evaluations + 1,
+            iterate.njev + evaluations,
+            (here, inner, quiet),
         )
-        running = state.status == RUNNING
-        return jax.tree.map(lambda after, before: jnp.where(running, after, before), new, state)
+        return unless_done(iterate, new)
 
 
 @dataclasses.dataclass(frozen=True)
-class LBFGS(_Gradient):
+class LBFGS(FirstOrder):
     """Limited-memory BFGS with optax's zoom line search.
 
     Parameters
     ----------
     memory : number of past steps that shape the Hessian
-    tolerance : done when `patience` steps in turn lower the cost by less than this part of it
+    tolerance, patience : done when `patience` steps in turn lower the cost by less than this part of it
     """
+
+    title: ClassVar[str] = "limited-memory BFGS"
+    searches: ClassVar[bool] = True
+    max_steps: ClassVar[int] = 2000
 
     memory: int = 20
     tolerance: float = 1e-9
     patience: int = 5
-    max_steps = 2000
 
-    def optimiser(self):
-        return optax.lbfgs(memory_size=self.memory)
-
-    def update(self, function, state, held):
-        value, gradient = optax.value_and_grad_from_state(function)(state.here, state=state.inner)
-        gradient = gradient * held
-        updates, inner = self.optimiser().update(
-            gradient, state.inner, state.here, value=value, grad=gradient, value_fn=function
-        )
-        evaluations = jnp.asarray(1) + optax.tree.get(inner, "num_linesearch_steps", default=0)
-        finite = jnp.all(jnp.isfinite(gradient)) & jnp.all(jnp.isfinite(updates))
-        return optax.apply_updates(state.here, updates * held), inner, evaluations, finite
+    def optimiser(self) -> Any:
+        """With optax's zoom line search."""
+        return _optax().lbfgs(memory_size=self.memory)
 
 
 @dataclasses.dataclass(frozen=True)
-class Adam(_Gradient):
+class Adam(FirstOrder):
     """Adam with a rate that falls along a cosine.
 
     Parameters
     ----------
     rate : length of the first steps in x, where 1 is a factor e
     max_steps : steps until the rate is zero
+    tolerance, patience : as of `LBFGS`
     """
+
+    title: ClassVar[str] = "Adam"
+    searches: ClassVar[bool] = False
 
     rate: float = 0.1
     max_steps: int = 3000
     tolerance: float = 1e-9
     patience: int = 200
 
-    def optimiser(self):
-        return optax.adam(optax.cosine_decay_schedule(self.rate, self.max_steps))
+    def optimiser(self) -> Any:
+        """At the rate of its own count of steps."""
+        return _optax().adam(_optax().cosine_decay_schedule(self.rate, self.max_steps))
 
-    def update(self, function, state, held):
-        gradient = jax.grad(function)(state.here) * held
-        updates, inner = self.optimiser().update(gradient, state.inner, state.here)
-        return (
-            optax.apply_updates(state.here, updates),
-            inner,
-            jnp.asarray(1),
-            jnp.all(jnp.isfinite(gradient)),
-        )
+
+def _optax() -> Any:
+    """The module, imported where it is used: that takes a quarter of the time of `import fitting`."""
+    import optax
+
+    return optax

@@ -1,4 +1,4 @@
-r"""Robust losses: how much a residual counts, as half the sum of rho(r^2).
+r"""What a fit minimises: squares of residuals, or robust losses, as half the sum of rho(r^2).
 
 ============  =============================  =====================================
 loss          rho(z), z = (r / width)^2      influence of an outlier
@@ -13,13 +13,21 @@ Residuals are in units of their standard errors, so that `width` is a number of 
 rho is scaled by width^2: small residuals count as in least squares.
 """
 
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
 import jax.numpy as jnp
+
+from fitting.parameters.variables import Array
+
+Scalar = jax.Array | float
 
 # Losses, and the width at which the estimate from Gaussian data is 95 % efficient.
 WIDTHS = {"linear": 1.0, "huber": 1.345, "soft_l1": 1.287, "cauchy": 2.385}
 
 
-def rho(loss, width, residual):
+def rho(loss: str, width: Scalar, residual: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
     """rho of every residual, and its first and second derivative with respect to r^2."""
     z = (residual / width) ** 2
     if loss == "linear":
@@ -36,7 +44,7 @@ def rho(loss, width, residual):
     return width**2 * jnp.log1p(z), 1 / (1 + z), -1 / (1 + z) ** 2 / width**2
 
 
-def factors(loss, width, residual):
+def factors(loss: str, width: Scalar, residual: jax.Array) -> tuple[jax.Array, jax.Array]:
     """What to multiply residuals and rows of their Jacobian with, for the step of the robust cost.
 
     The gradient is exact; the curvature rho' + 2 r^2 rho'' is kept positive, as Triggs et
@@ -46,3 +54,42 @@ def factors(loss, width, residual):
     # A tenth of rho' at least: beyond it an outlier's curvature turns negative.
     curvature = jnp.sqrt(jnp.maximum(first + 2 * residual**2 * second, 0.1 * first))
     return first / curvature, curvature
+
+
+class Loss(NamedTuple):
+    """A loss of the first rows; the others, those of priors, count by their squares."""
+
+    kind: str = "linear"
+    width: Scalar = 1.0
+    rows: int = 0
+
+    def cost(self, residuals: jax.Array) -> jax.Array:
+        """Half the sum of rho and of the squares."""
+        robust = rho(self.kind, self.width, residuals[: self.rows])[0]
+        return 0.5 * (jnp.sum(robust) + jnp.sum(residuals[self.rows :] ** 2))
+
+    def factors(self, residuals: jax.Array) -> list[jax.Array]:
+        """As `factors`: of all residuals, and of all rows of their Jacobian."""
+        ones = jnp.ones(residuals.size - self.rows, residuals.dtype)
+        robust = factors(self.kind, self.width, residuals[: self.rows])
+        return [jnp.concatenate([part, ones]) for part in robust]
+
+
+SQUARES = Loss()
+
+Residuals = Callable[[jax.Array], jax.Array]
+ResidualsAndJacobian = Callable[[jax.Array], tuple[jax.Array, jax.Array]]
+
+
+class Objective(NamedTuple):
+    """What solvers see of a problem: functions of x, shape (size,)."""
+
+    residuals: Residuals  # shape (rows,)
+    residuals_and_jacobian: ResidualsAndJacobian  # shapes (rows,) and (rows, size); 0 where x does not move
+    loss: Loss
+    rounding: jax.Array  # the cost that rounding leaves: nothing below it means anything
+    moving: Array  # shape (size,), 0 where x stays at its start, else 1
+
+    def cost(self, x: jax.Array) -> jax.Array:
+        """The loss at x."""
+        return self.loss.cost(self.residuals(x))

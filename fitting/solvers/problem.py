@@ -1,30 +1,33 @@
-r"""A fit as a least-squares problem: residuals of data and priors over the free parameters.
+r"""A fit as a least-squares problem: what is measured and what predicts it, over the free parameters.
 
-.. math:: r_i = \frac{\ln(model_i / measured_i)}{relative_i} \quad\text{or}\quad
-          r_i = \frac{model_i - measured_i}{sigma_i}
-
-the first for data with relative errors. A problem is split into its structure, which is
-hashable and decides what is compiled, and its numbers: a second fit of the same kind, a
-bootstrap or a profile compiles nothing new.
+A problem is split into its structure, which is hashable and decides what is compiled, and its
+numbers: a second fit of the same kind, a bootstrap or a profile compiles nothing new.
+`fitting.solvers.residuals` evaluates it.
 """
 
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 import rubberfric as rf
-from fitting.data.measured import one_line
-from fitting.parameters.constraints import is_number
-from fitting.parameters.layout import Constants, Layout, free_parameters, to_scene
-from fitting.parameters.priors import PriorLayout, PriorNumbers, prior_residuals, prior_size, read_priors
-from fitting.solvers.losses import WIDTHS, rho
-from rubberfric.analysis.jacobian import value_and_jacobian
-from rubberfric.roughness.spectra import log_power_spectrum
-from rubberfric.scene.scene import cast, check_background, result_dtype, shifts, takes_temperature
+from fitting.data.measured import Measured
+from fitting.parameters.constraints import Rule
+from fitting.parameters.priors import Prior, PriorNumbers, PriorStructure, prior_size, read_priors
+from fitting.parameters.variables import (
+    Array,
+    Constants,
+    Variables,
+    element_names,
+    free_parameters,
+    to_scene,
+    to_values,
+)
+from fitting.solvers.losses import WIDTHS
+from fitting.solvers.options import check_options
+from rubberfric.scene import cast, check_background, dissipates, result_dtype, shifts, takes_temperature
 
-BODIES = ("lower", "upper")
 CURVES = ("friction", "area")  # measured over velocity, pressure and temperature
 
 # Relative error that data without errors begin with, and keep if they are too few to say.
@@ -37,15 +40,15 @@ class Block(NamedTuple):
     quantity: str  # "friction", "area", "modulus", "spectrum"
     body: str | None  # whose modulus or spectrum
     logarithmic: bool
-    rows: tuple  # (first, last + 1)
+    rows: tuple[int, int]  # (first, last + 1)
 
 
 class Structure(NamedTuple):
     """All about a problem that is not a number; hashable."""
 
-    layout: Layout
-    blocks: tuple
-    prior: PriorLayout
+    variables: Variables
+    blocks: tuple[Block, ...]
+    prior: PriorStructure
     loss: str
     quadrature: rf.Quadrature
 
@@ -54,18 +57,18 @@ class Numbers(NamedTuple):
     """The numbers of a problem that every start and every resampled data set share; a pytree."""
 
     constants: Constants
-    conditions: tuple  # of every block: (velocity, pressure, temperature or None), (omega, T), (q,)
+    conditions: tuple[Any, ...]  # of every block, arrays of those of its kind of data, or None
     prior: PriorNumbers
-    width: float  # of the robust loss
-    leash: float  # pull on neighbouring elements of an array, 0 in the end; see `fitting.solvers.starts`
+    width: Any  # of the robust loss, a scalar
+    smoothing: Any  # of the rows of x along arrays, a scalar, 0 in the end; see `fitting.solvers.search`
 
 
 class Targets(NamedTuple):
     """What the model is compared with; a pytree, one for every resampled data set."""
 
-    measured: jax.Array  # shape (rows,); the logarithm where the block is logarithmic
-    error: jax.Array  # shape (rows,)
-    held: jax.Array  # shape (size,), 0 where x is held at its start (profiles), else 1
+    measured: Array  # shape (rows,); the logarithm where the block is logarithmic
+    error: Array  # shape (rows,)
+    moving: Array  # shape (size,), 0 where x stays at its start (profiles), else 1
 
 
 class Problem(NamedTuple):
@@ -75,99 +78,140 @@ class Problem(NamedTuple):
     numbers: Numbers
     targets: Targets
     start: np.ndarray  # x, shape (size,)
-    order: tuple  # for every data set, its rows: arrays of indices
+    order: tuple[np.ndarray, ...]  # for every data set, its rows
+
+    @property
+    def variables(self) -> Variables:
+        """Which numbers of the scene are free."""
+        return self.structure.variables
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Key path of every element of x."""
+        return tuple(element_names(self.variables))
+
+    def values(self, x: Array) -> np.ndarray:
+        """Values of the free elements at x; both of shape (..., size)."""
+        x = np.asarray(x)
+        one = jax.vmap(lambda x: to_values(self.variables, self.numbers.constants, x))
+        return np.asarray(one(x.reshape(-1, x.shape[-1]))).reshape(x.shape)
+
+    def scene(self, x: Array) -> rf.Scene:
+        """The scene with the free elements at x, shape (size,)."""
+        return to_scene(self.variables, self.numbers.constants, x)
 
 
-def make_problem(scene, data, free, prior=None, loss="linear", width=None, quadrature=None):
+def make_problem(
+    scene: rf.Scene,
+    data: Sequence[Measured],
+    free: Mapping[str, Rule],
+    prior: Mapping[str, Prior] | None = None,
+    loss: str = "linear",
+    width: float | None = None,
+    quadrature: rf.Quadrature | None = None,
+) -> Problem:
     """The problem of fitting `free` of `scene` to `data`; see `fitting.fit` for the arguments.
 
     Data sets without errors get the relative error `ASSUMED`.
     """
     if not isinstance(scene, rf.Scene):
         raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
-    if not isinstance(loss, str) or loss not in WIDTHS:
-        raise ValueError(f"loss = {one_line(loss)}: must be one of {', '.join(WIDTHS)}")
+    if quadrature is not None and not isinstance(quadrature, rf.Quadrature):
+        raise ValueError(f"quadrature is a {type(quadrature).__name__}: must be a Quadrature, or None")
+    check_options(loss=loss, loss_width=width)
     width = WIDTHS[loss] if width is None else width
-    if not (is_number(width) and width > 0):
-        raise ValueError(f"loss_width = {one_line(width)}: must be a finite number > 0")
     dtype = result_dtype(scene, 1.0)
     scene = cast(scene, dtype)
-    layout, constants, start = free_parameters(scene, free)
-    prior_layout, prior_numbers = read_priors(scene, layout, constants, prior)
-
-    keys = [_block_key(scene, one) for one in data]
-    blocks, conditions, order = [], [], [None] * len(data)
-    first = 0
-    for key in dict.fromkeys(keys):
-        members = [i for i, other in enumerate(keys) if other == key]
-        begin = first
-        # The model gives all storage moduli of a block first, then all loss moduli.
-        halves = 2 if key[0] == "modulus" else 1
-        sizes = [len(data[i].measured) // halves for i in members]
-        for i, size, before in zip(members, sizes, np.cumsum([0, *sizes]), strict=False):
-            rows = begin + before + np.arange(size)
-            order[i] = np.concatenate([rows + half * sum(sizes) for half in range(halves)])
-        first = begin + halves * sum(sizes)
-        quantity, body, logarithmic, _ = key
-        columns = [_conditions(data[i]) for i in members]
-        conditions.append(
-            tuple(None if parts[0] is None else np.concatenate(parts) for parts in zip(*columns, strict=True))
-        )
-        blocks.append(Block(quantity, body, logarithmic, (begin, first)))
-    measured, error = np.empty(first), np.empty(first)
+    variables, constants, start = free_parameters(scene, free)
+    prior_structure, prior_numbers = read_priors(scene, variables, constants, prior)
+    blocks, conditions, order = _blocks(scene, data)
+    size = blocks[-1].rows[1]
+    measured, error = np.empty(size), np.empty(size)
     for one, rows in zip(data, order, strict=True):
         measured[rows] = np.log(one.measured) if one.logarithmic else one.measured
         error[rows] = ASSUMED if one.error is None else one.error
-    known = prior_size(prior_layout)
-    if first + known < layout.size:
+    known = prior_size(prior_structure)
+    if size + known < variables.size:
         raise ValueError(
-            f"{layout.size} free parameters, but only {first} measured values and {known} rows of priors:"
+            f"{variables.size} free parameters, but only {size} measured values and {known} rows of priors:"
             " free fewer, tie some, or add a prior"
         )
-    structure = Structure(layout, tuple(blocks), prior_layout, loss, quadrature or rf.Quadrature())
-    numbers = Numbers(constants, tuple(conditions), prior_numbers, float(width), 0.0)
-    numbers = cast(numbers, dtype)
-    targets = Targets(*(a.astype(dtype) for a in (measured, error, np.ones(layout.size))))
-    return Problem(structure, numbers, targets, start.astype(dtype), tuple(order))
+    structure = Structure(variables, blocks, prior_structure, loss, quadrature or rf.Quadrature())
+    numbers = cast(Numbers(constants, conditions, prior_numbers, float(width), 0.0), dtype)
+    targets = Targets(*(a.astype(dtype) for a in (measured, error, np.ones(variables.size))))
+    return Problem(structure, numbers, targets, start.astype(dtype), order)
+
+
+def _blocks(scene, data):
+    """Blocks that predict the data, their conditions, and the rows of every data set."""
+    keys = [_block_key(scene, one) for one in data]
+    blocks, conditions, order = [], [], {}
+    first = 0
+    for key in dict.fromkeys(keys):
+        members = [i for i, other in enumerate(keys) if other == key]
+        # The model gives all storage moduli of a block first, then all loss moduli.
+        parts = len(data[members[0]].values)
+        sizes = [len(data[i]) // parts for i in members]
+        for i, size, before in zip(members, sizes, np.cumsum([0, *sizes[:-1]]), strict=True):
+            rows = first + before + np.arange(size)
+            order[i] = np.concatenate([rows + part * sum(sizes) for part in range(parts)])
+        columns = ([getattr(data[i], name) for i in members] for name in data[members[0]].conditions)
+        conditions.append(tuple(None if c[0] is None else np.concatenate(c) for c in columns))
+        last = first + parts * sum(sizes)
+        quantity, body, logarithmic, _ = key
+        blocks.append(Block(quantity, body, logarithmic, (first, last)))
+        first = last
+    return tuple(blocks), tuple(conditions), tuple(order[i] for i in range(len(data)))
 
 
 def _block_key(scene, data):
     """What data sets must share to be predicted by one call; ValueError if the scene cannot."""
-    quantity, body, temperature = (
-        data.quantity,
-        getattr(data, "body", None),
-        getattr(data, "temperature", None),
-    )
-    if quantity in CURVES:
-        if temperature is None:
-            check_background(scene, f"data {data.label!r}: ", "have no temperature")
-        else:
-            if not takes_temperature(scene):
-                raise ValueError(
-                    f"data {data.label!r}: have a temperature, but no part of the scene has a shift:"
-                    " give the scene one, or the data no temperature"
-                )
-            _check_temperature(data, shifts(scene))
-        return quantity, None, data.logarithmic, temperature is not None
-    bodies = {name: getattr(scene, name) for name in BODIES}
-    if quantity == "modulus":
-        bodies = {name: b for name, b in bodies.items() if b.material.relaxes}
-        kind = "viscoelastic solid"
-    else:
-        bodies = {name: b for name, b in bodies.items() if b.spectrum is not None}
-        kind = "solid with a spectrum"
-    if body is None and len(bodies) == 1:
-        body = next(iter(bodies))
-    if body not in bodies:
-        given = f"body = {body!r}" if body is not None else "no body is given"
-        choice = " or ".join(repr(name) for name in bodies) or f"but the scene has no {kind}"
-        raise ValueError(f"data {data.label!r}: {given}: must be a {kind}, {choice}")
-    if quantity == "modulus" and temperature is not None:
-        shift = bodies[body].material.shift
+    temperature = getattr(data, "temperature", None)
+    if data.quantity in CURVES:
+        _check_curve(scene, data)
+        return data.quantity, None, data.logarithmic, temperature is not None
+    body = _body(scene, data)
+    if temperature is not None:
+        shift = getattr(scene, body).material.shift
         if shift is None:
             raise ValueError(f"data {data.label!r}: have a temperature, but {body}.material has no shift")
         _check_temperature(data, [shift])
-    return quantity, body, data.logarithmic, temperature is not None
+    return data.quantity, body, data.logarithmic, temperature is not None
+
+
+def _check_curve(scene, data):
+    """ValueError unless the scene has such a curve at the temperatures of the data."""
+    if data.quantity == "friction" and scene.shear is None and not dissipates(scene):
+        raise ValueError(  # nothing could be learned from it
+            f"data {data.label!r}: the scene has no friction: a rough solid must face a viscoelastic one,"
+            " or the scene must have contact shear"
+        )
+    if data.temperature is None:
+        check_background(scene, f"data {data.label!r}: ", "have no temperature")
+    elif not takes_temperature(scene):
+        raise ValueError(
+            f"data {data.label!r}: have a temperature, but no part of the scene has a shift:"
+            " give the scene one, or the data no temperature"
+        )
+    else:
+        _check_temperature(data, shifts(scene))
+
+
+def _body(scene, data):
+    """Name of the body that a modulus or a spectrum is of."""
+    bodies = {"lower": scene.lower, "upper": scene.upper}
+    if data.quantity == "modulus":
+        kind, able = "viscoelastic solid", [name for name, body in bodies.items() if body.material.relaxes]
+    else:
+        kind = "solid with a spectrum"
+        able = [name for name, body in bodies.items() if body.spectrum is not None]
+    if data.body is None and len(able) == 1:
+        return able[0]
+    if data.body not in able:
+        given = f"body = {data.body!r}" if data.body is not None else "no body is given"
+        choice = " or ".join(map(repr, able)) or f"but the scene has no {kind}"
+        raise ValueError(f"data {data.label!r}: {given}: must be a {kind}, {choice}")
+    return data.body
 
 
 def _check_temperature(data, shifts):
@@ -176,110 +220,3 @@ def _check_temperature(data, shifts):
             shift.check_temperature(data.temperature)
         except ValueError as error:
             raise ValueError(f"data {data.label!r}: {error}") from None
-
-
-def _conditions(data):
-    if data.quantity in CURVES:
-        return data.velocity, data.pressure, data.temperature
-    return (data.omega, data.temperature) if data.quantity == "modulus" else (data.q,)
-
-
-def predictions(structure, numbers, x):
-    """What the model says in place of every measured value, shape (rows,), and the scene."""
-    scene = to_scene(structure.layout, numbers.constants, x)
-    pairs = zip(structure.blocks, numbers.conditions, strict=True)
-    return jnp.concatenate([_predicted(structure, block, at, scene) for block, at in pairs]), scene
-
-
-def _predicted(structure, block, conditions, scene):
-    """Rows of one block; their logarithm where it is logarithmic."""
-    if block.quantity in CURVES:
-        solution = rf.solve(scene, *conditions, quadrature=structure.quadrature, quantities=(block.quantity,))
-        values = getattr(solution, block.quantity)
-    elif block.quantity == "modulus":
-        modulus = rf.complex_modulus(getattr(scene, block.body).material, *conditions)
-        values = jnp.concatenate([modulus.real, modulus.imag])
-    else:
-        # Continued beyond the ends, which may move past a measured wavevector on the way.
-        law = getattr(scene, block.body).spectrum.power_law()
-        log_C = log_power_spectrum(law, *conditions)
-        return log_C if block.logarithmic else jnp.exp(log_C)
-    return jnp.log(values) if block.logarithmic else values
-
-
-def residuals(structure, numbers, targets, x):
-    """Rows of the data, of the priors, and of the leash, in units of their errors."""
-    model, scene = predictions(structure, numbers, x)
-    rows = (model - targets.measured) / targets.error
-    prior = prior_residuals(structure.prior, numbers.prior, scene, x)
-    return jnp.concatenate([rows, prior, numbers.leash * (_bends(structure.layout, x.dtype) @ x)])
-
-
-def residuals_and_jacobian(structure, numbers, targets, x):
-    """The same rows, and their derivatives with respect to x, shape (rows, size)."""
-
-    def scene_of(x):
-        return to_scene(structure.layout, numbers.constants, x)
-
-    parts = []
-    for block, conditions in zip(structure.blocks, numbers.conditions, strict=True):
-        if block.quantity in CURVES:
-            values, slopes = value_and_jacobian(scene_of, x, conditions, block.quantity, structure.quadrature)
-            if block.logarithmic:
-                values, slopes = jnp.log(values), slopes / values[:, None]
-        else:
-            values, slopes = forward(
-                lambda x, b=block, c=conditions: _predicted(structure, b, c, scene_of(x)), x
-            )
-        parts.append((values, slopes))
-    model, slopes = (jnp.concatenate(part) for part in zip(*parts, strict=True))
-    prior, prior_slopes = forward(
-        lambda x: prior_residuals(structure.prior, numbers.prior, scene_of(x), x), x
-    )
-    bends = numbers.leash * _bends(structure.layout, x.dtype)
-    rows = [(model - targets.measured) / targets.error, prior, bends @ x]
-    slopes = [slopes / targets.error[:, None], prior_slopes, bends]
-    return jnp.concatenate(rows), jnp.concatenate(slopes)
-
-
-def _bends(layout, dtype):
-    """Second differences of x along the arrays of Positive elements, shape (rows, size)."""
-    rows = [np.zeros((0, layout.size))]
-    for group in layout.groups:
-        first, last = group.slot
-        if group.kind == "Positive" and last - first >= 3:
-            rows.append(np.diff(np.eye(layout.size)[first:last], 2, axis=0))
-    return np.concatenate(rows).astype(dtype)
-
-
-def forward(function, x):
-    """Value of a function and its derivatives with respect to x, the last axis, by forward mode."""
-    jacobian, value = jax.jacfwd(lambda x: (function(x),) * 2, has_aux=True)(x)
-    return value, jacobian
-
-
-def data_rows(structure):
-    """Number of rows that are data."""
-    return structure.blocks[-1].rows[1]
-
-
-def cost_of(structure, numbers, rows):
-    """Half the sum of rho over the data and of squares over the priors."""
-    count = data_rows(structure)
-    robust = rho(structure.loss, numbers.width, rows[:count])[0]
-    return 0.5 * (jnp.sum(robust) + jnp.sum(rows[count:] ** 2))
-
-
-def cost_at(structure, numbers, targets, x):
-    """The cost at x."""
-    return cost_of(structure, numbers, residuals(structure, numbers, targets, x))
-
-
-def rounding_cost(structure, targets):
-    """The cost that rounding leaves when the data are met exactly: nothing below it means anything."""
-    error = 100 * float(jnp.finfo(targets.measured.dtype).eps)  # of a prediction, relative
-    offset = np.zeros(data_rows(structure))
-    for block in structure.blocks:
-        offset[slice(*block.rows)] = block.logarithmic  # ln 1 = 0 is no better known than ln 2
-    scale = jnp.abs(targets.measured) + offset.astype(targets.measured.dtype)
-    return 0.5 * jnp.sum((error * scale / targets.error) ** 2)

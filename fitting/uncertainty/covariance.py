@@ -13,16 +13,17 @@ For robust losses the covariance is the sandwich A^-1 B A^-1 of M-estimators, A 
 the curvature of the loss, B from the squared slopes.
 """
 
+import functools
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from fitting.parameters.layout import element_names, slopes
-from fitting.solvers.levenberg_marquardt import linearised
-from fitting.solvers.problem import data_rows, predictions, residuals
-from fitting.uncertainty.directions import direction_in_words
+from fitting.parameters.variables import VANISHED, slopes
+from fitting.solvers.problem import Problem
+from fitting.solvers.residuals import data_rows, objective, residual_rows
+from fitting.uncertainty.directions import describe
 
 # Deviation in x beyond which nothing is called known: a factor e, or a bounded parameter's
 # whole middle range.
@@ -34,8 +35,6 @@ OPEN = 100.0
 AT_BOUND = 1e-3
 # Rows are linearised no closer to a bound than this, where the slope still has digits.
 EDGE = 1e-6
-# A Positive parameter that fell by more than this factor was driven towards zero.
-VANISHED = 1e6
 
 
 class Direction(NamedTuple):
@@ -52,8 +51,8 @@ class Uncertainty(NamedTuple):
     deviation: np.ndarray  # of x; NaN where withheld
     covariance: np.ndarray  # of the values; NaN rows and columns where withheld
     correlation: np.ndarray  # of x; NaN rows and columns where withheld
-    withheld: dict  # name -> why it has no error bar
-    unidentified: tuple  # of Direction
+    withheld: dict[str, str]  # name -> why it has no error bar
+    unidentified: tuple[Direction, ...]
     rank: int  # directions that the data see at all
     condition: float  # largest over smallest singular value
     directions: np.ndarray  # V, columns, shape (size, size)
@@ -65,25 +64,24 @@ class Uncertainty(NamedTuple):
     chisqr: float  # sum of squares of the data's residuals
 
 
-def residual_rows(problem, x):
-    """Residuals of the data, then of the priors, in units of their errors."""
-    return np.asarray(_residuals(problem.structure, problem.numbers, problem.targets, x))
+@functools.partial(jax.jit, static_argnums=0)
+def _weighted(structure, numbers, targets, x):
+    """Residuals, their factors, and their Jacobian with the factors that the loss gives it."""
+    _, both, loss, *_ = objective(structure, numbers, targets)
+    rows, jacobian = both(x)
+    of_rows, of_jacobian = loss.factors(rows)
+    return rows, of_rows, jacobian * of_jacobian[:, None]
 
 
-def model_rows(problem, x):
-    """What the model predicts in place of the measured values (their logarithms, where relative)."""
-    return np.asarray(_predictions(problem.structure, problem.numbers, x))
-
-
-def uncertainty(problem, x):
-    """Uncertainty of a problem's solution x."""
+def uncertainty(problem: Problem, x: np.ndarray) -> Uncertainty:
+    """Uncertainty of a problem's solution x, shape (size,)."""
     structure, numbers = problem.structure, problem.numbers
-    withheld, inside, stretch = _at_bounds(structure, numbers, x)
-    plain, weights, jacobian = jax.tree.map(
-        np.asarray, _linearised(structure, numbers, problem.targets, jnp.asarray(inside))
+    withheld, inside, stretch = _at_bounds(problem, x)
+    plain, of_rows, jacobian = map(
+        np.asarray, _weighted(structure, numbers, problem.targets, jnp.asarray(inside))
     )
     jacobian = jacobian * stretch
-    count, names = data_rows(structure), element_names(structure.layout)
+    count, names = data_rows(structure), problem.names
     # All of V is needed, also where there are fewer rows than columns; all of U never.
     U, s, Vt = np.linalg.svd(jacobian, full_matrices=jacobian.shape[0] < jacobian.shape[1])
     V = Vt.T
@@ -94,21 +92,21 @@ def uncertainty(problem, x):
     deviations = np.where(seen, 1 / np.where(seen, s, 1.0), np.inf)
 
     determined = float(np.sum(U[:count, : s.size][:, seen[: U.shape[1]]] ** 2))
-    spread, along = _spread(structure, jacobian, plain, weights, V, deviations, determined)
+    spread, along = _spread(structure, jacobian, plain * of_rows, V, deviations, determined)
     deviation = np.sqrt(np.diag(spread))
     far = along > KNOWN
     # Of a sandwich the directions are no principal axes: all may be short, and a parameter not.
     if np.any(deviation > KNOWN) and not far.any():
         far[np.argmax(along)] = True
     unidentified = tuple(
-        Direction(V[:, k], float(deviations[k]), direction_in_words(structure.layout, V[:, k], deviations[k]))
+        Direction(V[:, k], float(deviations[k]), describe(structure.variables, V[:, k], deviations[k]))
         for k in np.flatnonzero(far)
     )
     for i in np.flatnonzero(deviation > KNOWN):
         which = int(np.argmax([abs(d.loadings[i]) * min(d.deviation, OPEN) for d in unidentified]))
         withheld.setdefault(names[i], f"not identified, see direction {which + 1}")
     hidden = np.array([name in withheld for name in names])
-    slope = stretch * np.asarray(slopes(structure.layout, numbers.constants, jnp.asarray(inside)))
+    slope = stretch * np.asarray(slopes(structure.variables, numbers.constants, jnp.asarray(inside)))
     with np.errstate(invalid="ignore", divide="ignore"):
         correlation = spread / np.outer(deviation, deviation)
     covariance = spread * np.outer(slope, slope)
@@ -132,12 +130,7 @@ def uncertainty(problem, x):
     )
 
 
-_linearised = jax.jit(linearised, static_argnums=0)
-_residuals = jax.jit(residuals, static_argnums=0)
-_predictions = jax.jit(lambda structure, numbers, x: predictions(structure, numbers, x)[0], static_argnums=0)
-
-
-def _spread(structure, jacobian, plain, weights, V, deviations, parameters):
+def _spread(structure, jacobian, rows, V, deviations, parameters):
     """Covariance of x, no direction longer than OPEN, and the deviations along the directions."""
     length = np.minimum(deviations, OPEN)
     if structure.loss == "linear":
@@ -145,7 +138,7 @@ def _spread(structure, jacobian, plain, weights, V, deviations, parameters):
     # The product of both factors is the slope of the loss; the Jacobian has the second in it.
     influence = jacobian.copy()
     count = data_rows(structure)
-    influence[:count] *= (plain * weights[0])[:count, None]
+    influence[:count] *= rows[:count, None]
     # Residuals of a fit are smaller than errors, by as many as it has parameters.
     influence[:count] *= np.sqrt(count / max(count - parameters, 1.0))
     middle = V.T @ (influence.T @ influence) @ V
@@ -156,13 +149,12 @@ def _spread(structure, jacobian, plain, weights, V, deviations, parameters):
     return V @ inner @ V.T, np.sqrt(np.where(beyond, OPEN**2, np.diag(inner)))
 
 
-def _at_bounds(structure, numbers, x):
+def _at_bounds(problem, x):
     """(name -> reason, x a little inside, stretch) for parameters at a bound or driven to zero."""
-    layout, constants = structure.layout, numbers.constants
-    names, reasons = element_names(layout), {}
-    inside, stretch = np.array(x), np.ones(layout.size, np.asarray(x).dtype)
+    constants, names, reasons = problem.numbers.constants, problem.names, {}
+    inside, stretch = np.array(x), np.ones(len(names), np.asarray(x).dtype)
     edge = np.log(1 / EDGE - 1)
-    for group in layout.own:
+    for group in problem.variables.own:
         for i in range(*group.slot):
             if group.kind == "Bounded":
                 place = 1 / (1 + np.exp(-np.clip(x[i], -edge, edge)))

@@ -2,7 +2,7 @@ r"""The posterior of a fit as a function, for samplers.
 
 .. math:: \ln p(x \,|\, data) = -\frac12 \sum_i \rho(r_i^2) - \frac12 \sum_k p_k^2 + const
 
-over the fit's own variables x, which know no bounds (`fitting.parameters.layout`): any sampler that
+over the fit's own variables x, which know no bounds (`fitting.parameters.variables`): any sampler that
 takes an unconstrained log density and its gradient can use it, numpyro's NUTS or blackjax.
 """
 
@@ -10,9 +10,13 @@ import dataclasses
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
-from fitting.parameters.layout import element_names, to_scene, to_values
-from fitting.solvers.problem import Problem, cost_at
+import rubberfric as rf
+from fitting.parameters.variables import Array
+from fitting.solvers.problem import Problem
+from fitting.solvers.residuals import objective
+from fitting.uncertainty.intervals import SolvedProblem
 
 # What a prior that says nothing is flat in.
 FLAT = ("x", "values")
@@ -29,28 +33,26 @@ class LogDensity:
     problem: Problem
     flat: str
 
-    def __call__(self, x):
+    def __call__(self, x: Array) -> jax.Array:
+        """The logarithm of the density at x, shape (n,), but for a constant."""
         structure, numbers, targets, *_ = self.problem
         return _density(structure, self.flat, numbers, targets, jnp.asarray(x))
 
     @property
-    def names(self):
+    def names(self) -> tuple[str, ...]:
         """Key path of every element of x."""
-        return tuple(element_names(self.problem.structure.layout))
+        return self.problem.names
 
-    def values(self, x):
+    def values(self, x: Array) -> np.ndarray:
         """Values of the free elements at x; both of shape (..., n)."""
-        x = jnp.asarray(x)
-        layout, constants = self.problem.structure.layout, self.problem.numbers.constants
-        one = jax.vmap(lambda x: to_values(layout, constants, x))
-        return one(x.reshape(-1, x.shape[-1])).reshape(x.shape)
+        return self.problem.values(x)
 
-    def scene(self, x):
+    def scene(self, x: Array) -> rf.Scene:
         """The scene with the free elements at x, shape (n,): what a draw predicts is computed from it."""
-        return to_scene(self.problem.structure.layout, self.problem.numbers.constants, x)
+        return self.problem.scene(x)
 
 
-def log_density(result, flat="x"):
+def log_density(result: SolvedProblem, flat: str = "x") -> LogDensity:
     r"""Log density of the free parameters of a fit, given its data and priors.
 
     .. math:: \ln p(x) = -cost(x) \qquad\text{or}\qquad
@@ -86,10 +88,10 @@ def log_density(result, flat="x"):
     return LogDensity(result.problem, flat)
 
 
-def _log_slopes(layout, width, x):
+def _log_slopes(variables, width, x):
     """Sum of ln |d value / d x|, in logarithms: far out a slope itself is zero."""
     total = 0.0
-    for group in layout.own:
+    for group in variables.own:
         here, scale = x[slice(*group.slot)], jnp.log(jnp.abs(width[slice(*group.slot)]))
         if group.kind == "Positive":
             total += jnp.sum(here)
@@ -101,10 +103,10 @@ def _log_slopes(layout, width, x):
 
 
 def _of(structure, flat, numbers, targets, x):
-    density = -cost_at(structure, numbers, targets, x)
+    density = -objective(structure, numbers, targets).cost(x)
     if flat == "x":
         return density
-    return density + _log_slopes(structure.layout, numbers.constants.width, x)
+    return density + _log_slopes(structure.variables, numbers.constants.width, x)
 
 
 # One for all results: a second density of the same kind compiles nothing.

@@ -1,36 +1,41 @@
-"""Directions in words: what may change together without the data noticing."""
+"""Directions in a few words: what may change together without the data noticing."""
 
 from typing import NamedTuple
 
 import numpy as np
 
-from fitting.parameters.layout import element_names
+from fitting.parameters.variables import Variables, element_names
 
-# Of a direction's largest part: what is smaller is not worth a word.
+# Of a direction's largest part: what is smaller is not mentioned.
 WORTH = 0.1
-# Parts of one array that differ by less than this are said in one word.
+# Parts of one array that differ by less than this are mentioned as one.
 ALIKE = 0.15
 
 MODULI = ("E", "E_inf", "young", "storage", "loss")
 HEIGHTS = ("h_rms", "C", "gamma", "q1", "qr", "q0", "hurst")
 
+# What would help where a test of the last steps of the key paths holds; whether all must move alike.
 HINTS = (
     (
-        lambda leaves, same: leaves <= set(MODULI) and same,
+        lambda leaves: leaves <= set(MODULI),
+        True,
         "at light load friction depends on ratios of moduli only: add a measured modulus"
         " (one point is enough), an area curve, or a known modulus",
     ),
     (
-        lambda leaves, same: leaves <= set(HEIGHTS) and len(leaves) > 1,
+        lambda leaves: leaves <= set(HEIGHTS) and len(leaves) > 1,
+        False,
         "at light load friction depends on gamma sqrt(C0) and the cut-off together: add a measured"
         " spectrum, or hold gamma or the cut-off",
     ),
     (
-        lambda leaves, same: leaves <= {"tau", "v0"} and same,
+        lambda leaves: leaves <= {"tau", "v0"},
+        True,
         "velocity only enters times a relaxation time: hold one of them",
     ),
     (
-        lambda leaves, same: "tau_f0" in leaves and leaves & set(MODULI),
+        lambda leaves: "tau_f0" in leaves and leaves & set(MODULI),
+        False,
         "contact shear only sees tau_f0 times the contact area: add an area curve or a measured modulus",
     ),
 )
@@ -46,9 +51,9 @@ class Part(NamedTuple):
     several: bool  # an array
 
 
-def direction_in_words(layout, loadings, deviation):
+def describe(variables: Variables, loadings: np.ndarray, deviation: float) -> str:
     """One line saying what a direction changes, by how much unnoticed, and what would help."""
-    parts = _parts(layout, loadings)
+    parts = _parts(variables, loadings)
     leaves = {part.leaf for part in parts}
     # One number alone trades with nothing, whatever it is.
     several = len(parts) > 1 or parts[0].several
@@ -64,16 +69,16 @@ def direction_in_words(layout, loadings, deviation):
     else:
         reach = "by far within one standard error"
     said = ", ".join(_change(part, part.loading / leading) for part in parts)
-    hint = next((text for test, text in HINTS if several and test(leaves, same)), None)
+    hint = next((text for test, alike, text in HINTS if several and test(leaves) and same >= alike), None)
     if hint is None and len(parts) == 1:
         hint = "the data do not reach it: hold it, or give it a prior"
     return f"{said}: {reach}" + (f"; {hint}" if hint else "")
 
 
-def _parts(layout, loadings):
+def _parts(variables, loadings):
     """What matters in a direction; arrays that move as one have one entry."""
-    names, largest, parts = element_names(layout), np.max(np.abs(loadings)), []
-    for group in layout.own:
+    names, largest, parts = element_names(variables), np.max(np.abs(loadings)), []
+    for group in variables.own:
         leaf = group.path.split("[")[0].rsplit(".", 1)[-1]
         here = loadings[slice(*group.slot)]
         size = np.max(np.abs(here))

@@ -1,26 +1,31 @@
 r"""Intervals: from the covariance, from the profile of the cost, and from simulated data.
 
-The first are linear in x and cost nothing. A profile holds one parameter at a row of values,
+The first are linear in x and cost nothing. A profile likelihood holds one parameter at a row of values,
 fits all others again, and takes as interval where the cost has risen by q^2/2, q being the
 normal (or Student's) quantile. A parametric bootstrap fits data drawn from the fitted model.
 """
 
+import dataclasses
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
+from jax.typing import ArrayLike
 
 import rubberfric as rf
-from fitting.parameters.layout import to_scene, to_values
+from fitting.solvers.iterate import succeeded
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
-from fitting.solvers.problem import forward
-from fitting.solvers.runs import run
-from fitting.solvers.status import CONVERGED, PERFECT
-from fitting.uncertainty.covariance import OPEN, model_rows
+from fitting.solvers.options import check_options
+from fitting.solvers.problem import Problem, Targets
+from fitting.solvers.residuals import forward, model_rows
+from fitting.solvers.runs import Callback, run
+from fitting.uncertainty.covariance import OPEN, Uncertainty
 
 
-class Profile(NamedTuple):
+class LikelihoodProfile(NamedTuple):
     """Cost of a fit over one of its parameters."""
 
     name: str
@@ -34,42 +39,14 @@ class Profile(NamedTuple):
 class Bootstrap(NamedTuple):
     """Fits of simulated data."""
 
-    names: tuple
+    names: tuple[str, ...]
     values: np.ndarray  # shape (fits that converged, free elements)
     failed: int  # fits that did not converge
 
-    def interval(self, level=0.95):
+    def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
         """Quantiles of the fits."""
         tail = 50 * (1 - level)
         return np.percentile(self.values, tail, axis=0), np.percentile(self.values, 100 - tail, axis=0)
-
-
-def quantile(level, freedom=np.inf):
-    """Two-sided quantile: normal, or Student's with `freedom` degrees of freedom."""
-    if not 0 < level < 1:
-        raise ValueError(f"level = {level!r}: must be between 0 and 1")
-    if not np.isfinite(freedom):
-        return float(jax.scipy.special.ndtri(0.5 + 0.5 * np.float64(level)))
-    low, high = 0.0, 1e8
-    for _ in range(200):
-        middle = 0.5 * (low + high)
-        # P(|t| > q) = I_{n / (n + q^2)}(n / 2, 1 / 2)
-        outside = jax.scipy.special.betainc(0.5 * freedom, 0.5, freedom / (freedom + middle**2))
-        low, high = (middle, high) if outside > 1 - level else (low, middle)
-    return high
-
-
-def _quantile(result, level):
-    """Student's where errors come from the scatter of the same data."""
-    estimated = any(scale is not None for scale in result.estimated)
-    return quantile(level, max(result.freedom, 0.5) if estimated else np.inf)
-
-
-def interval(result, level=0.95):
-    """Ends of the intervals of all values, linear in x: arrays (low, high), NaN where withheld."""
-    reach = _quantile(result, level) * result.uncertainty.deviation
-    layout, constants = result.layout, result.problem.numbers.constants
-    return tuple(np.asarray(to_values(layout, constants, result.x + sign * reach)) for sign in (-1, 1))
 
 
 class Band(NamedTuple):
@@ -80,95 +57,176 @@ class Band(NamedTuple):
     high: np.ndarray
 
 
-def band(result, velocity, pressure, temperature=None, quantity="friction", level=0.95):
-    """Prediction of the fitted scene and the band that the fit's uncertainty leaves it.
-
-    Linear in the logarithm of the quantity (in the quantity itself where it is not > 0). What
-    the data leave open widens the band only as far as the prediction depends on it.
-
-    Returns
-    -------
-    Band of arrays of the broadcast shape
-    """
-    structure, numbers = result.problem.structure, result.problem.numbers
-
-    def predicted(x):
-        scene = to_scene(structure.layout, numbers.constants, x)
-        solution = rf.solve(
-            scene, velocity, pressure, temperature, quadrature=structure.quadrature, quantities=(quantity,)
-        )
-        return getattr(solution, quantity)
-
-    return widened(result, predicted, level)
+def quantile(level: float, freedom: float = np.inf) -> float:
+    """Two-sided quantile: normal, or Student's with `freedom` degrees of freedom."""
+    check_options(level=level)
+    if not np.isfinite(freedom):
+        return float(scipy.special.ndtri(0.5 + 0.5 * level))
+    return float(scipy.special.stdtrit(freedom, 0.5 + 0.5 * level))
 
 
-def widened(result, predicted, level):
-    """Band of what a function of x predicts."""
-    value, slope = jax.jit(lambda x: forward(predicted, x))(jnp.asarray(result.uncertainty.x))
-    value, slope = np.asarray(value), np.asarray(slope) * result.uncertainty.stretch
-    reach = _quantile(result, level) * np.sqrt(
-        np.einsum("...i,ij,...j->...", slope, result.uncertainty.spread, slope)
-    )
-    positive = value > 0
-    # exp(700) is the largest power of e: a band beyond it is no band.
-    factor = np.exp(np.minimum(reach / np.where(positive, value, 1.0), 700.0))
-    return Band(
-        value,
-        np.where(positive, value / factor, value - reach),
-        np.where(positive, value * factor, value + reach),
-    )
+@dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class SolvedProblem:
+    """A problem and its solution, and how certain that is; `fitting.FitResult` is one.
 
-
-def profile(result, name, level=0.95, points=8, callback=None):
-    """Profile of one parameter's cost on both sides of its fitted value.
-
-    Parameters
+    Attributes
     ----------
-    result : FitResult, not of a robust loss's outliers only: its cost is taken as -ln likelihood
-    name : one of result.names
-    points : on each side, reaching to 1.6 times the linear interval
-    callback : as for `fitting.fit`
-
-    Returns
-    -------
-    Profile
+    problem : the errors of its targets are those estimated, where they were
+    x : the solution, shape (size,)
+    cost : half the sum of squares of data and priors (rho of them, with a robust loss)
+    estimated : for every data set its estimated relative error, None where it was given
+    uncertainty : of the solution
     """
-    starts, targets = profile_fits(result, name, level, points)
-    problem = result.problem
-    runs = run(LevenbergMarquardt(), problem.structure, problem.numbers, targets, starts, callback=callback)
-    return profile_of(result, name, level, starts, runs.cost, runs.status)
 
+    problem: Problem
+    x: np.ndarray
+    cost: float
+    estimated: tuple[float | None, ...]
+    uncertainty: Uncertainty
 
-def profile_fits(result, name, level, points):
-    """Start vectors of the fits that a profile is made of, and their targets."""
-    names = list(result.names)
-    if name not in names:
-        raise ValueError(f"name = {name!r}: must be one of {', '.join(names)}")
-    i, known = names.index(name), result.uncertainty
-    deviation = np.sqrt(known.spread[i, i]) if known.stretch[i] == 1 else np.inf
-    reach = min(1.6 * _quantile(result, level) * deviation, OPEN / 10)
-    offsets = reach * np.linspace(-1, 1, 2 * points + 1)
-    # The others start where the covariance expects them, but for those at a bound.
-    toward = np.where(known.stretch == 1, known.spread[i] / known.spread[i, i], 0.0)
-    toward[i] = 1.0
-    held = np.ones(result.layout.size)
-    held[i] = 0.0
-    targets = jax.tree.map(lambda a: a[None], result.problem.targets._replace(held=held))
-    return result.x + offsets[:, None] * toward, targets
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Key path of every free element."""
+        return self.problem.names
 
+    @property
+    def freedom(self) -> float:
+        """Measured values minus the parameters that they determine."""
+        return self.problem.targets.measured.size - self.uncertainty.parameters
 
-def profile_of(result, name, level, starts, cost, status):
-    """The `Profile` that fits from `profile_fits` make."""
-    i, q, points = list(result.names).index(name), _quantile(result, level), len(starts) // 2
-    good = np.isin(status, (CONVERGED, PERFECT))
-    rise = np.where(good, 2 * (cost - min(result.cost, cost[good].min(initial=np.inf))), np.nan)
-    layout, constants = result.layout, result.problem.numbers.constants
-    values = np.asarray(jax.vmap(lambda x: to_values(layout, constants, x))(starts))[:, i]
-    sides = np.arange(points, -1, -1), np.arange(points, 2 * points + 1)
-    ends = [_crossing(starts[side, i], np.sqrt(np.maximum(rise[side], 0.0)), q) for side in sides]
-    at = [np.where(np.arange(layout.size) == i, end, result.x) for end in ends]
-    low, high = (float(np.asarray(to_values(layout, constants, x))[i]) for x in at)
-    return Profile(name, values, rise, low, high, q**2)
+    def quantile(self, level: float) -> float:
+        """Student's where errors come from the scatter of the same data, else the normal one."""
+        estimated = any(scale is not None for scale in self.estimated)
+        return quantile(level, max(self.freedom, 0.5) if estimated else np.inf)
+
+    def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper ends of the intervals of all values, linear in x; NaN where withheld."""
+        reach = self.quantile(level) * self.uncertainty.deviation
+        return self.problem.values(self.x - reach), self.problem.values(self.x + reach)
+
+    def band(
+        self,
+        velocity: ArrayLike,
+        pressure: ArrayLike,
+        temperature: ArrayLike | None = None,
+        quantity: str = "friction",
+        level: float = 0.95,
+    ) -> Band:
+        """Prediction of the fitted scene and the band that the fit's uncertainty leaves it.
+
+        Linear in the logarithm of the quantity (in the quantity itself where it is not > 0). What
+        the data leave open widens the band only as far as the prediction depends on it.
+
+        Parameters
+        ----------
+        velocity, pressure, temperature : broadcastable [m/s], [Pa], [K]
+            as for `rubberfric.solve`.
+        quantity : any that `rubberfric.solve` knows
+        level : of the band
+
+        Returns
+        -------
+        Band of arrays of the broadcast shape
+        """
+
+        def predicted(x):
+            at = velocity, pressure, temperature
+            quadrature = self.problem.structure.quadrature
+            solution = rf.solve(self.problem.scene(x), *at, quadrature=quadrature, quantities=(quantity,))
+            return getattr(solution, quantity)
+
+        return self.widened(predicted, level)
+
+    def widened(self, predicted: Callable[[jax.Array], jax.Array], level: float) -> Band:
+        """Band of what a function of x predicts."""
+        known = self.uncertainty
+        value, slope = jax.jit(lambda x: forward(predicted, x))(jnp.asarray(known.x))
+        value, slope = np.asarray(value), np.asarray(slope) * known.stretch
+        reach = self.quantile(level) * np.sqrt(np.einsum("...i,ij,...j->...", slope, known.spread, slope))
+        positive = value > 0
+        # exp(700) is the largest power of e: a band beyond it is no band.
+        factor = np.exp(np.minimum(reach / np.where(positive, value, 1.0), 700.0))
+        low = np.where(positive, value / factor, value - reach)
+        return Band(value, low, np.where(positive, value * factor, value + reach))
+
+    def profile(
+        self, name: str, level: float = 0.95, points: int = 8, callback: Callback | None = None
+    ) -> LikelihoodProfile:
+        """Profile likelihood of one parameter, on both sides of its fitted value.
+
+        Not of a robust loss's outliers only: the cost is taken as -ln likelihood.
+
+        Parameters
+        ----------
+        name : one of `names`
+        level : of the interval
+        points : on each side, reaching to 1.6 times the linear interval
+        callback : as for `fitting.fit`
+
+        Raises
+        ------
+        ValueError : the name is none of them, or `level` not between 0 and 1.
+        """
+        starts, targets = self.profile_fits(name, level, points)
+        runs = run(LevenbergMarquardt(), self.problem, starts, targets, callback=callback)
+        return self.profile_of(name, level, starts, runs.cost, runs.status)
+
+    def profile_fits(self, name: str, level: float, points: int) -> tuple[np.ndarray, Targets]:
+        """Start vectors of the fits that a profile is made of, and their targets."""
+        names, known = list(self.names), self.uncertainty
+        if name not in names:
+            raise ValueError(f"name = {name!r}: must be one of {', '.join(names)}")
+        i = names.index(name)
+        deviation = np.sqrt(known.spread[i, i]) if known.stretch[i] == 1 else np.inf
+        reach = min(1.6 * self.quantile(level) * deviation, OPEN / 10)
+        offsets = reach * np.linspace(-1, 1, 2 * points + 1)
+        # The others start where the covariance expects them, but for those at a bound.
+        toward = np.where(known.stretch == 1, known.spread[i] / known.spread[i, i], 0.0)
+        toward[i] = 1.0
+        targets = self.problem.targets._replace(moving=(np.arange(len(names)) != i).astype(float))
+        return self.x + offsets[:, None] * toward, jax.tree.map(lambda a: a[None], targets)
+
+    def profile_of(
+        self, name: str, level: float, starts: np.ndarray, cost: np.ndarray, status: np.ndarray
+    ) -> LikelihoodProfile:
+        """The profile that fits from `profile_fits` make."""
+        i, q, points = self.names.index(name), self.quantile(level), len(starts) // 2
+        good = succeeded(status)
+        rise = np.where(good, 2 * (cost - min(self.cost, cost[good].min(initial=np.inf))), np.nan)
+        sides = np.arange(points, -1, -1), np.arange(points, 2 * points + 1)
+        ends = [_crossing(starts[side, i], np.sqrt(np.maximum(rise[side], 0.0)), q) for side in sides]
+        at = np.where(np.arange(self.x.size) == i, np.array(ends)[:, None], self.x)
+        low, high = self.problem.values(at)[:, i].tolist()
+        return LikelihoodProfile(name, self.problem.values(starts)[:, i], rise, low, high, q**2)
+
+    def bootstrap(
+        self, count: int = 100, key: jax.Array | None = None, callback: Callback | None = None
+    ) -> Bootstrap:
+        """Fit `count` data sets drawn from the fitted model with the errors of the data.
+
+        Parameters
+        ----------
+        count : number of data sets
+        key : jax.random.key, or None for key(0)
+        callback : as for `fitting.fit`
+        """
+        starts, targets = self.bootstrap_fits(count, key)
+        runs = run(LevenbergMarquardt(), self.problem, starts, targets, callback=callback)
+        return self.bootstrap_of(runs.x, runs.status)
+
+    def bootstrap_fits(self, count: int, key: jax.Array | None) -> tuple[np.ndarray, Targets]:
+        """Start vectors of the fits of a bootstrap, and the data drawn for them."""
+        key = jax.random.key(0) if key is None else key
+        targets = self.problem.targets
+        noise = np.asarray(jax.random.normal(key, (count, targets.measured.size)))
+        drawn = model_rows(self.problem, self.x) + targets.error * noise
+        targets = jax.tree.map(lambda a: a[None], targets)._replace(measured=drawn)
+        return np.tile(self.x, (count, 1)), targets
+
+    def bootstrap_of(self, x: np.ndarray, status: np.ndarray) -> Bootstrap:
+        """What fits from `bootstrap_fits` make."""
+        good = succeeded(status)
+        return Bootstrap(self.names, self.problem.values(x[good]), int((~good).sum()))
 
 
 def _crossing(x, root, q):
@@ -180,40 +238,3 @@ def _crossing(x, root, q):
             part = (q - root[k - 1]) / (root[k] - root[k - 1])
             return x[k - 1] + part * (x[k] - x[k - 1])
     return np.inf * np.sign(x[-1] - x[0])
-
-
-def bootstrap(result, count=100, key=None, callback=None):
-    """Fit `count` data sets drawn from the fitted model with the errors of the data.
-
-    Parameters
-    ----------
-    result : FitResult
-    key : jax.random.key, or None for key(0)
-    callback : as for `fitting.fit`
-
-    Returns
-    -------
-    Bootstrap
-    """
-    problem = result.problem
-    starts, targets = bootstrap_fits(result, count, key)
-    runs = run(LevenbergMarquardt(), problem.structure, problem.numbers, targets, starts, callback=callback)
-    return bootstrap_of(result, runs.x, runs.status)
-
-
-def bootstrap_fits(result, count, key):
-    """Start vectors of the fits of a bootstrap, and the data drawn for them."""
-    key = jax.random.key(0) if key is None else key
-    targets = result.problem.targets
-    noise = np.asarray(jax.random.normal(key, (count, targets.measured.size)))
-    drawn = model_rows(result.problem, result.x) + targets.error * noise
-    targets = targets._replace(measured=drawn, error=targets.error[None], held=targets.held[None])
-    return np.tile(result.x, (count, 1)), targets
-
-
-def bootstrap_of(result, x, status):
-    """The `Bootstrap` that fits from `bootstrap_fits` make."""
-    good = np.isin(status, (CONVERGED, PERFECT))
-    layout, constants = result.layout, result.problem.numbers.constants
-    values = jax.vmap(lambda x: to_values(layout, constants, x))(x[good])
-    return Bootstrap(result.names, np.asarray(values), int((~good).sum()))

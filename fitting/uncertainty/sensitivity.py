@@ -13,20 +13,27 @@ from collections.abc import Iterable
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.typing import ArrayLike
 
 import rubberfric as rf
-from fitting.data.measured import one_line
 from fitting.parameters.keypaths import find, leaf_names
-from rubberfric.analysis.jacobian import value_and_jacobian
-from rubberfric.base.checks import as_leaf
-from rubberfric.scene.scene import cast, result_dtype
+from rubberfric.analysis import value_and_jacobian
+from rubberfric.base import as_leaf, shown
+from rubberfric.scene import cast, result_dtype
 
 _DEFAULT = rf.Quadrature()
 
 
 def sensitivity(
-    scene, velocity, pressure, parameters, temperature=None, *, quantity="friction", quadrature=_DEFAULT
-):
+    scene: rf.Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    parameters: str | Iterable[str],
+    temperature: ArrayLike | None = None,
+    *,
+    quantity: str = "friction",
+    quadrature: rf.Quadrature = _DEFAULT,
+) -> jax.Array:
     r"""d ln Q / d ln theta of a quantity with respect to numbers of the scene.
 
     .. math:: \frac{\partial \ln |Q|}{\partial \ln \theta_k}
@@ -64,11 +71,13 @@ def sensitivity(
     known = [name for name in rf.Solution._fields if name != "converged"]  # which is no number
     if quantity not in known:
         raise ValueError(f"quantity = {quantity!r}: must be one of {', '.join(known)}")
-    names = ("velocity", "pressure", "temperature")
-    conditions = tuple(
-        None if value is None else as_leaf(name, value, np.ndim(value))
-        for name, value in zip(names, (velocity, pressure, temperature), strict=True)
+    velocity, pressure = (
+        as_leaf(name, value, np.ndim(value))
+        for name, value in (("velocity", velocity), ("pressure", pressure))
     )
+    if temperature is not None:
+        temperature = as_leaf("temperature", temperature, np.ndim(temperature))
+    conditions = velocity, pressure, temperature
     # `solve` refuses what is wrong before it computes anything, and here it computes nothing.
     jax.eval_shape(lambda: rf.solve(scene, *conditions, quadrature=quadrature, quantities=(quantity,)))
     rows = tuple(row for path in _paths(parameters) for row in _rows(scene, path))
@@ -78,7 +87,7 @@ def sensitivity(
     )
 
 
-def sensitivity_names(scene, parameters):
+def sensitivity_names(scene: rf.Scene, parameters: str | Iterable[str]) -> tuple[str, ...]:
     """Key path of every row that `sensitivity` returns for the same `parameters`.
 
     Returns
@@ -96,7 +105,7 @@ def _paths(parameters):
     if isinstance(parameters, str):
         return (parameters,)
     if not isinstance(parameters, Iterable) or not (paths := tuple(parameters)):
-        raise ValueError(f"parameters = {one_line(parameters)}: must be one key path or more")
+        raise ValueError(f"parameters = {shown(parameters)}: must be one key path or more")
     return paths
 
 
@@ -125,12 +134,10 @@ def _sensitivity(scene, velocity, pressure, temperature, *, rows, quantity, quad
 
     given = [c for c in (velocity, pressure, temperature) if c is not None]
     shape = jnp.broadcast_shapes(*(c.shape for c in given))
-    points = [
-        None if c is None else jnp.broadcast_to(c, shape).reshape(-1)
-        for c in (velocity, pressure, temperature)
-    ]
+    v, p = (jnp.broadcast_to(c, shape).reshape(-1) for c in (velocity, pressure))
+    T = None if temperature is None else jnp.broadcast_to(temperature, shape).reshape(-1)
     x = jnp.zeros(len(rows), given[0].dtype)
-    value, slope = value_and_jacobian(moved, x, points, quantity, quadrature)
+    value, slope = value_and_jacobian(moved, x, (v, p, T), quantity, quadrature)
     nothing = value == 0
     # Divided by one where Q = 0: the quotient not taken must have no NaN, nor have its derivatives.
     ratio = jnp.where(nothing[:, None], 0.0, slope / jnp.where(nothing, 1.0, value)[:, None])

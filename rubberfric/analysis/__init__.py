@@ -5,6 +5,7 @@ from rubberfric.analysis.error_and_time.settings import quadrature_for
 from rubberfric.analysis.error_and_time.sweep import accuracy
 from rubberfric.analysis.extrapolation import friction_outside_table
 from rubberfric.analysis.interface import contact_stiffness, stress_distribution
+from rubberfric.analysis.jacobian import value_and_jacobian
 from rubberfric.analysis.maps.friction_map import FrictionMap, friction_map
 from rubberfric.analysis.power import DissipatedPower, dissipated_power
 from rubberfric.analysis.separation_by_wavevector import SeparationProfile, separation_profile
@@ -23,4 +24,5 @@ __all__ = [
     "quadrature_for",
     "separation_profile",
     "stress_distribution",
+    "value_and_jacobian",
 ]

@@ -4,6 +4,8 @@ r"""What each length scale does: contact, friction and roughness over the waveve
           \frac{d\mu}{d\ln q} = \frac{q^2}{\sigma_0}\, S P \sum_j C_j \int d\varphi\,
           q\cos\varphi\,\mathrm{Im}K_j(q v \cos\varphi)
 
+[Scaraggi & Persson, arXiv:1506.06955, eqs. (10), (A17)]
+
 The wavevectors asked for are borders of the radial panels, so that G(q) and mu(q) are sums over
 whole panels, and the density is formed at q itself: nothing is interpolated from a grid over q.
 """
@@ -23,7 +25,7 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import cumulative_moment
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio, log_shape
 from rubberfric.scene.pairs import Pair, pairs_of
-from rubberfric.scene.scene import Scene
+from rubberfric.scene.scene import Scene, result_dtype, rough_surfaces
 from rubberfric.theory.contributions import total
 from rubberfric.theory.integrals import Prepared, prepare, solved
 from rubberfric.theory.model import checked
@@ -38,7 +40,7 @@ from rubberfric.theory.stiffness.excitation import excitation
 from rubberfric.theory.stiffness.factors import factors_at
 from rubberfric.theory.stiffness.series import static_stiffness
 from rubberfric.theory.stress_fluctuation import Contact
-from rubberfric.theory.temperatures import temperature_at
+from rubberfric.theory.temperatures.heat_balance import temperature_at
 
 _DEFAULT = Quadrature()
 
@@ -102,9 +104,8 @@ def profile(
     Good to the quadrature's error at every q. With a TabulatedModulus, whose knots are kinks over q,
     P(q) and mu(q) may be 1e-4 off just where the roughness begins, and 1e-7 above.
     Friction without contact shear. Where nothing is rough or nothing dissipates, friction and its
-    density are zero, not computed. With
-    `scene.area_correction` G has S inside. G keeps its digits where P = 1 - 1e-300. The
-    magnification of a scene without roughness is counted from q[0].
+    density are zero, not computed. With `scene.area_correction` G has S inside. G keeps its digits where
+    P = 1 - 1e-300. The magnification of a scene without roughness is counted from q[0].
     """
     scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
     q = checked_wavevectors(q, 1, conditions, scene)
@@ -112,17 +113,14 @@ def profile(
 
 
 def checked_wavevectors(
-    q: ArrayLike | None, ndim: int, conditions: Sequence[jax.Array], scene: Scene
+    q: ArrayLike | None, ndim: int, conditions: Sequence[jax.Array | None], scene: Scene
 ) -> jax.Array | None:
-    """The wavevectors of a call in the dtype of its conditions, or ValueError; None if it names none.
-
-    Several are needed where nothing is rough.
-    """
+    """The wavevectors of a call in the dtype of its conditions, or ValueError; None if it names none."""
     if q is not None:
         q = as_leaf("q", q, ndim)
         check_values("q", q, POSITIVE)
-        return jnp.asarray(q, conditions[1].dtype)
-    if ndim and not pairs_of(scene):
+        return jnp.asarray(q, result_dtype(conditions))
+    if ndim and not rough_surfaces(scene):
         raise ValueError("q is None, but nothing in the scene is rough: must be given")
     return None
 
@@ -138,7 +136,7 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
         q = default_wavevectors(laws)
     prepared = prepare(scene, ("area", "friction"), quadrature, pairs=pairs, borders=q)
     densities = []
-    if prepared.roughness is not None and prepared.needs.dissipation:
+    if prepared.needs.dissipation:
         scale = prepared.roughness.scale
         densities = [density_of(pair, scale, "dissipation", q) for pair in pairs]
     block = functools.partial(_over_wavevectors, prepared, densities, q)
@@ -174,12 +172,9 @@ def fluctuation_at_borders(prepared: Prepared, contact: Contact, count: int) -> 
 
 def sum_below_borders(prepared: Prepared, panels: jax.Array, count: int) -> jax.Array:
     """Sums over the panels below each of these borders, (points, borders), of (panels, points)."""
-    roughness, below = (
-        prepared.roughness,
-        jnp.concatenate([jnp.zeros_like(panels[:1]), jnp.cumsum(panels, 0)]),
-    )
-    assert roughness is not None and roughness.mesh.panels_below is not None  # borders were asked for
-    return below[roughness.mesh.panels_below[-count:]].T
+    before, below = prepared.roughness.mesh.panels_below, jnp.cumsum(panels, 0)
+    assert before is not None  # borders were asked for
+    return jnp.concatenate([jnp.zeros_like(panels[:1]), below])[before[-count:]].T
 
 
 def contact_at_borders(prepared: Prepared, contact: Contact, count: int) -> tuple[jax.Array, jax.Array]:
@@ -199,9 +194,8 @@ def _over_wavevectors(prepared, densities, q, points):
     results = {"area": P, "fluctuation": G, "energy_factor": energy_factor(P, contact.gamma)}
     strained = [points[2] if len(points) > 2 else None] * len(densities)
     if temperatures is not None:
-        solids = prepared.thermal.strained
-        found = temperature_at(prepared.thermal, prepared.roughness, contact, temperatures, points, q)
-        strained = [None if solid is None else found[:, solid] for solid in solids]
+        found = temperature_at(prepared.roughness, contact, temperatures, points, q)
+        strained = [None if solid is None else found[:, solid] for solid in temperatures.thermal.strained]
         results["temperature"] = jnp.mean(found, 1)
     if not prepared.needs.dissipation:
         return results | dict.fromkeys(("friction_density", "friction"), jnp.zeros_like(G))

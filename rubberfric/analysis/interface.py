@@ -1,7 +1,8 @@
 r"""The interface: what a load does to the separation, and how stresses are distributed.
 
-With g = G sigma_0^2, x = sigma_0 / (2 sqrt g), P = erf x and s = gamma P + (1 - gamma) P^3, all of
-them follow from the same radial integrals as area and separation (`rubberfric.theory.integrals`).
+With g = G sigma_0^2, x = sigma_0 / (2 sqrt g), P = erf x and s = gamma P + (1 - gamma) P^3
+[Scaraggi & Persson, arXiv:1506.06955, eqs. (10), (A18)], both follow from the same radial integrals as
+area and separation (`rubberfric.theory.integrals`).
 """
 
 import functools
@@ -16,7 +17,7 @@ from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import FINITE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.pairs import pairs_of
-from rubberfric.scene.scene import Scene
+from rubberfric.scene.scene import Scene, rough_surfaces
 from rubberfric.theory.integrals import prepare, solved
 from rubberfric.theory.model import checked
 from rubberfric.theory.partial_contact import TWO_OVER_ROOT_PI, contact_fraction
@@ -147,7 +148,7 @@ def contact_stiffness(
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
 def _contact_stiffness(scene, velocity, pressure, temperature, *, quadrature):
-    if not pairs_of(scene):
+    if not rough_surfaces(scene):
         return jnp.full(jnp.broadcast_shapes(velocity.shape, pressure.shape), jnp.inf, pressure.dtype)
     prepared = prepare(scene, ("separation",), quadrature)
 

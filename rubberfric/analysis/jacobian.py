@@ -47,12 +47,14 @@ def value_and_jacobian(
 
     Returns
     -------
-    (values, jacobian), shapes (points,) and (points, size)
+    (values, jacobian), shapes (points,) and (points, size); values are NaN where the temperatures of a
+    heated scene did not converge
     """
     scene = scene_of(x)
     if any(body.material.needs_quadrature for body in (scene.lower, scene.upper)):
         # By reverse mode each point would keep derivatives with respect to the whole table of means.
         return _forward(scene_of, x, conditions, quantity, quadrature)
+    heated = () if scene.heating is None else ("converged",)
     points = [jnp.asarray(c, x.dtype) for c in conditions if c is not None]
     shape = {}  # of the tree of the prepared scene, and its leaves that are no arrays
 
@@ -80,7 +82,8 @@ def value_and_jacobian(
             "object": iter(shape["objects"]),
         }
         ready = jax.tree_util.tree_unflatten(shape["tree"], [next(parts[kind]) for kind in shape["kind"]])
-        return evaluate(ready, (quantity,), [c[None] for c in point])[quantity][0]
+        found = evaluate(ready, (quantity, *heated), [c[None] for c in point])
+        return _or_nan(found[quantity], found.get("converged"))[0]
 
     chosen = [a for a, moves in zip(arrays, moving, strict=True) if moves]
 
@@ -105,11 +108,18 @@ def _forward(scene_of, x, conditions, quantity, quadrature):
     """The same by forward mode, one parameter after the other."""
 
     def values(x):
-        solution = solve(scene_of(x), *conditions, quadrature=quadrature, quantities=(quantity,))
-        return getattr(solution, quantity)
+        scene = scene_of(x)
+        heated = () if scene.heating is None else ("converged",)
+        solution = solve(scene, *conditions, quadrature=quadrature, quantities=(quantity, *heated))
+        return _or_nan(getattr(solution, quantity), solution.converged)
 
     value, push = jax.linearize(values, x)
     return value, jax.lax.map(push, jnp.eye(x.size, dtype=x.dtype)).T
+
+
+def _or_nan(values, converged):
+    """Values, NaN instead of those of a last iterate."""
+    return values if converged is None else jnp.where(converged, values, jnp.nan)
 
 
 def _kind(leaf):

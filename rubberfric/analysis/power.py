@@ -2,6 +2,8 @@ r"""Where the frictional power goes: into the lower solid, the upper solid and t
 
 .. math:: \sigma_0 \mu v = \sigma_0 v\,(\mu_2 + \mu_1 + \mu_\mathrm{con}),\qquad
           \mu_j = \frac{1}{\sigma_0}\int d^2q\, S P\, C_j\, q\cos\varphi\,\mathrm{Im}K_j
+
+[the terms of Scaraggi & Persson, arXiv:1506.06955, eq. (A17)]
 """
 
 import functools
@@ -80,7 +82,7 @@ def _dissipated_power(scene, velocity, pressure, temperature, *, quadrature):
         temperature = points[2] if len(points) > 2 else None
         results = {solid: jnp.zeros_like(pressure) for solid in ("lower", "upper", "shear")}
         area = jnp.ones_like(pressure)
-        if prepared.roughness is not None:
+        if prepared.integrated is not None:
             contact, temperatures = solved(prepared, *points)
             area = contact.area()
             if temperatures is not None:

@@ -1,4 +1,7 @@
-"""Separation where contact is lost at each length scale."""
+"""Separation where contact is lost at each length scale.
+
+[Yang & Persson, J. Phys.: Condens. Matter 20, 215214 (2008)]
+"""
 
 import functools
 from typing import NamedTuple
@@ -99,7 +102,6 @@ def _separation_profile(scene, velocity, pressure, temperature, q, *, quadrature
         return SeparationProfile(q, one, 0 * one, 0 * one)
     q = default_wavevectors([pair.law for pair in pairs], COUNT) if q is None else q
     prepared = prepare(scene, ("area",), quadrature, pairs=pairs, borders=q)
-    assert prepared.roughness is not None  # as there are pairs
     densities = [density_of(pair, prepared.roughness.scale, "power", q) for pair in pairs]
     block = functools.partial(_separations, scene, prepared, pairs, densities, q, quadrature)
     return SeparationProfile(q, **over_points(block, (velocity, pressure, temperature), BLOCK))

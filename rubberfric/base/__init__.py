@@ -1,6 +1,17 @@
 """What knows no physics: objects and their rules, quadrature, units, files that appear whole, progress."""
 
-from rubberfric.base.checks import FINITE, NONNEGATIVE, POSITIVE, between, check_values, closest, shown
+from rubberfric.base import html
+from rubberfric.base.atomic import StrPath, as_path, check_writable, replacing, write_durably
+from rubberfric.base.checks import (
+    FINITE,
+    NONNEGATIVE,
+    POSITIVE,
+    as_leaf,
+    between,
+    check_values,
+    closest,
+    shown,
+)
 from rubberfric.base.objects.fields import (
     Matrix,
     Number,
@@ -31,18 +42,25 @@ __all__ = [
     "OptionalNumber",
     "PhysicalObject",
     "Static",
+    "StrPath",
     "Vector",
+    "as_leaf",
+    "as_path",
     "between",
     "check_values",
+    "check_writable",
     "child",
     "closest",
     "fields_of",
     "forget",
+    "html",
     "leaf",
     "object_html",
     "parse_key_path",
     "physical",
+    "replacing",
     "shown",
     "static",
     "unit_of",
+    "write_durably",
 ]

@@ -67,6 +67,30 @@ def replacing(path: StrPath) -> Iterator[Path]:
         os.replace(temporary, path)
 
 
+def write_durably(path: StrPath, content: bytes | memoryview) -> None:
+    """Write bytes whole or not at all, synchronised with the disk; OSError says why it could not be."""
+    path = Path(path).resolve()  # a link is followed, not replaced
+    # Always the same name: what a killed process leaves behind is overwritten by the next.
+    temporary = path.with_name(f".{path.name}.writing")
+    begin(temporary)
+    try:
+        with open(temporary, "wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except OSError:
+        temporary.unlink(missing_ok=True)
+        raise
+    finally:
+        finish(temporary)
+    folder = os.open(path.parent, os.O_RDONLY)
+    try:
+        os.fsync(folder)  # the new name, too
+    finally:
+        os.close(folder)
+
+
 def check_writable(path: StrPath, suffixes: tuple[str, ...]) -> None:
     """Raise ValueError saying why `path` could not be written: its suffix, its folder, or itself."""
     path = as_path(path)

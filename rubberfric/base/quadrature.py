@@ -2,10 +2,13 @@
 
 import dataclasses
 import functools
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import numpy.typing as npt
+from jax.typing import ArrayLike
 from numpy.polynomial import chebyshev, legendre
 
 # Nodes between neighbouring Gauss nodes: exact to rounding for power laws of exponent 6
@@ -47,7 +50,7 @@ class Quadrature:
     angular_order: int = 14
     heat: int = 176
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         limits = {
             "order": (4, 64),
             "panels": (2, 200),
@@ -63,20 +66,20 @@ class Quadrature:
             raise ValueError(f"Quadrature.ratio = {self.ratio!r}: must be between 1 and 1e6")
 
 
-def typed(table, values):
+def typed(table: npt.ArrayLike, values: ArrayLike) -> jax.Array:
     """A host table with the dtype of `values`: NumPy's float64 would widen a float32 scene."""
     return jnp.asarray(table, jnp.result_type(values))
 
 
 @functools.cache
-def gauss(order):
+def gauss(order: int) -> tuple[np.ndarray, np.ndarray]:
     """Gauss-Legendre nodes and weights on [0, 1]; read-only arrays, shape (order,)."""
     x, w = legendre.leggauss(order)
     return _frozen(0.5 * (x + 1)), _frozen(0.5 * w)
 
 
 @functools.cache
-def legendre_transform(order):
+def legendre_transform(order: int) -> np.ndarray:
     """Matrix from values at the Gauss nodes to Legendre coefficients, exact to degree order - 1."""
     x, w = legendre.leggauss(order)
     basis = legendre.legvander(x, order - 1)
@@ -84,22 +87,24 @@ def legendre_transform(order):
 
 
 @functools.cache
-def nodes_between(order):
+def nodes_between(order: int) -> np.ndarray:
     """Nodes on [0, 1] for integrals from 0 to every Gauss node: a few in each gap between neighbours."""
     borders = np.concatenate([[0.0], gauss(order)[0]])
     return _frozen((borders[:-1, None] + np.diff(borders)[:, None] * gauss(_IN_A_GAP)[0]).ravel())
 
 
 @functools.cache
-def weights_between(order):
+def weights_between(order: int) -> np.ndarray:
     """Weights of the nodes of `nodes_between`, each for the gap it lies in; shape (order, nodes in a gap)."""
     gap = np.diff(np.concatenate([[0.0], gauss(order)[0]]))
     return _frozen(gap[:, None] * gauss(_IN_A_GAP)[1])
 
 
 @functools.cache
-def cumulative(order):
-    """Array T with int_0^x_k w f = sum_si w(y_s) T[s, k, i] f(x_i) on [0, 1].
+def cumulative(order: int) -> np.ndarray:
+    r"""Rule for integrals of a product up to every Gauss node of [0, 1].
+
+    .. math:: \int_0^{x_k} w f\,dx = \sum_{s i} w(y_s)\, T_{ski}\, f(x_i)
 
     x are the Gauss nodes, y those of `nodes_between`; f is smooth and known at x only, w known
     anywhere: a rule for each w that stays accurate, and so positive, where w grows by 1e6
@@ -112,9 +117,15 @@ def cumulative(order):
     return _frozen((weight[:, None] * before)[:, :, None] * basis[:, None, :])
 
 
-def chebyshev_fit(function, low, high, degree):
+def chebyshev_fit(
+    function: Callable[[np.ndarray], np.ndarray], low: float, high: float, degree: int
+) -> np.ndarray:
     """Monomial coefficients (ascending, in u on [-1, 1]) of the interpolant on [low, high]."""
-    coefficients = chebyshev.chebinterpolate(lambda u: function(0.5 * (high - low) * (u + 1) + low), degree)
+    coefficients = chebyshev.chebinterpolate(
+        # NumPy's stub takes the values at all nodes for one number.
+        lambda u: function(0.5 * (high - low) * (u + 1) + low),  # pyright: ignore[reportArgumentType, reportCallIssue]
+        degree,
+    )
     return _frozen(chebyshev.cheb2poly(coefficients))
 
 

@@ -78,9 +78,8 @@ def compute(scene: Scene, conditions: Conditions) -> Solution:
 def table(result: Result) -> Iterator[str]:
     """Lines of the printed table: a block for every temperature and pressure."""
     solution = result.solution._asdict()
-    columns = {
-        name: solution[name] for name, q in QUANTITIES.items() if q.symbol and solution[name] is not None
-    }
+    columns = {name: solution[name] for name, quantity in QUANTITIES.items() if quantity.heading}
+    columns = {name: values for name, values in columns.items() if values is not None}
     # Six columns of 12 leave no more than one space between them on a line of 80.
     gap = " " if len(columns) > 4 else "  "
     if result.title:

@@ -1,18 +1,32 @@
 """Files: scenes, results, tables, and the formats of other programs."""
 
+from rubberfric.io import hdf5, toml
 from rubberfric.io.files import load_scene, save_scene
 from rubberfric.io.prony_cards.cards import read_prony, write_prony
-from rubberfric.io.result_files import load_result, save_result
+from rubberfric.io.result_files import load_result, read_quadrature, save_result, write_quadrature
 from rubberfric.io.results import Result
-from rubberfric.io.tables.reading import read_columns
+from rubberfric.io.scene_files.hdf5 import read_object, write_object
+from rubberfric.io.tables.columns import COLUMNS
+from rubberfric.io.tables.reading import read_columns, read_names, read_table
+from rubberfric.io.tables.writing import write_table
 
 __all__ = [
+    "COLUMNS",
     "Result",
+    "hdf5",
     "load_result",
     "load_scene",
     "read_columns",
+    "read_names",
+    "read_object",
     "read_prony",
+    "read_quadrature",
+    "read_table",
     "save_result",
     "save_scene",
+    "toml",
+    "write_object",
     "write_prony",
+    "write_quadrature",
+    "write_table",
 ]

@@ -2,7 +2,7 @@
 
 import contextlib
 import importlib.metadata
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 import h5py
@@ -61,9 +61,9 @@ def write_values(group: h5py.Group, name: str, values: ArrayLike, units: str) ->
     return data
 
 
-def read_values(group: h5py.Group, name: str, units: str) -> np.ndarray | float:
+def read_values(group: h5py.Group, name: str, units: str) -> np.ndarray:
     """Numbers of a dataset, in the units it must be in: a NumPy array, or a float if it is weak."""
-    where, data = f"{str(group.name).rstrip('/')}/{name}", group.get(name)
+    where, data = _path(group, name), group.get(name)
     if not isinstance(data, h5py.Dataset):
         raise ValueError(f"{where}: is missing; must be a dataset")
     if data.attrs.get("units") != units:
@@ -71,16 +71,64 @@ def read_values(group: h5py.Group, name: str, units: str) -> np.ndarray | float:
     if data.dtype.kind != "f":
         raise ValueError(f"{where}: has type {data.dtype}: must be a floating-point number")
     array = np.asarray(data[()], data.dtype.newbyteorder("="))
-    return float(array) if data.attrs.get("weak", False) and array.ndim == 0 else array
+    if data.attrs.get("weak", False) and array.ndim == 0:
+        return float(array)  # pyright: ignore[reportReturnType] (a number does all that an array does)
+    return array
+
+
+def read_array(group: h5py.Group, name: str, units: str, shape: tuple[int, ...]) -> np.ndarray:
+    """Numbers of a dataset of a certain shape."""
+    array = np.asarray(read_values(group, name, units))
+    if array.shape != shape:
+        raise ValueError(f"{_path(group, name)} has shape {array.shape}: must be {shape}")
+    return array
+
+
+def read_counts(group: h5py.Group, name: str, size: int) -> np.ndarray:
+    """Integers of a dataset, shape (size,)."""
+    data = group[name]
+    if not isinstance(data, h5py.Dataset) or data.shape != (size,) or data.dtype.kind != "i":
+        raise ValueError(f"{_path(group, name)}: must be {size} integers")
+    return np.asarray(data[()])
+
+
+def write_texts(group: h5py.Group, name: str, texts: Iterable[str]) -> None:
+    """A dataset of texts."""
+    group.create_dataset(name, data=np.array(list(texts), object), dtype=h5py.string_dtype())
+
+
+def read_texts(group: h5py.Group, name: str) -> list[str]:
+    """A list of texts; ValueError if the dataset is none of texts."""
+    data = group.get(name)
+    if not isinstance(data, h5py.Dataset) or h5py.check_string_dtype(data.dtype) is None:
+        raise ValueError(f"{_path(group, name)}: is missing; must be a dataset of texts")
+    return np.asarray(data.asstr()[()]).tolist()
+
+
+def attributes(owner: h5py.Group, kinds: Mapping[str, type]) -> dict[str, Any]:
+    """Attributes of a file or group, of the types that `kinds` says."""
+    found = {}
+    for name, kind in kinds.items():
+        value = plain(owner.attrs.get(name))
+        if type(value) is not kind:
+            raise ValueError(f"{owner.name}: attribute {name} = {value!r}: must be of type {kind.__name__}")
+        found[name] = value
+    return found
+
+
+def subgroup(group: h5py.Group, name: str) -> h5py.Group:
+    """The group of that name in another; ValueError if there is none."""
+    found = group.get(name)
+    if not isinstance(found, h5py.Group):
+        raise ValueError(f"{_path(group, name)}: is missing; must be a group")
+    return found
 
 
 def check_names(group: h5py.Group, names: Collection[str], attributes: Collection[str]) -> None:
     """ValueError if a group holds something unknown."""
     for name in group:
         if name not in names:
-            raise ValueError(
-                f"{str(group.name).rstrip('/')}/{name}: unknown field; {closest(name, tuple(names))}"
-            )
+            raise ValueError(f"{_path(group, name)}: unknown field; {closest(name, tuple(names))}")
     for name in group.attrs:
         if name not in attributes:
             raise ValueError(f"{group.name}: attribute {name!r} is unknown; {closest(name, attributes)}")
@@ -89,6 +137,10 @@ def check_names(group: h5py.Group, names: Collection[str], attributes: Collectio
 def plain(attribute: Any) -> Any:
     """An attribute as Python has it: bool, int, float or str."""
     return attribute.item() if isinstance(attribute, np.generic) else attribute
+
+
+def _path(group: h5py.Group, name: object) -> str:
+    return f"{(group.name or '').rstrip('/')}/{name}"
 
 
 def _check_format(file, form, version):

@@ -17,29 +17,19 @@ class Quantity(NamedTuple):
     """How a field of `Solution` is written."""
 
     unit: str  # SI, in files
-    symbol: str = ""  # in printed tables; "": not there
-    printed: tuple[str, float] | None = None  # unit there, and its factor; None: SI
-
-    @property
-    def heading(self) -> str:
-        """Heading of its column in a printed table."""
-        return f"{self.symbol} [{self.printed[0] if self.printed else self.unit}]"
-
-    @property
-    def factor(self) -> float:
-        """From SI to the unit of that column."""
-        return self.printed[1] if self.printed else 1.0
+    heading: str = ""  # of its column in a printed table; "": not there
+    factor: float = 1.0  # from SI to the unit of that column
 
 
 # In the order of a printed table.
 QUANTITIES = {
-    "area": Quantity("-", "A/A0"),
-    "friction": Quantity("-", "mu"),
-    "separation": Quantity("m", "u_bar", ("um", 1e6)),
-    "viscoelastic_friction": Quantity("-", "mu_visc"),
-    "shear_friction": Quantity("-", "mu_shear"),
-    "transverse_friction": Quantity("-", "mu_side"),
-    "flash_temperature": Quantity("K", "T_flash"),
+    "area": Quantity("-", "A/A0 [-]"),
+    "friction": Quantity("-", "mu [-]"),
+    "separation": Quantity("m", "u_bar [um]", 1e6),
+    "viscoelastic_friction": Quantity("-", "mu_visc [-]"),
+    "shear_friction": Quantity("-", "mu_shear [-]"),
+    "transverse_friction": Quantity("-", "mu_side [-]"),
+    "flash_temperature": Quantity("K", "T_flash [K]"),
     "converged": Quantity("-"),
 }
 CONDITIONS = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}

@@ -138,13 +138,13 @@ def _discriminant(layer, alpha, beta, q):
     (one, _, sinh, cosh, _, X), _ = _parts(layer, q)
     # D1 itself without its share of X sinh: alpha beta e^2x + 2 alpha cosh 2x + 2 beta (cosh 2x - 2x)
     split = alpha * beta + 2 * alpha * cosh + 2 * beta * (cosh - X * one)
-    rest = (
+    remainder = (
         16 * (1 + X * X) * one
         + 16 * beta * ((1 + X * X) * one - X * cosh)
         + 16 * alpha * (one - X * sinh)
         + alpha * beta * (12 * one - 4 * one**3 - 16 * X * sinh)
     )
-    return split**2 + one * rest
+    return split**2 + one * remainder
 
 
 def _skew(layer, alpha, beta, q):

@@ -198,7 +198,11 @@ def series_modulus(series: Series, omega: jax.Array) -> jax.Array:
 
 def relaxation(a: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Real and imaginary part of i a / (1 + i a), a = omega tau of any sign."""
-    # a^2 must not overflow; beyond the bound the term is glassy to the last bit.
-    bound = 1e150 if a.dtype == jnp.float64 else 1e18
-    a = jnp.clip(a, -bound, bound)
+    a = squarable(a)
     return a * a / (1 + a * a), a / (1 + a * a)
+
+
+def squarable(a: jax.Array) -> jax.Array:
+    """A product omega tau whose square is a number; beyond, a term is glassy to the last bit."""
+    bound = 1e150 if a.dtype == jnp.float64 else 1e18
+    return jnp.clip(a, -bound, bound)

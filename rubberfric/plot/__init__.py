@@ -5,6 +5,7 @@ pyplot does not know, and returns the axes: `plot_friction(result).figure` at th
 in a notebook, after `%matplotlib inline`.
 """
 
+from rubberfric.plot import style
 from rubberfric.plot.accuracy import plot_accuracy
 from rubberfric.plot.curves import (
     curve_labels,
@@ -17,7 +18,7 @@ from rubberfric.plot.curves import (
 from rubberfric.plot.map import plot_map
 from rubberfric.plot.modulus import plot_modulus
 from rubberfric.plot.profile import plot_profile
-from rubberfric.plot.save import check_plot, save_accuracy_plot, save_plot
+from rubberfric.plot.save import check_plot, save_accuracy_plot, save_figure, save_plot
 from rubberfric.plot.sensitivity import plot_sensitivity
 from rubberfric.plot.spectrum import plot_spectrum
 from rubberfric.plot.style import PANELS
@@ -38,5 +39,7 @@ __all__ = [
     "plot_separation",
     "plot_spectrum",
     "save_accuracy_plot",
+    "save_figure",
     "save_plot",
+    "style",
 ]

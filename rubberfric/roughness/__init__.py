@@ -3,12 +3,22 @@
 from rubberfric.roughness.anisotropy import Anisotropic, TabulatedAnisotropic, from_grid, harmonics_left_out
 from rubberfric.roughness.joining import JoinedSpectra, Joint, join_spectra, resample
 from rubberfric.roughness.moments import cutoff, moment, rms_height, rms_slope, with_cutoff
-from rubberfric.roughness.normalisation import areal_spectrum, line_spectrum, spectrum_as, spectrum_from
-from rubberfric.roughness.spectra import SelfAffine, TabulatedSpectrum, power_spectrum
+from rubberfric.roughness.normalisation import (
+    LINES,
+    NORMALISATION_RULE,
+    areal_spectrum,
+    check_normalisation,
+    line_spectrum,
+    spectrum_as,
+    spectrum_from,
+)
+from rubberfric.roughness.spectra import SelfAffine, TabulatedSpectrum, log_power_spectrum, power_spectrum
 from rubberfric.roughness.surface_objects import spectrum_of_surface
 from rubberfric.roughness.topography import MeasuredSpectrum, spectrum_of_profile, spectrum_of_topography
 
 __all__ = [
+    "LINES",
+    "NORMALISATION_RULE",
     "Anisotropic",
     "JoinedSpectra",
     "Joint",
@@ -17,11 +27,13 @@ __all__ = [
     "TabulatedAnisotropic",
     "TabulatedSpectrum",
     "areal_spectrum",
+    "check_normalisation",
     "cutoff",
     "from_grid",
     "harmonics_left_out",
     "join_spectra",
     "line_spectrum",
+    "log_power_spectrum",
     "moment",
     "power_spectrum",
     "resample",

@@ -233,8 +233,8 @@ def resample(
         return TabulatedSpectrum(jnp.asarray(q, log_C.dtype), jnp.exp(log_C))
     borders = np.concatenate([q[:1], np.sqrt(q[:-1]) * np.sqrt(q[1:]), q[-1:]])
     C = _partial(law, 0, borders) / jnp.asarray(np.pi * np.diff(borders**2), log_C.dtype)
-    wanted = jnp.log(jnp.stack([jnp.sum(_partial(law, order, q[[0, -1]])) for order in (0, 2)]))
-    return _with_moments(jnp.asarray(q, log_C.dtype), C, wanted)
+    logarithms = jnp.log(jnp.stack([jnp.sum(_partial(law, order, q[[0, -1]])) for order in (0, 2)]))
+    return _with_moments(jnp.asarray(q, log_C.dtype), C, logarithms)
 
 
 def _partial(law, order, borders):
@@ -249,19 +249,19 @@ def _partial(law, order, borders):
     return 2 * jnp.pi * law.height2 * jnp.sum(pieces, 1)
 
 
-def _with_moments(q, C, wanted):
-    """The table C exp(a + b ln q) whose moments 0 and 2 have the wanted logarithms."""
+def _with_moments(q, C, logarithms):
+    """The table C exp(a + b ln q) whose moments 0 and 2 have these logarithms."""
     place = jnp.log(q / q[-1])
 
     def table(x):
         return TabulatedSpectrum(q, C * jnp.exp(x[0] + x[1] * place))
 
     def miss(x):
-        return jnp.log(jnp.stack([moment(table(x), order) for order in (0, 2)])) - wanted
+        return jnp.log(jnp.stack([moment(table(x), order) for order in (0, 2)])) - logarithms
 
     @jax.jit
     def solved():
-        x = jnp.zeros_like(wanted)
+        x = jnp.zeros_like(logarithms)
         for _ in range(_STEPS):
             x = x - jnp.linalg.solve(jax.jacfwd(miss)(x), miss(x))
         return x

@@ -171,8 +171,8 @@ def _where_reached(law, slope, endless):
     target = jnp.where(reachable, target, before[-1])
     # A slope reached at a border is reached at the end of the piece before it.
     piece = jnp.clip(jnp.searchsorted(before, target) - 1, 0, width.shape[0] - 1)
-    wanted = (target - before[piece]) / unit[piece]
-    return piece, _inverse_growth(law.exponent[piece] + 2, wanted), reachable
+    integral = (target - before[piece]) / unit[piece]
+    return piece, _inverse_growth(law.exponent[piece] + 2, integral), reachable
 
 
 def _inverse_growth(exponent, integral):
@@ -186,7 +186,7 @@ def _inverse_growth(exponent, integral):
 
 
 def with_cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3) -> Spectrum:
-    """The spectrum cut at `cutoff`, so that its rms slope is the one wanted; C(q) is the same below.
+    """The spectrum cut at `cutoff`, so that it has this rms slope; C(q) is the same below.
 
     Parameters
     ----------

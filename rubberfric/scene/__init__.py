@@ -1,7 +1,16 @@
 """Scenes: two bodies, what is between them, and which version of the theory to use."""
 
 from rubberfric.scene.heating import Heating
-from rubberfric.scene.scene import Body, Scene
+from rubberfric.scene.scene import (
+    Body,
+    Scene,
+    cast,
+    check_background,
+    dissipates,
+    result_dtype,
+    shifts,
+    takes_temperature,
+)
 from rubberfric.scene.shear import ContactShear
 from rubberfric.scene.softening import Softening
 
@@ -11,4 +20,10 @@ __all__ = [
     "Heating",
     "Scene",
     "Softening",
+    "cast",
+    "check_background",
+    "dissipates",
+    "result_dtype",
+    "shifts",
+    "takes_temperature",
 ]

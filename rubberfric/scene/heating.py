@@ -47,6 +47,11 @@ class Heating(PhysicalObject):
     shear_share : share of the heat of contact shear that goes into each deformable solid [-], 0 ... 1
     shear_at : "flash" or "background" (static)
         whether contact shear has the temperature of the contact or that far away.
+    branch : "rising" or "falling" (static)
+        Friction that falls as the rubber warms can make several temperatures possible at one velocity.
+        Those of "rising" are reached from rest by a velocity that rises slowly, those of "falling" from
+        high velocities by one that falls slowly, both at the given pressure and background; where
+        a branch ends, at the state that the temperatures jump to. The two differ within hysteresis loops.
 
     Both solids have these values if both deform; without roughness there is no scale to be hot, and
     they keep the temperature far away. Temperatures must be given wherever a heated scene
@@ -60,6 +65,7 @@ class Heating(PhysicalObject):
     area_fraction: OptionalNumber = leaf(between(1e-12, 1.0), unit="-", default=None)
     shear_share: Number = leaf(between(0.0, 1.0), unit="-", default=0.5)
     shear_at: Literal["flash", "background"] = static(default="flash")
+    branch: Literal["rising", "falling"] = static(default="rising")
 
 
 class Diffusion(NamedTuple):

@@ -1,6 +1,7 @@
 r"""S inside G: the universal map from the plain G to the corrected one.
 
-With the elastic-energy factor in the diffusion function, dG = S(P(G)) dg where g is the
+The paper has the elastic-energy factor S [Scaraggi & Persson, eq. (14)] in friction and separation only.
+With it in the diffusion function too, as an established program has it, dG = S(P(G)) dg where g is the
 plain G: a function of g and gamma alone, whatever the surfaces and materials. It is
 solved once for the gamma at hand, as a table of ln G over ln g, exact to about 1e-11:
 
@@ -36,7 +37,7 @@ class CorrectionTable(NamedTuple):
     curvature: jax.Array
 
 
-def correction_table(gamma):
+def correction_table(gamma: jax.Array) -> CorrectionTable:
     """Table of the corrected G for one gamma in 0 ... 1."""
     dtype = jnp.result_type(gamma)
     node, weight = (jnp.asarray(x, dtype) for x in gauss(_ORDER))
@@ -71,8 +72,8 @@ def correction_table(gamma):
     return CorrectionTable(start, step, *_derivatives(value, plain_at(value), gamma))
 
 
-def correct_argument(table, x):
-    """x = 1/(2 sqrt(G)) from the plain x; both 27 at most."""
+def correct_argument(table: CorrectionTable, x: jax.Array) -> jax.Array:
+    """x = 1/(2 sqrt(G)) with S in G, from the plain x of any shape; both 27 at most."""
     log_plain = -2 * jnp.log(2 * x)
     position = (log_plain - table.start) / table.step
     last = table.value.shape[0] - 2

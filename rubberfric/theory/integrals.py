@@ -28,22 +28,38 @@ from rubberfric.theory.partial_contact import separation_weight
 from rubberfric.theory.quantities import Needs, needs_of, parts_of
 from rubberfric.theory.stiffness.series import modulus_scale
 from rubberfric.theory.stress_fluctuation import Contact, Roughness
-from rubberfric.theory.temperatures import (
+from rubberfric.theory.temperatures.heat_balance import (
     Temperatures,
     Thermal,
+    feeds_back,
     macroasperity,
     prepare_thermal,
-    solve_temperatures,
 )
+from rubberfric.theory.temperatures.solution import COARSE, solve_temperatures
+
+
+class Points(NamedTuple):
+    """Where a scene is computed, arrays of shape (points,)."""
+
+    velocity: jax.Array  # [m/s]
+    pressure: jax.Array  # [Pa]
+    temperature: jax.Array | None = None  # [K]
 
 
 class Prepared(NamedTuple):
     """A scene ready for many points."""
 
     needs: Needs
-    roughness: Roughness | None  # None if nothing is needed of it
+    integrated: Roughness | None  # None if nothing is needed of it
     thermal: Thermal | None
     shear: ContactShear | None
+
+    @property
+    def roughness(self) -> Roughness:
+        """The rough surfaces; ValueError where nothing is needed of them."""
+        if self.integrated is None:
+            raise ValueError("the scene was prepared for nothing that is an integral over roughness")
+        return self.integrated
 
 
 def prepare(
@@ -68,6 +84,18 @@ def prepare(
     if not needs.power:
         return Prepared(needs, None, None, scene.shear)
     pairs = pairs_of(scene) if pairs is None else pairs
+    roughness, thermal = _rough(scene, pairs, quadrature, needs, borders), None
+    heating = scene.heating
+    if heating is not None:
+        coarse = None
+        if feeds_back(scene):
+            coarse = _rough(scene, pairs, COARSE, needs_of(scene, ("flash_temperature",)))
+        thermal = prepare_thermal(heating, scene, roughness, quadrature.heat, coarse, COARSE.heat)
+    return Prepared(needs, roughness, thermal, scene.shear)
+
+
+def _rough(scene, pairs, quadrature, needs, borders=None):
+    """`Roughness` of a scene."""
     mesh = build_mesh(
         [pair.law for pair in pairs],
         quadrature,
@@ -75,18 +103,15 @@ def prepare(
         logarithmic=any(pair.steep for pair in pairs),
         borders=_borders(scene, pairs, borders),
     )
-    scale = modulus_scale(scene)
-    roughness = Roughness(
+    scale, gamma = modulus_scale(scene), jnp.asarray(scene.gamma)
+    return Roughness(
         mesh,
         tuple(contribution(pair, mesh, j, scale, needs) for j, pair in enumerate(pairs)),
         tuple(pair.side for pair in pairs),
         scale,
-        scene.gamma,
-        correction_table(scene.gamma) if scene.area_correction and needs.area else None,
+        gamma,
+        correction_table(gamma) if scene.area_correction and needs.area else None,
     )
-    heating = scene.heating
-    thermal = None if heating is None else prepare_thermal(heating, scene, roughness, quadrature.heat)
-    return Prepared(needs, roughness, thermal, scene.shear)
 
 
 def _borders(scene, pairs, asked):
@@ -107,8 +132,6 @@ def solved(
     ValueError : a scene prepared for nothing that is an integral, or a heated one without temperature.
     """
     roughness, thermal = prepared.roughness, prepared.thermal
-    if roughness is None:
-        raise ValueError("the scene was prepared for nothing that is an integral: there is no contact")
     if thermal is None:
         return roughness.contact(velocity, pressure, [temperature] * len(roughness.contributions)), None
     if temperature is None:
@@ -118,7 +141,7 @@ def solved(
 
 
 def evaluate(
-    prepared: Prepared, quantities: Iterable[str], points: Sequence[jax.Array]
+    prepared: Prepared, quantities: Iterable[str], points: Iterable[jax.Array]
 ) -> dict[str, jax.Array]:
     """Quantities at points.
 
@@ -126,26 +149,27 @@ def evaluate(
     ----------
     prepared : Prepared for these quantities at least
     quantities : fields of `Solution`
-    points : velocity [m/s], pressure [Pa](, temperature [K]), shape (n,)
+    points : those of a `Points`
 
     Returns
     -------
-    dict from the quantities to arrays, shape (n,)
+    dict from the quantities to arrays, shape (points,)
     """
-    velocity, pressure = points[:2]
-    surface = points[2] if len(points) > 2 else None
+    velocity, pressure, temperature = Points(*points)
     parts = parts_of(quantities)
     sheared = prepared.shear is not None and "shear_friction" in parts
-    found: dict[str, jax.Array] = {}
-    if prepared.roughness is not None:
-        contact, temperatures = solved(prepared, *points)
-        found = _integrated(contact, parts | {"area"} if sheared else parts)
+    # Without roughness there is no scale to be hot.
+    found = {} if temperature is None else {"flash_temperature": temperature}
+    surface = temperature
+    if prepared.integrated is not None:
+        contact, temperatures = solved(prepared, velocity, pressure, temperature)
+        found |= _integrated(contact, parts | {"area"} if sheared else parts)
         if temperatures is not None:
             found |= {"flash_temperature": temperatures.flash, "converged": temperatures.converged}
             surface = temperatures.surface
 
     def value(name):
-        return found[name] if name in found else _constant(name, points)
+        return found[name] if name in found else _constant(name, pressure)
 
     if prepared.shear is not None and sheared:
         found["shear_friction"] = shear_friction(prepared.shear, value("area"), velocity, pressure, surface)
@@ -169,10 +193,8 @@ def _integrated(contact, parts):
     return found
 
 
-def _constant(name, points):
+def _constant(name, pressure):
     """What is not integrated: full contact of smooth surfaces, and no force where nothing relaxes."""
-    if name == "flash_temperature":
-        return points[2]  # without roughness there is no scale to be hot
     if name == "converged":
-        return jnp.ones_like(points[1], bool)
-    return jnp.full_like(points[1], 1.0 if name == "area" else 0.0)
+        return jnp.ones_like(pressure, bool)
+    return jnp.full_like(pressure, 1.0 if name == "area" else 0.0)

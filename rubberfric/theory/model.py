@@ -15,18 +15,21 @@ change K_j.
 """
 
 import functools
+import warnings
+from collections.abc import Iterable, Sequence
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import over_points
-from rubberfric.base.checks import FINITE, POSITIVE, as_leaf, check_values
+from rubberfric.base.checks import FINITE, POSITIVE, as_leaf, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene, cast, check_background, result_dtype, shifts, takes_temperature
 from rubberfric.scene.single_precision import check_single
 from rubberfric.theory.integrals import evaluate, prepare
-from rubberfric.theory.quantities import QUANTITIES, Solution
+from rubberfric.theory.quantities import QUANTITIES, Solution, Values
 
 BLOCK = 512  # points evaluated at once
 
@@ -34,7 +37,14 @@ BLOCK = 512  # points evaluated at once
 _DEFAULT = Quadrature()
 
 
-def contact_area(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT):
+def contact_area(
+    scene: Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None = None,
+    *,
+    quadrature: Quadrature = _DEFAULT,
+) -> jax.Array:
     r"""Relative area of real contact [Scaraggi & Persson, eqs. (10), (A11)].
 
     .. math:: A/A_0 = \mathrm{erf}\frac{1}{2\sqrt{G(q_1)}},\qquad
@@ -62,10 +72,17 @@ def contact_area(scene, velocity, pressure, temperature=None, *, quadrature=_DEF
     -----
     Needs G at the largest wavevector only: no graded panels and no cumulative integral.
     """
-    return solve(scene, velocity, pressure, temperature, quadrature=quadrature, quantities=("area",)).area
+    return _alone("area", scene, velocity, pressure, temperature, quadrature)
 
 
-def friction(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT):
+def friction(
+    scene: Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None = None,
+    *,
+    quadrature: Quadrature = _DEFAULT,
+) -> jax.Array:
     r"""Friction coefficient of steady sliding [Scaraggi & Persson, eq. (A17) over v sigma_0].
 
     .. math:: \mu = \frac{1}{\sigma_0} \int d^2q\, S P \sum_j C_j\, q \cos\varphi\,
@@ -91,12 +108,17 @@ def friction(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT
     The viscoelastic part is zero, not computed, when no rough solid faces a viscoelastic one
     (Cases II, III).
     """
-    return solve(
-        scene, velocity, pressure, temperature, quadrature=quadrature, quantities=("friction",)
-    ).friction
+    return _alone("friction", scene, velocity, pressure, temperature, quadrature)
 
 
-def separation(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT):
+def separation(
+    scene: Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None = None,
+    *,
+    quadrature: Quadrature = _DEFAULT,
+) -> jax.Array:
     r"""Mean interfacial separation [Scaraggi & Persson, eq. (A18)].
 
     .. math:: \bar u = \int d^2q \sum_j C_j\,\mathrm{Re} K_j\, \frac{x}{2\sigma_0}\Psi(x),\qquad
@@ -123,12 +145,24 @@ def separation(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAU
     Uses the plain G(q) whatever `scene.area_correction` says: against boundary-element
     ratios of separations the plain G is off by 1 %, S in G by 9 to 18 %.
     """
-    return solve(
-        scene, velocity, pressure, temperature, quadrature=quadrature, quantities=("separation",)
-    ).separation
+    return _alone("separation", scene, velocity, pressure, temperature, quadrature)
 
 
-def solve(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT, quantities=QUANTITIES):
+def _alone(name, scene, velocity, pressure, temperature, quadrature):
+    """One quantity."""
+    found = solve(scene, velocity, pressure, temperature, quadrature=quadrature, quantities=(name,))
+    return getattr(found, name)
+
+
+def solve(
+    scene: Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None = None,
+    *,
+    quadrature: Quadrature = _DEFAULT,
+    quantities: str | Sequence[str] = QUANTITIES,
+) -> Solution:
     """Several quantities at once, sharing the stiffness and G(q).
 
     Parameters
@@ -151,6 +185,11 @@ def solve(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT, q
     Raises
     ------
     ValueError : as `contact_area`, an unknown quantity, or one of heating although the scene has none.
+
+    Warns
+    -----
+    RuntimeWarning : where the temperatures of a heated scene are not a solution, naming the points; not
+        within jit or another transformation, nor if "converged" is asked for.
     """
     quantities = (quantities,) if isinstance(quantities, str) else tuple(quantities)
     for name in quantities:
@@ -158,16 +197,44 @@ def solve(scene, velocity, pressure, temperature=None, *, quadrature=_DEFAULT, q
             raise ValueError(f"quantities has {name!r}: must be out of {', '.join(Solution._fields)}")
     scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
     check_heated(scene, quantities)
-    return _solve(scene, *conditions, quadrature=quadrature, quantities=quantities)
+    if scene.heating is None or "converged" in quantities:
+        return _solve(scene, *conditions, quadrature=quadrature, quantities=quantities)
+    solution = _solve(scene, *conditions, quadrature=quadrature, quantities=(*quantities, "converged"))
+    _warn_of_last_iterates(solution.converged, conditions)
+    return solution._replace(converged=None)
 
 
-def check_heated(scene, quantities):
+def _warn_of_last_iterates(converged: Values | None, conditions: Sequence[jax.Array | None]) -> None:
+    """RuntimeWarning naming the points at which the temperatures of a heated scene are not a solution."""
+    if not is_concrete(converged) or np.all(converged):
+        return
+    left = ~np.asarray(converged)
+    velocity, pressure, temperature = (np.broadcast_to(np.asarray(x), left.shape)[left] for x in conditions)
+    named = [
+        f"v = {v:g} m/s, p = {p:g} Pa, T = {T:g} K"
+        for v, p, T in zip(velocity[:3], pressure[:3], temperature[:3], strict=True)
+    ]
+    warnings.warn(
+        f"the temperatures did not converge at {left.sum()} of {left.size} points, at {'; '.join(named)}"
+        f"{' and others' if left.sum() > len(named) else ''}: the values there are those of the last iterate",
+        RuntimeWarning,
+        stacklevel=3,
+    )
+
+
+def check_heated(scene: Scene, quantities: Iterable[str]) -> None:
     """ValueError for quantities of heating although the scene has none."""
     if scene.heating is None and {"flash_temperature", "converged"} & set(quantities):
         raise ValueError("quantities has 'flash_temperature' or 'converged': the scene must have heating")
 
 
-def checked(scene, velocity, pressure, temperature, quadrature):
+def checked(
+    scene: Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None,
+    quadrature: Quadrature,
+) -> tuple[Scene, tuple[jax.Array, jax.Array, jax.Array | None]]:
     """Scene and conditions (velocity, pressure, temperature) as arrays of one dtype, or ValueError."""
     check_kinds(scene, quadrature)
     velocity = _condition("velocity", velocity, FINITE)
@@ -188,14 +255,13 @@ def checked(scene, velocity, pressure, temperature, quadrature):
         raise ValueError(f"shapes differ ({shown}): must broadcast against each other") from None
 
     dtype = result_dtype(scene, velocity, pressure, temperature)
-    conditions = cast((velocity, pressure, temperature), dtype)
-    scene = cast(scene, dtype)
+    scene, temperature = cast(scene, dtype), None if temperature is None else jnp.asarray(temperature, dtype)
     if dtype == jnp.float32:
-        check_single(scene, conditions[2])
-    return scene, conditions
+        check_single(scene, temperature)
+    return scene, (jnp.asarray(velocity, dtype), jnp.asarray(pressure, dtype), temperature)
 
 
-def check_kinds(scene, quadrature):
+def check_kinds(scene: object, quadrature: object) -> None:
     """ValueError unless they are a Scene and a Quadrature."""
     for name, value, cls in (("scene", scene, Scene), ("quadrature", quadrature, Quadrature)):
         if not isinstance(value, cls):

@@ -28,13 +28,15 @@ def _largest(dtype):
 
 
 @jax.custom_jvp
-def contact_argument(fluctuation, stiffness):
-    """x = 1 / (2 stiffness sqrt(fluctuation)), at most 27 (float32: 10), where P = 1.
+def contact_argument(fluctuation: jax.Array, stiffness: jax.Array) -> jax.Array:
+    r"""x of the contact fraction, at most 27 (float32: 10), where P = 1 [Scaraggi & Persson, eq. (10)].
+
+    .. math:: x = \frac{1}{2\sqrt G},\qquad G = stiffness^2 \times fluctuation
 
     Parameters
     ----------
-    fluctuation : g >= 0, so that G = stiffness^2 g [-]
-    stiffness : modulus over pressure [-], > 0
+    fluctuation : g >= 0 [-], any shape
+    stiffness : modulus over pressure [-], > 0, broadcastable
     """
     largest = _largest(jnp.result_type(fluctuation))
     # Clipped below as well, so that no roughness at all (g = 0) gives the largest x, not 1/0.
@@ -52,33 +54,35 @@ def _contact_argument_jvp(primals, tangents):
     return x, -x * (tangents[1] / stiffness) - (2 * scaled * scaled * x) * tangents[0]
 
 
-def energy_factor(P, gamma):
-    """S = gamma + (1 - gamma) P^2: elastic energy of partial over that of full contact."""
+def energy_factor(P: jax.Array, gamma: jax.Array | float) -> jax.Array:
+    """S = gamma + (1 - gamma) P^2: elastic energy of partial over that of full contact [eq. (14)]."""
     return gamma + (1 - gamma) * P * P
 
 
-def contact_fraction(x):
-    """P = erf(x): share of the nominal area in contact at the resolution q."""
+def contact_fraction(x: jax.Array) -> jax.Array:
+    """P = erf(x): share of the nominal area in contact at the resolution q [eq. (10)]."""
     # JAX's erf reaches 1 + 2e-7 in float32.
     return jnp.minimum(erf(x), 1.0)
 
 
-def friction_weight(x, gamma):
-    """S P."""
+def friction_weight(x: jax.Array, gamma: jax.Array | float) -> jax.Array:
+    """S P, what the friction of full contact is multiplied by at every wavevector [eq. (A17)]."""
     P = contact_fraction(x)
     return energy_factor(P, gamma) * P
 
 
 @jax.custom_jvp
-def separation_weight(x, gamma):
-    r"""x Psi(x): the pressure integral of the mean separation, times 2 sigma_0.
+def separation_weight(x: jax.Array, gamma: jax.Array | float) -> jax.Array:
+    r"""x Psi(x): the pressure integral of the mean separation [eq. (A18)], times 2 sigma_0.
 
     .. math:: \int_{\sigma_0}^\infty \frac{dp}{2p} \frac{\partial (SP)}{\partial p}
               = \frac{x}{2\sigma_0}\Psi(x), \qquad
               \Psi = \int_x^\infty \frac{s'(t)}{t} dt,\quad
               s = \gamma\,\mathrm{erf} + (1-\gamma)\,\mathrm{erf}^3
 
-    good to 1e-11 relative to Psi(1); 0 < x <= 27.
+    P depends on the pressure p through x = p / (2 sigma_0 sqrt G) alone.
+
+    Limits: good to 1e-11 relative to Psi(1); 0 < x <= 27.
     """
     tables = {name: typed(table, x) for name, table in _psi_tables().items()}
     z = x * x

@@ -16,7 +16,6 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.typing import ArrayLike
 
 from rubberfric.roughness.mesh import Mesh
 from rubberfric.theory.area_correction import CorrectionTable, correct_argument
@@ -31,7 +30,7 @@ class Contact(NamedTuple):
     stiffness: jax.Array  # modulus scale over pressure, (points,)
     panels: jax.Array  # g of every panel, (panels, points); of all together, (1, points), if not graded
     x: jax.Array | None  # 1 / (2 sqrt G), plain; None if the mesh is not graded
-    gamma: ArrayLike
+    gamma: jax.Array
     correction: CorrectionTable | None
 
     def area(self, panels: jax.Array | None = None) -> jax.Array:
@@ -70,7 +69,7 @@ class Roughness(NamedTuple):
     contributions: tuple[Contribution, ...]
     strained: tuple[str, ...]  # which solid each of them strains: "lower" or "upper"
     scale: jax.Array  # unit of all moduli [Pa]
-    gamma: ArrayLike
+    gamma: jax.Array
     correction: CorrectionTable | None  # of S in G
 
     def contact(

@@ -60,13 +60,13 @@ def test_rate_against_a_loop_and_the_limit(precision):
 
 def test_growth_over_members():
     print(
-        f"\n{'members':>8s} {'seconds':>9s} {'fits/s':>8s} {'lanes':>6s} {'stated MB':>10s} {'grown MB':>9s}"
+        f"\n{'members':>8s} {'seconds':>9s} {'fits/s':>8s} {'batch':>6s} {'stated MB':>10s} {'grown MB':>9s}"
     )
     size = 1
     while size <= LARGEST:
         run = measured("ensemble", size)
         print(
-            f"{size:8d} {run['seconds']:9.2f} {size / run['seconds']:8.3g} {run['lanes']:6d}"
+            f"{size:8d} {run['seconds']:9.2f} {size / run['seconds']:8.3g} {run['batch']:6d}"
             f" {run['stated MB']:10.1f} {run['grown MB']:9.1f}"
         )
         # Members themselves, on the host: starts, data and their copies of a step.

@@ -21,12 +21,13 @@ import scipy.special
 from support.ensembles.twin import FREE, GUESS, TRUTH, twin
 
 import rubberfric as rf
-from fitting.parameters.layout import to_scene
+from fitting.parameters.variables import to_scene
 from fitting.solvers.first_order import LBFGS, Adam
+from fitting.solvers.iterate import RUNNING
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
-from fitting.solvers.problem import make_problem, residuals, residuals_and_jacobian
+from fitting.solvers.problem import make_problem
+from fitting.solvers.residuals import residuals, residuals_and_jacobian
 from fitting.solvers.runs import _init, _step
-from fitting.solvers.status import RUNNING
 from fitting.uncertainty.covariance import uncertainty
 
 pytestmark = pytest.mark.benchmark
@@ -124,7 +125,7 @@ def test_error_against_run_time(problem, start):
         return np.asarray(model(x))
 
     def numpy_rows(x):
-        scene = to_scene(problem.structure.layout, problem.numbers.constants, jnp.asarray(x))
+        scene = to_scene(problem.structure.variables, problem.numbers.constants, jnp.asarray(x))
         mu = numpy_friction(scene, data.velocity, data.pressure, data.temperature)
         return np.log(mu / data.measured) / data.error
 

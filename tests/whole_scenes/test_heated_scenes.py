@@ -17,6 +17,10 @@ from support.oracles import oracle, oracle_heating
 
 import fitting
 import rubberfric as rf
+from fitting.fit import _not_finite
+from fitting.solvers.problem import make_problem
+from fitting.solvers.residuals import residual_rows
+from rubberfric.analysis import jacobian
 from rubberfric.analysis.jacobian import value_and_jacobian
 from rubberfric.base import fixed_point
 
@@ -282,6 +286,35 @@ def test_fit_finds_conductivity_and_radius():
     np.testing.assert_allclose(result.values, [HEATING["conductivity"], HEATING["radius"]], rtol=1e-6)
 
 
+def test_no_last_iterate_reaches_a_fit(monkeypatch):
+    heated, v = scene(BASE), np.array([1e-2, 1.0, 10.0])
+    data = fitting.FrictionData(v, np.ones(3), pressure=3e5, temperature=290.0)
+    problem = make_problem(
+        heated, [data], {"heating.conductivity": fitting.Positive()}, None, "linear", None, None
+    )
+    left = rf.Solution(friction=jnp.ones(3), converged=jnp.array([True, False, True]))
+    monkeypatch.setattr(rf, "solve", lambda *_, **__: left)
+    assert np.isnan(residual_rows(problem, problem.start)).tolist() == [False, True, False]
+    assert "not finite at the start at 1 of 3 values, first at velocity = 1 m/s" in _not_finite(
+        problem, [data]
+    )
+
+
+def test_no_last_iterate_has_a_jacobian(monkeypatch):
+    left = {"friction": jnp.ones(1), "converged": jnp.zeros(1, bool)}
+    monkeypatch.setattr(jacobian, "evaluate", lambda *_: left)
+    points = np.array([1.0, 2.0]), np.array([1e5, 1e5]), np.array([290.0, 290.0])
+
+    def scene_of(x):
+        return rf.Scene(*both, heating=rf.Heating(1.2e3, 1.6e3, x[0], 2e-3))
+
+    both = scene(SHEARED).lower, scene(SHEARED).upper
+    values = jax.jit(
+        lambda x: value_and_jacobian(scene_of, x, points, "friction", rf.Quadrature(panels=2, graded=0))[0]
+    )(jnp.ones(1))
+    assert np.isnan(values).all()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", some(["one", "macro", "flash-shear"], ()))
 def test_single_precision(name):
@@ -294,9 +327,16 @@ def test_single_precision(name):
         np.testing.assert_allclose(single[quantity], double[quantity], rtol=3e-5, atol=1e-30)
 
 
+def root_of(function, s, start):
+    """A fixed point with its derivatives by s, and whether it was reached."""
+    fixed = jax.lax.stop_gradient(s)
+    y, reached = fixed_point.fixed_point(lambda y: function(fixed, y), start)
+    return fixed_point.implicit(lambda y: function(s, y), y), reached
+
+
 def test_fixed_point_and_its_derivatives():
     def root(s):
-        return fixed_point.fixed_point(lambda y: 0.9 * jnp.cos(s * y), jnp.zeros((3, 5)))
+        return root_of(lambda s, y: 0.9 * jnp.cos(s * y), s, jnp.zeros((3, 5)))
 
     @jax.jit
     def everything(s):

@@ -75,15 +75,7 @@ class Accuracy(NamedTuple):
         headings = ("method", "/".join(knobs), "nodes", *(f"error of {name} [-]" for name in names))
         headings += (*(f"of its gradient: {name} [-]" for name in names), "time [ms]", "with gradient [ms]")
         headings += ("compile [s]", "with gradient [s]")
-        rows = [
-            (
-                f"{row.method}, {row.dtype}",
-                short_setting(row.setting, knobs),
-                f"{row.nodes}",
-                *self._cells(row),
-            )
-            for row in self.rows
-        ]
+        rows = [(f"{row.method}, {row.dtype}", *self._cells(row, knobs)) for row in self.rows]
         return table([*rows, *self._about_reference(), *self._choices()], headings, self._about())
 
     def write(self, path: StrPath) -> None:
@@ -105,11 +97,9 @@ class Accuracy(NamedTuple):
             writer.writerow(names)
             writer.writerow(["s" if name in times else "-" for name in names])
             for row in self.rows:
-                panels = isinstance(row.setting, Quadrature)
-                knobs = [getattr(row.setting, knob) if panels else "" for knob in _KNOBS]
+                knobs = [getattr(row.setting, knob, "") for knob in _KNOBS]
                 sizes = ("", "") if isinstance(row.setting, Quadrature) else row.setting
-                seconds = [getattr(row, name) for name in times]
-                numbers = [*knobs, *sizes, row.nodes, *self.known(row), *seconds]
+                numbers = [*knobs, *sizes, row.nodes, *self.known(row), *(getattr(row, t) for t in times)]
                 writer.writerow([row.method, row.dtype, *("" if x is None else x for x in numbers)])
 
     def _cheapest(self, error, seconds):
@@ -146,7 +136,9 @@ class Accuracy(NamedTuple):
             if group != (row.method, row.dtype):
                 group = (row.method, row.dtype)
                 yield row.dtype if row.method == "panels" else "textbook method, NumPy: ln q x phi"
-            yield self._line(row, knobs)
+            setting, nodes, *cells = self._cells(row, knobs)
+            texts = [*(f"{error:>7s}" for error in cells[:6]), *(f"{time:>8s}" for time in cells[6:])]
+            yield f"  {setting:18s}{nodes:>7s}" + "".join(texts)
         yield ""
         yield from self._choices()
 
@@ -156,23 +148,16 @@ class Accuracy(NamedTuple):
         same = {knob for knob in ("heat",) if len({getattr(one, knob) for one in settings}) < 2}
         return tuple(knob for knob in _KNOBS if knob not in same)
 
-    def _line(self, row: Row, knobs: tuple[str, ...]) -> str:
-        cells = self._cells(row)
-        return (
-            f"  {short_setting(row.setting, knobs):18s}{row.nodes:7d}"
-            + "".join(f"{error:>7s}" for error in cells[:6])
-            + "".join(f"{time:>8s}" for time in cells[6:])
-        )
-
-    def _cells(self, row: Row) -> tuple[str, ...]:
-        """Texts of a row: six errors, two run times [ms] and two times of compiling [s]."""
+    def _cells(self, row: Row, knobs: tuple[str, ...]) -> tuple[str, ...]:
+        """Texts of a row: setting, nodes, six errors, two run times [ms], two times of compiling [s]."""
         errors = (
             "-" if error is None or known is None else "<" * (known > error) + f"{known:.0e}"
             for error, known in zip(row.errors, self.known(row), strict=True)
         )
         times = (None if t is None else 1e3 * t for t in (row.forward, row.gradient))
         seconds = (*times, row.compile_forward, row.compile_gradient)
-        return (*errors, *("-" if t is None else f"{t:.3g}" for t in seconds))
+        texts = ("-" if t is None else f"{t:.3g}" for t in seconds)
+        return (short_setting(row.setting, knobs), f"{row.nodes}", *errors, *texts)
 
     def _choices(self) -> Iterator[str]:
         """Lines about the cheapest settings: one for both uses where it is the same."""

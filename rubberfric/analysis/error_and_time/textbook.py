@@ -6,6 +6,8 @@ r"""The textbook method: the theory as anyone writes it down, in NumPy, to compa
           \bar u = \int d^2q \sum_j C_j\,\mathrm{Re} K_j
           \int_{\sigma_0}^\infty \frac{dp}{2p}\frac{\partial[SP]}{\partial p}
 
+[Scaraggi & Persson, arXiv:1506.06955, eqs. (10), (A11), (A17), (A18)]
+
 Trapezoids over ln q and over phi, complex moduli at every frequency q v cos(phi), a cumulative
 trapezoid for G, and one more over ln p for the separation. Numbers are taken from the scene and
 nothing else: no formula, mesh or table of the library, so that it is a second opinion as well.
@@ -16,8 +18,8 @@ between two, and in phi there is no order until the nodes resolve every cos(phi)
 from collections.abc import Sequence
 
 import numpy as np
+import scipy
 from jax.typing import ArrayLike
-from scipy.special import erf
 
 from rubberfric.analysis.error_and_time.textbook_solids import (
     knows,
@@ -100,9 +102,9 @@ def _block(scene, points, nodes, quantities):
         gamma = float(scene.gamma)
         fluctuation = _stepped(density, log_q, gamma) if scene.area_correction else plain
         x = _argument(fluctuation)
-        results["area"] = erf(x[:, -1])
+        results["area"] = scipy.special.erf(x[:, -1])
         if "friction" in quantities:
-            P = erf(x)
+            P = scipy.special.erf(x)
             integrand = q**3 * (gamma + (1 - gamma) * P**2) * P * dissipation
             results["friction"] = np.trapezoid(integrand, log_q, axis=-1) / pressure
         if "separation" in quantities:
@@ -148,7 +150,7 @@ def _stepped(density: np.ndarray, log_q: np.ndarray, gamma: float) -> np.ndarray
 
 def _energy(G: np.ndarray, gamma: float) -> np.ndarray:
     """S."""
-    return gamma + (1 - gamma) * erf(_argument(G)) ** 2
+    return gamma + (1 - gamma) * scipy.special.erf(_argument(G)) ** 2
 
 
 def _argument(G: np.ndarray) -> np.ndarray:
@@ -163,7 +165,7 @@ def _over_pressure(x: np.ndarray, gamma: float, count: int) -> np.ndarray:
     log_p = np.log(_FULL / x)[..., None] * np.linspace(0, 1, count)  # ln(p / sigma_0)
     here = x[..., None] * np.exp(log_p)
     slope = 2 / np.sqrt(np.pi) * here * np.exp(-(here**2))  # dP / d ln p
-    slope *= gamma + 3 * (1 - gamma) * erf(here) ** 2
+    slope *= gamma + 3 * (1 - gamma) * scipy.special.erf(here) ** 2
     return np.trapezoid(0.5 * np.exp(-log_p) * slope, log_p, axis=-1)
 
 

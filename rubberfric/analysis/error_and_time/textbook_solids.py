@@ -1,4 +1,8 @@
-"""Solids and roughness of the textbook method: numbers of a scene, and no formula of the library."""
+"""Solids and roughness of the textbook method: numbers of a scene, and no formula of the library.
+
+Series and layers are of [Scaraggi & Persson, arXiv:1506.06955, eqs. (A6), (A8), (A10)], coatings as
+`rubberfric.materials.coating` says, E(omega), shifts and spectra as their classes.
+"""
 
 import math
 

@@ -8,7 +8,7 @@ as many as its fast memory holds.
 
 import functools
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple, TypeVar
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -36,8 +36,6 @@ _FEW = 8
 
 # Bytes that the programs of all devices of a process may hold.
 MEMORY = 2**28
-
-Tree = TypeVar("Tree")
 
 _POINTS = "points"
 _EVERYWHERE = PartitionSpec()  # one copy on every device
@@ -117,11 +115,8 @@ def plan(
     columns = columns if block is None else min(block, columns)
     columns = -(-pressures // -(-pressures // columns))  # sets of one size, as nearly as can be
     local = max(1, min(most // columns, pairs) // len(devices))
-    if platform == "cpu":
-        group = max(_FEWEST, min(_MOST, _AT_ONCE // columns))
-    else:
-        group = max(1, _AT_ONCE_ELSEWHERE // columns)
-    group = min(group, local)
+    at_once = max(_FEWEST, min(_MOST, _AT_ONCE // columns)), max(1, _AT_ONCE_ELSEWHERE // columns)
+    group = min(at_once[platform != "cpu"], local)
     groups = local // group
     count = -(-pairs // (group * groups * len(devices)))
     if count <= _FEW:
@@ -159,8 +154,8 @@ def program_bytes(tiling: Tiling, task: Task) -> int:
     arguments, static = _arguments(tiling, task, next(batches(tiling)))
     # JAX keeps what is compiled here for the calls that follow.
     found = _evaluate.lower(*arguments, **static).compile().memory_analysis()
-    if found is None:  # a device that does not say
-        return 0
+    if found is None:
+        return 0  # the device does not say
     return found.temp_size_in_bytes + found.argument_size_in_bytes + found.output_size_in_bytes
 
 
@@ -177,7 +172,7 @@ def points(conditions: Conditions, batch: Batch) -> tuple[np.ndarray, np.ndarray
     return conditions.velocity[v], conditions.pressure[batch.low : batch.high], temperature
 
 
-def on_all(mesh: jax.sharding.Mesh, tree: Tree, spec: PartitionSpec = _EVERYWHERE) -> Tree:
+def on_all(mesh: jax.sharding.Mesh, tree: Any, spec: PartitionSpec = _EVERYWHERE) -> Any:
     """A tree of arrays that every process has, as arrays of all devices."""
     sharding = NamedSharding(mesh, spec)
 
@@ -199,19 +194,16 @@ def all_ready(ready: bool) -> bool:
 
 
 def _arguments(tiling, task, batch):
-    sizes = (tiling.batch, tiling.columns, tiling.batch)
+    # The last pair and the last pressure pad what is short: every batch has one shape.
+    sizes = tiling.batch, tiling.columns, tiling.batch
     velocity, pressure, temperature = (
         None if x is None else np.pad(x, (0, size - x.size), mode="edge")
         for x, size in zip(points(task.conditions, batch), sizes, strict=True)
     )
-    across = PartitionSpec(_POINTS)
-    velocity, temperature = on_all(tiling.mesh, (velocity, temperature), across)
-    pressure = on_all(tiling.mesh, pressure)
-    static = {"quadrature": task.quadrature, "quantities": task.quantities}
-    return (task.scene, velocity, pressure, temperature), static | {
-        "mesh": tiling.mesh,
-        "group": tiling.group,
-    }
+    velocity, temperature = on_all(tiling.mesh, (velocity, temperature), PartitionSpec(_POINTS))
+    static = {"quadrature": task.quadrature, "quantities": task.quantities, "group": tiling.group}
+    arguments = (task.scene, velocity, on_all(tiling.mesh, pressure), temperature)
+    return arguments, static | {"mesh": tiling.mesh}
 
 
 @functools.partial(jax.jit, static_argnames=("mesh", "group", "quadrature", "quantities"))

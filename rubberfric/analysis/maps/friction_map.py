@@ -35,8 +35,6 @@ LARGEST = 2**28
 
 _DEFAULT = Quadrature()
 
-
-Progress = Callable[[int, int], object]  # of points done and points in all
 Values = Mapping[str, np.ndarray | h5py.Dataset]
 Arrays = dict[str, np.ndarray]
 
@@ -49,7 +47,7 @@ def friction_map(
     *,
     quantities: str | Iterable[str] = DEFAULT_QUANTITIES,
     quadrature: Quadrature = _DEFAULT,
-    progress: Progress | None = None,
+    progress: Callable[[int, int], object] | None = None,
     block: int | None = None,
     path: StrPath | None = None,
     title: str = "",
@@ -143,7 +141,7 @@ def _file(path: StrPath, result: Result, dtypes: Mapping[str, np.dtype]) -> Iter
         yield data
 
 
-def _fill(data: Values, tiling: batches.Tiling, task: batches.Task, progress: Progress | None) -> None:
+def _fill(data: Values, tiling: batches.Tiling, task: batches.Task, progress):
     """Compute a map, arrays [temperature, pressure, velocity]."""
     task = task._replace(scene=batches.on_all(tiling.mesh, task.scene))
     tiling = batches.fitted(tiling, task)
@@ -162,22 +160,14 @@ def _fill(data: Values, tiling: batches.Tiling, task: batches.Task, progress: Pr
 
 
 def _computed(tiling: batches.Tiling, task: batches.Task) -> Iterator[tuple[batches.Batch, Arrays]]:
-    """(batch, its values (pressures, pairs)) for one batch after the other."""
-    before = None
-    for batch in batches.batches(tiling):
+    """(batch, its values (pressures, pairs) on the host) for one batch after the other."""
+    begun = ((batch, batches.launch(tiling, task, batch)) for batch in batches.batches(tiling))
+    one = next(begun, None)
+    while one is not None:
         # The next is begun before this one is read, so that devices need not wait for the host.
-        begun = batch, batches.launch(tiling, task, batch)
-        if before is not None:
-            yield _read(*before)
-        before = begun
-    if before is not None:
-        yield _read(*before)
-
-
-def _read(batch: batches.Batch, values: Mapping[str, jax.Array]) -> tuple[batches.Batch, Arrays]:
-    """A batch on the host, without its padding."""
-    rows, pairs = slice(batch.high - batch.low), slice(batch.stop - batch.first)
-    return batch, {name: np.asarray(x)[rows, pairs] for name, x in values.items()}
+        (batch, values), one = one, next(begun, None)
+        rows, pairs = slice(batch.high - batch.low), slice(batch.stop - batch.first)
+        yield batch, {name: np.asarray(x)[rows, pairs] for name, x in values.items()}
 
 
 def _check_finite(values: Arrays, conditions: Conditions, batch: batches.Batch) -> None:

@@ -66,7 +66,8 @@ def read_prony(
         _check("unit_temperature", unit_temperature, TEMPERATURE)
         if unit_stress is None and program != "pyvisco":
             raise ValueError("unit_stress is missing: must be given, cards do not say it; Pa, MPa, ...")
-        return FORMATS[program].read(text, Units(unit_stress, unit_temperature), poisson, shift)
+        units = Units(unit_stress, STRESS[unit_stress or "Pa"], TEMPERATURE[unit_temperature])
+        return FORMATS[program].read(text, units, poisson, shift)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
 
@@ -126,7 +127,9 @@ def write_prony(
     degrees = f", {unit_temperature}" if series.shift is not None else ""
     head = f"Prony series of {series.tau.size} terms. Units: {unit_stress}, s{degrees}"
     lines = [f"{form.comment} {head}"] if form.comment else []
-    lines += form.write(series, Units(unit_stress, unit_temperature), mass, name)
+    lines += form.write(
+        series, Units(unit_stress, STRESS[unit_stress], TEMPERATURE[unit_temperature]), mass, name
+    )
     text = "\n".join(lines) + "\n"
     if path is not None:
         folder = as_path(path).parent

@@ -29,18 +29,9 @@ Material = Prony | PronyShear
 class Units(NamedTuple):
     """Units of the numbers in a file."""
 
-    stress: str | None  # a key of STRESS; None: the file says it
-    temperature: str  # a key of TEMPERATURE
-
-    @property
-    def pascal(self) -> float:
-        """The unit of stress [Pa]."""
-        return STRESS[self.stress or "Pa"]
-
-    @property
-    def zero(self) -> float:
-        """Zero of the temperature [K]."""
-        return TEMPERATURE[self.temperature]
+    stress: str | None  # None: the file says it
+    pascal: float  # the unit of stress [Pa]
+    zero: float  # of the temperature [K]
 
 
 class Series(NamedTuple):

@@ -134,10 +134,10 @@ def _build_child(path, key, field, content):
     kind = content.get("kind", field.unnamed)
     if not isinstance(kind, str) or kind not in known:
         raise ValueError(f"{path}: {key}.kind = {shown(kind)}: {closest(kind, tuple(known))}{field.hint}")
-    rest = {name: value for name, value in content.items() if name != "kind"}
-    if known[kind] in (Prony, PronyShear) and "file" in rest:
-        return _read_cards(path, key, known[kind], rest)
-    return _build(path, key, known[kind], rest)
+    fields = {name: value for name, value in content.items() if name != "kind"}
+    if known[kind] in (Prony, PronyShear) and "file" in fields:
+        return _read_cards(path, key, known[kind], fields)
+    return _build(path, key, known[kind], fields)
 
 
 def _read_cards(path, key, cls, content):
@@ -196,8 +196,8 @@ def _read_curves(path, key, cls, content):
             table: dict[str, Any] = dict(zip(("q", "C"), read_directions(file), strict=True))
         else:
             layout = {"columns": content.get("columns"), "poisson": content.get("poisson"), "generic": "E"}
-            wanted = tuple(density if column == "C" else column for column in curves.values())
-            table = read_table(file, wanted, **layout)
+            names = tuple(density if column == "C" else column for column in curves.values())
+            table = read_table(file, names, **layout)
     except ValueError as error:
         raise ValueError(
             str(error) if file.is_file() else f"{path}: {key}.file = {name!r}: {error}"

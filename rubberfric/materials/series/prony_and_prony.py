@@ -20,12 +20,15 @@ singular where both solids have a rate in common: the interval between the two h
 theta = f_i / (f_i + g_j), and the term has the weight f_i g_j / (f_i + g_j), as it must.
 """
 
+import functools
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 
 from rubberfric.materials.series.prony_and_spring import HALVINGS, NEWTON_STEPS, quotient
+
+Solid = tuple[jax.Array, jax.Array, jax.Array]  # rest, weight, tau
 
 
 class _Rates(NamedTuple):
@@ -45,7 +48,7 @@ class _Solids(NamedTuple):
     weight: tuple
 
 
-def two_in_series(first, second):
+def two_in_series(first: Solid, second: Solid) -> Solid:
     """Prony series of two solids in series.
 
     Parameters
@@ -252,6 +255,6 @@ def _roots_jvp(primals, tangents):
         return _residual(rest, weight, _seen(log_rate), small, right)
 
     _, by_parameters = jax.jvp(at, (*primals, small), (*tangents, jnp.zeros_like(small)))
-    _, by_share = jax.jvp(lambda s: at(*primals, s), (small,), (jnp.ones_like(small),))
+    _, by_share = jax.jvp(functools.partial(at, *primals), (small,), (jnp.ones_like(small),))
     fixed = jnp.zeros(right.shape, jax.dtypes.float0)
     return (small, right), (-by_parameters / by_share, fixed)

@@ -7,9 +7,9 @@ For f(s) = f_rest + sum_i f_i s/(s + l_i), rates l_i = 1/tau_i, and a spring k,
 with one new rate l' in every interval between neighbouring old ones (the first between 0
 and l_1): the roots of k + f(-l') = 0. The weights are f_i' = k^2 / (l_i' F_i) with
 F_i = sum_j f_j l_j / (l_j - l_i')^2. Each root is l' = own (anchor + distance) with own the
-rate at the nearer end of its interval and anchor 1, as LAPACK's laed4 does, or anchor 0 for a
-first root near 0: the rate itself loses all digits of that distance once k >> f, and of the
-first rate once k << f.
+rate at the nearer end of its interval and anchor 1, as LAPACK's laed4 does [R.-C. Li, LAPACK
+Working Note 89 (1993)], or anchor 0 for a first root near 0: the rate itself loses all digits of
+that distance once k >> f, and of the first rate once k << f.
 
 Rates enter by their logarithms and quotients alone, and terms at distance zero from the
 anchor are kept apart: squares of rates or of distances, of which 40 decades of times and a
@@ -44,7 +44,9 @@ class _Rates(NamedTuple):
     apart: jax.Array  # (l_j - anchor own) / m, all its digits kept
 
 
-def in_series(rest, weight, tau, spring):
+def in_series(
+    rest: jax.Array, weight: jax.Array, tau: jax.Array, spring: jax.Array
+) -> tuple[jax.Array, jax.Array, jax.Array]:
     """Prony series of the solid in series with a spring.
 
     Parameters
@@ -99,8 +101,8 @@ def _one_spring(rest, weight, spring, log_rate, tau):
 
 
 @jax.custom_jvp
-def quotient(x, y):
-    """x / y, whose derivative does not square y."""
+def quotient(x: jax.Array, y: jax.Array) -> jax.Array:
+    """x / y [-], any shapes, whose derivative does not square y, which leaves float32."""
     return x / y
 
 
@@ -210,6 +212,6 @@ def _roots_jvp(primals, tangents):
 
     still, one = jnp.zeros_like(roots.distance), jnp.ones_like(roots.distance)
     _, by_parameters = jax.jvp(at, (*primals, roots.distance), (*tangents, still))
-    _, by_distance = jax.jvp(lambda d: at(*primals, d), (roots.distance,), (one,))
+    _, by_distance = jax.jvp(functools.partial(at, *primals), (roots.distance,), (one,))
     fixed = jnp.zeros(roots.pole.shape, jax.dtypes.float0)
     return roots, _Roots(fixed, jnp.zeros_like(roots.anchor), -by_parameters / by_distance)

@@ -25,6 +25,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from rubberfric.materials.material import squarable
 from rubberfric.theory.quantities import Needs
 
 # By kind, "power", "dissipation", "storage" and "transverse": one array, but of the power two, <F'^2> and
@@ -214,9 +215,7 @@ def _relaxation_jvp(primals, tangents):
 
 
 def _relaxation_parts(a):
-    # a^2 must not overflow; beyond the bound 1 - 1/r is 1 to the last bit anyway.
-    bound = 1e150 if a.dtype == jnp.float64 else 1e18
-    a = jnp.clip(a, -bound, bound)
+    a = squarable(a)
     r = jnp.sqrt(1 + a * a)
     inverse = 1 / (r * (1 + r))
     sine = a * inverse

@@ -10,9 +10,10 @@ from rubberfric.scene.pairs import Pair
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means, Relaxing
 from rubberfric.theory.stiffness.factors import harmonic_shares
+from rubberfric.theory.stiffness.means_table import MeansTable, means_table
 from rubberfric.theory.stiffness.series import relaxing_stiffness
 from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
-from rubberfric.theory.stiffness.tabulated_means import MeansTable, Tabulated, means_table
+from rubberfric.theory.stiffness.tabulated_means import Tabulated
 
 
 class Excitation(NamedTuple):

@@ -31,7 +31,7 @@ class Factors(NamedTuple):
 def factors_at(pair: Pair, q: jax.Array) -> Factors:
     """`Factors` at wavevectors q [1/m] of any shape, for a stiffness that relaxes."""
     layer = layer_factor(pair, q)
-    if pair.softens_apart:
+    if pair.softened is not None and pair.softens_apart:
         storage, loss = (_times(layer, x) for x in softening_factors(pair.softened, q))
         return Factors((storage**2, loss**2), (loss,), (storage,), ())
     return Factors((_times(layer, layer),), (layer,), (layer,), (layer,))

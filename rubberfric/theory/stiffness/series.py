@@ -50,7 +50,7 @@ def relaxing_stiffness(pair: Pair, scale: jax.Array, q: jax.Array) -> Relaxing |
     Relaxing or Tabulated, of all q in one row where F depends on q; or SoftenedInSeries
     """
     if pair.softened is not None and pair.both_deform:
-        return _softened(pair, scale, q)
+        return _softened(pair, pair.softened, scale, q)
     nodes = q.reshape(-1) if pair.by_wavevector else None
     spring = _spring(pair.rough, scale, nodes) if pair.both_deform else None
     material, layer = pair.strained.material, pair.strained.layer
@@ -88,15 +88,15 @@ def layer_factor(pair: Pair, q: jax.Array) -> jax.Array | None:
     return _layer(pair.strained, q)
 
 
-def _softened(pair: Pair, scale: jax.Array, q: jax.Array) -> SoftenedInSeries:
+def _softened(pair: Pair, softened: Softened, scale: jax.Array, q: jax.Array) -> SoftenedInSeries:
     """F of a softened solid in series with another one."""
     material, factor = pair.strained.material, _layer(pair.strained, q)
     series = material.reduced_series(scale)
     if series is None:
         factor = factor * (plane_strain(material) / scale)
     modulus = material if series is None else Relaxing(*series)
-    storage, loss = (factor * softened for softened in softening_factors(pair.softened, q))
-    return SoftenedInSeries(modulus, storage, loss, _spring(pair.rough, scale, q, pair.softened))
+    storage, loss = (factor * x for x in softening_factors(softened, q))
+    return SoftenedInSeries(modulus, storage, loss, _spring(pair.rough, scale, q, softened))
 
 
 def _spring(body: Body, scale: jax.Array, q: jax.Array | None, softened: Softened | None = None) -> jax.Array:

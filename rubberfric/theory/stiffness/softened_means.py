@@ -13,10 +13,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.materials.material import Material
+from rubberfric.materials.material import Material, squarable
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means, Relaxing
-from rubberfric.theory.stiffness.tabulated_means import held_below, moduli_at, moduli_on_grid, rule_of_node
+from rubberfric.theory.stiffness.tabulated_means import log_frequency, moduli_at, moduli_on_grid, rule_of_node
 from rubberfric.theory.stiffness.uniform_grid import circle_rule
 
 # Step of the integral over the circle of a Prony series, whose poles are pi/2 from the real axis of ln omega.
@@ -68,7 +68,7 @@ class SoftenedInSeries(NamedTuple):
 
 def _modulus(material, moduli, s, qv):
     """E' and E'' at q v e^-s, (..., directions), odd in q v."""
-    log_qv, sign = held_below(material, qv)
+    log_qv, sign = log_frequency(material, qv)
     storage, loss = moduli_at(material, moduli, log_qv[..., None] - s)
     return storage, loss * sign[..., None]
 
@@ -76,11 +76,9 @@ def _modulus(material, moduli, s, qv):
 def _series_modulus(series, cosine, qv):
     """The same of a Prony series at q v cos(phi)."""
     omega = qv[..., None] * jnp.asarray(cosine, qv.dtype)
-    # a^2 must not overflow; beyond the bound the terms are glassy to the last bit.
-    bound = 1e150 if omega.dtype == jnp.float64 else 1e18
     storage, loss = jnp.ones_like(omega) * series.rest, jnp.zeros_like(omega)
     for i in range(series.tau.shape[0]):
-        a = jnp.clip(omega * series.tau[i], -bound, bound)
+        a = squarable(omega * series.tau[i])
         relaxing = series.weight[i] * a / (1 + a * a)
         storage, loss = storage + a * relaxing, loss + relaxing
     return storage, loss

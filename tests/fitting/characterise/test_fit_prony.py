@@ -11,7 +11,7 @@ from support.html_tables import cells
 
 import rubberfric as rf
 from fitting import FrictionData, ModulusData, PronyFit, fit_prony
-from fitting.characterise.nonnegative import nonnegative, nonnegative_logarithmic
+from fitting.characterise.bounded import nonnegative, nonnegative_logarithmic
 from fitting.characterise.prony import _bounded
 
 TAU = np.geomspace(1e-6, 1.0, 7)

@@ -32,7 +32,7 @@ def noisy():
 
 def test_known_spectrum_is_found():
     found = fit_spectrum((Q, measured()))
-    assert isinstance(found, SpectrumFit) and found.fit.success and found.notes == ()
+    assert isinstance(found, SpectrumFit) and found.fit.success and found.remarks == ()
     np.testing.assert_allclose(leaves(found.spectrum), leaves(TRUTH), rtol=1e-7)
     assert found.rms < 1e-8
 
@@ -93,9 +93,9 @@ def test_no_rolloff_in_the_data(noise):
     fractal = rf.SelfAffine(100.0, 100.0, 1e6, 0.7, 5e-4)
     found = fit_spectrum((Q, measured(fractal, noise=noise)))
     assert float(found.spectrum.qr) == float(found.spectrum.q0) == Q[0] and "qr" not in found.stderr
-    assert found.notes == ("no roll-off is seen above 100 1/m: qr is held at q0 = 100 1/m",)
+    assert found.remarks == ("no roll-off is seen above 100 1/m: qr is held at q0 = 100 1/m",)
     assert float(found.spectrum.hurst) == pytest.approx(0.7, abs=0.1 if noise else 1e-7)
-    assert found.notes[0] in found.report()
+    assert found.remarks[0] in found.report()
 
 
 @pytest.mark.slow
@@ -103,7 +103,7 @@ def test_no_rolloff_in_the_data(noise):
 def test_slopes_of_no_self_affine_surface(slope, held):
     found = fit_spectrum((Q, 1e-13 * np.minimum(1, (Q / 1e3) ** slope)), qr=1e3)
     assert float(found.spectrum.hurst) == held and set(found.stderr) == {"h_rms"}
-    assert "H is held there" in found.notes[0]
+    assert "H is held there" in found.remarks[0]
 
 
 @pytest.mark.slow
@@ -114,7 +114,7 @@ def test_held_and_left_out():
     low = np.geomspace(10.0, 90.0, 9)
     found = fit_spectrum((np.concatenate([low, Q]), np.concatenate([1e-9 * low**0, measured()])), q0=100.0)
     np.testing.assert_allclose(leaves(found.spectrum), leaves(TRUTH), rtol=1e-7)
-    assert found.notes == ("9 of 69 points lie outside q0 ... q1: not used",)
+    assert found.remarks == ("9 of 69 points lie outside q0 ... q1: not used",)
     assert "(fixed)" in found.report()
 
 
@@ -154,7 +154,7 @@ def test_report(noisy):
 def test_measured_road():
     q, C = np.loadtxt(ASPHALT, delimiter=",", skiprows=2).T
     found = fit_spectrum((q, C))
-    assert found.fit.success and found.notes == () and not found.fit.withheld
+    assert found.fit.success and found.remarks == () and not found.fit.withheld
     np.testing.assert_allclose(
         leaves(found.spectrum)[1:4:2] + leaves(found.spectrum)[4:], [305.4, 0.5746, 6.32e-4], rtol=2e-3
     )

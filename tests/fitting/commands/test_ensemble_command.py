@@ -26,7 +26,7 @@ def test_bootstrap_is_interrupted_and_goes_on(call, job, monkeypatch):
                 raise KeyboardInterrupt
             callback(*at)
 
-        return run(*members, lanes=2, callback=stopping, **options)
+        return run(*members, batch=2, callback=stopping, **options)
 
     monkeypatch.setattr(command, "run_ensemble", interrupted)
     _, printed, _ = call(*arguments)

@@ -11,9 +11,8 @@ import pytest
 from support.folders import TYRE
 from support.refusals import refused
 
-from fitting.data.files import COLUMN, read, read_group, write, write_group
+from fitting.data.files import read, read_group, write
 from fitting.data.kinds import AreaData, FrictionData, ModulusData, SpectrumData
-from fitting.data.measured import FIELDS
 from rubberfric.io.tables import COLUMNS
 
 GOOD = {
@@ -96,7 +95,7 @@ def test_missing_fields(cls, name):
     if name == "temperature":
         assert good(cls, temperature=None).temperature is None
     else:
-        unit = FIELDS[name].unit
+        unit = cls.fields()[name].unit
         expected = f"{cls.__name__}.{name} is missing: must be given, in {unit}"
         assert message(lambda: good(cls, **{name: None})) == expected
 
@@ -350,12 +349,12 @@ def test_body_in_files(cls, tmp_path):
 
 
 def test_columns_are_in_the_units_of_the_fields():
-    for cls, columns in COLUMN.items():
+    for cls in KINDS:
         numeric = {field.name for field in dataclasses.fields(cls)} - {"name", "body"}
-        assert set(columns) == numeric
-        for name, column in columns.items():
-            assert next(iter(COLUMNS[column].units)) == cls.unit(name)
-            assert COLUMNS[column].name == column
+        assert set(cls.fields()) == numeric
+        for about in cls.fields().values():
+            assert next(iter(COLUMNS[about.column].units)) == about.unit
+            assert COLUMNS[about.column].name == about.column
 
 
 def csv(folder, text):
@@ -488,7 +487,7 @@ def test_several_in_one_file(tmp_path):
     sets = list(examples())
     with h5py.File(tmp_path / "fit.h5", "w") as file:
         for i, data in enumerate(sets):
-            write_group(file.create_group(f"data/{i}"), data)
+            data.write_group(file.create_group(f"data/{i}"))
     with h5py.File(tmp_path / "fit.h5") as file:
         for i, data in enumerate(sets):
             equal(data, read_group(file[f"data/{i}"]))

@@ -21,9 +21,9 @@ from support.ensembles import ensemble_cases as cases
 from support.folders import PYTHONPATH
 
 import fitting
-from fitting.ensemble.batches import make_lanes
-from fitting.solvers.runs import run_problem
-from fitting.solvers.status import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, PERFECT
+from fitting.ensemble.batches import make_batch
+from fitting.solvers.iterate import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, PERFECT
+from fitting.solvers.runs import run
 
 PROGRAM = Path(cases.__file__)
 
@@ -36,7 +36,7 @@ def members():
 @pytest.fixture(scope="module")
 def whole(members):
     """The run that nothing disturbs."""
-    return fitting.run_ensemble(members, lanes=4)
+    return fitting.run_ensemble(members, batch=4)
 
 
 @pytest.fixture(scope="module")
@@ -84,12 +84,12 @@ def refused(call, *words):
 def test_members_end_where_single_fits_do(members, whole):
     assert len(whole) == 17 and whole.failed.size == 0
     for i in range(0, 17, 4):
-        one = run_problem(members.solver, members.problem, members.starts[i][None]).row(0)
+        one = run(members.solver, members.problem, members.starts[i][None]).row(0)
         assert one.cost == pytest.approx(whole.cost[i], rel=1e-10)
         assert one.status == whole.status[i] and one.njev == whole.njev[i]
         np.testing.assert_allclose(one.x, whole.x[i], rtol=1e-8)
     assert whole.best == np.argmin(whole.cost)
-    assert np.ptp(whole.njev) > 2  # or the lanes were never filled anew
+    assert np.ptp(whole.njev) > 2  # or no fit ever took the place of another
 
 
 def test_bootstrap_is_that_of_the_result(result):
@@ -115,23 +115,23 @@ def test_profiles_are_those_of_the_result(result):
     assert fitting.profile_members(result, name, points=1).names == result.names
 
 
-# --- lanes, devices, processes
+# --- batches, devices, processes
 
 
-@pytest.mark.parametrize("lanes", [1, 7])
-def test_lanes_do_not_change_a_bit(members, whole, lanes):
-    assert_same(fitting.run_ensemble(members, lanes=lanes), whole)
+@pytest.mark.parametrize("size", [1, 7])
+def test_the_size_of_a_batch_does_not_change_a_bit(members, whole, size):
+    assert_same(fitting.run_ensemble(members, batch=size), whole)
 
 
-def test_one_batch_changes_rounding_at_most(members, whole):
-    batch = fitting.run_ensemble(members, lanes=5, batched=True)
+def test_one_vectorised_program_changes_rounding_at_most(members, whole):
+    batch = fitting.run_ensemble(members, batch=5, vectorised=True)
     np.testing.assert_array_equal(batch.status, whole.status)
     np.testing.assert_allclose(batch.cost, whole.cost, rtol=1e-12)
     np.testing.assert_allclose(batch.x, whole.x, rtol=1e-9)
 
 
 def test_devices_do_not_change_a_bit(tmp_path, whole):
-    """Seventeen members on three devices of two lanes each."""
+    """Seventeen members on three devices of two each."""
     finished(start("modulus", tmp_path / "out.npz", devices=3))
     found = dict(np.load(tmp_path / "out.npz"))
     assert found["devices"] == 3
@@ -176,36 +176,36 @@ def test_two_processes_do_not_change_a_bit(tmp_path, members, whole):
 @pytest.mark.usefixtures("whole")
 def test_a_second_ensemble_compiles_no_fit(members):
     with compilations() as compiled:
-        fitting.run_ensemble(members, lanes=3)
+        fitting.run_ensemble(members, batch=3)
         assert "of_a_device" in " ".join(map(str, compiled))
         compiled.clear()
-        fitting.run_ensemble(members, lanes=3)
+        fitting.run_ensemble(members, batch=3)
     assert "of_a_device" not in " ".join(map(str, compiled))
 
 
 # --- memory
 
 
-def test_lanes_are_as_many_as_memory_holds(members):
+def test_a_batch_is_as_large_as_memory_holds(members):
     device = jax.devices()[:1]
-    many = make_lanes(members, device, batched=True)
+    many = make_batch(members, device, vectorised=True)
     assert many.count == 17
-    few = make_lanes(members, device, batched=True, max_memory=many.peak // 3)
+    few = make_batch(members, device, vectorised=True, max_memory=many.peak // 3)
     assert 1 <= few.count <= 6 and few.peak <= many.peak // 3
     # One after the other they need little more than one.
-    serial = make_lanes(members, device, batched=False)
+    serial = make_batch(members, device, vectorised=False)
     assert serial.count == 17 and serial.peak < 0.5 * many.peak
-    result = fitting.run_ensemble(members, batched=True, max_memory=many.peak // 3)
-    assert result.peak == few.peak and result.lanes == few.count
+    result = fitting.run_ensemble(members, vectorised=True, max_memory=many.peak // 3)
+    assert result.peak == few.peak and result.batch == few.count
 
 
 def test_too_little_memory_is_refused_before_a_step(members):
     steps = []
     refused(
         lambda: fitting.run_ensemble(members, max_memory=1000, callback=lambda *at: steps.append(at)),
-        "max_memory = 1000: a step of 1 lane takes",
+        "max_memory = 1000: a step of a batch of 1 takes",
     )
-    refused(lambda: fitting.run_ensemble(members, max_memory=1000, lanes=3), "a step of 3 lanes takes")
+    refused(lambda: fitting.run_ensemble(members, max_memory=1000, batch=3), "a step of a batch of 3 takes")
     assert steps == [(0, 17)]
 
 
@@ -215,7 +215,7 @@ def test_too_little_memory_is_refused_before_a_step(members):
 def test_a_member_that_fails_does_not_sink_the_others(members, whole):
     starts = members.starts.copy()
     starts[5], starts[11] = np.nan, 1e4
-    ends = fitting.run_ensemble(dataclasses.replace(members, starts=starts), lanes=4)
+    ends = fitting.run_ensemble(dataclasses.replace(members, starts=starts), batch=4)
     assert ends.failed.tolist() == [5, 11]
     assert ends.status[5] == ends.status[11] == NOT_FINITE
     assert "failed: 5, 11" in ends.report()
@@ -253,16 +253,16 @@ def interrupt(after):
 @pytest.mark.parametrize("after", [0, 7])
 def test_an_interrupted_run_goes_on_to_the_same_numbers(tmp_path, members, whole, after):
     path = tmp_path / "run.h5"
-    part = fitting.run_ensemble(members, checkpoint=path, lanes=3, callback=interrupt(after))
+    part = fitting.run_ensemble(members, checkpoint=path, batch=3, callback=interrupt(after))
     assert INTERRUPTED in part.status
     done = part.status != INTERRUPTED
     assert_same(part, whole, done)
-    # On other lanes, and interrupted once more.
-    fitting.run_ensemble(members, checkpoint=path, resume=True, lanes=5, callback=interrupt(2))
-    assert_same(fitting.run_ensemble(members, checkpoint=path, resume=True, lanes=4), whole)
+    # In another batch, and interrupted once more.
+    fitting.run_ensemble(members, checkpoint=path, resume=True, batch=5, callback=interrupt(2))
+    assert_same(fitting.run_ensemble(members, checkpoint=path, resume=True, batch=4), whole)
     again = fitting.run_ensemble(members, checkpoint=path, resume=True)
     assert_same(again, whole)
-    assert again.lanes == 0 and again.seconds > 0
+    assert again.batch == 0 and again.seconds > 0
     assert os.listdir(tmp_path) == ["run.h5"]
 
 
@@ -296,7 +296,7 @@ def test_kills_lose_nothing_but_the_steps_since_the_checkpoint(tmp_path, whole, 
         killed += 1
         told = max([told, *map(int, lines)])
         with h5py.File(path) as file:
-            begun, status = file["begun"][()], file["state/2"][()]
+            begun, status = file["begun"][()], file["iterate/2"][()]
             assert np.sum(begun & (status != 0)) >= told
     finished(start("modulus", out, path))
     assert_same(dict(np.load(out)), whole)
@@ -334,7 +334,7 @@ def test_a_disk_that_fills_up_meanwhile_costs_no_results(tmp_path, members, whol
             small_files(1000)
 
     with pytest.warns(RuntimeWarning, match=r"run\.h5: checkpoint not written.*File too large") as warned:
-        ends = fitting.run_ensemble(members, checkpoint=path, every=0, lanes=4, callback=callback)
+        ends = fitting.run_ensemble(members, checkpoint=path, every=0, batch=4, callback=callback)
     small_files(None)
     assert len(warned) > 1
     assert_same(ends, whole)
@@ -355,7 +355,7 @@ def test_paths_that_cannot_be_written_to(tmp_path, members):
 @pytest.fixture(scope="module")
 def half_way(tmp_path_factory, members):
     path = tmp_path_factory.mktemp("half") / "run.h5"
-    fitting.run_ensemble(members, checkpoint=path, lanes=3, callback=interrupt(5))
+    fitting.run_ensemble(members, checkpoint=path, batch=3, callback=interrupt(5))
     return path
 
 
@@ -427,7 +427,7 @@ def test_a_truncated_checkpoint_is_refused(tmp_path, members, half_way, part):
 
 
 @pytest.mark.parametrize(
-    ("name", "array"), [("steps", np.zeros(3, int)), ("state/0", np.zeros((17, 4), "f4")), ("begun", None)]
+    ("name", "array"), [("steps", np.zeros(3, int)), ("iterate/0", np.zeros((17, 4), "f4")), ("begun", None)]
 )
 def test_a_checkpoint_with_wrong_arrays_is_refused(tmp_path, members, half_way, name, array):
     path = tmp_path / "run.h5"
@@ -472,7 +472,7 @@ def test_bad_arguments(members, result):
     for name, value in {
         "every": -1.0,
         "max_memory": 0,
-        "lanes": 0,
+        "batch": 0,
         "callback": 3,
     }.items():
         refused(lambda name=name, value=value: run(members, **{name: value}), f"{name} = {value}")

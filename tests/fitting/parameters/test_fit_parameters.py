@@ -13,14 +13,14 @@ from support.scenes.fits import ROAD, E
 import rubberfric as rf
 from fitting import Bounded, Free, Positive, Tied
 from fitting.parameters.keypaths import find, scene_paths
-from fitting.parameters.layout import (
+from fitting.parameters.variables import (
     element_names,
     free_parameters,
-    random_starts,
     slopes,
     to_scene,
     to_values,
 )
+from fitting.solvers.search import random_starts
 from rubberfric.scene.scene import cast
 
 RUBBER = rf.Prony(3e6, [5e8, 5e7, 8e6, 2e6], [1e-7, 1e-5, 1e-3, 1e-1], shift=rf.WLF(12.0, 150.0, 293.15))

@@ -13,10 +13,11 @@ from support.scenes.fits import ROAD, E
 
 import rubberfric as rf
 from fitting import Bounded, Free, Gaussian, ModulusData, Positive, Smooth, Tied, fit
-from fitting.parameters.layout import free_parameters, to_scene, to_values
 from fitting.parameters.priors import prior_residuals, prior_size, read_priors
+from fitting.parameters.variables import free_parameters, to_scene, to_values
 from fitting.solvers.losses import WIDTHS, factors, rho
-from fitting.solvers.problem import cost_of, make_problem, residuals
+from fitting.solvers.problem import make_problem
+from fitting.solvers.residuals import objective, residuals
 from rubberfric.scene.scene import cast
 
 TAU = np.array([1e-7, 1e-4, 1e-5, 1e-1])  # neither in order nor evenly spaced
@@ -210,7 +211,8 @@ def test_robust_losses_leave_priors_quadratic():
     assert found[-1] == pytest.approx(np.log(1e-3) / 0.01, rel=1e-12)
     width = WIDTHS["cauchy"]
     expected = 0.5 * (width**2 * np.sum(np.log1p((found[:-1] / width) ** 2)) + found[-1] ** 2)
-    assert float(cost_of(problem.structure, problem.numbers, found)) == pytest.approx(expected, rel=1e-14)
+    loss = objective(problem.structure, problem.numbers, problem.targets).loss
+    assert float(loss.cost(found)) == pytest.approx(expected, rel=1e-14)
 
 
 # --- losses

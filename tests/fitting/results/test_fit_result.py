@@ -12,12 +12,12 @@ from support.scenes.fits import FAST
 
 import fitting
 import rubberfric as rf
-from fitting.results.hdf5 import GROUPS, load, save
+from fitting.results.hdf5 import GROUPS, save
 from fitting.results.plot import plot_fit, save_plot
+from fitting.results.record import Minimum
 from fitting.results.report import LISTED, unit
-from fitting.results.result import Minimum
+from fitting.solvers.iterate import INTERRUPTED, OUT_OF_STEPS
 from fitting.solvers.problem import make_problem
-from fitting.solvers.status import INTERRUPTED, OUT_OF_STEPS
 from fitting.uncertainty.covariance import uncertainty
 from rubberfric.base.objects.physical import PhysicalObject
 from rubberfric.io.scene_files.hdf5 import read_object
@@ -429,7 +429,7 @@ def test_a_fitted_scene_that_no_constructor_accepts_is_left_out(quick, tmp_path,
     save(tmp_path / "fit.h5", dataclasses.replace(quick, x=moved))
     with h5py.File(tmp_path / "fit.h5") as file:
         assert "scene" not in file
-    assert load(tmp_path / "fit.h5").values[element] == (5.0 if element else np.inf)
+    assert fitting.FitResult.load(tmp_path / "fit.h5").values[element] == (5.0 if element else np.inf)
 
 
 @pytest.mark.slow
@@ -439,7 +439,7 @@ def test_single_precision_stays(tmp_path):
     result = fitting.fit(scene, data, {"upper.material.E": fitting.Positive()}, max_steps=2)
     assert result.scene.upper.material.tau.dtype == result.problem.targets.error.dtype == np.float32
     result.save(tmp_path / "fit.h5")
-    again = load(tmp_path / "fit.h5")
+    again = fitting.FitResult.load(tmp_path / "fit.h5")
     assert same(again.scene, result.scene)
     assert same(again.problem.targets, result.problem.targets)
     assert same(again.values, result.values)
@@ -454,7 +454,7 @@ def test_an_earlier_file_survives_a_failure(quick, tmp_path, monkeypatch, failur
     def fail(*_):
         raise failure
 
-    monkeypatch.setattr("fitting.results.hdf5.write_minima", fail)
+    monkeypatch.setattr("fitting.results.hdf5_parts.write_minima", fail)
     with pytest.raises(type(failure)):
         quick.save(path)
     assert path.read_bytes() == before
@@ -486,7 +486,10 @@ BAD = {
     ),
     "status": (attribute("/", status=99), "status = 99: must be one of 0, 1, "),
     "cost": (attribute("/", cost="low"), "attribute cost = 'low': must be of type float"),
-    "loss": (attribute("/", loss="hubert"), "loss = 'hubert': must be one of linear, huber"),
+    "loss": (
+        attribute("/", loss="hubert"),
+        "loss = 'hubert': did you mean 'huber'? must be one of linear, huber",
+    ),
     "extra": (attribute("/", colour="red"), "attribute 'colour' is unknown"),
     "x": (replace("parameters/x", [1.0]), "/parameters/x has shape (1,): must be (4,)"),
     "names": (
@@ -527,7 +530,7 @@ def test_damaged_files(quick, tmp_path, which):
     with h5py.File(path, "r+") as file:
         change(file)
     with pytest.raises(ValueError, match=re.escape(message)) as caught:
-        load(path)
+        fitting.FitResult.load(path)
     assert str(caught.value).startswith(f"{path}: ")
     assert "\n" not in str(caught.value)
 
@@ -535,13 +538,13 @@ def test_damaged_files(quick, tmp_path, which):
 def test_files_that_are_none(quick, tmp_path):
     path = tmp_path / "fit.h5"
     with pytest.raises(ValueError, match=r"fit\.h5: cannot be read: No such file"):
-        load(path)
+        fitting.FitResult.load(path)
     quick.save(path)
     whole = path.read_bytes()
     for length in (0, 100, len(whole) // 2, len(whole) - 100):
         path.write_bytes(whole[:length])
         with pytest.raises(ValueError, match=r"fit\.h5: must be a whole HDF5 file"):
-            load(path)
+            fitting.FitResult.load(path)
 
 
 @pytest.mark.parametrize(
@@ -556,7 +559,7 @@ def test_paths_that_cannot_be_written(quick, tmp_path, name, message):
 
 def test_interrupted_fits_are_stored_as_such(quick, tmp_path):
     dataclasses.replace(quick, status=INTERRUPTED, cost=np.inf).save(tmp_path / "fit.h5")
-    again = load(tmp_path / "fit.h5")
+    again = fitting.FitResult.load(tmp_path / "fit.h5")
     assert not again.success
     assert again.message == "interrupted: these are the best values so far"
     assert again.cost == np.inf

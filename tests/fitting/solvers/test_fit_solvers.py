@@ -15,13 +15,15 @@ from support.scenes.fits import ROAD, E
 
 import rubberfric as rf
 from fitting import Bounded, Free, FrictionData, ModulusData, Positive, Smooth, fit
-from fitting.parameters.layout import random_starts, to_values
+from fitting.parameters.variables import to_values
 from fitting.solvers.first_order import LBFGS, Adam
+from fitting.solvers.iterate import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, PERFECT
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.losses import WIDTHS
-from fitting.solvers.problem import cost_of, make_problem, residuals, residuals_and_jacobian
-from fitting.solvers.runs import run, run_problem
-from fitting.solvers.status import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, PERFECT
+from fitting.solvers.problem import make_problem
+from fitting.solvers.residuals import objective, residuals, residuals_and_jacobian
+from fitting.solvers.runs import run
+from fitting.solvers.search import random_starts
 
 LM = LevenbergMarquardt()
 MODULI, TAU = [5e8, 5e7, 8e6, 2e6], [1e-7, 1e-5, 1e-3, 1e-1]
@@ -73,7 +75,7 @@ def best(problem, starts, solver=LM):
     """The lowest end of fits from the rows of `starts`, four side by side."""
     starts = np.atleast_2d(starts)
     starts = np.concatenate([starts, np.tile(problem.start, (max(0, 4 - len(starts)), 1))])
-    runs = run_problem(solver, problem, starts)
+    runs = run(solver, problem, starts)
     return runs.row(int(np.argmin(runs.cost)))
 
 
@@ -111,7 +113,7 @@ def test_minimum_of_every_loss_is_that_of_scipy(loss):
         gtol=1e-12,
         max_nfev=2000,
     )
-    ours = run_problem(LevenbergMarquardt(tolerance=1e-12), problem, problem.start[None]).row(0)
+    ours = run(LevenbergMarquardt(tolerance=1e-12), problem, problem.start[None]).row(0)
     assert ours.status == CONVERGED
     assert float(ours.cost) == pytest.approx(theirs.cost, rel=1e-8)
     # A cost that is 1e-9 of itself too high is this far from the minimum.
@@ -149,8 +151,8 @@ def test_friction_minimum_is_that_of_scipy_and_optimistix():
 @pytest.mark.slow
 def test_first_order_methods_reach_the_same_minimum(solver, loss):
     problem = master(loss)
-    ours = run_problem(LM, problem, problem.start[None]).row(0)
-    other = run_problem(solver, problem, (problem.start + 0.5)[None]).row(0)
+    ours = run(LM, problem, problem.start[None]).row(0)
+    other = run(solver, problem, (problem.start + 0.5)[None]).row(0)
     assert other.status == CONVERGED
     assert float(other.cost) == pytest.approx(float(ours.cost), rel=1e-5)
     assert other.njev > 3 * ours.njev
@@ -182,23 +184,21 @@ def test_jacobian_is_that_of_the_residuals(problem):
 def test_data_without_noise_are_met_to_rounding():
     problem = with_data(curve(), friction())
     signs = np.array(list(itertools.product([-1, 1], repeat=2)))
-    runs = run_problem(
-        LM, problem, problem.start + 2.0 * signs @ np.array([[1, 1, 0, -1, 0.3], [0, -1, 1, 1, 0.5]])
-    )
+    runs = run(LM, problem, problem.start + 2.0 * signs @ np.array([[1, 1, 0, -1, 0.3], [0, -1, 1, 1, 0.5]]))
     assert np.all(runs.status == PERFECT)
     assert runs.cost.max() < 1e-18
-    values = np.asarray(to_values(problem.structure.layout, problem.numbers.constants, runs.x[0]))
+    values = np.asarray(to_values(problem.structure.variables, problem.numbers.constants, runs.x[0]))
     np.testing.assert_allclose(values, [*MODULI, 0.8], rtol=1e-7)
 
 
 def test_a_fit_that_starts_at_its_minimum_stays_there():
     exact = np.asarray(rf.complex_modulus(SCENE.upper.material, OMEGA))
     problem = with_data(master(), np.concatenate([exact.real, exact.imag]))
-    end = run_problem(LM, problem, problem.start[None]).row(0)
+    end = run(LM, problem, problem.start[None]).row(0)
     assert end.status == PERFECT and end.njev <= 1
     np.testing.assert_allclose(end.x, problem.start, atol=1e-12)
-    first = run_problem(LM, master(), master().start[None]).row(0)
-    again = run_problem(LM, master(), first.x[None]).row(0)
+    first = run(LM, master(), master().start[None]).row(0)
+    again = run(LM, master(), first.x[None]).row(0)
     assert again.status == CONVERGED and again.cost <= first.cost
     np.testing.assert_allclose(again.x, first.x, atol=1e-4)
 
@@ -212,7 +212,7 @@ def test_starts_off_by_ten_in_every_modulus_reach_the_same_minimum():
         hurst = 0.5 if i % 2 else 0.99
         shift = np.log(10) * np.array([*signs, (-1) ** (i // 2)])
         starts.append([*(problem.start[:4] + shift), np.log((hurst - 0.3) / (1 - hurst))])
-    runs = run_problem(LM, problem, starts)
+    runs = run(LM, problem, starts)
     assert np.all(runs.status == CONVERGED)
     np.testing.assert_allclose(runs.cost, near, rtol=1e-6)
 
@@ -229,10 +229,10 @@ def test_wild_starts_give_numbers():
         1,
     )
     begun = [
-        float(cost_of(problem.structure, problem.numbers, other_program(problem)[0](jnp.asarray(x))))
+        float(objective(problem.structure, problem.numbers, problem.targets).cost(jnp.asarray(x)))
         for x in starts[:3]
     ]
-    runs = run_problem(LM, problem, starts)
+    runs = run(LM, problem, starts)
     assert np.isfinite(runs.x).all() and np.isfinite(runs.cost).all()
     assert NOT_FINITE not in runs.status
     assert np.all(runs.cost[:3] < begun)
@@ -245,7 +245,7 @@ def test_starts_that_are_not_finite_spoil_no_other():
     starts[1, 2] = np.nan
     starts[3, 0] = 1e4  # exp of it is beyond all numbers
     for solver in (LM, Adam(max_steps=20)):
-        runs = run(solver, problem.structure, problem.numbers, lead(problem.targets), starts, lanes=2)
+        runs = run(solver, problem, starts, batch=2)
         assert (runs.status == NOT_FINITE).tolist() == [False, True, False, True, False]
         assert np.isfinite(runs.cost[[0, 2, 4]]).all() and np.isfinite(runs.x[[0, 2, 4]]).all()
         np.testing.assert_allclose(runs.x[[2, 4]], runs.x[[0, 0]], rtol=1e-12)
@@ -257,7 +257,7 @@ def test_a_start_that_is_not_finite_does_not_end_a_fit():
     prior = {E: Smooth(3.0)}
     result = fit(SCENE, modulus_data(), free, prior=prior, starts=4)
     problem = result.problem
-    starts = random_starts(problem.structure.layout, problem.start, jax.random.key(0), 4)
+    starts = random_starts(problem.structure.variables, problem.start, jax.random.key(0), 4)
     assert np.any(np.asarray(starts[1:]) < 0) and sum(m.count for m in result.minima) < 4
     assert result.success and result.redchi < 2
 
@@ -269,12 +269,10 @@ def lead(targets):
     return jax.tree.map(lambda a: a[None], targets)
 
 
-def test_lanes_do_not_change_a_fit():
+def test_the_size_of_a_batch_does_not_change_a_fit():
     problem = master()
     starts = problem.start + np.random.default_rng(0).uniform(-3, 3, (5, 5))
-    first, second = (
-        run(LM, problem.structure, problem.numbers, lead(problem.targets), starts, lanes=n) for n in (1, 3)
-    )
+    first, second = (run(LM, problem, starts, batch=n) for n in (1, 3))
     np.testing.assert_allclose(second.cost, first.cost, rtol=1e-12)
     # Products of other sizes round differently, and a fit stops within 1e-5 of its standard errors.
     np.testing.assert_allclose(second.x, first.x, atol=1e-7)
@@ -287,20 +285,20 @@ def test_fits_of_different_data_keep_to_their_own():
     measured = np.stack([np.log(modulus_data(seed).measured) for seed in range(5)])
     targets = lead(problem.targets)._replace(measured=measured)
     starts = np.tile(problem.start, (5, 1))
-    runs = run(LM, problem.structure, problem.numbers, targets, starts, lanes=3)
+    runs = run(LM, problem, starts, targets, batch=3)
     for i in range(5):
         alone = problem._replace(targets=problem.targets._replace(measured=measured[i]))
-        np.testing.assert_allclose(runs.x[i], run_problem(LM, alone, starts[:1]).x[0], rtol=1e-10)
+        np.testing.assert_allclose(runs.x[i], run(LM, alone, starts[:1]).x[0], rtol=1e-10)
     assert len(np.unique(runs.cost)) == 5
 
 
 def test_vmap_of_init_and_step_is_a_loop():
     problem = master()
-    at = (problem.structure, problem.numbers, problem.targets)
+    aim = objective(problem.structure, problem.numbers, problem.targets)
     x = jnp.asarray(problem.start + np.random.default_rng(1).uniform(-2, 2, (3, 5)))
 
     def steps(x):
-        return LM.step(*at, LM.step(*at, LM.init(*at, x)))
+        return LM.step(aim, LM.step(aim, LM.init(aim, x)))
 
     together, one = jax.jit(jax.vmap(steps))(x), jax.jit(steps)
     for i in range(3):
@@ -310,15 +308,15 @@ def test_vmap_of_init_and_step_is_a_loop():
 
 @pytest.mark.parametrize("solver", [LM, LBFGS(), Adam(max_steps=300)], ids=["lm", "lbfgs", "adam"])
 @pytest.mark.slow
-def test_held_parameters_stay_exactly(solver):
+def test_parameters_that_may_not_move_stay_exactly(solver):
     problem = master()
-    held = np.array([1.0, 0.0, 1.0, 1.0, 0.0])
+    moving = np.array([1.0, 0.0, 1.0, 1.0, 0.0])
     start = problem.start + 0.3
-    fixed = problem._replace(targets=problem.targets._replace(held=held))
-    end = run_problem(solver, fixed, start[None]).row(0)
-    assert np.all(end.x[held == 0] == start[held == 0])
-    assert np.all(np.abs(end.x - start)[held == 1] > 0.01)
-    free = run_problem(LM, problem, start[None]).row(0)
+    fixed = problem._replace(targets=problem.targets._replace(moving=moving))
+    end = run(solver, fixed, start[None]).row(0)
+    assert np.all(end.x[moving == 0] == start[moving == 0])
+    assert np.all(np.abs(end.x - start)[moving == 1] > 0.01)
+    free = run(LM, problem, start[None]).row(0)
     assert end.cost > 1.1 * free.cost
 
 
@@ -346,7 +344,7 @@ def test_callback_sees_every_step_and_a_cost_that_never_rises():
 def test_an_interrupt_leaves_the_best_so_far():
     problem = make_problem(SCENE, [modulus_data()], {E: Positive(1e7), "upper.material.E_inf": Positive()})
     start = float(
-        cost_of(problem.structure, problem.numbers, other_program(problem)[0](jnp.asarray(problem.start)))
+        objective(problem.structure, problem.numbers, problem.targets).cost(jnp.asarray(problem.start))
     )
     seen = []
 
@@ -373,9 +371,7 @@ def test_an_interrupt_of_several_fits_keeps_those_that_are_done():
         if step == 5:
             raise KeyboardInterrupt
 
-    runs = run(
-        LM, problem.structure, problem.numbers, lead(problem.targets), starts, callback=interrupt, lanes=2
-    )
+    runs = run(LM, problem, starts, callback=interrupt, batch=2)
     assert runs.status[0] == CONVERGED and INTERRUPTED in runs.status
     never = ~np.isin(runs.status, (CONVERGED, INTERRUPTED))
     assert never.any() and np.isinf(runs.cost[never]).all()
@@ -411,7 +407,7 @@ def test_several_starts_are_decided_by_their_key():
     one, two = (one_peak(starts=3, key=jax.random.key(5)) for _ in range(2))
     np.testing.assert_array_equal(one.values, two.values)
     assert one.nfev == two.nfev and one.cost == two.cost
-    drawn = [random_starts(one.layout, one.x, jax.random.key(k), 3) for k in (5, 6)]
+    drawn = [random_starts(one.variables, one.x, jax.random.key(k), 3) for k in (5, 6)]
     assert np.all(drawn[0][1:] != drawn[1][1:])
 
 

@@ -14,7 +14,8 @@ import fitting
 import rubberfric as rf
 from fitting import Bounded, Free, FrictionData, Gaussian, ModulusData, Positive, fit, log_density
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
-from fitting.solvers.problem import make_problem, residuals
+from fitting.solvers.problem import make_problem
+from fitting.solvers.residuals import residuals
 
 TAU = np.array([1e-5, 1e-3, 1e-1])
 RUBBER = rf.Prony(3e6, np.array([5e7, 8e6, 2e6]), TAU)

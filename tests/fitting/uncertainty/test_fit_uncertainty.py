@@ -12,10 +12,10 @@ from support.scenes.fits import FAST as QUADRATURE
 
 import rubberfric as rf
 from fitting import AreaData, Bounded, Free, FrictionData, Gaussian, ModulusData, Positive, Smooth, fit
+from fitting.solvers.iterate import CONVERGED, PERFECT
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import make_problem
 from fitting.solvers.runs import run
-from fitting.solvers.status import CONVERGED, PERFECT
 from fitting.uncertainty.covariance import uncertainty
 from fitting.uncertainty.intervals import quantile
 
@@ -437,7 +437,7 @@ def many_dry_fits(problem, count):
     measured = exact + 0.1 * np.random.default_rng(7).standard_normal((count, exact.size))
     targets = jax.tree.map(lambda a: a[None], problem.targets)._replace(measured=measured)
     starts = np.tile(problem.start, (count, 1))
-    runs = run(LevenbergMarquardt(), problem.structure, problem.numbers, targets, starts, lanes=100)
+    runs = run(LevenbergMarquardt(), problem, starts, targets, batch=100)
     assert np.isin(runs.status, (CONVERGED, PERFECT)).all()
     return runs, measured
 

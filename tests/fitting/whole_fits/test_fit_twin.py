@@ -10,15 +10,22 @@ from support.ensembles.twin import DATA, FREE, GUESS, TRUTH, conditions, make_tw
 
 import fitting
 import rubberfric as rf
-from fitting.parameters.layout import element_names, to_values
+from fitting.parameters.variables import element_names, to_values
+from fitting.solvers.iterate import CONVERGED, PERFECT
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import make_problem
 from fitting.solvers.runs import run
-from fitting.solvers.starts import search
-from fitting.solvers.status import CONVERGED, PERFECT
+from fitting.solvers.search import search
 from fitting.uncertainty.covariance import uncertainty
 
 UNSEEN = 0.5e6  # a pressure between the two measured ones [Pa]
+# What was found before Levenberg-Marquardt was a step of its own, in 12 steps.
+FOUND = [
+    *(9.9214025485714e08, 1.4628397765699e08, 3.0583865505904e07, 1.0951951590835e07, 3.6759122774885e06),
+    *(2.6125179999101e06, 1.6344232857664e06, 1.3710264220430e06, 7.5357200903660e05, 7.4377931146505e05),
+    *(6.6964298848160e05, 1.1663398760287e01, 1.4666260526763e02, 8.0437821832030e-01, 5.2493243378378e-04),
+    *(2.5309958199374e04, 6.3361119581636e06, 9.8038166818426e-02, 6.2900217635732e-03, 9.7293483162786e-01),
+]
 
 
 @pytest.fixture(scope="module")
@@ -33,6 +40,12 @@ def test_the_file_is_what_its_script_makes():
     np.testing.assert_allclose(stored.velocity, made.velocity, rtol=1e-15)
     np.testing.assert_array_equal(stored.error, make_twin.NOISE)
     assert len(stored) == 240
+
+
+def test_numbers_and_steps_stay(result):
+    np.testing.assert_allclose(result.values, FOUND, rtol=1e-10)
+    assert result.cost == pytest.approx(115.1194274746903, rel=1e-12)
+    assert (result.nfev, result.njev) == (49, 12)
 
 
 def test_all_parameters_are_recovered_within_their_error_bars(result):
@@ -113,10 +126,10 @@ def test_coverage_of_the_intervals():
     targets = problem.targets._replace(
         measured=log_truth + make_twin.NOISE * noise,
         error=problem.targets.error[None],
-        held=problem.targets.held[None],
+        moving=problem.targets.moving[None],
     )
     starts = np.tile(problem.start, (seeds, 1))
-    runs = run(LevenbergMarquardt(), problem.structure, problem.numbers, targets, starts)
+    runs = run(LevenbergMarquardt(), problem, starts, targets)
     inside, chisqr = [], []
     for x, measured in zip(runs.x, targets.measured, strict=True):
         one = problem._replace(targets=problem.targets._replace(measured=measured))
@@ -128,7 +141,7 @@ def test_coverage_of_the_intervals():
     first, all_of_them = np.nanmean(inside[:200], 0), np.nanmean(inside, 0)
     print(f"\nconverged {np.isin(runs.status, (CONVERGED, PERFECT)).sum()} of {seeds}, ", end="")
     print(f"withheld {np.isnan(inside).sum()} of {inside.size}, redchi {np.mean(chisqr):.3f}")
-    names = element_names(problem.structure.layout)
+    names = element_names(problem.structure.variables)
     for name, a, b in zip(names, first, all_of_them, strict=True):
         print(f"  {name:28s} {100 * a:5.1f} % of 200, {100 * b:5.1f} % of {seeds}")
     print(f"  all of them                  {100 * first.mean():5.1f} %, {100 * all_of_them.mean():5.1f} %")
@@ -144,7 +157,7 @@ def test_starts_far_off_reach_the_same_minimum():
     starts[:, :11] += np.log(10.0) * rng.choice([-1.0, 1.0], (100, 11))
     hurst = np.clip(0.8 + 0.3 * rng.choice([-1.0, 1.0], 100), None, 0.99)
     starts[:, 13] = np.log((hurst - 0.3) / (1.0 - hurst))
-    values = np.asarray(to_values(problem.structure.layout, problem.numbers.constants, starts[0]))
+    values = np.asarray(to_values(problem.structure.variables, problem.numbers.constants, starts[0]))
     assert values[13] == pytest.approx(hurst[0]) and values[0] / 9.5e8 in (
         pytest.approx(10.0),
         pytest.approx(0.1),

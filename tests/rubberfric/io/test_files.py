@@ -421,11 +421,11 @@ def test_softening_and_heating(folder):
     (folder / "softening.csv").write_text(SOFTENING)
     numbers = {"density": 1.2e3, "heat_capacity": 1.6e3, "conductivity": 0.23, "radius": 1e-3}
     content = put(full_scene(), "softening", {"file": "softening.csv", "factor": 1.2})
-    content = put(content, "heating", numbers | {"shear_at": "background"})
+    content = put(content, "heating", numbers | {"shear_at": "background", "branch": "falling"})
     scene = rf.load_scene(write_scene(folder, content))
     table = [1e-2 * np.array([1.0, 10.0, 100.0]), [1.0, 0.7, 0.4], [1.0, 1.1, 0.6]]
     same(scene.softening, rf.Softening(*table, 1.2))
-    same(scene.heating, rf.Heating(**numbers, shear_at="background"))
+    same(scene.heating, rf.Heating(**numbers, shear_at="background", branch="falling"))
     assert scene.heating.area_fraction is None
     rf.save_scene(folder / "scene.h5", scene)
     same(rf.load_scene(folder / "scene.h5"), scene)

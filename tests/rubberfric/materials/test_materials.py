@@ -10,7 +10,8 @@ from support.oracles.oracle import shift_factor, table_modulus
 import rubberfric as rf
 from rubberfric.materials.material import plane_strain
 from rubberfric.theory.quantities import Needs
-from rubberfric.theory.stiffness.tabulated_means import Tabulated, means_table
+from rubberfric.theory.stiffness.means_table import means_table
+from rubberfric.theory.stiffness.tabulated_means import Tabulated
 
 OMEGA = np.array([0.0, *np.logspace(-30, 30, 61)])
 E, TAU = [7.6e8, 1.5e7, 0.0, 2.2e6, 9e5, 9e5], [1e-20, 1e-6, 3e-5, 1e-3, 1.0, 1e20]

@@ -60,12 +60,12 @@ def main(case, out, checkpoint=None, *processes):
             time.sleep(0.05)  # so that a kill finds it at work
 
     members = {"modulus": modulus, "friction": friction}[case]()
-    options = {"checkpoint": checkpoint, "every": 0, "resume": True, "lanes": 2, "callback": callback}
+    options = {"checkpoint": checkpoint, "every": 0, "resume": True, "batch": 2, "callback": callback}
     result = fitting.run_ensemble(members, **options)
     found = {name: getattr(result, name) for name in ROWS}
     if case == "friction":
         for prefix, devices in {"one": jax.devices()[:1], "two": jax.devices()[:2]}.items():
-            other = fitting.run_ensemble(members, devices=devices, lanes=3)
+            other = fitting.run_ensemble(members, devices=devices, batch=3)
             found |= {f"{prefix}_{name}": getattr(other, name) for name in ROWS}
     np.savez(out, devices=result.devices, **found)
 

@@ -27,7 +27,7 @@ from support.ensembles.twin import FREE, TRUTH, twin  # noqa: E402
 
 import fitting  # noqa: E402
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt  # noqa: E402
-from fitting.solvers.problem import residuals, residuals_and_jacobian  # noqa: E402
+from fitting.solvers.residuals import residuals, residuals_and_jacobian  # noqa: E402
 from fitting.solvers.runs import run  # noqa: E402
 
 
@@ -54,7 +54,7 @@ def ensemble(count):
         "failed": int(result.failed.size),
         "steps": int(result.njev.sum()),
         "evaluations": int(result.nfev.sum()),
-        "lanes": result.lanes,
+        "batch": result.batch,
         "stated MB": result.peak * len(jax.devices()) / 1e6,
         "grown MB": peak() - before,
         "cost": float(np.mean(result.cost)),
@@ -64,12 +64,11 @@ def ensemble(count):
 def loop(count):
     """One compiled fit after the other, as Python runs them."""
     members = bootstrap(count)
-    structure, numbers = members.problem.structure, members.problem.numbers
     seconds, steps, costs = 0.0, 0, []
     for i in range(-1, count):  # the first compiles
         one = jax.tree.map(lambda a, i=i: a[min(max(i, 0), len(a) - 1)][None], members.targets)
         begin = time.perf_counter()
-        end = run(LevenbergMarquardt(), structure, numbers, one, members.starts[:1], lanes=1)
+        end = run(LevenbergMarquardt(), members.problem, members.starts[:1], one, batch=1)
         if i >= 0:
             seconds += time.perf_counter() - begin
             steps += int(end.njev[0])

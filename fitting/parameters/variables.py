@@ -14,15 +14,21 @@ Free           scale x                                   value / scale
 =============  ========================================  =======================
 """
 
-import math
+from collections.abc import Hashable, Mapping
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-from fitting.parameters.constraints import RULES, Bounded, Positive, Tied
+import rubberfric as rf
+from fitting.parameters.constraints import RULES, Bounded, Free, Positive, Rule, Tied
 from fitting.parameters.keypaths import find, leaf_names
+
+# A Positive element that fell by more than this factor was driven towards zero.
+VANISHED = 1e6
+
+Array = jax.Array | np.ndarray
 
 
 class Group(NamedTuple):
@@ -31,34 +37,34 @@ class Group(NamedTuple):
     path: str
     kind: str  # "Positive", "Bounded", "Free", "Tied"
     leaf: int  # which leaf of the scene
-    elements: tuple | None  # which elements of it; None: a scalar leaf
-    slot: tuple  # (first, last + 1) in x; for Tied: in x of what it is tied to
+    elements: tuple[int, ...] | None  # which elements of it; None: a scalar leaf
+    slot: tuple[int, int]  # (first, last + 1) in x; for Tied: in x of what it is tied to
 
 
-class Layout(NamedTuple):
+class Variables(NamedTuple):
     """Structure of a set of free parameters; hashable, so that functions of it compile once."""
 
-    tree: object  # tree structure of the scene
-    groups: tuple
+    tree: Hashable  # structure of the scene, as jax.tree flattens it
+    groups: tuple[Group, ...]
     size: int  # number of free elements
 
     @property
-    def own(self):
+    def own(self) -> list[Group]:
         """Groups with elements of their own in x: all but the tied ones."""
         return [group for group in self.groups if group.kind != "Tied"]
 
 
 class Constants(NamedTuple):
-    """Numbers that belong to a `Layout`; a pytree."""
+    """Numbers that belong to a `Variables`; a pytree."""
 
-    leaves: tuple  # of the scene at the start
-    low: jax.Array  # shape (size,): lower bound, 0 without
-    width: jax.Array  # high - low; scale of a Free one; 1 for a Positive one
-    ratios: tuple  # of every Tied group, shape (elements,)
+    leaves: tuple[Array, ...]  # of the scene at the start
+    low: Array  # shape (size,): lower bound, 0 without
+    width: Array  # high - low; scale of a Free one; 1 for a Positive one
+    ratios: tuple[Array, ...]  # of every Tied group, shape (elements,)
 
 
-def free_parameters(scene, free):
-    """Layout, constants and start vector for the free parameters of a scene.
+def free_parameters(scene: rf.Scene, free: Mapping[str, Rule]) -> tuple[Variables, Constants, np.ndarray]:
+    """Variables, constants and start vector for the free parameters of a scene.
 
     Parameters
     ----------
@@ -67,7 +73,7 @@ def free_parameters(scene, free):
 
     Returns
     -------
-    (Layout, Constants, x), x a NumPy array of shape (size,)
+    (Variables, Constants, x), x a NumPy array of shape (size,)
 
     Raises
     ------
@@ -109,10 +115,10 @@ def free_parameters(scene, free):
         raise ValueError("free: all parameters are Tied; one at least must be free itself")
     groups, ratios = _tie(free, groups, leaves)
     constants = Constants(tuple(leaves), np.concatenate(low), np.concatenate(width), tuple(ratios))
-    return Layout(tree, tuple(groups), size), constants, np.concatenate(x)
+    return Variables(tree, tuple(groups), size), constants, np.concatenate(x)
 
 
-def _start(path, rule, values):
+def _start(path: str, rule: Positive | Bounded | Free, values: np.ndarray) -> np.ndarray:
     """Start values of a group: the scene's, or those that the rule gives."""
     if rule.start is None:
         return values
@@ -152,7 +158,7 @@ def _range(path, rule, values):
     return zero, one * (rule.scale or np.where(values != 0, np.abs(values), 1.0))
 
 
-def to_x(kind, low, width, values):
+def to_x(kind: str, low: np.ndarray, width: np.ndarray, values: np.ndarray) -> np.ndarray:
     """x of elements of one kind at their values: `to_values` undone, on the host."""
     if kind == "Positive":
         return np.log(values)
@@ -191,10 +197,10 @@ def _tie(free, groups, leaves):
     return done, ratios
 
 
-def to_values(layout, constants, x):
+def to_values(variables: Variables, constants: Constants, x: Array) -> jax.Array:
     """Values of the free elements at x, shape (size,)."""
     parts = []
-    for group in layout.own:
+    for group in variables.own:
         part = slice(*group.slot)
         low, width, here = constants.low[part], constants.width[part], x[part]
         if group.kind == "Positive":
@@ -206,11 +212,11 @@ def to_values(layout, constants, x):
     return jnp.concatenate(parts)
 
 
-def to_scene(layout, constants, x):
+def to_scene(variables: Variables, constants: Constants, x: Array) -> rf.Scene:
     """The scene with the free elements at x; every other leaf as it was."""
-    values = to_values(layout, constants, x)
+    values = to_values(variables, constants, x)
     leaves, ratios = list(constants.leaves), iter(constants.ratios)
-    for group in layout.groups:
+    for group in variables.groups:
         here = values[slice(*group.slot)]
         if group.kind == "Tied":
             here = next(ratios) * here
@@ -221,38 +227,14 @@ def to_scene(layout, constants, x):
             leaves[group.leaf] = here
         else:
             leaves[group.leaf] = leaf.at[np.array(group.elements)].set(here)
-    return jax.tree_util.tree_unflatten(layout.tree, leaves)
+    return jax.tree.unflatten(variables.tree, leaves)
 
 
-def slopes(layout, constants, x):
+def slopes(variables: Variables, constants: Constants, x: jax.Array) -> jax.Array:
     """d value / d x of every free element."""
-    return jax.jvp(lambda x: to_values(layout, constants, x), (x,), (jnp.ones_like(x),))[1]
+    return jax.jvp(lambda x: to_values(variables, constants, x), (x,), (jnp.ones_like(x),))[1]
 
 
-def element_names(layout):
+def element_names(variables: Variables) -> list[str]:
     """Key path of every free element, in the order of x."""
-    return [name for group in layout.own for name in leaf_names(group.path, group.elements)]
-
-
-def random_starts(layout, x, key, count, decades=1.0):
-    """`count` start vectors: x itself, then random ones, shape (count, size).
-
-    Positive elements are drawn from within `decades` of x, evenly in the logarithm;
-    Bounded ones from the middle 98 % between their bounds; Free ones from x +- their scale.
-    """
-    x = jnp.asarray(x)
-    if count == 1:
-        return x[None]
-    draws = jax.random.uniform(key, (count, layout.size), x.dtype, minval=-1.0, maxval=1.0)
-    starts = []
-    for group in layout.own:
-        part = slice(*group.slot)
-        drawn = draws[:, part]
-        if group.kind == "Positive":
-            starts.append(x[part] + decades * math.log(10.0) * drawn)
-        elif group.kind == "Bounded":
-            place = 0.5 + 0.49 * drawn
-            starts.append(jnp.log(place / (1 - place)))
-        else:
-            starts.append(x[part] + drawn)
-    return jnp.concatenate(starts, 1).at[0].set(x)
+    return [name for group in variables.own for name in leaf_names(group.path, group.elements)]

@@ -1,0 +1,56 @@
+"""Where a fit stands, and how it can end."""
+
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from fitting.parameters.variables import Array
+
+RUNNING, CONVERGED, PERFECT, STALLED, OUT_OF_STEPS, NOT_FINITE, INTERRUPTED = range(7)
+
+MESSAGES = {
+    RUNNING: "still running",
+    CONVERGED: "converged: further steps change the cost by less than the tolerance",
+    PERFECT: "converged: the data are met to rounding",
+    STALLED: "stalled: no step lowers the cost; the model may not be smooth here",
+    OUT_OF_STEPS: "not converged: out of steps; raise max_steps",
+    NOT_FINITE: "failed: the model is not finite at the start; check the start values",
+    INTERRUPTED: "interrupted: these are the best values so far",
+}
+
+
+class Iterate(NamedTuple):
+    """Where a fit stands; a pytree."""
+
+    x: Array  # the best so far
+    cost: Array
+    status: Array  # one of the above
+    nfev: Array  # evaluations of the residuals, or of the cost
+    njev: Array  # and of their Jacobian, or its gradient
+    own: Any  # arrays that the solver keeps for itself
+
+
+def begin(cost: jax.Array, x: jax.Array, own: Any) -> Iterate:
+    """The iterate of a fit before its first step; `own` is the solver's."""
+    status = jnp.where(jnp.isfinite(cost), RUNNING, NOT_FINITE)
+    zero = jnp.asarray(0)
+    return Iterate(x, cost, status, zero + 1, zero, own)
+
+
+def unless_done(before: Iterate, after: Iterate) -> Iterate:
+    """The iterate after a step; one that is done stays as it is."""
+    running = before.status == RUNNING
+    return jax.tree.map(lambda new, old: jnp.where(running, new, old), after, before)
+
+
+def ended(finite: Array, perfect: Array, converged: Array, stalled: Array | bool = False) -> jax.Array:
+    """The status after a step, of which these are true or false."""
+    ends = [NOT_FINITE, PERFECT, CONVERGED, STALLED]
+    return jnp.select([~finite, perfect, converged, jnp.asarray(stalled)], ends, RUNNING)
+
+
+def succeeded(status: np.ndarray | int) -> np.ndarray:
+    """Which fits ended at a minimum."""
+    return np.isin(status, (CONVERGED, PERFECT))

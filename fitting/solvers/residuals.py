@@ -1,0 +1,148 @@
+r"""Residuals of a problem, and their derivatives.
+
+.. math:: r_i = \frac{\ln(model_i / measured_i)}{relative_i} \quad\text{or}\quad
+          r_i = \frac{model_i - measured_i}{sigma_i}
+
+the first for data with relative errors; then the rows of the priors (`fitting.parameters.priors`), and
+those that keep arrays smooth while a start is searched for (`fitting.solvers.search`).
+"""
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import rubberfric as rf
+from fitting.parameters.priors import prior_residuals
+from fitting.parameters.variables import Variables, to_scene
+from fitting.solvers.losses import Loss, Objective
+from fitting.solvers.problem import CURVES, Numbers, Problem, Structure, Targets
+from rubberfric.analysis import value_and_jacobian
+from rubberfric.roughness import log_power_spectrum
+
+
+def objective(structure: Structure, numbers: Numbers, targets: Targets) -> Objective:
+    """What solvers see of a problem."""
+
+    def both(x):
+        rows, jacobian = residuals_and_jacobian(structure, numbers, targets, x)
+        return rows, jacobian * targets.moving
+
+    return Objective(
+        lambda x: residuals(structure, numbers, targets, x),
+        both,
+        Loss(structure.loss, numbers.width, data_rows(structure)),
+        _rounding(structure, targets),
+        targets.moving,
+    )
+
+
+def predictions(structure: Structure, numbers: Numbers, x: jax.Array) -> tuple[jax.Array, rf.Scene]:
+    """What the model says in place of every measured value, shape (rows,), and the scene."""
+    scene = to_scene(structure.variables, numbers.constants, x)
+    pairs = zip(structure.blocks, numbers.conditions, strict=True)
+    return jnp.concatenate([_predicted(structure, block, at, scene) for block, at in pairs]), scene
+
+
+def _predicted(structure, block, conditions, scene):
+    """Rows of one block; their logarithm where it is logarithmic."""
+    if block.quantity in CURVES:
+        heated = () if scene.heating is None else ("converged",)
+        solution = rf.solve(
+            scene, *conditions, quadrature=structure.quadrature, quantities=(block.quantity, *heated)
+        )
+        values = getattr(solution, block.quantity)
+        if solution.converged is not None:
+            # Of a last iterate nothing is learned: no step leads there, and a start there is refused.
+            values = jnp.where(solution.converged, values, jnp.nan)
+    elif block.quantity == "modulus":
+        modulus = rf.complex_modulus(getattr(scene, block.body).material, *conditions)
+        values = jnp.concatenate([modulus.real, modulus.imag])
+    else:
+        # Continued beyond the ends, which may move past a measured wavevector on the way.
+        log_C = log_power_spectrum(getattr(scene, block.body).spectrum.power_law(), *conditions)
+        return log_C if block.logarithmic else jnp.exp(log_C)
+    return jnp.log(values) if block.logarithmic else values
+
+
+def residuals(structure: Structure, numbers: Numbers, targets: Targets, x: jax.Array) -> jax.Array:
+    """Rows of the data, of the priors, and of the smoothing, in units of their errors."""
+    model, scene = predictions(structure, numbers, x)
+    rows = (model - targets.measured) / targets.error
+    prior = prior_residuals(structure.prior, numbers.prior, scene, x)
+    return jnp.concatenate([rows, prior, numbers.smoothing * (_bends(structure.variables, x.dtype) @ x)])
+
+
+def residuals_and_jacobian(
+    structure: Structure, numbers: Numbers, targets: Targets, x: jax.Array
+) -> tuple[jax.Array, jax.Array]:
+    """The same rows, and their derivatives with respect to x, shape (rows, size)."""
+
+    def scene_of(x):
+        return to_scene(structure.variables, numbers.constants, x)
+
+    parts = []
+    for block, conditions in zip(structure.blocks, numbers.conditions, strict=True):
+        if block.quantity in CURVES:
+            values, slopes = value_and_jacobian(scene_of, x, conditions, block.quantity, structure.quadrature)
+            if block.logarithmic:
+                values, slopes = jnp.log(values), slopes / values[:, None]
+        else:
+            values, slopes = forward(
+                lambda x, b=block, c=conditions: _predicted(structure, b, c, scene_of(x)), x
+            )
+        parts.append((values, slopes))
+    model, slopes = (jnp.concatenate(part) for part in zip(*parts, strict=True))
+    prior, prior_slopes = forward(
+        lambda x: prior_residuals(structure.prior, numbers.prior, scene_of(x), x), x
+    )
+    bends = numbers.smoothing * _bends(structure.variables, x.dtype)
+    rows = [(model - targets.measured) / targets.error, prior, bends @ x]
+    slopes = [slopes / targets.error[:, None], prior_slopes, bends]
+    return jnp.concatenate(rows), jnp.concatenate(slopes)
+
+
+def _bends(variables: Variables, dtype):
+    """Second differences of x along the arrays of Positive elements, shape (rows, size)."""
+    rows = [np.zeros((0, variables.size))]
+    for group in variables.groups:
+        first, last = group.slot
+        if group.kind == "Positive" and last - first >= 3:
+            rows.append(np.diff(np.eye(variables.size)[first:last], 2, axis=0))
+    return np.concatenate(rows).astype(dtype)
+
+
+def forward(function: Callable[[jax.Array], jax.Array], x: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """Value of a function and its derivatives with respect to x, the last axis, by forward mode."""
+    jacobian, value = jax.jacfwd(lambda x: (function(x),) * 2, has_aux=True)(x)
+    return value, jacobian
+
+
+def data_rows(structure: Structure) -> int:
+    """Number of rows that are data."""
+    return structure.blocks[-1].rows[1]
+
+
+def _rounding(structure, targets):
+    """The cost that rounding leaves when the data are met exactly."""
+    error = 100 * float(jnp.finfo(targets.measured.dtype).eps)  # of a prediction, relative
+    offset = np.zeros(data_rows(structure))
+    for block in structure.blocks:
+        offset[slice(*block.rows)] = block.logarithmic  # ln 1 = 0 is no better known than ln 2
+    scale = jnp.abs(targets.measured) + offset.astype(targets.measured.dtype)
+    return 0.5 * jnp.sum((error * scale / targets.error) ** 2)
+
+
+def residual_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
+    """Residuals of the data, then of the priors, in units of their errors."""
+    return np.asarray(_residuals(problem.structure, problem.numbers, problem.targets, x))
+
+
+def model_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
+    """What the model predicts in place of the measured values (their logarithms, where relative)."""
+    return np.asarray(_predictions(problem.structure, problem.numbers, x))
+
+
+_residuals = jax.jit(residuals, static_argnums=0)
+_predictions = jax.jit(lambda structure, numbers, x: predictions(structure, numbers, x)[0], static_argnums=0)

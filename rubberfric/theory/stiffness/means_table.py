@@ -1,0 +1,194 @@
+r"""Angular means of a solid that is no Prony series, over a uniform grid of ln(q v).
+
+With a constant spring k the series F = f k / (f + k) depends on q v alone: its means are convolutions over
+ln(q v), taken once (`rubberfric.theory.stiffness.uniform_grid`), and splines for every node and velocity.
+
+The grid begins at a whole multiple of its step, has the same length whatever the table, and no derivative
+goes through where it lies: a value depends on nothing but its own q v.
+"""
+
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rubberfric.materials.material import Material
+from rubberfric.materials.tabulated_modulus import LONGEST, REACH
+from rubberfric.theory.quantities import Needs
+from rubberfric.theory.stiffness.angular_means import Harmonics, Means
+from rubberfric.theory.stiffness.tabulated_means import (
+    PER_DETAIL,
+    Tabulated,
+    constant_shares,
+    kinds_of,
+    log_power,
+    log_range,
+    means_of_log,
+    parts_of,
+)
+from rubberfric.theory.stiffness.uniform_grid import (
+    LEAD,
+    MARGIN,
+    Weights,
+    at,
+    circle_means,
+    circle_weights,
+    depth,
+    splines,
+)
+
+# How far the grid goes beyond the table of the modulus at either end, in ln(q v): there the
+# means are two powers of q v, and what is left of a third is e^-32 and e^-27.
+_BELOW, _ABOVE = 8.0, 9.0  # and the reach of a rounded knot
+
+# Where the limits of the means are taken: beyond all of the table, and all of the circle within reach.
+_FAR = 40.0
+
+
+class MeansTable(NamedTuple):
+    """Splines over a uniform grid of ln(q v) through the means, each kind a row or several."""
+
+    material: Material
+    first: jax.Array  # the first coefficient is that at step * first
+    ends: jax.Array  # ln(q v) where the means become powers, below and above
+    coefficients: jax.Array  # `splines` of the rows, of ln of those that are positive
+    limits: jax.Array  # the rows far beyond the ends, (rows, 2)
+
+    by_node = False
+
+    def means(
+        self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: Harmonics | None = None
+    ) -> Means:
+        """Means of F for roughness passing at q v; arguments as for the table, and `Relaxing.means`."""
+        return means_of_log(
+            self.material, qv, harmonics, lambda x: _by_table(self, x, needs, split, harmonics)
+        )
+
+
+def means_table(F: Tabulated, needs: Needs, split: bool, harmonics: Harmonics | None) -> MeansTable:
+    """Table of the means of an F that depends on q v alone; arguments as of `Tabulated.means`."""
+    material, (count_of_harmonics, mix) = F.material, constant_shares(harmonics)
+    step, reach = material.detail / PER_DETAIL, REACH * material.detail
+    kinds, before = kinds_of(needs, split, material.loss_beyond), depth(step)
+    low, high = log_range(material)
+    ends = jax.lax.stop_gradient(jnp.stack([low - _BELOW - reach, high + _ABOVE + reach]))
+    # With what the splines hang on beside the ends, and the circle before and after.
+    first = jnp.floor(ends[0] / step) - 4 - MARGIN
+    count = math.ceil((LONGEST + _BELOW + _ABOVE + 2 * reach) / step) + 12 + 2 * MARGIN
+    moduli = material.storage_and_loss_on_grid(first - before, step, before + count + LEAD)
+    parts = parts_of(F, *moduli)
+    weights = _mixed_weights(circle_weights(step, count_of_harmonics), mix)
+    weights = Weights(*(_stack([one[kind.weights] for kind in kinds]) for one in zip(*weights, strict=True)))
+    rows = circle_means(jnp.stack([kind.of(parts) for kind in kinds]), weights, step)[..., before:]
+    # Only the first of a kind has one sign.
+    positive = np.zeros(rows.shape[:2], bool)
+    positive[:, 0] = [kind.positive for kind in kinds]
+    positive = positive[..., None]
+    rows = jnp.where(positive, log_power(jnp.where(positive, rows, 1.0)), rows)
+    # A table under jit that is longer than the grid.
+    rows = jnp.where(high - low <= LONGEST, rows, jnp.nan).reshape(-1, rows.shape[-1])
+    # E' and E'' at the ends themselves, of which E'' is a power.
+    entry = jnp.floor(ends / step)
+    storage, loss = (x[(entry - first).astype(int) + before] for x in moduli)
+    if material.loss_beyond == "fall":
+        loss = loss * jnp.exp(jnp.array([1.0, -1.0], ends.dtype) * (ends - step * entry))
+    at_ends = storage, loss
+    return MeansTable(
+        material, first + MARGIN, ends, splines(rows), _limits(F, kinds, at_ends, count_of_harmonics, mix)
+    )
+
+
+def _mixed_weights(weights, mix):
+    """Rows of the weights over the circle of the means of f, cos(phi) f and sin(phi) f."""
+    if mix is None:
+        return weights
+    even, along, across = weights
+    return even.mixed(mix[0]), along.mixed(mix[0]), across.mixed(mix[1])
+
+
+def _stack(arrays):
+    return np.stack(arrays) if isinstance(arrays[0], np.ndarray) else jnp.stack(arrays)
+
+
+def _limits(F, kinds, at_ends, harmonics, mix):
+    """What the rows are far beyond the ends, (rows, 2); of those that go to 0 what e^+-x is multiplied by."""
+    outside = F.material.loss_beyond
+    storage, loss = at_ends
+    far = parts_of(F, storage, loss * (math.exp(-_FAR) if outside == "fall" else 1.0))
+    moments = _moments(harmonics, outside)
+    if mix is not None:
+        shares = mix[0], mix[0], mix[1]
+        moments = [m[:, :1] + m[:, 1:] @ c[:, None] for m, c in zip(moments, shares, strict=True)]
+    rows = []
+    for kind in kinds:
+        back = math.exp(_FAR) if outside == "fall" and kind.name in ("dissipation", "transverse") else 1.0
+        rows.append((kind.of(far) * back)[:, None] * moments[kind.weights])
+    return jnp.concatenate(rows, 1).T
+
+
+def _moments(harmonics, outside):
+    """Means over the circle below and above the table of what `circle_weights` is for, (2, 1 + harmonics).
+
+    Of E'' that falls, which is in proportion to cos(phi) below the table and to 1 / cos(phi) above it.
+    """
+    m = np.arange(1, harmonics + 1)
+    sign = -((-1.0) ** m)
+    none, one = np.zeros(harmonics), np.ones((2, 1))
+    even = np.hstack([one, [none, none]])
+    if outside == "fall":
+        first = np.where(m == 1, 0.25, 0.0)
+        return even, np.hstack([[[0.5], [1.0]], [first, none]]), np.hstack([0 * one, [first, sign]])
+    along, across = sign / (4 * m**2 - 1), 2 * m * sign / (4 * m**2 - 1)
+    return even, 2 / np.pi * np.hstack([one, [along] * 2]), 2 / np.pi * np.hstack([0 * one, [across] * 2])
+
+
+def _by_table(table, log_qv, needs, split, harmonics):
+    r"""Means from a table: splines, beyond the ends the powers that the means follow.
+
+    With x = ln(q v) and E'' that falls, the means are below the table even or odd in e^x,
+
+    .. math:: P + P' e^{2x},\qquad D e^x + D' e^{3x}
+
+    and above it, where a share e^-x of the circle is within it, P + P' e^-x and D e^-x + D' e^-2x.
+    """
+    outside, (count, mix) = table.material.loss_beyond, constant_shares(harmonics)
+    step = table.material.detail / PER_DETAIL
+    below = jnp.minimum(log_qv - table.ends[0], 0.0)
+    above = jnp.maximum(log_qv - table.ends[1], 0.0)
+    inside = jnp.clip(log_qv, table.ends[0], table.ends[1])
+    rows = at(table.coefficients, inside / step - table.first)
+    lower = below < 0
+    down, up = jnp.exp(below), jnp.exp(-above)
+
+    def part(value, limit, share):
+        # The limit may be 1e8 times the value where nothing of it is wanted.
+        return value * share + limit * (1 - share)
+
+    def even(value, ends):
+        """<|F|^2> and <Re F>, which go to a constant."""
+        limit = jnp.where(lower, ends[0], ends[1])
+        return part(value, limit, up if outside == "hold" else down * down * up)
+
+    def odd(value, ends):
+        """The dissipation, which goes to 0 if E'' does."""
+        if outside == "hold":
+            return part(value, ends[1], up * up)
+        if outside == "none":
+            return value * up * up
+        # What is left of the mean where it is the first of the two powers alone.
+        leading = jnp.where(lower, ends[0], ends[1])
+        return part(value, leading, down * down * up) * (down * up)
+
+    means: Means = {kind: () for kind in needs.kinds}
+    size = 1 if mix is not None else 1 + count
+    for k, kind in enumerate(kinds_of(needs, split, outside)):
+        rule = even if kind.name in ("power", "storage") else odd
+        # Across there is no harmonic without sin 2 m phi.
+        begin = 1 if kind.name == "transverse" and mix is None else 0
+        for i in range(begin, size):
+            row = k * size + i
+            value = jnp.exp(rows[row]) if kind.positive and i == 0 else rows[row]
+            means[kind.name] += (rule(value, table.limits[row]),)
+    return means

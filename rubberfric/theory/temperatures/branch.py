@@ -1,0 +1,209 @@
+r"""Branches of a fixed point y = F(y; v) followed in ln v, past their folds.
+
+Of several solutions at a velocity the one is meant that sliding reaches when the velocity changes slowly
+from where there is one alone: the branch from there, and past a fold of it the state to which
+
+.. math:: \frac{dy}{dt} \propto F(y; v) - y
+
+leads. F' has one real eigenvalue that may be large, and the others are small, so that every step along
+the residual is divided by 1 less what a secant along it says of that eigenvalue,
+
+.. math:: y \leftarrow y + \frac{r}{1-\sigma},\qquad r = F(y) - y,\qquad
+          1 - \sigma = -\frac{\Delta r\cdot\Delta y}{\Delta y\cdot\Delta y},\qquad \sigma < 1
+
+which never turns it round: a stable solution attracts, an unstable one does not. Steps in ln v grow and
+shrink with the number of evaluations that they take; down to the shortest, one that leads far is a jump.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+
+# Largest last step on the way, first step after a prediction, and any step [K].
+_NEAR, _FAR, _LONGEST = 0.03, 0.7, 2.0
+# Shortest and longest step in ln v; most evaluations before it is shortened.
+_SHORTEST, _WIDEST, _PATIENCE = 0.03, 3.0, 6
+# Turns of the residual at one velocity after which steps no longer lengthen.
+_CIRCLING = 4
+# Bounds of sigma, and the upper one where the residual is small [K]: close to folds it nearly is 1.
+_LOWEST, _HIGHEST, _AT_FOLDS, _SMALL = -40.0, 0.8, 0.98, 0.01
+_MOST_EVALUATIONS = 500
+
+
+class Place(NamedTuple):
+    """Where on the branch rows have arrived."""
+
+    log_v: jax.Array  # (rows,)
+    rises: jax.Array  # (rows, n)
+    slope: jax.Array  # d rises / d ln v, (rows, n)
+    step: jax.Array  # in ln v to be tried next, >= 0, (rows,)
+    sigma: jax.Array  # the eigenvalue, (rows,)
+
+
+class _Trial(NamedTuple):
+    """An iterate at the next velocity."""
+
+    log_v: jax.Array
+    rises: jax.Array
+    count: jax.Array  # evaluations made at this velocity
+    before: jax.Array  # iterate and residual before this one
+    residual: jax.Array
+    sigma: jax.Array
+    turns: jax.Array  # how often the residual turned round
+
+
+def begin_at(log_v: jax.Array, start: jax.Array) -> Place:
+    """`Place` of rows that begin at velocities with rises to start at."""
+    zero = jnp.zeros_like(log_v)
+    return Place(log_v, start, jnp.zeros_like(start), zero + _WIDEST, zero)
+
+
+def path(
+    residual: Callable[[jax.Array, jax.Array], jax.Array],
+    begin: Place,
+    targets: jax.Array,
+    direction: int,
+) -> Place:
+    """Places of one branch, for each target the last before it.
+
+    They do not depend on the targets, so that what follows from them does not on the other targets.
+
+    Parameters
+    ----------
+    residual : function of (ln v, rises), shapes (1,) and (1, n), to F - y of shape (1, n)
+    begin : Place of one row
+    targets : ln v, shape (targets,)
+    direction : 1 towards higher velocities, -1 towards lower
+
+    Returns
+    -------
+    Place of a row for each target
+    """
+    count = targets.shape[0]
+    reached = jax.tree.map(lambda x: jnp.repeat(x, count, 0), begin)
+    # A target before the begin is where its branch begins.
+    early = direction * (targets - begin.log_v) < 0
+    reached = reached._replace(log_v=jnp.where(early, targets, reached.log_v))
+
+    def beyond(place):
+        return direction * (place.log_v - targets) > 0
+
+    def one(progress):
+        k, place, trial, reached = progress
+        place, trial, _ = _evaluated(residual, place, trial, direction * jnp.inf, _NEAR, begin.log_v)
+        reached = jax.tree.map(
+            lambda new, old: jnp.where(_column(beyond(place), old), old, new), place, reached
+        )
+        return k + 1, place, trial, reached
+
+    def going(progress):
+        return (progress[0] < _MOST_EVALUATIONS) & ~jnp.all(beyond(progress[1]))
+
+    return jax.lax.while_loop(going, one, (0, begin, _first(begin, begin.log_v), reached))[-1]
+
+
+def arrive(
+    residual: Callable[[jax.Array, jax.Array], jax.Array],
+    places: Place,
+    targets: jax.Array,
+    tolerance: float,
+) -> tuple[jax.Array, jax.Array]:
+    """Rises where the branches from places arrive at targets.
+
+    Parameters
+    ----------
+    residual : function of (ln v, rises), shapes (rows,) and (rows, n), to F - y of shape (rows, n)
+    places : Place of every row
+    targets : ln v, shape (rows,)
+    tolerance : largest last step at the target [K]. Just beyond a fold steps are small although no
+        solution is near.
+
+    Returns
+    -------
+    (rises, arrived), shapes (rows, n) and (rows,)
+    """
+    begin = places.log_v
+    ready = places._replace(step=jnp.minimum(places.step, jnp.abs(targets - begin)))
+
+    def one(progress):
+        k, place, trial, arrived = progress
+        new = _evaluated(residual, place, trial, targets, tolerance, begin)
+        # A row ends where it itself is there, however long the others take: alone it is the same.
+        place, trial, now = jax.tree.map(
+            lambda new, old: jnp.where(_column(arrived, new), old, new), new, (place, trial, arrived)
+        )
+        return k + 1, place, trial, arrived | now
+
+    def going(progress):
+        return (progress[0] < _MOST_EVALUATIONS) & ~jnp.all(progress[-1])
+
+    at = begin + jnp.sign(targets - begin) * ready.step
+    progress = 0, ready, _first(ready, at), jnp.zeros(begin.shape, bool)
+    _, place, _, arrived = jax.lax.while_loop(going, one, progress)
+    return place.rises, arrived
+
+
+def _first(place, log_v):
+    """The first trial at velocities: along the slope from a place."""
+    rises = place.rises + place.slope * (log_v - place.log_v)[:, None]
+    zero = jnp.zeros_like(rises)
+    none = jnp.zeros(log_v.shape, int)
+    return _Trial(log_v, rises, none, zero, zero, place.sigma, none)
+
+
+def _evaluated(residual, place, trial, target, tolerance, begin):
+    """Place and trial after one evaluation, and whether a row is at its target."""
+    r = residual(trial.log_v, trial.rises)
+    finite = jnp.all(jnp.isfinite(r), -1)
+    r = jnp.where(finite[:, None], r, 0.0)
+    move, change = trial.rises - trial.before, r - trial.residual
+    length = jnp.sum(move * move, -1)
+    secant = 1 + jnp.sum(change * move, -1) / jnp.where(length > 0, length, 1.0)
+    highest = jnp.where(jnp.max(jnp.abs(r), -1) < _SMALL, _AT_FOLDS, _HIGHEST)
+    # Of a move that is nothing but rounding nothing is learned.
+    learned = (trial.count > 0) & (length > 1e-12)
+    sigma = jnp.clip(jnp.where(learned, secant, trial.sigma), _LOWEST, highest)
+    turns = trial.turns + ((trial.count > 0) & (jnp.sum(r * trial.residual, -1) < 0))
+    # A secant that sees now one direction, now another, leads round in circles; damped by the least it ends.
+    sigma = jnp.where(turns >= _CIRCLING, jnp.minimum(sigma, trial.sigma), sigma)
+    step = r / (1 - sigma)[:, None]
+    size = jnp.max(jnp.abs(step), -1)
+    rises = trial.rises + step * jnp.minimum(1.0, _LONGEST / jnp.maximum(size, 1e-30))[:, None]
+    rises = jnp.where(finite[:, None], rises, 0.5 * (trial.rises + place.rises))
+
+    accepted = finite & (size <= jnp.where(trial.log_v == target, tolerance, _NEAR))
+    late = ~finite | ((trial.count == 0) & (size > _FAR)) | (trial.count >= _PATIENCE)
+    shortened = ~accepted & late & (place.step > _SHORTEST) & (trial.log_v != begin)
+    there = accepted & (trial.log_v == target)
+
+    gone = trial.log_v - place.log_v
+    # After a jump the way that lies behind says nothing of the way ahead.
+    steady = (gone != 0) & (trial.count < _PATIENCE)
+    slope = jnp.where(steady[:, None], (rises - place.rises) / jnp.where(gone != 0, gone, 1.0)[:, None], 0.0)
+    factor = jnp.select([trial.count == 0, trial.count == 1, trial.count >= 3], [2.0, 1.4, 0.7], 1.0)
+    grown = jnp.clip(place.step * factor, _SHORTEST, _WIDEST)
+    arrived = Place(trial.log_v, rises, slope, grown, sigma)
+    retried = place._replace(step=jnp.maximum(place.step / 3, _SHORTEST), sigma=sigma)
+    place = jax.tree.map(
+        lambda new, again, old: jnp.where(
+            _column(accepted, old), new, jnp.where(_column(shortened, old), again, old)
+        ),
+        arrived,
+        retried,
+        place,
+    )
+
+    left = target - place.log_v
+    at = jnp.where(jnp.abs(left) <= place.step, target, place.log_v + jnp.sign(left) * place.step)
+    following = _first(place, at)
+    again = _Trial(trial.log_v, rises, trial.count + 1, trial.rises, r, sigma, turns)
+    moved = (accepted & ~there) | shortened
+    trial = jax.tree.map(lambda new, old: jnp.where(_column(moved, old), new, old), following, again)
+    return place, trial, there
+
+
+def _column(rows, like):
+    """Rows with as many axes as an array has."""
+    return rows.reshape(rows.shape + (1,) * (like.ndim - rows.ndim))

@@ -1,0 +1,239 @@
+r"""The balance of heat: what temperatures the friction at given temperatures causes.
+
+The unknowns are the temperature rises of every deformable solid at the angular nodes and at the
+largest wavevector, the flash temperature. They are a fixed point of
+
+.. math:: T \to E(a_T(T_q)\,\omega) \to G, P, S \to f(q) \to T
+
+(`rubberfric.scene.heating` has the last step).
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple, TypeVar
+
+import jax
+import jax.numpy as jnp
+
+from rubberfric.roughness.mesh import Mesh
+from rubberfric.scene.heating import Diffusion, Heating, diffusion, memory, rise_below_surface, rise_inside
+from rubberfric.scene.scene import Scene
+from rubberfric.scene.shear import ContactShear, shear_friction
+from rubberfric.theory.stress_fluctuation import Contact, Roughness
+
+# Velocity [m/s], pressure [Pa] and temperature far from the contact [K], shape (points,) each.
+Points = tuple[jax.Array, jax.Array, jax.Array]
+
+
+_Tree = TypeVar("_Tree")
+
+
+class Coarse(NamedTuple):
+    """The same scene on a mesh of a tenth of the unknowns, without derivatives, to follow branches on."""
+
+    roughness: Roughness
+    diffusion: Diffusion  # from its contact nodes to its unknowns
+    prolonged: Diffusion  # to the unknowns of the scene
+    restriction: jax.Array  # from rises at the unknowns of the scene to those of its own, (own, of the scene)
+
+
+class Thermal(NamedTuple):
+    """What temperatures need of a scene."""
+
+    heating: Heating
+    diffusion: Diffusion  # from the contact nodes to the angular nodes and the largest wavevector
+    exciting: tuple[int | None, ...]  # for every deformable solid the contribution that strains it
+    strained: tuple[int | None, ...]  # for every contribution which of these solids it strains
+    shear: ContactShear | None
+    coarse: Coarse | None  # None if nothing depends on the temperature
+
+
+class Temperatures(NamedTuple):
+    """Temperatures at points [K]."""
+
+    thermal: Thermal
+    # For each contribution, of the solid it strains: (angular panels, points, angular order).
+    strained: list[jax.Array]
+    flash: jax.Array  # at the largest wavevector, of two deformable solids the mean, (points,)
+    surface: jax.Array  # that the contact shear has, (points,)
+    converged: jax.Array  # whether they are a solution, (points,)
+
+
+def macroasperity(heating: Heating) -> jax.Array:
+    """q_m = pi / R, the wavevector of the macroasperities [1/m]."""
+    return jnp.asarray(jnp.pi / heating.radius)
+
+
+def feeds_back(scene: Scene) -> bool:
+    """Whether anything that makes heat depends on the temperature."""
+    shifts = [body.material.shift for body in (scene.lower, scene.upper) if body.material.deforms]
+    if scene.shear is not None and scene.heating is not None and scene.heating.shear_at == "flash":
+        shifts.append(scene.shear.shift)
+    return any(shift is not None for shift in shifts)
+
+
+def prepare_thermal(
+    heating: Heating,
+    scene: Scene,
+    roughness: Roughness,
+    count: int,
+    coarse: Roughness | None,
+    coarse_count: int,
+) -> Thermal:
+    """`Thermal` of a heated scene.
+
+    Parameters
+    ----------
+    heating, scene : what Heating a Scene has, and itself
+    roughness : Roughness
+    count : nodes of the sum over ln k
+    coarse, coarse_count : roughness on the coarse mesh, and nodes of the sum there; None without feedback
+    """
+    bodies = {"lower": scene.lower, "upper": scene.upper}
+    solids = [side for side, body in bodies.items() if body.material.deforms]
+    mesh, sides = roughness.mesh, roughness.strained
+    thermal = Thermal(
+        heating=heating,
+        diffusion=_diffusion(mesh, unknowns(mesh), count),
+        exciting=tuple(sides.index(side) if side in sides else None for side in solids),
+        strained=tuple(solids.index(side) if side in solids else None for side in sides),
+        shear=scene.shear,
+        coarse=None,
+    )
+    if coarse is None:
+        return thermal
+    found = Coarse(
+        coarse,
+        _diffusion(coarse.mesh, unknowns(coarse.mesh), coarse_count),
+        _diffusion(coarse.mesh, unknowns(mesh), coarse_count),
+        jnp.kron(jnp.eye(len(solids)), _linear(jnp.log(unknowns(mesh)), jnp.log(unknowns(coarse.mesh)))),
+    )
+    return thermal._replace(coarse=without_derivatives(found))
+
+
+def unknowns(mesh: Mesh) -> jax.Array:
+    """Wavevectors whose temperature is unknown: the angular nodes and the largest [1/m]."""
+    return jnp.concatenate([mesh.angular_q.reshape(-1), mesh.last[None]])
+
+
+def without_derivatives(tree: _Tree) -> _Tree:
+    """A tree of arrays, and of what is none, that derivatives do not go through."""
+    return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if isinstance(x, jax.Array) else x, tree)
+
+
+def strained_temperatures(
+    thermal: Thermal, mesh: Mesh, rises: jax.Array, background: jax.Array
+) -> tuple[list[jax.Array], jax.Array]:
+    """Temperatures from the rises at the unknowns.
+
+    Parameters
+    ----------
+    thermal, mesh : Thermal, Mesh
+    rises : of every deformable solid, one after the other [K], shape (points, solids * unknowns)
+    background : [K], shape (points,)
+
+    Returns
+    -------
+    (strained, flash) [K]: for each contribution that of the solid it strains, (angular panels, points,
+    angular order); at the largest wavevector, of two deformable solids the mean, (points,)
+    """
+    solids = len(thermal.exciting)
+    # Iterates may overshoot to below T_0, where a shift of the modulus has its pole. Selected, not
+    # a maximum, which would give half the derivative at v = 0; what is not a number stays so.
+    rises = jnp.where(rises < 0, 0.0, rises).reshape(rises.shape[0], solids, -1)
+    inside = rises[..., :-1].reshape(-1, solids, *mesh.angular_q.shape)
+    T = background[:, None] + jnp.moveaxis(inside, 0, 2)  # solids, panels, points, order
+    strained = [background if solid is None else T[solid] for solid in thermal.strained]
+    return strained, background + jnp.mean(rises[..., -1], 1)
+
+
+def heat_balance(
+    thermal: Thermal, roughness: Roughness, ready: Diffusion, points: Points
+) -> Callable[[jax.Array], jax.Array]:
+    """The map from rises at the unknowns of a mesh to those that their friction causes.
+
+    Parameters
+    ----------
+    thermal : Thermal
+    roughness : on the mesh of the unknowns
+    ready : Diffusion from its contact nodes to where the rises are wanted
+    points : Points
+
+    Returns
+    -------
+    function from (points, solids * unknowns) to (points, solids * targets) [K]
+    """
+    velocity, pressure, background = points
+    spread = memory(thermal.heating, ready, velocity, thermal.shear is not None)
+
+    def caused(rises):
+        strained, flash = strained_temperatures(thermal, roughness.mesh, rises, background)
+        contact = roughness.contact(velocity, pressure, strained)
+        surface = shear_temperature(thermal.heating, flash, background)
+        found = _rises(thermal, roughness, spread, contact, (velocity, pressure, surface))
+        return found.reshape(velocity.shape[0], -1)
+
+    return caused
+
+
+def temperature_at(
+    roughness: Roughness,
+    contact: Contact,
+    temperatures: Temperatures,
+    points: Points,
+    q: jax.Array,
+) -> jax.Array:
+    """Temperature of every deformable solid at wavevectors q, (points, solids, wavevectors) [K].
+
+    Parameters
+    ----------
+    contact, temperatures : `rubberfric.theory.integrals.solved` of the scene
+    points : Points
+    q : [1/m], shape (wavevectors,)
+    """
+    (velocity, pressure, background), thermal = points, temperatures.thermal
+    ready = _diffusion(roughness.mesh, q, thermal.diffusion.k.size)
+    spread = memory(thermal.heating, ready, velocity, thermal.shear is not None)
+    rises = _rises(thermal, roughness, spread, contact, (velocity, pressure, temperatures.surface))
+    return background[:, None, None] + rises
+
+
+def shear_temperature(heating: Heating, flash: jax.Array, background: jax.Array) -> jax.Array:
+    """The temperature that the contact shear has [K]."""
+    return flash if heating.shear_at == "flash" else background
+
+
+def _diffusion(mesh, targets, count):
+    """`Diffusion` from the contact nodes to wavevectors."""
+    ends = mesh.angular_q[0, 0], mesh.angular_q[-1, -1]
+    return diffusion(mesh.q.reshape(-1), targets, ends, count)
+
+
+def _linear(nodes, targets):
+    """Weights of linear interpolation between ascending nodes, (targets, nodes); constant beyond them."""
+    index = jnp.clip(jnp.searchsorted(nodes, targets) - 1, 0, nodes.shape[0] - 2)
+    share = jnp.clip((targets - nodes[index]) / (nodes[index + 1] - nodes[index]), 0.0, 1.0)[:, None]
+    chosen = jax.nn.one_hot(index, nodes.shape[0], dtype=nodes.dtype)
+    return chosen * (1 - share) + jnp.roll(chosen, 1, 1) * share
+
+
+def _rises(thermal, roughness, spread, contact, points):
+    """Temperature rises of the heat of one contact, (points, solids, rows)."""
+    heating, pressure = thermal.heating, points[1]
+    # Borders of panels lie at q_m: what comes before are whole panels.
+    area = heating.area_fraction
+    area = contact.area(roughness.mesh.panels_below[0]) if area is None else area
+    stress = pressure / area
+    terms = contact.friction_terms()
+    count = pressure.shape[0]
+    at_surface = jnp.zeros((count, spread.diffusion.wavevector.shape[0]), pressure.dtype)
+    if thermal.shear is not None:
+        sheared = shear_friction(thermal.shear, contact.area(), *points)
+        at_surface = rise_below_surface(spread, heating.shear_share * sheared * stress)
+    found = []
+    for exciting in thermal.exciting:
+        rise = at_surface
+        if exciting in terms:
+            power = jnp.moveaxis(terms[exciting], 0, 1).reshape(count, -1) * stress[:, None]
+            rise = rise + rise_inside(spread, power)
+        found.append(rise)
+    return jnp.stack(found, 1)

@@ -1,0 +1,187 @@
+r"""Temperatures of a heated scene: friction heats the solids, which softens them, which changes friction.
+
+The branch of solutions is followed on a coarse mesh of the same scene (`branch`), whose derivative J then
+brings the temperatures on the scene's own mesh to their fixed point (`rubberfric.base.fixed_point`):
+with P the map from coarse rises to fine ones and R back,
+
+.. math:: (1 - F')^{-1} \approx 1 + J (1 - R J)^{-1} R,\qquad J = P'
+
+Where that does not lead to a solution close by, near folds, the branch is followed on the scene's own mesh.
+"""
+
+import functools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rubberfric.base.fixed_point import Inverse, fixed_point, implicit
+from rubberfric.base.quadrature import Quadrature
+from rubberfric.scene.heating import diffusivity
+from rubberfric.theory.stress_fluctuation import Roughness
+from rubberfric.theory.temperatures.branch import arrive, begin_at, path
+from rubberfric.theory.temperatures.heat_balance import (
+    Temperatures,
+    Thermal,
+    heat_balance,
+    shear_temperature,
+    strained_temperatures,
+    without_derivatives,
+)
+
+COARSE = Quadrature(order=5, panels=3, graded=2, ratio=8.0, angular_order=6, heat=48)
+
+# A rise at which a solution is the only one [K]; where branches from high velocities begin, and a velocity
+# that is as good as 0 [m/s].
+_COLD, _FAST, _REST = 0.03, 1e8, 1e-30
+# Last step on the coarse mesh [K], and on the scene's own, of the largest rise.
+_COARSE_STEP, _FINE_STEP = 1e-4, 1e-10
+# How far a solution may be from where the branch on the coarse mesh is [K], times det(1 - R J),
+# which is small near folds.
+_CLOSE = 1.0
+# Step of the differences that J is made of [K].
+_STEP = 0.01
+
+
+class _Found(NamedTuple):
+    """Rises at points, and what is known of them."""
+
+    rises: jax.Array
+    left: jax.Array  # of the Inverse
+    converged: jax.Array  # whether they are the fixed point of the branch
+
+
+def solve_temperatures(
+    thermal: Thermal, roughness: Roughness, velocity: jax.Array, pressure: jax.Array, background: jax.Array
+) -> Temperatures:
+    """`Temperatures` of a heated scene at points: velocity, pressure, background of shape (points,)."""
+    points = velocity, pressure, background
+    heat = heat_balance(thermal, roughness, thermal.diffusion, points)
+    if thermal.coarse is None:
+        nothing = jnp.zeros((velocity.shape[0], _size(thermal, roughness)), velocity.dtype)
+        rises, converged = heat(nothing), jnp.ones_like(velocity, bool)
+    else:
+        found = _solution(*without_derivatives((thermal, roughness, points)))
+        inverse = Inverse(found.left, thermal.coarse.restriction)
+        rises, converged = implicit(heat, found.rises, inverse), found.converged
+    strained, flash = strained_temperatures(thermal, roughness.mesh, rises, background)
+    surface = shear_temperature(thermal.heating, flash, background)
+    return Temperatures(thermal, strained, flash, surface, converged)
+
+
+def _size(thermal, roughness):
+    """How many unknowns a point has on a mesh."""
+    return len(thermal.exciting) * (roughness.mesh.angular_q.size + 1)
+
+
+def _solution(thermal, roughness, points):
+    """`_Found` on the branch of the scene, without derivatives."""
+    targets = jnp.log(jnp.maximum(jnp.abs(points[0]), _REST))
+    coarse = thermal.coarse
+    places = _places(thermal, points, targets)
+    residual = _residual(thermal, coarse.roughness, coarse.diffusion, points)
+    found = _refined(thermal, roughness, points, *arrive(residual, places, targets, _COARSE_STEP))
+
+    def mended(progress):
+        found, left = progress
+        # One row alone: there are few.
+        i = jnp.argmax(left)
+        pick = functools.partial(jax.lax.dynamic_slice_in_dim, start_index=i, slice_size=1)
+        one, target = tuple(map(pick, points)), pick(targets)
+        begin = begin_at(_before(thermal, _begin(thermal, one), target), jnp.zeros_like(found.rises[:1]))
+        rises, arrived = arrive(
+            _residual(thermal, roughness, thermal.diffusion, one), begin, target, _FINE_STEP
+        )
+        # Where it does not arrive either, what is a fixed point at least is more than what is none.
+        better = arrived | ~pick(found.converged)
+        return found._replace(
+            rises=found.rises.at[i].set(jnp.where(better[0], rises[0], found.rises[i])),
+            converged=found.converged.at[i].set(arrived[0]),
+        ), left.at[i].set(False)
+
+    doubtful = ~found.converged
+    return jax.lax.while_loop(lambda progress: jnp.any(progress[1]), mended, (found, doubtful))[0]
+
+
+def _residual(thermal, roughness, ready, points):
+    """What heat causes less what there is, as a function of ln v and rises."""
+
+    def residual(log_v, rises):
+        at = (jnp.exp(log_v), *points[1:])
+        return heat_balance(thermal, roughness, ready, at)(rises) - rises
+
+    return residual
+
+
+def _direction(thermal):
+    return 1 if thermal.heating.branch == "rising" else -1
+
+
+def _begin(thermal, points):
+    r"""Where the branches through points begin, ln v.
+
+    From below where they are all but cold: with mu < 1, no scale rises by more than
+
+    .. math:: \frac{2\sigma_0}{\pi P_m \rho c_p} \int_0^\infty dk\,\frac{v (1 - e^{-D k^2 R/v})}{D k^2}
+              = \frac{2\sigma_0}{P_m \rho c_p} \sqrt{\frac{v R}{\pi D}}
+    """
+    heating, pressure = thermal.heating, points[1]
+    if _direction(thermal) < 0:
+        return jnp.full_like(pressure, np.log(_FAST))
+    area = 0.01 if heating.area_fraction is None else heating.area_fraction
+    # Logarithms: their squares leave float32.
+    heat = jnp.log(heating.density) + jnp.log(heating.heat_capacity) + jnp.log(area) - jnp.log(pressure)
+    length = jnp.log(diffusivity(heating)) - jnp.log(heating.radius)
+    return 2 * (heat + np.log(0.5 * _COLD)) + length + np.log(np.pi)
+
+
+def _before(thermal, log_v, targets):
+    """The begin, or a target before it."""
+    return jnp.minimum(log_v, targets) if _direction(thermal) > 0 else jnp.maximum(log_v, targets)
+
+
+def _places(thermal, points, targets):
+    """Places on the coarse branch, the last before each target.
+
+    Points of one pressure and background have one branch.
+    """
+    coarse, direction = thermal.coarse, _direction(thermal)
+    _, pressure, background = points
+    size = _size(thermal, coarse.roughness)
+
+    def followed(progress):
+        places, left = progress
+        i = jnp.argmax(left)
+        one = tuple(jax.lax.dynamic_slice_in_dim(x, i, 1) for x in points)
+        residual = _residual(thermal, coarse.roughness, coarse.diffusion, one)
+        same = left & (pressure == one[1]) & (background == one[2])
+        begin = begin_at(_begin(thermal, one), jnp.zeros((1, size), targets.dtype))
+        own = path(residual, begin, jnp.where(same, targets, -direction * jnp.inf), direction)
+        places = jax.tree.map(
+            lambda new, old: jnp.where(same.reshape(-1, *(1,) * (old.ndim - 1)), new, old), own, places
+        )
+        return places, left & ~same
+
+    nothing = begin_at(targets, jnp.zeros((targets.shape[0], size), targets.dtype))
+    everything = jnp.ones(targets.shape, bool)
+    return jax.lax.while_loop(lambda progress: jnp.any(progress[1]), followed, (nothing, everything))[0]
+
+
+def _refined(thermal, roughness, points, guess, arrived):
+    """`_Found` from rises on the coarse mesh."""
+    coarse = thermal.coarse
+    restrict = coarse.restriction
+    prolong = heat_balance(thermal, coarse.roughness, coarse.prolonged, points)
+    # J by differences: it need not be exact.
+    basis = jnp.eye(guess.shape[1], dtype=guess.dtype)
+    moved = jax.vmap(lambda step: prolong(guess + _STEP * step))(jnp.vstack([0 * basis[:1], basis]))
+    rises, J = moved[0], jnp.moveaxis(moved[1:] - moved[0], 0, -1) / _STEP  # points, fine, coarse
+    matrix = basis - jnp.einsum("cf,pfd->pcd", restrict, J)
+    left = jnp.einsum("pfc,pcd->pfd", J, jnp.linalg.inv(matrix))
+    start = rises + jnp.einsum("pfc,pc->pf", left, rises @ restrict.T - guess)
+    heat = heat_balance(thermal, roughness, thermal.diffusion, points)
+    found, reached = fixed_point(heat, start, Inverse(left, restrict))
+    close = _CLOSE * jnp.clip(jnp.linalg.det(matrix), 0.0, 1.0)
+    near = jnp.max(jnp.abs(found - start), -1) <= close
+    return _Found(found, left, arrived & reached & near)

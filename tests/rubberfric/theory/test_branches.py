@@ -1,0 +1,325 @@
+"""Which of several temperatures a heated scene has: branches, folds and jumps, against damped brute force.
+
+Values, derivatives and extremes of heated scenes are in test_heated_scenes.py.
+"""
+
+import dataclasses
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import rubberfric as rf
+from rubberfric.scene.heating import diffusion
+from rubberfric.theory import model
+from rubberfric.theory.integrals import prepare
+from rubberfric.theory.temperatures.branch import arrive, begin_at, path
+from rubberfric.theory.temperatures.heat_balance import heat_balance, strained_temperatures
+
+# --- A cubic with known folds
+
+# y^3 - 3 y = 3 s: from s -> -inf the solution below -1 until s = 2/3, from s -> inf that above 1 until -2/3.
+LENGTH = np.array([1.0, -0.5, 0.25])
+
+
+def cubic(log_v, rises):
+    """A steep first direction, and two others that follow it and decay."""
+    y = rises[:, 0]
+    first = -(y**3 - 3 * y - 3 * log_v)
+    others = LENGTH[1:] * y[:, None] - rises[:, 1:]
+    return jnp.concatenate([0.5 * first[:, None], others], 1)
+
+
+def roots(s):
+    found = np.roots([1.0, 0.0, -3.0, -3.0 * s])
+    return np.sort(found[np.abs(found.imag) < 1e-9].real)
+
+
+@functools.partial(jax.jit, static_argnums=1)
+def branch(targets, direction):
+    begin = begin_at(jnp.array([-direction * 10.0]), jnp.array([[-direction * 3.0, 0.0, 0.0]]))
+    places = path(cubic, begin, targets, direction)
+    return arrive(cubic, places, targets, 1e-9)
+
+
+def followed(targets, direction):
+    """At up to 10 targets."""
+    return [x[: len(targets)] for x in branch(jnp.asarray(np.resize(targets, 10)), direction)]
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_branches_end_at_their_folds_and_jump(direction):
+    targets = direction * np.array([-10.0, -4.0, -0.9, -0.6, 0.0, 0.6, 0.66, 0.67, 0.8, 5.0])
+    rises, arrived = followed(targets, direction)
+    assert arrived.all()
+    # The root on the side from where the branch comes, until there is the other one alone.
+    wanted = [roots(s)[0 if direction > 0 else -1] for s in targets]
+    np.testing.assert_allclose(rises, np.outer(wanted, LENGTH), rtol=1e-8)
+    assert np.sign(wanted[-4]) == -direction and np.sign(wanted[-3]) == direction
+
+
+def test_places_do_not_depend_on_the_other_targets():
+    targets = np.array([-7.3, -0.2, 0.5, 2.2, 9.0])
+    together = followed(targets, 1)[0]
+    for i, target in enumerate(targets):
+        np.testing.assert_array_equal(followed([target, -12.0, target], 1)[0][0], together[i])
+    np.testing.assert_array_equal(followed(targets[::-1], 1)[0], together[::-1])
+
+
+def test_what_begins_beyond_its_target_arrives_there_all_the_same():
+    rises, arrived = followed([-12.0], 1)
+    assert arrived.all()
+    np.testing.assert_allclose(rises[0, 0], roots(-12.0)[0], rtol=1e-8)
+
+
+# --- A scene with folds
+
+PRESSURE, COLD = 3e5, 258.0
+QUANTITIES = ("friction", "flash_temperature", "converged")
+
+
+def folded(branch="rising"):
+    rubber = rf.Prony(
+        4e6, [8e8, 7e8, 9e7, 1.5e7], [1e-9, 1e-7, 1e-5, 1e-3], shift=rf.WLF(14.0, 100.0, 293.15)
+    )
+    road = rf.SelfAffine(200.0, 1500.0, 5e4, 0.8, 4e-4)
+    heating = rf.Heating(1.2e3, 1.6e3, 0.2, 2e-3, 0.05, branch=branch)
+    return rf.Scene(rf.Body(rf.Rigid(), road), rf.Body(rubber), heating=heating)
+
+
+POINTS = 16
+
+
+@jax.jit
+def compiled(scene, v, pressure, temperature):
+    found = rf.solve(scene, v, pressure, temperature, quantities=QUANTITIES)
+    return found.friction, found.flash_temperature - temperature, found.converged
+
+
+def solved(scene, v, pressure=PRESSURE, temperature=COLD):
+    """Friction, flash rise and whether it converged, at up to POINTS velocities."""
+    arrays = [np.resize(x, POINTS).astype(float) for x in (v, pressure, temperature)]
+    return [np.asarray(x)[: np.size(v)] for x in compiled(scene, *arrays)]
+
+
+# By `oracle_heating`, which shares nothing with the library, damped by 0.2 and each begun at the one before:
+# velocity, friction, flash rise.
+BRUTE = {
+    "rising": [
+        (0.001, 0.65561674359, 8.28177980101),
+        (0.002, 0.60548982499, 9.96374427539),
+        (0.01, 0.43601225017, 12.8235717741),
+        (0.03, 0.314140302883, 14.5939895594),
+        (0.1, 0.269949320698, 17.2102311885),
+        (0.2, 0.258214960004, 18.5318642991),
+        (0.4, 0.166602799016, 12.4506150728),
+        (1.0, 0.110479796215, 13.3064705302),
+        (1.5, 0.00425732224497, 0.114280334332),
+    ],
+    "falling": [
+        (1.5, 0.00425732224497, 0.11428033433),
+        (0.2, 0.039229554437, 1.1330847469),
+        (0.14, 0.212181071191, 10.7661186696),
+        (0.1, 0.212512908898, 10.073617805),
+        (0.03, 0.186891944747, 7.38153273586),
+        (0.01, 0.178127991915, 5.25079199208),
+        (0.004, 0.214550467864, 4.1941908235),
+        (0.002, 0.60548982499, 9.96374427544),
+    ],
+}
+
+
+@pytest.mark.parametrize("branch", BRUTE)
+def test_brute_force_on_both_branches(branch):
+    v, friction, rise = np.transpose(BRUTE[branch])
+    found = solved(folded(branch), v)
+    assert found[2].all()
+    np.testing.assert_allclose(found[0], friction, rtol=1e-8)
+    np.testing.assert_allclose(found[1], rise, rtol=1e-8)
+
+
+def test_hysteresis():
+    """The branches part within the loops that the folds bound, and nowhere else."""
+    v = np.array([1e-5, 1e-3, 3e-3, 3.6e-3, 0.1, 0.279, 0.284, 1.35, 1.38, 10.0])
+    rising, falling = solved(folded("rising"), v), solved(folded("falling"), v)
+    assert rising[2].all() and falling[2].all()
+    apart = np.abs(rising[1] - falling[1]) > 0.1
+    assert apart.tolist() == [False, False, False, True, True, True, True, True, False, False]
+    assert (rising[1] - falling[1] >= -1e-9).all()
+    # The folds of the rising branch at 0.2815 and 1.367 m/s.
+    assert rising[1][5] > 18.4 and rising[1][6] < 12.1 and rising[1][7] > 12.8 and rising[1][8] < 0.13
+
+
+def test_a_point_depends_on_itself_alone():
+    scene, v = folded(), np.geomspace(1e-4, 3.0, POINTS)
+    curve, order = solved(scene, v), np.random.default_rng(1).permutation(POINTS)
+    shuffled = solved(scene, v[order])
+    for i in range(0, POINTS, 3):
+        alone = solved(scene, v[i : i + 1])
+        # Among others of other temperatures and pressures.
+        where = np.arange(POINTS) == i
+        mixed = solved(
+            scene,
+            np.where(where, v, v[::-1]),
+            np.where(where, PRESSURE, np.geomspace(1e5, 1e6, POINTS)),
+            np.where(where, COLD, np.linspace(250.0, 300.0, POINTS)),
+        )
+        for whole, one, other in zip(curve, alone, mixed, strict=True):
+            np.testing.assert_allclose(one[0], whole[i], rtol=1e-9)
+            np.testing.assert_allclose(other[i], whole[i], rtol=1e-9)
+    for whole, one in zip(curve, shuffled, strict=True):
+        np.testing.assert_allclose(one, whole[order], rtol=1e-9)
+
+
+# --- Random scenes
+
+
+def random_case(rng):
+    """Scene and conditions: velocity, pressure, temperature."""
+    tau = 10.0 ** np.sort(rng.uniform(-10, -2, 4))
+    E = np.sort(10.0 ** rng.uniform(6.7, 9.0, 4))[::-1]
+    shift = rf.WLF(rng.uniform(10, 18), rng.uniform(80, 130), 293.15)
+    rubber = rf.Prony(10.0 ** rng.uniform(6, 7), E, tau, shift=shift)
+    q = rng.uniform(50, 500), rng.uniform(600, 3000), 10.0 ** rng.uniform(4, 5.3)
+    road = rf.SelfAffine(*q, rng.uniform(0.7, 0.95), 10.0 ** rng.uniform(-4, -3.2))
+    area = 10.0 ** rng.uniform(np.log10(0.02), 0)
+    heating = rf.Heating(1.2e3, 1.6e3, rng.uniform(0.15, 0.3), 10.0 ** rng.uniform(-3, -2.3), area)
+    scene = rf.Scene(rf.Body(rf.Rigid(), road), rf.Body(rubber), heating=heating)
+    return scene, 10.0 ** rng.uniform(-6, 2), 10.0 ** rng.uniform(5, 6), rng.uniform(250, 300)
+
+
+def stacked(cases):
+    return jax.tree.map(lambda *x: jnp.stack([jnp.asarray(y, float) for y in x]), *cases)
+
+
+@jax.jit
+def vmapped(scenes, v, pressure, temperature):
+    one = compiled.__wrapped__
+    return jax.vmap(one)(scenes, v, pressure, temperature)
+
+
+def test_random_scenes():
+    """200 points of them: in a curve, and each among others."""
+    rng = np.random.default_rng(7)
+    for _ in range(25):
+        scene, _, pressure, temperature = random_case(rng)
+        v = 10.0 ** rng.uniform(-6, 2, 8)
+        curve = solved(scene, v, pressure, temperature)
+        assert curve[2].all()
+        where = np.arange(8) == rng.integers(8)
+        mixed = solved(scene, v, np.where(where, pressure, 2e5), np.where(where, temperature, 270.0))
+        assert mixed[2].all()
+        for whole, other in zip(curve, mixed, strict=True):
+            np.testing.assert_allclose(other[where], whole[where], rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_ten_thousand_random_scenes():
+    rng = np.random.default_rng(11)
+    for k in range(100):
+        cases = [random_case(rng) for _ in range(100)]
+        at_once = vmapped(*stacked(cases))
+        assert at_once[2].all()
+        for i in range(0, 100, 1 if k < 5 else 10):
+            scene, *where = cases[i]
+            others = [np.append(x, y) for x, y in zip(where, ([1e-3, 1.0], 3e5, 265.0), strict=True)]
+            others = [np.resize(x, 3) for x in others]
+            for together, one in zip(at_once, solved(scene, *others), strict=True):
+                np.testing.assert_allclose(one[0], together[i], rtol=1e-9)
+
+
+@pytest.mark.slow
+def test_random_scenes_by_damped_brute_force():
+    """Followed in small steps of v by damped iteration, which shares no code of the solver."""
+    rng = np.random.default_rng(3)
+    cases = [random_case(rng) for _ in range(50)]
+    scenes, v, pressure, temperature = stacked(cases)
+    quadrature = rf.Quadrature()
+
+    @jax.jit
+    def caused(log_v, rises):
+        def one(scene, log_v, pressure, temperature, rises):
+            ready = prepare(scene, ("flash_temperature",), quadrature)
+            points = jnp.exp(log_v)[None], pressure[None], temperature[None]
+            thermal = ready.thermal
+            return heat_balance(thermal, ready.roughness, thermal.diffusion, points)(rises[None])[0]
+
+        return jax.vmap(one)(scenes, log_v, pressure, temperature, rises)
+
+    @jax.jit
+    def damped(log_v, rises, steps):
+        return jax.lax.fori_loop(
+            0, steps, lambda _, y: y + jnp.clip(0.1 * (caused(log_v, y) - y), -0.2, 0.2), rises
+        )
+
+    rises = jnp.zeros(
+        (50, prepare(cases[0][0], ("flash_temperature",), quadrature).thermal.diffusion.wavevector.size)
+    )
+    for share in np.linspace(0, 1, 150):
+        rises = damped(np.log(1e-8) + share * (jnp.log(v) - np.log(1e-8)), rises, 40)
+    rises = damped(jnp.log(v), rises, 4000)
+    error = np.abs(caused(jnp.log(v), rises) - rises).max(1)
+    assert (error <= 1e-10 * rises.max(1)).all()
+    found = vmapped(scenes, v, pressure, temperature)
+    # Of T less the background the digits of T are left.
+    np.testing.assert_allclose(found[1], rises[:, -1], rtol=1e-8, atol=3e-13)
+
+
+# --- Energy, files, and what does not converge
+
+
+def test_energy_is_what_friction_set_free():
+    r"""Near the surface, rho c_p int dz T = R mu sigma_0 / P_m, and q -> 0 sees T_q = 2 q int dz T.
+
+    At any temperatures, those of a solution or not.
+    """
+    scene, v, q = folded(), jnp.array([1e-3, 0.1, 1.0]), jnp.array([1e-13])
+    points = v, jnp.full(3, PRESSURE), jnp.full(3, COLD)
+
+    @jax.jit
+    def both(scene):
+        ready = prepare(scene, ("friction",), rf.Quadrature(panels=4, order=6))
+        mesh = ready.roughness.mesh
+        kernel = diffusion(mesh.q.reshape(-1), q, (q[0], mesh.last), 600)
+        rises = jnp.linspace(2.0, 20.0, ready.thermal.diffusion.wavevector.size) * jnp.ones((3, 1))
+        caused = heat_balance(ready.thermal, ready.roughness, kernel, points)(rises)[:, 0]
+        strained, _ = strained_temperatures(ready.thermal, mesh, rises, points[2])
+        terms = ready.roughness.contact(*points[:2], strained).friction_terms()
+        return caused / (2 * q), sum(jnp.sum(x, (0, 2)) for x in terms.values())
+
+    depth, mu = both(scene)
+    law = scene.heating
+    energy = law.density * law.heat_capacity * depth
+    np.testing.assert_allclose(energy, law.radius * mu * PRESSURE / law.area_fraction, rtol=1e-12)
+
+
+def test_branch_in_files(tmp_path):
+    path = tmp_path / "scene.h5"
+    rf.save_scene(path, folded("falling"))
+    assert rf.load_scene(path).heating.branch == "falling"
+
+
+def test_what_did_not_converge_is_named(monkeypatch, recwarn):
+    """Of concrete values, and where the caller does not look himself."""
+    values = rf.Solution(friction=jnp.ones(5), converged=jnp.array([True, False, False, False, False]))
+    monkeypatch.setattr(model, "_solve", lambda *_, **__: values)
+    scene, v = folded(), np.array([1.0, 2.0, 3.0, 4.0, 5.0])
+    with pytest.warns(
+        RuntimeWarning,
+        match=r"^the temperatures did not converge at 4 of 5 points, at v = 2 m/s, "
+        r"p = 300000 Pa, T = 258 K; .*v = 4 .* and others: the values there are those of the last",
+    ):
+        rf.friction(scene, v, PRESSURE, COLD)
+    recwarn.clear()
+    assert rf.solve(scene, v, PRESSURE, COLD, quantities=("friction", "converged")) is values
+
+    def traced(converged):
+        monkeypatch.setattr(model, "_solve", lambda *_, **__: values._replace(converged=converged))
+        return rf.friction(scene, v, PRESSURE, COLD)
+
+    jax.eval_shape(traced, values.converged)
+    monkeypatch.setattr(model, "_solve", lambda *_, **__: values._replace(converged=jnp.ones(5, bool)))
+    rf.friction(dataclasses.replace(scene), v, PRESSURE, COLD)
+    assert not recwarn.list
