@@ -29,13 +29,14 @@ from rubberfric.theory.stiffness.tabulated_means import (
     parts_of,
 )
 from rubberfric.theory.stiffness.uniform_grid import (
+    BESIDE,
     LEAD,
     MARGIN,
     Weights,
     at,
     circle_means,
     circle_weights,
-    depth,
+    lead_in,
     splines,
 )
 
@@ -51,9 +52,9 @@ class MeansTable(NamedTuple):
     """Splines over a uniform grid of ln(q v) through the means, each kind a row or several."""
 
     material: Material
-    first: jax.Array  # the first coefficient is that at step * first
+    first: jax.Array  # the first cell begins at step * first
     ends: jax.Array  # ln(q v) where the means become powers, below and above
-    coefficients: jax.Array  # `splines` of the rows, of ln of those that are positive
+    cells: jax.Array  # `splines` of the rows, of ln of those that are positive
     limits: jax.Array  # the rows far beyond the ends, (rows, 2)
 
     by_node = False
@@ -71,17 +72,18 @@ def means_table(F: Tabulated, needs: Needs, split: bool, harmonics: Harmonics | 
     """Table of the means of an F that depends on q v alone; arguments as of `Tabulated.means`."""
     material, (count_of_harmonics, mix) = F.material, constant_shares(harmonics)
     step, reach = material.detail / PER_DETAIL, REACH * material.detail
-    kinds, before = kinds_of(needs, split, material.loss_beyond), depth(step)
+    kinds, before = kinds_of(needs, split, material.loss_beyond), lead_in(step)
     low, high = log_range(material)
     ends = jax.lax.stop_gradient(jnp.stack([low - _BELOW - reach, high + _ABOVE + reach]))
     # With what the splines hang on beside the ends, and the circle before and after.
-    first = jnp.floor(ends[0] / step) - 4 - MARGIN
+    first = jnp.floor(ends[0] / step) - BESIDE - MARGIN
     count = math.ceil((LONGEST + _BELOW + _ABOVE + 2 * reach) / step) + 12 + 2 * MARGIN
     moduli = material.storage_and_loss_on_grid(first - before, step, before + count + LEAD)
     parts = parts_of(F, *moduli)
     weights = _mixed_weights(circle_weights(step, count_of_harmonics), mix)
     weights = Weights(*(_stack([one[kind.weights] for kind in kinds]) for one in zip(*weights, strict=True)))
-    rows = circle_means(jnp.stack([kind.of(parts) for kind in kinds]), weights, step)[..., before:]
+    begin = np.array([1.0 if material.loss_beyond == "fall" and kind.odd else 0.0 for kind in kinds])
+    rows = circle_means(jnp.stack([kind.of(parts) for kind in kinds]), weights, step, begin)
     # Only the first of a kind has one sign.
     positive = np.zeros(rows.shape[:2], bool)
     positive[:, 0] = [kind.positive for kind in kinds]
@@ -96,7 +98,11 @@ def means_table(F: Tabulated, needs: Needs, split: bool, harmonics: Harmonics | 
         loss = loss * jnp.exp(jnp.array([1.0, -1.0], ends.dtype) * (ends - step * entry))
     at_ends = storage, loss
     return MeansTable(
-        material, first + MARGIN, ends, splines(rows), _limits(F, kinds, at_ends, count_of_harmonics, mix)
+        material,
+        first + MARGIN + BESIDE,
+        ends,
+        splines(rows),
+        _limits(F, kinds, at_ends, count_of_harmonics, mix),
     )
 
 
@@ -123,7 +129,7 @@ def _limits(F, kinds, at_ends, harmonics, mix):
         moments = [m[:, :1] + m[:, 1:] @ c[:, None] for m, c in zip(moments, shares, strict=True)]
     rows = []
     for kind in kinds:
-        back = math.exp(_FAR) if outside == "fall" and kind.name in ("dissipation", "transverse") else 1.0
+        back = math.exp(_FAR) if outside == "fall" and kind.odd else 1.0
         rows.append((kind.of(far) * back)[:, None] * moments[kind.weights])
     return jnp.concatenate(rows, 1).T
 
@@ -158,7 +164,7 @@ def _by_table(table, log_qv, needs, split, harmonics):
     below = jnp.minimum(log_qv - table.ends[0], 0.0)
     above = jnp.maximum(log_qv - table.ends[1], 0.0)
     inside = jnp.clip(log_qv, table.ends[0], table.ends[1])
-    rows = at(table.coefficients, inside / step - table.first)
+    rows = at(table.cells, inside / step - table.first)
     lower = below < 0
     down, up = jnp.exp(below), jnp.exp(-above)
 
@@ -184,7 +190,7 @@ def _by_table(table, log_qv, needs, split, harmonics):
     means: Means = {kind: () for kind in needs.kinds}
     size = 1 if mix is not None else 1 + count
     for k, kind in enumerate(kinds_of(needs, split, outside)):
-        rule = even if kind.name in ("power", "storage") else odd
+        rule = odd if kind.odd else even
         # Across there is no harmonic without sin 2 m phi.
         begin = 1 if kind.name == "transverse" and mix is None else 0
         for i in range(begin, size):

@@ -18,10 +18,10 @@ from rubberfric.materials.material import Material
 from rubberfric.materials.tabulated_modulus import LONGEST, REACH
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means
-from rubberfric.theory.stiffness.uniform_grid import MARGIN, at, circle_rule, harmonic, splines
+from rubberfric.theory.stiffness.uniform_grid import BESIDE, MARGIN, at, circle_rule, harmonic, splines
 
 # Steps of the grid in the finest detail of E over ln omega, and of the integral of a node.
-PER_DETAIL, _PER_DETAIL_OF_A_NODE = 7, 2
+PER_DETAIL, _PER_DETAIL_OF_A_NODE = 6, 2
 
 
 class Tabulated(NamedTuple):
@@ -136,7 +136,12 @@ class Kind(NamedTuple):
     squared: bool = False
     positive: bool = False  # the first of its rows
 
-    def of(self, parts):
+    @property
+    def odd(self) -> bool:
+        """Whether it is odd in q v."""
+        return self.name in ("dissipation", "transverse")
+
+    def of(self, parts: Parts) -> jax.Array:
         """The function."""
         values = getattr(parts, self.part)
         return values**2 if self.squared else values
@@ -195,9 +200,9 @@ def rule_of_node(material: Material) -> tuple[np.ndarray, np.ndarray, np.ndarray
 class Moduli(NamedTuple):
     """Splines over a uniform grid of ln omega through ln E' and ln E'' of a material without a series."""
 
-    first: jax.Array  # the first coefficient is that at step * first
+    first: jax.Array  # the first cell begins at step * first
     ends: jax.Array  # ln omega where the moduli become powers, below and above
-    coefficients: jax.Array
+    cells: jax.Array
 
 
 def moduli_on_grid(material: Material) -> Moduli:
@@ -205,17 +210,17 @@ def moduli_on_grid(material: Material) -> Moduli:
     step, reach = material.detail / PER_DETAIL, REACH * material.detail
     low, high = log_range(material)
     ends = jax.lax.stop_gradient(jnp.stack([low - reach, high + reach]))
-    first = jnp.floor(ends[0] / step) - 4 - MARGIN
+    first = jnp.floor(ends[0] / step) - BESIDE - MARGIN
     count = math.ceil((LONGEST + 2 * reach) / step) + 12 + 2 * MARGIN
     logarithms = log_power(jnp.stack(material.storage_and_loss_on_grid(first, step, count)))
     logarithms = jnp.where(high - low <= LONGEST, logarithms, jnp.nan)
-    return Moduli(first + MARGIN, ends, splines(logarithms))
+    return Moduli(first + MARGIN + BESIDE, ends, splines(logarithms))
 
 
 def moduli_at(material: Material, moduli: Moduli, log_omega: jax.Array) -> tuple[jax.Array, jax.Array]:
     """E' and E'' [Pa] at ln omega, any shape: `material.storage_and_loss` of its `Moduli`, at many points."""
     inside = jnp.clip(log_omega, *moduli.ends)
-    storage, loss = jnp.exp(at(moduli.coefficients, inside * (PER_DETAIL / material.detail) - moduli.first))
+    storage, loss = jnp.exp(at(moduli.cells, inside * (PER_DETAIL / material.detail) - moduli.first))
     if material.loss_beyond == "fall":
         loss = loss * jnp.exp(-jnp.abs(log_omega - inside))
     elif material.loss_beyond == "none":

@@ -31,11 +31,12 @@ LEAD = _POINTS // 2 - 1
 _DEPTH = 36.0
 
 # Beyond this s the weights are sums of a few powers of e^-s.
-_FAR = 2.5
+_FAR = 1.6
 
-# Degree of the splines, and how many entries on either side a coefficient hangs on: their weights
-# fall by 0.608 from entry to entry.
+# Degree of the splines, how many entries of it lie on either side of a cell, and how many on either side a
+# coefficient hangs on: their weights fall by 0.608 from entry to entry.
 _DEGREE = 9
+BESIDE = _DEGREE // 2
 MARGIN = 72
 
 
@@ -53,10 +54,6 @@ class Weights(NamedTuple):
 def depth(step: float) -> int:
     """How many entries before x its mean hangs on."""
     return math.ceil(_DEPTH / step)
-
-
-def _block(step):
-    return max(math.ceil(_FAR / step), MARGIN)
 
 
 @functools.lru_cache(maxsize=64)
@@ -79,7 +76,7 @@ def circle_weights(step: float, harmonics: int) -> tuple[Weights, Weights, Weigh
         for row, kernel in zip(found, kernels, strict=True):
             for point, values in enumerate(np.einsum("co,cop->pc", kernel, basis)):
                 row[point : point + count] += values
-        block = _block(step)
+        block = lead_in(step)
         far = [_powers(row[LEAD + block + 1 : count], step, block + 1, parity, harmonics) for row in found]
         return Weights(found[:, : 2 * block + LEAD], np.array(far))
 
@@ -92,7 +89,7 @@ def _powers(weights, step, first, parity, harmonics):
     """Coefficients of e^-s, e^-2s, ... in the weights of entries from `first` on: every other one."""
     s = step * (first + np.arange(len(weights)))
     y = np.exp(-2 * s)
-    terms = 10 + harmonics // 3
+    terms = 15 + harmonics // 3
     # All powers of y = 0 ... e^-5 weigh alike in the fit of the weights over their first power.
     fit = Chebyshev.fit(y, weights * np.exp(parity * s), terms - 1, domain=[0, y[0]])
     found = np.zeros(2 * terms)
@@ -117,16 +114,26 @@ def _lagrange(share):
     return found
 
 
-def circle_means(values: jax.Array, weights: Weights, step: float) -> jax.Array:
+def circle_means(values: jax.Array, weights: Weights, step: float, begin: jax.Array | float) -> jax.Array:
     """Means of functions on a grid, (functions, entries), by rows of weights, (functions, rows, ...).
+
+    Before the grid a function is a e^(rx) + b e^((r+2)x), r of `begin`: in a block more it is so within it.
+
+    Parameters
+    ----------
+    values : the functions
+    weights : for each of them
+    step : of the grid
+    begin : r of every function, (functions,)
 
     Returns
     -------
-    (functions, rows, entries - LEAD): the first `depth` of them lack what comes before the grid.
+    (functions, rows, entries - lead_in(step) - LEAD): of what lies behind the first block of the grid
     """
     functions, count = values.shape
-    block = _block(step)
+    block = lead_in(step)
     blocks = -(-count // block)
+    before = _moments_before(values[:, 0], values[:, block], begin, weights.far.shape[2], step)
     values = jnp.pad(values, ((0, 0), (0, blocks * block - count))).reshape(functions, blocks, block)
     # What is within the block before, exactly.
     i, j = np.arange(block)[:, None], np.arange(2 * block + LEAD)
@@ -141,9 +148,28 @@ def circle_means(values: jax.Array, weights: Weights, step: float) -> jax.Array:
     away = np.arange(blocks)[:, None] - np.arange(blocks) - 1
     passed = np.where(away > 0, np.exp(-power[:, None, None] * step * block * np.maximum(away, 0)), 0.0)
     moment = jnp.einsum("pbc,fcp->fbp", typed(passed, values), moment)
+    since = np.exp(-power * step * block * np.arange(blocks)[:, None])
+    moment = moment + typed(since, values) * before[:, None]
     spread = weights.far[..., None] * np.exp(-power[:, None] * step * np.arange(block))
     found = found + jnp.einsum("fbp,frpi->frbi", moment, typed(spread, values))
-    return found.reshape(*found.shape[:2], -1)[..., : count - LEAD]
+    return found.reshape(*found.shape[:2], -1)[..., block : count - LEAD]
+
+
+def lead_in(step: float) -> int:
+    """How many entries before the first mean its grid begins."""
+    return max(math.ceil(_FAR / step), MARGIN)
+
+
+def _moments_before(first, second, begin, count, step):
+    """Moments of what lies before the grid, by its values at the first entry and a block behind it."""
+    block, begin = lead_in(step), typed(begin, first)
+    growth = np.exp(2 * step * block)
+    upper = (second * jnp.exp(-step * block * begin) - first) / (growth - 1)
+    found = 0.0
+    for share, rate in ((first - upper, begin), (upper, begin + 2)):
+        ratio = jnp.exp(-step * (rate[:, None] + np.arange(1, count + 1)))
+        found = found + share[:, None] * ratio / (1 - ratio)
+    return found
 
 
 def _windows(values, before, after):
@@ -195,59 +221,36 @@ def _spline_matrices() -> tuple[np.ndarray, np.ndarray]:
 
 
 def splines(values: jax.Array) -> jax.Array:
-    """Coefficients of splines through functions on a grid, (functions, entries).
+    """Splines through functions on a grid, (functions, entries), a polynomial for every cell.
 
     Returns
     -------
-    (entries - 2 MARGIN, functions): those of the entries that have MARGIN others on either side.
+    (degree + 1, functions, entries - 2 MARGIN - degree): ascending, in the distance from the middle of the
+    cell; the first cell is that behind the entry MARGIN + BESIDE.
     """
-    weights, _ = _spline_matrices()
+    weights, polynomials = _spline_matrices()
     functions, count = values.shape
     length = 2 * MARGIN
     blocks = -(-count // length)
     values = jnp.pad(values, ((0, 0), (0, blocks * length - count))).reshape(functions, blocks, length)
     which = np.arange(length)[:, None] - np.arange(2 * length) + 2 * MARGIN
     matrix = np.where((which >= 0) & (which <= 2 * MARGIN), weights[np.clip(which, 0, 2 * MARGIN)], 0.0)
-    found = jnp.einsum("fbj,ij->bif", _windows(values, MARGIN, MARGIN), typed(matrix, values))
-    return found.reshape(-1, functions)[MARGIN : count - MARGIN]
+    found = jnp.einsum("fbj,ij->fbi", _windows(values, MARGIN, MARGIN), typed(matrix, values))
+    found = found.reshape(functions, -1)[:, MARGIN : count - MARGIN]
+    cells = found.shape[1] - _DEGREE
+    beside = [found[:, k : k + cells] for k in range(_DEGREE + 1)]
+    # Sums, that are fused: a product of matrices so thin takes longer.
+    return jnp.stack([sum(float(w) * x for w, x in zip(row, beside, strict=True)) for row in polynomials.T])
 
 
-_WINDOW = jax.lax.GatherDimensionNumbers(offset_dims=(1, 2), collapsed_slice_dims=(), start_index_map=(0,))
+def at(cells: jax.Array, position: jax.Array) -> jax.Array:
+    """`splines` at positions, counted in cells from the first on, any shape; (functions, *shape)."""
+    index = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)), 0, cells.shape[2] - 1)
+    t, index = position - index - 0.5, index.astype(int)
 
+    # One number after the other: gathered as rows they would be stored in between.
+    def value(function):
+        columns = [column.at[index].get(mode="promise_in_bounds") for column in cells[:, function]]
+        return functools.reduce(lambda total, column: total * t + column, columns[::-1])
 
-def at(coefficients: jax.Array, position: jax.Array) -> jax.Array:
-    """`splines` at positions among the coefficients, 4 ... coefficients - 5; (functions, *position.shape)."""
-    flat = position.reshape(-1)
-    index = jnp.floor(jax.lax.stop_gradient(flat))
-    index = jnp.clip(index, 4, coefficients.shape[0] - 6)
-    window = jax.lax.gather(
-        coefficients,
-        (index - 4).astype(int)[:, None],
-        _WINDOW,
-        (_DEGREE + 1, coefficients.shape[1]),
-        mode=jax.lax.GatherScatterMode.PROMISE_IN_BOUNDS,
-    )
-    found = jnp.einsum("pk,pkf->fp", _weights_of_a_cell(flat - index - 0.5), window)
-    return found.reshape(-1, *position.shape)
-
-
-@jax.custom_jvp
-def _weights_of_a_cell(t):
-    """Weights of the coefficients around a cell at t - 1/2, (points, degree + 1)."""
-    return _polynomials(t, _spline_matrices()[1])
-
-
-@_weights_of_a_cell.defjvp
-def _weights_of_a_cell_jvp(primals, tangents):
-    (t,), (dt,) = primals, tangents
-    polynomials = _spline_matrices()[1]
-    slopes = polynomials[:, 1:] * np.arange(1, _DEGREE + 1)
-    return _weights_of_a_cell(t), _polynomials(t, slopes) * dt[:, None]
-
-
-def _polynomials(t, coefficients):
-    """Polynomials, their coefficients ascending along a row each, at t: (points, rows)."""
-    found = typed(coefficients[:, -1], t)
-    for column in coefficients.T[-2::-1]:
-        found = found * t[:, None] + typed(column, t)
-    return found
+    return jnp.stack([value(function) for function in range(cells.shape[1])])
