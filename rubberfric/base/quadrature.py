@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 from collections.abc import Callable
 
 import jax
@@ -14,6 +15,9 @@ from numpy.polynomial import chebyshev, legendre
 # Nodes between neighbouring Gauss nodes: exact to rounding for power laws of exponent 6
 # over panels of an e-fold, to 1e-7 over the widest, ten decades of plateau in 12 panels.
 _IN_A_GAP = 5
+
+# Detail of the angular means over ln q that `panels` and `angular_order` are good for as they are.
+_COARSEST = 0.27
 
 
 @jax.tree_util.register_static
@@ -64,6 +68,21 @@ class Quadrature:
                 raise ValueError(f"Quadrature.{name} = {value!r}: must be an integer, {low} to {high}")
         if not (isinstance(self.ratio, int | float) and 1 < self.ratio < 1e6):
             raise ValueError(f"Quadrature.ratio = {self.ratio!r}: must be between 1 and 1e6")
+
+    def resolving(self, detail: float) -> "Quadrature":
+        """Setting for angular means of a finer detail over ln q than those of a Prony series.
+
+        More panels, and as each is narrower fewer angular nodes in it.
+
+        Parameters
+        ----------
+        detail : width [-] of the Gaussian that a tabulated modulus is as smooth as
+        """
+        if detail >= _COARSEST:
+            return self
+        panels = min(200, round(self.panels * min(4.0, _COARSEST / detail)))
+        angular_order = max(4, math.ceil(0.7 * self.angular_order))
+        return dataclasses.replace(self, panels=panels, angular_order=angular_order)
 
 
 def typed(table: npt.ArrayLike, values: ArrayLike) -> jax.Array:

@@ -8,7 +8,7 @@ is one small matrix product a panel. Where the means are taken is settled by the
 - `StaticContribution`: nothing depends on the velocity;
 - `InterpolatedContribution`: at the angular nodes, for they are smooth in ln q;
 - `LogarithmicContribution`: the same, interpolated in the logarithm of <|F|^2>, which may rise by 1e9
-  within a panel: with two deformable solids and a layer, a coating, or a tabulated modulus that steps up;
+  within a panel: with two deformable solids and a layer, or a coating;
 - `DirectContribution`: at the contact nodes themselves, for they have kinks over q.
 """
 

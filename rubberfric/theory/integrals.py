@@ -96,9 +96,10 @@ def prepare(
 
 def _rough(scene, pairs, quadrature, needs, borders=None):
     """`Roughness` of a scene."""
+    details = [pair.detail for pair in pairs if pair.detail is not None]
     mesh = build_mesh(
         [pair.law for pair in pairs],
-        quadrature,
+        quadrature if not details else quadrature.resolving(min(details)),
         graded=needs.everywhere or scene.heating is not None or borders is not None,
         logarithmic=any(pair.steep for pair in pairs),
         borders=_borders(scene, pairs, borders),

@@ -161,12 +161,10 @@ def _by_table(table, log_qv, needs, split, harmonics):
     """
     outside, (count, mix) = table.material.loss_beyond, constant_shares(harmonics)
     step = table.material.detail / PER_DETAIL
-    below = jnp.minimum(log_qv - table.ends[0], 0.0)
-    above = jnp.maximum(log_qv - table.ends[1], 0.0)
     inside = jnp.clip(log_qv, table.ends[0], table.ends[1])
-    rows = at(table.cells, inside / step - table.first)
-    lower = below < 0
-    down, up = jnp.exp(below), jnp.exp(-above)
+    rows = at(table.cells, inside * (1 / step) - table.first)
+    lower, away = log_qv < table.ends[0], jnp.exp(-jnp.abs(log_qv - inside))
+    up = jnp.where(lower, 1.0, away)
 
     def part(value, limit, share):
         # The limit may be 1e8 times the value where nothing of it is wanted.
@@ -175,7 +173,7 @@ def _by_table(table, log_qv, needs, split, harmonics):
     def even(value, ends):
         """<|F|^2> and <Re F>, which go to a constant."""
         limit = jnp.where(lower, ends[0], ends[1])
-        return part(value, limit, up if outside == "hold" else down * down * up)
+        return part(value, limit, up if outside == "hold" else jnp.where(lower, away * away, away))
 
     def odd(value, ends):
         """The dissipation, which goes to 0 if E'' does."""
@@ -185,7 +183,7 @@ def _by_table(table, log_qv, needs, split, harmonics):
             return value * up * up
         # What is left of the mean where it is the first of the two powers alone.
         leading = jnp.where(lower, ends[0], ends[1])
-        return part(value, leading, down * down * up) * (down * up)
+        return part(value, leading, jnp.where(lower, away * away, away)) * away
 
     means: Means = {kind: () for kind in needs.kinds}
     size = 1 if mix is not None else 1 + count

@@ -78,7 +78,9 @@ def log_frequency(material: Material, omega: jax.Array) -> tuple[jax.Array, jax.
     floor = log_range(material)[0] - math.log(1e9)
     tiny = float(jnp.finfo(omega.dtype).tiny)
     log_omega = jnp.maximum(jnp.log(jnp.maximum(jnp.abs(omega), tiny)), floor)
-    return log_omega, jnp.sign(omega) if material.loss_at_rest else omega * jnp.exp(-log_omega)
+    return log_omega, jnp.sign(omega) if material.loss_at_rest else jnp.clip(
+        omega * jnp.exp(-floor), -1.0, 1.0
+    )
 
 
 def log_range(material: Material) -> jax.Array:
