@@ -23,7 +23,6 @@ from rubberfric.theory.stiffness.tabulated_means import (
     Tabulated,
     constant_shares,
     kinds_of,
-    log_power,
     log_range,
     means_of_log,
     parts_of,
@@ -54,7 +53,7 @@ class MeansTable(NamedTuple):
     material: Material
     first: jax.Array  # the first cell begins at step * first
     ends: jax.Array  # ln(q v) where the means become powers, below and above
-    cells: jax.Array  # `splines` of the rows, of ln of those that are positive
+    cells: jax.Array  # `splines` of the rows, of the root of those that are positive
     limits: jax.Array  # the rows far beyond the ends, (rows, 2)
 
     by_node = False
@@ -88,7 +87,7 @@ def means_table(F: Tabulated, needs: Needs, split: bool, harmonics: Harmonics | 
     positive = np.zeros(rows.shape[:2], bool)
     positive[:, 0] = [kind.positive for kind in kinds]
     positive = positive[..., None]
-    rows = jnp.where(positive, log_power(jnp.where(positive, rows, 1.0)), rows)
+    rows = jnp.where(positive, _root(jnp.where(positive, rows, 1.0)), rows)
     # A table under jit that is longer than the grid.
     rows = jnp.where(high - low <= LONGEST, rows, jnp.nan).reshape(-1, rows.shape[-1])
     # E' and E'' at the ends themselves, of which E'' is a power.
@@ -112,6 +111,11 @@ def _mixed_weights(weights, mix):
         return weights
     even, along, across = weights
     return even.mixed(mix[0]), along.mixed(mix[0]), across.mixed(mix[1])
+
+
+def _root(power):
+    """Root of <|F|^2>; the floor is for F = 0 (two liquids at rest), where G need only be as good as 0."""
+    return jnp.sqrt(jnp.maximum(power, float(jnp.finfo(power.dtype).tiny) ** 0.8))
 
 
 def _stack(arrays):
@@ -193,6 +197,6 @@ def _by_table(table, log_qv, needs, split, harmonics):
         begin = 1 if kind.name == "transverse" and mix is None else 0
         for i in range(begin, size):
             row = k * size + i
-            value = jnp.exp(rows[row]) if kind.positive and i == 0 else rows[row]
+            value = rows[row] ** 2 if kind.positive and i == 0 else rows[row]
             means[kind.name] += (rule(value, table.limits[row]),)
     return means
