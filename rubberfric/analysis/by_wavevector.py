@@ -144,7 +144,7 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
     densities = []
     if prepared.needs.dissipation:
         scale = prepared.roughness.scale
-        densities = [density_of(pair, scale, "dissipation", q, quadrature) for pair in pairs]
+        densities = [density_of(pair, scale, "dissipation", q) for pair in pairs]
     block = functools.partial(_over_wavevectors, prepared, densities, q)
     results = over_points(block, (velocity, pressure, temperature), BLOCK)
     converged = results.pop("converged", None)
@@ -221,7 +221,7 @@ def _over_wavevectors(prepared, densities, q, points):
 
 
 def density_of(
-    pair: Pair, scale: jax.Array, kind: str, q: jax.Array, quadrature: Quadrature
+    pair: Pair, scale: jax.Array, kind: str, q: jax.Array
 ) -> Callable[[jax.Array, PairTemperatures], jax.Array | float]:
     """Function that gives q^4 C <cos phi Im K'> ("dissipation") or q^4 C <|K'|^2> ("power") of a pair.
 
@@ -237,7 +237,7 @@ def density_of(
     if pair.static or (not pair.relaxes and kind == "dissipation"):
         power = (roughness * static_stiffness(pair, scale, q) ** 2)[None] if kind == "power" else 0.0
         return lambda *_: power
-    excited = excitation(pair, scale, q[None], Needs(**{kind: True}), quadrature.angle)
+    excited = excitation(pair, scale, q[None], Needs(**{kind: True}))
     weights = factors_at(pair, q).of(kind, roughness)
 
     def density(velocity, temperatures):

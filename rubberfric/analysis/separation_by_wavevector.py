@@ -102,7 +102,7 @@ def _separation_profile(scene, velocity, pressure, temperature, q, *, quadrature
         return SeparationProfile(q, one, 0 * one, 0 * one)
     q = default_wavevectors([pair.law for pair in pairs], COUNT) if q is None else q
     prepared = prepare(scene, ("area",), quadrature, pairs=pairs, borders=q)
-    densities = [density_of(pair, prepared.roughness.scale, "power", q, quadrature) for pair in pairs]
+    densities = [density_of(pair, prepared.roughness.scale, "power", q) for pair in pairs]
     block = functools.partial(_separations, scene, prepared, pairs, densities, q, quadrature)
     return SeparationProfile(q, **over_points(block, (velocity, pressure, temperature), BLOCK))
 

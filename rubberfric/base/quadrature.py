@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import math
 from collections.abc import Callable
 
 import jax
@@ -14,6 +15,9 @@ from numpy.polynomial import chebyshev, legendre
 # Nodes between neighbouring Gauss nodes: exact to rounding for power laws of exponent 6
 # over panels of an e-fold, to 1e-7 over the widest, ten decades of plateau in 12 panels.
 _IN_A_GAP = 5
+
+# Detail of the angular means over ln q that `panels` and `angular_order` are good for as they are.
+_COARSEST = 0.27
 
 
 @jax.tree_util.register_static
@@ -39,9 +43,6 @@ class Quadrature:
         neighbouring graded panels shrink by ratio^2 in ln(q/q0).
     angular_order : int, 4 ... 64
         nodes of an angular panel, where the angular integrals of the stiffness are evaluated.
-    angle : int, 24 ... 1200
-        nodes of the angular integral over a TabulatedModulus; half as many where one of two
-        deformable solids softens, and none for any other Prony solids.
     heat : int, 40 ... 2000
         nodes of the sum over ln k of the temperatures of a heated scene.
     """
@@ -51,7 +52,6 @@ class Quadrature:
     graded: int = 8
     ratio: float = 4.5
     angular_order: int = 14
-    angle: int = 192
     heat: int = 176
 
     def __post_init__(self) -> None:
@@ -60,7 +60,6 @@ class Quadrature:
             "panels": (2, 200),
             "graded": (0, 40),
             "angular_order": (4, 64),
-            "angle": (24, 1200),
             "heat": (40, 2000),
         }
         for name, (low, high) in limits.items():
@@ -69,6 +68,21 @@ class Quadrature:
                 raise ValueError(f"Quadrature.{name} = {value!r}: must be an integer, {low} to {high}")
         if not (isinstance(self.ratio, int | float) and 1 < self.ratio < 1e6):
             raise ValueError(f"Quadrature.ratio = {self.ratio!r}: must be between 1 and 1e6")
+
+    def resolving(self, detail: float) -> "Quadrature":
+        """Setting for angular means of a finer detail over ln q than those of a Prony series.
+
+        More panels, and as each is narrower fewer angular nodes in it.
+
+        Parameters
+        ----------
+        detail : width [-] of the Gaussian that a tabulated modulus is as smooth as
+        """
+        if detail >= _COARSEST:
+            return self
+        panels = min(200, round(self.panels * min(4.0, _COARSEST / detail)))
+        angular_order = max(4, math.ceil(0.7 * self.angular_order))
+        return dataclasses.replace(self, panels=panels, angular_order=angular_order)
 
 
 def typed(table: npt.ArrayLike, values: ArrayLike) -> jax.Array:

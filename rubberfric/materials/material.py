@@ -63,6 +63,14 @@ class Material(Kind):
         return "fall"
 
     @property
+    def detail(self) -> float:
+        """Finest detail over ln omega of E' and E'' of a material without a series [-].
+
+        They are as smooth as if convolved with a Gaussian of that width.
+        """
+        return 0.1
+
+    @property
     def loss_at_rest(self) -> bool:
         """Whether E'' stays finite for omega -> 0, where friction then jumps with the sign of v."""
         return self.loss_beyond == "hold"
@@ -77,6 +85,12 @@ class Material(Kind):
         Beyond `frequency_range` E' holds its end values and E'' is as `loss_beyond` says.
         """
         raise NotImplementedError(f"{type(self).__name__}.storage_and_loss")
+
+    def storage_and_loss_on_grid(
+        self, first: jax.Array, step: float, count: int
+    ) -> tuple[jax.Array, jax.Array]:
+        """The same at ln omega = step (first + k), k = 0 ... count - 1; first is a whole number."""
+        return self.storage_and_loss(step * (first + jnp.arange(count, dtype=jnp.result_type(first))))
 
     def frequency_range(self) -> tuple[jax.Array, jax.Array] | None:
         """Lowest and highest omega of what E does [rad/s]; None if it is a constant."""

@@ -88,8 +88,13 @@ class Pair(NamedTuple):
     @property
     def steep(self) -> bool:
         """Whether <|F|^2>, where smooth in ln q, may rise by 1e9 within an e-fold of it."""
-        may_rise = self.by_wavevector or self.strained.material.needs_quadrature
-        return not (self.static or self.kinked) and may_rise
+        return not (self.static or self.kinked) and self.by_wavevector
+
+    @property
+    def detail(self) -> float | None:
+        """Finest detail of the angular means over ln q [-]; None of a series, which has none."""
+        material = self.strained.material
+        return material.detail if self.relaxes and material.needs_quadrature else None
 
 
 def pairs_of(scene: Scene) -> tuple[Pair, ...]:

@@ -8,7 +8,7 @@ is one small matrix product a panel. Where the means are taken is settled by the
 - `StaticContribution`: nothing depends on the velocity;
 - `InterpolatedContribution`: at the angular nodes, for they are smooth in ln q;
 - `LogarithmicContribution`: the same, interpolated in the logarithm of <|F|^2>, which may rise by 1e9
-  within a panel: with two deformable solids and a layer, a coating, or a tabulated modulus that steps up;
+  within a panel: with two deformable solids and a layer, or a coating;
 - `DirectContribution`: at the contact nodes themselves, for they have kinks over q.
 """
 
@@ -126,7 +126,7 @@ class DirectContribution(NamedTuple):
 Contribution = StaticContribution | InterpolatedContribution | LogarithmicContribution | DirectContribution
 
 
-def contribution(pair: Pair, mesh: Mesh, j: int, scale: jax.Array, needs: Needs, angle: int) -> Contribution:
+def contribution(pair: Pair, mesh: Mesh, j: int, scale: jax.Array, needs: Needs) -> Contribution:
     """What the roughness of a pair contributes.
 
     Parameters
@@ -136,7 +136,6 @@ def contribution(pair: Pair, mesh: Mesh, j: int, scale: jax.Array, needs: Needs,
     j : which of the spectra of the mesh it is
     scale : modulus scale [Pa]
     needs : Needs
-    angle : nodes of an angular integral that has no closed form
     """
     weights, between = mesh.roughness[j], None
     if pair.static:
@@ -150,7 +149,7 @@ def contribution(pair: Pair, mesh: Mesh, j: int, scale: jax.Array, needs: Needs,
         for kind in needs.kinds
         if kind != "power" and (kind != "transverse" or pair.harmonics)
     }
-    excited = excitation(pair, scale, mesh.q if pair.kinked else mesh.angular_q, needs, angle)
+    excited = excitation(pair, scale, mesh.q if pair.kinked else mesh.angular_q, needs)
     if mesh.between is not None:
         between = factors_at(pair, mesh.between.q).of("power", mesh.between.roughness[j])
     if pair.steep:

@@ -10,7 +10,6 @@ temperature. G and the friction are in `rubberfric.theory.stress_fluctuation`; w
 and the transverse friction is the friction with sin(phi) in place of cos(phi).
 """
 
-import dataclasses
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -90,18 +89,17 @@ def prepare(
     if heating is not None:
         coarse = None
         if feeds_back(scene):
-            # The tables of angular means are those of the scene.
-            few = dataclasses.replace(COARSE, angle=quadrature.angle)
-            coarse = _rough(scene, pairs, few, needs_of(scene, ("flash_temperature",)))
+            coarse = _rough(scene, pairs, COARSE, needs_of(scene, ("flash_temperature",)))
         thermal = prepare_thermal(heating, scene, roughness, quadrature.heat, coarse, COARSE.heat)
     return Prepared(needs, roughness, thermal, scene.shear)
 
 
 def _rough(scene, pairs, quadrature, needs, borders=None):
     """`Roughness` of a scene."""
+    details = [pair.detail for pair in pairs if pair.detail is not None]
     mesh = build_mesh(
         [pair.law for pair in pairs],
-        quadrature,
+        quadrature if not details else quadrature.resolving(min(details)),
         graded=needs.everywhere or scene.heating is not None or borders is not None,
         logarithmic=any(pair.steep for pair in pairs),
         borders=_borders(scene, pairs, borders),
@@ -109,7 +107,7 @@ def _rough(scene, pairs, quadrature, needs, borders=None):
     scale, gamma = modulus_scale(scene), jnp.asarray(scene.gamma)
     return Roughness(
         mesh,
-        tuple(contribution(pair, mesh, j, scale, needs, quadrature.angle) for j, pair in enumerate(pairs)),
+        tuple(contribution(pair, mesh, j, scale, needs) for j, pair in enumerate(pairs)),
         tuple(pair.side for pair in pairs),
         scale,
         gamma,

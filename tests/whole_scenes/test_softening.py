@@ -35,7 +35,7 @@ def test_a_tabulated_modulus_converges(name):
     """Its kinks are lines of the (q, angle) plane: the error falls with the square of the nodes."""
     given = CASES[name]
     at, exact = arguments(given), expected(given)[:3]
-    setting = rf.Quadrature(angle=1200, order=24, panels=48)
+    setting = rf.Quadrature(order=24, panels=48)
     error = np.abs(np.array(jax.jit(lambda a: rf.solve(*a, quadrature=setting)[:3])(at)) / exact - 1)
     assert error.max() < 1e-8
 

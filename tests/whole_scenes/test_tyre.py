@@ -148,7 +148,7 @@ def compound():
             COMPOUND_V,
             PRESSURE,
             COMPOUND_T[:, None],
-            quadrature=rf.Quadrature(order=8, panels=8, graded=3, ratio=6.0, angular_order=8, angle=48),
+            quadrature=rf.Quadrature(order=8, panels=8, graded=3, ratio=6.0, angular_order=8),
             quantities=rf.quantities_of(one),
         )
         for name, one in scenes.items()

@@ -28,8 +28,8 @@ from rubberfric.theory.model import solve
 from rubberfric.theory.quantities import QUANTITIES
 
 REFINED = (
-    Quadrature(order=16, panels=40, graded=20, ratio=3.0, angular_order=18, angle=900, heat=320),
-    Quadrature(order=20, panels=24, graded=12, ratio=4.0, angular_order=24, angle=600, heat=240),
+    Quadrature(order=16, panels=40, graded=20, ratio=3.0, angular_order=18, heat=320),
+    Quadrature(order=20, panels=24, graded=12, ratio=4.0, angular_order=24, heat=240),
 )
 
 # An error is only searched for where the refinements agree to this part of it.

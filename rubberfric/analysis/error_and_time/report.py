@@ -145,7 +145,7 @@ class Accuracy(NamedTuple):
     def _varied(self) -> tuple[str, ...]:
         """The knobs of the settings; without those of parts that few scenes have where none changes them."""
         settings = [row.setting for row in self.rows if row.method == "panels"]
-        same = {knob for knob in ("angle", "heat") if len({getattr(one, knob) for one in settings}) < 2}
+        same = {knob for knob in ("heat",) if len({getattr(one, knob) for one in settings}) < 2}
         return tuple(knob for knob in _KNOBS if knob not in same)
 
     def _cells(self, row: Row, knobs: tuple[str, ...]) -> tuple[str, ...]:

@@ -1,7 +1,6 @@
 """Accuracy settings of increasing work, and the cheapest that meets an error on a scene."""
 
 import bisect
-import dataclasses
 
 import jax
 import numpy as np
@@ -14,26 +13,17 @@ from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.scene import Scene
 
 # Of increasing work. Few others of as few nodes have errors as small, on a road and on a pair of rubbers
-# from 1e-8 to 1e2 m/s and from 1e3 to 1e7 Pa; the last two are for ranges far wider. The angle is for
-# tabulated moduli alone.
+# from 1e-8 to 1e2 m/s and from 1e3 to 1e7 Pa; the last two are for ranges far wider.
 SETTINGS = (
-    Quadrature(order=4, panels=3, graded=1, ratio=6.0, angular_order=4, angle=24),
-    Quadrature(order=7, panels=3, graded=1, ratio=4.0, angular_order=7, angle=24),
-    Quadrature(order=8, panels=5, graded=1, ratio=3.5, angular_order=7, angle=48),
-    Quadrature(order=8, panels=6, graded=1, ratio=6.0, angular_order=7, angle=48),
-    Quadrature(order=10, panels=7, graded=2, ratio=4.5, angular_order=10, angle=96),
-    Quadrature(order=14, panels=7, graded=4, ratio=3.0, angular_order=12, angle=96),
+    Quadrature(order=4, panels=3, graded=1, ratio=6.0, angular_order=4),
+    Quadrature(order=7, panels=3, graded=1, ratio=4.0, angular_order=7),
+    Quadrature(order=8, panels=5, graded=1, ratio=3.5, angular_order=7),
+    Quadrature(order=8, panels=6, graded=1, ratio=6.0, angular_order=7),
+    Quadrature(order=10, panels=7, graded=2, ratio=4.5, angular_order=10),
+    Quadrature(order=14, panels=7, graded=4, ratio=3.0, angular_order=12),
     Quadrature(),
-    Quadrature(order=16, panels=20, graded=12, ratio=4.0, angular_order=16, angle=768),
+    Quadrature(order=16, panels=20, graded=12, ratio=4.0, angular_order=16),
 )
-
-
-def settings_for(scene: Scene) -> tuple[Quadrature, ...]:
-    """Settings of increasing work for a scene; their angles are the default where nothing needs them."""
-    bodies = (scene.lower, scene.upper)
-    if any(body.material.needs_quadrature for body in bodies):
-        return SETTINGS
-    return tuple(dataclasses.replace(setting, angle=Quadrature().angle) for setting in SETTINGS)
 
 
 def node_count(scene: Scene, quadrature: Quadrature) -> int:
@@ -100,7 +90,7 @@ def quadrature_for(
             f"error = {error:g}: there is no reference for it on this scene, for two refinements "
             f"agree to {agreement:.1e} only; must be >= {agreement / reference.TRUSTED:.1e}"
         )
-    settings = settings_for(scene)
+    settings = SETTINGS
     reached = {}
 
     def meets(setting: Quadrature) -> bool:

@@ -11,7 +11,7 @@ from jax.typing import ArrayLike
 
 from rubberfric.analysis.error_and_time import reference
 from rubberfric.analysis.error_and_time.report import Accuracy, Row
-from rubberfric.analysis.error_and_time.settings import check_error, node_count, settings_for
+from rubberfric.analysis.error_and_time.settings import SETTINGS, check_error, node_count
 from rubberfric.analysis.error_and_time.textbook import covers
 from rubberfric.analysis.error_and_time.textbook import solve as textbook_solve
 from rubberfric.base.quadrature import Quadrature
@@ -83,7 +83,7 @@ def accuracy(
     check_error(error)
     tell = progress or (lambda _: None)
     case = reference.case_of(scene, velocity, pressure, temperature)
-    settings = settings_for(scene) if settings is None else tuple(settings)
+    settings = SETTINGS if settings is None else tuple(settings)
     _check(settings, textbook, repeats)
     tell("reference")
     exact = reference.reference(case)

@@ -7,6 +7,7 @@ Series and layers are of [Scaraggi & Persson, arXiv:1506.06955, eqs. (A6), (A8),
 import math
 
 import numpy as np
+from scipy.special import ndtr
 
 from rubberfric.materials.coating import Coating
 from rubberfric.materials.elastic import Elastic, Rigid
@@ -126,14 +127,31 @@ def _at_reference(material, omega):
 
 
 def _interpolated(material: TabulatedModulus, omega: np.ndarray | None) -> np.ndarray | float:
-    knots, storage, loss = (np.log(np.asarray(x)) for x in (material.omega, material.storage, material.loss))
     if omega is None:
         return float(np.asarray(material.storage)[0])
-    log_omega = np.log(np.maximum(np.abs(omega), np.finfo(float).tiny))
-    beyond = np.abs(log_omega - np.clip(log_omega, knots[0], knots[-1]))
-    values = np.exp(np.interp(log_omega, knots, storage)), np.exp(np.interp(log_omega, knots, loss))
-    fall = {"hold": 1.0, "fall": np.exp(-beyond)}.get(material.outside, beyond == 0)
-    return values[0] + 1j * np.sign(omega) * values[1] * fall
+    knots, storage, loss = (np.log(np.asarray(x)) for x in (material.omega, material.storage, material.loss))
+    order = np.argsort(np.abs(omega), axis=None)
+    x = np.log(np.maximum(np.abs(omega).reshape(-1)[order], np.finfo(float).tiny))
+    width, fall = material.smoothing, 1.0 if material.outside == "fall" else 0.0
+    flat, slanted = (_rounded(knots, *curve, width, x) for curve in ((storage, 0.0), (loss, fall)))
+    lost = np.exp(slanted)
+    if material.outside == "none":
+        lost *= ndtr((x - knots[0]) / width) * ndtr((knots[-1] - x) / width)
+    back = np.argsort(order)
+    stored, lost = (values[back].reshape(omega.shape) for values in (np.exp(flat), lost))
+    return stored + 1j * np.sign(omega) * lost
+
+
+def _rounded(knots, values, fall, width, x):
+    """Lines through knots, of slopes +-fall outside, averaged with a Gaussian; x in ascending order."""
+    slopes = np.concatenate([[fall], np.diff(values) / np.diff(knots), [-fall]])
+    total = np.interp(x, knots, values)
+    total += fall * (np.minimum(x - knots[0], 0.0) - np.maximum(x - knots[-1], 0.0))
+    for knot, bend in zip(knots, np.diff(slopes), strict=True):
+        near = slice(*np.searchsorted(x, [knot - 9 * width, knot + 9 * width]))
+        u = np.abs(x[near] - knot) / width
+        total[near] += bend * width * (np.exp(-0.5 * u * u) / math.sqrt(2 * math.pi) - u * ndtr(-u))
+    return total
 
 
 def _shifted(material, omega, temperature):

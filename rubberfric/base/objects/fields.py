@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from typing import Any, ClassVar, Literal, TypeAlias, get_args, get_origin, get_type_hints
 
 import jax
+import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.checks import FINITE, Rule, as_leaf, check_values, shown
@@ -79,7 +80,7 @@ class Leaf:
 class Static:
     """A field that is part of the structure: changing it retraces."""
 
-    choices: tuple = ()
+    choices: tuple = ()  # none: any number
 
 
 @dataclasses.dataclass(frozen=True)
@@ -120,7 +121,7 @@ def leaf(
 
 
 def static(*, default: Any = dataclasses.MISSING) -> Any:
-    """Field that is one of a few values: annotated as a Literal of them, or as bool."""
+    """Field that is one of a few values: annotated as a Literal of them, or as bool; or any float."""
     return _field(Static(), default)
 
 
@@ -151,11 +152,13 @@ def meaning_of(cls: type, field: dataclasses.Field) -> Meaning:
         return dataclasses.replace(meaning, ndim=annotation.ndim, optional=optional)
     if isinstance(meaning, Static) and (annotation is bool or get_origin(annotation) is Literal):
         return Static((False, True) if annotation is bool else tuple(members))
+    if isinstance(meaning, Static) and annotation is float:
+        return meaning
     if isinstance(meaning, Child) and len(members) == 1 and isinstance(members[0], type):
         return dataclasses.replace(meaning, role=members[0], optional=annotation is not members[0])
     raise TypeError(
         f"{cls.__name__}.{field.name}: annotated {annotation}: must be Number, OptionalNumber, Vector or "
-        "Matrix with leaf(), a Literal or bool with static(), a PhysicalObject with child()"
+        "Matrix with leaf(), a Literal, bool or float with static(), a PhysicalObject with child()"
     )
 
 
@@ -166,6 +169,10 @@ def checked(where: str, value: Any, field: Meaning) -> Any:
             return None
         value = as_leaf(where, value, field.ndim)
         check_values(where, value, field.rule)
+    elif isinstance(field, Static) and not field.choices:
+        if isinstance(value, bool) or not isinstance(value, int | float | np.floating):
+            raise ValueError(f"{where} = {shown(value)}: must be a number")
+        value = float(value)
     # 1 == True, but a static field keeps the type it was declared with.
     elif isinstance(field, Static) and not any(type(value) is type(c) and value == c for c in field.choices):
         raise ValueError(f"{where} = {shown(value)}: must be one of {', '.join(map(repr, field.choices))}")

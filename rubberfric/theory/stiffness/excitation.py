@@ -98,7 +98,7 @@ def _by_points(values):
     return values[:, None] if values.ndim == 1 else values
 
 
-def excitation(pair: Pair, scale: jax.Array, q: jax.Array, needs: Needs, angle: int) -> Excitation:
+def excitation(pair: Pair, scale: jax.Array, q: jax.Array, needs: Needs) -> Excitation:
     """`Excitation` by roughness of wavevectors q.
 
     Parameters
@@ -107,13 +107,12 @@ def excitation(pair: Pair, scale: jax.Array, q: jax.Array, needs: Needs, angle: 
     scale : modulus scale [Pa]
     q : [1/m], shape (panels, order)
     needs : Needs
-    angle : nodes of an angular integral that has no closed form
     """
-    varying = VaryingSeries(pair, scale, angle) if pair.varies else None
+    varying = VaryingSeries(pair, scale) if pair.varies else None
     shifts = pair.strained.material.shift, pair.rough.material.shift
     if not pair.relaxes:
         return Excitation(None, varying, *shifts, None, False, needs)
-    F, harmonics = relaxing_stiffness(pair, scale, q, angle), harmonic_shares(pair, q)
+    F, harmonics = relaxing_stiffness(pair, scale, q), harmonic_shares(pair, q)
     split = pair.softens_apart
     if isinstance(F, Tabulated) and not F.by_node:
         F = means_table(F, needs, split, harmonics)

@@ -1,9 +1,13 @@
-r"""Angular means of a modulus without a Prony series, tabulated over ln(q v).
+r"""Angular means of a solid that is no Prony series, over a uniform grid of ln(q v).
 
-For a half-space the means of `rubberfric.theory.stiffness.tabulated_means` depend on q v alone: they are
-tabulated once, about where the modulus is, and interpolated for every node and velocity.
+With a constant spring k the series F = f k / (f + k) depends on q v alone: its means are convolutions over
+ln(q v), taken once (`rubberfric.theory.stiffness.uniform_grid`), and splines for every node and velocity.
+
+The grid begins at a whole multiple of its step, has the same length whatever the table, and no derivative
+goes through where it lies: a value depends on nothing but its own q v.
 """
 
+import math
 from typing import NamedTuple
 
 import jax
@@ -11,41 +15,46 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.materials.material import Material
+from rubberfric.materials.tabulated_modulus import LONGEST, REACH
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means
 from rubberfric.theory.stiffness.tabulated_means import (
+    PER_DETAIL,
     Tabulated,
-    angular_integrals,
-    ends_of,
-    log_power,
+    constant_shares,
+    kinds_of,
+    log_range,
     means_of_log,
+    parts_of,
+)
+from rubberfric.theory.stiffness.uniform_grid import (
+    BESIDE,
+    LEAD,
+    MARGIN,
+    Weights,
+    at,
+    circle_means,
+    circle_weights,
+    lead_in,
+    splines,
 )
 
-# Entries of the table over ln(q v), for one node of the angular integral.
-_ENTRIES_PER_NODE = 8
+# How far the grid goes beyond the table of the modulus at either end, in ln(q v): there the
+# means are two powers of q v, and what is left of a third is e^-32 and e^-27.
+_BELOW, _ABOVE = 8.0, 9.0  # and the reach of a rounded knot
 
-# How far the table of means goes beyond that of the modulus at either end, in ln(q v): there the
-# means are two powers of q v, and what is left of a third is e^-24 and e^-27.
-_BELOW, _ABOVE = 6.0, 9.0
-
-# Where the limits of the means are taken.
+# Where the limits of the means are taken: beyond all of the table, and all of the circle within reach.
 _FAR = 40.0
 
 
 class MeansTable(NamedTuple):
-    """Angular means over a uniform grid of ln(q v), arrays of shape (entries,).
-
-    The grid depends on the ends of the modulus' own table and on nothing else, so that no point of a
-    call has a say in the value at another one. Its step is a power of 2^(1/4) and its entries are whole
-    multiples of it: it does not move with the ends but leaps, and no derivative is to go through it.
-    """
+    """Splines over a uniform grid of ln(q v) through the means, each kind a row or several."""
 
     material: Material
-    first: jax.Array  # which multiple of the step the first entry is
-    step: jax.Array
-    entries: Means  # <|F|^2> as its logarithm
-    slopes: Means  # the same of their differences from entry to entry
-    limits: Means  # the means at two entries, far below and far above
+    first: jax.Array  # the first cell begins at step * first
+    ends: jax.Array  # ln(q v) where the means become powers, below and above
+    cells: jax.Array  # `splines` of the rows, of the root of those that are positive
+    limits: jax.Array  # the rows far beyond the ends, (rows, 2)
 
     by_node = False
 
@@ -53,44 +62,100 @@ class MeansTable(NamedTuple):
         self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: Harmonics | None = None
     ) -> Means:
         """Means of F for roughness passing at q v; arguments as for the table, and `Relaxing.means`."""
-        del needs
-        return means_of_log(self.material, qv, harmonics, lambda x: _interpolated(self, x, split))
+        return means_of_log(
+            self.material, qv, harmonics, lambda x: _by_table(self, x, needs, split, harmonics)
+        )
 
 
 def means_table(F: Tabulated, needs: Needs, split: bool, harmonics: Harmonics | None) -> MeansTable:
     """Table of the means of an F that depends on q v alone; arguments as of `Tabulated.means`."""
-    count = _ENTRIES_PER_NODE * F.angle
-    low, high = jax.lax.stop_gradient(jnp.log(jnp.stack(ends_of(F.material))))
-    step = (high - low + _BELOW + _ABOVE) / (count - 6)
-    step = jnp.exp2(jnp.ceil(4 * jnp.log2(step)) / 4)
-    first = jnp.floor((low - _BELOW) / step) - 2
-    grid = step * (first + np.arange(count))
-    grid = jnp.concatenate([grid, jnp.stack([grid[2] - _FAR, grid[-3] + _FAR])])
-    found = angular_integrals(F, grid, needs, split, harmonics)
-    entries, limits = (jax.tree.map(lambda x, part=part: x[part], found) for part in (np.s_[:-2], np.s_[-2:]))
-    # Where E' steps up, a cubic of <|F|^2> itself would swing below 0.
-    entries = _of_positive(entries, log_power, split)
-    return MeansTable(F.material, first, step, entries, jax.tree.map(_slopes, entries), limits)
+    material, (count_of_harmonics, mix) = F.material, constant_shares(harmonics)
+    step, reach = material.detail / PER_DETAIL, REACH * material.detail
+    kinds, before = kinds_of(needs, split, material.loss_beyond), lead_in(step)
+    low, high = log_range(material)
+    ends = jax.lax.stop_gradient(jnp.stack([low - _BELOW - reach, high + _ABOVE + reach]))
+    # With what the splines hang on beside the ends, and the circle before and after.
+    first = jnp.floor(ends[0] / step) - BESIDE - MARGIN
+    count = math.ceil((LONGEST + _BELOW + _ABOVE + 2 * reach) / step) + 12 + 2 * MARGIN
+    moduli = material.storage_and_loss_on_grid(first - before, step, before + count + LEAD)
+    parts = parts_of(F, *moduli)
+    weights = _mixed_weights(circle_weights(step, count_of_harmonics), mix)
+    weights = Weights(*(_stack([one[kind.weights] for kind in kinds]) for one in zip(*weights, strict=True)))
+    begin = np.array([1.0 if material.loss_beyond == "fall" and kind.odd else 0.0 for kind in kinds])
+    rows = circle_means(jnp.stack([kind.of(parts) for kind in kinds]), weights, step, begin)
+    # Only the first of a kind has one sign.
+    positive = np.zeros(rows.shape[:2], bool)
+    positive[:, 0] = [kind.positive for kind in kinds]
+    positive = positive[..., None]
+    rows = jnp.where(positive, _root(jnp.where(positive, rows, 1.0)), rows)
+    # A table under jit that is longer than the grid.
+    rows = jnp.where(high - low <= LONGEST, rows, jnp.nan).reshape(-1, rows.shape[-1])
+    # E' and E'' at the ends themselves, of which E'' is a power.
+    entry = jnp.floor(ends / step)
+    storage, loss = (x[(entry - first).astype(int) + before] for x in moduli)
+    if material.loss_beyond == "fall":
+        loss = loss * jnp.exp(jnp.array([1.0, -1.0], ends.dtype) * (ends - step * entry))
+    at_ends = storage, loss
+    return MeansTable(
+        material,
+        first + MARGIN + BESIDE,
+        ends,
+        splines(rows),
+        _limits(F, kinds, at_ends, count_of_harmonics, mix),
+    )
 
 
-def _slopes(values):
-    """Derivative by the index, to fourth order but for two entries at either end."""
-    inner = (8 * (values[3:-1] - values[1:-3]) - (values[4:] - values[:-4])) / 12
-    return jnp.pad(inner, 2)
+def _mixed_weights(weights, mix):
+    """Rows of the weights over the circle of the means of f, cos(phi) f and sin(phi) f."""
+    if mix is None:
+        return weights
+    even, along, across = weights
+    return even.mixed(mix[0]), along.mixed(mix[0]), across.mixed(mix[1])
 
 
-def _of_positive(means, function, split):
-    """Means with a function of those of <|F|^2> that are positive: harmonics have any sign."""
-    if "power" not in means:
-        return means
-    power, count = means["power"], len(means["power"]) if split else 1
-    return means | {"power": (*map(function, power[:count]), *power[count:])}
+def _root(power):
+    """Root of <|F|^2>; the floor is for F = 0 (two liquids at rest), where G need only be as good as 0."""
+    return jnp.sqrt(jnp.maximum(power, float(jnp.finfo(power.dtype).tiny) ** 0.8))
 
 
-def _interpolated(table, log_qv, split):
-    r"""Means from a table: cubic between its entries, beyond them the powers that the means follow.
+def _stack(arrays):
+    return np.stack(arrays) if isinstance(arrays[0], np.ndarray) else jnp.stack(arrays)
 
-    Their derivatives are continuous, so that a temperature at an entry has one like any other.
+
+def _limits(F, kinds, at_ends, harmonics, mix):
+    """What the rows are far beyond the ends, (rows, 2); of those that go to 0 what e^+-x is multiplied by."""
+    outside = F.material.loss_beyond
+    storage, loss = at_ends
+    far = parts_of(F, storage, loss * (math.exp(-_FAR) if outside == "fall" else 1.0))
+    moments = _moments(harmonics, outside)
+    if mix is not None:
+        shares = mix[0], mix[0], mix[1]
+        moments = [m[:, :1] + m[:, 1:] @ c[:, None] for m, c in zip(moments, shares, strict=True)]
+    rows = []
+    for kind in kinds:
+        back = math.exp(_FAR) if outside == "fall" and kind.odd else 1.0
+        rows.append((kind.of(far) * back)[:, None] * moments[kind.weights])
+    return jnp.concatenate(rows, 1).T
+
+
+def _moments(harmonics, outside):
+    """Means over the circle below and above the table of what `circle_weights` is for, (2, 1 + harmonics).
+
+    Of E'' that falls, which is in proportion to cos(phi) below the table and to 1 / cos(phi) above it.
+    """
+    m = np.arange(1, harmonics + 1)
+    sign = -((-1.0) ** m)
+    none, one = np.zeros(harmonics), np.ones((2, 1))
+    even = np.hstack([one, [none, none]])
+    if outside == "fall":
+        first = np.where(m == 1, 0.25, 0.0)
+        return even, np.hstack([[[0.5], [1.0]], [first, none]]), np.hstack([0 * one, [first, sign]])
+    along, across = sign / (4 * m**2 - 1), 2 * m * sign / (4 * m**2 - 1)
+    return even, 2 / np.pi * np.hstack([one, [along] * 2]), 2 / np.pi * np.hstack([0 * one, [across] * 2])
+
+
+def _by_table(table, log_qv, needs, split, harmonics):
+    r"""Means from a table: splines, beyond the ends the powers that the means follow.
 
     With x = ln(q v) and E'' that falls, the means are below the table even or odd in e^x,
 
@@ -98,38 +163,40 @@ def _interpolated(table, log_qv, split):
 
     and above it, where a share e^-x of the circle is within it, P + P' e^-x and D e^-x + D' e^-2x.
     """
-    beyond, count = table.material.loss_beyond, jax.tree.leaves(table.entries)[0].shape[0]
-    position = log_qv / table.step - table.first
-    below, above = (table.step * x for x in (position - 2, position - (count - 3)))
-    below, above = jnp.minimum(below, 0.0), jnp.maximum(above, 0.0)
-    position = jnp.clip(position, 2, count - 3)
-    index = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)).astype(int), 2, count - 4)
-    t = position - index
-    # Hermite's weights of the two entries and of their slopes.
-    rise = t * t * (3 - 2 * t)
-    weights = (1 - rise, rise), (t * (1 - t) ** 2, -t * t * (1 - t))
+    outside, (count, mix) = table.material.loss_beyond, constant_shares(harmonics)
+    step = table.material.detail / PER_DETAIL
+    inside = jnp.clip(log_qv, table.ends[0], table.ends[1])
+    rows = at(table.cells, inside * (1 / step) - table.first)
+    lower, away = log_qv < table.ends[0], jnp.exp(-jnp.abs(log_qv - inside))
+    up = jnp.where(lower, 1.0, away)
 
-    def interpolate(values, slopes):
-        pairs = zip((values, slopes), weights, strict=True)
-        return sum(left * x[index] + right * x[index + 1] for x, (left, right) in pairs)
-
-    lower = below < 0
+    def part(value, limit, share):
+        # The limit may be 1e8 times the value where nothing of it is wanted.
+        return value * share + limit * (1 - share)
 
     def even(value, ends):
         """<|F|^2> and <Re F>, which go to a constant."""
         limit = jnp.where(lower, ends[0], ends[1])
-        return limit + (value - limit) * jnp.exp((0.0 if beyond == "hold" else 2.0) * below - above)
+        return part(value, limit, up if outside == "hold" else jnp.where(lower, away * away, away))
 
     def odd(value, ends):
         """The dissipation, which goes to 0 if E'' does."""
-        if beyond == "hold":
-            return ends[1] + (value - ends[1]) * jnp.exp(-2.0 * above)
-        if beyond == "none":
-            return value * jnp.exp(-2.0 * above)
+        if outside == "hold":
+            return part(value, ends[1], up * up)
+        if outside == "none":
+            return value * up * up
         # What is left of the mean where it is the first of the two powers alone.
-        leading = jnp.exp(_FAR) * jnp.where(lower, ends[0], ends[1])
-        return (leading + (value - leading) * jnp.exp(2.0 * below - above)) * jnp.exp(below - above)
+        leading = jnp.where(lower, ends[0], ends[1])
+        return part(value, leading, jnp.where(lower, away * away, away)) * away
 
-    found = _of_positive(jax.tree.map(interpolate, table.entries, table.slopes), jnp.exp, split)
-    rules = {"power": even, "dissipation": odd, "storage": even, "transverse": odd}
-    return {kind: tuple(map(rules[kind], values, table.limits[kind])) for kind, values in found.items()}
+    means: Means = {kind: () for kind in needs.kinds}
+    size = 1 if mix is not None else 1 + count
+    for k, kind in enumerate(kinds_of(needs, split, outside)):
+        rule = odd if kind.odd else even
+        # Across there is no harmonic without sin 2 m phi.
+        begin = 1 if kind.name == "transverse" and mix is None else 0
+        for i in range(begin, size):
+            row = k * size + i
+            value = rows[row] ** 2 if kind.positive and i == 0 else rows[row]
+            means[kind.name] += (rule(value, table.limits[row]),)
+    return means

@@ -40,7 +40,6 @@ def relaxing_stiffness(
     pair: Pair,
     scale: jax.Array,
     q: jax.Array,
-    angle: int,
     temperatures: PairTemperatures = AT_REFERENCE,
 ) -> Relaxing | Tabulated | SoftenedInSeries:
     """F of K_j where the strained solid relaxes, without the factor of `layer_factor`.
@@ -50,7 +49,6 @@ def relaxing_stiffness(
     pair : Pair
     scale : modulus scale [Pa]
     q : wavevectors [1/m], shape (panels, order)
-    angle : nodes of an angular integral that has no closed form
     temperatures : of the two solids [K], shape () each, or None: both at their references
 
     Returns
@@ -58,7 +56,7 @@ def relaxing_stiffness(
     Relaxing or Tabulated, of all q in one row where F depends on q; or SoftenedInSeries
     """
     if pair.softened is not None and pair.both_deform:
-        return _softened(pair, pair.softened, scale, q, angle)
+        return _softened(pair, pair.softened, scale, q)
     nodes = q.reshape(-1) if pair.by_wavevector else None
     spring = _spring(pair.rough, scale, nodes, temperature=temperatures.rough) if pair.both_deform else None
     material, layer = pair.strained.material, pair.strained.layer
@@ -72,7 +70,7 @@ def relaxing_stiffness(
     series = material.reduced_series(scale)
     if series is None:
         unit = stiffer(plane_strain(material) / scale, material.shift, temperatures.strained)
-        return Tabulated(material, unit if own is None else unit * own, spring, angle)
+        return Tabulated(material, unit if own is None else unit * own, spring)
     rest, weight = (stiffer(x, material.shift, temperatures.strained) for x in series[:2])
     series = rest, weight, series.tau
     if own is not None:
@@ -100,7 +98,7 @@ def layer_factor(pair: Pair, q: jax.Array) -> jax.Array | None:
     return _layer(pair.strained, q)
 
 
-def _softened(pair: Pair, softened: Softened, scale: jax.Array, q: jax.Array, angle: int) -> SoftenedInSeries:
+def _softened(pair: Pair, softened: Softened, scale: jax.Array, q: jax.Array) -> SoftenedInSeries:
     """F of a softened solid in series with another one."""
     material, factor = pair.strained.material, _layer(pair.strained, q)
     series = material.reduced_series(scale)
@@ -108,7 +106,7 @@ def _softened(pair: Pair, softened: Softened, scale: jax.Array, q: jax.Array, an
         factor = factor * (plane_strain(material) / scale)
     modulus = material if series is None else Relaxing(*series)
     storage, loss = (factor * x for x in softening_factors(softened, q))
-    return SoftenedInSeries(modulus, storage, loss, _spring(pair.rough, scale, q, softened), angle)
+    return SoftenedInSeries(modulus, storage, loss, _spring(pair.rough, scale, q, softened))
 
 
 def _spring(

@@ -6,6 +6,7 @@ E' and E'' fall by different factors, so that the solid is no Prony solid any mo
 the other one has no closed form. f and g have kinks over q: F is taken at the contact nodes themselves.
 """
 
+import functools
 from typing import NamedTuple
 
 import jax
@@ -15,7 +16,11 @@ import numpy as np
 from rubberfric.materials.material import Material, squarable
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Means, Relaxing
-from rubberfric.theory.stiffness.tabulated_means import angular_rule, log_frequency
+from rubberfric.theory.stiffness.tabulated_means import log_frequency, moduli_at, moduli_on_grid, rule_of_node
+from rubberfric.theory.stiffness.uniform_grid import circle_rule
+
+# Step of the integral over the circle of a Prony series, whose poles are pi/2 from the real axis of ln omega.
+_STEP = 0.22
 
 
 class SoftenedInSeries(NamedTuple):
@@ -25,7 +30,6 @@ class SoftenedInSeries(NamedTuple):
     storage: jax.Array  # f times what makes it a stiffness in units of the scale
     loss: jax.Array  # the same with g
     spring: jax.Array  # the other solid at rest [-]
-    angle: int  # nodes of the angular integral of a material without a series; another has half as many
 
     by_node = False  # its panels are those of q
 
@@ -40,15 +44,18 @@ class SoftenedInSeries(NamedTuple):
 
         strained, resting : b_T of either solid, broadcastable to qv; None: 1
         """
-        # Without a table's kinks half the nodes are good to 1e-9.
-        smooth = isinstance(self.modulus, Relaxing)
-        psi, weight = angular_rule(self.angle // 2 if smooth else self.angle)
-        sine, weight = jnp.asarray(np.sin(psi), qv.dtype), jnp.asarray(weight, qv.dtype)
+        modulus = self.modulus
+        if isinstance(modulus, Relaxing):
+            _, psi, weight = circle_rule(_STEP)
+            moduli_along = functools.partial(_series_modulus, modulus, np.sin(psi))
+        else:
+            s, psi, weight = rule_of_node(modulus)
+            moduli_along = functools.partial(_modulus, modulus, moduli_on_grid(modulus), s)
+        sine, weight = (jnp.asarray(x, qv.dtype) for x in (np.sin(psi), weight))
 
         def panel(values):
             qv, storage_factor, loss_factor, spring = values
-            omega = qv[..., None] * sine
-            storage, loss = _modulus(self.modulus, omega)
+            storage, loss = moduli_along(qv)
             storage, loss = storage_factor[..., None] * storage, loss_factor[..., None] * loss
             square = storage**2 + loss**2
             spring = spring[..., None]
@@ -76,15 +83,19 @@ class SoftenedInSeries(NamedTuple):
         return tuple(jnp.broadcast_to(x[:, None] * vertical, qv.shape) for x in factors)
 
 
-def _modulus(modulus: Material | Relaxing, omega: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """E' and E'' at omega of any sign, odd in E''."""
-    if not isinstance(modulus, Relaxing):
-        log_omega, sign = log_frequency(modulus, omega)
-        storage, loss = modulus.storage_and_loss(log_omega)
-        return storage, loss * sign
-    storage, loss = jnp.ones_like(omega) * modulus.rest, jnp.zeros_like(omega)
-    for i in range(modulus.tau.shape[0]):
-        a = squarable(omega * modulus.tau[i])
-        relaxing = modulus.weight[i] * a / (1 + a * a)
+def _modulus(material, moduli, s, qv):
+    """E' and E'' at q v e^-s, (..., directions), odd in q v."""
+    log_qv, sign = log_frequency(material, qv)
+    storage, loss = moduli_at(material, moduli, log_qv[..., None] - s)
+    return storage, loss * sign[..., None]
+
+
+def _series_modulus(series, cosine, qv):
+    """The same of a Prony series at q v cos(phi)."""
+    omega = qv[..., None] * jnp.asarray(cosine, qv.dtype)
+    storage, loss = jnp.ones_like(omega) * series.rest, jnp.zeros_like(omega)
+    for i in range(series.tau.shape[0]):
+        a = squarable(omega * series.tau[i])
+        relaxing = series.weight[i] * a / (1 + a * a)
         storage, loss = storage + a * relaxing, loss + relaxing
     return storage, loss

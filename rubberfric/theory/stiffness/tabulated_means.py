@@ -1,11 +1,7 @@
-r"""Moduli without a Prony series, such as a master curve: angular means by quadrature.
+r"""Angular means of a solid that is no Prony series, for every node by an integral of its own.
 
-No closed form here. With cos(phi) = sin(psi), psi = (pi/2) e^-y the structure of E at
-cos(phi) ~ omega_i / (q v), whatever decade that is in, becomes structure in y, and
-
-.. math:: \langle h\rangle = \frac{2}{\pi}\int_0^\infty h(q v \sin\psi)\,\psi\,dy
-
-is done by Gauss panels in y.
+If the spring in series or a layer varies with q, or the means are wanted at few q v: by the trapezoidal rule
+over the circle of `rubberfric.theory.stiffness.uniform_grid`, with E' and E'' from splines over ln omega.
 """
 
 import functools
@@ -18,13 +14,14 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.base.quadrature import gauss
 from rubberfric.materials.material import Material
+from rubberfric.materials.tabulated_modulus import LONGEST, REACH
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means
+from rubberfric.theory.stiffness.uniform_grid import BESIDE, MARGIN, at, circle_rule, harmonic, splines
 
-# Panels in y; short ones first, where the weight psi is: e^-25 of the circle is left out.
-_EDGES = np.array([0, 0.25, 0.5, 0.75, 1.0, 1.5, 2.0, 3.0, 4.5, 7.0, 11.0, 25.0])
+# Steps of the grid in the finest detail of E over ln omega, and of the integral of a node.
+PER_DETAIL, _PER_DETAIL_OF_A_NODE = 6, 2
 
 
 class Tabulated(NamedTuple):
@@ -33,7 +30,6 @@ class Tabulated(NamedTuple):
     material: Material  # without a series
     scale: jax.Array  # f = scale * E [1/Pa], shape () or (nodes,)
     spring: jax.Array | None  # [-], shape () or (nodes,); None: rigid
-    angle: int  # nodes of the angular integral
 
     @property
     def by_node(self) -> bool:
@@ -45,7 +41,7 @@ class Tabulated(NamedTuple):
     ) -> Means:
         """Means of F for roughness passing at q v; arguments as `Relaxing.means`."""
         return means_of_log(
-            self.material, qv, harmonics, lambda x: angular_integrals(self, x, needs, split, harmonics)
+            self.material, qv, harmonics, lambda x: _by_node(self, x, needs, split, harmonics)
         )
 
 
@@ -79,73 +75,20 @@ def log_frequency(material: Material, omega: jax.Array) -> tuple[jax.Array, jax.
     Far below, E is E(0) and E'' linear in omega: so v = 0 keeps its derivative. If E'' does not vanish at
     v = 0+, only the sign is left.
     """
-    floor = jnp.log(ends_of(material)[0]) - math.log(1e9)
+    floor = log_range(material)[0] - math.log(1e9)
     tiny = float(jnp.finfo(omega.dtype).tiny)
     log_omega = jnp.maximum(jnp.log(jnp.maximum(jnp.abs(omega), tiny)), floor)
-    return log_omega, jnp.sign(omega) if material.loss_at_rest else omega * jnp.exp(-log_omega)
+    return log_omega, jnp.sign(omega) if material.loss_at_rest else jnp.clip(
+        omega * jnp.exp(-floor), -1.0, 1.0
+    )
 
 
-def ends_of(material: Material) -> tuple[jax.Array, jax.Array]:
-    """Lowest and highest frequency of what a modulus without a series does [rad/s]."""
+def log_range(material: Material) -> jax.Array:
+    """ln of the lowest and highest frequency of what a modulus without a series does [rad/s], (2,)."""
     ends = material.frequency_range()
     if ends is None:
         raise ValueError(f"{type(material).__name__}: must answer reduced_series or frequency_range")
-    return ends
-
-
-def angular_rule(count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Psi and its weights in a mean over the circle of a function even in cos(phi); about `count` nodes."""
-    order = max(2, count // (len(_EDGES) - 1))
-    node, weight = gauss(order)
-    y = (_EDGES[:-1, None] + np.diff(_EDGES)[:, None] * node).ravel()
-    psi = 0.5 * np.pi * np.exp(-y)
-    weight = (np.diff(_EDGES)[:, None] * weight).ravel() * psi * (2 / np.pi)
-    return psi, weight / weight.sum()
-
-
-def angular_integrals(
-    F: Tabulated, log_qv: jax.Array, needs: Needs, split: bool, harmonics: Harmonics | None
-) -> Means:
-    """Means at ln |q v| by an angular integral each, those of harmonics that vary one by one."""
-    psi, weight = angular_rule(F.angle)
-    m = np.arange(1, 1 + (0 if harmonics is None else harmonics[0].shape[0]))[:, None]
-    # phi = pi/2 - psi: cos 2 m phi = (-1)^m cos 2 m psi, sin 2 m phi = -(-1)^m sin 2 m psi.
-    even = np.concatenate([np.ones((1, psi.size)), (-1.0) ** m * np.cos(2 * m * psi)])
-    odd = -((-1.0) ** m) * np.sin(2 * m * psi) * np.cos(psi)
-    sine = jnp.asarray(np.sin(psi), log_qv.dtype)
-    even, odd = (jnp.asarray(weight * rows, log_qv.dtype) for rows in (even, odd))
-    if harmonics is not None and not _vary(harmonics):
-        even, odd = even[:1] + harmonics[0] @ even[1:], (harmonics[1] @ odd)[None]
-    storage, loss = F.material.storage_and_loss(log_qv[..., None] + jnp.log(sine))
-    scale = F.scale[..., None] if F.scale.ndim else F.scale
-    storage, loss = scale * storage, scale * loss
-    power = storage**2 + loss**2
-    if F.spring is not None:
-        # F = f k / (f + k), by parts; a liquid at rest is a spring of k = 0.
-        spring = F.spring[..., None]
-        share = spring / ((storage + spring) ** 2 + loss**2)
-        storage = share * (spring * storage + power)
-        power, loss = share * spring * power, share * spring * loss
-    powers = (storage**2, loss**2) if split else (power,)
-
-    def means(values, rows):
-        return tuple(jnp.moveaxis(values @ rows.T, -1, 0))
-
-    found = {}
-    if needs.power:
-        found["power"] = sum((means(power, even) for power in powers), ())
-    if needs.dissipation:
-        found["dissipation"] = means(loss * sine, even)
-    if needs.storage:
-        found["storage"] = means(storage, even)
-    if needs.transverse:
-        found["transverse"] = means(loss, odd)
-    return found
-
-
-def log_power(power: jax.Array) -> jax.Array:
-    """ln <|F|^2>; the floor is for F = 0 (two liquids at rest), where G need only be as good as 0."""
-    return jnp.log(jnp.maximum(power, float(jnp.finfo(power.dtype).tiny) ** 0.8))
+    return jnp.log(jnp.stack(ends))
 
 
 def _vary(harmonics):
@@ -153,8 +96,140 @@ def _vary(harmonics):
     return harmonics is not None and harmonics[0].ndim > 1
 
 
+def constant_shares(harmonics: Harmonics | None) -> tuple[int, Harmonics | None]:
+    """How many harmonics; their shares if they are constant. Those of others are kept apart till later."""
+    if harmonics is None:
+        return 0, None
+    return harmonics[0].shape[0], None if _vary(harmonics) else harmonics
+
+
 def _mixed(shares: jax.Array, means: tuple[jax.Array, ...]) -> jax.Array:
     """The mean with its harmonics, which are the last of the means; the transverse one has no other."""
     first = len(means) - len(shares)
     terms = (share * mean for share, mean in zip(shares, means[first:], strict=True))
     return functools.reduce(operator.add, (*means[:first], *terms))
+
+
+class Parts(NamedTuple):
+    """Of a complex stiffness F."""
+
+    storage: jax.Array  # F'
+    loss: jax.Array  # F''
+    power: jax.Array  # |F|^2
+
+
+def parts_of(F: Tabulated, storage: jax.Array, loss: jax.Array) -> Parts:
+    """`Parts` of F for E' and E'', for a spring that is constant or has their shape."""
+    storage, loss = F.scale * storage, F.scale * loss
+    power = storage**2 + loss**2
+    if F.spring is None:
+        return Parts(storage, loss, power)
+    # F = f k / (f + k), by parts; a liquid at rest is a spring of k = 0.
+    share = F.spring / ((storage + F.spring) ** 2 + loss**2)
+    return Parts(share * (F.spring * storage + power), share * F.spring * loss, share * F.spring * power)
+
+
+class Kind(NamedTuple):
+    """One of the functions that means are taken of, and of which there is a row or several in a table."""
+
+    name: str
+    part: str  # of `Parts`
+    weights: int  # which of those of `circle_weights`
+    squared: bool = False
+    positive: bool = False  # the first of its rows
+
+    @property
+    def odd(self) -> bool:
+        """Whether it is odd in q v."""
+        return self.name in ("dissipation", "transverse")
+
+    def of(self, parts: Parts) -> jax.Array:
+        """The function."""
+        values = getattr(parts, self.part)
+        return values**2 if self.squared else values
+
+
+def kinds_of(needs: Needs, split: bool, loss_beyond: str) -> list[Kind]:
+    """`Kind` of everything that is wanted, in the order of `Means`."""
+    # Where E' steps up, a spline of <|F|^2> itself would swing below 0.
+    powers = [Kind("power", "power", 0, positive=True)]
+    if split:
+        falls = loss_beyond != "none"
+        powers = [Kind("power", "storage", 0, True, True), Kind("power", "loss", 0, True, falls)]
+    others = [Kind("dissipation", "loss", 1), Kind("storage", "storage", 0), Kind("transverse", "loss", 2)]
+    return [kind for kind in (*powers, *others) if kind.name in needs.kinds]
+
+
+def _by_node(F, log_qv, needs, split, harmonics):
+    """Means at every node by its own integral over the circle; scale and spring of shape () or (nodes,)."""
+    count, mix = constant_shares(harmonics)
+    s, psi, weight = rule_of_node(F.material)
+    kernels = [np.ones((2, psi.size)), *(np.stack(harmonic(m, psi)) for m in range(1, count + 1))]
+    even, across = (jnp.asarray(weight * rows, log_qv.dtype) for rows in np.stack(kernels, 1))
+    across = across[1:]
+    if mix is not None:
+        even, across = even[:1] + mix[0] @ even[1:], (mix[1] @ across)[None]
+    along = even * jnp.asarray(np.sin(psi), log_qv.dtype)
+    moduli = moduli_on_grid(F.material)
+
+    def of_points(log_qv):
+        nodes = F._replace(
+            scale=F.scale[..., None] if F.scale.ndim else F.scale,
+            spring=None if F.spring is None else F.spring[..., None],
+        )
+        parts = parts_of(nodes, *moduli_at(F.material, moduli, log_qv[..., None] - s))
+        by = even, along, across
+
+        def rows(kind):
+            return tuple(jnp.moveaxis(kind.of(parts) @ by[kind.weights].T, -1, 0))
+
+        found: Means = {kind: () for kind in needs.kinds}
+        for kind in kinds_of(needs, split, F.material.loss_beyond):
+            found[kind.name] += rows(kind)
+        return found
+
+    if log_qv.ndim < 2:
+        return of_points(log_qv)
+    # Row by row, and again for the gradient: all circles at once would take gigabytes.
+    return jax.lax.map(jax.checkpoint(of_points), log_qv)
+
+
+def rule_of_node(material: Material) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """`circle_rule` fine enough for a material without a series."""
+    return circle_rule(material.detail / _PER_DETAIL_OF_A_NODE)
+
+
+class Moduli(NamedTuple):
+    """Splines over a uniform grid of ln omega through ln E' and ln E'' of a material without a series."""
+
+    first: jax.Array  # the first cell begins at step * first
+    ends: jax.Array  # ln omega where the moduli become powers, below and above
+    cells: jax.Array
+
+
+def moduli_on_grid(material: Material) -> Moduli:
+    """`Moduli`, for `moduli_at`."""
+    step, reach = material.detail / PER_DETAIL, REACH * material.detail
+    low, high = log_range(material)
+    ends = jax.lax.stop_gradient(jnp.stack([low - reach, high + reach]))
+    first = jnp.floor(ends[0] / step) - BESIDE - MARGIN
+    count = math.ceil((LONGEST + 2 * reach) / step) + 12 + 2 * MARGIN
+    logarithms = log_power(jnp.stack(material.storage_and_loss_on_grid(first, step, count)))
+    logarithms = jnp.where(high - low <= LONGEST, logarithms, jnp.nan)
+    return Moduli(first + MARGIN + BESIDE, ends, splines(logarithms))
+
+
+def moduli_at(material: Material, moduli: Moduli, log_omega: jax.Array) -> tuple[jax.Array, jax.Array]:
+    """E' and E'' [Pa] at ln omega, any shape: `material.storage_and_loss` of its `Moduli`, at many points."""
+    inside = jnp.clip(log_omega, *moduli.ends)
+    storage, loss = jnp.exp(at(moduli.cells, inside * (PER_DETAIL / material.detail) - moduli.first))
+    if material.loss_beyond == "fall":
+        loss = loss * jnp.exp(-jnp.abs(log_omega - inside))
+    elif material.loss_beyond == "none":
+        loss = jnp.where(log_omega == inside, loss, 0.0)
+    return storage, loss
+
+
+def log_power(power: jax.Array) -> jax.Array:
+    """ln <|F|^2>; the floor is for F = 0 (two liquids at rest), where G need only be as good as 0."""
+    return jnp.log(jnp.maximum(power, float(jnp.finfo(power.dtype).tiny) ** 0.8))

@@ -26,7 +26,6 @@ class VaryingSeries(NamedTuple):
 
     pair: Pair
     scale: jax.Array  # modulus scale [Pa]
-    angle: int  # nodes of an angular integral that has no closed form
 
     def means(
         self,
@@ -89,7 +88,7 @@ class VaryingSeries(NamedTuple):
         """F at q and temperatures of shape (nodes,)."""
 
         def one(q, temperatures):
-            F = relaxing_stiffness(self.pair, self.scale, q[None, None], self.angle, temperatures)
+            F = relaxing_stiffness(self.pair, self.scale, q[None, None], temperatures)
             assert isinstance(F, Relaxing | Tabulated)
             if isinstance(F, Relaxing):
                 return F.rest.reshape(()), F.weight.reshape(-1), F.tau.reshape(-1)
@@ -98,4 +97,4 @@ class VaryingSeries(NamedTuple):
         found = jax.vmap(one)(q, temperatures)
         if len(found) == 3:
             return Relaxing(*found)
-        return Tabulated(self.pair.strained.material, found[0], found[1], self.angle)
+        return Tabulated(self.pair.strained.material, found[0], found[1])

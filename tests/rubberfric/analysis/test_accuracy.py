@@ -33,7 +33,7 @@ from rubberfric.analysis.error_and_time.reference import (
 )
 from rubberfric.analysis.error_and_time.reference import reference as reference_of
 from rubberfric.analysis.error_and_time.report import Accuracy, Row
-from rubberfric.analysis.error_and_time.settings import SETTINGS, node_count, settings_for
+from rubberfric.analysis.error_and_time.settings import SETTINGS, node_count
 from rubberfric.commands import accuracy as accuracy_command
 from rubberfric.commands import main as command
 from rubberfric.io.scene_files.conditions import Conditions
@@ -182,7 +182,7 @@ def test_single_precision_is_left_out_where_it_cannot_hold_the_scene(compared):
 
 
 def test_errors_fall_along_the_ladder():
-    settings = settings_for(SCENE)
+    settings = SETTINGS
     nodes = [node_count(SCENE, setting) for setting in settings]
     assert len(settings) >= 8 and np.all(np.diff(nodes) > 0)
     assert nodes[0] < 50 and nodes[-1] > node_count(SCENE, rf.Quadrature())
@@ -190,18 +190,10 @@ def test_errors_fall_along_the_ladder():
     assert first > 1e-4 and middle < 1e-2 * first and last < 1e-2 * middle
 
 
-def test_the_angle_is_left_alone_where_nothing_needs_it():
-    assert {setting.angle for setting in settings_for(SCENE)} == {rf.Quadrature().angle}
-    tabulated = rf.load_scene(DATA / "tabulated_tread.toml")
-    assert settings_for(tabulated) == SETTINGS
-    angles = [setting.angle for setting in SETTINGS]
-    assert angles == sorted(angles) and angles[0] < rf.Quadrature().angle < angles[-1]
-
-
 def test_for_error_keeps_its_word(monkeypatch):
     """The cheapest setting with which the values are as near to brute force as wanted."""
     monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.reference", lambda *_: known())
-    settings = settings_for(AT[0])
+    settings = SETTINGS
     chosen = settings.index(rf.analysis.quadrature_for(AT[0], 1e-5, *AT[1:], gradients=False))
     assert np.max(value_error(settings[chosen])) <= 1e-5 < np.max(value_error(settings[chosen - 1]))
 

@@ -10,7 +10,7 @@ import rubberfric as rf
 from rubberfric.analysis.jacobian import BLOCK, value_and_jacobian
 from rubberfric.scene.scene import cast
 
-COARSE = rf.Quadrature(order=6, panels=4, graded=3, angular_order=6, angle=24)
+COARSE = rf.Quadrature(order=6, panels=4, graded=3, angular_order=6)
 TREAD = rf.Prony(3e6, [1e9, 1e8, 1e7], [1e-8, 1e-5, 1e-2], shift=WLF)
 TABLE = rf.TabulatedModulus(
     np.logspace(-3, 6, 10), np.geomspace(1e6, 1e9, 10), np.geomspace(1e5, 3e8, 10), shift=WLF

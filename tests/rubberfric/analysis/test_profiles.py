@@ -73,7 +73,7 @@ def test_density_integrates_to_the_friction(name):
 
 
 # Agreement of the two modes is not a matter of accuracy.
-COARSE = rf.Quadrature(order=5, panels=3, graded=1, angular_order=5, angle=48)
+COARSE = rf.Quadrature(order=5, panels=3, graded=1, angular_order=5)
 
 
 def some_fields(scene, v, p, q):

@@ -1,162 +1,147 @@
-"""Angular means of moduli without a series: against quadrature of the same modulus, and closed forms."""
+"""Angular means of tabulated moduli against quadrature of their law, written down here once more."""
 
-import functools
+import dataclasses
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import quad_vec
+from support.oracles.tables import by_quadrature, law, random_table
 
 import rubberfric as rf
-from rubberfric.materials.material import Material
 from rubberfric.theory.quantities import Needs
-from rubberfric.theory.stiffness.angular_means import Relaxing
 from rubberfric.theory.stiffness.means_table import means_table
-from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
 from rubberfric.theory.stiffness.tabulated_means import Tabulated
 
-ALL = Needs(power=True, dissipation=True, storage=True, transverse=True)
-TABLE = {
-    "omega": [1e-2, 1.0, 30.0, 1e4, 1e6],
-    "storage": [3.7e6, 4.8e6, 7.3e6, 3.0e7, 9.0e8],
-    "loss": [2.2e5, 5.1e5, 1.5e6, 1.5e7, 4.5e8],
-}
-SCALE = 1e-8
-# Far below, between and far above the entries.
-QV = np.array([1e-9, 1e-3, 0.4, 17.0, 2e3, 5e5, 1e8, 1e12])
-HARMONICS = np.array([0.3, -0.2, 0.1]), np.array([0.25, 0.1, -0.15])
+WANTED = Needs(power=True, dissipation=True, storage=True)
 
 
-def modulus(omega, outside):
-    """E of the table: ln E' and ln E'' linear in ln omega, and what is outside by the rule."""
-    knots, x = np.log(TABLE["omega"]), np.log(omega)
-    storage, loss = (np.exp(np.interp(x, knots, np.log(TABLE[name]))) for name in ("storage", "loss"))
-    beyond = abs(x - np.clip(x, knots[0], knots[-1]))
-    return storage + 1j * loss * {"fall": np.exp(-beyond), "hold": 1.0, "none": beyond == 0}[outside]
+def velocities(table):
+    """ln(q v) within the table, at an entry, and far beyond its ends."""
+    x = table[0]
+    inside = np.random.default_rng(1).uniform(x[0] - 3, x[-1] + 3, 10)
+    return np.concatenate([inside, [x[0], x[1], x[0] - 12, x[0] - 30, x[-1] + 12, x[-1] + 30]])
 
 
-def exact_means(qv, spring, outside):
-    """The four means, harmonics included, by Gauss panels of 1/4 in y between the kinks."""
-    omega = np.array(TABLE["omega"])
-    kinks = np.sort(-np.log(2 / np.pi * np.arcsin(omega[omega < qv] / qv)))
-    ends = np.concatenate([[0.0], kinks, [(kinks[-1] if kinks.size else 0.0) + 45.0]])
-    node, weight = np.polynomial.legendre.leggauss(20)
-    borders = np.unique(np.concatenate([np.arange(0.0, ends[-1], 0.25), ends]))
-    half = 0.5 * np.diff(borders)[:, None]
-    y = (borders[:-1, None] + half * (1 + node)).ravel()
-    # cos(phi) = sin(psi), psi = (pi/2) e^-y: every decade of frequency has its length in y.
-    psi = 0.5 * np.pi * np.exp(-y)
-    phi = 0.5 * np.pi - psi
-    measure = (half * weight).ravel() * psi * 2 / np.pi
-    f = SCALE * modulus(qv * np.sin(psi), outside)
-    if spring is not None:
-        f = f * spring / (f + spring)
-    m = np.arange(1, 4)
-    even = 1 + HARMONICS[0] @ np.cos(2 * np.outer(m, phi))
-    odd = np.sin(phi) * (HARMONICS[1] @ np.sin(2 * np.outer(m, phi)))
-    means = abs(f) ** 2 * even, f.imag * np.sin(psi) * even, f.real * even, f.imag * odd
-    return np.array(means) @ measure
+def stiffness(table, outside, spring):
+    """As by_quadrature has it: E' and E'' themselves."""
+    material = rf.TabulatedModulus(*map(jnp.exp, table), poisson=0.0, outside=outside)
+    return Tabulated(material, jnp.asarray(1.0), spring)
 
 
-@pytest.mark.parametrize(
-    ("spring", "outside"), [(None, "fall"), (None, "hold"), (None, "none"), (0.3, "fall")], ids=str
-)
-def test_means_of_a_table(spring, outside):
-    """Every mean by its own integral, and by the table over ln(q v), at the middle and both ends."""
-    spring = None if spring is None else jnp.asarray(spring)
-    F = Tabulated(rf.TabulatedModulus(**TABLE, outside=outside), jnp.asarray(SCALE), spring, 600)
-    harmonics = tuple(map(jnp.asarray, HARMONICS))
-    table = means_table(F, ALL, False, harmonics)
-    found, tabled = (one.means(jnp.asarray(QV)[None], ALL, harmonics=harmonics) for one in (F, table))
-    exact = np.array([exact_means(qv, None if spring is None else float(spring), outside) for qv in QV])
-    # Kinks leave 1e-5 of what is summed: of the transverse mean, which may cancel, that is the dissipation.
-    # A loss that steps to zero leaves 1e-5 of the largest of all.
-    scale = dict(zip(ALL.kinds, np.abs(exact.T), strict=True))
-    scale["transverse"] = scale["transverse"] + scale["dissipation"]
-    for kind, known in zip(ALL.kinds, exact.T, strict=True):
-        step = scale[kind].max() if outside == "none" else 0.0
-        for mean, rtol in ((found, 1e-5), (tabled, 3e-4)):
-            error = np.abs(mean[kind][0][0] - known)
-            assert (error <= rtol * (scale[kind] + step)).all(), (kind, error / scale[kind])
+@jax.jit
+def means(F, x):
+    found = means_table(F, WANTED, False, None).means(jnp.exp(x), WANTED)
+    return jnp.stack([found[kind][0] for kind in WANTED.kinds])
 
 
-class Maxwell(Material):
-    """Two Maxwell elements and a spring that answer by E' and E'' alone."""
-
-    poisson = 0.5
-    rest, weight, tau = 1.0, np.array([30.0, 400.0]), np.array([1.0, 1e-3])
-
-    def frequency_range(self):
-        return jnp.asarray(1e-7), jnp.asarray(1e10)
-
-    def storage_and_loss(self, log_omega):
-        a = jnp.exp(log_omega)[..., None] * self.tau
-        storage = self.rest + jnp.sum(self.weight * a * (a / (1 + a * a)), -1)
-        return storage, jnp.sum(self.weight * a / (1 + a * a), -1)
+@jax.jit
+def means_by_node(F, x):
+    one = F._replace(scale=jnp.ones(x.shape), spring=jnp.full(x.shape, F.spring))
+    found = one.means(jnp.exp(x)[None], WANTED)
+    return jnp.stack([found[kind][0][0] for kind in WANTED.kinds])
 
 
-@functools.cache
-def alike(nodes=()):
-    """The same solid by its series and by its modulus; a scale at every node if there are nodes."""
-    scale = jnp.asarray(nodes) if nodes else jnp.ones(())
-    by_series = Relaxing(scale * Maxwell.rest, scale[..., None] * Maxwell.weight, jnp.asarray(Maxwell.tau))
-    if nodes:
-        by_series = by_series._replace(tau=jnp.broadcast_to(by_series.tau, by_series.weight.shape))
-    return by_series, Tabulated(Maxwell(), scale, None, 600)
+def close(found, exact, outside, tolerance):
+    # E'' that is cut off has the dissipation below the table underflow.
+    floor = np.zeros((3, 1))
+    if outside == "none":
+        floor[1] = 1e-3 * exact[1].max()
+    return (np.abs(found - exact) <= tolerance * np.maximum(exact, floor)).all()
 
 
-def assert_alike(found, known, rtol):
-    assert found.keys() == known.keys()
-    for kind in known:
-        for a, b in zip(found[kind], known[kind], strict=True):
-            np.testing.assert_allclose(a, b, rtol=rtol, atol=1e-12 * np.abs(b).max(), err_msg=kind)
+OUTSIDE = ("fall", "hold", "none")
 
 
-@pytest.mark.parametrize("options", [{}, {"split": True}, {"harmonics": HARMONICS}], ids=str)
-def test_a_smooth_modulus_has_the_means_of_its_series(options):
-    series, modulus = alike()
-    needs = ALL if "harmonics" in options else Needs(power=True, dissipation=True, storage=True)
-    options = jax.tree.map(jnp.asarray, options) if "harmonics" in options else options
-    qv = jnp.logspace(-6, 8, 29)[None] * jnp.array([[1.0], [-3.0]])
-    known = series.means(qv, needs, **options)
-    assert_alike(modulus.means(qv, needs, **options), known, 1e-10)
-    table = means_table(modulus, needs, options.get("split", False), options.get("harmonics"))
-    assert_alike(table.means(qv, needs, **options), known, 1e-6)
+@pytest.mark.parametrize("seed", range(20))
+def test_means_of_random_tables(seed):
+    table, outside = random_table(seed), OUTSIDE[seed // 4 % 3]
+    x = velocities(table)
+    material = rf.TabulatedModulus(*map(np.exp, table), outside=outside)
+    np.testing.assert_allclose(material.storage_and_loss(x), law(table, outside, x), rtol=1e-12, atol=1e-200)
+    assert close(means(stiffness(table, outside, None), x), by_quadrature(table, outside, x), outside, 1e-9)
 
 
-def test_harmonics_that_vary_and_a_modulus_of_every_node():
-    """Shares of harmonics at every node, as roughness has them whose direction turns with q."""
-    series, modulus = alike((0.7, 1.0, 2.5))
-    qv = jnp.logspace(-2, 4, 4)[:, None] * jnp.array([1.0, 30.0, 1e3])
-    shares = tuple(jnp.asarray(np.outer(h, [1.0, -0.5, 0.3])) for h in HARMONICS)
-    assert series.by_node and modulus.by_node
-    assert_alike(modulus.means(qv, ALL, harmonics=shares), series.means(qv, ALL, harmonics=shares), 1e-10)
-    one, alone = alike()
-    table = means_table(alone, ALL, False, shares)
-    assert_alike(table.means(qv, ALL, harmonics=shares), one.means(qv, ALL, harmonics=shares), 1e-6)
+@pytest.mark.parametrize("seed", range(4))
+def test_means_in_series_with_a_spring(seed):
+    """The same for all nodes, or another for every node."""
+    table, outside = random_table(seed), OUTSIDE[seed % 3]
+    x, F = velocities(table), stiffness(table, outside, jnp.asarray(2.0))
+    exact = by_quadrature(table, outside, x, 2.0)
+    assert close(means(F, x), exact, outside, 1e-9)
+    assert close(means_by_node(F, x), exact, outside, 1e-9)
 
 
-def test_softened_solids_in_series():
-    """1 / (1/(f E' + i g E'') + 1/k), f and g of every node, against scipy; a series and a modulus alike."""
-    needs = Needs(power=True, dissipation=True, storage=True)
-    factors = jnp.array([[1.0, 0.4]]), jnp.array([[1.0, 0.7]]), jnp.array([[50.0, 200.0]])
-    qv = jnp.array([[[0.3, 7.0], [200.0, -4e3]]])  # panels, points, order
-    found = [SoftenedInSeries(modulus, *factors, 600).means(qv, needs) for modulus in (Maxwell(), alike()[0])]
-    assert_alike(found[1], found[0], 1e-8)
-    f, g, k = (np.asarray(x)[0] for x in factors)
+@pytest.mark.parametrize("seed", [pytest.param(k, marks=[pytest.mark.slow] * (k > 3)) for k in range(20)])
+def test_derivatives_of_random_tables(seed):
+    """With respect to every entry, ln omega, ln E' and ln E'', and to ln(q v)."""
+    table, outside = random_table(seed), OUTSIDE[seed // 4 % 3]
+    x, rng = velocities(table), np.random.default_rng(2)
+    # Along a direction of all entries: a difference in omega must not be larger than what it moves.
+    gap = np.diff(table[0]).min()
+    along = np.array([0.1 * gap, 1, 1])[:, None] * rng.uniform(-1, 1, (3, table[0].size))
+    h = 1e-3
+    moved = [
+        by_quadrature(np.array(table) + k * h * along, outside, x + k * h) for k in (-3, -2, -1, 1, 2, 3)
+    ]
+    difference = np.tensordot([-1 / 60, 3 / 20, -3 / 4, 3 / 4, -3 / 20, 1 / 60], moved, 1) / h
+    slope = slope_along(np.array(table), x, along, outside)
+    scale = np.abs(means(stiffness(table, outside, None), x))
+    scale = np.maximum(scale, 1e-3 * scale.max(1, keepdims=True)) if outside == "none" else scale
+    assert (np.abs(slope - difference) <= 1e-7 * scale).all()
 
-    def stiffness(phi, qv, i):
-        a = 1j * qv * np.cos(phi) * Maxwell.tau
-        E = Maxwell.rest + np.sum(Maxwell.weight * a / (1 + a))
-        solid = f[i] * E.real + 1j * g[i] * E.imag
-        return 1 / (1 / solid + 1 / k[i])
 
-    def integrand(phi, qv, i):
-        F = stiffness(phi, qv, i)
-        return np.array([abs(F) ** 2, F.imag * np.cos(phi), F.real]) * 2 / np.pi
+def slope_along(table, x, along, outside):
+    return jax.jit(
+        lambda *at: jax.jvp(
+            lambda t, x: means(stiffness(t, outside, None), x), at, (along, jnp.ones(x.shape))
+        )[1]
+    )(table, x)
 
-    for (_, point, i), at in np.ndenumerate(qv):
-        exact = quad_vec(integrand, 0, np.pi / 2, epsabs=0, epsrel=1e-11, limit=2000, args=(at, i))[0]
-        values = [found[0][kind][0][0, point, i] for kind in needs.kinds]
-        np.testing.assert_allclose(values, exact, rtol=1e-8)
+
+def test_forward_and_reverse_mode_are_alike():
+    table = np.array(random_table(0))
+    x = velocities(table)
+
+    def values(table, x):
+        return means(stiffness(table, "fall", jnp.asarray(2.0)), x)
+
+    forward, reverse = (jax.jit(d(values, (0, 1)))(table, x) for d in (jax.jacfwd, jax.jacrev))
+    for one, other in zip(forward, reverse, strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12 * np.abs(one).max())
+
+
+def test_a_mean_depends_on_its_own_velocity_alone():
+    table = random_table(3)
+    x, F = velocities(table), stiffness(table, "fall", None)
+    together = means(F, x)
+    alone = jnp.concatenate([means(F, x[k : k + 1]) for k in (0, 5, 12)], 1)
+    np.testing.assert_allclose(alone, together[:, np.array([0, 5, 12])], rtol=1e-14)
+
+
+def test_no_seams():
+    """Third differences over some cells of the grid do not see where one begins."""
+    table = random_table(0)
+    x = table[0][3] + np.linspace(-0.05, 0.05, 101)
+    found = np.log(means(stiffness(table, "fall", None), x))
+    curvature = np.diff(found, 3, axis=1) / np.diff(x)[0] ** 3
+    assert np.abs(np.diff(curvature)).max() < 0.2 * np.abs(curvature).max()
+
+
+@pytest.mark.parametrize("width", [0.05, 0.4])
+def test_another_width(width):
+    table = random_table(0)
+    x, F = velocities(table), stiffness(table, "fall", None)
+    F = F._replace(material=dataclasses.replace(F.material, smoothing=width))
+    assert close(means(F, x), by_quadrature(table, "fall", x, width=width), "fall", 1e-9)
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 2.0, "x", True])
+def test_widths_that_are_refused(smoothing):
+    with pytest.raises(ValueError, match=r"TabulatedModulus\.smoothing = .*: must be"):
+        rf.TabulatedModulus([1.0, 2.0], [1.0, 2.0], [1.0, 2.0], smoothing=smoothing)
+
+
+def test_a_table_that_is_too_long():
+    with pytest.raises(ValueError, match="omega spans 30 decades: must be at most 26"):
+        rf.TabulatedModulus([1e-15, 1e15], [1.0, 2.0], [1.0, 2.0])

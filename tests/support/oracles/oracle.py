@@ -12,7 +12,8 @@ A scene is a plain dictionary, as in `reference/*.json`:
                      {"kind": "elastic", "E", "nu"}
                      {"kind": "prony", "E_inf", "E", "tau", "nu"}
                      {"kind": "shear", "G_inf", "G", "tau", "bulk"}
-                     {"kind": "table", "omega", "storage", "loss", "nu", "outside" ("fall", "hold", "none")}
+                     {"kind": "table", "omega", "storage", "loss", "nu", "outside" ("fall", "hold", "none"),
+                      "smoothing" (default 0.1)}
                      the last four also with "thickness" (null: half-space),
                      "base" ("bonded", "frictionless") and "shift", one of
                      {"kind": "wlf", "C1", "C2", "T_ref"}, {"kind": "arrhenius",
@@ -33,7 +34,7 @@ from itertools import pairwise
 import mpmath as mp
 import numpy as np
 from scipy.optimize import brentq
-from scipy.special import erf
+from scipy.special import erf, erfc
 
 BOLTZMANN = 8.617333262e-5  # [eV/K]
 
@@ -188,7 +189,11 @@ class _Solid:
         self.thickness, self.base = data.get("thickness"), data.get("base", "bonded")
         self.data, self.temperature = data, temperature
         self.a_T = 1.0 if temperature is None else self.shift(temperature)
-        self.kinks = np.array(data["omega"]) / self.a_T if self.kind == "table" else np.zeros(0)
+        # Where a table bends: the borders of panels.
+        self.kinks = np.zeros(0)
+        if self.kind == "table":
+            around = np.exp(data.get("smoothing", 0.1) * np.array([-6.0, -3.0, 0.0, 3.0, 6.0]))
+            self.kinks = np.sort(np.outer(data["omega"], around).ravel()) / self.a_T
         self.coating = data.get("coating")
         if self.coating is not None:
             base = self.coating["base"]
@@ -289,20 +294,31 @@ def coating_coefficients(x, nu1, nu0):
 
 
 def table_modulus(data, omega):
-    """ln E' and ln E'' linear in ln omega; outside E' held, E'' ~ omega below, 1/omega above."""
-    omega_k, storage, loss = (np.asarray(data[name], float) for name in ("omega", "storage", "loss"))
-    safe = np.where(omega > 0, omega, omega_k[0])
-    E1 = np.exp(np.interp(np.log(safe), np.log(omega_k), np.log(storage)))
-    E2 = np.exp(np.interp(np.log(safe), np.log(omega_k), np.log(loss)))
-    outside = data.get("outside", "fall")
-    low, high = omega < omega_k[0], omega > omega_k[-1]
-    if outside == "hold":
-        return E1 + 1j * E2
+    """ln E' and ln E'' linear in ln omega, averaged with a Gaussian; E'' ~ omega below, 1/omega above."""
+    knots, storage, loss = (np.log(np.asarray(data[name], float)) for name in ("omega", "storage", "loss"))
+    omega = np.asarray(omega, float)
+    x = np.log(np.where(omega > 0, omega, 1e-300))
+    width, outside = data.get("smoothing", 0.1), data.get("outside", "fall")
+    fall = 1.0 if outside == "fall" else 0.0
+    E1, E2 = (np.exp(_averaged(knots, *curve, width, x)) for curve in ((storage, 0.0), (loss, fall)))
     if outside == "none":
-        return E1 + 1j * np.where(low | high, 0.0, E2)
-    E2 = np.where(low, loss[0] * omega / omega_k[0], E2)
-    E2 = np.where(high, loss[-1] * omega_k[-1] / safe, E2)
-    return E1 + 1j * E2
+        E2 = E2 * erfc((knots[0] - x) / width / 2**0.5) * erfc((x - knots[-1]) / width / 2**0.5) / 4
+    return E1 + 1j * np.where(omega > 0, E2, 0.0)
+
+
+def _averaged(knots, values, fall, width, x):
+    """The Gaussian mean of a line through knots, slopes +-fall outside: the integral over every piece."""
+    slopes = np.concatenate([[fall], np.diff(values) / np.diff(knots), [-fall]])
+    begin, height = (np.concatenate([row[:1], row]) for row in (knots, values))
+    total = np.zeros(x.shape)
+    for k, slope in enumerate(slopes):
+        low = -np.inf if k == 0 else (knots[k - 1] - x) / width
+        high = np.inf if k == slopes.size - 1 else (knots[k] - x) / width
+        # Of the tails, or of what lies between: whichever keeps its digits.
+        mass = 0.5 * (erf(high / 2**0.5) - erf(low / 2**0.5))
+        mean = (np.exp(-0.5 * np.square(low)) - np.exp(-0.5 * np.square(high))) / np.sqrt(2 * np.pi)
+        total += (height[k] + slope * (x - begin[k])) * mass + slope * width * mean
+    return total
 
 
 def shift_factor(shift, T):

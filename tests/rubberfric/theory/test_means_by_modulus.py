@@ -1,0 +1,151 @@
+"""Angular means of any modulus without a series: against quadrature of it, and closed forms."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import quad_vec
+from support.oracles.tables import law
+
+import rubberfric as rf
+from rubberfric.materials.material import Material
+from rubberfric.theory.quantities import Needs
+from rubberfric.theory.stiffness.angular_means import Relaxing
+from rubberfric.theory.stiffness.means_table import means_table
+from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
+from rubberfric.theory.stiffness.tabulated_means import Tabulated
+
+ALL = Needs(power=True, dissipation=True, storage=True, transverse=True)
+TABLE = {
+    "omega": [1e-2, 1.0, 30.0, 1e4, 1e6],
+    "storage": [3.7e6, 4.8e6, 7.3e6, 3.0e7, 9.0e8],
+    "loss": [2.2e5, 5.1e5, 1.5e6, 1.5e7, 4.5e8],
+}
+SCALE = 1e-8
+# Far below, between and far above the entries.
+QV = np.array([1e-9, 1e-3, 0.4, 17.0, 2e3, 5e5, 1e8, 1e12])
+HARMONICS = np.array([0.3, -0.2, 0.1]), np.array([0.25, 0.1, -0.15])
+
+
+def exact_means(qv, spring, outside):
+    """The four means, harmonics included, by Gauss panels of 1/20 in ln cos(phi)."""
+    edges = np.arcsin(np.exp(-0.05 * np.arange(800)))
+    node, weight = np.polynomial.legendre.leggauss(20)
+    width = -np.diff(edges)[:, None]
+    psi = (edges[1:, None] + 0.5 * width * (1 + node)).ravel()
+    measure = (width * weight).ravel() / np.pi
+    phi = 0.5 * np.pi - psi
+    storage, loss = law([np.log(column) for column in TABLE.values()], outside, np.log(qv * np.sin(psi)))
+    f = SCALE * (storage + 1j * loss)
+    if spring is not None:
+        f = f * spring / (f + spring)
+    m = np.arange(1, 4)
+    even = 1 + HARMONICS[0] @ np.cos(2 * np.outer(m, phi))
+    odd = np.sin(phi) * (HARMONICS[1] @ np.sin(2 * np.outer(m, phi)))
+    means = abs(f) ** 2 * even, f.imag * np.sin(psi) * even, f.real * even, f.imag * odd
+    return np.array(means) @ measure
+
+
+@pytest.mark.parametrize(
+    ("spring", "outside"), [(None, "fall"), (None, "hold"), (None, "none"), (0.3, "fall")], ids=str
+)
+def test_means_of_a_table(spring, outside):
+    """Every mean by its own integral, and by the table over ln(q v), at the middle and both ends."""
+    spring = None if spring is None else jnp.asarray(spring)
+    F = Tabulated(rf.TabulatedModulus(**TABLE, outside=outside), jnp.asarray(SCALE), spring)
+    harmonics = tuple(map(jnp.asarray, HARMONICS))
+    table = means_table(F, ALL, False, harmonics)
+    found, tabled = (one.means(jnp.asarray(QV)[None], ALL, harmonics=harmonics) for one in (F, table))
+    exact = np.array([exact_means(qv, None if spring is None else float(spring), outside) for qv in QV])
+    # Of the transverse mean, which may cancel, what is summed is the dissipation; a loss that steps to
+    # zero is far less than the largest of all.
+    scale = dict(zip(ALL.kinds, np.abs(exact.T), strict=True))
+    scale["transverse"] = scale["transverse"] + scale["dissipation"]
+    for kind, known in zip(ALL.kinds, exact.T, strict=True):
+        floor = 1e-3 * scale[kind].max() if outside == "none" else 0.0
+        for mean in (found, tabled):
+            error = np.abs(mean[kind][0][0] - known)
+            assert (error <= 1e-9 * (scale[kind] + floor)).all(), (kind, error / scale[kind])
+
+
+class Maxwell(Material):
+    """Two Maxwell elements and a spring that answer by E' and E'' alone."""
+
+    poisson = 0.5
+    rest, weight, tau = 1.0, np.array([30.0, 400.0]), np.array([1.0, 1e-3])
+
+    def frequency_range(self):
+        return jnp.asarray(1e-7), jnp.asarray(1e10)
+
+    def storage_and_loss(self, log_omega):
+        a = jnp.exp(log_omega)[..., None] * self.tau
+        storage = self.rest + jnp.sum(self.weight * a * (a / (1 + a * a)), -1)
+        return storage, jnp.sum(self.weight * a / (1 + a * a), -1)
+
+
+@functools.cache
+def alike(nodes=()):
+    """The same solid by its series and by its modulus; a scale at every node if there are nodes."""
+    scale = jnp.asarray(nodes) if nodes else jnp.ones(())
+    by_series = Relaxing(scale * Maxwell.rest, scale[..., None] * Maxwell.weight, jnp.asarray(Maxwell.tau))
+    if nodes:
+        by_series = by_series._replace(tau=jnp.broadcast_to(by_series.tau, by_series.weight.shape))
+    return by_series, Tabulated(Maxwell(), scale, None)
+
+
+def assert_alike(found, known, rtol):
+    assert found.keys() == known.keys()
+    for kind in known:
+        for a, b in zip(found[kind], known[kind], strict=True):
+            np.testing.assert_allclose(a, b, rtol=rtol, atol=1e-12 * np.abs(b).max(), err_msg=kind)
+
+
+@pytest.mark.parametrize("options", [{}, {"split": True}, {"harmonics": HARMONICS}], ids=str)
+def test_a_smooth_modulus_has_the_means_of_its_series(options):
+    series, modulus = alike()
+    needs = ALL if "harmonics" in options else Needs(power=True, dissipation=True, storage=True)
+    options = jax.tree.map(jnp.asarray, options) if "harmonics" in options else options
+    qv = jnp.logspace(-6, 8, 29)[None] * jnp.array([[1.0], [-3.0]])
+    known = series.means(qv, needs, **options)
+    assert_alike(modulus.means(qv, needs, **options), known, 1e-10)
+    table = means_table(modulus, needs, options.get("split", False), options.get("harmonics"))
+    assert_alike(table.means(qv, needs, **options), known, 1e-9)
+
+
+def test_harmonics_that_vary_and_a_modulus_of_every_node():
+    """Shares of harmonics at every node, as roughness has them whose direction turns with q."""
+    series, modulus = alike((0.7, 1.0, 2.5))
+    qv = jnp.logspace(-2, 4, 4)[:, None] * jnp.array([1.0, 30.0, 1e3])
+    shares = tuple(jnp.asarray(np.outer(h, [1.0, -0.5, 0.3])) for h in HARMONICS)
+    assert series.by_node and modulus.by_node
+    assert_alike(modulus.means(qv, ALL, harmonics=shares), series.means(qv, ALL, harmonics=shares), 1e-10)
+    one, alone = alike()
+    table = means_table(alone, ALL, False, shares)
+    assert_alike(table.means(qv, ALL, harmonics=shares), one.means(qv, ALL, harmonics=shares), 1e-9)
+
+
+def test_softened_solids_in_series():
+    """1 / (1/(f E' + i g E'') + 1/k), f and g of every node, against scipy; a series and a modulus alike."""
+    needs = Needs(power=True, dissipation=True, storage=True)
+    factors = jnp.array([[1.0, 0.4]]), jnp.array([[1.0, 0.7]]), jnp.array([[50.0, 200.0]])
+    qv = jnp.array([[[0.3, 7.0], [200.0, -4e3]]])  # panels, points, order
+    found = [SoftenedInSeries(modulus, *factors).means(qv, needs) for modulus in (Maxwell(), alike()[0])]
+    assert_alike(found[1], found[0], 1e-8)
+    f, g, k = (np.asarray(x)[0] for x in factors)
+
+    def stiffness(phi, qv, i):
+        a = 1j * qv * np.cos(phi) * Maxwell.tau
+        E = Maxwell.rest + np.sum(Maxwell.weight * a / (1 + a))
+        solid = f[i] * E.real + 1j * g[i] * E.imag
+        return 1 / (1 / solid + 1 / k[i])
+
+    def integrand(phi, qv, i):
+        F = stiffness(phi, qv, i)
+        return np.array([abs(F) ** 2, F.imag * np.cos(phi), F.real]) * 2 / np.pi
+
+    for (_, point, i), at in np.ndenumerate(qv):
+        exact = quad_vec(integrand, 0, np.pi / 2, epsabs=0, epsrel=1e-11, limit=2000, args=(at, i))[0]
+        values = [found[0][kind][0][0, point, i] for kind in needs.kinds]
+        np.testing.assert_allclose(values, exact, rtol=1e-8)
