@@ -1,0 +1,205 @@
+"""Every class in every transformation: closed over, as an argument, vmapped, differentiated, in float32.
+
+What an object answers by itself in the ordinary run, in a scene in the slow set.
+"""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from support.cases.stored import slow_if
+from support.scenes.common import ROAD, SHIFTED_TREAD, TREAD
+from support.scenes.examples import EXAMPLES
+
+import rubberfric as rf
+from rubberfric.base.objects.physical import PhysicalObject
+from rubberfric.scene.heating import diffusion, memory, rise_below_surface, rise_inside
+from rubberfric.scene.scene import cast
+from rubberfric.scene.shear import shear_friction
+from rubberfric.scene.softening import Softened, softening_factors
+
+OMEGA = np.array([3e-4, 0.2, 3.0, 70.0])
+T = np.array([281.0, 291.5, 303.0, 318.0])
+Q = np.array([150.0, 9e2, 7e3, 8e4])
+
+
+def _modulus(material, omega):
+    found = rf.complex_modulus(material, omega, None if getattr(material, "shift", None) is None else 303.0)
+    return jnp.stack([found.real, found.imag])
+
+
+def _roughness(spectrum, q):
+    return jnp.stack([jnp.log(rf.power_spectrum(spectrum, q)), rf.rms_slope(spectrum, q)])
+
+
+def _directions(spectrum, q):
+    shares = [jnp.ravel(share) for share in spectrum.harmonics_at(q)]
+    return jnp.concatenate([*shares, jnp.ravel(_roughness(spectrum, q))])
+
+
+def _softening(softening, q):
+    return jnp.stack(softening_factors(Softened(softening, (ROAD.power_law(),)), q))
+
+
+def _heating(heating, speed):
+    q = jnp.asarray(Q, speed.dtype)
+    ready = memory(heating, diffusion(q, q, (q[0], q[-1]), 40), speed, surface=True)
+    power = jnp.ones((len(speed), len(Q)), q.dtype)
+    rises = rise_inside(ready, 1e3 * power), rise_below_surface(ready, 1e6 * power[:, 0])
+    return jnp.moveaxis(jnp.stack(rises), 1, -1) * heating.shear_share
+
+
+def _area(scene, speed):
+    return rf.contact_area(scene, speed, 3e5, 303.0)
+
+
+# What an object of each class answers at four values of what it depends on.
+ANSWERS = {
+    **dict.fromkeys(("Elastic", "Prony", "PronyShear", "TabulatedModulus"), (_modulus, OMEGA)),
+    **dict.fromkeys(("WLF", "Arrhenius", "TabulatedShift"), (lambda shift, T: shift.log_factor(T), T)),
+    **dict.fromkeys(("SelfAffine", "TabulatedSpectrum"), (_roughness, Q)),
+    **dict.fromkeys(("Anisotropic", "TabulatedAnisotropic"), (_directions, Q)),
+    **dict.fromkeys(("Slab", "Coating"), (lambda layer, q: layer.static_reduced(TREAD, 1e6, q), Q)),
+    "ContactShear": (lambda shear, v: shear_friction(shear, 0.1, v, 1e5, 303.0), 1e-2 * OMEGA),
+    "Softening": (_softening, Q),
+    "Heating": (_heating, OMEGA),
+    "Body": (lambda body, v: _area(rf.Scene(rf.Body(rf.Rigid(), ROAD), body), v), OMEGA),
+    "Scene": (_area, OMEGA),
+}
+
+
+def _on_road(body, **options):
+    return rf.Scene(rf.Body(rf.Rigid(), ROAD), body, **options)
+
+
+# A scene with the object, and friction over its velocity.
+IN_SCENES = {
+    **dict.fromkeys(
+        ("Prony", "PronyShear", "TabulatedModulus"), lambda material: _on_road(rf.Body(material))
+    ),
+    "Elastic": lambda material: rf.Scene(rf.Body(material, ROAD), rf.Body(TREAD)),
+    "Rigid": lambda material: rf.Scene(rf.Body(material, ROAD), rf.Body(TREAD)),
+    **dict.fromkeys(
+        ("WLF", "Arrhenius", "TabulatedShift"),
+        lambda shift: _on_road(rf.Body(SHIFTED_TREAD.replace(shift=shift))),
+    ),
+    **dict.fromkeys(
+        ("SelfAffine", "TabulatedSpectrum", "Anisotropic", "TabulatedAnisotropic"),
+        lambda spectrum: rf.Scene(rf.Body(rf.Rigid(), spectrum), rf.Body(TREAD)),
+    ),
+    **dict.fromkeys(("Slab", "Coating"), lambda layer: _on_road(rf.Body(TREAD, None, layer))),
+    "ContactShear": lambda shear: _on_road(rf.Body(TREAD), shear=shear),
+    "Softening": lambda softening: _on_road(rf.Body(TREAD), softening=softening),
+    "Heating": lambda heating: _on_road(rf.Body(SHIFTED_TREAD), heating=heating),
+    "Body": _on_road,
+    "Scene": lambda scene: scene,
+}
+
+
+def _friction(embed, given, speed):
+    scene = embed(given)
+    at = (303.0,) if any(x.shift is not None for x in _with_shifts(scene)) or scene.heating else ()
+    return rf.friction(scene, speed, 3e5, *at)
+
+
+def _with_shifts(scene):
+    parts = [scene.lower.material, scene.upper.material, *([scene.shear] if scene.shear else [])]
+    return [part for part in parts if hasattr(part, "shift")]
+
+
+CASES = {name: (given, *ANSWERS[name]) for name, given in EXAMPLES.items() if name in ANSWERS} | {
+    f"{name} in a scene": (
+        EXAMPLES[name],
+        functools.partial(_friction, embed),
+        np.array([1e-4, 1e-2, 0.3, 5.0]),
+    )
+    for name, embed in IN_SCENES.items()
+}
+PARAMETERS = slow_if(lambda name: name.endswith("in a scene"), {name: name for name in CASES})
+
+
+def test_no_class_is_left_out():
+    classes = {cls.__name__ for cls in _below(PhysicalObject) if cls.__module__.startswith("rubberfric.")}
+    concrete = {name for name in classes if hasattr(rf, name)}
+    assert set(EXAMPLES) == concrete
+    assert set(ANSWERS) == concrete - {"Rigid"}  # which has no modulus
+    assert set(IN_SCENES) == concrete
+
+
+def _below(cls):
+    return {below for sub in cls.__subclasses__() for below in (sub, *_below(sub))}
+
+
+def _scaled(given, x, direction):
+    """The object, its leaves moved along a direction relative to themselves."""
+    leaves, structure = jax.tree.flatten(given)
+    moved = [leaf + x * scale * jnp.abs(leaf) for leaf, scale in zip(leaves, direction, strict=True)]
+    return jax.tree.unflatten(structure, moved)
+
+
+@pytest.mark.parametrize("name", PARAMETERS)
+def test_every_class_in_every_transformation(name):
+    given, function, at = CASES[name]
+    given = jax.tree.map(lambda leaf: jnp.asarray(leaf, float), given)
+    at = jnp.asarray(at)
+    rng = np.random.default_rng(len(name))
+    direction = [rng.uniform(-1, 1, leaf.shape) for leaf in jax.tree.leaves(given)]
+    weight = jnp.asarray(rng.uniform(0.5, 1.0, jnp.shape(function(given, at))))
+
+    expected = np.asarray(jax.jit(function)(given, at))  # as an argument
+    scale = np.abs(expected).max(axis=-1, keepdims=True)
+    scale[scale == 0] = 1  # nothing is lost in an elastic solid
+    assert np.all(np.isfinite(expected))
+
+    def equals(found, wanted=expected, rtol=1e-12):
+        np.testing.assert_allclose(found / scale, wanted / scale, rtol=rtol, atol=rtol)
+
+    equals(function(given, at))
+    equals(jax.jit(lambda at: function(given, at))(at))  # closed over
+    equals(
+        jax.vmap(lambda x: function(given, x[None])[..., 0], out_axes=-1)(at)
+        if expected.ndim and (expected.shape[-1] == len(at))
+        else expected
+    )
+
+    if not jax.tree.leaves(given):
+        return
+    # Many objects at once.
+    steps = jnp.array([-1e-3, 0.0, 2e-3])
+    many = jax.vmap(lambda x: _scaled(given, x, direction))(steps)
+    for row, x in zip(jax.vmap(function, (0, None))(many, at), steps, strict=True):
+        equals(row, np.asarray(function(_scaled(given, x, direction), at)), 1e-11)
+
+    def along(x, given=given):
+        return jnp.sum(weight / scale * function(_scaled(given, x, direction), at))
+
+    def total(given):
+        return jnp.sum(weight / scale * function(given, at))
+
+    slope = float(jax.jit(jax.jacfwd(along))(0.0))
+    gradient = jax.jit(jax.grad(total))(given)
+    parts = [
+        float(jnp.sum(jnp.asarray(turn) * jnp.abs(leaf) * d))
+        for d, leaf, turn in zip(jax.tree.leaves(gradient), jax.tree.leaves(given), direction, strict=True)
+    ]
+    size = sum(map(abs, parts)) + 1e-12
+    assert np.isfinite(size)
+    assert sum(parts) == pytest.approx(slope, abs=1e-10 * size)
+    h = 1e-4
+    difference = (8 * (along(h) - along(-h)) - (along(2 * h) - along(-2 * h))) / (12 * h)
+    assert float(difference) == pytest.approx(slope, abs=1e-7 * size)
+
+    # Second derivatives: forward over reverse, reverse twice, and differences of the slope.
+    slopes = jax.jit(jax.vmap(jax.jacfwd(along)))(jnp.array([-2 * h, -h, h, 2 * h]))
+    curvature = (8 * (slopes[2] - slopes[1]) - (slopes[3] - slopes[0])) / (12 * h)
+    second = float(jax.jit(jax.hessian(along))(0.0))
+    largest = abs(second) + size
+    assert np.isfinite(second)
+    assert float(jax.jit(jax.jacrev(jax.jacrev(along)))(0.0)) == pytest.approx(second, abs=1e-9 * largest)
+    assert float(curvature) == pytest.approx(second, abs=1e-6 * largest)
+
+    low = jax.jit(function)(cast(given, "float32"), at.astype("float32"))
+    assert low.dtype == jnp.float32
+    equals(np.asarray(low, float), rtol=2e-5)
