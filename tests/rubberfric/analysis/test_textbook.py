@@ -11,7 +11,7 @@ from support.scenes.common import SHIFTED_TREAD as TREAD
 
 import rubberfric as rf
 from rubberfric.analysis.error_and_time import textbook
-from rubberfric.analysis.error_and_time.textbook_solids import modulus_at
+from rubberfric.analysis.error_and_time.textbook_solids import modulus_at, range_of, spectrum_at
 
 TRACK = rf.Prony(2e6, [2e8, 2e7], [1e-6, 1e-4], 0.49, rf.Arrhenius(1.0, 293.15))
 TABLE = rf.TabulatedModulus(
@@ -129,3 +129,11 @@ def test_what_it_does_not_cover_is_refused(part):
         ValueError, match="scene: heating, softening and anisotropic roughness must be absent"
     ):
         textbook.solve(other, 1.0, 1e5, 293.15)
+
+
+def test_a_table_with_ends_of_its_own():
+    """C(q) between q0 and q1 only, as the library has it."""
+    cut = dataclasses.replace(PLATE, q0=150.0, q1=2e4)
+    assert range_of(cut) == (150.0, 2e4) and range_of(PLATE) == (100.0, float(PLATE.q[-1]))
+    q = np.array([100.0, 149.0, 150.0, 3e3, 2e4, 2.1e4, 3e4])
+    np.testing.assert_allclose(spectrum_at(cut, q), rf.power_spectrum(cut, q), rtol=1e-12)

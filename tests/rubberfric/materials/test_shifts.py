@@ -135,3 +135,12 @@ def test_a_table_made_inside_a_trace_of_one_outside():
     assert jax.jit(lambda v: rf.TabulatedShift(T, aT, 293.15).log_factor(v))(275.0) == TABLE.log_factor(275.0)
     with pytest.raises(ValueError, match=r"T_ref = 200.0: must be inside the table, 263.15 to 333.15 K"):
         jax.jit(lambda v: rf.TabulatedShift(T, aT, 200.0).log_factor(v))(275.0)
+
+
+def test_a_padded_table_shifts_the_same():
+    """Also beyond its ends, where heat may take it under jit and the last values are held."""
+    table = rf.TabulatedShift([280.0, 300.0, 320.0], [10.0, 0.5, 0.1], 293.0)
+    longer, T = table.padded(), np.array([250.0, 280.0, 291.0, 320.0, 321.5, 400.0])
+    assert longer.T.size == longer.aT.size == 8
+    np.testing.assert_array_equal(longer.log_factor(T), table.log_factor(T))
+    assert rf.WLF(8.0, 100.0, 293.0).padded().C1 == 8.0

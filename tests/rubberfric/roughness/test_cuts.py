@@ -239,3 +239,24 @@ def test_the_cut_of_a_slope_is_a_number_of_the_table():
     assert rf.rms_slope(rf.with_cutoff(directions, slope)) == pytest.approx(slope, rel=1e-13)
     unreached = jax.jit(rf.with_cutoff)(spectrum, 1e3)
     assert float(unreached.q1) == Q[-1]
+
+
+@pytest.mark.parametrize("ends", [(None, None), (1.2 * Q[1], 1.3 * Q[8])])
+def test_padded_tables_say_the_same(ends):
+    """Tables of 10 entries as ones of 12: C, slopes and directions."""
+    tables = (
+        rf.TabulatedSpectrum(Q[:10], C[:10], *ends),
+        rf.TabulatedAnisotropic(Q[:10], DIRECTIONS[:10], 0.2, *ends),
+    )
+    for found in tables:
+        longer = found.padded()
+        assert longer.q.size == 12 and (longer.q0, longer.q1) == (
+            Q[0] if ends[0] is None else ends[0],
+            found.q[-1] if ends[1] is None else ends[1],
+        )
+        q = np.geomspace(50.0, 2e6, 30)
+        np.testing.assert_allclose(rf.power_spectrum(longer, q), rf.power_spectrum(found, q), rtol=1e-13)
+        np.testing.assert_allclose(rf.rms_slope(longer, q), rf.rms_slope(found, q), rtol=1e-13)
+    inside = np.geomspace(Q[0], Q[9], 7)
+    for one, other in zip(longer.harmonics_at(inside), found.harmonics_at(inside), strict=True):
+        np.testing.assert_allclose(one, other, rtol=1e-12)
