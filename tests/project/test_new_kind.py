@@ -252,3 +252,12 @@ def test_in_a_coating(kinds):
         rf.Body(negami, None, rf.Coating(1e-3, rf.Elastic(1e9, 0.3)))
     layered = rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(negami, None, rf.Slab(1e-3)))
     assert 0 < float(rf.friction(layered, 0.1, 1e5, quadrature=FAST)) < 1
+
+
+def test_a_new_shift_has_a_vertical_one(kinds):
+    law = kinds["VogelFulcher"](**SHIFT, vertical=rf.Entropic())
+    found, plain = (
+        rf.complex_modulus(rf.Prony(1e6, [1e8], [1e-3], shift=shift), V, 320.0)
+        for shift in (law, law.replace(vertical=None))
+    )
+    np.testing.assert_allclose(found, 320.0 / 293.15 * plain, rtol=1e-14)

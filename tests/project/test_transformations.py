@@ -22,7 +22,7 @@ from rubberfric.scene.softening import Softened, softening_factors
 
 OMEGA = np.array([3e-4, 0.2, 3.0, 70.0])
 T = np.array([281.0, 291.5, 303.0, 318.0])
-Q = np.array([150.0, 9e2, 7e3, 8e4])
+Q = np.array([250.0, 9e2, 7e3, 2e4])  # within the cut-offs of the examples
 
 
 def _modulus(material, omega):
@@ -59,6 +59,7 @@ def _area(scene, speed):
 ANSWERS = {
     **dict.fromkeys(("Elastic", "Prony", "PronyShear", "TabulatedModulus"), (_modulus, OMEGA)),
     **dict.fromkeys(("WLF", "Arrhenius", "TabulatedShift"), (lambda shift, T: shift.log_factor(T), T)),
+    **dict.fromkeys(("Entropic", "TabulatedVertical"), (lambda law, T: law.log_factor(T, 293.0), T)),
     **dict.fromkeys(("SelfAffine", "TabulatedSpectrum"), (_roughness, Q)),
     **dict.fromkeys(("Anisotropic", "TabulatedAnisotropic"), (_directions, Q)),
     **dict.fromkeys(("Slab", "Coating"), (lambda layer, q: layer.static_reduced(TREAD, 1e6, q), Q)),
@@ -92,7 +93,14 @@ IN_SCENES = {
     **dict.fromkeys(("Slab", "Coating"), lambda layer: _on_road(rf.Body(TREAD, None, layer))),
     "ContactShear": lambda shear: _on_road(rf.Body(TREAD), shear=shear),
     "Softening": lambda softening: _on_road(rf.Body(TREAD), softening=softening),
+    **dict.fromkeys(
+        ("Entropic", "TabulatedVertical"),
+        lambda law: _on_road(rf.Body(SHIFTED_TREAD.replace("shift.vertical", law))),
+    ),
     "Heating": lambda heating: _on_road(rf.Body(SHIFTED_TREAD), heating=heating),
+    "ThermalProperties": lambda thermal: _on_road(
+        rf.Body(SHIFTED_TREAD, thermal=thermal), heating=EXAMPLES["Heating"]
+    ),
     "Body": _on_road,
     "Scene": lambda scene: scene,
 }
@@ -124,7 +132,7 @@ def test_no_class_is_left_out():
     classes = {cls.__name__ for cls in _below(PhysicalObject) if cls.__module__.startswith("rubberfric.")}
     concrete = {name for name in classes if hasattr(rf, name)}
     assert set(EXAMPLES) == concrete
-    assert set(ANSWERS) == concrete - {"Rigid"}  # which has no modulus
+    assert set(ANSWERS) == concrete - {"Rigid", "ThermalProperties"}  # which answer nothing by themselves
     assert set(IN_SCENES) == concrete
 
 

@@ -307,12 +307,13 @@ def test_fit_of_a_modulus_at_several_temperatures():
 
 
 def test_prony_fit_of_raw_curves():
-    tau = [1e-5, 1e-3]
+    tau, none = [1e-5, 1e-3], 1e-4
     omega, at = np.tile(np.logspace(-1, 5, 30), 3), np.repeat([273.0, 293.0, 313.0], 30)
-    solid = rf.Prony(4e6, [9e7, 1.5e7], tau, shift=wlf(ENTROPIC))
+    solid = rf.Prony(4e6, [9e7, 1.5e7], tau, shift=wlf(rf.Entropic(2e-2)))
     E = rf.complex_modulus(solid, omega, at)
     found = fitting.fit_prony(
-        fitting.ModulusData(omega, E.real, E.imag, temperature=at), tau=tau, shift=solid.shift
+        fitting.ModulusData(omega, E.real, E.imag, temperature=at), tau=[*tau, none], shift=solid.shift
     )
+    assert found.dropped.tolist() == [none]
     np.testing.assert_allclose(found.material.E, solid.E, rtol=1e-7)
     assert np.abs(found.residuals).max() < 1e-7
