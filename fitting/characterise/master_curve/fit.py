@@ -54,8 +54,8 @@ def fit_master_curve(
     -----
     Errors of the data that are not given follow from the scatter of E' and of E'' about the curve, each by
     itself. Time-temperature superposition is an assumption: where E' and E'' want different shifts, the
-    residuals show it. Bars hold for smooth relaxation spectra; with single terms a decade apart, whose ripples
-    the curve cannot follow through the scatter, they are a quarter too small.
+    residuals show it. Bars hold for smooth relaxation spectra; with single terms a decade apart, whose
+    ripples the curve cannot follow through the scatter, they are a quarter too small.
     """
     if not isinstance(vertical, bool):
         raise ValueError(f"vertical = {shown(vertical)}: must be True or False")

@@ -74,6 +74,12 @@ def test_shifts_and_law_within_their_bars(found):
     assert found.arrhenius is not None and found.arrhenius.aic > found.wlf.aic + 100
 
 
+def test_bars_are_neither_too_wide_nor_too_narrow():
+    both = [pulls(fit_master_curve(isotherms(seed=seed))) for seed in range(8)]
+    for k in (0, 1):
+        assert 0.6 < np.sqrt(np.mean(np.concatenate([one[k] for one in both]) ** 2)) < 1.5
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("curve", "least"), [("zener", (0.92, 0.90)), ("prony", (0.86, 0.80))])
 def test_coverage_over_40_seeds(curve, least):
@@ -175,7 +181,7 @@ APART = isotherms(temperatures=np.array([253.15, 263.15, 318.15, 328.15]), noise
 @pytest.mark.parametrize(
     ("data", "options", "said"),
     [
-        (APART, {}, "the sweeps at 263.15 and 318.15 K do not overlap"),
+        (APART, {}, "the sweeps at 263.15 and 318.15 K do not overlap: E' of one is"),
         (isotherms(temperatures=T[:1]), {}, "all are at 243.15 K within 1 K"),
         (isotherms(points=2), {}, "the sweep at 243.15 K has 2 points: must have 3"),
         (isotherms(), {"reference": 298.0}, "reference = 298 K: must be the temperature of a sweep: 243.15"),
