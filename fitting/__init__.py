@@ -2,6 +2,8 @@
 
 from fitting.characterise.kramers_kronig.check import kramers_kronig
 from fitting.characterise.kramers_kronig.result import KramersKronig
+from fitting.characterise.master_curve.fit import fit_master_curve
+from fitting.characterise.master_curve.result import MasterCurve
 from fitting.characterise.prony.fit import fit_prony
 from fitting.characterise.prony.result import PronyFit
 from fitting.characterise.softening import softening_from_sweep
@@ -30,6 +32,7 @@ __all__ = [
     "Gaussian",
     "KramersKronig",
     "LogDensity",
+    "MasterCurve",
     "Members",
     "ModulusData",
     "Positive",
@@ -41,6 +44,7 @@ __all__ = [
     "Tied",
     "bootstrap_members",
     "fit",
+    "fit_master_curve",
     "fit_prony",
     "fit_spectrum",
     "kramers_kronig",

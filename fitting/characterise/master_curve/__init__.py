@@ -1,0 +1,1 @@
+"""A master curve and its shift factors from sweeps at several temperatures."""

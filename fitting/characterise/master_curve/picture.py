@@ -1,0 +1,62 @@
+"""Picture of a master curve and its shift factors. It needs matplotlib, as `rubberfric.plot`."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+import rubberfric as rf
+from fitting.data.kinds import ModulusData
+from rubberfric.materials import Shift
+from rubberfric.plot import style
+
+
+def plot_master_curve(
+    data: ModulusData,
+    of_sweep: np.ndarray,
+    T: np.ndarray,
+    shifts: tuple[np.ndarray, np.ndarray, int],
+    laws: Mapping[str, Shift],
+    ax: style.Panels | None = None,
+) -> style.Panels:
+    """Draw the shifted sweeps, E' filled and E'' open, and log10 a_T over temperature.
+
+    Parameters
+    ----------
+    data : the master curve
+    of_sweep : number of the sweep of every point
+    T : temperatures of the sweeps [K]
+    shifts : ln a_T, its standard errors, and which is the reference
+    laws : name -> law, drawn as a line
+    ax : two axes, or None for those of a new figure
+
+    Returns
+    -------
+    the two axes
+    """
+    if ax is None:
+        ax = style.new_figure((7.4, 7.0)).subplots(2, 1, height_ratios=[3, 2])
+    upper, lower = ax = style.several_axes(ax, ("moduli", "shifts"), (7.4, 7.0))
+    log_a, stderr, reference = shifts
+    celsius = np.asarray(rf.units.to_celsius(T))
+    for i, tone in enumerate(style.colours(T.size)):
+        here = of_sweep == i
+        marker = style.MARKERS[i % len(style.MARKERS)]
+        look = {"color": tone, "marker": marker, "linestyle": "none", "markersize": 3.5}
+        upper.plot(data.omega[here], data.storage[here], label=f"{celsius[i]:.4g} °C", **look)
+        upper.plot(data.omega[here], data.loss[here], markerfacecolor="white", **look)
+        reach = 1.96 * stderr[i] / np.log(10)
+        lower.errorbar(celsius[i], log_a[i] / np.log(10), reach, elinewidth=1, capsize=2, **look)
+    line = np.linspace(T.min(), T.max(), 200)
+    for (name, law), dashes in zip(laws.items(), ("-", "--"), strict=False):
+        values = np.asarray(law.log_factor(line)) / np.log(10)
+        lower.plot(rf.units.to_celsius(line), values, dashes, color="0.3", linewidth=1.2, label=name)
+    upper.set_xscale("log")
+    upper.set_yscale("log")
+    upper.set_xlabel(f"$a_T\\omega$ at {celsius[reference]:.4g} °C [rad/s]")
+    upper.set_ylabel("modulus $E'$ (filled), $E''$ [Pa]")
+    lower.set_xlabel("temperature [°C]")
+    lower.set_ylabel("$\\log_{10} a_T$ [-]")
+    for axes in (upper, lower):
+        axes.grid(alpha=0.3)
+        style.legend(axes)
+    return ax
