@@ -70,11 +70,12 @@ def kramers_kronig(
 
         table = rubberfric.TabulatedModulus(data.omega, data.storage, data.loss)
         series = fitting.fit_prony(data, 2.0).material
-        mu = [rubberfric.friction(dataclasses.replace(scene, lower=Body(m)), v, p) for m in (table, series)]
+        mu = [rubberfric.friction(scene.replace("lower.material", m), v, p) for m in (table, series)]
     """
     if not (is_number(per_decade) and 0 < per_decade <= 10):
         raise ValueError(f"per_decade = {shown(per_decade)}: must be a number > 0, at most 10")
-    omega = reduced(data, shift)
+    data = reduced(data, shift)
+    omega = data.omega
     if not (data.measured > 0).all():
         raise ValueError(f"data {data.label!r}: have values <= 0: E' and E'' must be > 0")
     t, n = np.log10(omega), omega.size

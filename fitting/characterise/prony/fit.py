@@ -80,10 +80,11 @@ def fit_prony(
     if smooth != "auto" if isinstance(smooth, str) else smooth is not None and not _strength(smooth):
         raise ValueError(f"smooth = {shown(smooth)}: must be None, a number > 0, or 'auto'")
     weight = _weights(weights)
-    omega = reduced(data, shift)
+    reference = reduced(data, shift)
+    omega = reference.omega
     tau = grid(omega, per_decade) if tau is None else given(data, tau, omega)
     fixed = fixed_modulus(E_inf)
-    series = _series(data, omega, tau, fixed, weight)
+    series = _series(reference, omega, tau, fixed, weight)
     count = series.measured.size + (0 if smooth is None else tau.size - 2)
     if count < series.tau.size:
         raise ValueError(
@@ -94,7 +95,7 @@ def fit_prony(
         check_gaps(data, omega)
         E = series.bounded()
     else:
-        E = _peaks(data, omega, series.tau)
+        E = _peaks(reference, omega, series.tau)
     kept = E > 0
     if not kept[: tau.size].any():
         raise ValueError(f"data {data.label!r}: want no relaxing term at all: their loss must be > 0")
@@ -106,7 +107,7 @@ def fit_prony(
     material = rf.Prony(relaxed, solution.E[terms], found.tau[terms], poisson, shift)
     model = columns(omega, found.tau) @ solution.E
     model[: omega.size] += fixed or 0.0
-    measured = np.where(data.measured > 0, data.measured, np.nan)
+    measured = np.where(reference.measured > 0, reference.measured, np.nan)
     return PronyFit(
         material=material,
         dropped=series.tau[~kept],
@@ -134,7 +135,7 @@ def _weights(weights):
     return weight
 
 
-def _series(data, omega, tau, relaxed, weight):
+def _series(reference, omega, tau, relaxed, weight):
     """The problem: what counts of the data, and the columns of every term."""
     tau = np.append(tau, np.inf) if relaxed is None else tau
     known = np.repeat([relaxed or 0.0, 0.0], omega.size)
@@ -153,7 +154,7 @@ def _series(data, omega, tau, relaxed, weight):
     )
 
 
-def _peaks(data, omega, tau):
+def _peaks(reference, omega, tau):
     """E, all > 0: the loss at the peak of every term, and half the lowest storage for tau = inf."""
     finite = np.isfinite(tau)
     order, at = np.argsort(omega), np.argsort(tau[finite])

@@ -3,6 +3,7 @@
 import numpy as np
 
 import rubberfric as rf
+from fitting.characterise.prony.times import reduced
 from fitting.data.kinds import ModulusData
 from rubberfric.plot import style
 
@@ -30,9 +31,8 @@ def plot_series(
     if ax is None:
         ax = style.new_figure((7.4, 5.0)).subplots(2, 1, sharex=True, height_ratios=[3, 1])
     upper, lower = ax = style.several_axes(ax, ("moduli", "residuals"), (7.4, 5.0))
+    data = reduced(data, material.shift)
     omega = data.omega
-    if data.temperature is not None and material.shift is not None:
-        omega = omega * np.exp(np.asarray(material.shift.log_factor(data.temperature), float))
     tau, E = np.asarray(material.tau), np.asarray(material.E)
     ends = np.concatenate([omega, 1 / tau])
     line = np.geomspace(ends.min() / 3, ends.max() * 3, _POINTS)

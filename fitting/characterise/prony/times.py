@@ -1,8 +1,11 @@
 """Which relaxation times a Prony series has, and whether the frequencies of its data reach them."""
 
+import dataclasses
+
 import numpy as np
 from numpy.typing import ArrayLike
 
+import rubberfric as rf
 from fitting.data.kinds import ModulusData
 from fitting.parameters.constraints import is_number
 from rubberfric.base import POSITIVE, as_leaf, check_values, shown
@@ -15,19 +18,28 @@ _GAP = 2.0
 _REACH = 2.0
 
 
-def reduced(data: ModulusData, shift: Shift | None) -> np.ndarray:
-    """Frequencies at the reference temperature [rad/s]."""
+def reduced(data: ModulusData, shift: Shift | None) -> ModulusData:
+    """The data as they were at the reference temperature: E(a_T omega) = E(omega, T) / b_T."""
     if not isinstance(data, ModulusData):
         raise ValueError(f"data is a {type(data).__name__}: must be ModulusData, such as fitting.read gives")
     if data.temperature is None:
-        return data.omega
+        return data
     if shift is None:
         raise ValueError(
             f"data {data.label!r}: have a temperature, but no shift is given: must be WLF, Arrhenius or"
             " TabulatedShift, or the data a master curve, without temperature"
         )
     shift.check_temperature(data.temperature)
-    return data.omega * np.exp(np.asarray(shift.log_factor(data.temperature), float))
+    T = data.temperature
+    # A solid of 1 Pa is b_T stiff.
+    solid = rf.Prony(1.0, [1.0], [1.0], shift=shift)
+    vertical = np.broadcast_to(np.asarray(rf.complex_modulus(solid, 0.0, T).real, float), T.shape)
+    names = [name for name in (*data.values, *data.sigmas) if getattr(data, name) is not None]
+    moduli = {name: getattr(data, name) / vertical for name in names}
+    omega = data.omega * np.exp(np.asarray(shift.log_factor(T), float))
+    return dataclasses.replace(
+        data, omega=omega, temperature=None, name=data.label, check_units=False, **moduli
+    )
 
 
 def grid(omega: np.ndarray, per_decade: float) -> np.ndarray:
