@@ -16,8 +16,8 @@ import numpy as np
 from rubberfric.materials.material import Material, squarable
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means, Relaxing
+from rubberfric.theory.stiffness.circle_means import circle_rule
 from rubberfric.theory.stiffness.tabulated_means import log_frequency, moduli_at, moduli_on_grid, rule_of_node
-from rubberfric.theory.stiffness.uniform_grid import circle_rule
 
 # Step of the integral over the circle of a Prony series, whose poles are pi/2 from the real axis of ln omega.
 _STEP = 0.22
