@@ -68,7 +68,7 @@ def random_table(seed):
 
 
 def _modulus(table, outside, width):
-    """ln E' and ln E'' by splines over a grid that is far finer than the law; E'' below and above as it says."""
+    """E' and E'' by splines over a grid far finer than the law, beyond which E'' is a power."""
     x = np.arange(table[0][0] - 1, table[0][-1] + 1, 0.05 * width)
     spline = make_interp_spline(x, np.log(law(table, outside, x, width)).T, 7)
 
