@@ -37,8 +37,7 @@ from rubberfric.theory.partial_contact import (
 )
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.excitation import excitation
-from rubberfric.theory.stiffness.factors import factors_at
-from rubberfric.theory.stiffness.series import static_stiffness
+from rubberfric.theory.stiffness.series import factors_at, static_stiffness
 from rubberfric.theory.stress_fluctuation import Contact
 from rubberfric.theory.temperatures.heat_balance import temperature_at
 

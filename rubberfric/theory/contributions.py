@@ -28,8 +28,7 @@ from rubberfric.scene.pairs import Pair, PairTemperatures
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Means
 from rubberfric.theory.stiffness.excitation import Excitation, excitation
-from rubberfric.theory.stiffness.factors import factors_at
-from rubberfric.theory.stiffness.series import static_stiffness
+from rubberfric.theory.stiffness.series import factors_at, static_stiffness
 from rubberfric.theory.stiffness.tabulated_means import log_power
 
 

@@ -135,7 +135,7 @@ def _weights(weights):
     return weight
 
 
-def _series(reference, omega, tau, relaxed, weight):
+def _series(data, omega, tau, relaxed, weight):
     """The problem: what counts of the data, and the columns of every term."""
     tau = np.append(tau, np.inf) if relaxed is None else tau
     known = np.repeat([relaxed or 0.0, 0.0], omega.size)
@@ -154,7 +154,7 @@ def _series(reference, omega, tau, relaxed, weight):
     )
 
 
-def _peaks(reference, omega, tau):
+def _peaks(data, omega, tau):
     """E, all > 0: the loss at the peak of every term, and half the lowest storage for tau = inf."""
     finite = np.isfinite(tau)
     order, at = np.argsort(omega), np.argsort(tau[finite])

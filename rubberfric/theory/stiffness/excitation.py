@@ -9,7 +9,6 @@ from rubberfric.materials.shifts import Shift, log_vertical
 from rubberfric.scene.pairs import AT_REFERENCE, Pair, PairTemperatures
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means, Relaxing
-from rubberfric.theory.stiffness.factors import harmonic_shares
 from rubberfric.theory.stiffness.means_table import MeansTable, means_table
 from rubberfric.theory.stiffness.series import relaxing_stiffness
 from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
@@ -24,7 +23,7 @@ class Excitation(NamedTuple):
     varying: VaryingSeries | None  # the same at temperatures that change its form
     shift: Shift | None  # of the strained solid
     resting: Shift | None  # of the rough one
-    harmonics: Harmonics | None  # as `harmonic_shares`
+    harmonics: Harmonics | None  # as `_harmonic_shares`
     split: bool  # whether <F'^2> and <F''^2> are needed apart
     needs: Needs
 
@@ -112,8 +111,16 @@ def excitation(pair: Pair, scale: jax.Array, q: jax.Array, needs: Needs) -> Exci
     shifts = pair.strained.material.shift, pair.rough.material.shift
     if not pair.relaxes:
         return Excitation(None, varying, *shifts, None, False, needs)
-    F, harmonics = relaxing_stiffness(pair, scale, q), harmonic_shares(pair, q)
+    F, harmonics = relaxing_stiffness(pair, scale, q), _harmonic_shares(pair, q)
     split = pair.softens_apart
     if isinstance(F, Tabulated) and not F.by_node:
         F = means_table(F, needs, split, harmonics)
     return Excitation(F, varying, *shifts, harmonics, split, needs)
+
+
+def _harmonic_shares(pair: Pair, q: jax.Array) -> Harmonics | None:
+    """Shares (c_m, s_m) of the harmonics of the roughness at wavevectors q; None without harmonics.
+
+    Shape (harmonics,) each where they are the same at every wavevector, else (harmonics, *q.shape).
+    """
+    return pair.spectrum.harmonics_at(q) if pair.harmonics else None

@@ -1,7 +1,7 @@
 r"""Angular means of a solid that is no Prony series, over a uniform grid of ln(q v).
 
 With a constant spring k the series F = f k / (f + k) depends on q v alone: its means are convolutions over
-ln(q v), taken once (`rubberfric.theory.stiffness.uniform_grid`), and splines for every node and velocity.
+ln(q v), taken once (`rubberfric.theory.stiffness.circle_means`), and splines for every node and velocity.
 
 The grid begins at a whole multiple of its step, has the same length whatever the table, and no derivative
 goes through where it lies: a value depends on nothing but its own q v.
@@ -18,6 +18,8 @@ from rubberfric.materials.material import Material
 from rubberfric.materials.tabulated_modulus import LONGEST, REACH
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means
+from rubberfric.theory.stiffness.circle_means import LEAD, Weights, circle_means, circle_weights, lead_in
+from rubberfric.theory.stiffness.splines import BESIDE, MARGIN, at, splines
 from rubberfric.theory.stiffness.tabulated_means import (
     PER_DETAIL,
     Tabulated,
@@ -26,17 +28,6 @@ from rubberfric.theory.stiffness.tabulated_means import (
     log_range,
     means_of_log,
     parts_of,
-)
-from rubberfric.theory.stiffness.uniform_grid import (
-    BESIDE,
-    LEAD,
-    MARGIN,
-    Weights,
-    at,
-    circle_means,
-    circle_weights,
-    lead_in,
-    splines,
 )
 
 # How far the grid goes beyond the table of the modulus at either end, in ln(q v): there the

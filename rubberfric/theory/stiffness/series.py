@@ -11,6 +11,8 @@ factor (a slab's Sbar) known at every q, and F of order one: a constant, a Prony
 (a Prony solid in series with a spring is one again, and so is a coated one) or a tabulated modulus.
 """
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 
@@ -23,6 +25,24 @@ from rubberfric.scene.softening import Softened, softening_factors
 from rubberfric.theory.stiffness.angular_means import Relaxing
 from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
 from rubberfric.theory.stiffness.tabulated_means import Tabulated
+
+
+class Factors(NamedTuple):
+    """What multiplies q^4 C times the means of each kind, tuples in the order of `Means`; None is 1.
+
+    The angular means are smooth in ln q and interpolated between the angular nodes; the factors of layers
+    and softening are not, and are exact at every contact node. A quantity is the sum over its means of
+    factor times mean, one of each unless <F'^2> and <F''^2> soften apart.
+    """
+
+    power: tuple[jax.Array | None, ...]
+    dissipation: tuple[jax.Array | None, ...]
+    storage: tuple[jax.Array | None, ...]
+    transverse: tuple[jax.Array | None, ...]
+
+    def of(self, kind: str, values: jax.Array) -> tuple[jax.Array, ...]:
+        """Values times the factor of each of the means of a kind."""
+        return tuple(values if factor is None else values * factor for factor in getattr(self, kind))
 
 
 def modulus_scale(scene: Scene) -> jax.Array:
@@ -98,6 +118,15 @@ def layer_factor(pair: Pair, q: jax.Array) -> jax.Array | None:
     return _layer(pair.strained, q)
 
 
+def factors_at(pair: Pair, q: jax.Array) -> Factors:
+    """`Factors` at wavevectors q [1/m] of any shape, for a stiffness that relaxes."""
+    layer = layer_factor(pair, q)
+    if pair.softened is not None and pair.softens_apart:
+        storage, loss = (_times(layer, x) for x in softening_factors(pair.softened, q))
+        return Factors((storage**2, loss**2), (loss,), (storage,), ())
+    return Factors((_times(layer, layer),), (layer,), (layer,), (layer,))
+
+
 def _softened(pair: Pair, softened: Softened, scale: jax.Array, q: jax.Array) -> SoftenedInSeries:
     """F of a softened solid in series with another one."""
     material, factor = pair.strained.material, _layer(pair.strained, q)
@@ -133,3 +162,7 @@ def _layer(body: Body, q: jax.Array) -> jax.Array:
         return jnp.ones_like(q)
     # A body that has a layer has a constant Poisson's ratio.
     return body.layer.stiffening(body.material.poisson, q)  # pyright: ignore[reportArgumentType]
+
+
+def _times(a, b):
+    return b if a is None else a if b is None else a * b

@@ -16,11 +16,12 @@ import numpy as np
 from rubberfric.materials.material import Material, squarable
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Means, Relaxing
+from rubberfric.theory.stiffness.circle_means import circle_rule
 from rubberfric.theory.stiffness.tabulated_means import log_frequency, moduli_at, moduli_on_grid, rule_of_node
-from rubberfric.theory.stiffness.uniform_grid import circle_rule
 
-# Step of the integral over the circle of a Prony series, whose poles are pi/2 from the real axis of ln omega.
-_STEP = 0.22
+# Step of the integral over the circle of a Prony series, whose poles are pi/2 from the real axis of ln omega:
+# good to 3e-11.
+_STEP = 0.3
 
 
 class SoftenedInSeries(NamedTuple):
@@ -93,9 +94,39 @@ def _modulus(material, moduli, s, qv):
 def _series_modulus(series, cosine, qv):
     """The same of a Prony series at q v cos(phi)."""
     omega = qv[..., None] * jnp.asarray(cosine, qv.dtype)
-    storage, loss = jnp.ones_like(omega) * series.rest, jnp.zeros_like(omega)
-    for i in range(series.tau.shape[0]):
-        a = squarable(omega * series.tau[i])
-        relaxing = series.weight[i] * a / (1 + a * a)
+    storage, loss = _relaxing(omega, series.weight, series.tau)
+    return storage + series.rest, loss
+
+
+@jax.custom_jvp
+def _relaxing(omega, weight, tau):
+    """Sums over the terms of weight a^2 / (1 + a^2) and weight a / (1 + a^2), a = omega tau."""
+    storage, loss = jnp.zeros_like(omega), jnp.zeros_like(omega)
+    for i in range(tau.shape[0]):
+        a = squarable(omega * tau[i])
+        relaxing = weight[i] * a / (1 + a * a)
         storage, loss = storage + a * relaxing, loss + relaxing
     return storage, loss
+
+
+@_relaxing.defjvp
+def _relaxing_jvp(primals, tangents):
+    omega, weight, tau = primals
+
+    # Term by term, and again for the gradient: left alone, XLA computes all terms anew for the derivative
+    # by each of them.
+    @functools.partial(jax.checkpoint, prevent_cse=False)
+    def add(sums, term):
+        (weight, tau), (weight_dot, tau_dot) = term
+        a = squarable(omega * tau)
+        inverse = 1 / (1 + a * a)
+        loss = a * inverse
+        a_dot = tangents[0] * tau + omega * tau_dot
+        storage_dot = 2 * weight * loss * inverse * a_dot + a * loss * weight_dot
+        # (1 - a^2) / (1 + a^2)^2, whose square must not overflow.
+        loss_dot = weight * (inverse - a * loss) * inverse * a_dot + loss * weight_dot
+        return (sums[0] + storage_dot, sums[1] + loss_dot), None
+
+    nothing = jnp.zeros_like(omega)
+    terms = (weight, tau), tuple(tangents[1:])
+    return _relaxing(*primals), jax.lax.scan(add, (nothing, nothing), terms)[0]

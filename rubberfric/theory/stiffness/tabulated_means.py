@@ -1,7 +1,7 @@
 r"""Angular means of a solid that is no Prony series, for every node by an integral of its own.
 
 If the spring in series or a layer varies with q, or the means are wanted at few q v: by the trapezoidal rule
-over the circle of `rubberfric.theory.stiffness.uniform_grid`, with E' and E'' from splines over ln omega.
+over the circle of `rubberfric.theory.stiffness.circle_means`, with E' and E'' from splines over ln omega.
 """
 
 import functools
@@ -18,7 +18,8 @@ from rubberfric.materials.material import Material
 from rubberfric.materials.tabulated_modulus import LONGEST, REACH
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means
-from rubberfric.theory.stiffness.uniform_grid import BESIDE, MARGIN, at, circle_rule, harmonic, splines
+from rubberfric.theory.stiffness.circle_means import circle_rule, harmonic
+from rubberfric.theory.stiffness.splines import BESIDE, MARGIN, at, splines
 
 # Steps of the grid in the finest detail of E over ln omega, and of the integral of a node.
 PER_DETAIL, _PER_DETAIL_OF_A_NODE = 6, 2

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.oracles.tables import by_quadrature, law, random_table
+from support.oracles.tables import by_quadrature, contact, law, random_table
 
 import rubberfric as rf
 from rubberfric.theory.quantities import Needs
@@ -145,3 +145,19 @@ def test_widths_that_are_refused(smoothing):
 def test_a_table_that_is_too_long():
     with pytest.raises(ValueError, match="omega spans 30 decades: must be at most 26"):
         rf.TabulatedModulus([1e-15, 1e15], [1.0, 2.0], [1.0, 2.0])
+
+
+ROAD = rf.SelfAffine(200.0, 1500.0, 5e4, 0.8, 4e-4)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(20))
+def test_contact_and_friction_by_brute_force(seed):
+    """E in every direction at every wavevector: no table of means, and no interpolation over q."""
+    table = np.array(random_table(seed))
+    table[1:] += np.log(1e7)
+    v = np.exp(np.quantile(table[0], [0.2, 0.7]) - 8)
+    rubber = rf.TabulatedModulus(*np.exp(table))
+    found = rf.solve(rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(rubber)), v, 2e5)
+    exact = contact(table, "fall", ROAD, v, 2e5)
+    np.testing.assert_allclose([found.area, found.friction], exact, rtol=1e-9)

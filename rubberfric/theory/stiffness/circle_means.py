@@ -1,4 +1,4 @@
-r"""Angular means and splines of functions on a uniform grid of x = ln omega.
+r"""Means over the circle of functions of x = ln omega.
 
 The mean over the circle of f(ln(omega cos(phi))) is a convolution, with s = -ln cos(phi) = ln cosh t
 
@@ -8,8 +8,7 @@ The mean over the circle of f(ln(omega cos(phi))) is a convolution, with s = -ln
 On a grid of which f is known at the entries only, f is the local polynomial through `_POINTS` of them: a
 weight for each of the entries before x (`circle_weights`), constants of the step. Where f can be had
 anywhere, the trapezoidal rule in t converges faster than any power of the step, as the integrand is even
-(`circle_rule`). Between the entries of a grid there is a spline of degree 9 with continuous derivatives up
-to the eighth: unlike a polynomial from piece to piece it shows a difference no seams.
+(`circle_rule`).
 """
 
 import functools
@@ -22,6 +21,7 @@ import numpy as np
 from numpy.polynomial import Chebyshev, Polynomial
 
 from rubberfric.base.quadrature import gauss, typed
+from rubberfric.theory.stiffness.splines import with_neighbours
 
 # Points of a local polynomial, of which as many lie on either side; entries after x that its mean hangs on.
 _POINTS = 20
@@ -32,12 +32,6 @@ _DEPTH = 36.0
 
 # Beyond this s the weights are sums of a few powers of e^-s.
 _FAR = 1.6
-
-# Degree of the splines, how many entries of it lie on either side of a cell, and how many on either side a
-# coefficient hangs on: their weights fall by 0.608 from entry to entry.
-_DEGREE = 9
-BESIDE = _DEGREE // 2
-MARGIN = 72
 
 
 class Weights(NamedTuple):
@@ -90,7 +84,7 @@ def _powers(weights, step, first, parity, harmonics):
     s = step * (first + np.arange(len(weights)))
     y = np.exp(-2 * s)
     terms = 15 + harmonics // 3
-    # All powers of y = 0 ... e^-5 weigh alike in the fit of the weights over their first power.
+    # All powers of y = 0 ... e^-3 weigh alike in the fit of the weights over their first power.
     fit = Chebyshev.fit(y, weights * np.exp(parity * s), terms - 1, domain=[0, y[0]])
     found = np.zeros(2 * terms)
     found[parity - 1 :: 2] = fit.convert(kind=Polynomial, domain=[-1, 1], window=[-1, 1]).coef
@@ -114,9 +108,7 @@ def _lagrange(share):
     return found
 
 
-def circle_means(
-    values: jax.Array, weights: Weights, step: float, begin: jax.Array | np.ndarray
-) -> jax.Array:
+def circle_means(values: jax.Array, weights: Weights, step: float, begin: np.ndarray) -> jax.Array:
     """Means of functions on a grid, (functions, entries), by rows of weights, (functions, rows, ...).
 
     Before the grid a function is a e^(rx) + b e^((r+2)x), r of `begin`: in a block more it is so within it.
@@ -143,7 +135,7 @@ def circle_means(
     inside = (which >= 0) & (which < 2 * block + LEAD)
     numpy = np if isinstance(weights.near, np.ndarray) else jnp
     near = numpy.where(inside, weights.near[:, :, np.where(inside, which, 0)], 0.0)
-    found = jnp.einsum("fbj,frij->frbi", _windows(values, block, LEAD), typed(near, values))
+    found = jnp.einsum("fbj,frij->frbi", with_neighbours(values, block, LEAD), typed(near, values))
     # What is further off, as moments of the blocks.
     power = np.arange(1, weights.far.shape[2] + 1)
     moment = values @ typed(np.exp(-power * step * (block - np.arange(block)[:, None])), values)
@@ -159,7 +151,7 @@ def circle_means(
 
 def lead_in(step: float) -> int:
     """How many entries before the first mean its grid begins."""
-    return max(math.ceil(_FAR / step), MARGIN)
+    return math.ceil(_FAR / step)
 
 
 def _moments_before(first, second, begin, count, step):
@@ -172,14 +164,6 @@ def _moments_before(first, second, begin, count, step):
         ratio = jnp.exp(-step * (rate[:, None] + np.arange(1, count + 1)))
         found = found + share[:, None] * ratio / (1 - ratio)
     return found
-
-
-def _windows(values, before, after):
-    """Blocks, (functions, blocks, length), with entries of their neighbours; zeros beyond the ends."""
-    length = values.shape[2]
-    left = jnp.pad(values[:, :-1, length - before :], ((0, 0), (1, 0), (0, 0)))
-    right = jnp.pad(values[:, 1:, :after], ((0, 0), (0, 1), (0, 0)))
-    return jnp.concatenate([left, values, right], 2)
 
 
 @functools.lru_cache(maxsize=64)
@@ -201,58 +185,3 @@ def circle_rule(step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     for one in found:
         one.setflags(write=False)
     return found
-
-
-@functools.cache
-def _spline_matrices() -> tuple[np.ndarray, np.ndarray]:
-    """Weights of the entries beside it in a coefficient; polynomials of a cell by its coefficients."""
-    # The pieces of the B-spline, from its recursion over the degree; in t - 1/2.
-    t = Polynomial([0.5, 1.0])
-    pieces = [Polynomial([1.0])]
-    for degree in range(1, _DEGREE + 1):
-        old = [Polynomial([0.0]), *pieces, Polynomial([0.0])]
-        pieces = [((t + degree - k) * old[k] + (k + 1 - t) * old[k + 1]) / degree for k in range(degree + 1)]
-    polynomials = np.array([piece.coef for piece in pieces])
-    # At whole numbers; the inverse on a line long enough.
-    inner = np.array([piece(-0.5) for piece in pieces[:-1]])
-    line = 4 * MARGIN + 1
-    half = len(inner) // 2
-    matrix = sum(np.diag(np.full(line - abs(k - half), b), k - half) for k, b in enumerate(inner))
-    middle = np.linalg.inv(matrix)[line // 2]
-    return middle[line // 2 - MARGIN : line // 2 + MARGIN + 1], polynomials
-
-
-def splines(values: jax.Array) -> jax.Array:
-    """Splines through functions on a grid, (functions, entries), a polynomial for every cell.
-
-    Returns
-    -------
-    (degree + 1, functions, entries - 2 MARGIN - degree): ascending, in the distance from the middle of the
-    cell; the first cell is that behind the entry MARGIN + BESIDE.
-    """
-    weights, polynomials = _spline_matrices()
-    functions, count = values.shape
-    length = 2 * MARGIN
-    blocks = -(-count // length)
-    values = jnp.pad(values, ((0, 0), (0, blocks * length - count))).reshape(functions, blocks, length)
-    which = np.arange(length)[:, None] - np.arange(2 * length) + 2 * MARGIN
-    matrix = np.where((which >= 0) & (which <= 2 * MARGIN), weights[np.clip(which, 0, 2 * MARGIN)], 0.0)
-    found = jnp.einsum("fbj,ij->fbi", _windows(values, MARGIN, MARGIN), typed(matrix, values))
-    found = found.reshape(functions, -1)[:, MARGIN : count - MARGIN]
-    cells = found.shape[1] - _DEGREE
-    beside = [found[:, k : k + cells] for k in range(_DEGREE + 1)]
-    # Sums, that are fused: a product of matrices so thin takes longer.
-    return jnp.stack([sum(float(w) * x for w, x in zip(row, beside, strict=True)) for row in polynomials.T])
-
-
-def at(cells: jax.Array, position: jax.Array) -> jax.Array:
-    """`splines` at positions, counted in cells from the first on, any shape; (functions, *shape)."""
-    index = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)), 0, cells.shape[2] - 1)
-    t, index = position - index - 0.5, index.astype(int)
-
-    # One number after the other: gathered as rows they would be stored in between.
-    def value(function):
-        columns = [column.at[index].get(mode="promise_in_bounds") for column in cells[:, function]]
-        return functools.reduce(lambda total, column: total * t + column, columns[::-1])
-
-    return jnp.stack([value(function) for function in range(cells.shape[1])])

@@ -1,0 +1,82 @@
+"""Splines through functions on a uniform grid: derivatives up to the eighth are continuous.
+
+Unlike polynomials from piece to piece they show a difference no seams.
+"""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.polynomial import Polynomial
+
+from rubberfric.base.quadrature import typed
+
+# Degree of the splines, how many entries of it lie on either side of a cell, and how many on either side a
+# coefficient hangs on: their weights fall by 0.608 from entry to entry.
+_DEGREE = 9
+BESIDE = _DEGREE // 2
+MARGIN = 72
+
+
+@functools.cache
+def _spline_matrices() -> tuple[np.ndarray, np.ndarray]:
+    """Weights of the entries beside it in a coefficient; polynomials of a cell by its coefficients."""
+    # The pieces of the B-spline, from its recursion over the degree; in t - 1/2.
+    t = Polynomial([0.5, 1.0])
+    pieces = [Polynomial([1.0])]
+    for degree in range(1, _DEGREE + 1):
+        old = [Polynomial([0.0]), *pieces, Polynomial([0.0])]
+        pieces = [((t + degree - k) * old[k] + (k + 1 - t) * old[k + 1]) / degree for k in range(degree + 1)]
+    polynomials = np.array([piece.coef for piece in pieces])
+    # At whole numbers; the inverse on a line long enough.
+    inner = np.array([piece(-0.5) for piece in pieces[:-1]])
+    line = 4 * MARGIN + 1
+    half = len(inner) // 2
+    matrix = sum(np.diag(np.full(line - abs(k - half), b), k - half) for k, b in enumerate(inner))
+    middle = np.linalg.inv(matrix)[line // 2]
+    return middle[line // 2 - MARGIN : line // 2 + MARGIN + 1], polynomials
+
+
+def splines(values: jax.Array) -> jax.Array:
+    """Splines through functions on a grid, (functions, entries), a polynomial for every cell.
+
+    Returns
+    -------
+    (degree + 1, functions, entries - 2 MARGIN - degree): ascending, in the distance from the middle of the
+    cell; the first cell is that behind the entry MARGIN + BESIDE.
+    """
+    weights, polynomials = _spline_matrices()
+    functions, count = values.shape
+    length = 2 * MARGIN
+    blocks = -(-count // length)
+    values = jnp.pad(values, ((0, 0), (0, blocks * length - count))).reshape(functions, blocks, length)
+    which = np.arange(length)[:, None] - np.arange(2 * length) + 2 * MARGIN
+    matrix = np.where((which >= 0) & (which <= 2 * MARGIN), weights[np.clip(which, 0, 2 * MARGIN)], 0.0)
+    found = jnp.einsum("fbj,ij->fbi", with_neighbours(values, MARGIN, MARGIN), typed(matrix, values))
+    found = found.reshape(functions, -1)[:, MARGIN : count - MARGIN]
+    cells = found.shape[1] - _DEGREE
+    beside = [found[:, k : k + cells] for k in range(_DEGREE + 1)]
+    # Sums, that are fused: a product of matrices so thin takes longer.
+    return jnp.stack([sum(float(w) * x for w, x in zip(row, beside, strict=True)) for row in polynomials.T])
+
+
+def at(cells: jax.Array, position: jax.Array) -> jax.Array:
+    """`splines` at positions, counted in cells from the first on, any shape; (functions, *shape)."""
+    index = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)), 0, cells.shape[2] - 1)
+    t, index = position - index - 0.5, index.astype(int)
+
+    # One number after the other: gathered as rows they would be stored in between.
+    def value(function):
+        columns = [column.at[index].get(mode="promise_in_bounds") for column in cells[:, function]]
+        return functools.reduce(lambda total, column: total * t + column, columns[::-1])
+
+    return jnp.stack([value(function) for function in range(cells.shape[1])])
+
+
+def with_neighbours(values: jax.Array, before: int, after: int) -> jax.Array:
+    """Blocks, (functions, blocks, length), with entries of their neighbours; zeros beyond the ends."""
+    length = values.shape[2]
+    left = jnp.pad(values[:, :-1, length - before :], ((0, 0), (1, 0), (0, 0)))
+    right = jnp.pad(values[:, 1:, :after], ((0, 0), (0, 1), (0, 0)))
+    return jnp.concatenate([left, values, right], 2)
