@@ -172,6 +172,10 @@ class TabulatedShift(Shift):
         """ln a_T at temperature [K]."""
         return _log_interpolated(temperature, self.T, self.aT, self.T_ref)
 
+    def padded(self) -> "TabulatedShift":
+        """With entries above the last temperature, where its value is held."""
+        return _padded(self, "aT")
+
 
 @physical
 class Entropic(VerticalShift):
@@ -228,6 +232,10 @@ class TabulatedVertical(VerticalShift):
         """ln b_T at temperature [K]."""
         return _log_interpolated(temperature, self.T, self.bT, T_ref)
 
+    def padded(self) -> "TabulatedVertical":
+        """With entries above the last temperature, where its value is held."""
+        return _padded(self, "bT")
+
 
 def _check_table(law, name, T_ref=None):
     """The rules of a table of factors over T."""
@@ -254,12 +262,14 @@ def _log_interpolated(temperature, T, factor, T_ref):
     log = jnp.log(factor)
     return saturated(jnp.interp(temperature, T, log) - jnp.interp(T_ref, T, log))
 
-    def padded(self) -> "TabulatedShift":
-        """With entries above the last temperature, where its value is held."""
-        T, aT = np.asarray(self.T), np.asarray(self.aT)
-        added = recurring_length(T.size) - T.size
-        above = T[-1] + np.arange(1, added + 1, dtype=T.dtype)
-        return self.replace(T=np.append(T, above), aT=np.append(aT, np.repeat(aT[-1:], added)))
+
+def _padded(law, name):
+    """A tabulated law with entries above the last temperature, where its value is held."""
+    T, factor = np.asarray(law.T), np.asarray(getattr(law, name))
+    added = recurring_length(T.size) - T.size
+    above = T[-1] + np.arange(1, added + 1, dtype=T.dtype)
+    longer = np.append(factor, np.repeat(factor[-1:], added))
+    return law.replace({"T": np.append(T, above), name: longer})
 
 
 def largest_log_factor(dtype: DTypeLike) -> float:

@@ -157,7 +157,7 @@ def lead_in(step: float) -> int:
 def _moments_before(first, second, begin, count, step):
     """Moments of what lies before the grid, by its values at the first entry and a block behind it."""
     block, begin = lead_in(step), typed(begin, first)
-    growth = np.exp(2 * step * block)
+    growth = math.exp(2 * step * block)  # a NumPy scalar would widen float32
     upper = (second * jnp.exp(-step * block * begin) - first) / (growth - 1)
     found = 0.0
     for share, rate in ((first - upper, begin), (upper, begin + 2)):
