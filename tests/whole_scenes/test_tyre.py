@@ -3,6 +3,7 @@
 The data lie beside the project, not in it; without them there is nothing to compare with.
 """
 
+import itertools
 import os
 from dataclasses import replace
 
@@ -111,6 +112,57 @@ def test_a_hot_table_alone_in_a_curve_and_shuffled(tables_alone):
     np.testing.assert_allclose(tables_alone(HOT_V[order], HOT_T), curve[:, order], rtol=1e-8)
     alone = np.concatenate([tables_alone(v[None], HOT_T) for v in HOT_V], 1)
     np.testing.assert_allclose(alone, curve, rtol=1e-8)
+
+
+def measured(compound, heated, softened):
+    """Tables of modulus, shift, road and softening with contact shear, as a laboratory would fit them."""
+    f, storage, loss = read(f"master_curve_{compound}.csv")
+    celsius, factor = read(f"shift_factor_{compound}.csv")
+    shift = rf.TabulatedShift(celsius + 273.15, factor, 293.15)
+    return rf.Scene(
+        rf.Body(rf.TabulatedModulus(2 * np.pi * f, storage, loss, shift=shift)),
+        rf.Body(rf.Rigid(), road(1.05e5)),
+        shear=rf.ContactShear(5e6, 0.1, 1e-3),
+        heating=rf.Heating(1200.0, 1600.0, 0.23, 2e-3) if heated else None,
+        softening=rf.Softening(*read("strain_softening_R00.csv")) if softened else None,
+    )
+
+
+@pytest.mark.parametrize(
+    ("compound", "heated", "softened"),
+    [("R40", False, False)]
+    + [
+        pytest.param(*one, marks=pytest.mark.slow)
+        for one in itertools.product(("R20", "R40"), (False, True), (False, True))
+        if one != ("R40", False, False)
+    ],
+)
+def test_every_derivative_of_tables_is_that_of_the_values(compound, heated, softened):
+    """With respect to every field of the scene, its entries by random shares; pressure and temperature."""
+    call = jax.tree.map(np.asarray, (measured(compound, heated, softened), PRESSURE, HOT_T))
+    leaves, structure = jax.tree.flatten(call)
+    rng = np.random.default_rng(0)
+    # Entries must stay in order, and temperatures on their side of the entry beside them.
+    shares = []
+    for leaf in leaves:
+        gap = np.min(np.abs(np.diff(leaf) / leaf[1:])) if leaf.ndim and np.all(np.diff(leaf) > 0) else 10.0
+        shares.append(min(1.0, 0.1 * gap) * rng.uniform(0.2, 1, leaf.shape))
+        if leaf.ndim == 0 and 200 < leaf < 400:
+            shares[-1] = np.asarray(1e-4)
+
+    def friction(step):
+        moved = [x * jnp.exp(a * share) for x, a, share in zip(leaves, step, shares, strict=True)]
+        scene, pressure, temperature = jax.tree.unflatten(structure, moved)
+        return rf.friction(scene, HOT_V, pressure, temperature)
+
+    none, one, h = np.zeros(len(leaves)), np.eye(len(leaves)), 1e-3
+    forward, reverse = (jax.jit(slopes(friction))(none) for slopes in (jax.jacfwd, jax.jacrev))
+    values = jax.jit(lambda steps: jax.lax.map(friction, steps))
+    weights = {1: 3 / 4, 2: -3 / 20, 3: 1 / 60}
+    difference = sum(w / h * (values(k * h * one) - values(-k * h * one)) for k, w in weights.items()).T
+    mu = np.asarray(friction(none))[:, None]
+    for slopes in (forward, reverse):
+        assert (np.abs(slopes - difference) <= 1e-7 * np.maximum(mu, np.abs(difference))).all()
 
 
 COMPOUND_V = np.logspace(-5, 2, 15)
