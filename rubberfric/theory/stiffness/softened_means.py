@@ -87,7 +87,7 @@ class SoftenedInSeries(NamedTuple):
 def _modulus(material, moduli, s, qv):
     """E' and E'' at q v e^-s, (..., directions), odd in q v."""
     log_qv, sign = log_frequency(material, qv)
-    storage, loss = moduli_at(material, moduli, log_qv[..., None] - s)
+    storage, loss = moduli_at(material, moduli, log_qv[..., None] - jnp.asarray(s, log_qv.dtype))
     return storage, loss * sign[..., None]
 
 

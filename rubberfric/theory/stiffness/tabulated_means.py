@@ -178,7 +178,9 @@ def _by_node(F, log_qv, needs, split, harmonics):
             scale=F.scale[..., None] if F.scale.ndim else F.scale,
             spring=None if F.spring is None else F.spring[..., None],
         )
-        parts = parts_of(nodes, *moduli_at(F.material, moduli, log_qv[..., None] - s))
+        parts = parts_of(
+            nodes, *moduli_at(F.material, moduli, log_qv[..., None] - jnp.asarray(s, log_qv.dtype))
+        )
         by = even, along, across
 
         def rows(kind):
