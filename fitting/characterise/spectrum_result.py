@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 
 import rubberfric as rf
-from fitting.results.report import error_text
+from fitting.results.numbers import error_text
 from fitting.results.result import FitResult
 from rubberfric.base import html, unit_of
 

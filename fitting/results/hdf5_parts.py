@@ -9,8 +9,8 @@ import numpy as np
 
 from fitting.parameters.constraints import Rule
 from fitting.parameters.priors import Prior
+from fitting.results.numbers import unit
 from fitting.results.record import FitRecord, Minimum
-from fitting.results.report import unit
 from fitting.uncertainty.covariance import Direction, Uncertainty
 from rubberfric.base import closest
 from rubberfric.io import hdf5

@@ -4,17 +4,18 @@ import dataclasses
 from typing import Self
 
 import jax
+import numpy as np
 from jax.typing import ArrayLike
 
 import rubberfric as rf
 from fitting.parameters.variables import Array
 from fitting.results import hdf5
-from fitting.results.html import fit_html
+from fitting.results.numbers import tied_lines, variable_rows
 from fitting.results.plot import plot_fit
 from fitting.results.record import FitRecord
-from fitting.results.report import report
+from fitting.results.report import headlines, report
 from fitting.uncertainty.density import log_density
-from rubberfric.base import StrPath
+from rubberfric.base import StrPath, html, object_html
 from rubberfric.plot import style
 
 
@@ -60,4 +61,26 @@ class FitResult(FitRecord):
 
     def _repr_html_(self) -> str:
         """A table for notebooks."""
-        return fit_html(self)
+        return _html(self)
+
+
+def _html(result: FitRecord) -> str:
+    """The values of a fit as a table for notebooks, and its report and scene folded below."""
+    rows = []
+    for row in variable_rows(result):
+        if isinstance(row, tuple):
+            name, value, error, unit, share, start, remark = row
+            row = (name, f"{value} +/- {error} {unit}", share, f"{start} {unit}", remark)
+        rows.append(row)
+    rows += tied_lines(result)
+    rows += [f"not identified, {i}: {d.text}" for i, d in enumerate(result.unidentified, 1)]
+    redchi = f"{result.redchi:.4g}" if np.isfinite(result.redchi) else "none"
+    count = result.problem.targets.measured.size
+    rows.append(f"measured values: {count}; reduced chi-square [-]: {redchi}; cost [-]: {result.cost:.6g}")
+    caption = "; ".join(headlines(result)) or f"{result.message}; the scene {result.verdict.text}"
+    headings = ("parameter", "value", "relative error", "start", "")
+    below = (
+        html.folded("report", html.preformatted(report(result))),
+        html.folded("scene", object_html(result.scene)),
+    )
+    return "\n".join([html.table(rows, headings, caption), *below])

@@ -13,9 +13,9 @@ from support.scenes.fits import FAST
 import fitting
 import rubberfric as rf
 from fitting.results.hdf5 import GROUPS, save
+from fitting.results.numbers import LISTED, unit
 from fitting.results.plot import plot_fit, save_plot
 from fitting.results.record import Minimum
-from fitting.results.report import LISTED, unit
 from fitting.solvers.iterate import INTERRUPTED, OUT_OF_STEPS
 from fitting.solvers.problem import make_problem
 from fitting.uncertainty.covariance import uncertainty
