@@ -146,7 +146,7 @@ SCENES = {
         rf.Body(prony(s)),
     ),
 }
-QUICK = ("one", "two", "static", "own-base")
+QUICK = ("one", "two", "static")
 QUANTITIES = ("area", "friction", "separation")
 
 
