@@ -125,9 +125,8 @@ CASES = {name: (given, *ANSWERS[name]) for name, given in EXAMPLES.items() if na
     )
     for name, embed in IN_SCENES.items()
 }
-PARAMETERS = slow_if(
-    lambda name: name in ("Body", "Scene") or name.endswith("in a scene"), {name: name for name in CASES}
-)
+LONG = ("Body", "Scene", "Heating", "TabulatedAnisotropic")
+PARAMETERS = slow_if(lambda name: name in LONG or name.endswith("in a scene"), {name: name for name in CASES})
 
 
 def test_no_class_is_left_out():

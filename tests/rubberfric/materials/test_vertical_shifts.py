@@ -214,6 +214,7 @@ def test_derivatives(name):
         np.testing.assert_allclose(forward[:, i], difference, rtol=1e-7, atol=1e-9)
 
 
+@pytest.mark.slow
 def test_textbook():
     law = wlf(TABLE)
     shear = rf.ContactShear(6.5e6, 0.1, 6e-3, shift=rf.Arrhenius(0.5, T_REF, vertical=ENTROPIC))
