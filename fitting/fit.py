@@ -116,10 +116,8 @@ def fit(
     for _ in range(ROUNDS if to_estimate or rescaled else 0):
         if problem.targets.measured.size - known.parameters < 0.5 or not succeeded(end.status):
             break
-        before = problem
-        problem, scales = _estimated(problem, scales, known, end.x)
-        if rescaled:
-            problem, error_scale = _rescaled(problem, before, scales, error_scale, known, end.x)
+        problem, scales, factor = _estimated(problem, scales, known, end.x, rescaled, error_scale)
+        error_scale *= factor
         again = run(solver, problem, end.x[None], None, max_steps, callback, min(BATCH, starts))
         end = again.row(0)
         evaluations += np.array([again.nfev[0], again.njev[0]])
@@ -158,27 +156,24 @@ def _minima(problem, runs):
     return tuple(found)
 
 
-def _estimated(problem, scales, known, x):
-    """The problem with the errors of data without any taken from their scatter about the fit."""
+def _estimated(problem, scales, known, x, rescaled, error_scale):
+    """The problem with errors from the scatter about its fit, the scales of data without any, and a factor.
+
+    That factor is of all errors that were given, 1 unless they are to be rescaled.
+    """
     rows = residual_rows(problem, x)
-    error, scales = np.array(problem.targets.error), list(scales)
+    error, scales, factor = np.array(problem.targets.error), list(scales), 1.0
+    # Data without noise are met to rounding; they must not get an error of zero.
+    if rescaled:
+        pairs = zip(problem.order, scales, strict=True)
+        given = np.concatenate([where for where, scale in pairs if scale is None])
+        factor = max(_scatter(problem, known, rows[given]), 1e-10 / error_scale)
+        error[given] *= factor
     for i, (scale, where) in enumerate(zip(scales, problem.order, strict=True)):
-        if scale is None:
-            continue
-        # Data without noise are met to rounding; they must not get an error of zero.
-        scales[i] = max(float(scale * _scatter(problem, known, rows[where])), 1e-10)
-        error[where] = scales[i]
-    return problem._replace(targets=problem.targets._replace(error=error)), scales
-
-
-def _rescaled(problem, before, scales, error_scale, known, x):
-    """The problem with the errors that were given multiplied by one factor, and all of that factor."""
-    given = np.concatenate([rows for rows, scale in zip(problem.order, scales, strict=True) if scale is None])
-    # As above, of errors as they were given.
-    factor = max(_scatter(before, known, residual_rows(before, x)[given]), 1e-10 / error_scale)
-    error = np.array(problem.targets.error)
-    error[given] *= factor
-    return problem._replace(targets=problem.targets._replace(error=error)), error_scale * factor
+        if scale is not None:
+            scales[i] = max(scale * _scatter(problem, known, rows[where]), 1e-10)
+            error[where] = scales[i]
+    return problem._replace(targets=problem.targets._replace(error=error)), scales, factor
 
 
 def _scatter(problem, known, rows):
