@@ -22,7 +22,8 @@ def report(result: FitRecord) -> str:
     start; where there are any, [[Tied]], [[Priors]], [[Not identified]] (what the reasons of
     withheld error bars refer to by number), [[Minima]] (of several starts), [[Correlations]].
     A fit that did not succeed, or a scene that does not explain the data, says so in the first line.
-    Of an array with more free elements than `fitting.results.numbers.LISTED` only the first and the last are listed.
+    Of an array with more free elements than `fitting.results.numbers.LISTED` only the first and the last
+    are listed.
     """
     lines = [line for line in headlines(result) for line in (line, "")]
     sections = {
