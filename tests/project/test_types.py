@@ -1,4 +1,7 @@
-"""Types: a checker finds no error in the packages and the snippets, and finds wrong keywords."""
+"""Types: a checker finds no error in the snippets of pages, and finds wrong keywords.
+
+The packages themselves are its own run's: `basedpyright`.
+"""
 
 import ast
 import json
@@ -35,7 +38,7 @@ fitting.FrictionData(velocity=[1.0], mu=[0.5], pressure=1e5)  # wrong
 
 @pytest.fixture(scope="module")
 def errors(tmp_path_factory):
-    """What one run of basedpyright says of the packages, of the snippets of pages, and of wrong.py."""
+    """What one run of basedpyright says of the snippets of pages, and of wrong.py."""
     checker = shutil.which("basedpyright", path=Path(sys.executable).parent) or shutil.which("basedpyright")
     if checker is None:
         pytest.skip("needs basedpyright, which is in the test extra")
@@ -44,13 +47,13 @@ def errors(tmp_path_factory):
     (folder / "CONTRIBUTING.py").write_text(RECIPE)
     (folder / "wrong.py").write_text(WRONG)
     settings = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["basedpyright"]
-    settings["include"] = [str(ROOT / name) for name in settings["include"]] + [str(folder)]
+    settings["include"] = [str(folder)]
     (folder / "pyrightconfig.json").write_text(json.dumps(settings | {"extraPaths": [str(ROOT)]}))
     command = [checker, "--outputjson", "--pythonpath", sys.executable, "-p", str(folder)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode in (0, 1), done.stdout + done.stderr  # 1: there are errors
     report = json.loads(done.stdout)
-    assert report["summary"]["filesAnalyzed"] > 100
+    assert report["summary"]["filesAnalyzed"] == 3
     return report["generalDiagnostics"]
 
 
@@ -60,11 +63,11 @@ def messages(errors, start):
         f"{error['file']}:{error['range']['start']['line'] + 1}: {error['message'].splitlines()[0]}"
         for error in errors
         if error["severity"] == "error"
-        if Path(error["file"]).is_relative_to(ROOT / start) or Path(error["file"]).name == start
+        if Path(error["file"]).name == start
     ]
 
 
-@pytest.mark.parametrize("start", [*PACKAGES, "README.py", "CONTRIBUTING.py"])
+@pytest.mark.parametrize("start", ["README.py", "CONTRIBUTING.py"])
 def test_no_errors(errors, start):
     found = messages(errors, start)
     assert not found, "\n" + "\n".join(found)

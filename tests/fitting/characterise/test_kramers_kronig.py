@@ -55,7 +55,7 @@ def test_shifted_sweeps_are_consistent():
 
 
 @pytest.mark.parametrize("curve", CURVES)
-@pytest.mark.parametrize("noise", [0.01, 0.03])
+@pytest.mark.parametrize("noise", [pytest.param(0.01, marks=pytest.mark.slow), 0.03])
 def test_noise_is_no_contradiction(curve, noise):
     found = [kramers_kronig(data_of(curve, noise=noise, seed=seed)) for seed in range(12)]
     assert np.sum([one.consistent for one in found]) >= 11

@@ -74,6 +74,7 @@ def test_shifts_and_law_within_their_bars(found):
     assert found.arrhenius is not None and found.arrhenius.aic > found.wlf.aic + 100
 
 
+@pytest.mark.slow
 def test_bars_are_neither_too_wide_nor_too_narrow():
     both = [pulls(fit_master_curve(isotherms(seed=seed))) for seed in range(8)]
     for k in (0, 1):

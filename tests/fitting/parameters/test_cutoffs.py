@@ -43,7 +43,11 @@ def test_a_free_cutoff_is_found_again():
     ("scene", "free"),
     [
         (CUT, {C + "[3:6]": Positive()}),
-        (AFFINE, {"lower.spectrum.hurst": Positive(), "lower.spectrum.h_rms": Positive()}),
+        pytest.param(
+            AFFINE,
+            {"lower.spectrum.hurst": Positive(), "lower.spectrum.h_rms": Positive()},
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["table", "self-affine"],
 )
