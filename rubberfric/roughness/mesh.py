@@ -59,6 +59,7 @@ def build_mesh(
     graded: bool = True,
     logarithmic: bool = False,
     borders: jax.Array | None = None,
+    moving: bool = False,
 ) -> Mesh:
     """Mesh for one or two broken power laws.
 
@@ -72,26 +73,31 @@ def build_mesh(
     borders : wavevectors that must be borders of contact panels [1/m], shape (n,), or None
         Integrals up to one are then sums over whole panels. One outside the roughness counts as
         its nearer end.
+    moving : whether all borders carry derivatives
+        Where integrands are smooth between kinks of the roughness it does not matter where the others
+        are. Flash temperatures have kinks: those of a shift factor from a table.
     """
     begins = jnp.stack([law.q[0] for law in laws])
     leader = jnp.argmin(jax.lax.stop_gradient(begins))
     first = begins[leader]
     start = jnp.log(first)
     kinks = [_from_first(law.q, first, leader == j) for j, law in enumerate(laws)]
-    # Only beginnings and kinks carry gradients: where the other borders are does not matter.
     fixed_kinks = jax.lax.stop_gradient(kinks)
     end = functools.reduce(jnp.maximum, [kink[-1] for kink in fixed_kinks])
-    width, uniform = _uniform_borders(laws, fixed_kinks, quadrature.panels)
-    # These stay where they are when the first wavevector moves, from which t counts.
-    uniform = uniform - (start - jax.lax.stop_gradient(start))
+    followed, exponents = kinks, [law.exponent for law in laws]
+    if not moving:
+        followed, exponents = jax.lax.stop_gradient((followed, exponents))
+    width, uniform = _uniform_borders(followed, exponents, quadrature.panels)
+    if not moving:  # and not with the first wavevector either, from which t counts
+        uniform = uniform - (start - jax.lax.stop_gradient(start))
     t = [uniform, *kinks]
     if graded:
         fractions = typed(quadrature.ratio ** (-2.0 * np.arange(1, quadrature.graded + 1)), end)
         # These hang on the beginning and move with it: fixed, the innermost panel, 1e-10
         # wide, would stretch with q0, and its quadrature error with it.
         t += [
-            jnp.minimum(kink[0] + width(fixed[0]) * fractions, end)
-            for kink, fixed in zip(kinks, fixed_kinks, strict=True)
+            jnp.minimum(kink[0] + width(begin[0]) * fractions, end)
+            for kink, begin in zip(kinks, followed, strict=True)
         ]
     if borders is not None:
         # Selected, not clipped: a clip would give half the derivative to a border at an end.
@@ -165,7 +171,7 @@ def _ranks(values):
     return jnp.sum(before, -1)
 
 
-def _uniform_borders(laws, kinks, panels):
+def _uniform_borders(kinks, exponents, panels):
     """Borders that share out the range, closer where the roughness rises steeply.
 
     On the plateau G ~ q^4, so that P may switch within a quarter of e-fold: there a
@@ -176,7 +182,7 @@ def _uniform_borders(laws, kinks, panels):
     width : function, width of one share that begins at t
     uniform : the borders between `panels` equal shares, shape (panels - 1,)
     """
-    slopes = [0.75 * jnp.clip(jax.lax.stop_gradient(law.exponent), 0.0, 2.0) for law in laws]
+    slopes = [0.75 * jnp.clip(exponent, 0.0, 2.0) for exponent in exponents]
 
     def share(t):
         steep = [_ramps(t, kink, slope) for kink, slope in zip(kinks, slopes, strict=True)]

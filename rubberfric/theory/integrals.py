@@ -103,6 +103,7 @@ def _rough(scene, pairs, quadrature, needs, borders=None):
         graded=needs.everywhere or scene.heating is not None or borders is not None,
         logarithmic=any(pair.steep for pair in pairs),
         borders=_borders(scene, pairs, borders),
+        moving=scene.heating is not None,
     )
     scale, gamma = modulus_scale(scene), jnp.asarray(scene.gamma)
     return Roughness(
