@@ -61,7 +61,7 @@ class Profile(NamedTuple):
     rms_slope: jax.Array  # of the roughness of both solids up to q [-]
     rms_height: jax.Array  # the same [m]
     temperature: jax.Array | None = None  # of a heated scene, of two deformable solids the mean [K]
-    strain: jax.Array | None = None  # of a scene that softens [-]
+    strain: jax.Array | None = None  # of a solid that softens, of two with the factor of the one strained [-]
 
 
 def profile(
@@ -156,7 +156,7 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
         magnification=q / first,
         rms_slope=_root(slope2),
         rms_height=_root(height2),
-        strain=None if scene.softening is None else scene.softening.factor * _root(slope2),
+        strain=softened[0].softening.factor * _root(slope2) if (softened := pairs[0].softenings) else None,
         **results,
     )
     return found, converged

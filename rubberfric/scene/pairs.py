@@ -9,7 +9,7 @@ from typing import NamedTuple
 import jax
 
 from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum
-from rubberfric.scene.scene import Body, Scene, relaxes, shifts_of
+from rubberfric.scene.scene import Body, Scene, relaxes, shifts_of, softening_of
 from rubberfric.scene.softening import Softened
 
 
@@ -31,7 +31,8 @@ class Pair(NamedTuple):
     side: str  # which solid is strained: "lower" or "upper"
     spectrum: Spectrum  # of the rough body
     law: BrokenPowerLaw  # the spectrum, all directions together
-    softened: Softened | None = None  # strain softening of the scene's viscoelastic solids
+    softened: Softened | None = None  # how the strained solid softens
+    softened_rough: Softened | None = None  # and the rough one
 
     @property
     def relaxes(self) -> bool:
@@ -77,13 +78,22 @@ class Pair(NamedTuple):
     @property
     def softens_apart(self) -> bool:
         """Whether <E'^2> and <E''^2> count apart, for softening changes them differently."""
-        return self.relaxes and self.softened is not None and not self.both_deform
+        return self.softened is not None and not self.both_deform
+
+    @property
+    def softenings(self) -> list[Softened]:
+        """How those of the two solids soften that do."""
+        return [one for one in (self.softened, self.softened_rough) if one is not None]
+
+    @property
+    def softens_in_series(self) -> bool:
+        """Whether either of two deformable solids softens."""
+        return self.both_deform and bool(self.softenings)
 
     @property
     def kinked(self) -> bool:
         """Whether the angular means have kinks over q: they are taken at the contact nodes themselves."""
-        softens = self.softened is not None and self.both_deform
-        return not self.static and (softens or (self.relaxes and self.spectrum.harmonics_vary))
+        return not self.static and (self.softens_in_series or (self.relaxes and self.spectrum.harmonics_vary))
 
     @property
     def steep(self) -> bool:
@@ -103,7 +113,12 @@ def pairs_of(scene: Scene) -> tuple[Pair, ...]:
     for side, rough, strained in (("upper", scene.lower, scene.upper), ("lower", scene.upper, scene.lower)):
         if rough.spectrum is not None:
             pairs.append(Pair(rough, strained, side, rough.spectrum, rough.spectrum.power_law()))
-    if scene.softening is None:
-        return tuple(pairs)
-    softened = Softened(scene.softening, tuple(pair.law for pair in pairs))
-    return tuple(pair._replace(softened=softened) for pair in pairs)
+    laws = tuple(pair.law for pair in pairs)
+
+    def softened(body):
+        softening = softening_of(scene, body)
+        return None if softening is None else Softened(softening, laws)
+
+    return tuple(
+        pair._replace(softened=softened(pair.strained), softened_rough=softened(pair.rough)) for pair in pairs
+    )

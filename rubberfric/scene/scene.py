@@ -34,14 +34,19 @@ class Body(PhysicalObject):
     thermal : ThermalProperties or None
         how it takes up heat, if not as the Heating of the scene says; a rigid body takes up its share of
         the heat of contact shear.
+    softening : Softening or None
+        of this solid, if not as that of the scene says.
     """
 
     material: Material = child()
     spectrum: Spectrum | None = child(default=None)
     layer: Layer | None = child(unnamed="slab", default=None)
     thermal: ThermalProperties | None = child(default=None)
+    softening: Softening | None = child(default=None)
 
     def _check(self):
+        if self.softening is not None and not relaxes(self):
+            raise ValueError("Body.softening: only viscoelastic solids soften; must be None")
         if self.layer is None:
             return
         if not self.material.deforms:
@@ -75,7 +80,7 @@ class Scene(PhysicalObject):
     heating : Heating or None
         friction heats the deformable solids, each length scale to its own temperature.
     softening : Softening or None
-        E' and E'' of viscoelastic solids fall with the strain of each length scale.
+        E' and E'' of viscoelastic solids fall with the strain of each length scale; a body may have its own.
 
     Two rigid bodies raise ValueError: nothing would deform.
     """
@@ -93,9 +98,9 @@ class Scene(PhysicalObject):
             raise ValueError(
                 "Scene: lower.material and upper.material are both Rigid; one of the solids must deform"
             )
-        if self.softening is None:
-            return
         bodies = self.lower, self.upper
+        if all(softening_of(self, body) is None for body in bodies):
+            return
         if any(body.spectrum is not None and body.spectrum.harmonic_count() for body in bodies):
             raise ValueError(
                 "Scene.softening: not together with anisotropic roughness; one of them must be left out"
@@ -138,6 +143,13 @@ def rough_surfaces(scene: Scene) -> list[tuple[Spectrum, Body]]:
     """(spectrum, body facing it) of every rough surface, that of the lower solid first."""
     facing = [(scene.lower.spectrum, scene.upper), (scene.upper.spectrum, scene.lower)]
     return [(spectrum, other) for spectrum, other in facing if spectrum is not None]
+
+
+def softening_of(scene: Scene, body: Body) -> Softening | None:
+    """How a body of the scene softens: as it says itself, or as the scene does."""
+    if not relaxes(body):
+        return None
+    return scene.softening if body.softening is None else body.softening
 
 
 def relaxes(body: Body) -> bool:

@@ -119,7 +119,9 @@ def _rough(scene, pairs, quadrature, needs, borders=None):
 def _borders(scene, pairs, asked):
     """Wavevectors that must be borders of panels: the macroasperities' first, those asked for last."""
     borders = [] if scene.heating is None else [macroasperity(scene.heating)[None]]
-    borders += [] if pairs[0].softened is None else [knots(pairs[0].softened)]
+    # Two solids that soften alike have their knots at the same places.
+    softened = {id(one.softening): one for one in pairs[0].softenings}
+    borders += [knots(one) for one in softened.values()]
     borders += [] if asked is None else [asked]
     return jnp.concatenate(borders) if borders else None
 

@@ -107,7 +107,7 @@ IN_SCENES = {
 
 
 def _friction(embed, given, speed):
-    scene = embed(given)
+    scene = cast(embed(given), speed.dtype)  # what stands around it, too
     at = (303.0,) if any(x.shift is not None for x in _with_shifts(scene)) or scene.heating else ()
     return rf.friction(scene, speed, 3e5, *at)
 

@@ -312,6 +312,39 @@ def test_elastic_solids_do_not_soften():
     np.testing.assert_allclose(value(arguments(given)), unsoftened_of(given), rtol=1e-13)
 
 
+# Tables of the bodies' own.
+
+BOTH = CASES["soft-two-rubbers"]
+
+
+@pytest.mark.parametrize("name", ["soft-plain", "soft-two-rubbers"])
+def test_a_table_of_each_body_is_that_of_the_scene(name):
+    given = CASES[name]
+    own = {
+        solid: given[solid] | {"softening": given["softening"]}
+        for solid in ("solid1", "solid2")
+        if given[solid]["kind"] != "rigid"
+    }
+    np.testing.assert_allclose(
+        value(arguments(given | own | {"softening": None})), expected(given), rtol=1e-10
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("softens", ["both", "solid1", "solid2", "solid1 and the scene"])
+def test_tables_of_each_body_by_the_oracle(softens):
+    tables = {
+        "solid1": BOTH["softening"],
+        "solid2": BOTH["softening"] | {"storage": [0.9] * 10 + [0.5] * 10, "factor": 0.7},
+    }
+    own = {name: BOTH[name] | {"softening": tables[name]} for name in tables if softens in (name, "both")}
+    if softens == "solid1 and the scene":
+        own = {"solid1": BOTH["solid1"] | {"softening": tables["solid1"]}, "softening": tables["solid2"]}
+    given = BOTH | {"softening": None} | own
+    found, exact = value(arguments(given)), oracle.solve(given)
+    np.testing.assert_allclose(found[:3], list(exact.values()), rtol=1e-9)
+
+
 SOFTENING = rf.Softening([0.01, 1.0], [1.0, 0.5], [1.0, 0.7])
 RUBBER = rf.Prony(1e6, [1e8], [1e-6])
 STRETCHED = rf.Anisotropic(ROAD, 2.0)
@@ -344,6 +377,14 @@ DIRECTIONS = rf.TabulatedAnisotropic([1e2, 1e4], np.full((2, 5), 1e-12))
                 softening=SOFTENING,
             ),
             r"Scene\.softening: not together with a Coating",
+        ),
+        (
+            lambda: rf.Scene(rf.Body(RUBBER, softening=SOFTENING), rf.Body(rf.Rigid(), STRETCHED)),
+            r"Scene\.softening: not together with anisotropic roughness",
+        ),
+        (
+            lambda: rf.Body(rf.Elastic(1e7, 0.5), softening=SOFTENING),
+            r"Body\.softening: only viscoelastic solids soften; must be None",
         ),
         (
             lambda: rf.Scene(rf.Body(RUBBER), rf.Body(rf.Rigid(), ROAD), softening=0.5),

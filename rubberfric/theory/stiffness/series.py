@@ -20,7 +20,7 @@ from rubberfric.materials.material import plane_strain, stiffer
 from rubberfric.materials.series.prony_and_prony import two_in_series
 from rubberfric.materials.series.prony_and_spring import in_series
 from rubberfric.scene.pairs import AT_REFERENCE, Pair, PairTemperatures
-from rubberfric.scene.scene import Body, Scene, relaxes
+from rubberfric.scene.scene import Body, Scene
 from rubberfric.scene.softening import Softened, softening_factors
 from rubberfric.theory.stiffness.angular_means import Relaxing
 from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
@@ -75,8 +75,8 @@ def relaxing_stiffness(
     -------
     Relaxing or Tabulated, of all q in one row where F depends on q; or SoftenedInSeries
     """
-    if pair.softened is not None and pair.both_deform:
-        return _softened(pair, pair.softened, scale, q)
+    if pair.softens_in_series:
+        return _softened(pair, scale, q)
     nodes = q.reshape(-1) if pair.by_wavevector else None
     spring = _spring(pair.rough, scale, nodes, temperature=temperatures.rough) if pair.both_deform else None
     material, layer = pair.strained.material, pair.strained.layer
@@ -102,8 +102,11 @@ def static_stiffness(
     pair: Pair, scale: jax.Array, q: jax.Array, temperatures: PairTemperatures = AT_REFERENCE
 ) -> jax.Array:
     """K_j / (q/2 scale) where the strained solid does not relax: springs in series; q, T of any shapes."""
-    bodies = (pair.rough, temperatures.rough), (pair.strained, temperatures.strained)
-    springs = [_spring(body, scale, q, pair.softened, T) for body, T in bodies if body.material.deforms]
+    solids = (
+        (pair.rough, pair.softened_rough, temperatures.rough),
+        (pair.strained, pair.softened, temperatures.strained),
+    )
+    springs = [_spring(body, scale, q, softened, T) for body, softened, T in solids if body.material.deforms]
     if len(springs) == 1:
         return springs[0]
     soft, hard = jnp.minimum(*springs), jnp.maximum(*springs)
@@ -121,21 +124,23 @@ def layer_factor(pair: Pair, q: jax.Array) -> jax.Array | None:
 def factors_at(pair: Pair, q: jax.Array) -> Factors:
     """`Factors` at wavevectors q [1/m] of any shape, for a stiffness that relaxes."""
     layer = layer_factor(pair, q)
-    if pair.softened is not None and pair.softens_apart:
+    if pair.softened is not None and not pair.both_deform:
         storage, loss = (_times(layer, x) for x in softening_factors(pair.softened, q))
         return Factors((storage**2, loss**2), (loss,), (storage,), ())
     return Factors((_times(layer, layer),), (layer,), (layer,), (layer,))
 
 
-def _softened(pair: Pair, softened: Softened, scale: jax.Array, q: jax.Array) -> SoftenedInSeries:
-    """F of a softened solid in series with another one."""
+def _softened(pair: Pair, scale: jax.Array, q: jax.Array) -> SoftenedInSeries:
+    """F of two deformable solids of which one softens, or both."""
     material, factor = pair.strained.material, _layer(pair.strained, q)
     series = material.reduced_series(scale)
     if series is None:
         factor = factor * (plane_strain(material) / scale)
     modulus = material if series is None else Relaxing(*series)
-    storage, loss = (factor * x for x in softening_factors(softened, q))
-    return SoftenedInSeries(modulus, storage, loss, _spring(pair.rough, scale, q, softened))
+    storage = loss = factor
+    if pair.softened is not None:
+        storage, loss = (factor * x for x in softening_factors(pair.softened, q))
+    return SoftenedInSeries(modulus, storage, loss, _spring(pair.rough, scale, q, pair.softened_rough))
 
 
 def _spring(
@@ -151,7 +156,7 @@ def _spring(
     own = stiffer(body.material.static_reduced() / scale, body.material.shift, temperature)
     if q is None:
         return own
-    if softened is not None and relaxes(body):
+    if softened is not None:
         own = own * softening_factors(softened, q)[0]
     return own * _layer(body, q)
 

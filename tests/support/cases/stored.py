@@ -25,12 +25,16 @@ def reference(name):
 def scene(case):
     """The rf.Scene of a case."""
     lower, upper = (
-        rf.Body(_material(case[solid]), _spectrum(case[psd]), _layer(case[solid]), _thermal(case[solid]))
+        rf.Body(
+            _material(case[solid]),
+            _spectrum(case[psd]),
+            _layer(case[solid]),
+            _thermal(case[solid]),
+            _softening(case[solid]),
+        )
         for solid, psd in (("solid1", "psd1"), ("solid2", "psd2"))
     )
-    softening, heating, shear = (case.get(name) for name in ("softening", "heating", "shear"))
-    if softening is not None:
-        softening = {name: np.array(values) for name, values in softening.items()}
+    heating, shear = (case.get(name) for name in ("heating", "shear"))
     return rf.Scene(
         lower,
         upper,
@@ -38,7 +42,7 @@ def scene(case):
         area_correction=case.get("area_correction", False),
         shear=shear and rf.ContactShear(**shear | {"shift": _shift(shear["shift"])}),
         heating=heating and rf.Heating(**heating),
-        softening=softening and rf.Softening(**softening),
+        softening=_softening(case),
     )
 
 
@@ -165,6 +169,11 @@ def _spectrum(data):
     if "ratio" not in data:
         return base
     return rf.Anisotropic(base, data["ratio"], data["angle"], data.get("harmonics", 16))
+
+
+def _softening(data):
+    softening = data.get("softening")
+    return None if softening is None else rf.Softening(**{k: np.array(x) for k, x in softening.items()})
 
 
 def _thermal(data):

@@ -25,7 +25,7 @@ A scene is a plain dictionary, as in `reference/*.json`:
     psd1, psd2       null, {"q0", "qr", "q1", "H", "h_rms"}, with "ratio" and "angle" if it is stretched,
                      or {"q", "C"}, with "angle" if C is a list of directions for each q, an odd number
     v, pressure, gamma, temperature (default none), area_correction (default false)
-    softening        (default none) {"strain", "storage", "loss", "factor"}
+    softening        (default none) {"strain", "storage", "loss", "factor"}; a solid may have its own
 """
 
 import functools
@@ -61,18 +61,20 @@ def state(case, halvings=150, order=12, warm=(None, None), marks=()):
     temperature = case.get("temperature")
     solids = [_Solid(case[name], temperature) for name in ("solid1", "solid2")]
     spectra = [_Spectrum(case[name]) for name in ("psd1", "psd2")]
-    softening = case.get("softening")
-    if softening:
-        marks = [*marks, *strain_knots(softening, spectra)]
+    softening = [case[name].get("softening", case.get("softening")) for name in ("solid1", "solid2")]
+    for own in softening:
+        marks = [*marks, *(strain_knots(own, spectra) if own else ())]
     # solids[i] sees the roughness of the other solid moving and its own at rest.
     weight, q, active = _radial_mesh(spectra, solids, v, halvings, order, marks)
-    soft = _softened(softening, spectra, weight, q, active, order)
+    soft = [_softened(own, spectra, weight, q, active, order) for own in softening]
     square, odd, real, across = np.zeros((4, *q.shape))
     by_roughness = []
     for on, spectrum, moved in zip(active, spectra, (1, 0), strict=True):
         own = np.zeros(q.shape)
         if on.any():
-            keys = np.stack([q[on].ravel(), *(row[on].ravel() for row in soft)])
+            keys = np.stack(
+                [q[on].ravel(), *(row[on].ravel() for i in (moved, 1 - moved) for row in soft[i])]
+            )
             flat, back = np.unique(keys, axis=1, return_inverse=True)  # many graded nodes share one q
             T = [None if warm[i] is None else warm[i](flat[0]) for i in (moved, 1 - moved)]
             parts = _angular(solids[moved], solids[1 - moved], flat, v, order, T, spectrum.shape)
@@ -492,7 +494,7 @@ def _angular(moved, resting, at, v, order, temperatures, shape):
 
     cos phi = sin psi, psi = (pi/2) e^-y: every relaxation time is one step on the y axis.
 
-    at : q, and f and g of the softening there
+    at : q, and there f and g of the softening of the moved and of the resting solid
     temperatures : of the moved and the resting solid at every q, or None
     shape : C(q, phi) / C(q), or None: all under the integrals
     """
@@ -504,7 +506,7 @@ def _angular(moved, resting, at, v, order, temperatures, shape):
         q_i = q[rows, None]
         edges = np.tile(np.arange(0.0, 42.0, 0.5), (rows.size, 1))
         T = [None if x is None else x[rows, None, None] for x in temperatures]
-        soft_i = [row[rows, None, None] for row in soft]
+        soft_m, soft_r = np.reshape(soft, (2, 2, -1))[..., rows, None, None]
         if moved.kinks.size and v != 0:  # panel borders where q v cos phi meets a knot of the table
             kinks = moved.kinks if T[0] is None else moved.kinks * moved.a_T / moved.shift(T[0][..., 0])
             sine = np.minimum(kinks / (q_i * abs(v)), 1.0)
@@ -516,8 +518,8 @@ def _angular(moved, resting, at, v, order, temperatures, shape):
         cosine = np.sin(psi)
         measure = 4 * psi * half * node_weight
         q_i = q_i[:, :, None]
-        M = moved.compliance(q_i, q_i * abs(v) * cosine, factor_m[rows, None, None], soft_i, T[0])
-        M = M + resting.compliance(q_i, np.zeros(q_i.shape), factor_r[rows, None, None], soft_i, T[1])
+        M = moved.compliance(q_i, q_i * abs(v) * cosine, factor_m[rows, None, None], soft_m, T[0])
+        M = M + resting.compliance(q_i, np.zeros(q_i.shape), factor_r[rows, None, None], soft_r, T[1])
         K = 1 / M
         even = measure
         if shape is not None:  # the four quarters of the circle, of which the measure has one

@@ -56,7 +56,6 @@ def examples(number=float, vector=np.array):
     thermal = rf.ThermalProperties(
         density=number(2.4e3), heat_capacity=number(0.9e3), conductivity=number(1.5)
     )
-    body = rf.Body(prony, road, slab, thermal)
     shear = rf.ContactShear(tau_f0=number(6.5e6), c=number(0.1), v0=number(6e-3), shift=arrhenius)
     softening = rf.Softening(
         strain=vector([1e-2, 0.1, 1.0]),
@@ -64,6 +63,7 @@ def examples(number=float, vector=np.array):
         loss=vector([1.0, 1.1, 0.6]),
         factor=number(1.2),
     )
+    body = rf.Body(prony, road, slab, thermal, softening)
     heating = rf.Heating(
         density=number(1.2e3),
         heat_capacity=number(1.6e3),
