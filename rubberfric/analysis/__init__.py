@@ -4,6 +4,7 @@ Maps, each length scale's part, the interface, power, errors against run time.
 """
 
 from rubberfric.analysis.by_wavevector import Profile, profile
+from rubberfric.analysis.elements.expected import TheoryError, theory_error
 from rubberfric.analysis.elements.realisation import Surface, random_surface
 from rubberfric.analysis.elements.sliding import SlidingContact, boundary_element, sliding_contact
 from rubberfric.analysis.error_and_time.settings import quadrature_for
@@ -22,6 +23,7 @@ __all__ = [
     "SeparationProfile",
     "SlidingContact",
     "Surface",
+    "TheoryError",
     "accuracy",
     "boundary_element",
     "contact_stiffness",
@@ -34,5 +36,6 @@ __all__ = [
     "separation_profile",
     "sliding_contact",
     "stress_distribution",
+    "theory_error",
     "value_and_jacobian",
 ]

@@ -105,11 +105,11 @@ def boundary_element(
     0.5 %. One surface of 4 periods differs from the next by 2 % in slow and 10 % in fast sliding: take the
     mean of several keys. Modes across the sliding stay relaxed at any velocity: a longer period has fewer.
     """
-    rough, smooth = _bodies(scene)
+    spectrum, material = _rough_and_smooth(scene)
     checked(scene, velocity, pressure, temperature, Quadrature())
-    surface = random_surface(rough.spectrum, key, grid, periods)
+    surface = random_surface(spectrum, key, grid, periods)
     return sliding_contact(
-        *surface, smooth.material, velocity, pressure, temperature, tolerance=tolerance, most_steps=most_steps
+        *surface, material, velocity, pressure, temperature, tolerance=tolerance, most_steps=most_steps
     )
 
 
@@ -148,7 +148,7 @@ def sliding_contact(
     q = np.hypot(qx, qy)
     modulus = _modulus_along(material, qx * velocity, temperature)
     # The highest mode along x has both signs: no slope, and no loss.
-    modulus[n // 2] = modulus[n // 2].real
+    modulus[n // 2] = np.real(modulus[n // 2])
     qx[n // 2] = 0.0
     power = np.abs(np.fft.rfft2(heights - heights.mean(), norm="forward")) ** 2
     # Between the wavevectors that make heights and those that make curvatures.
@@ -215,8 +215,8 @@ def _modulus_along(material, omega, temperature):
     return np.where(omega < 0, np.conj(modulus), modulus)
 
 
-def _bodies(scene):
-    """The rough rigid body and the smooth deformable one, or ValueError naming what is in the way."""
+def _rough_and_smooth(scene):
+    """The spectrum of the rigid body and the other's material, or ValueError naming what is in the way."""
     if not isinstance(scene, Scene):
         raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
     rough = [body for body in (scene.lower, scene.upper) if not body.material.deforms]
@@ -233,4 +233,4 @@ def _bodies(scene):
     for name in ("heating", "softening"):
         if getattr(scene, name) is not None:
             raise ValueError(f"boundary_element: the scene has {name}; it must have none")
-    return rough[0], smooth
+    return rough[0].spectrum, smooth.material
