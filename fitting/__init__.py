@@ -11,11 +11,13 @@ from fitting.characterise.spectrum import fit_spectrum
 from fitting.characterise.spectrum_result import SpectrumFit
 from fitting.data.files import read, write
 from fitting.data.kinds import AreaData, FrictionData, ModulusData, SpectrumData
+from fitting.ensemble.calibration import Calibration, calibration
 from fitting.ensemble.members import Members, bootstrap_members, multi_start, profile_members
 from fitting.ensemble.result import EnsembleResult
 from fitting.ensemble.run import run_ensemble
 from fitting.fit import fit
 from fitting.parameters.constraints import Bounded, Free, Positive, RmsSlope, Tied
+from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import Gaussian, Smooth
 from fitting.results import plot
 from fitting.results.result import FitResult
@@ -25,6 +27,8 @@ from fitting.uncertainty.sensitivity import sensitivity, sensitivity_names
 __all__ = [
     "AreaData",
     "Bounded",
+    "Calibration",
+    "Discrepancy",
     "EnsembleResult",
     "FitResult",
     "Free",
@@ -43,6 +47,7 @@ __all__ = [
     "SpectrumFit",
     "Tied",
     "bootstrap_members",
+    "calibration",
     "fit",
     "fit_master_curve",
     "fit_prony",

@@ -10,6 +10,7 @@ import rubberfric as rf
 from fitting.data.kinds import as_data_sets
 from fitting.data.measured import Measured
 from fitting.parameters.constraints import Rule
+from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import Prior
 from fitting.results.record import Minimum
 from fitting.results.result import FitResult
@@ -20,6 +21,7 @@ from fitting.solvers.residuals import residual_rows
 from fitting.solvers.runs import BATCH, Callback, run
 from fitting.solvers.search import random_starts, search
 from fitting.uncertainty.covariance import uncertainty
+from fitting.uncertainty.discrepancy import check_discrepancy, likely, with_discrepancy
 
 # Fits, each weighted with the errors that the one before it estimated.
 ROUNDS = 2
@@ -42,6 +44,7 @@ def fit(
     tolerance: float | None = None,
     quadrature: rf.Quadrature | None = None,
     scale_errors: bool | str = "auto",
+    discrepancy: Discrepancy | None = None,
 ) -> FitResult:
     r"""Fit free parameters of a scene to measured data.
 
@@ -73,6 +76,9 @@ def fit(
         follow. "auto": where none were given; those given stand, and where the scene does not explain
         the data the report has both bars. True: those given as well, for relative weights only, all
         times `FitResult.error_scale`. False: never; without errors 10 % are assumed.
+    discrepancy : Discrepancy or None
+        how far the theory of friction itself may be off, see `fitting.parameters.discrepancy`; error bars,
+        bands and verdict allow for it, and the report says by how much. None: the theory is true.
 
     Returns
     -------
@@ -99,6 +105,9 @@ def fit(
     check_options(decades=decades, max_steps=max_steps, tolerance=tolerance, scale_errors=scale_errors)
     data = as_data_sets(data)
     problem = make_problem(scene, data, free, prior, loss, loss_width, quadrature)
+    if discrepancy is not None:
+        check_discrepancy(discrepancy, data, loss, scale_errors)
+        problem = with_discrepancy(problem, scene, data, discrepancy)
     solver = make_solver(method, tolerance, max_steps)
     key = jax.random.key(0) if key is None else key
     x = random_starts(problem.variables, problem.start, key, starts, decades)
@@ -122,6 +131,14 @@ def fit(
         end = again.row(0)
         evaluations += np.array([again.nfev[0], again.njev[0]])
         known = uncertainty(problem, end.x)
+    if discrepancy is not None and discrepancy.amplitude is None:
+        for _ in range(ROUNDS if succeeded(end.status) else 0):
+            discrepancy = likely(problem, end.x, scene, data, discrepancy)
+            problem = with_discrepancy(problem, scene, data, discrepancy)
+            again = run(solver, problem, end.x[None], None, max_steps, callback, min(BATCH, starts))
+            end = again.row(0)
+            evaluations += np.array([again.nfev[0], again.njev[0]])
+            known = uncertainty(problem, end.x)
     return FitResult(
         scene_at_start=scene,
         free=dict(free),
@@ -138,6 +155,7 @@ def fit(
         estimated=tuple(scales),
         error_scale=error_scale,
         uncertainty=known,
+        discrepancy=discrepancy,
         seconds=time.perf_counter() - began,
     )
 

@@ -24,6 +24,10 @@
     "lower.spectrum.hurst" = { mean = 0.8, sigma = 0.05 }
     "upper.material.E" = { smooth = 1.0 }
 
+    [discrepancy]                       # optional: the theory may be off, see `fitting.Discrepancy`
+    amplitude = 0.25                    # missing: estimated from the data
+    width = 2.3                         # and shared = true or false
+
     [fit]                               # optional: method, starts, seed, loss, loss_width, decades,
     starts = 8                          # max_steps, tolerance, scale_errors as in `fitting.fit`
     ...
@@ -41,6 +45,7 @@ from fitting.data.files import read
 from fitting.data.measured import Measured
 from fitting.parameters.constraints import RULES as CLASSES
 from fitting.parameters.constraints import Rule
+from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import Gaussian, Prior, Smooth
 from fitting.solvers.options import IN_FILES, check_options
 from rubberfric.base import StrPath, closest, shown
@@ -80,7 +85,7 @@ def read_job(path: StrPath) -> Job:
         raise ValueError(f"{path}: suffix {path.suffix!r}: must be .toml")
     content = toml.read_toml(path)
     needed = ("scene", "data", "free")
-    toml.check_keys(path, "", content, ("title", *needed, "prior", "fit"), needed)
+    toml.check_keys(path, "", content, ("title", *needed, "prior", "discrepancy", "fit"), needed)
     title = _text(path, "title", content.get("title", ""))
     free, prior = content["free"], content.get("prior", {})
     _check_paths(path, "free", free, RULE_KEYS)
@@ -88,6 +93,8 @@ def read_job(path: StrPath) -> Job:
     free = {key: _rule(path, f"free.{key!r}", value) for key, value in free.items()}
     prior = {key: _prior(path, f"prior.{key!r}", value) for key, value in prior.items()}
     options = _options(path, content.get("fit", {}))
+    if "discrepancy" in content:
+        options["discrepancy"] = _discrepancy(path, content["discrepancy"])
     data = content["data"]
     if not isinstance(data, list) or not data:
         raise ValueError(f"{path}: data = {shown(data)}: must be tables, each headed [[data]]")
@@ -169,6 +176,12 @@ def _prior(path, key, value):
         return _made(path, key, Smooth, {"sigma": _one(path, f"{key}.smooth", value["smooth"])})
     toml.check_keys(path, key, value, PRIOR_KEYS, ("mean", "sigma"))
     return _made(path, key, Gaussian, {n: _one(path, f"{key}.{n}", v) for n, v in value.items()})
+
+
+def _discrepancy(path, content):
+    toml.check_keys(path, "discrepancy", content, ("amplitude", "width", "shared"))
+    values = {n: v if n == "shared" else _one(path, f"discrepancy.{n}", v) for n, v in content.items()}
+    return _made(path, "discrepancy", Discrepancy, values)
 
 
 def _made(path, key, cls, values):

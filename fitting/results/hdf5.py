@@ -17,12 +17,14 @@
     /uncertainty        covariance and correlation of the values, and what else
                         `fitting.uncertainty.covariance.Uncertainty` holds
     /minima             cost, count and values of the distinct minima
+    /discrepancy        attributes amplitude, width, shared, estimated; missing if there is none
     /estimated          relative error of every data set, NaN where errors were given
 
 The uncertainty is stored, not computed again: reading compiles nothing, and gives the same
 numbers to the last bit on any machine.
 """
 
+import dataclasses
 from typing import Any, TypeVar
 
 import h5py
@@ -30,6 +32,7 @@ import numpy as np
 
 from fitting.data.files import read_group
 from fitting.parameters.constraints import RULES
+from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import PRIORS
 from fitting.results import hdf5_parts as parts
 from fitting.results.record import FitRecord
@@ -37,6 +40,7 @@ from fitting.results.report import report
 from fitting.solvers.iterate import MESSAGES
 from fitting.solvers.options import SOLVERS
 from fitting.solvers.problem import make_problem
+from fitting.uncertainty.discrepancy import with_discrepancy
 from rubberfric.base import StrPath, check_writable, closest, replacing
 from rubberfric.io import hdf5, read_object, read_quadrature, write_object, write_quadrature
 
@@ -54,6 +58,7 @@ FIELDS = {
     "seconds": float,
     "error_scale": float,
 }
+DISCREPANCY = tuple(field.name for field in dataclasses.fields(Discrepancy))
 # Of its problem.
 OPTIONS = {"loss": str, "loss_width": float}
 ATTRIBUTES = ("format", "format_version", "rubberfric_version", "title", "message", *FIELDS, *OPTIONS)
@@ -89,6 +94,9 @@ def save(path: StrPath, result: FitRecord, title: str = "") -> None:
         parts.write_rules(file.create_group("free"), result.free)
         parts.write_rules(file.create_group("prior"), result.prior)
         write_quadrature(file, structure.quadrature)
+        if result.discrepancy is not None:
+            own = dataclasses.asdict(result.discrepancy)
+            file.create_group("discrepancy").attrs.update({k: v for k, v in own.items() if v is not None})
         estimated = [np.nan if scale is None else scale for scale in result.estimated]
         hdf5.write_values(file, "estimated", np.array(estimated), "-")
         parts.write_parameters(file.create_group("parameters"), result)
@@ -108,7 +116,7 @@ def load(path: StrPath, cls: type[Result]) -> Result:
         one line naming the file, what in it is wrong, and the rule.
     """
     with hdf5.reading(path, FORMAT) as file:
-        hdf5.check_names(file, ("report", "scene", "estimated", *GROUPS), ATTRIBUTES)
+        hdf5.check_names(file, ("report", "scene", "estimated", "discrepancy", *GROUPS), ATTRIBUTES)
         return cls(**_read(file, {name: hdf5.subgroup(file, name) for name in GROUPS}))
 
 
@@ -131,13 +139,20 @@ def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
         error[rows] = error[rows] * found["error_scale"] if scale is None else scale
     if hdf5.read_texts(groups["parameters"], "names") != list(problem.names):
         raise ValueError("/parameters/names: must be the elements that /free names")
-    size = problem.variables.size
+    size, discrepancy = problem.variables.size, None
+    problem = problem._replace(targets=problem.targets._replace(error=error))
+    if "discrepancy" in file:
+        group = hdf5.subgroup(file, "discrepancy")
+        hdf5.check_names(group, (), DISCREPANCY)
+        discrepancy = Discrepancy(**{name: hdf5.plain(value) for name, value in group.attrs.items()})
+        problem = with_discrepancy(problem, scene, data, discrepancy)
     return {
         "scene_at_start": scene,
         "free": free,
         "prior": prior,
         "data": data,
-        "problem": problem._replace(targets=problem.targets._replace(error=error)),
+        "problem": problem,
+        "discrepancy": discrepancy,
         "x": hdf5.read_array(groups["parameters"], "x", "-", (size,)),
         "minima": parts.read_minima(groups["minima"], size),
         "estimated": estimated,

@@ -9,6 +9,7 @@ import numpy as np
 import rubberfric as rf
 from fitting.data.measured import Measured
 from fitting.parameters.constraints import Rule
+from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import Prior
 from fitting.parameters.variables import Variables
 from fitting.solvers.iterate import MESSAGES, succeeded
@@ -42,6 +43,7 @@ class FitRecord(SolvedProblem):
     Attributes
     ----------
     scene_at_start, free, prior, method, data : as given to `fitting.fit`
+    discrepancy : the same, with the amplitude that was estimated
     status : how it ended, one of `fitting.solvers.iterate`
     nfev, njev, seconds : evaluations of residuals and of their Jacobian, wall time
     minima : the distinct ones that the starts found
@@ -52,6 +54,7 @@ class FitRecord(SolvedProblem):
     prior: dict[str, Prior]
     method: str
     data: tuple[Measured, ...]
+    discrepancy: Discrepancy | None = None
     status: int
     nfev: int
     njev: int

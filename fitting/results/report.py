@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from fitting.parameters.discrepancy import text_of
 from fitting.parameters.keypaths import leaf_names
 from fitting.parameters.priors import Smooth
 from fitting.results.numbers import tied_lines, unit, variable_rows
@@ -61,6 +62,8 @@ def _verdict(result):
     if open_ or bare:
         names = ", ".join(list(result.withheld)[:BARE]) + ", ..." * (bare > BARE)
         lines["left open"] = f"{_count(open_, 'direction')}; without an error bar: {names or 'none'}"
+    if result.discrepancy is not None:
+        lines["theory"] = text_of(result.discrepancy)
     rows = _aligned(lines)
     reasons = [f"  {reason}" for reason in found.reasons]
     if found.explains is False and result.error_scale == 1 and np.isfinite(result.redchi):
@@ -68,7 +71,7 @@ def _verdict(result):
             "  the bars below hold for a scene that explains the data; in brackets those by the scatter"
             " (scale_errors)"
         )
-    return [*rows[:2], *reasons, rows[2]]
+    return [*rows[:2], *reasons, *rows[2:]]
 
 
 def _fit(result):

@@ -62,6 +62,9 @@ class Numbers(NamedTuple):
     prior: PriorNumbers
     width: Any  # of the robust loss, a scalar
     smoothing: Any  # of the rows of x along arrays, a scalar, 0 in the end; see `fitting.solvers.search`
+    # Inverse Cholesky factor of the covariance of the data's rows in units of their errors, (rows, rows), or
+    # None: they are independent; see `fitting.parameters.discrepancy`.
+    whitening: Any = None
 
 
 class Targets(NamedTuple):

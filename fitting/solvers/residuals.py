@@ -73,7 +73,7 @@ def _predicted(structure, block, conditions, scene):
 def residuals(structure: Structure, numbers: Numbers, targets: Targets, x: jax.Array) -> jax.Array:
     """Rows of the data, of the priors, and of the smoothing, in units of their errors."""
     model, scene = predictions(structure, numbers, x)
-    rows = (model - targets.measured) / targets.error
+    rows = _whitened(numbers, (model - targets.measured) / targets.error)
     prior = prior_residuals(structure.prior, numbers.prior, scene, x)
     return jnp.concatenate([rows, prior, numbers.smoothing * (_bends(structure.variables, x.dtype) @ x)])
 
@@ -102,9 +102,14 @@ def residuals_and_jacobian(
         lambda x: prior_residuals(structure.prior, numbers.prior, scene_of(x), x), x
     )
     bends = numbers.smoothing * _bends(structure.variables, x.dtype)
-    rows = [(model - targets.measured) / targets.error, prior, bends @ x]
-    slopes = [slopes / targets.error[:, None], prior_slopes, bends]
+    rows = [_whitened(numbers, (model - targets.measured) / targets.error), prior, bends @ x]
+    slopes = [_whitened(numbers, slopes / targets.error[:, None]), prior_slopes, bends]
     return jnp.concatenate(rows), jnp.concatenate(slopes)
+
+
+def _whitened(numbers, rows):
+    """Rows of the data in units of their errors, first axis, made independent of each other."""
+    return rows if numbers.whitening is None else numbers.whitening @ rows
 
 
 def _bends(variables: Variables, dtype):
@@ -185,11 +190,17 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
         full[..., rows] = values
         return full
 
+    whitening = problem.numbers.whitening
+    if whitening is not None:
+        longer = np.eye(first, dtype=whitening.dtype)
+        longer[np.ix_(rows, rows)] = whitening
+        whitening = longer
+    constant = {"constants": constants, "conditions": tuple(conditions), "whitening": whitening}
     return Padded(
         problem.structure._replace(
             variables=variables, blocks=tuple(blocks), prior=prior._replace(series=series)
         ),
-        problem.numbers._replace(constants=constants, conditions=tuple(conditions)),
+        problem.numbers._replace(**constant),
         targets._replace(measured=spread(targets.measured, 0.0), error=spread(targets.error, np.inf)),
         rows,
     )

@@ -220,8 +220,7 @@ class SolvedProblem:
         """Start vectors of the fits of a bootstrap, and the data drawn for them."""
         key = jax.random.key(0) if key is None else key
         targets = self.problem.targets
-        noise = np.asarray(jax.random.normal(key, (count, targets.measured.size)))
-        drawn = model_rows(self.problem, self.x) + targets.error * noise
+        drawn = model_rows(self.problem, self.x) + drawn_errors(self.problem, count, key)
         targets = jax.tree.map(lambda a: a[None], targets)._replace(measured=drawn)
         return np.tile(self.x, (count, 1)), targets
 
@@ -229,6 +228,14 @@ class SolvedProblem:
         """What fits from `bootstrap_fits` make."""
         good = succeeded(status)
         return Bootstrap(self.names, self.problem.values(x[good]), int((~good).sum()))
+
+
+def drawn_errors(problem: Problem, count: int, key: jax.Array) -> np.ndarray:
+    """Errors of so many data sets, of logarithms where they are relative, (count, rows); the theory's too."""
+    noise = np.asarray(jax.random.normal(key, (count, problem.targets.measured.size)))
+    if problem.numbers.whitening is not None:
+        noise = np.linalg.solve(np.asarray(problem.numbers.whitening), noise.T).T
+    return np.asarray(problem.targets.error) * noise
 
 
 def _crossing(x, root, q):

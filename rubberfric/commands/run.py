@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from rubberfric.analysis.elements.expected import theory_error
 from rubberfric.analysis.extrapolation import friction_outside_table, tabulated_solids
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.base.units import to_celsius
@@ -47,7 +48,7 @@ def run(arguments: argparse.Namespace) -> int:
         save_plot(arguments.plot, result)
     for line in table(result):
         print(line)
-    for line in (extrapolation_line(result), convergence_line(result)):
+    for line in (extrapolation_line(result), convergence_line(result), truth_line(result)):
         if line:
             print(f"\n{line}")
     sys.stdout.flush()
@@ -104,3 +105,17 @@ def extrapolation_line(result: Result) -> str:
     share = np.max(np.abs(friction_outside_table(result.scene, *result.conditions.grid())))
     mu = "mu" if result.scene.shear is None else "the viscoelastic mu"
     return f"at most {100 * share:.2g} % of {mu} comes from frequencies outside the tabulated moduli"
+
+
+def truth_line(result: Result) -> str:
+    """How far the theory is from boundary elements in such scenes; "" where that is not known."""
+    found = theory_error(result.scene, np.asarray(result.solution.area))
+    if found is None:
+        return ""
+    area, friction = (f"{100 * low - 100:+.0f} ... {100 * high - 100:+.0f} %" for low, high in found[:2])
+    mu = "mu" if result.scene.shear is None else "viscoelastic mu"
+    low, high = found.contact
+    return (
+        f"the theory itself, against boundary elements of such scenes (A/A0 {low:.2g} ... {high:.2g}):\n"
+        f"A/A0 off by {area}, {mu} by {friction} in nine cases of ten (notebooks/boundary_elements.md)"
+    )

@@ -1,0 +1,217 @@
+r"""Whether error bars are what they say: fits of data drawn from known scenes, the prior's.
+
+Truths theta are drawn from the prior, data from the scenes that they make, and each data set is fitted with
+that prior. Where the truth lies in the posterior,
+
+.. math:: u = \Phi\left(\frac{x_\mathrm{true} - \hat x}{\sigma_x}\right)
+
+in the normal approximation of the fit's error bars, is then uniform between 0 and 1, parameter by parameter
+[Talts et al., arXiv:1804.06788]. Its empirical distribution is held against an envelope that a uniform one
+leaves with a given small probability anywhere [Säilynoja, Bürkner & Vehtari, Stat. Comput. 32 (2022) 32,
+arXiv:2103.10522].
+"""
+
+import dataclasses
+import functools
+from collections.abc import Callable, Mapping, Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy
+
+import rubberfric as rf
+from fitting.data.kinds import as_data_sets
+from fitting.data.measured import Measured
+from fitting.ensemble.members import NEAR, Members
+from fitting.ensemble.run import run_ensemble
+from fitting.parameters.constraints import Rule
+from fitting.parameters.discrepancy import Discrepancy
+from fitting.parameters.priors import Prior
+from fitting.solvers.iterate import succeeded
+from fitting.solvers.options import check_options
+from fitting.solvers.problem import make_problem
+from fitting.solvers.residuals import padded, predictions, residuals_and_jacobian
+from fitting.uncertainty.covariance import KNOWN
+from fitting.uncertainty.discrepancy import check_discrepancy, with_discrepancy
+from fitting.uncertainty.intervals import drawn_errors
+from rubberfric.plot import style
+
+# Where the distributions are compared, and uniform samples that the envelope is made of.
+_POINTS, _SAMPLES = 100, 2000
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Calibration:
+    """Where truths lie among the error bars of their fits.
+
+    Attributes
+    ----------
+    names : of the free elements
+    truth, values : true and fitted, shape (members, size), of the fits that converged
+    place : u of the module's docstring, shape (members, size)
+    deviation : standard deviation of x, shape (members, size)
+    failed : fits that did not converge
+    """
+
+    names: tuple[str, ...]
+    truth: np.ndarray
+    values: np.ndarray
+    place: np.ndarray
+    deviation: np.ndarray
+    failed: int
+
+    @property
+    def identified(self) -> np.ndarray:
+        """Which elements the data, with the prior, determine to a factor e in most fits, shape (size,)."""
+        return np.median(self.deviation, 0) < KNOWN
+
+    def ranks(self, draws: int = 99) -> np.ndarray:
+        """Rank of the truth among so many draws of the posterior, 0 ... draws, shape (members, size)."""
+        return np.minimum((self.place * (draws + 1)).astype(int), draws)
+
+    def coverage(self, level: float = 0.95) -> np.ndarray:
+        """Share of the truths within the intervals of a level, shape (size,)."""
+        check_options(level=level)
+        return np.mean(np.abs(self.place - 0.5) < 0.5 * level, 0)
+
+    def distribution(self) -> tuple[np.ndarray, np.ndarray]:
+        """Points between 0 and 1, and the share of u below each of them, shape (points, size)."""
+        at = np.arange(1, _POINTS) / _POINTS
+        return at, np.mean(self.place[:, None] < at[:, None], 0)
+
+    def envelope(self, level: float = 0.99) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper shares at these points that a uniform u stays between, everywhere at once."""
+        check_options(level=level)
+        count, at = len(self.place), np.arange(1, _POINTS) / _POINTS
+        # Of uniform samples, how many are below every point: a multinomial, summed up.
+        parts = np.random.default_rng(0).multinomial(count, np.full(_POINTS, 1 / _POINTS), _SAMPLES)
+        below = np.cumsum(parts, 1)[:, :-1]
+        binomial = scipy.stats.binom(count, at)
+        tails = np.min(np.minimum(binomial.cdf(below), binomial.sf(below - 1)), 1)
+        tail = np.quantile(tails, 1 - level)
+        return scipy.stats.binom.ppf(tail, count, at) / count, scipy.stats.binom.isf(tail, count, at) / count
+
+    def inside(self, level: float = 0.99) -> np.ndarray:
+        """Which elements stay within the envelope, shape (size,)."""
+        low, high = self.envelope(level)
+        share = self.distribution()[1]
+        return np.all((share >= low[:, None]) & (share <= high[:, None]), 0)
+
+    def report(self) -> str:
+        """Text: a line a parameter."""
+        lines = [
+            f"{len(self.place)} fits, {self.failed} did not converge",
+            "parameter: share within 68 %, 95 %",
+        ]
+        columns = zip(
+            self.names, self.coverage(0.68), self.coverage(0.95), self.inside(), self.identified, strict=True
+        )
+        for name, middle, most, inside, known in columns:
+            remark = ("calibrated" if inside else "NOT CALIBRATED") + ", hardly identified" * (not known)
+            lines.append(f"{name}: {100 * middle:.1f} %, {100 * most:.1f} %: {remark}")
+        return "\n".join(lines) + "\n"
+
+    def plot(self, ax: style.Axes | None = None) -> style.Axes:
+        """Share of u below each point minus the expected one, a line a parameter, and the 99 % envelope."""
+        if ax is None:
+            from matplotlib.figure import Figure
+
+            ax = Figure(figsize=(6.0, 4.0), layout="constrained").subplots()
+        at, share = self.distribution()
+        low, high = self.envelope()
+        ax.fill_between(at, low - at, high - at, color="0.85", label="99 % envelope")
+        for name, one, look in zip(self.names, share.T, style.colours(len(self.names)), strict=True):
+            ax.plot(at, one - at, color=look, label=name)
+        ax.set_xlabel("place of the truth in the posterior [-]")
+        ax.set_ylabel("share below, minus expected [-]")
+        ax.legend(fontsize="small")
+        return ax
+
+
+def calibration(
+    scene: rf.Scene,
+    data_plan: Measured | Sequence[Measured],
+    free: Mapping[str, Rule],
+    prior: Mapping[str, Prior],
+    members: int = 1000,
+    key: jax.Array | None = None,
+    *,
+    discrepancy: Discrepancy | None = None,
+    quadrature: rf.Quadrature | None = None,
+    callback: Callable[[int, int], object] | None = None,
+) -> Calibration:
+    """Simulation-based calibration of a fit that is planned, as one ensemble.
+
+    Parameters
+    ----------
+    scene, free, quadrature : as for `fitting.fit`
+    data_plan : data sets, of which conditions and errors count; the values are drawn
+    prior : of every free number a Gaussian; truths are drawn from it
+    members : number of fits, each of its own truth and data; they start at the truth
+    key : jax.random.key, or None for key(0)
+    discrepancy : as for `fitting.fit`, with an amplitude; the data are drawn with it
+    callback : as for `fitting.run_ensemble`
+
+    Returns
+    -------
+    Calibration
+
+    Raises
+    ------
+    ValueError : as `fitting.fit`, data without errors, or a free number without a Gaussian prior.
+    """
+    check_options(count=members, key=key, prior=prior)
+    data = as_data_sets(data_plan)
+    for one in data:
+        if one.error is None:
+            raise ValueError(f"data {one.label!r}: have no errors: must have, as data are drawn with them")
+    problem = make_problem(scene, data, free, prior, quadrature=quadrature)
+    if discrepancy is not None:
+        check_discrepancy(discrepancy, data, "linear", "auto")
+        if discrepancy.amplitude is None:
+            raise ValueError("discrepancy: amplitude = None: must be given, as data are drawn with it")
+        problem = with_discrepancy(problem, scene, data, discrepancy)
+    known = problem.structure.prior.elements
+    bare = [name for i, name in enumerate(problem.names) if i not in known]
+    if bare:
+        raise ValueError(f"prior: {bare[0]} has none: must be a Gaussian, as truths are drawn from it")
+    draw_truth, draw_noise = jax.random.split(jax.random.key(0) if key is None else key)
+    x = np.empty((members, len(known)))
+    own = problem.numbers.prior
+    x[:, list(known)] = own.mean + own.sigma * np.asarray(
+        jax.random.normal(draw_truth, (members, len(known)))
+    )
+    of = padded(problem)
+    model = np.asarray(_models(of.structure, of.numbers, jnp.asarray(x)))[:, of.data]
+    targets = jax.tree.map(lambda a: np.asarray(a)[None], problem.targets)
+    targets = targets._replace(measured=model + drawn_errors(problem, members, draw_noise))
+    fits = Members("calibration", problem, x, targets, NEAR, NEAR.max_steps, np.full(members, -1))
+    found = run_ensemble(fits, callback=callback)
+    whole = padded(problem, targets)
+    precision = _precisions(whole.structure, whole.numbers, whole.targets, jnp.asarray(found.x))
+    deviation = np.sqrt(np.diagonal(np.linalg.inv(np.asarray(precision)), axis1=1, axis2=2))
+    good = succeeded(found.status)
+    place = scipy.special.ndtr((x - found.x) / deviation)
+    truth = problem.values(x)
+    return Calibration(
+        problem.names, truth[good], found.values[good], place[good], deviation[good], int(np.sum(~good))
+    )
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _models(structure, numbers, x):
+    """What the model predicts at every x, one after the other: the values of one keep a core busy."""
+    return jax.lax.map(lambda x: predictions(structure, numbers, x)[0], x)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _precisions(structure, numbers, targets, x):
+    """J^T J at every x, priors included; it does not depend on the data but through their errors."""
+    one = jax.tree.map(lambda a: a[0], targets)
+
+    def precision(x):
+        jacobian = residuals_and_jacobian(structure, numbers, one, x)[1]
+        return jacobian.T @ jacobian
+
+    return jax.lax.map(precision, x)

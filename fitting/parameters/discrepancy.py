@@ -1,0 +1,68 @@
+r"""How far the theory itself may be off: a smooth error of the model over the velocity.
+
+What is measured is taken to be the theory times e^delta, with delta a Gaussian process over ln(v a_T) of
+mean 0 [Kennedy & O'Hagan, J. R. Stat. Soc. B 63 (2001) 425],
+
+.. math:: \mathrm{cov}(\delta_i, \delta_j) = a^2 e^{-(x_i - x_j)^2 / 2 w^2},\qquad x = \ln(v\, a_T)
+
+so that the residuals of a fit, in units of the errors sigma of the logarithms, have the covariance
+1 + cov / (sigma_i sigma_j): they are whitened by the inverse of its Cholesky factor, and error bars, bands
+and verdict follow.
+"""
+
+import dataclasses
+import math
+
+import numpy as np
+
+from fitting.parameters.constraints import is_number
+
+
+@dataclasses.dataclass(frozen=True)
+class Discrepancy:
+    r"""A smooth relative error of the theory of friction over ln(v a_T).
+
+    Parameters
+    ----------
+    amplitude : a, its standard deviation [-], 0.25 stands for 25 %; or None
+        None: the one under which the data are most likely, all parameters integrated out.
+    width : w, over which it changes, in ln v [-]; 2.3 is a decade
+    shared : whether all curves have the same error; or each data set, pressure and temperature its own
+    estimated : whether the amplitude came from the data; said by a fit, not to it
+
+    Limits: linear loss, errors of the friction given. The shift a_T is that of the scene at its start. An
+    amplitude from the data counts as known: with fewer than some 20 values over the width give one.
+    """
+
+    amplitude: float | None = None
+    width: float = math.log(10)
+    shared: bool = True
+    estimated: bool = False
+
+    def __post_init__(self) -> None:
+        if self.amplitude is not None and not (is_number(self.amplitude) and self.amplitude >= 0):
+            raise ValueError(f"Discrepancy: amplitude = {self.amplitude!r}: must be a number >= 0, or None")
+        if not (is_number(self.width) and self.width > 0):
+            raise ValueError(f"Discrepancy: width = {self.width!r}: must be a finite number > 0")
+        for name in ("shared", "estimated"):
+            if not isinstance(getattr(self, name), bool):
+                raise ValueError(f"Discrepancy: {name} = {getattr(self, name)!r}: must be True or False")
+
+
+def correlations(x: np.ndarray, curve: np.ndarray, width: float) -> np.ndarray:
+    """Correlation of the theory's errors at x of curves, both of shape (n,); (n, n)."""
+    near = np.exp(-0.5 * ((x[:, None] - x) / width) ** 2)
+    return np.where(curve[:, None] == curve, near, 0.0)
+
+
+def text_of(discrepancy: Discrepancy) -> str:
+    """What a report says of it."""
+    if discrepancy.amplitude is None:
+        return "the theory may be off, by how much was not estimated"
+    source = "estimated from the data" if discrepancy.estimated else "as given"
+    which = "all curves alike" if discrepancy.shared else "each curve by itself"
+    decades = discrepancy.width / math.log(10)
+    return (
+        f"the theory may be off by {100 * discrepancy.amplitude:.3g} % ({source}; {which}, over"
+        f" {decades:.2g} decade{'s' * (decades != 1)} of v a_T)"
+    )

@@ -1,0 +1,69 @@
+"""Simulation-based calibration: of a fit whose bars are right, and of one whose bars are not."""
+
+import numpy as np
+import pytest
+import scipy
+from support.scenes.fits import FAST, PLAIN, ROAD
+
+import fitting
+import rubberfric as rf
+
+SCENE = rf.Scene(ROAD, rf.Body(PLAIN))
+PRIOR = {
+    "lower.spectrum.h_rms": fitting.Gaussian(5e-4, 1e-4),
+    "upper.material.E[0]": fitting.Gaussian(5e7, 1e7),
+    "upper.material.E[1]": fitting.Gaussian(8e6, 2e6),
+}
+FREE = {path: fitting.Positive() for path in PRIOR}
+PLAN = fitting.FrictionData(np.geomspace(1e-4, 1e-1, 6), np.ones(6), pressure=1e5, relative=0.03)
+
+
+@pytest.mark.slow
+def test_a_fit_is_calibrated_and_knows_when_it_is_not():
+    found = fitting.calibration(SCENE, PLAN, FREE, PRIOR, 100, quadrature=FAST)
+    assert found.failed == 0 and found.place.shape == (100, 3)
+    assert found.inside().all() and found.identified.all()
+    assert ((found.coverage(0.9) > 0.8) & (found.coverage(0.9) < 0.98)).all()
+    assert (found.ranks(9) <= 9).all() and len(np.unique(found.ranks(9))) == 10
+    # Truths were drawn from the prior, and fits know more than it.
+    spread = np.log(found.truth).std(0)
+    np.testing.assert_allclose(sorted(spread), sorted([0.2, 0.2, 0.25]), rtol=0.25)
+    left = np.log(found.values / found.truth).std(0)
+    assert (left < 1.1 * spread).all() and (left < 0.5 * spread).sum() == 2
+    text = found.report()
+    assert text.count(": calibrated") == 3 and "100 fits, 0 did not converge" in text
+    narrow = fitting.Calibration(
+        found.names, found.truth, found.values, scipy.special.ndtr(2 * scipy.special.ndtri(found.place)),
+        found.deviation, 0,
+    )  # fmt: skip
+    assert not narrow.inside().any() and narrow.report().count("NOT CALIBRATED") == 3
+
+
+def test_envelope_holds_uniform_samples():
+    """Of 400 uniform samples it loses about one in a hundred."""
+    random = np.random.default_rng(1)
+    uniform = random.random((200, 400))
+    names = tuple(map(str, range(400)))
+    found = fitting.Calibration(names, uniform, uniform, uniform, 0.1 * uniform, 0)
+    assert 0.97 <= found.inside(0.99).mean() <= 1.0
+    assert 0.84 <= found.inside(0.9).mean() <= 0.95
+
+
+def test_plot():
+    pytest.importorskip("matplotlib")
+    random = np.random.default_rng(1).random((50, 2))
+    ax = fitting.Calibration(("a", "b"), random, random, random, random, 0).plot()
+    assert len(ax.lines) == 2
+
+
+def test_refusals():
+    own = PRIOR | {}
+    del own["upper.material.E[1]"]
+    bare = fitting.FrictionData(PLAN.velocity, PLAN.friction, pressure=1e5)
+    for data, prior, words, options in (
+        (PLAN, own, r"upper.material.E\[1\] has none: must be a Gaussian", {}),
+        (bare, PRIOR, "have no errors: must have", {}),
+        (PLAN, PRIOR, "amplitude = None: must be given", {"discrepancy": fitting.Discrepancy()}),
+    ):
+        with pytest.raises(ValueError, match=words):
+            fitting.calibration(SCENE, data, FREE, prior, 10, quadrature=FAST, **options)

@@ -1,0 +1,180 @@
+"""The theory's own error in fits: the covariance itself, its amplitude, and what bars are worth with it."""
+
+import math
+
+import numpy as np
+import pytest
+from support.scenes.fits import FAST, PLAIN, ROAD, SHIFTED, write_job
+
+import fitting
+import rubberfric as rf
+from fitting.commands.job import read_job
+from fitting.solvers.residuals import model_rows, residual_rows
+from fitting.uncertainty.discrepancy import likely
+
+SCENE, WARM = rf.Scene(ROAD, rf.Body(PLAIN)), rf.Scene(ROAD, rf.Body(SHIFTED))
+V = np.geomspace(1e-4, 1e1, 30)
+FREE = {"upper.material.E": fitting.Positive(), "lower.spectrum.h_rms": fitting.Positive()}
+ERROR = 0.02
+
+
+def data_of(seed, amplitude=0.0, width=2.3):
+    """Friction of SCENE times e^delta, and noise."""
+    random = np.random.default_rng(seed)
+    covariance = np.exp(-0.5 * (np.log(V[:, None] / V) / width) ** 2)
+    delta = (
+        amplitude * np.linalg.cholesky(covariance + 1e-9 * np.eye(V.size)) @ random.standard_normal(V.size)
+    )
+    friction = np.asarray(rf.friction(SCENE, V, 1e5, quadrature=FAST))
+    noisy = friction * np.exp(delta + ERROR * random.standard_normal(V.size))
+    return fitting.FrictionData(V, noisy, pressure=1e5, relative=ERROR)
+
+
+def fitted(data, discrepancy=None, scene=SCENE, free=FREE):
+    return fitting.fit(scene, data, free, quadrature=FAST, discrepancy=discrepancy)
+
+
+@pytest.fixture(scope="module")
+def off():
+    """A fit of data of which the theory is 20 % off."""
+    return fitted(data_of(1, 0.2), fitting.Discrepancy())
+
+
+@pytest.mark.parametrize("shared", [True, False])
+def test_cost_against_the_covariance_itself(shared):
+    """Two curves, of absolute and of relative errors, and a modulus, which is measured and so not off."""
+    T, mu = np.full(V.size, 303.15), np.asarray(rf.friction(WARM, V, 1e5, 303.15, quadrature=FAST))
+    warm = fitting.FrictionData(V, mu * 1.1, sigma=0.03 * mu, pressure=1e5, temperature=T)
+    cold = fitting.FrictionData(V[::5], 0.9 * mu[::5], relative=0.05, pressure=2e5, temperature=T[::5] - 15)
+    omega = np.geomspace(1, 1e5, 4)
+    E = np.asarray(rf.complex_modulus(SHIFTED, omega))
+    modulus = fitting.ModulusData(omega, E.real, 1.1 * E.imag, relative=0.1)
+    found = fitted([warm, modulus, cold], fitting.Discrepancy(0.3, 1.5, shared), WARM)
+    rows, curve = [], []
+    model = model_rows(found.problem, found.x)
+    for number, (one, where) in enumerate(zip(found.data, found.problem.order, strict=True)):
+        at = np.log(one.measured) if one.logarithmic else one.measured
+        parts = one.measured.size // len(one)
+        if one is modulus:
+            points = [(None, None, 0.0)] * (len(one) * parts if parts == 1 else one.measured.size)
+        else:
+            # ln(v a_T), whose curve it is, and how much of a relative error is one of the value.
+            shifted = np.log(one.velocity) + np.asarray(SHIFTED.shift.log_factor(one.temperature))
+            points = [
+                (x, number, 1.0 if one.logarithmic else m) for x, m in zip(shifted, one.measured, strict=True)
+            ]
+        rows += (model[where] - at).tolist()
+        curve += [(*point, e) for point, e in zip(points, one.error, strict=True)]
+    n = len(rows)
+    covariance = np.diag([e**2 for *_, e in curve])
+    for i in range(n):
+        for j in range(n):
+            (x, a, s, _), (y, b, t, _) = curve[i], curve[j]
+            if s and t and (shared or a == b):
+                covariance[i, j] += 0.3**2 * s * t * math.exp(-0.5 * ((x - y) / 1.5) ** 2)
+    exact = 0.5 * np.array(rows) @ np.linalg.solve(covariance, rows)
+    np.testing.assert_allclose(found.cost, exact, rtol=1e-8)
+    np.testing.assert_allclose(found.chisqr, 2 * exact, rtol=1e-8)
+
+
+def test_no_amplitude_is_no_discrepancy():
+    data = data_of(0)
+    none, zero = fitted(data), fitted(data, fitting.Discrepancy(0.0))
+    np.testing.assert_array_equal(none.x, zero.x)
+    assert none.discrepancy is None and zero.problem.numbers.whitening is None
+
+
+def test_bars_and_verdict_follow(off):
+    """Without it the bars are too small for what is wrong, and the scene is said not to explain the data."""
+    without = fitted(off.data[0])
+    assert without.verdict.explains is False and off.verdict.explains is True
+    assert 0.08 < off.discrepancy.amplitude < 0.5 and off.discrepancy.estimated
+    assert (off.stderr > 3 * without.stderr).all()
+    truth = np.array([*PLAIN.E, ROAD.spectrum.h_rms])
+    low, high = off.interval(0.99)
+    assert ((low < truth) & (truth < high)).all()
+    assert not all(
+        a < t < b
+        for a, t, b in zip(*without.interval(0.99)[:1], truth, without.interval(0.99)[1], strict=True)
+    )
+    amplitude = 100 * off.discrepancy.amplitude
+    assert f"the theory may be off by {amplitude:.3g} % (estimated from the data" in off.report()
+
+
+def test_estimate_against_a_scan_of_the_likelihood(off):
+    """The marginal likelihood from the covariance of the data alone, all parameters integrated out."""
+    problem, x, data = off.problem, off.x, off.data
+    found = likely(problem, x, SCENE, data, fitting.Discrepancy())
+    rows = residual_rows(problem._replace(numbers=problem.numbers._replace(whitening=None)), x)[: V.size]
+    step = 1e-5
+    J = np.stack(
+        [
+            (model_rows(problem, x + step * e) - model_rows(problem, x - step * e)) / (2 * step * ERROR)
+            for e in np.eye(x.size)
+        ],
+        1,
+    )
+    unit = np.exp(-0.5 * (np.log(V[:, None] / V) / math.log(10)) ** 2) / ERROR**2
+
+    def logarithm(a):
+        """Of N(rows; 0, C + J (100^2) J^T)."""
+        covariance = np.eye(V.size) + a**2 * unit + 1e4 * J @ J.T
+        return -0.5 * np.linalg.slogdet(covariance)[1] - 0.5 * rows @ np.linalg.solve(covariance, rows)
+
+    tried = found.amplitude * np.geomspace(0.8, 1.25, 21)
+    best = tried[np.argmax([logarithm(a) for a in tried])]
+    np.testing.assert_allclose(found.amplitude, best, rtol=0.08)
+
+
+def test_true_theories_are_not_off():
+    found = fitted(data_of(2), fitting.Discrepancy())
+    assert found.discrepancy.amplitude < 0.03
+
+
+def test_files(off, tmp_path):
+    off.save(tmp_path / "fit.h5")
+    again = fitting.FitResult.load(tmp_path / "fit.h5")
+    assert again.discrepancy == off.discrepancy
+    np.testing.assert_array_equal(again.residuals[0], off.residuals[0])
+    assert again.report() == off.report()
+
+
+def test_bootstrap_draws_it(off):
+    """Drawn data scatter as the covariance says: far more than the noise, and smoothly."""
+    _, targets = off.bootstrap_fits(400, None)
+    drawn = np.asarray(targets.measured) - model_rows(off.problem, off.x)
+    whole = math.hypot(ERROR, off.discrepancy.amplitude)
+    np.testing.assert_allclose(drawn.std(0).mean(), whole, rtol=0.1)
+    assert np.corrcoef(drawn[:, 10], drawn[:, 11])[0, 1] > 0.9
+
+
+def test_job_file(tmp_path):
+    path = write_job(tmp_path)
+    path.write_text(path.read_text() + "[discrepancy]\namplitude = 0.25\nshared = false\n")
+    assert read_job(path).options["discrepancy"] == fitting.Discrepancy(0.25, shared=False)
+    path.write_text(path.read_text().replace("amplitude = 0.25", "amplitude = -1"))
+    with pytest.raises(ValueError, match=r"job.toml: discrepancy: Discrepancy: amplitude = -1.* must be"):
+        read_job(path)
+
+
+def test_refusals():
+    data = data_of(0)
+    bare = fitting.FrictionData(V, data.friction, pressure=1e5)
+    modulus = fitting.ModulusData([1.0, 10.0], [1e6, 2e6], [1e5, 2e5], relative=0.1)
+    still = fitting.FrictionData([0.0, 1.0], [0.1, 0.2], sigma=0.1, pressure=1e5)
+    own = fitting.Discrepancy(0.2)
+    for wrong, words, options in (
+        (bare, "have no errors: must have", {}),
+        (modulus, "there are no friction data", {}),
+        (still, "have a velocity 0", {}),
+        (data, "not with loss = 'huber'", {"loss": "huber"}),
+        (data, "not with scale_errors = True", {"scale_errors": True}),
+        (data, "discrepancy is a float: must be", {"discrepancy": 0.2}),
+    ):
+        with pytest.raises(ValueError, match=words):
+            fitting.fit(
+                SCENE, wrong, {"upper.material.E_inf": fitting.Positive()}, **{"discrepancy": own} | options
+            )
+    for wrong in ({"amplitude": -1.0}, {"width": 0.0}, {"shared": 1}):
+        with pytest.raises(ValueError, match="Discrepancy: "):
+            fitting.Discrepancy(**wrong)
