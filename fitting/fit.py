@@ -1,17 +1,17 @@
 """The inverse fit: free parameters of a scene from measured data."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import jax
 import numpy as np
 
 import rubberfric as rf
-from fitting.data.kinds import as_data_sets
-from fitting.data.measured import Measured
+from fitting.data.by_scene import DataSets, data_by_scene
 from fitting.parameters.constraints import Rule
 from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import Prior
+from fitting.parameters.scenes import as_scenes, each_scene
 from fitting.results.record import Minimum
 from fitting.results.result import FitResult
 from fitting.solvers.iterate import NEAR, succeeded
@@ -28,8 +28,8 @@ ROUNDS = 2
 
 
 def fit(
-    scene: rf.Scene,
-    data: Measured | Sequence[Measured],
+    scene: rf.Scene | Mapping[str, rf.Scene],
+    data: DataSets | Mapping[str, DataSets],
     free: Mapping[str, Rule],
     method: str = "lm",
     starts: int = 1,
@@ -56,11 +56,13 @@ def fit(
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene, or dict of name -> Scene
         gives every number that is not free, and the start of those that are.
     data : FrictionData, AreaData, ModulusData, SpectrumData, or a list of them, fitted jointly
+        of several scenes a dict of them by the scenes' names: {"R20": data, "R40": [more, of_it]}.
     free : dict of key path -> Positive, Bounded, Free, Tied or RmsSlope
-        such as {"upper.material.E": Positive(), "lower.spectrum.hurst": Bounded(0.3, 1)}.
+        such as {"upper.material.E": Positive(), "lower.spectrum.hurst": Bounded(0.3, 1)}. Of several scenes
+        "R20.shear.tau_f0" is one scene's number, "*.shear.tau_f0" one number that all of them share.
     method : "lm" (Levenberg-Marquardt), "lbfgs" or "adam"
     starts : number of starts; the first is the scene's, the others random (`decades`)
     key : jax.random.key for random starts, or None for key(0)
@@ -103,11 +105,12 @@ def fit(
     began = time.perf_counter()
     check_options(method=method, starts=starts, key=key, prior=prior, callback=callback)
     check_options(decades=decades, max_steps=max_steps, tolerance=tolerance, scale_errors=scale_errors)
-    data = as_data_sets(data)
-    problem = make_problem(scene, data, free, prior, loss, loss_width, quadrature)
+    scene = as_scenes(scene)
+    data, of = data_by_scene(data, scene if isinstance(scene, dict) else None)
+    problem = make_problem(scene, data, free, prior, loss, loss_width, quadrature, of)
     if discrepancy is not None:
         check_discrepancy(discrepancy, data, loss, scale_errors)
-        problem = with_discrepancy(problem, scene, data, discrepancy)
+        problem = with_discrepancy(problem, each_scene(scene, of), data, discrepancy)
     solver = make_solver(method, tolerance, max_steps)
     key = jax.random.key(0) if key is None else key
     x = random_starts(problem.variables, problem.start, key, starts, decades)
@@ -133,8 +136,8 @@ def fit(
         known = uncertainty(problem, end.x)
     if discrepancy is not None and discrepancy.amplitude is None:
         for _ in range(ROUNDS if succeeded(end.status) else 0):
-            discrepancy = likely(problem, end.x, scene, data, discrepancy)
-            problem = with_discrepancy(problem, scene, data, discrepancy)
+            discrepancy = likely(problem, end.x, each_scene(scene, of), data, discrepancy)
+            problem = with_discrepancy(problem, each_scene(scene, of), data, discrepancy)
             again = run(solver, problem, end.x[None], None, max_steps, callback, min(BATCH, starts))
             end = again.row(0)
             evaluations += np.array([again.nfev[0], again.njev[0]])
@@ -145,6 +148,7 @@ def fit(
         prior=dict(prior or {}),
         method=method,
         data=tuple(data),
+        data_scenes=tuple(of),
         problem=problem,
         x=end.x,
         status=int(end.status),

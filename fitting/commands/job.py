@@ -13,6 +13,11 @@
                                         # see `fitting.read`
     ...
 
+    [scenes.R20]                        # several scenes instead, which share numbers
+    file = "R20.toml"
+    [[scenes.R20.data]]                 # as above
+    ...                                 # key paths then are "R20.gamma", and "*.gamma" of a shared number
+
     [free]                              # key paths in quotes
     "upper.material.E" = "positive"
     "upper.material.E_inf" = { rule = "tied", to = "upper.material.E", ratio = ... }
@@ -63,8 +68,8 @@ REALS = ("loss_width", "decades", "tolerance")  # which TOML may have written as
 class Job(NamedTuple):
     """What a job file says: fitting.fit(job.scene, job.data, job.free, prior=job.prior, **job.options)."""
 
-    scene: rf.Scene
-    data: list[Measured]
+    scene: rf.Scene | dict[str, rf.Scene]
+    data: list[Measured] | dict[str, list[Measured]]
     free: dict[str, Rule]
     prior: dict[str, Prior]
     options: dict[str, Any]
@@ -84,7 +89,8 @@ def read_job(path: StrPath) -> Job:
     if path.suffix.lower() != ".toml":
         raise ValueError(f"{path}: suffix {path.suffix!r}: must be .toml")
     content = toml.read_toml(path)
-    needed = ("scene", "data", "free")
+    several = "scenes" in content
+    needed = ("scenes", "free") if several else ("scene", "data", "free")
     toml.check_keys(path, "", content, ("title", *needed, "prior", "discrepancy", "fit"), needed)
     title = _text(path, "title", content.get("title", ""))
     free, prior = content["free"], content.get("prior", {})
@@ -95,12 +101,27 @@ def read_job(path: StrPath) -> Job:
     options = _options(path, content.get("fit", {}))
     if "discrepancy" in content:
         options["discrepancy"] = _discrepancy(path, content["discrepancy"])
-    data = content["data"]
+    if not several:
+        scene, data = _scene(path, "scene", content["scene"], "data", content["data"])
+        return Job(scene, data, free, prior, options, title)
+    tables = content["scenes"]
+    toml.check_keys(path, "scenes", tables, tables)
+    scenes: dict[str, rf.Scene] = {}
+    sets: dict[str, list[Measured]] = {}
+    for name, table in tables.items():
+        where = f"scenes.{name}"
+        toml.check_keys(path, where, table, ("file", "data"), ("file", "data"))
+        file, data = table["file"], table["data"]
+        scenes[name], sets[name] = _scene(path, f"{where}.file", file, f"{where}.data", data)
+    return Job(scenes, sets, free, prior, options, title)
+
+
+def _scene(path, key, file, of_data, data):
+    """A scene and its data, from its file and the list of tables of these."""
     if not isinstance(data, list) or not data:
-        raise ValueError(f"{path}: data = {shown(data)}: must be tables, each headed [[data]]")
-    scene = _read(path, "scene", content["scene"], rf.load_scene)
-    data = [_data(path, f"data[{i}]", one) for i, one in enumerate(data)]
-    return Job(scene, data, free, prior, options, title)
+        raise ValueError(f"{path}: {of_data} = {shown(data)}: must be tables, each headed [[{of_data}]]")
+    scene = _read(path, key, file, rf.load_scene)
+    return scene, [_data(path, f"{of_data}[{i}]", one) for i, one in enumerate(data)]
 
 
 def _text(path, key, value):

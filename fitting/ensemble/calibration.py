@@ -171,7 +171,7 @@ def calibration(
         check_discrepancy(discrepancy, data, "linear", "auto")
         if discrepancy.amplitude is None:
             raise ValueError("discrepancy: amplitude = None: must be given, as data are drawn with it")
-        problem = with_discrepancy(problem, scene, data, discrepancy)
+        problem = with_discrepancy(problem, [scene] * len(data), data, discrepancy)
     known = problem.structure.prior.elements
     bare = [name for i, name in enumerate(problem.names) if i not in known]
     if bare:

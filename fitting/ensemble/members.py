@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import rubberfric as rf
-from fitting.data.kinds import as_data_sets
-from fitting.data.measured import Measured
+from fitting.data.by_scene import DataSets, data_by_scene
 from fitting.ensemble.result import EnsembleResult
 from fitting.parameters.constraints import Rule
 from fitting.parameters.priors import Prior
+from fitting.parameters.scenes import as_scenes
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.options import Solver, check_options, make_solver
 from fitting.solvers.problem import Problem, Targets, make_problem
@@ -98,8 +98,8 @@ class Members:
 
 
 def multi_start(
-    scene: rf.Scene,
-    data: Measured | Sequence[Measured],
+    scene: rf.Scene | Mapping[str, rf.Scene],
+    data: DataSets | Mapping[str, DataSets],
     free: Mapping[str, Rule],
     starts: int | ArrayLike,
     key: jax.Array | None = None,
@@ -134,7 +134,9 @@ def multi_start(
     count = starts if isinstance(starts, int) else 1
     check_options(method=method, starts=count, key=key, prior=prior)
     check_options(decades=decades, max_steps=max_steps, tolerance=tolerance)
-    problem = make_problem(scene, as_data_sets(data), free, prior, loss, loss_width, quadrature)
+    scene = as_scenes(scene)
+    data, of = data_by_scene(data, scene if isinstance(scene, dict) else None)
+    problem = make_problem(scene, data, free, prior, loss, loss_width, quadrature, of)
     size = problem.variables.size
     if isinstance(starts, int):
         key = jax.random.key(0) if key is None else key

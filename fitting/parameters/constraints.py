@@ -105,4 +105,4 @@ class RmsSlope:
 Rule = Positive | Bounded | Free | Tied | RmsSlope
 RULES: dict[str, type[Rule]] = {cls.__name__: cls for cls in (Positive, Bounded, Free, Tied, RmsSlope)}
 # Those without an element of their own in x: their value follows from others.
-FOLLOWING = ("Tied", "RmsSlope")
+FOLLOWING = ("Tied", "RmsSlope", "Shared")

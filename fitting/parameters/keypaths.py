@@ -1,20 +1,24 @@
 """Key paths of a scene: "upper.material.E[3]" and what it names."""
 
+from typing import Any
+
 import jax
 import numpy as np
 
-import rubberfric as rf
+from fitting.parameters.scenes import Scenes, next_step, paths_of
 from rubberfric.base import PhysicalObject, Static, closest, fields_of, parse_key_path
 
 
-def scene_paths(scene: rf.Scene) -> list[str]:
-    """Key path of every leaf of a scene, in the order of flattening."""
+def scene_paths(scene: Scenes) -> list[str]:
+    """Key path of every leaf of a scene, or of several, in the order of flattening."""
     flat = jax.tree_util.tree_flatten_with_path(scene)[0]
     return [jax.tree_util.keystr(path, simple=True, separator=".") for path, _ in flat]
 
 
-def find(scene: rf.Scene, path: str) -> tuple[int, tuple[int, ...] | None]:
+def find(scene: Scenes, path: str) -> tuple[int, tuple[int, ...] | None]:
     """Which leaf of the scene a key path names, and which elements of it (None for a scalar).
+
+    Of a number that several scenes share it is that of the first.
 
     Raises
     ------
@@ -22,12 +26,21 @@ def find(scene: rf.Scene, path: str) -> tuple[int, tuple[int, ...] | None]:
         the path names nothing (the message has the close ones), a static field or an
         object, or elements that are not there.
     """
-    parsed = parse_key_path(path)
+    parsed = parse_key_path(paths_of(scene, path)[0])
     names = scene_paths(scene)
     if parsed.name not in names:
         raise ValueError(f"{path!r}: {_why_not(scene, parsed.name, names)}")
     leaf = names.index(parsed.name)
     return leaf, parsed.elements(np.shape(jax.tree_util.tree_leaves(scene)[leaf]))
+
+
+def owner_of(scene: Scenes, path: str) -> tuple[Any, str]:
+    """The object whose number a key path names, None if there is no such thing, and the number's name."""
+    *steps, name = parse_key_path(paths_of(scene, path)[0]).names
+    owner: Any = scene
+    for step in steps:
+        owner = next_step(owner, step)
+    return owner, name
 
 
 def leaf_names(path: str, elements: tuple[int, ...] | None) -> list[str]:
@@ -41,8 +54,14 @@ def _why_not(scene, name, names):
     below = [other for other in names if other.startswith(name + ".")]
     if below:
         return f"is an object; must be one of its numbers: {', '.join(below)}"
-    value = scene
-    for step in name.split("."):
+    value, steps = scene, name.split(".")
+    if isinstance(scene, dict):
+        if steps[0] not in scene:
+            known = ", ".join(scene)
+            return f"must begin with the name of a scene, {known}, or with * for a number of all"
+        names = [other for other in names if other.startswith(f"{steps[0]}.")]
+        value = scene[steps.pop(0)]
+    for step in steps:
         fields = fields_of(type(value)) if isinstance(value, PhysicalObject) else {}
         if step not in fields:
             break

@@ -6,6 +6,7 @@ from typing import Any
 import jax
 
 from fitting.parameters.keypaths import scene_paths
+from fitting.parameters.scenes import by_name
 from fitting.parameters.variables import Constants, Variables
 from rubberfric.base import Kind, PhysicalObject, fields_of
 
@@ -18,11 +19,13 @@ def with_longer_tables(
     Objects with free numbers stay as they are.
     """
     scene = jax.tree.unflatten(variables.tree, constants.leaves)
-    free = {group.path.split("[")[0].rpartition(".")[0] for group in variables.groups}
-    padded: Any = _padded(scene, "", free)
+    paths = scene_paths(scene)
+    free = {paths[group.leaf].rpartition(".")[0] for group in variables.groups}
+    padded: Any = {name: _padded(one, name, free) for name, one in by_name(scene).items()}
+    padded = padded if isinstance(scene, dict) else padded[""]
     leaves, tree = jax.tree.flatten(padded)
     after = {path: i for i, path in enumerate(scene_paths(padded))}
-    moved = {i: after[path] for i, path in enumerate(scene_paths(scene))}
+    moved = {i: after[path] for i, path in enumerate(paths)}
     groups = tuple(group._replace(leaf=moved[group.leaf]) for group in variables.groups)
     return variables._replace(tree=tree, groups=groups), constants._replace(leaves=tuple(leaves)), moved
 

@@ -2,7 +2,8 @@
 
 A parameter is named by its key path in the scene: "gamma", "lower.spectrum.hurst",
 "upper.material.E" (all elements), "upper.material.E[3]", "upper.material.E[4:]". Its rule
-says which values it may take. Solvers see one vector x of unconstrained numbers, one for
+says which values it may take. In several scenes (`fitting.parameters.scenes`) "*.shear.tau_f0" is one number
+for all of them. Solvers see one vector x of unconstrained numbers, one for
 each free element, in which a step of one changes a value by about its own size:
 
 =============  ========================================  =======================
@@ -15,16 +16,17 @@ Free           scale x                                   value / scale
 """
 
 from collections.abc import Hashable, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-import rubberfric as rf
-from fitting.parameters.constraints import FOLLOWING, RULES, Bounded, Free, Positive, RmsSlope, Rule, Tied
+from fitting.parameters.constraints import FOLLOWING, RULES, RmsSlope, Rule, Tied
 from fitting.parameters.cutoffs import cutoff_of
 from fitting.parameters.keypaths import find, leaf_names
+from fitting.parameters.scenes import Scenes, paths_of
+from fitting.parameters.starts import common_values, start_values, value_range
 
 # A Positive element that fell by more than this factor was driven towards zero.
 VANISHED = 1e6
@@ -36,10 +38,10 @@ class Group(NamedTuple):
     """Elements of one leaf of the scene that one rule frees; hashable."""
 
     path: str
-    kind: str  # "Positive", "Bounded", "Free", "Tied", "RmsSlope"
+    kind: str  # "Positive", "Bounded", "Free", "Tied", "RmsSlope", "Shared": as of another scene
     leaf: int  # which leaf of the scene
     elements: tuple[int, ...] | None  # which elements of it; None: a scalar leaf
-    slot: tuple[int, int]  # (first, last + 1) in x; for Tied: in x of what it is tied to; RmsSlope: none
+    slot: tuple[int, int]  # (first, last + 1) in x; Tied, Shared: in x of what it follows; RmsSlope: none
 
 
 class Variables(NamedTuple):
@@ -64,12 +66,12 @@ class Constants(NamedTuple):
     ratios: tuple[Array, ...]  # of every Tied group, shape (elements,); slopes of RmsSlope, shape (1,)
 
 
-def free_parameters(scene: rf.Scene, free: Mapping[str, Rule]) -> tuple[Variables, Constants, np.ndarray]:
-    """Variables, constants and start vector for the free parameters of a scene.
+def free_parameters(scene: Scenes, free: Mapping[str, Rule]) -> tuple[Variables, Constants, np.ndarray]:
+    """Variables, constants and start vector for the free parameters of a scene, or of several.
 
     Parameters
     ----------
-    scene : Scene, cast to one dtype
+    scene : Scene, or several by their names, cast to one dtype
     free : dict of key path -> Positive, Bounded, Free, Tied or RmsSlope
 
     Returns
@@ -86,79 +88,51 @@ def free_parameters(scene: rf.Scene, free: Mapping[str, Rule]) -> tuple[Variable
         raise ValueError('free: must be a dict of key paths, like {"upper.spectrum.hurst": Bounded(0.3, 1)}')
     leaves, tree = jax.tree_util.tree_flatten(scene)
     leaves = [np.array(leaf, float) for leaf in leaves]
-    groups, low, width, x, taken, size = [], [], [], [], {}, 0
+    groups, rules, low, width, x, taken, size = [], {}, [], [], [], {}, 0
     for path, rule in free.items():
         if not isinstance(rule, tuple(RULES.values())):
             made = f"; a class, must be made with {rule.__name__}(...)" if isinstance(rule, type) else ""
             raise ValueError(
                 f"free[{path!r}] = {rule!r}: must be Positive, Bounded, Free, Tied or RmsSlope{made}"
             )
-        leaf, elements = find(scene, path)
+        paths = paths_of(scene, path)
+        places = [find(scene, one) for one in paths]
+        _take(path, places, taken)
+        if isinstance(rule, Tied | RmsSlope):
+            rules |= dict.fromkeys(paths, rule)
+            groups += [
+                Group(one, type(rule).__name__, *place, (0, 0))
+                for one, place in zip(paths, places, strict=True)
+            ]
+            continue
+        values = start_values(path, rule, common_values(path, rule, paths, places, leaves))
+        here_low, here_width = value_range(path, rule, values)
+        low.append(here_low)
+        width.append(here_width)
+        x.append(to_x(type(rule).__name__, here_low, here_width, values))
+        slot = size, size + values.size
+        groups.append(Group(path, type(rule).__name__, *places[0], slot))
+        others = zip(paths[1:], places[1:], strict=True)
+        groups += [Group(one, "Shared", *place, slot) for one, place in others]
+        size += values.size
+        for leaf, elements in places:
+            leaves[leaf][list(elements) if elements else ()] = values if elements else values[0]
+    if size == 0:
+        raise ValueError("free: all parameters are Tied or RmsSlope; one at least must be free itself")
+    groups, ratios = _follow(rules, groups, leaves, tree)
+    constants = Constants(tuple(leaves), np.concatenate(low), np.concatenate(width), tuple(ratios))
+    return Variables(tree, tuple(groups), size), constants, np.concatenate(x)
+
+
+def _take(path, places, taken):
+    """Note which elements a path frees; ValueError if another does."""
+    for leaf, elements in places:
         for element in elements or (None,):
             if (leaf, element) in taken:
                 raise ValueError(
                     f"free[{path!r}]: already free as {taken[leaf, element]!r}; must be free once"
                 )
             taken[leaf, element] = path
-        if isinstance(rule, Tied | RmsSlope):
-            groups.append(Group(path, type(rule).__name__, leaf, elements, (0, 0)))
-            continue
-        values = _start(path, rule, leaves[leaf][list(elements)] if elements else leaves[leaf][None])
-        here_low, here_width = _range(path, rule, values)
-        low.append(here_low)
-        width.append(here_width)
-        x.append(to_x(type(rule).__name__, here_low, here_width, values))
-        groups.append(Group(path, type(rule).__name__, leaf, elements, (size, size + values.size)))
-        size += values.size
-        if elements:
-            leaves[leaf][list(elements)] = values
-        else:
-            leaves[leaf] = values[0]
-    if size == 0:
-        raise ValueError("free: all parameters are Tied or RmsSlope; one at least must be free itself")
-    groups, ratios = _follow(free, groups, leaves, tree)
-    constants = Constants(tuple(leaves), np.concatenate(low), np.concatenate(width), tuple(ratios))
-    return Variables(tree, tuple(groups), size), constants, np.concatenate(x)
-
-
-def _start(path: str, rule: Positive | Bounded | Free, values: np.ndarray) -> np.ndarray:
-    """Start values of a group: the scene's, or those that the rule gives."""
-    if rule.start is None:
-        return values
-    try:
-        start = np.asarray(rule.start)
-        if start.dtype.kind not in "fiu":  # NumPy takes text for a number
-            raise TypeError
-        start = start.astype(float)
-        values = np.broadcast_to(start, values.shape).copy()
-    except (TypeError, ValueError):
-        raise ValueError(
-            f"free[{path!r}]: start = {rule.start!r}: must be one number or {values.size} of them"
-        ) from None
-    if not np.isfinite(values).all():
-        raise ValueError(f"free[{path!r}]: start = {rule.start!r}: must be finite")
-    return values
-
-
-def _range(path, rule, values):
-    """(low, width) of a group, its start values checked."""
-    zero, one = np.zeros(values.shape), np.ones(values.shape)
-    if isinstance(rule, Positive):
-        if not (values > 0).all():
-            raise ValueError(
-                f"free[{path!r}]: starts at {values.min():g}: a Positive one must start > 0; give start="
-            )
-        return zero, one
-    if isinstance(rule, Bounded):
-        inside = np.minimum(values - rule.low, rule.high - values)
-        if not (inside > 0).all():
-            worst = values[np.argmin(inside)]
-            raise ValueError(
-                f"free[{path!r}]: starts at {worst:g}: must start inside the bounds"
-                f" {rule.low:g} ... {rule.high:g}, not on them; give start="
-            )
-        return rule.low * one, (rule.high - rule.low) * one
-    return zero, one * (rule.scale or np.where(values != 0, np.abs(values), 1.0))
 
 
 def to_x(kind: str, low: np.ndarray, width: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -169,15 +143,15 @@ def to_x(kind: str, low: np.ndarray, width: np.ndarray, values: np.ndarray) -> n
     return np.log(place / (1 - place)) if kind == "Bounded" else place
 
 
-def _follow(free, groups, leaves, tree):
+def _follow(rules, groups, leaves, tree):
     """Groups with the slots of the tied ones filled in, and the ratios, or slopes, of those that follow."""
     by_path = {group.path: group for group in groups}
     done, ratios = [], []
     for group in groups:
-        rule = free[group.path]
-        if group.kind != "Tied":
+        rule = rules.get(group.path)
+        if not isinstance(rule, Tied):
             done.append(group)
-            if isinstance(rule, RmsSlope):
+            if rule is not None:
                 cutoff_of(jax.tree.unflatten(tree, leaves), group.path, rule.slope)  # or its error
                 ratios.append(np.array([rule.slope], float))
             continue
@@ -218,8 +192,8 @@ def to_values(variables: Variables, constants: Constants, x: Array) -> jax.Array
     return jnp.concatenate(parts)
 
 
-def to_scene(variables: Variables, constants: Constants, x: Array) -> rf.Scene:
-    """The scene with the free elements at x; every other leaf as it was."""
+def to_scene(variables: Variables, constants: Constants, x: Array) -> Any:
+    """The scene, or the scenes by their names, with the free elements at x; every other leaf as it was."""
     values = to_values(variables, constants, x)
     leaves, ratios, cut = list(constants.leaves), iter(constants.ratios), []
     for group in variables.groups:

@@ -31,13 +31,14 @@ class Points(NamedTuple):
     temperature: np.ndarray  # ABSENT where there is none
     pressure: np.ndarray
     source: np.ndarray  # label of the data set
+    scene: np.ndarray  # name of its scene, "" of a single one
 
 
 class Curve(NamedTuple):
     """Points that one line goes through, or those of one data set that has no lines."""
 
     text: str
-    conditions: tuple[str, float, float] | None  # (body, temperature, pressure), None without a line
+    conditions: tuple[str, str, float, float] | None  # (scene, body, temperature, pressure), None: no line
     part: int
     look: int  # which colour and marker
     where: np.ndarray  # its points, by increasing x
@@ -48,7 +49,7 @@ def measured_points(result: FitRecord, quantity: str) -> Points:
     problem = result.problem
     model, residual = model_rows(problem, result.x), residual_rows(problem, result.x)
     parts = []
-    for one, rows in zip(result.data, problem.order, strict=True):
+    for one, rows, scene in zip(result.data, problem.order, result.data_scenes, strict=True):
         if one.quantity != quantity:
             continue
         parts_of_one, size = len(one.values), rows.size // len(one.values)
@@ -67,6 +68,7 @@ def measured_points(result: FitRecord, quantity: str) -> Points:
                 every(one.conditions[0]), measured, below, above, fitted, -residual[rows],
                 np.repeat(np.arange(parts_of_one), size), np.full(rows.size, body or ""),
                 every("temperature"), every("pressure"), np.full(rows.size, one.label),
+                np.full(rows.size, scene),
             )
         )  # fmt: skip
     points = Points(*(np.concatenate(column) for column in zip(*parts, strict=True)))
@@ -75,10 +77,10 @@ def measured_points(result: FitRecord, quantity: str) -> Points:
 
 def curves_of(points: Points) -> list[Curve]:
     """Curves in the order of body, temperature and pressure; of a modulus, E' and E'' of each."""
-    columns = (points.body, points.temperature, points.pressure)
+    columns = (points.scene, points.body, points.temperature, points.pressure)
     keys = sorted(set(zip(*(column.tolist() for column in columns), strict=True)))
     if len(keys) <= CURVES:
-        several = len({key[0] for key in keys}) > 1
+        several = len({key[1] for key in keys}) > 1
         masks = [
             np.all([column == value for column, value in zip(columns, key, strict=True)], 0) for key in keys
         ]
@@ -97,8 +99,8 @@ def curves_of(points: Points) -> list[Curve]:
 
 def _text(key, several):
     """A curve's conditions; the body only if there are several."""
-    body, temperature, pressure = key
-    texts = [body] if several else []
+    scene, body, temperature, pressure = key
+    texts = [scene] * bool(scene) + [body] * several
     if pressure != ABSENT:
         texts.append(f"{pressure / 1e6:.4g} MPa")
     if temperature != ABSENT:
@@ -117,16 +119,16 @@ def lines(
     for curve in curves:
         if curve.conditions is not None:
             ends[curve.conditions] = points.x[curve.where][[0, -1]]
-    for body, temperature, pressure in ends:
-        groups.setdefault((body, temperature != ABSENT), []).append((body, temperature, pressure))
+    for key in ends:
+        groups.setdefault((key[0], key[1], key[2] != ABSENT), []).append(key)
     grids = {key: np.geomspace(end[0], end[1], POINTS) for key, end in ends.items()}
     parts, first, blocks, conditions = 2 if quantity == "modulus" else 1, 0, [], []
-    for (body, warm), keys in groups.items():
+    for (scene, body, warm), keys in groups.items():
         x = np.concatenate([grids[key] for key in keys])
-        T, p = (np.repeat([key[k] for key in keys], POINTS) for k in (1, 2))
+        T, p = (np.repeat([key[k] for key in keys], POINTS) for k in (2, 3))
         T = T if warm else None
         conditions.append({"modulus": (x, T), "spectrum": (x,)}.get(quantity, (x, p, T)))
-        blocks.append(Block(quantity, body or None, False, (first, first + parts * x.size)))
+        blocks.append(Block(quantity, body or None, False, (first, first + parts * x.size), scene))
         first += parts * x.size
     if not blocks:
         return [None] * len(curves)

@@ -7,8 +7,10 @@
     /report             the report as text
     /scene              the fitted scene, as in scene files (`rubberfric.io.scene_files.hdf5`); missing if
                         the scene's constructors refuse the fitted values
-    /scene_at_start     the scene that the fit was given
+    /scene_at_start     the scene that the fit was given; like /scene of several a group of one for each,
+                        by their names
     /data/0, 1, ...     the data sets, as in data files (`fitting.data.files`)
+    /data_scenes        name of the scene that each is of, "" of a single one
     /free/0, 1, ...     attributes path and rule, and what the rule holds: low, high, start, to, ...
     /prior/0, 1, ...    the same of the priors
     /quadrature         attributes: the accuracy settings
@@ -34,6 +36,7 @@ from fitting.data.files import read_group
 from fitting.parameters.constraints import RULES
 from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import PRIORS
+from fitting.parameters.scenes import each_scene
 from fitting.results import hdf5_parts as parts
 from fitting.results.record import FitRecord
 from fitting.results.report import report
@@ -42,7 +45,7 @@ from fitting.solvers.options import SOLVERS
 from fitting.solvers.problem import make_problem
 from fitting.uncertainty.discrepancy import with_discrepancy
 from rubberfric.base import StrPath, check_writable, closest, replacing
-from rubberfric.io import hdf5, read_object, read_quadrature, write_object, write_quadrature
+from rubberfric.io import hdf5, read_quadrature, write_quadrature
 
 Result = TypeVar("Result", bound=FitRecord)
 
@@ -82,9 +85,10 @@ def save(path: StrPath, result: FitRecord, title: str = "") -> None:
         file.attrs.update(message=result.message, title=title, loss=structure.loss)
         file.attrs["loss_width"] = float(numbers.width)
         file["report"] = text
-        write_object(file, "scene_at_start", result.scene_at_start)
+        parts.write_scenes(file, "scene_at_start", result.scene_at_start)
+        hdf5.write_texts(file, "data_scenes", result.data_scenes)
         try:
-            write_object(file, "scene", result.scene)
+            parts.write_scenes(file, "scene", result.scene)
         except ValueError:  # a fit may end where no constructor would
             if "scene" in file:
                 del file["scene"]
@@ -116,7 +120,9 @@ def load(path: StrPath, cls: type[Result]) -> Result:
         one line naming the file, what in it is wrong, and the rule.
     """
     with hdf5.reading(path, FORMAT) as file:
-        hdf5.check_names(file, ("report", "scene", "estimated", "discrepancy", *GROUPS), ATTRIBUTES)
+        hdf5.check_names(
+            file, ("report", "scene", "data_scenes", "estimated", "discrepancy", *GROUPS), ATTRIBUTES
+        )
         return cls(**_read(file, {name: hdf5.subgroup(file, name) for name in GROUPS}))
 
 
@@ -127,11 +133,12 @@ def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
         raise ValueError(f"status = {found['status']!r}: must be one of {', '.join(map(str, MESSAGES))}")
     if found["method"] not in SOLVERS:
         raise ValueError(f"method = {found['method']!r}: {closest(found['method'], tuple(SOLVERS))}")
-    scene: Any = read_object(groups["scene_at_start"])  # if it is one, `make_problem` finds
+    scene = parts.read_scenes(groups["scene_at_start"])
+    of = hdf5.read_texts(file, "data_scenes") if "data_scenes" in file else [""] * len(groups["data"])
     data = tuple(read_group(group) for group in parts.numbered(groups["data"]))
     free, prior = parts.read_rules(groups["free"], RULES), parts.read_rules(groups["prior"], PRIORS)
     quadrature = read_quadrature(file)
-    problem = make_problem(scene, data, free, prior, options["loss"], options["loss_width"], quadrature)
+    problem = make_problem(scene, data, free, prior, options["loss"], options["loss_width"], quadrature, of)
     scales = hdf5.read_array(file, "estimated", "-", (len(data),)).tolist()
     estimated = tuple(None if np.isnan(scale) else scale for scale in scales)
     error = np.array(problem.targets.error)
@@ -145,12 +152,13 @@ def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
         group = hdf5.subgroup(file, "discrepancy")
         hdf5.check_names(group, (), DISCREPANCY)
         discrepancy = Discrepancy(**{name: hdf5.plain(value) for name, value in group.attrs.items()})
-        problem = with_discrepancy(problem, scene, data, discrepancy)
+        problem = with_discrepancy(problem, each_scene(scene, of), data, discrepancy)
     return {
         "scene_at_start": scene,
         "free": free,
         "prior": prior,
         "data": data,
+        "data_scenes": tuple(of),
         "problem": problem,
         "discrepancy": discrepancy,
         "x": hdf5.read_array(groups["parameters"], "x", "-", (size,)),

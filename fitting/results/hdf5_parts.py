@@ -2,18 +2,19 @@
 
 import dataclasses
 from collections.abc import Iterable, Iterator, Mapping
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import h5py
 import numpy as np
 
 from fitting.parameters.constraints import Rule
 from fitting.parameters.priors import Prior
+from fitting.parameters.scenes import Scenes
 from fitting.results.numbers import unit
 from fitting.results.record import FitRecord, Minimum
 from fitting.uncertainty.covariance import Direction, Uncertainty
 from rubberfric.base import closest
-from rubberfric.io import hdf5
+from rubberfric.io import hdf5, read_object, write_object
 
 T = TypeVar("T", bound=Rule | Prior)
 
@@ -29,6 +30,23 @@ ARRAYS = {
     "stretch": "-",
 }
 NUMBERS = {"rank": int, "condition": float, "parameters": float, "chisqr": float}
+
+
+def write_scenes(parent: h5py.Group, name: str, scenes: Scenes) -> None:
+    """A scene as the group `name`, or a group that has those of several, by their names."""
+    if not isinstance(scenes, dict):
+        write_object(parent, name, scenes)
+        return
+    group = parent.create_group(name, track_order=True)
+    for own, scene in scenes.items():
+        write_object(group, own, scene)
+
+
+def read_scenes(group: h5py.Group) -> Any:
+    """What `write_scenes` wrote; whether it is a scene, or several, `make_problem` finds."""
+    if "kind" in group.attrs:
+        return read_object(group)
+    return {name: read_object(one) for name, one in group.items()}
 
 
 def write_rules(group: h5py.Group, rules: Mapping[str, Rule | Prior]) -> None:

@@ -1,12 +1,11 @@
 """Numbers of a fit as texts: values with as many digits as their errors leave, and why some have no bar."""
 
-from typing import Any
-
 import jax
 import numpy as np
 
-import rubberfric as rf
 from fitting.parameters.constraints import FOLLOWING, RmsSlope, Tied
+from fitting.parameters.keypaths import owner_of
+from fitting.parameters.scenes import Scenes, paths_of
 from fitting.results.record import FitRecord
 from rubberfric.base import unit_of
 
@@ -14,12 +13,9 @@ from rubberfric.base import unit_of
 LISTED = 24
 
 
-def unit(scene: rf.Scene, path: str) -> str:
-    """Unit of the number of a scene that a key path names, "" if it is dimensionless."""
-    *owners, name = path.split("[")[0].split(".")
-    owner: Any = scene
-    for step in owners:
-        owner = getattr(owner, step)
+def unit(scene: Scenes, path: str) -> str:
+    """Unit of the number of a scene, or of several, that a key path names, "" if it is dimensionless."""
+    owner, name = owner_of(scene, path)
     found = unit_of(type(owner), name)
     return "" if found == "-" else found
 
@@ -76,8 +72,13 @@ def _digits(value, error):
 def tied_lines(result: FitRecord) -> list[str]:
     """A line for every key path that follows others: its value, and what it follows."""
     leaves, lines = jax.tree.leaves(result.scene), []
-    groups = [group for group in result.variables.groups if group.kind in FOLLOWING]
-    rules = [rule for rule in result.free.values() if isinstance(rule, Tied | RmsSlope)]
+    groups = [group for group in result.variables.groups if group.kind in ("Tied", "RmsSlope")]
+    rules = [
+        rule
+        for path, rule in result.free.items()
+        if isinstance(rule, Tied | RmsSlope)
+        for _ in paths_of(result.scene_at_start, path)
+    ]
     for group, rule, ratio in zip(groups, rules, result.problem.numbers.constants.ratios, strict=True):
         values, ratio = np.atleast_1d(leaves[group.leaf])[list(group.elements or (0,))], np.asarray(ratio)
         scale = unit(result.scene_at_start, group.path)

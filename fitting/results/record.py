@@ -6,11 +6,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-import rubberfric as rf
 from fitting.data.measured import Measured
 from fitting.parameters.constraints import Rule
 from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import Prior
+from fitting.parameters.scenes import ALL, Scenes
 from fitting.parameters.variables import Variables
 from fitting.solvers.iterate import MESSAGES, succeeded
 from fitting.solvers.residuals import residual_rows
@@ -44,16 +44,18 @@ class FitRecord(SolvedProblem):
     ----------
     scene_at_start, free, prior, method, data : as given to `fitting.fit`
     discrepancy : the same, with the amplitude that was estimated
+    data_scenes : name of the scene that each data set is of, "" of a single one
     status : how it ended, one of `fitting.solvers.iterate`
     nfev, njev, seconds : evaluations of residuals and of their Jacobian, wall time
     minima : the distinct ones that the starts found
     """
 
-    scene_at_start: rf.Scene
+    scene_at_start: Scenes
     free: dict[str, Rule]
     prior: dict[str, Prior]
     method: str
     data: tuple[Measured, ...]
+    data_scenes: tuple[str, ...]
     discrepancy: Discrepancy | None = None
     status: int
     nfev: int
@@ -69,6 +71,8 @@ class FitRecord(SolvedProblem):
         KeyError : the path was not free.
         """
         columns = self.values, self.stderr, self.start_values
+        if isinstance(self.scene_at_start, dict):
+            path = self._shared(path)
         if path in self.names:
             return Fitted(*(float(column[self.names.index(path)]) for column in columns))
         which = [i for i, name in enumerate(self.names) if name.startswith(f"{path}[")]
@@ -76,6 +80,13 @@ class FitRecord(SolvedProblem):
             paths = tuple(dict.fromkeys(name.split("[")[0] for name in self.names))
             raise KeyError(f"{path!r} was not free: {closest(path, paths)}")
         return Fitted(*(column[which] for column in columns))
+
+    def _shared(self, path):
+        """The name of what a key path of one scene names, which all of them may share."""
+        scene, _, below = path.partition(".")
+        shared = f"{ALL}{below}"
+        known = {name.split("[")[0] for name in self.names}
+        return shared if scene in self.scene_at_start and shared.split("[")[0] in known else path
 
     def to_dataframe(self) -> Any:
         """Free numbers by their key paths as a pandas.DataFrame (which must be installed)."""
@@ -91,8 +102,8 @@ class FitRecord(SolvedProblem):
         return self.problem.variables
 
     @property
-    def scene(self) -> rf.Scene:
-        """The scene with the fitted values."""
+    def scene(self) -> Any:
+        """The scene with the fitted values; of several a dict of them by their names."""
         return self.problem.scene(self.x)
 
     @property
@@ -152,6 +163,19 @@ class FitRecord(SolvedProblem):
         """Whether the scene explains the data; see `fitting.uncertainty.verdict`."""
         loss, known = self.problem.structure.loss, self.uncertainty.parameters
         return verdict(self.data, self.residuals, known, self.estimated, loss)
+
+    @functools.cached_property
+    def verdicts(self) -> dict[str, Verdict]:
+        """The same of every scene, by its name; of a single one by ""."""
+        loss, total = self.problem.structure.loss, self.problem.targets.measured.size
+        found = {}
+        for name in dict.fromkeys(self.data_scenes):
+            own = [i for i, scene in enumerate(self.data_scenes) if scene == name]
+            rows = [self.residuals[i] for i in own]
+            known = self.uncertainty.parameters * sum(map(len, rows)) / total
+            estimated = [self.estimated[i] for i in own]
+            found[name] = verdict([self.data[i] for i in own], rows, known, estimated, loss)
+        return found
 
     @property
     def chisqr(self) -> float:

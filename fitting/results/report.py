@@ -71,7 +71,9 @@ def _verdict(result):
             "  the bars below hold for a scene that explains the data; in brackets those by the scatter"
             " (scale_errors)"
         )
-    return [*rows[:2], *reasons, *rows[2:]]
+    several = len(result.verdicts) > 1
+    scenes = [f"  {name}: {one.text}" for name, one in result.verdicts.items() if several]
+    return [*rows[:2], *reasons, *scenes, *rows[2:]]
 
 
 def _fit(result):

@@ -8,6 +8,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 import rubberfric as rf
+from fitting.parameters.scenes import by_name, chosen_scene
 from fitting.parameters.variables import Array
 from fitting.results import hdf5
 from fitting.results.numbers import tied_lines, variable_rows
@@ -32,10 +33,13 @@ class FitResult(FitRecord):
         pressure: ArrayLike,
         temperature: ArrayLike | None = None,
         quantity: str = "friction",
+        scene: str | None = None,
     ) -> jax.Array:
-        """A quantity of the fitted scene (any that `rubberfric.solve` knows)."""
+        """A quantity of the fitted scene (any that `rubberfric.solve` knows), of several the one named."""
         at, quadrature = (velocity, pressure, temperature), self.problem.structure.quadrature
-        solution = rf.solve(self.scene, *at, quadrature=quadrature, quantities=(quantity,))
+        solution = rf.solve(
+            chosen_scene(self.scene, scene), *at, quadrature=quadrature, quantities=(quantity,)
+        )
         return getattr(solution, quantity)
 
     def log_density(self, x: Array) -> jax.Array:
@@ -81,6 +85,9 @@ def _html(result: FitRecord) -> str:
     headings = ("parameter", "value", "relative error", "start", "")
     below = (
         html.folded("report", html.preformatted(report(result))),
-        html.folded("scene", object_html(result.scene)),
+        *(
+            html.folded(f"scene {name}".rstrip(), object_html(scene))
+            for name, scene in by_name(result.scene).items()
+        ),
     )
     return "\n".join([html.table(rows, headings, caption), *below])

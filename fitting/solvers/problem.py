@@ -16,6 +16,7 @@ from fitting.data.measured import Measured
 from fitting.parameters.constraints import Rule
 from fitting.parameters.cutoffs import with_starts
 from fitting.parameters.priors import Prior, PriorNumbers, PriorStructure, prior_size, read_priors
+from fitting.parameters.scenes import as_scenes, by_name
 from fitting.parameters.variables import (
     Array,
     Constants,
@@ -42,6 +43,7 @@ class Block(NamedTuple):
     body: str | None  # whose modulus or spectrum
     logarithmic: bool
     rows: tuple[int, int]  # (first, last + 1)
+    scene: str = ""  # of several, which
 
 
 class Structure(NamedTuple):
@@ -100,26 +102,27 @@ class Problem(NamedTuple):
         one = jax.vmap(lambda x: to_values(self.variables, self.numbers.constants, x))
         return np.asarray(one(x.reshape(-1, x.shape[-1]))).reshape(x.shape)
 
-    def scene(self, x: Array) -> rf.Scene:
-        """The scene with the free elements at x, shape (size,)."""
+    def scene(self, x: Array) -> Any:
+        """The scene, or the scenes by their names, with the free elements at x, shape (size,)."""
         return to_scene(self.variables, self.numbers.constants, x)
 
 
 def make_problem(
-    scene: rf.Scene,
+    scene: rf.Scene | Mapping[str, rf.Scene],
     data: Sequence[Measured],
     free: Mapping[str, Rule],
     prior: Mapping[str, Prior] | None = None,
     loss: str = "linear",
     width: float | None = None,
     quadrature: rf.Quadrature | None = None,
+    of: Sequence[str] | None = None,
 ) -> Problem:
     """The problem of fitting `free` of `scene` to `data`; see `fitting.fit` for the arguments.
 
-    Data sets without errors get the relative error `ASSUMED`.
+    `of` are the names of the scenes that the data sets belong to, if there are several. Data sets without
+    errors get the relative error `ASSUMED`.
     """
-    if not isinstance(scene, rf.Scene):
-        raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
+    scene = as_scenes(scene)
     if quadrature is not None and not isinstance(quadrature, rf.Quadrature):
         raise ValueError(f"quadrature is a {type(quadrature).__name__}: must be a Quadrature, or None")
     check_options(loss=loss, loss_width=width)
@@ -128,8 +131,10 @@ def make_problem(
     scene = cast(scene, dtype)
     scene = with_starts(scene, free) if isinstance(free, dict) else scene
     variables, constants, start = free_parameters(scene, free)
-    prior_structure, prior_numbers = read_priors(scene, variables, constants, prior)
-    blocks, conditions, order = _blocks(scene, data)
+    # Several scenes are a pytree of leaves with key paths as one is.
+    one: Any = scene
+    prior_structure, prior_numbers = read_priors(one, variables, constants, prior)
+    blocks, conditions, order = _blocks(by_name(scene), data, of or [""] * len(data))
     size = blocks[-1].rows[1]
     measured, error = np.empty(size), np.empty(size)
     for one, rows in zip(data, order, strict=True):
@@ -147,9 +152,9 @@ def make_problem(
     return Problem(structure, numbers, targets, start.astype(dtype), order)
 
 
-def _blocks(scene, data):
+def _blocks(scenes, data, of):
     """Blocks that predict the data, their conditions, and the rows of every data set."""
-    keys = [_block_key(scene, one) for one in data]
+    keys = [(_block_key(scenes[name], one), name) for one, name in zip(data, of, strict=True)]
     blocks, conditions, order = [], [], {}
     first = 0
     for key in dict.fromkeys(keys):
@@ -163,8 +168,8 @@ def _blocks(scene, data):
         columns = ([getattr(data[i], name) for i in members] for name in data[members[0]].conditions)
         conditions.append(tuple(None if c[0] is None else np.concatenate(c) for c in columns))
         last = first + parts * sum(sizes)
-        quantity, body, logarithmic, _ = key
-        blocks.append(Block(quantity, body, logarithmic, (first, last)))
+        (quantity, body, logarithmic, _), name = key
+        blocks.append(Block(quantity, body, logarithmic, (first, last), name))
         first = last
     return tuple(blocks), tuple(conditions), tuple(order[i] for i in range(len(data)))
 

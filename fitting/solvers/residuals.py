@@ -9,7 +9,7 @@ those that keep arrays smooth while a start is searched for (`fitting.solvers.se
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -17,6 +17,7 @@ import numpy as np
 
 import rubberfric as rf
 from fitting.parameters.priors import prior_residuals
+from fitting.parameters.scenes import by_name
 from fitting.parameters.tables import with_longer_tables
 from fitting.parameters.variables import Variables, to_scene
 from fitting.solvers.losses import Loss, Objective
@@ -42,11 +43,12 @@ def objective(structure: Structure, numbers: Numbers, targets: Targets) -> Objec
     )
 
 
-def predictions(structure: Structure, numbers: Numbers, x: jax.Array) -> tuple[jax.Array, rf.Scene]:
-    """What the model says in place of every measured value, shape (rows,), and the scene."""
+def predictions(structure: Structure, numbers: Numbers, x: jax.Array) -> tuple[jax.Array, Any]:
+    """What the model says in place of every measured value, shape (rows,), and the scene, or scenes."""
     scene = to_scene(structure.variables, numbers.constants, x)
-    pairs = zip(structure.blocks, numbers.conditions, strict=True)
-    return jnp.concatenate([_predicted(structure, block, at, scene) for block, at in pairs]), scene
+    scenes, pairs = by_name(scene), zip(structure.blocks, numbers.conditions, strict=True)
+    rows = [_predicted(structure, block, at, scenes[block.scene]) for block, at in pairs]
+    return jnp.concatenate(rows), scene
 
 
 def _predicted(structure, block, conditions, scene):
@@ -88,13 +90,19 @@ def residuals_and_jacobian(
 
     parts = []
     for block, conditions in zip(structure.blocks, numbers.conditions, strict=True):
+
+        def own_scene(x, name=block.scene):
+            return by_name(scene_of(x))[name]
+
         if block.quantity in CURVES:
-            values, slopes = value_and_jacobian(scene_of, x, conditions, block.quantity, structure.quadrature)
+            values, slopes = value_and_jacobian(
+                own_scene, x, conditions, block.quantity, structure.quadrature
+            )
             if block.logarithmic:
                 values, slopes = jnp.log(values), slopes / values[:, None]
         else:
             values, slopes = forward(
-                lambda x, b=block, c=conditions: _predicted(structure, b, c, scene_of(x)), x
+                lambda x, b=block, c=conditions, of=own_scene: _predicted(structure, b, c, of(x)), x
             )
         parts.append((values, slopes))
     model, slopes = (jnp.concatenate(part) for part in zip(*parts, strict=True))

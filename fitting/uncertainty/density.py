@@ -7,12 +7,12 @@ takes an unconstrained log density and its gradient can use it, numpyro's NUTS o
 """
 
 import dataclasses
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
-import rubberfric as rf
 from fitting.parameters.variables import Array
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import objective, padded
@@ -47,8 +47,11 @@ class LogDensity:
         """Values of the free elements at x; both of shape (..., n)."""
         return self.problem.values(x)
 
-    def scene(self, x: Array) -> rf.Scene:
-        """The scene with the free elements at x, shape (n,): what a draw predicts is computed from it."""
+    def scene(self, x: Array) -> Any:
+        """The scene with the free elements at x, shape (n,), or the scenes by their names.
+
+        What a draw predicts is computed from it.
+        """
         return self.problem.scene(x)
 
 

@@ -47,12 +47,18 @@ def check_discrepancy(
 
 
 def with_discrepancy(
-    problem: Problem, scene: rf.Scene, data: Sequence[Measured], discrepancy: Discrepancy | None
+    problem: Problem,
+    scenes: Sequence[rf.Scene],
+    data: Sequence[Measured],
+    discrepancy: Discrepancy | None,
 ) -> Problem:
-    """The problem with residuals that are whitened, or without; the errors of its targets are final."""
+    """The problem with residuals that are whitened, or without; the errors of its targets are final.
+
+    scenes, data : data sets, and the scene of each
+    """
     whitening = None
     if discrepancy is not None and discrepancy.amplitude:
-        covariance = discrepancy.amplitude**2 * _unit_covariance(problem, scene, data, discrepancy)
+        covariance = discrepancy.amplitude**2 * _unit_covariance(problem, scenes, data, discrepancy)
         factor = np.linalg.cholesky(np.eye(len(covariance)) + covariance)
         whitening = scipy.linalg.solve_triangular(factor, np.eye(len(factor)), lower=True)
         whitening = whitening.astype(problem.start.dtype)
@@ -60,7 +66,11 @@ def with_discrepancy(
 
 
 def likely(
-    problem: Problem, x: np.ndarray, scene: rf.Scene, data: Sequence[Measured], discrepancy: Discrepancy
+    problem: Problem,
+    x: np.ndarray,
+    scenes: Sequence[rf.Scene],
+    data: Sequence[Measured],
+    discrepancy: Discrepancy,
 ) -> Discrepancy:
     r"""The amplitude of largest marginal likelihood, the model linear about x, its parameters integrated out.
 
@@ -68,13 +78,13 @@ def likely(
 
     [restricted likelihood; Patterson & Thompson, Biometrika 58 (1971) 545], priors among the rows.
     """
-    of = padded(with_discrepancy(problem, scene, data, None))
+    of = padded(with_discrepancy(problem, scenes, data, None))
     rows, jacobian = map(of.kept, _linearised(of.structure, of.numbers, of.targets, jnp.asarray(x)))
     count, size = data_rows(problem.structure), len(x)
     # What nothing determines, neither data nor priors, is integrated over a long but finite range.
     known = np.append(rows[count:], np.zeros(size))
     slopes = np.concatenate([jacobian[count:], np.eye(size) / OPEN])
-    unit = _unit_covariance(problem, scene, data, discrepancy)
+    unit = _unit_covariance(problem, scenes, data, discrepancy)
 
     def worth(amplitude):
         factor = np.linalg.cholesky(np.eye(count) + amplitude**2 * unit)
@@ -90,12 +100,12 @@ def likely(
     return dataclasses.replace(discrepancy, amplitude=float(_TRIED[best]), estimated=True)
 
 
-def _unit_covariance(problem, scene, data, discrepancy):
+def _unit_covariance(problem, scenes, data, discrepancy):
     """Covariance of all rows of the data in units of their errors, of amplitude 1."""
     scaled, x, curve = (np.zeros(data_rows(problem.structure)) for _ in range(3))
     error = np.asarray(problem.targets.error)
     found: dict[tuple, int] = {}
-    for number, (one, rows) in enumerate(zip(data, problem.order, strict=True)):
+    for number, (one, scene, rows) in enumerate(zip(data, scenes, problem.order, strict=True)):
         if not isinstance(one, FrictionData):
             continue
         # The error of the logarithm is that of the value over it.

@@ -16,6 +16,7 @@ import scipy
 from jax.typing import ArrayLike
 
 import rubberfric as rf
+from fitting.parameters.scenes import chosen_scene
 from fitting.solvers.iterate import succeeded
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.options import check_options
@@ -113,6 +114,7 @@ class SolvedProblem:
         temperature: ArrayLike | None = None,
         quantity: str = "friction",
         level: float = 0.95,
+        scene: str | None = None,
     ) -> Band:
         """Prediction of the fitted scene and the band that the fit's uncertainty leaves it.
 
@@ -125,6 +127,7 @@ class SolvedProblem:
             as for `rubberfric.solve`.
         quantity : any that `rubberfric.solve` knows
         level : of the band
+        scene : name of the one that is meant, of a fit of several
 
         Returns
         -------
@@ -134,7 +137,9 @@ class SolvedProblem:
         def predicted(x):
             at = velocity, pressure, temperature
             quadrature = self.problem.structure.quadrature
-            solution = rf.solve(self.problem.scene(x), *at, quadrature=quadrature, quantities=(quantity,))
+            solution = rf.solve(
+                chosen_scene(self.problem.scene(x), scene), *at, quadrature=quadrature, quantities=(quantity,)
+            )
             return getattr(solution, quantity)
 
         return self.widened(predicted, level)

@@ -359,7 +359,7 @@ def test_a_full_disk_does_not_cost_the_report(call, job, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("fitting.results.hdf5.write_object", full)
+    monkeypatch.setattr("fitting.results.hdf5_parts.write_object", full)
     status, printed, complaint = call(job, "--out", "fit.h5", "--plot", "fit.png")
     assert (status, complaint) == (1, "rubberfric-fit: [Errno 28] No space left on device\n")
     assert "[[Variables]]" in printed

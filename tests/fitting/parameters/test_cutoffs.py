@@ -100,12 +100,15 @@ def test_a_fit_with_a_slope(tmp_path):
 
 
 def test_a_rule_gives_what_the_scene_leaves_out():
-    """The q1 of a table without one: by start, or by the slope; else it must be there."""
+    """The q1 of a table without one: by start, or by the slope; else the table's end."""
     data = friction_of(CUT)
     problem = make_problem(SCENE, [data], {Q1: Bounded(1e4, 1e6, start=1e5)})
     assert problem.scene(problem.start).lower.spectrum.q1 == pytest.approx(1e5, rel=1e-14)
-    with pytest.raises(ValueError, match=r"the scene has no q1; it must be there at the start of a fit"):
-        make_problem(SCENE, [data], {Q1: Positive()})
+    problem = make_problem(SCENE, [data], {Q1: Positive()})
+    end = float(SCENE.lower.spectrum.q[-1])
+    assert problem.scene(problem.start).lower.spectrum.q1 == pytest.approx(end, rel=1e-14)
+    with pytest.raises(ValueError, match=r"starts at 1e\+06: must start inside the bounds .* give start="):
+        make_problem(SCENE, [data], {Q1: Bounded(1e4, end)})
     with pytest.raises(ValueError, match=r"q1 = 20000000\.0: must lie within the table, 100\.0 \.\.\. "):
         make_problem(SCENE, [data], {Q1: Bounded(1e4, 1e8, start=2e7)})
 
