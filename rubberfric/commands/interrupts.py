@@ -19,6 +19,7 @@ from typing import Any, Self
 from rubberfric.base.atomic import remove_begun
 
 LOST = "what was not yet complete is not written"
+WAIT = "interrupted; ends after this step, once more ends it at once"
 
 
 class Interrupts:
@@ -57,7 +58,8 @@ class Interrupts:
 
     def __exit__(self, *error: object) -> None:
         for which, handler in self._before.items():
-            signal.signal(which, handler)
+            # All is done, and the process about to end: there is nothing left to interrupt.
+            signal.signal(which, signal.SIG_IGN if self.process else handler)
         if hasattr(self, "_thread"):
             signal.set_wakeup_fd(-1)
             self._tell.close()
@@ -72,23 +74,34 @@ class Interrupts:
         """In its thread: end the process at the first signal that is not held back."""
         with hear:
             while which := hear.recv(1):
+                if which[0] not in self._before:
+                    continue
                 first, self._seen = not self._seen, True
-                if which[0] in self._before and not (self._holding and first):
+                if self._holding and first:
+                    self._say(WAIT)
+                else:
                     self._leave(which[0])
 
     def _leave(self, which: int) -> None:
         try:
             remove_begun()
-            line = f"{self.program}: interrupted; {LOST}\n"
-            # Not by Python's streams: the main thread may hold them, and what waits in them is incomplete.
-            with contextlib.suppress(OSError):
-                os.write(2, (("\r\033[K" if os.isatty(2) else "") + line).encode())
+            self._say(f"interrupted; {LOST}")
         finally:
             os._exit(128 + which)
+
+    def _say(self, text: str) -> None:
+        """A line; not by Python's streams, which the main thread may hold."""
+        with contextlib.suppress(OSError):
+            os.write(2, (("\r\033[K" if os.isatty(2) else "") + f"{self.program}: {text}\n").encode())
 
     def complain(self) -> int:
         """Say that the command was interrupted, where the process goes on; returns the exit status."""
         print(f"{self.program}: interrupted; {LOST}", file=sys.stderr)
+        return self.status
+
+    @property
+    def status(self) -> int:
+        """Exit status of what the last signal ended."""
         return 128 + int(self.which)
 
     def hold(self) -> None:

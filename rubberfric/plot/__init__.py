@@ -18,14 +18,13 @@ from rubberfric.plot.curves import (
 from rubberfric.plot.map import plot_map
 from rubberfric.plot.modulus import plot_modulus
 from rubberfric.plot.profile import plot_profile
-from rubberfric.plot.save import check_plot, save_accuracy_plot, save_figure, save_plot
+from rubberfric.plot.save import save_accuracy_plot, save_figure, save_plot
 from rubberfric.plot.sensitivity import plot_sensitivity
 from rubberfric.plot.spectrum import plot_spectrum
 from rubberfric.plot.style import PANELS
 
 __all__ = [
     "PANELS",
-    "check_plot",
     "curve_labels",
     "plot_accuracy",
     "plot_area",
