@@ -5,6 +5,7 @@ import importlib.metadata
 import importlib.util
 import platform
 from collections.abc import Iterator
+from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -61,7 +62,8 @@ def _about_cache(arguments: argparse.Namespace) -> Iterator[str]:
         return
     folder = compilation_cache()
     if folder is None:
-        off = not jax.config.jax_enable_compilation_cache
+        config: Any = jax.config  # whose options checkers do not know
+        off = not config.jax_enable_compilation_cache
         why = "JAX_ENABLE_COMPILATION_CACHE is false" if off else "their folder cannot be written to"
         yield f"{'programs':12} are compiled by every process: {why}"
         return

@@ -3,6 +3,7 @@
 Nothing here waits for JAX: that is imported, in double precision, when the arguments are known to be right.
 """
 
+import io
 import os
 import sys
 from collections.abc import Callable
@@ -123,7 +124,7 @@ def _have_streams() -> bool:
             os.open(os.devnull, os.O_RDWR)
     if sys.stderr is None:
         sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 (for as long as the process)
-    if have and "utf" not in (sys.stdout.encoding or "").lower() and hasattr(sys.stdout, "reconfigure"):
+    if isinstance(sys.stdout, io.TextIOWrapper) and "utf" not in sys.stdout.encoding.lower():
         sys.stdout.reconfigure(errors="replace")  # a ° that the locale has not must not cost the table
     return have
 

@@ -30,7 +30,7 @@ def run(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | N
             check_map(conditions)
         except ValueError as error:
             raise ValueError(f"{arguments.scene}: {error}") from None
-    quantities = list(arguments.quantity or DEFAULT_QUANTITIES)
+    quantities: list[str] = list(arguments.quantity or DEFAULT_QUANTITIES)
     if scene.heating is not None and "converged" not in quantities:
         quantities.append("converged")
     points = math.prod(result_shape(conditions))

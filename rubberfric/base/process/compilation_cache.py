@@ -15,6 +15,7 @@ import time
 import warnings
 import zlib
 from pathlib import Path
+from typing import Any
 
 from rubberfric.base.atomic import StrPath, as_path
 
@@ -62,7 +63,7 @@ def compilation_cache(folder: StrPath | None = None) -> Path | None:
         os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"  # fatal errors only
     import jax
 
-    config = jax.config
+    config: Any = jax.config  # whose options checkers do not know
     if not config.jax_enable_compilation_cache:
         return None
     given = config.jax_compilation_cache_dir if folder is None else as_path(folder)
