@@ -1,14 +1,19 @@
 """What follows from the theory: maps, each length scale's part, the interface, power, errors."""
 
-from rubberfric.analysis.by_wavevector import Profile, profile
-from rubberfric.analysis.error_and_time.settings import quadrature_for
-from rubberfric.analysis.error_and_time.sweep import accuracy
-from rubberfric.analysis.extrapolation import friction_outside_table
-from rubberfric.analysis.interface import contact_stiffness, stress_distribution
-from rubberfric.analysis.jacobian import value_and_jacobian
-from rubberfric.analysis.maps.friction_map import FrictionMap, friction_map
-from rubberfric.analysis.power import DissipatedPower, dissipated_power
-from rubberfric.analysis.separation_by_wavevector import SeparationProfile, separation_profile
+from typing import TYPE_CHECKING
+
+from rubberfric.base.process.lazy import lazily
+
+if TYPE_CHECKING:
+    from rubberfric.analysis.by_wavevector import Profile, profile
+    from rubberfric.analysis.error_and_time.settings import quadrature_for
+    from rubberfric.analysis.error_and_time.sweep import accuracy
+    from rubberfric.analysis.extrapolation import friction_outside_table
+    from rubberfric.analysis.interface import contact_stiffness, stress_distribution
+    from rubberfric.analysis.jacobian import value_and_jacobian
+    from rubberfric.analysis.maps.friction_map import FrictionMap, friction_map
+    from rubberfric.analysis.power import DissipatedPower, dissipated_power
+    from rubberfric.analysis.separation_by_wavevector import SeparationProfile, separation_profile
 
 __all__ = [
     "DissipatedPower",
@@ -26,3 +31,18 @@ __all__ = [
     "stress_distribution",
     "value_and_jacobian",
 ]
+
+lazily(
+    __name__,
+    {
+        "rubberfric.analysis.by_wavevector": "Profile profile",
+        "rubberfric.analysis.error_and_time.settings": "quadrature_for",
+        "rubberfric.analysis.error_and_time.sweep": "accuracy",
+        "rubberfric.analysis.extrapolation": "friction_outside_table",
+        "rubberfric.analysis.interface": "contact_stiffness stress_distribution",
+        "rubberfric.analysis.jacobian": "value_and_jacobian",
+        "rubberfric.analysis.maps.friction_map": "FrictionMap friction_map",
+        "rubberfric.analysis.power": "DissipatedPower dissipated_power",
+        "rubberfric.analysis.separation_by_wavevector": "SeparationProfile separation_profile",
+    },
+)

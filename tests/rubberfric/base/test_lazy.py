@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from support.folders import PYTHONPATH, ROOT
 
-PACKAGES = ("rubberfric", "rubberfric.base", "rubberfric.commands", "fitting")
+ROOMS = ("base", "analysis", "plot", "commands")
+PACKAGES = ("rubberfric", *(f"rubberfric.{room}" for room in ROOMS), "fitting")
 
 
 def for_checkers(package):
