@@ -1,9 +1,8 @@
 """fitting: inverse fits of rubber-friction scenes to measurements, and what the data can tell."""
 
-from typing import TYPE_CHECKING
-
 from rubberfric.base import lazily
 
+TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
     from fitting.characterise.kramers_kronig.check import kramers_kronig
     from fitting.characterise.kramers_kronig.result import KramersKronig

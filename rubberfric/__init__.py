@@ -1,10 +1,9 @@
 """rubberfric: differentiable rubber friction after Scaraggi and Persson."""
 
-from typing import TYPE_CHECKING
-
 from rubberfric.base.process.lazy import lazily
 from rubberfric.base.process.release import VERSION
 
+TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
     from rubberfric import analysis, io, materials, plot, roughness
     from rubberfric.analysis import FrictionMap, friction_map

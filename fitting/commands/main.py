@@ -8,15 +8,16 @@ step, and a second one, do not wait for that: the process ends within a second. 
 interrupted, or killed, goes on with --resume.
 """
 
-from collections.abc import Sequence
+from __future__ import annotations
 
-from rubberfric.commands import Interrupts, begin_jax, ended
+from rubberfric.commands import leave_at_once
 
-TYPE_CHECKING = False
+TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Sequence
 
-    from rubberfric.commands import Parser
+    from rubberfric.commands import Interrupts, Parser
 
 PROGRAM = "rubberfric-fit"
 
@@ -26,11 +27,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     None: those of the process, which a signal then may end (`rubberfric.commands.interrupts`).
     """
+    if argv is None:
+        leave_at_once(PROGRAM)
+    from rubberfric.commands import ended
+
     return ended(PROGRAM, lambda interrupts: _run(argv, interrupts), process=argv is None)
 
 
 def _run(argv: Sequence[str] | None, interrupts: Interrupts) -> int:
-    from rubberfric.commands import progress
+    from rubberfric.commands import begin_jax, progress
 
     arguments = _parser().parse_args(argv)
     check_arguments(arguments)
@@ -42,7 +47,7 @@ def _run(argv: Sequence[str] | None, interrupts: Interrupts) -> int:
         return run(arguments, interrupts, show)
 
 
-def check_arguments(arguments: "argparse.Namespace") -> None:
+def check_arguments(arguments: argparse.Namespace) -> None:
     """ValueError that says what is wrong with the arguments, before any work begins."""
     from pathlib import Path
 
@@ -67,7 +72,7 @@ def check_arguments(arguments: "argparse.Namespace") -> None:
         )
 
 
-def _parser() -> "Parser":
+def _parser() -> Parser:
     from rubberfric.base import VERSION
     from rubberfric.commands import Parser, add_common, add_outputs
 

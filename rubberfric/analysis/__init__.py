@@ -1,9 +1,8 @@
 """What follows from the theory: maps, each length scale's part, the interface, power, errors."""
 
-from typing import TYPE_CHECKING
-
 from rubberfric.base.process.lazy import lazily
 
+TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
     from rubberfric.analysis.by_wavevector import Profile, profile
     from rubberfric.analysis.error_and_time.settings import quadrature_for

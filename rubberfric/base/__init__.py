@@ -1,9 +1,8 @@
 """What knows no physics: objects and their rules, quadrature, units, files that appear whole, progress."""
 
-from typing import TYPE_CHECKING
-
 from rubberfric.base.process.lazy import lazily
 
+TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
     from rubberfric.base.atomic import (
         StrPath,

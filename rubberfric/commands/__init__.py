@@ -1,9 +1,8 @@
 """The command `rubberfric`, and what other commands share with it."""
 
-from typing import TYPE_CHECKING
-
 from rubberfric.base.process.lazy import lazily
 
+TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
     from rubberfric.commands.arguments import (
         Parser,
@@ -14,7 +13,7 @@ if TYPE_CHECKING:
         write_outputs,
     )
     from rubberfric.commands.ending import begin_jax, complain, ended
-    from rubberfric.commands.interrupts import Interrupts
+    from rubberfric.commands.interrupts import Interrupts, leave_at_once
     from rubberfric.commands.phases import progress
 
 __all__ = [
@@ -27,6 +26,7 @@ __all__ = [
     "check_outputs",
     "complain",
     "ended",
+    "leave_at_once",
     "progress",
     "write_outputs",
 ]
@@ -38,7 +38,7 @@ lazily(
             "Parser add_common add_outputs check_input check_outputs write_outputs"
         ),
         "rubberfric.commands.ending": "begin_jax complain ended",
-        "rubberfric.commands.interrupts": "Interrupts",
+        "rubberfric.commands.interrupts": "Interrupts leave_at_once",
         "rubberfric.commands.phases": "progress",
     },
 )

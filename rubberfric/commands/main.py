@@ -6,13 +6,14 @@ Exit status: 0 done; 2 bad input, with one line on stderr and nothing written; 1
 Each step imports what it needs: signals are answered before that, arguments checked before JAX is there.
 """
 
-from collections.abc import Callable, Sequence
+from __future__ import annotations
 
-from rubberfric.commands.ending import begin_jax, ended
+from rubberfric.commands.interrupts import leave_at_once
 
-TYPE_CHECKING = False
+TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Callable, Sequence
 
     from rubberfric.base.progress import Progress
 
@@ -22,11 +23,16 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     None: those of the process, which a signal then ends (`rubberfric.commands.interrupts`).
     """
+    if argv is None:
+        leave_at_once("rubberfric")
+    from rubberfric.commands.ending import ended
+
     return ended("rubberfric", lambda _: _run(argv), process=argv is None)
 
 
 def _run(argv: Sequence[str] | None) -> int:
     from rubberfric.commands.arguments import check_arguments, parser
+    from rubberfric.commands.ending import begin_jax
     from rubberfric.commands.phases import progress
 
     arguments = parser().parse_args(argv)
@@ -41,7 +47,7 @@ def _run(argv: Sequence[str] | None) -> int:
     return 0
 
 
-def _work(command: str) -> "Callable[[argparse.Namespace, Progress], tuple[str, OSError | None]]":
+def _work(command: str) -> Callable[[argparse.Namespace, Progress], tuple[str, OSError | None]]:
     """What a command does, imported alone."""
     match command:
         case "run":

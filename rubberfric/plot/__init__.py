@@ -5,10 +5,9 @@ pyplot does not know, and returns the axes: `plot_friction(result).figure` at th
 in a notebook, after `%matplotlib inline`.
 """
 
-from typing import TYPE_CHECKING
-
 from rubberfric.base.process.lazy import lazily
 
+TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
     from rubberfric.plot import style
     from rubberfric.plot.accuracy import plot_accuracy

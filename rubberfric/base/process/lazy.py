@@ -3,12 +3,16 @@
 So `rubberfric --help` need not wait for JAX, which takes longer to import than many a curve to compute.
 """
 
+from __future__ import annotations
+
 import importlib
-import importlib.util
 import sys
-from collections.abc import Mapping, Sequence
 from types import ModuleType
-from typing import Any
+
+TYPE_CHECKING = False  # for type checkers it is true
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from typing import Any
 
 
 class LazyPackage(ModuleType):
@@ -27,8 +31,10 @@ class LazyPackage(ModuleType):
             other = self._elsewhere[name]
             raise ImportError(f"{self.__name__} has no {name!r}, {other} has: from {other} import {name}")
         else:
+            from importlib.util import find_spec
+
             place = self._modules.get(name, f"{self.__name__}.{name}")
-            if name.startswith("_") or importlib.util.find_spec(place) is None:
+            if name.startswith("_") or find_spec(place) is None:
                 raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
             value = importlib.import_module(place)
         vars(self)[name] = value
