@@ -1,28 +1,32 @@
 """fitting: inverse fits of rubber-friction scenes to measurements, and what the data can tell."""
 
-from fitting.characterise.kramers_kronig.check import kramers_kronig
-from fitting.characterise.kramers_kronig.result import KramersKronig
-from fitting.characterise.master_curve.fit import fit_master_curve
-from fitting.characterise.master_curve.result import MasterCurve
-from fitting.characterise.prony.fit import fit_prony
-from fitting.characterise.prony.result import PronyFit
-from fitting.characterise.softening import softening_from_sweep
-from fitting.characterise.spectrum import fit_spectrum
-from fitting.characterise.spectrum_result import SpectrumFit
-from fitting.data.files import read, write
-from fitting.data.kinds import AreaData, FrictionData, ModulusData, SpectrumData
-from fitting.ensemble.calibration import Calibration, calibration
-from fitting.ensemble.members import Members, bootstrap_members, multi_start, profile_members
-from fitting.ensemble.result import EnsembleResult
-from fitting.ensemble.run import run_ensemble
-from fitting.fit import fit
-from fitting.parameters.constraints import Bounded, Free, Positive, RmsSlope, Tied
-from fitting.parameters.discrepancy import Discrepancy
-from fitting.parameters.priors import Gaussian, Smooth
-from fitting.results import plot
-from fitting.results.result import FitResult
-from fitting.uncertainty.density import LogDensity, log_density
-from fitting.uncertainty.sensitivity import sensitivity, sensitivity_names
+from rubberfric.base import lazily
+
+TYPE_CHECKING = False  # for type checkers it is true
+if TYPE_CHECKING:
+    from fitting.characterise.kramers_kronig.check import kramers_kronig
+    from fitting.characterise.kramers_kronig.result import KramersKronig
+    from fitting.characterise.master_curve.fit import fit_master_curve
+    from fitting.characterise.master_curve.result import MasterCurve
+    from fitting.characterise.prony.fit import fit_prony
+    from fitting.characterise.prony.result import PronyFit
+    from fitting.characterise.softening import softening_from_sweep
+    from fitting.characterise.spectrum import fit_spectrum
+    from fitting.characterise.spectrum_result import SpectrumFit
+    from fitting.data.files import read, write
+    from fitting.data.kinds import AreaData, FrictionData, ModulusData, SpectrumData
+    from fitting.ensemble.calibration import Calibration, calibration
+    from fitting.ensemble.members import Members, bootstrap_members, multi_start, profile_members
+    from fitting.ensemble.result import EnsembleResult
+    from fitting.ensemble.run import run_ensemble
+    from fitting.fit import fit
+    from fitting.parameters.constraints import Bounded, Free, Positive, RmsSlope, Tied
+    from fitting.parameters.discrepancy import Discrepancy
+    from fitting.parameters.priors import Gaussian, Smooth
+    from fitting.results import plot
+    from fitting.results.result import FitResult
+    from fitting.uncertainty.density import LogDensity, log_density
+    from fitting.uncertainty.sensitivity import sensitivity, sensitivity_names
 
 __all__ = [
     "AreaData",
@@ -64,3 +68,32 @@ __all__ = [
     "softening_from_sweep",
     "write",
 ]
+
+lazily(
+    __name__,
+    {
+        "fitting.characterise.kramers_kronig.check": "kramers_kronig",
+        "fitting.characterise.kramers_kronig.result": "KramersKronig",
+        "fitting.characterise.master_curve.fit": "fit_master_curve",
+        "fitting.characterise.master_curve.result": "MasterCurve",
+        "fitting.characterise.prony.fit": "fit_prony",
+        "fitting.characterise.prony.result": "PronyFit",
+        "fitting.characterise.softening": "softening_from_sweep",
+        "fitting.characterise.spectrum": "fit_spectrum",
+        "fitting.characterise.spectrum_result": "SpectrumFit",
+        "fitting.data.files": "read write",
+        "fitting.data.kinds": "AreaData FrictionData ModulusData SpectrumData",
+        "fitting.ensemble.calibration": "Calibration calibration",
+        "fitting.ensemble.members": "Members bootstrap_members multi_start profile_members",
+        "fitting.ensemble.result": "EnsembleResult",
+        "fitting.ensemble.run": "run_ensemble",
+        "fitting.fit": "fit",
+        "fitting.parameters.constraints": "Bounded Free Positive RmsSlope Tied",
+        "fitting.parameters.discrepancy": "Discrepancy",
+        "fitting.parameters.priors": "Gaussian Smooth",
+        "fitting.results.result": "FitResult",
+        "fitting.uncertainty.density": "LogDensity log_density",
+        "fitting.uncertainty.sensitivity": "sensitivity sensitivity_names",
+    },
+    modules=("fitting.results.plot",),
+)

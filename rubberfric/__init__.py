@@ -1,39 +1,43 @@
 """rubberfric: differentiable rubber friction after Scaraggi and Persson."""
 
-from typing import TYPE_CHECKING
+from rubberfric.base.process.lazy import lazily
+from rubberfric.base.process.release import VERSION
 
-from rubberfric import analysis, io, materials, plot, roughness
-from rubberfric.analysis import FrictionMap, friction_map
-from rubberfric.base import units
-from rubberfric.base.progress import progress
-from rubberfric.base.quadrature import Quadrature
-from rubberfric.io import load_scene, save_scene
-from rubberfric.materials import (
-    WLF,
-    Arrhenius,
-    Coating,
-    Elastic,
-    Entropic,
-    Prony,
-    PronyShear,
-    Rigid,
-    Slab,
-    TabulatedModulus,
-    TabulatedShift,
-    TabulatedVertical,
-    complex_modulus,
-)
-from rubberfric.roughness import (
-    Anisotropic,
-    SelfAffine,
-    TabulatedAnisotropic,
-    TabulatedSpectrum,
-    power_spectrum,
-    rms_slope,
-    with_cutoff,
-)
-from rubberfric.scene import Body, ContactShear, Heating, Scene, Softening, ThermalProperties
-from rubberfric.theory import Solution, contact_area, friction, quantities_of, separation, solve
+TYPE_CHECKING = False  # for type checkers it is true
+if TYPE_CHECKING:
+    from rubberfric import analysis, io, materials, plot, roughness
+    from rubberfric.analysis import FrictionMap, friction_map
+    from rubberfric.base import units
+    from rubberfric.base.process.compilation_cache import compilation_cache
+    from rubberfric.base.progress import progress
+    from rubberfric.base.quadrature import Quadrature
+    from rubberfric.io import load_scene, save_scene
+    from rubberfric.materials import (
+        WLF,
+        Arrhenius,
+        Coating,
+        Elastic,
+        Entropic,
+        Prony,
+        PronyShear,
+        Rigid,
+        Slab,
+        TabulatedModulus,
+        TabulatedShift,
+        TabulatedVertical,
+        complex_modulus,
+    )
+    from rubberfric.roughness import (
+        Anisotropic,
+        SelfAffine,
+        TabulatedAnisotropic,
+        TabulatedSpectrum,
+        power_spectrum,
+        rms_slope,
+        with_cutoff,
+    )
+    from rubberfric.scene import Body, ContactShear, Heating, Scene, Softening, ThermalProperties
+    from rubberfric.theory import Solution, contact_area, friction, quantities_of, separation, solve
 
 __all__ = [
     "WLF",
@@ -62,6 +66,7 @@ __all__ = [
     "TabulatedVertical",
     "ThermalProperties",
     "analysis",
+    "compilation_cache",
     "complex_modulus",
     "contact_area",
     "friction",
@@ -82,42 +87,41 @@ __all__ = [
     "with_cutoff",
 ]
 
+__version__ = VERSION
+
 # What is looked for here, and is in the package beside.
 _FITTING = (
-    "AreaData",
-    "Bounded",
-    "FitResult",
-    "Free",
-    "FrictionData",
-    "Gaussian",
-    "KramersKronig",
-    "MasterCurve",
-    "ModulusData",
-    "Positive",
-    "PronyFit",
-    "Smooth",
-    "SpectrumData",
-    "SpectrumFit",
-    "Tied",
-    "fit",
-    "fit_master_curve",
-    "fit_prony",
-    "fit_spectrum",
-    "kramers_kronig",
-    "sensitivity",
-    "softening_from_sweep",
+    "AreaData Bounded FitResult Free FrictionData Gaussian KramersKronig MasterCurve ModulusData Positive "
+    "PronyFit Smooth SpectrumData SpectrumFit Tied fit fit_master_curve fit_prony fit_spectrum "
+    "kramers_kronig sensitivity softening_from_sweep"
 )
 
-
-def __dir__():
-    """The public names only."""
-    return sorted(__all__)
-
-
-if not TYPE_CHECKING:  # a checker would take every name for one that is here
-
-    def __getattr__(name):
-        """Say where a name is that is not here."""
-        if name in _FITTING:  # an AttributeError would lose its text in "from rubberfric import fit"
-            raise ImportError(f"rubberfric has no {name!r}, fitting has: from fitting import {name}")
-        raise AttributeError(f"module 'rubberfric' has no attribute {name!r}")
+lazily(
+    __name__,
+    {
+        "rubberfric.analysis": "FrictionMap friction_map",
+        "rubberfric.base.process.compilation_cache": "compilation_cache",
+        "rubberfric.base.progress": "progress",
+        "rubberfric.base.quadrature": "Quadrature",
+        "rubberfric.io": "load_scene save_scene",
+        "rubberfric.materials": (
+            "WLF Arrhenius Coating Elastic Entropic Prony PronyShear Rigid Slab TabulatedModulus "
+            "TabulatedShift TabulatedVertical complex_modulus"
+        ),
+        "rubberfric.roughness": (
+            "Anisotropic SelfAffine TabulatedAnisotropic TabulatedSpectrum power_spectrum rms_slope "
+            "with_cutoff"
+        ),
+        "rubberfric.scene": "Body ContactShear Heating Scene Softening ThermalProperties",
+        "rubberfric.theory": "Solution contact_area friction quantities_of separation solve",
+    },
+    modules=(
+        "rubberfric.analysis",
+        "rubberfric.io",
+        "rubberfric.materials",
+        "rubberfric.plot",
+        "rubberfric.roughness",
+        "rubberfric.base.units",
+    ),
+    elsewhere={"fitting": _FITTING},
+)

@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import jax
@@ -15,6 +16,7 @@ jax.config.update("jax_enable_x64", True)
 pytest.register_assert_rewrite("support")
 
 MAPS = Path("/proc/self/maps")
+CACHES = tempfile.TemporaryDirectory(prefix="rubberfric-caches-")
 _tests = itertools.count(1)
 
 
@@ -31,6 +33,9 @@ def pytest_configure(config):
 
     The slow sets and the benchmarks, of which nobody waits for the compiler, run what users run.
     """
+    # Compiled programs of the commands that are tested are nobody's but this run's.
+    os.environ["XDG_CACHE_HOME"] = CACHES.name
+    os.environ.pop("JAX_COMPILATION_CACHE_DIR", None)
     # A script's shell has it ignored in the background, and so would the commands that are tested.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     if "not slow" in config.getoption("markexpr") and "XLA_FLAGS" not in os.environ:

@@ -1,29 +1,23 @@
 """The command `rubberfric-fit`.
 
 Exit status: 0 fitted; 3 fitted, but the scene does not explain the data (`fitting.uncertainty.verdict`);
-1 not converged, interrupted, or the work failed; 2 bad input, with one line on stderr and nothing
-written. A fit that was interrupted (Ctrl-C or SIGTERM) is reported and written as far as it came, as
-is one that did not converge. An interrupt before the first step, and a second one, do not wait for
-that: exit status 130 or 143, within a second. A bootstrap that was interrupted, or killed, goes on
-with --resume.
+1 not converged, or the work failed; 2 bad input, with one line on stderr and nothing written; 130 or 143
+interrupted, by Ctrl-C (SIGINT) or SIGTERM. A fit that was interrupted after its first step says so at once,
+and is reported and written as far as it came, as is one that did not converge. An interrupt before the first
+step, and a second one, do not wait for that: the process ends within a second. A bootstrap that was
+interrupted, or killed, goes on with --resume.
 """
 
-import argparse
-import importlib.metadata
-from collections.abc import Sequence
+from __future__ import annotations
 
-import numpy as np
+from rubberfric.commands import leave_at_once
 
-from fitting.commands.job import Job, read_job
-from fitting.ensemble.members import bootstrap_members
-from fitting.ensemble.result import EnsembleResult
-from fitting.ensemble.run import run_ensemble
-from fitting.fit import fit
-from fitting.results.hdf5 import save
-from fitting.results.plot import save_plot
-from fitting.results.result import FitResult
-from rubberfric.base import StrPath, check_writable
-from rubberfric.commands import Interrupts, Parser, add_outputs, check_outputs, complain, ended, progress
+TYPE_CHECKING = False  # for type checkers it is true
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Sequence
+
+    from rubberfric.commands import Interrupts, Parser
 
 PROGRAM = "rubberfric-fit"
 
@@ -33,92 +27,60 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     None: those of the process, which a signal then may end (`rubberfric.commands.interrupts`).
     """
-    parser = _parser()
-    arguments = parser.parse_args(argv)
-    if arguments.bootstrap is None and (arguments.checkpoint is not None or arguments.resume):
-        parser.error("--checkpoint and --resume are of a bootstrap: must come with --bootstrap N")
-    if arguments.resume and arguments.checkpoint is None:
-        parser.error("--resume: must come with --checkpoint FILE.h5")
-    return ended(PROGRAM, lambda interrupts: run(arguments, interrupts), process=argv is None)
+    if argv is None:
+        leave_at_once(PROGRAM)
+    from rubberfric.commands import ended
+
+    return ended(PROGRAM, lambda interrupts: _run(argv, interrupts), process=argv is None)
 
 
-def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
-    """Fit a job file, write what was asked for, print the report."""
+def _run(argv: Sequence[str] | None, interrupts: Interrupts) -> int:
+    from rubberfric.commands import begin_jax, progress
+
+    arguments = _parser().parse_args(argv)
+    check_arguments(arguments)
+    with progress(arguments.verbose) as show:
+        show("loading JAX")
+        begin_jax(process=argv is None, cache=not arguments.no_cache)
+        from fitting.commands.work import run
+
+        return run(arguments, interrupts, show)
+
+
+def check_arguments(arguments: argparse.Namespace) -> None:
+    """ValueError that says what is wrong with the arguments, before any work begins."""
+    from pathlib import Path
+
+    from rubberfric.base import check_writable
+    from rubberfric.commands import check_input, check_outputs
+
+    checkpoint = arguments.checkpoint
+    if arguments.bootstrap is None and (checkpoint is not None or arguments.resume):
+        raise ValueError("--checkpoint and --resume are of a bootstrap: must come with --bootstrap N")
+    if arguments.resume and checkpoint is None:
+        raise ValueError("--resume: must come with --checkpoint FILE.h5")
+    check_input(arguments.job, (".toml",))
     check_outputs(arguments, ".h5")
-    if arguments.checkpoint is not None:
-        check_writable(arguments.checkpoint, (".h5",))
-    job, failures = read_job(arguments.job), []
-    try:
-        result = _fit(arguments.job, job, interrupts)
-        interrupts.hold()
-        for writer, path in ((save, arguments.out), (save_plot, arguments.plot)):
-            try:
-                if path is not None:
-                    writer(path, result, job.title)
-            except OSError as error:  # a full disk must not cost the report
-                failures.append(error)
-        spread = None
-        if arguments.bootstrap is not None and result.success and not interrupts.stopped:
-            spread = _bootstrap(arguments, result, interrupts)
-    finally:
-        interrupts.release()
-    print(job.title + "\n" * bool(job.title) + result.report(), end="")
-    print("" if spread is None else spread.report(), end="", flush=True)
-    if failures:
-        raise failures[0]
-    if not result.success:
-        return complain(PROGRAM, result.message, 1)
-    if interrupts.stopped:
-        left = "a start had converged, others had not"
-        left = left if spread is None else "of the bootstrap only a part is done"
-        return complain(PROGRAM, f"interrupted: {left}", 1)
-    if result.verdict.explains is False:
-        return complain(PROGRAM, "the scene does not explain the data: see the verdict above", 3)
-    return 0
-
-
-def _fit(path: StrPath, job: Job, interrupts: Interrupts) -> FitResult:
-    """The fit of a job, with its progress on a terminal."""
-    with progress() as show:
-
-        def callback(step, cost):
-            show(f"step {step}, cost {cost:.6g}")
-            interrupts.hold()  # from now on there is something to report
-            interrupts.check()
-
-        show("compiling ...")
-        try:
-            return fit(job.scene, job.data, job.free, prior=job.prior, callback=callback, **job.options)
-        except np.linalg.LinAlgError:  # a ValueError, but not one of the input
-            raise
-        except ValueError as error:
-            raise ValueError(f"{path}: {error}") from None
-
-
-def _bootstrap(arguments: argparse.Namespace, result: FitResult, interrupts: Interrupts) -> EnsembleResult:
-    """Refits of simulated data, with their progress on a terminal."""
-    with progress() as show:
-
-        def callback(done, members):
-            show(f"bootstrap: {done} of {members} fits")
-            interrupts.check()
-
-        show("bootstrap: compiling ...")
-        return run_ensemble(
-            bootstrap_members(result, arguments.bootstrap),
-            checkpoint=arguments.checkpoint,
-            resume=arguments.resume,
-            callback=callback,
+    if checkpoint is None:
+        return
+    check_writable(checkpoint, (".h5",))
+    if arguments.out is not None and Path(checkpoint).resolve() == Path(arguments.out).resolve():
+        raise ValueError(f"--checkpoint {checkpoint}: is the file of --out; must be another")
+    if Path(checkpoint).exists() and not arguments.resume:
+        raise ValueError(
+            f"{checkpoint}: there is a file already; must be gone on with (--resume), or removed first"
         )
 
 
-def _parser():
+def _parser() -> Parser:
+    from rubberfric.base import VERSION
+    from rubberfric.commands import Parser, add_common, add_outputs
+
     parser = Parser(
         prog=PROGRAM,
         description="Fit parameters of a rubber friction scene to measurements; print values and errors.",
     )
-    version = importlib.metadata.version("rubberfric")
-    parser.add_argument("--version", action="version", version=f"{PROGRAM} {version}")
+    parser.add_argument("--version", action="version", version=f"{PROGRAM} {VERSION}")
     parser.add_argument("job", metavar="JOB", help="job file (.toml): scene, data, what is free")
     add_outputs(
         parser, "FILE.h5", "write the fit; fitting.FitResult.load reads it", "draw data, fit and residuals"
@@ -132,10 +94,17 @@ def _parser():
         help="save the bootstrap's state every minute; refused if it exists",
     )
     parser.add_argument("--resume", action="store_true", help="go on with the checkpoint, if it exists")
+    add_common(parser)
     return parser
 
 
-def _count(text):
-    if not text.isascii() or not text.isdigit() or not 0 < int(text) < 2**31:
-        raise argparse.ArgumentTypeError(f"{text!r}: must be an integer >= 1")
+def _count(text: str) -> int:
+    from argparse import ArgumentTypeError
+
+    if not text.isascii() or not text.isdigit() or not 0 < int(text) <= _MOST:
+        raise ArgumentTypeError(f"{text!r}: must be an integer >= 1, and <= {_MOST}")
     return int(text)
+
+
+# Fits whose data would fill the memory of many machines.
+_MOST = 10**6

@@ -21,7 +21,7 @@ import jax
 import numpy as np
 
 from fitting.solvers.iterate import Iterate
-from rubberfric.base import StrPath, check_writable, write_durably
+from rubberfric.base import VERSION, StrPath, check_writable, write_durably
 from rubberfric.io import hdf5
 
 FORMAT = "rubberfric ensemble checkpoint"
@@ -63,10 +63,9 @@ def read_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint) -> Check
     """
     with hdf5.reading(path, FORMAT) as file:
         found = hdf5.plain(file.attrs.get("rubberfric_version"))
-        if found != hdf5.release():
-            this = hdf5.release()
+        if found != VERSION:
             raise ValueError(
-                f"written by version {found}: this is {this}, whose steps may differ; must be the same"
+                f"written by version {found}: this is {VERSION}, whose steps may differ; must be the same"
             )
         if file.attrs.get("fingerprint") != fingerprint:
             raise ValueError(

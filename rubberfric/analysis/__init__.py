@@ -3,18 +3,22 @@
 Maps, each length scale's part, the interface, power, errors against run time.
 """
 
-from rubberfric.analysis.by_wavevector import Profile, profile
-from rubberfric.analysis.elements.expected import TheoryError, theory_error
-from rubberfric.analysis.elements.realisation import Surface, random_surface
-from rubberfric.analysis.elements.sliding import SlidingContact, boundary_element, sliding_contact
-from rubberfric.analysis.error_and_time.settings import quadrature_for
-from rubberfric.analysis.error_and_time.sweep import accuracy
-from rubberfric.analysis.extrapolation import friction_outside_table
-from rubberfric.analysis.interface import contact_stiffness, stress_distribution
-from rubberfric.analysis.jacobian import value_and_jacobian
-from rubberfric.analysis.maps.friction_map import FrictionMap, friction_map
-from rubberfric.analysis.power import DissipatedPower, dissipated_power
-from rubberfric.analysis.separation_by_wavevector import SeparationProfile, separation_profile
+from rubberfric.base.process.lazy import lazily
+
+TYPE_CHECKING = False  # for type checkers it is true
+if TYPE_CHECKING:
+    from rubberfric.analysis.by_wavevector import Profile, profile
+    from rubberfric.analysis.elements.expected import TheoryError, theory_error
+    from rubberfric.analysis.elements.realisation import Surface, random_surface
+    from rubberfric.analysis.elements.sliding import SlidingContact, boundary_element, sliding_contact
+    from rubberfric.analysis.error_and_time.settings import quadrature_for
+    from rubberfric.analysis.error_and_time.sweep import accuracy
+    from rubberfric.analysis.extrapolation import friction_outside_table
+    from rubberfric.analysis.interface import contact_stiffness, stress_distribution
+    from rubberfric.analysis.jacobian import value_and_jacobian
+    from rubberfric.analysis.maps.friction_map import FrictionMap, friction_map
+    from rubberfric.analysis.power import DissipatedPower, dissipated_power
+    from rubberfric.analysis.separation_by_wavevector import SeparationProfile, separation_profile
 
 __all__ = [
     "DissipatedPower",
@@ -39,3 +43,21 @@ __all__ = [
     "theory_error",
     "value_and_jacobian",
 ]
+
+lazily(
+    __name__,
+    {
+        "rubberfric.analysis.by_wavevector": "Profile profile",
+        "rubberfric.analysis.elements.expected": "TheoryError theory_error",
+        "rubberfric.analysis.elements.realisation": "Surface random_surface",
+        "rubberfric.analysis.elements.sliding": "SlidingContact boundary_element sliding_contact",
+        "rubberfric.analysis.error_and_time.settings": "quadrature_for",
+        "rubberfric.analysis.error_and_time.sweep": "accuracy",
+        "rubberfric.analysis.extrapolation": "friction_outside_table",
+        "rubberfric.analysis.interface": "contact_stiffness stress_distribution",
+        "rubberfric.analysis.jacobian": "value_and_jacobian",
+        "rubberfric.analysis.maps.friction_map": "FrictionMap friction_map",
+        "rubberfric.analysis.power": "DissipatedPower dissipated_power",
+        "rubberfric.analysis.separation_by_wavevector": "SeparationProfile separation_profile",
+    },
+)

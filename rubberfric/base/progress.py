@@ -9,8 +9,6 @@ import weakref
 from collections.abc import Callable
 from typing import Any, Self, TextIO
 
-from rubberfric.base.checks import shown
-
 # Seconds between two pictures in a notebook: each is a message to its page.
 _PAUSE = 0.1
 # Characters of a line in a terminal: a longer one would wrap, and could not be replaced.
@@ -43,6 +41,8 @@ def progress(label: str = "") -> "Progress":
     ------
     ValueError : the label is no text on one line.
     """
+    from rubberfric.base.checks import shown  # with it comes JAX, for which the commands do not wait
+
     if not isinstance(label, str) or not label.isprintable():
         raise ValueError(f"label = {shown(label)}: must be text on one line")
     return Progress(label, _place())
@@ -70,6 +70,10 @@ class Progress:
         return self
 
     def __exit__(self, *error: object) -> None:
+        self.end()
+
+    def end(self) -> None:
+        """End its line."""
         if self._place is not None:
             self._end()
 

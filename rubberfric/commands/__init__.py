@@ -1,6 +1,44 @@
 """The command `rubberfric`, and what other commands share with it."""
 
-from rubberfric.commands.interrupts import Interrupts
-from rubberfric.commands.shared import Parser, add_outputs, check_outputs, complain, ended, progress
+from rubberfric.base.process.lazy import lazily
 
-__all__ = ["Interrupts", "Parser", "add_outputs", "check_outputs", "complain", "ended", "progress"]
+TYPE_CHECKING = False  # for type checkers it is true
+if TYPE_CHECKING:
+    from rubberfric.commands.arguments import (
+        Parser,
+        add_common,
+        add_outputs,
+        check_input,
+        check_outputs,
+        write_outputs,
+    )
+    from rubberfric.commands.ending import begin_jax, complain, ended
+    from rubberfric.commands.interrupts import Interrupts, leave_at_once
+    from rubberfric.commands.phases import progress
+
+__all__ = [
+    "Interrupts",
+    "Parser",
+    "add_common",
+    "add_outputs",
+    "begin_jax",
+    "check_input",
+    "check_outputs",
+    "complain",
+    "ended",
+    "leave_at_once",
+    "progress",
+    "write_outputs",
+]
+
+lazily(
+    __name__,
+    {
+        "rubberfric.commands.arguments": (
+            "Parser add_common add_outputs check_input check_outputs write_outputs"
+        ),
+        "rubberfric.commands.ending": "begin_jax complain ended",
+        "rubberfric.commands.interrupts": "Interrupts leave_at_once",
+        "rubberfric.commands.phases": "progress",
+    },
+)

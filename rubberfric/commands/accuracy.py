@@ -6,7 +6,8 @@ import numpy as np
 
 from rubberfric.analysis.error_and_time.settings import check_error
 from rubberfric.analysis.error_and_time.sweep import accuracy
-from rubberfric.commands.shared import add_outputs, check_outputs, progress
+from rubberfric.base.progress import Progress
+from rubberfric.commands.arguments import write_outputs
 from rubberfric.io.files import read_computable
 from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.plot.save import save_accuracy_plot
@@ -15,40 +16,26 @@ from rubberfric.plot.save import save_accuracy_plot
 _POINTS = 60
 
 
-def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command to argparse's subparsers."""
-    parser = commands.add_parser(
-        "accuracy",
-        help="measure errors and run times of a scene for settings of increasing accuracy",
-        description="Print errors of area, friction, separation and of their gradients beside run times, for "
-        "accuracy settings in double and single precision and for the textbook method, and the cheapest "
-        "setting for a wanted error.",
-    )
-    parser.add_argument("scene", metavar="SCENE", help="scene file (.toml) or result file (.h5)")
-    parser.add_argument("--error", type=float, default=1e-6, help="wanted relative error (default: 1e-6)")
-    add_outputs(parser, "FILE.csv", "write the table", "draw error over run time")
-    parser.set_defaults(run=run)
+def run(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
+    """`rubberfric accuracy`: sweep over settings at the conditions of a file.
 
-
-def run(arguments: argparse.Namespace) -> int:
-    """`rubberfric accuracy`: sweep over settings for a scene file at its conditions."""
+    Returns what it prints, and what failed.
+    """
     check_error(arguments.error)
-    check_outputs(arguments, ".csv")
+    show(f"reading {arguments.scene}")
     scene, conditions, title = read_computable(arguments.scene)
     velocity = thinned(conditions)
-    with progress() as tell:
-        at = conditions._replace(velocity=velocity).grid()
-        found = accuracy(scene, *at, error=arguments.error, progress=tell)
-    if arguments.out is not None:
-        found.write(arguments.out)
-    if arguments.plot is not None:
-        save_accuracy_plot(arguments.plot, found, title)
-    if title:
-        print(title)
+    at = conditions._replace(velocity=velocity).grid()
+    found = accuracy(scene, *at, error=arguments.error, progress=show)
+    failure = write_outputs(
+        show,
+        ("writing", arguments.out, found.write),
+        ("drawing", arguments.plot, lambda path: save_accuracy_plot(path, found, title)),
+    )
+    lines = [title] * bool(title)
     if velocity.size < conditions.velocity.size:
-        print(f"{velocity.size} of {conditions.velocity.size} velocities, equally spread")
-    print(found.report(), flush=True)
-    return 0
+        lines.append(f"{velocity.size} of {conditions.velocity.size} velocities, equally spread")
+    return "\n".join([*lines, found.report()]), failure
 
 
 def thinned(conditions: Conditions) -> np.ndarray:

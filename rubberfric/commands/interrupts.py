@@ -7,18 +7,41 @@ the interpreter then shuts down under them, and that ends in a segmentation faul
 what is being written and ends the process by `os._exit`, which runs no such shutdown.
 """
 
-import contextlib
+from __future__ import annotations
+
 import os
 import signal
-import socket
 import sys
-import threading
-from types import FrameType
-from typing import Any, Self
 
-from rubberfric.base.atomic import remove_begun
+TYPE_CHECKING = False  # for type checkers it is true
+if TYPE_CHECKING:
+    from types import FrameType
+    from typing import Any, Self
 
 LOST = "what was not yet complete is not written"
+WAIT = "interrupted; ends after this step, once more ends it at once"
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
+
+def leave_at_once(program: str) -> None:
+    """Have a signal end the process, of which nothing but imports has been done yet."""
+
+    def leave(which: int, _frame: FrameType | None) -> None:
+        say(program, f"interrupted; {LOST}")
+        os._exit(128 + which)
+
+    for which in SIGNALS:
+        if signal.getsignal(which) != signal.SIG_IGN:
+            signal.signal(which, leave)
+
+
+def say(program: str, text: str) -> None:
+    """A line; not by Python's streams, which the main thread may hold."""
+    try:
+        os.write(2, (("\r\033[K" if os.isatty(2) else "") + f"{program}: {text}\n").encode())
+    except OSError:  # nowhere to say it
+        return
 
 
 class Interrupts:
@@ -43,6 +66,9 @@ class Interrupts:
         self._before: dict[signal.Signals, Any] = {}  # handlers
 
     def __enter__(self) -> Self:
+        import socket  # both take longer to import than a signal may need
+        import threading
+
         if threading.current_thread() is threading.main_thread():  # others cannot
             if self.process:
                 hear, self._tell = socket.socketpair()  # which, unlike a pipe, Windows takes for this
@@ -50,14 +76,15 @@ class Interrupts:
                 signal.set_wakeup_fd(self._tell.fileno(), warn_on_full_buffer=False)
                 self._thread = threading.Thread(target=self._wait, args=(hear,), daemon=True)
                 self._thread.start()
-            for which in (signal.SIGINT, signal.SIGTERM):
+            for which in SIGNALS:
                 if signal.getsignal(which) != signal.SIG_IGN:  # as a script's shell has it in the background
                     self._before[which] = signal.signal(which, self._arrived)
         return self
 
     def __exit__(self, *error: object) -> None:
         for which, handler in self._before.items():
-            signal.signal(which, handler)
+            # All is done, and the process about to end: there is nothing left to interrupt.
+            signal.signal(which, signal.SIG_IGN if self.process else handler)
         if hasattr(self, "_thread"):
             signal.set_wakeup_fd(-1)
             self._tell.close()
@@ -68,27 +95,35 @@ class Interrupts:
         if not (self._holding and first) and not self.process:
             raise KeyboardInterrupt
 
-    def _wait(self, hear: socket.socket) -> None:
+    def _wait(self, hear: Any) -> None:
         """In its thread: end the process at the first signal that is not held back."""
         with hear:
             while which := hear.recv(1):
+                if which[0] not in self._before:
+                    continue
                 first, self._seen = not self._seen, True
-                if which[0] in self._before and not (self._holding and first):
+                if self._holding and first:
+                    say(self.program, WAIT)
+                else:
                     self._leave(which[0])
 
     def _leave(self, which: int) -> None:
+        from rubberfric.base.atomic import remove_begun
+
         try:
             remove_begun()
-            line = f"{self.program}: interrupted; {LOST}\n"
-            # Not by Python's streams: the main thread may hold them, and what waits in them is incomplete.
-            with contextlib.suppress(OSError):
-                os.write(2, (("\r\033[K" if os.isatty(2) else "") + line).encode())
+            say(self.program, f"interrupted; {LOST}")
         finally:
             os._exit(128 + which)
 
     def complain(self) -> int:
         """Say that the command was interrupted, where the process goes on; returns the exit status."""
         print(f"{self.program}: interrupted; {LOST}", file=sys.stderr)
+        return self.status
+
+    @property
+    def status(self) -> int:
+        """Exit status of what the last signal ended."""
         return 128 + int(self.which)
 
     def hold(self) -> None:

@@ -2,13 +2,20 @@
 
 Exit status: 0 done; 2 bad input, with one line on stderr and nothing written; 1 the work failed;
 130 interrupted by Ctrl-C (SIGINT), 143 by SIGTERM, within a second, with one line on stderr.
+
+Each step imports what it needs: signals are answered before that, arguments checked before JAX is there.
 """
 
-import importlib.metadata
-from collections.abc import Sequence
+from __future__ import annotations
 
-from rubberfric.commands import accuracy, map, run
-from rubberfric.commands.shared import Parser, ended
+from rubberfric.commands.interrupts import leave_at_once
+
+TYPE_CHECKING = False  # for type checkers it is true
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Callable, Sequence
+
+    from rubberfric.base.progress import Progress
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -16,13 +23,39 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     None: those of the process, which a signal then ends (`rubberfric.commands.interrupts`).
     """
-    parser = Parser(
-        prog="rubberfric", description="Rubber friction and contact of rough viscoelastic solids."
-    )
-    version = importlib.metadata.version("rubberfric")
-    parser.add_argument("--version", action="version", version=f"rubberfric {version}")
-    commands = parser.add_subparsers(dest="command", required=True, metavar="COMMAND")
-    for command in (run, accuracy, map):
-        command.add(commands)
-    arguments = parser.parse_args(argv)
-    return ended("rubberfric", lambda _: arguments.run(arguments), process=argv is None)
+    if argv is None:
+        leave_at_once("rubberfric")
+    from rubberfric.commands.ending import ended
+
+    return ended("rubberfric", lambda _: _run(argv), process=argv is None)
+
+
+def _run(argv: Sequence[str] | None) -> int:
+    from rubberfric.commands.arguments import check_arguments, parser
+    from rubberfric.commands.ending import begin_jax
+    from rubberfric.commands.phases import progress
+
+    arguments = parser().parse_args(argv)
+    check_arguments(arguments)
+    with progress(arguments.verbose) as show:
+        show("loading JAX")
+        begin_jax(process=argv is None, cache=not arguments.no_cache)
+        text, failure = _work(arguments.command)(arguments, show)
+    print(text)
+    if failure is not None:
+        raise failure
+    return 0
+
+
+def _work(command: str) -> Callable[[argparse.Namespace, Progress], tuple[str, OSError | None]]:
+    """What a command does, imported alone."""
+    match command:
+        case "run":
+            from rubberfric.commands.run import run
+        case "accuracy":
+            from rubberfric.commands.accuracy import run
+        case "map":
+            from rubberfric.commands.map import run
+        case _:
+            from rubberfric.commands.doctor import run
+    return run

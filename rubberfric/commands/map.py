@@ -1,15 +1,17 @@
 """The command `rubberfric map`: quantities of a scene file over velocity, temperature and pressure."""
 
 import argparse
+import math
 import os
-import sys
 from collections.abc import Iterator
 
 import jax
 import numpy as np
 
 from rubberfric.analysis.maps.friction_map import DEFAULT_QUANTITIES, friction_map
-from rubberfric.commands.shared import add_outputs, check_outputs, convergence_line, progress
+from rubberfric.base.progress import Progress
+from rubberfric.commands.arguments import write_outputs
+from rubberfric.commands.run import convergence_line
 from rubberfric.io.files import read_computable
 from rubberfric.io.results import CONDITIONS, QUANTITIES, Result, result_shape
 from rubberfric.plot.map import check_map
@@ -18,75 +20,52 @@ from rubberfric.plot.save import save_map_plot
 _SEVERAL = {"velocity": "velocities", "pressure": "pressures", "temperature": "temperatures"}
 
 
-def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command to argparse's subparsers."""
-    parser = commands.add_parser(
-        "map",
-        help="compute a scene over velocity, temperature and pressure",
-        description="Compute a scene at every combination of the velocities, pressures and temperatures of "
-        "the table [map] of its file, or of [run] if there is none; print the range of each quantity, and "
-        "where its largest value is.",
-    )
-    parser.add_argument("scene", metavar="SCENE", help="scene file (.toml) or result file (.h5)")
-    add_outputs(parser, "FILE.h5", "write the map and the scene that made it", "draw the map")
-    parser.add_argument(
-        "--quantity",
-        nargs="+",
-        choices=tuple(QUANTITIES),
-        default=DEFAULT_QUANTITIES,
-        metavar="NAME",
-        help=f"what to compute, out of {', '.join(QUANTITIES)} (default: {' '.join(DEFAULT_QUANTITIES)})",
-    )
-    parser.add_argument(
-        "--devices",
-        type=int,
-        metavar="N",
-        help="devices that JAX makes of the processor (default: one for each core); nothing to other devices",
-    )
-    parser.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """`rubberfric map`: a friction map of a scene file."""
+def run(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
+    """`rubberfric map`: a friction map of a scene file; returns what it prints, and what failed."""
     make_devices(arguments.devices)  # before the scene is read, for with that JAX begins
-    check_outputs(arguments, ".h5")
+    show(f"reading {arguments.scene}")
     scene, conditions, title = read_computable(arguments.scene, "map")
     if arguments.plot is not None:
         try:
             check_map(conditions)
         except ValueError as error:
             raise ValueError(f"{arguments.scene}: {error}") from None
-    quantities = list(arguments.quantity)
+    quantities: list[str] = list(arguments.quantity or DEFAULT_QUANTITIES)
     if scene.heating is not None and "converged" not in quantities:
         quantities.append("converged")
-    with progress() as show:
-        result = friction_map(
-            scene, *conditions, quantities=quantities, progress=show, path=arguments.out, title=title
-        )
-    if arguments.plot is not None:
-        save_map_plot(arguments.plot, result)
-    for line in summary(result):
-        print(line)
+    points = math.prod(result_shape(conditions))
+    show(f"compiling {', '.join(quantities)} for a map of {points} points")
+
+    def computed(done: int, of: int) -> None:
+        if done:  # before that, it still compiles
+            show(done, of)
+
+    result = friction_map(
+        scene, *conditions, quantities=quantities, progress=computed, path=arguments.out, title=title
+    )
+    failure = write_outputs(show, ("drawing", arguments.plot, lambda path: save_map_plot(path, result)))
+    lines = [*summary(result)]
     if line := convergence_line(result):
-        print(f"\n{line}")
-    sys.stdout.flush()
-    return 0
+        lines += ["", line]
+    return "\n".join(lines), failure
 
 
 def make_devices(count: int | None) -> None:
     """One device of the processor for each of its cores, or as many as asked for.
 
-    ValueError if they are not a number > 0, or if JAX has others already.
+    ValueError if JAX has others already.
     """
-    if count is not None and count < 1:
-        raise ValueError(f"--devices {count}: must be > 0")
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count()
     try:
-        jax.config.update("jax_num_cpu_devices", count or cores)
+        jax.config.update("jax_num_cpu_devices", count or cores())
     except RuntimeError:  # JAX has begun, which only a caller from Python can have done
         found = jax.local_device_count("cpu")
         if count not in (None, found):
             raise ValueError(f"--devices {count}: JAX has begun with {found}: must be that") from None
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def summary(result: Result) -> Iterator[str]:

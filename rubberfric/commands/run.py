@@ -1,58 +1,51 @@
 """The command `rubberfric run`: all quantities of a scene file at its conditions."""
 
 import argparse
-import sys
+import math
 from collections.abc import Iterator
 
 import numpy as np
 
 from rubberfric.analysis.elements.expected import theory_error
 from rubberfric.analysis.extrapolation import friction_outside_table, tabulated_solids
+from rubberfric.base.progress import Progress
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.base.units import to_celsius
-from rubberfric.commands.shared import add_outputs, check_outputs, convergence_line
+from rubberfric.commands.arguments import write_outputs
 from rubberfric.io.files import read_computable
 from rubberfric.io.result_files import save_result
 from rubberfric.io.results import QUANTITIES, Result, result_shape
 from rubberfric.io.scene_files.conditions import Conditions
-from rubberfric.plot.save import save_plot
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.model import solve
 from rubberfric.theory.quantities import Solution, quantities_of
 
 
-def add(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command to argparse's subparsers."""
-    parser = commands.add_parser(
-        "run",
-        help="compute a scene at the conditions in its file",
-        description="Print contact area, friction coefficient and mean separation over velocity; parts of "
-        "the friction, the force across the direction of sliding and the flash temperature where the scene "
-        "has contact shear, anisotropic roughness and heating.",
-    )
-    parser.add_argument(
-        "scene", metavar="SCENE", help="scene file (.toml), or result file (.h5) to compute again"
-    )
-    add_outputs(parser, "FILE.h5", "write the result and the scene that made it", "draw the curves")
-    parser.set_defaults(run=run)
-
-
-def run(arguments: argparse.Namespace) -> int:
-    """`rubberfric run`: compute a scene file at its conditions."""
-    check_outputs(arguments, ".h5")
+def run(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
+    """`rubberfric run`: compute a scene file at its conditions; returns what it prints, and what failed."""
+    show(f"reading {arguments.scene}")
     scene, conditions, title = read_computable(arguments.scene)
+    quantities = quantities_of(scene)
+    points = math.prod(result_shape(conditions))
+    show(f"compiling and computing {', '.join(quantities)} at {points} points")
     result = Result(scene, conditions, compute(scene, conditions), Quadrature(), title)
-    if arguments.out is not None:
-        save_result(arguments.out, result)
-    if arguments.plot is not None:
-        save_plot(arguments.plot, result)
-    for line in table(result):
-        print(line)
-    for line in (extrapolation_line(result), convergence_line(result), truth_line(result)):
-        if line:
-            print(f"\n{line}")
-    sys.stdout.flush()
-    return 0
+
+    def draw(path: str) -> None:
+        from rubberfric.plot.save import save_plot
+
+        save_plot(path, result)
+
+    failure = write_outputs(
+        show,
+        ("writing", arguments.out, lambda path: save_result(path, result)),
+        ("drawing", arguments.plot, draw),
+    )
+    if tabulated_solids(scene):
+        show("computing what lies outside the tables")
+    ends = [
+        line for line in (extrapolation_line(result), convergence_line(result), truth_line(result)) if line
+    ]
+    return "\n".join([*table(result), *(f"\n{line}" for line in ends)]), failure
 
 
 def compute(scene: Scene, conditions: Conditions) -> Solution:
@@ -118,4 +111,22 @@ def truth_line(result: Result) -> str:
     return (
         f"the theory itself, against boundary elements of such scenes (A/A0 {low:.2g} ... {high:.2g}):\n"
         f"A/A0 off by {area}, {mu} by {friction} in nine cases of ten (notebooks/boundary_elements.md)"
+    )
+
+
+def convergence_line(result: Result) -> str:
+    """How many temperatures of a heated scene are not a solution; "" if all are."""
+    converged = result.solution.converged
+    if converged is None:
+        return ""
+    # A temperature at a time: an array that stays in its file is not read at once.
+    left = [np.size(plane) - np.count_nonzero(plane) for plane in converged]
+    if not any(left):
+        return ""
+    i = int(np.flatnonzero(left)[0])
+    j, k = np.argwhere(~converged[i])[0]
+    return (
+        f"the temperatures did not converge at {sum(left)} of {converged.size} points, "
+        f"first at v = {result.conditions.velocity[k]:g} m/s, p = {result.conditions.pressure[j]:g} Pa: "
+        "the values there are those of the last iterate"
     )

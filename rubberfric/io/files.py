@@ -1,6 +1,6 @@
 """Scene files of either kind: TOML written by hand, HDF5 written by the library."""
 
-from rubberfric.base.atomic import StrPath, as_path, check_writable
+from rubberfric.base.atomic import StrPath, as_path, check_suffix, check_writable
 from rubberfric.io.result_files import read_scene_hdf5, write_scene_hdf5
 from rubberfric.io.scene_files.conditions import Conditions, SceneFile
 from rubberfric.io.scene_files.toml import read_scene_toml
@@ -15,11 +15,8 @@ def read_scene_file(path: StrPath, table: str = "run") -> SceneFile:
     A TOML file has conditions in the tables "run" and "map"; an HDF5 file has one set of them.
     """
     path = as_path(path)
-    suffix = path.suffix.lower()
-    if suffix not in SUFFIXES:
-        folder = "; it is a folder" if path.is_dir() else ""
-        raise ValueError(f"{path}: suffix {suffix!r}: must be {' or '.join(SUFFIXES)}{folder}")
-    return read_scene_toml(path, table) if suffix == ".toml" else read_scene_hdf5(path)
+    check_suffix(path, SUFFIXES)
+    return read_scene_toml(path, table) if path.suffix.lower() == ".toml" else read_scene_hdf5(path)
 
 
 def read_computable(path: StrPath, table: str = "run") -> tuple[Scene, Conditions, str]:

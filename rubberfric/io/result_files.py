@@ -38,15 +38,17 @@ from rubberfric.theory.quantities import Solution
 # NAME of a dimension scale that is no coordinate, as netCDF writes it (with its length).
 _BARE = "This is a netCDF dimension but not a netCDF variable."
 
+# Bytes that a result file has beside its quantities, and some more.
+_HEAD = 2**20
+
 
 def save_result(path: StrPath, result: Result) -> None:
     """Write a result file, whole or not at all."""
     found = {name: np.asarray(x) for name, x in result.solution._asdict().items() if x is not None}
-    with replacing(path) as temporary:
-        _create(temporary, result, {name: values.dtype for name, values in found.items()})
-        with h5py.File(temporary, "r+") as file:
-            for name, values in found.items():
-                _dataset(file, name)[...] = values
+    with replacing(path) as temporary, creating(temporary, FORMAT) as file:
+        _begin(file, result, {name: values.dtype for name, values in found.items()})
+        for name, values in found.items():
+            _dataset(file, name)[...] = values
 
 
 @contextlib.contextmanager
@@ -65,16 +67,17 @@ def filling_result(
     ------
     ValueError : the file cannot have the space it needs, which is taken at once.
     """
+    size = math.prod(result_shape(result.conditions)) * sum(x.itemsize for x in dtypes.values())
     with replacing(path) as temporary:
         try:
-            _create(temporary, result, dtypes)
-            if hasattr(os, "posix_fallocate"):  # a file may be of a size that the disk has not
-                with open(temporary, "r+b") as file:
-                    os.posix_fallocate(file.fileno(), 0, temporary.stat().st_size)
-        except (OSError, RuntimeError) as error:  # RuntimeError: the HDF5 library's, on closing
-            size = math.prod(result_shape(result.conditions)) * sum(x.itemsize for x in dtypes.values())
-            reason = getattr(error, "strerror", None) or error
-            raise ValueError(f"{path}: cannot be written, {size / 2**30:.3g} GiB: {reason}") from None
+            space = temporary.with_name("space")
+            _allocate(space, size + _HEAD)  # HDF5 must not find out, see `creating`
+            space.unlink()
+            with creating(temporary, FORMAT, in_place=True) as file:
+                _begin(file, result, dtypes)
+            _allocate(temporary, temporary.stat().st_size)
+        except OSError as error:
+            raise ValueError(f"{path}: cannot be written, {size / 2**30:.3g} GiB: {error.strerror}") from None
         with h5py.File(temporary, "r+") as file:
             yield {name: _dataset(file, name) for name in dtypes}
 
@@ -88,27 +91,33 @@ def mapped_quantities(path: StrPath) -> dict[str, np.memmap]:
     return {name: np.memmap(path, at[0], "r", *at[1:]) for name, at in places.items()}
 
 
-def _create(path: Path, result: Result, dtypes: Mapping[str, np.dtype]) -> None:
-    """A result file whose quantities are to be filled in, each in one piece and in its place."""
+def _allocate(path: Path, size: int) -> None:
+    """Have a file its space: it may be of a size that the disk has not. OSError if there is none."""
+    if hasattr(os, "posix_fallocate"):
+        with open(path, "ab") as file:
+            os.posix_fallocate(file.fileno(), 0, size)
+
+
+def _begin(file: h5py.File, result: Result, dtypes: Mapping[str, np.dtype]) -> None:
+    """A result whose quantities are to be filled in, each in one piece and in its place."""
     creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     creation.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
     creation.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
-    with creating(path, FORMAT) as file:
-        file.attrs["title"] = result.title
-        write_object(file, "scene", result.scene)
-        for name, units in CONDITIONS.items():
-            values = getattr(result.conditions, name)
-            if values is None:
-                file.create_dataset(name, (1,), float).make_scale(f"{_BARE}{1:10d}")
-            else:
-                write_values(file, name, values, units).make_scale(name)
-        write_quadrature(file, result.quadrature)
-        for name, dtype in dtypes.items():
-            data = file.create_dataset(name, result_shape(result.conditions), dtype, dcpl=creation)
-            data.attrs["units"] = QUANTITIES[name].unit
-            for axis, dimension in enumerate(DIMENSIONS):
-                data.dims[axis].label = dimension
-                data.dims[axis].attach_scale(file[dimension])
+    file.attrs["title"] = result.title
+    write_object(file, "scene", result.scene)
+    for name, units in CONDITIONS.items():
+        values = getattr(result.conditions, name)
+        if values is None:
+            file.create_dataset(name, (1,), float).make_scale(f"{_BARE}{1:10d}")
+        else:
+            write_values(file, name, values, units).make_scale(name)
+    write_quadrature(file, result.quadrature)
+    for name, dtype in dtypes.items():
+        data = file.create_dataset(name, result_shape(result.conditions), dtype, dcpl=creation)
+        data.attrs["units"] = QUANTITIES[name].unit
+        for axis, dimension in enumerate(DIMENSIONS):
+            data.dims[axis].label = dimension
+            data.dims[axis].attach_scale(file[dimension])
 
 
 def load_result(path: StrPath) -> Result:

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from rubberfric.base.checks import is_concrete
-from rubberfric.base.html import count, folded, short, table, with_unit
+from rubberfric.base.objects.html import count, folded, short, table, with_unit
 from rubberfric.base.objects.physical import object_html
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.io.scene_files.conditions import Conditions

@@ -5,27 +5,30 @@ pyplot does not know, and returns the axes: `plot_friction(result).figure` at th
 in a notebook, after `%matplotlib inline`.
 """
 
-from rubberfric.plot import style
-from rubberfric.plot.accuracy import plot_accuracy
-from rubberfric.plot.curves import (
-    curve_labels,
-    plot_area,
-    plot_curve,
-    plot_friction,
-    plot_result,
-    plot_separation,
-)
-from rubberfric.plot.map import plot_map
-from rubberfric.plot.modulus import plot_modulus
-from rubberfric.plot.profile import plot_profile
-from rubberfric.plot.save import check_plot, save_accuracy_plot, save_figure, save_plot
-from rubberfric.plot.sensitivity import plot_sensitivity
-from rubberfric.plot.spectrum import plot_spectrum
-from rubberfric.plot.style import PANELS
+from rubberfric.base.process.lazy import lazily
+
+TYPE_CHECKING = False  # for type checkers it is true
+if TYPE_CHECKING:
+    from rubberfric.plot import style
+    from rubberfric.plot.accuracy import plot_accuracy
+    from rubberfric.plot.curves import (
+        curve_labels,
+        plot_area,
+        plot_curve,
+        plot_friction,
+        plot_result,
+        plot_separation,
+    )
+    from rubberfric.plot.map import plot_map
+    from rubberfric.plot.modulus import plot_modulus
+    from rubberfric.plot.profile import plot_profile
+    from rubberfric.plot.save import save_accuracy_plot, save_figure, save_plot
+    from rubberfric.plot.sensitivity import plot_sensitivity
+    from rubberfric.plot.spectrum import plot_spectrum
+    from rubberfric.plot.style import PANELS
 
 __all__ = [
     "PANELS",
-    "check_plot",
     "curve_labels",
     "plot_accuracy",
     "plot_area",
@@ -43,3 +46,21 @@ __all__ = [
     "save_plot",
     "style",
 ]
+
+lazily(
+    __name__,
+    {
+        "rubberfric.plot.accuracy": "plot_accuracy",
+        "rubberfric.plot.curves": (
+            "curve_labels plot_area plot_curve plot_friction plot_result plot_separation"
+        ),
+        "rubberfric.plot.map": "plot_map",
+        "rubberfric.plot.modulus": "plot_modulus",
+        "rubberfric.plot.profile": "plot_profile",
+        "rubberfric.plot.save": "save_accuracy_plot save_figure save_plot",
+        "rubberfric.plot.sensitivity": "plot_sensitivity",
+        "rubberfric.plot.spectrum": "plot_spectrum",
+        "rubberfric.plot.style": "PANELS",
+    },
+    modules=("rubberfric.plot.style",),
+)

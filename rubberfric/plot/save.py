@@ -1,9 +1,7 @@
 """Pictures to files, whole or not at all."""
 
-import importlib.util
-
 from rubberfric.analysis.error_and_time.report import Accuracy
-from rubberfric.base.atomic import StrPath, check_writable, replacing
+from rubberfric.base.atomic import StrPath, replacing
 from rubberfric.io.results import Result
 from rubberfric.plot.accuracy import plot_accuracy
 from rubberfric.plot.curves import plot_result
@@ -32,10 +30,3 @@ def save_accuracy_plot(path: StrPath, accuracy: Accuracy, title: str = "") -> No
     ax = plot_accuracy(accuracy)
     ax.set_title(title, fontsize="medium", wrap=True)
     save_figure(path, ax.figure)
-
-
-def check_plot(path: StrPath) -> None:
-    """ValueError unless a plot could be drawn to `path`."""
-    check_writable(path, (".png", ".pdf", ".svg"))
-    if importlib.util.find_spec("matplotlib") is None:
-        raise ValueError("--plot needs matplotlib; install it with: pip install 'rubberfric[plot]'")

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from rubberfric.analysis.error_and_time.reference import TRUSTED, Errors
 from rubberfric.base.atomic import StrPath, check_writable, replacing
-from rubberfric.base.html import table
+from rubberfric.base.objects.html import table
 from rubberfric.base.quadrature import Quadrature
 
 # An error this many times the disagreement of the two refinements, or less, is only bounded by it.

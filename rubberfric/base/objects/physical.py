@@ -14,7 +14,6 @@ from typing import Any, ClassVar, Self, TypeVar, dataclass_transform
 import jax
 
 from rubberfric.base.checks import closest, either, shown
-from rubberfric.base.html import short, table, with_unit
 from rubberfric.base.objects.fields import (
     Child,
     Leaf,
@@ -26,6 +25,7 @@ from rubberfric.base.objects.fields import (
     meaning_of,
     static,
 )
+from rubberfric.base.objects.html import short, table, with_unit
 from rubberfric.base.objects.key_paths import parse_key_path, with_elements
 
 _NOT_GIVEN: Any = object()

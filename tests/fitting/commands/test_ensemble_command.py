@@ -7,6 +7,7 @@ import pytest
 
 import fitting
 from fitting.commands import main as command
+from fitting.commands import work
 from fitting.commands.job import read_job
 
 
@@ -17,7 +18,7 @@ def call(call_main):
 
 def test_bootstrap_is_interrupted_and_goes_on(call, job, monkeypatch):
     arguments = (job, "--bootstrap", 9, "--checkpoint", "run.h5")
-    run, calls = command.run_ensemble, []
+    run, calls = work.run_ensemble, []
 
     def interrupted(*members, callback, **options):
         def stopping(*at):
@@ -28,10 +29,10 @@ def test_bootstrap_is_interrupted_and_goes_on(call, job, monkeypatch):
 
         return run(*members, batch=2, callback=stopping, **options)
 
-    monkeypatch.setattr(command, "run_ensemble", interrupted)
+    monkeypatch.setattr(work, "run_ensemble", interrupted)
     _, printed, _ = call(*arguments)
     assert "interrupted: these are the best values so far" in printed
-    monkeypatch.setattr(command, "run_ensemble", run)
+    monkeypatch.setattr(work, "run_ensemble", run)
     status, _, complaint = call(*arguments)
     assert status == 2 and "run.h5: there is a file already" in complaint
     status, printed, complaint = call(*arguments, "--resume")

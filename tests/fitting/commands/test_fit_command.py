@@ -2,6 +2,7 @@
 
 import functools
 import importlib.metadata
+import importlib.util
 import os
 import re
 import signal
@@ -17,6 +18,7 @@ from support.scenes.fits import JOB, JOB_FILES
 import fitting
 import rubberfric as rf
 from fitting.commands import main as command
+from fitting.commands import work
 from fitting.commands.job import read_job
 from fitting.solvers.residuals import objective
 
@@ -289,7 +291,7 @@ def test_bad_jobs(call, job, monkeypatch, old, new, message):
     ],
 )
 def test_bad_arguments(call, monkeypatch, arguments, message):
-    monkeypatch.setattr(command, "fit", None)  # nothing may be computed
+    monkeypatch.setattr(work, "fit", None)  # nothing may be computed
     status, printed, complaint = call(*arguments)
     assert (status, printed, complaint.count("\n")) == (2, "", 1)
     assert message in complaint
@@ -298,7 +300,7 @@ def test_bad_arguments(call, monkeypatch, arguments, message):
 
 
 def test_plot_without_matplotlib(call, job, monkeypatch):
-    monkeypatch.setattr(command.importlib.util, "find_spec", lambda _: None)
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
     status, printed, complaint = call(job, "--plot", "fit.png")
     assert (status, printed) == (2, "")
     assert complaint == (
@@ -361,7 +363,7 @@ def test_a_full_disk_does_not_cost_the_report(call, job, monkeypatch):
 
     monkeypatch.setattr("fitting.results.hdf5_parts.write_object", full)
     status, printed, complaint = call(job, "--out", "fit.h5", "--plot", "fit.png")
-    assert (status, complaint) == (1, "rubberfric-fit: [Errno 28] No space left on device\n")
+    assert (status, complaint) == (1, "rubberfric-fit: [Errno 28] No space left on device: 'fit.h5'\n")
     assert "[[Variables]]" in printed
     assert sorted(os.listdir()) == sorted([*JOB_FILES, "fit.png"])
 
@@ -371,7 +373,7 @@ def test_failed_work(call, job, monkeypatch, error):
     def fail(*_, **__):
         raise error
 
-    monkeypatch.setattr(command, "fit", fail)
+    monkeypatch.setattr(work, "fit", fail)
     assert call(job, "--out", "fit.h5") == (1, "", f"rubberfric-fit: {error}\n")
     assert sorted(os.listdir()) == JOB_FILES
 
@@ -421,7 +423,7 @@ def test_interrupt_in_the_middle_of_a_fit(job):
                 sent = True
         printed = process.stdout.read()
     os.close(master)
-    assert process.returncode == 1
+    assert process.returncode == 130
     assert sorted(os.listdir()) == sorted([*JOB_FILES, "fit.h5"])
     result = fitting.FitResult.load("fit.h5")
     assert result.message == "interrupted: these are the best values so far"
@@ -432,9 +434,16 @@ def test_interrupt_in_the_middle_of_a_fit(job):
 
     # the progress is rewritten in place and gone at the end
     before, *shown, last = seen.decode().split("\r\033[K")  # begins and clears a line
-    assert (before, shown[0]) == ("", "compiling ...")
-    assert all(re.fullmatch(r"step \d+, cost \S+", line) for line in shown[1:])
-    steps = [int(line.split()[1][:-1]) for line in shown[1:]]
+    assert before == ""
+    answer = "rubberfric-fit: interrupted; ends after this step, once more ends it at once\r\n"
+    assert shown.count(answer) == 1
+    # without the answer, the clocks and what they repeat
+    lines = list(dict.fromkeys(re.sub(r", \d+ s$", "", line) for line in shown if line not in ("", answer)))
+    phases = ["loading JAX", "reading job.toml", "compiling a fit of 3 parameters to 1 sets of data"]
+    assert lines[:3] == phases
+    assert lines[-2:] == ["writing fit.h5", "computing the report"]
+    assert all(re.fullmatch(r"step \d+, cost \S+", line) for line in lines[3:-2])
+    steps = [int(line.split()[1][:-1]) for line in lines[3:-2]]
     assert steps == list(range(1, len(steps) + 1))
     assert len(steps) < 3000
     assert last == "rubberfric-fit: interrupted: these are the best values so far\r\n"
@@ -464,9 +473,9 @@ def sending(*signals, at):
 
 def test_a_request_to_terminate_is_an_interrupt(call, job, monkeypatch):
     before = signal.getsignal(signal.SIGTERM)
-    monkeypatch.setattr(command, "fit", sending(signal.SIGTERM, at=2))
+    monkeypatch.setattr(work, "fit", sending(signal.SIGTERM, at=2))
     status, printed, complaint = call(job, "--out", "fit.h5")
-    assert (status, complaint) == (1, "rubberfric-fit: interrupted: these are the best values so far\n")
+    assert (status, complaint) == (143, "rubberfric-fit: interrupted: these are the best values so far\n")
     assert "THE FIT DID NOT SUCCEED" in printed
     result = fitting.FitResult.load("fit.h5")
     assert 0 < result.cost < start_cost(result)
@@ -484,9 +493,9 @@ def test_an_interrupt_after_one_start_had_converged(call, job, monkeypatch):
             callback(99, 1.0)
         return result
 
-    monkeypatch.setattr(command, "fit", interrupted)
+    monkeypatch.setattr(work, "fit", interrupted)
     status, printed, complaint = call(job)
-    assert status == 1
+    assert status == 130
     assert complaint == "rubberfric-fit: interrupted: a start had converged, others had not\n"
     assert printed.startswith("Small fit\n[[Verdict]]")
 
@@ -496,10 +505,10 @@ def test_an_interrupt_while_saving_waits_until_the_file_is_whole(call, job, monk
         os.kill(os.getpid(), signal.SIGINT)
         return command_save(*arguments)
 
-    command_save = command.save
-    monkeypatch.setattr(command, "save", slow)
+    command_save = work.save
+    monkeypatch.setattr(work, "save", slow)
     status, _, complaint = call(job, "--out", "fit.h5")
-    assert (status, complaint) == (0, "")
+    assert (status, complaint) == (130, "rubberfric-fit: interrupted: what was to be done was done\n")
     assert fitting.FitResult.load("fit.h5").success
 
 
@@ -520,7 +529,7 @@ def test_an_interrupt_before_the_fit(call, job, monkeypatch):
         os.kill(os.getpid(), signal.SIGINT)
         raise AssertionError("must not get here")
 
-    monkeypatch.setattr(command, "read_job", read)
+    monkeypatch.setattr(work, "read_job", read)
     status, printed, complaint = call(job, "--out", "fit.h5")
     assert (status, printed, complaint.count("\n")) == (130, "", 1)
     assert sorted(os.listdir()) == JOB_FILES

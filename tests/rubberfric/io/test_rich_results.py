@@ -13,7 +13,7 @@ from support.html_tables import cells, pairs
 from support.scenes.examples import EXAMPLES, examples
 
 import rubberfric as rf
-from rubberfric.base.html import short, with_unit
+from rubberfric.base.objects.html import short, with_unit
 from rubberfric.base.progress import Progress, TerminalLine, _Notebook, describe
 from rubberfric.io.results import Result
 from rubberfric.io.scene_files.conditions import Conditions

@@ -1,0 +1,96 @@
+"""What `rubberfric-fit` does once its arguments are known to be right."""
+
+import argparse
+
+import numpy as np
+
+from fitting.commands.job import Job, read_job
+from fitting.ensemble.members import bootstrap_members
+from fitting.ensemble.result import EnsembleResult
+from fitting.ensemble.run import run_ensemble
+from fitting.fit import fit
+from fitting.results.hdf5 import save
+from fitting.results.plot import save_plot
+from fitting.results.result import FitResult
+from rubberfric.base import Progress, StrPath
+from rubberfric.commands import Interrupts, complain, write_outputs
+
+PROGRAM = "rubberfric-fit"
+
+
+def run(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
+    """Fit a job file, write what was asked for, print the report; returns the exit status."""
+    show(f"reading {arguments.job}")
+    job = read_job(arguments.job)
+    try:
+        result = _fit(arguments.job, job, interrupts, show)
+        interrupts.hold()
+        failure = write_outputs(
+            show,
+            ("writing", arguments.out, lambda path: save(path, result, job.title)),
+            ("drawing", arguments.plot, lambda path: save_plot(path, result, job.title)),
+        )
+        spread = None
+        if arguments.bootstrap is not None and result.success and not interrupts.stopped:
+            spread = _bootstrap(arguments, result, interrupts, show)
+    finally:
+        interrupts.release()
+    show("computing the report")
+    text = job.title + "\n" * bool(job.title) + result.report() + ("" if spread is None else spread.report())
+    show.end()
+    print(text, end="", flush=True)
+    if failure is not None:
+        raise failure
+    if interrupts.asked:
+        return complain(PROGRAM, f"interrupted: {_left(result, spread, interrupts)}", interrupts.status)
+    if not result.success:
+        return complain(PROGRAM, result.message, 1)
+    if result.verdict.explains is False:
+        return complain(PROGRAM, "the scene does not explain the data: see the verdict above", 3)
+    return 0
+
+
+def _left(result: FitResult, spread: EnsembleResult | None, interrupts: Interrupts) -> str:
+    """What an interrupt left."""
+    if not result.success:
+        return "these are the best values so far"
+    if not interrupts.stopped:
+        return "what was to be done was done"
+    return (
+        "a start had converged, others had not" if spread is None else "of the bootstrap only a part is done"
+    )
+
+
+def _fit(path: StrPath, job: Job, interrupts: Interrupts, show: Progress) -> FitResult:
+    """The fit of a job, with its progress."""
+
+    def callback(step: int, cost: float) -> None:
+        show(f"step {step}, cost {cost:.6g}")
+        interrupts.hold()  # from now on there is something to report
+        interrupts.check()
+
+    show(f"compiling a fit of {len(job.free)} parameters to {len(job.data)} sets of data")
+    try:
+        return fit(job.scene, job.data, job.free, prior=job.prior, callback=callback, **job.options)
+    except np.linalg.LinAlgError:  # a ValueError, but not one of the input
+        raise
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def _bootstrap(
+    arguments: argparse.Namespace, result: FitResult, interrupts: Interrupts, show: Progress
+) -> EnsembleResult:
+    """Refits of simulated data, with their progress."""
+
+    def callback(done: int, members: int) -> None:
+        show(f"bootstrap: {done} of {members} fits")
+        interrupts.check()
+
+    show("bootstrap: compiling")
+    return run_ensemble(
+        bootstrap_members(result, arguments.bootstrap),
+        checkpoint=arguments.checkpoint,
+        resume=arguments.resume,
+        callback=callback,
+    )

@@ -1,0 +1,177 @@
+"""Arguments of the commands, and what is wrong with them that can be known before JAX is imported."""
+
+import argparse
+import importlib.util
+from collections.abc import Callable
+from typing import NoReturn
+
+from rubberfric.base.atomic import StrPath, check_readable, check_suffix, check_writable
+from rubberfric.base.process.release import VERSION
+
+SCENES = (".toml", ".h5")
+# What `rubberfric map` can compute: fields of `rubberfric.Solution`, which JAX stands before.
+MAPPED = (
+    *("area", "friction", "separation", "viscoelastic_friction", "shear_friction", "transverse_friction"),
+    *("flash_temperature", "converged"),
+)
+# Devices beyond which JAX takes seconds and gigabytes to begin with them.
+_MOST_DEVICES = 256
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser whose complaint is one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """One line, without the usage that argparse puts before it."""
+        self.exit(2, f"{self.prog}: {' '.join(message.split())}\n")
+
+
+def parser() -> Parser:
+    """The parser of `rubberfric`."""
+    whole = Parser(prog="rubberfric", description="Rubber friction and contact of rough viscoelastic solids.")
+    whole.add_argument("--version", action="version", version=f"rubberfric {VERSION}")
+    commands = whole.add_subparsers(dest="command", required=True, metavar="COMMAND")
+    _add_run(commands)
+    _add_accuracy(commands)
+    _add_map(commands)
+    doctor = commands.add_parser(
+        "doctor",
+        help="say what this installation is, and whether compiled programs are kept",
+        description="Print versions, devices, precision and the folder of compiled programs, whether a "
+        "program is found there again, and known faults of these versions.",
+    )
+    add_common(doctor)
+    return whole
+
+
+def _add_run(commands: "argparse._SubParsersAction[Parser]") -> None:
+    command = commands.add_parser(
+        "run",
+        help="compute a scene at the conditions in its file",
+        description="Print contact area, friction coefficient and mean separation over velocity; parts of "
+        "the friction, the force across the direction of sliding and the flash temperature where the scene "
+        "has contact shear, anisotropic roughness and heating.",
+    )
+    command.add_argument(
+        "scene", metavar="SCENE", help="scene file (.toml), or result file (.h5) to compute again"
+    )
+    add_outputs(command, "FILE.h5", "write the result and the scene that made it", "draw the curves")
+    add_common(command)
+
+
+def _add_accuracy(commands: "argparse._SubParsersAction[Parser]") -> None:
+    command = commands.add_parser(
+        "accuracy",
+        help="measure errors and run times of a scene for settings of increasing accuracy",
+        description="Print errors of area, friction, separation and of their gradients beside run times, for "
+        "accuracy settings in double and single precision and for the textbook method, and the cheapest "
+        "setting for a wanted error. Rows are told as they come, in a terminal or with --verbose.",
+    )
+    command.add_argument("scene", metavar="SCENE", help="scene file (.toml) or result file (.h5)")
+    command.add_argument("--error", type=float, default=1e-6, help="wanted relative error (default: 1e-6)")
+    add_outputs(command, "FILE.csv", "write the table", "draw error over run time")
+    add_common(command)
+
+
+def _add_map(commands: "argparse._SubParsersAction[Parser]") -> None:
+    command = commands.add_parser(
+        "map",
+        help="compute a scene over velocity, temperature and pressure",
+        description="Compute a scene at every combination of the velocities, pressures and temperatures of "
+        "the table [map] of its file, or of [run] if there is none; print the range of each quantity, and "
+        "where its largest value is.",
+    )
+    command.add_argument("scene", metavar="SCENE", help="scene file (.toml) or result file (.h5)")
+    add_outputs(command, "FILE.h5", "write the map and the scene that made it", "draw the map")
+    command.add_argument(
+        "--quantity",
+        nargs="+",
+        choices=MAPPED,
+        metavar="NAME",
+        help=f"what to compute, out of {', '.join(MAPPED)} (default: friction area)",
+    )
+    command.add_argument(
+        "--devices",
+        type=int,
+        metavar="N",
+        help="devices that JAX makes of the processor (default: one for each core); nothing to other devices",
+    )
+    add_common(command)
+
+
+def add_outputs(command: argparse.ArgumentParser, name: str, written: str, drawn: str) -> None:
+    """Add --out, for a file of that kind of name, and --plot."""
+    command.add_argument("--out", metavar=name, help=written)
+    command.add_argument("--plot", metavar="FILE.png", help=f"{drawn} (.png, .pdf or .svg)")
+
+
+def add_common(command: argparse.ArgumentParser) -> None:
+    """Add what every command has."""
+    command.add_argument(
+        "--no-cache",
+        action="store_true",
+        help="keep no compiled programs, and use none that were kept",
+    )
+    command.add_argument(
+        "--verbose", action="store_true", help="say on stderr what is being done, in a file as well"
+    )
+
+
+def check_arguments(arguments: argparse.Namespace) -> None:
+    """ValueError that says what is wrong with the arguments of `rubberfric`, before any work begins."""
+    if arguments.command == "doctor":
+        return
+    if arguments.command == "map" and arguments.devices is not None:
+        check_devices(arguments.devices)
+    check_input(arguments.scene, SCENES)
+    check_outputs(arguments, ".csv" if arguments.command == "accuracy" else ".h5")
+
+
+def check_devices(count: int) -> None:
+    """ValueError unless JAX can make so many devices of a processor."""
+    if count < 1:
+        raise ValueError(f"--devices {count}: must be > 0")
+    if count > _MOST_DEVICES:
+        raise ValueError(f"--devices {count}: must be {_MOST_DEVICES} or less, such as the number of cores")
+
+
+def check_input(path: StrPath, suffixes: tuple[str, ...]) -> None:
+    """ValueError unless a file could be one of those kinds."""
+    check_suffix(path, suffixes)
+    check_readable(path)
+
+
+def check_outputs(arguments: argparse.Namespace, suffix: str) -> None:
+    """ValueError unless what --out and --plot name could be written."""
+    if arguments.out is not None:
+        check_writable(arguments.out, (suffix,))
+    if arguments.plot is None:
+        return
+    check_writable(arguments.plot, (".png", ".pdf", ".svg"))
+    if importlib.util.find_spec("matplotlib") is None:
+        raise ValueError("--plot needs matplotlib; install it with: pip install 'rubberfric[plot]'")
+
+
+def write_outputs(
+    show: Callable[[str], object], *outputs: tuple[str, str | None, Callable[[str], object]]
+) -> OSError | None:
+    """Write files; a disk that is full costs neither the next nor what is printed.
+
+    Parameters
+    ----------
+    show : called with what is being done
+    outputs : tuples of a word for that, a path or None, and the function that writes to it
+
+    Returns
+    -------
+    The last error, or None.
+    """
+    failure = None
+    for what, path, write in outputs:
+        if path is not None:
+            show(f"{what} {path}")
+            try:
+                write(path)
+            except OSError as error:
+                failure = error
+    return failure

@@ -1,0 +1,92 @@
+"""Packages whose names are imported when asked for: the names are all there, and JAX is not waited for."""
+
+import ast
+import importlib
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from support.folders import PYTHONPATH, ROOT
+
+ROOMS = ("base", "analysis", "plot", "commands")
+PACKAGES = ("rubberfric", *(f"rubberfric.{room}" for room in ROOMS), "fitting")
+
+
+def for_checkers(package):
+    """What the part for type checkers imports: name -> module, or None if it is one."""
+    path = ROOT / package.replace(".", "/") / "__init__.py"
+    (block,) = (node for node in ast.parse(path.read_text()).body if isinstance(node, ast.If))
+    imports = [(one.module, alias.name) for one in block.body for alias in one.names]
+    return {name: place for place, name in imports}
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_names_are_those_that_checkers_see(package):
+    module, seen = importlib.import_module(package), for_checkers(package)
+    assert sorted({*seen, *{"lazily"} & set(module.__all__)}) == sorted(module.__all__) == dir(module)
+    for name, place in seen.items():
+        exec(f"from {place} import {name} as found", here := {})
+        assert getattr(module, name) is here["found"], name
+
+
+def test_a_function_is_not_hidden_by_the_module_of_its_name():
+    program = "import fitting.fit, fitting.data; from fitting.fit import fit; import fitting as f\n"
+    program += "from fitting import fit as again\nassert f.fit is fit is again and callable(fit)\n"
+    program += "import rubberfric as rf; assert rf.scene.Scene is rf.Scene and rf.theory.solve is rf.solve"
+    subprocess.run([sys.executable, "-c", program], check=True, cwd=ROOT)
+
+
+@pytest.mark.parametrize("name", ["nothing", "_nothing", "__wrapped__"])
+def test_what_is_not_there(name):
+    with pytest.raises(AttributeError, match=f"module 'fitting' has no attribute '{name}'"):
+        getattr(importlib.import_module("fitting"), name)
+
+
+LIGHT = """
+import sys
+{imports}
+heavy = {{"jax", "numpy", "scipy", "h5py", "matplotlib"}} & set(sys.modules)
+assert not heavy, heavy
+"""
+
+
+@pytest.mark.parametrize(
+    "imports",
+    [
+        "import rubberfric, fitting, rubberfric.base",
+        "from rubberfric.commands.main import main; main(['--version'])",
+        "from rubberfric.commands.main import main; assert main(['run', 'no.toml']) == 2",
+        "from fitting.commands.main import main; assert main(['--help']) == 0",
+    ],
+)
+def test_without_jax(imports):
+    done = subprocess.run(
+        [sys.executable, "-c", LIGHT.format(imports=imports)], cwd=ROOT, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+
+
+EVERY = """
+import importlib, sys
+for name in sys.argv[1:]:
+    for old in [old for old in sys.modules if old.split(".")[0] in ("rubberfric", "fitting")]:
+        del sys.modules[old]
+    importlib.import_module(name)
+"""
+
+
+@pytest.mark.slow
+def test_every_module_can_be_the_first():
+    modules = [
+        ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
+        for package in ("rubberfric", "fitting")
+        for path in sorted(Path(ROOT / package).rglob("*.py"))
+    ]
+    done = subprocess.run(
+        [sys.executable, "-c", EVERY, *modules],
+        env={"PYTHONPATH": PYTHONPATH},
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
