@@ -16,7 +16,7 @@ from fitting.ensemble.result import EnsembleResult
 from fitting.ensemble.run import run_ensemble
 from fitting.fit import fit
 from fitting.parameters.constraints import Bounded, Free, Positive, RmsSlope, Tied
-from fitting.parameters.priors import Gaussian, Smooth
+from fitting.parameters.priors import Correlated, Gaussian, Smooth, Sum
 from fitting.results import plot
 from fitting.results.result import FitResult
 from fitting.uncertainty.density import LogDensity, log_density
@@ -25,6 +25,7 @@ from fitting.uncertainty.sensitivity import sensitivity, sensitivity_names
 __all__ = [
     "AreaData",
     "Bounded",
+    "Correlated",
     "EnsembleResult",
     "FitResult",
     "Free",
@@ -41,6 +42,7 @@ __all__ = [
     "Smooth",
     "SpectrumData",
     "SpectrumFit",
+    "Sum",
     "Tied",
     "bootstrap_members",
     "fit",

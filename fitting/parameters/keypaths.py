@@ -1,10 +1,12 @@
 """Key paths of a scene: "upper.material.E[3]" and what it names."""
 
+from typing import Any
+
 import jax
 import numpy as np
 
 import rubberfric as rf
-from rubberfric.base import PhysicalObject, Static, closest, fields_of, parse_key_path
+from rubberfric.base import Leaf, PhysicalObject, Static, closest, fields_of, parse_key_path
 
 
 def scene_paths(scene: rf.Scene) -> list[str]:
@@ -28,6 +30,27 @@ def find(scene: rf.Scene, path: str) -> tuple[int, tuple[int, ...] | None]:
         raise ValueError(f"{path!r}: {_why_not(scene, parsed.name, names)}")
     leaf = names.index(parsed.name)
     return leaf, parsed.elements(np.shape(jax.tree_util.tree_leaves(scene)[leaf]))
+
+
+def owner_of(scene: rf.Scene, path: str) -> tuple[Any, str]:
+    """The object whose number a key path names, None if there is no such thing, and the number's name."""
+    *steps, name = parse_key_path(path).names
+    owner: Any = scene
+    for step in steps:
+        owner = getattr(owner, step, None)
+    return owner, name
+
+
+def path_over(scene: rf.Scene, path: str) -> str | None:
+    """Key path of what says where the elements of a vector are; None if nothing does.
+
+    Of E of a Prony series tau, of the columns of a table their first.
+    """
+    owner, name = owner_of(scene, path)
+    field = fields_of(type(owner)).get(name) if isinstance(owner, PhysicalObject) else None
+    if not (isinstance(field, Leaf) and field.over is not None):
+        return None
+    return f"{path.split('[')[0].rpartition('.')[0]}.{field.over}"
 
 
 def leaf_names(path: str, elements: tuple[int, ...] | None) -> list[str]:

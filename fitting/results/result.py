@@ -8,12 +8,14 @@ import numpy as np
 from jax.typing import ArrayLike
 
 import rubberfric as rf
+from fitting.parameters.priors import Prior
 from fitting.parameters.variables import Array
 from fitting.results import hdf5
 from fitting.results.numbers import tied_lines, variable_rows
 from fitting.results.plot import plot_fit
 from fitting.results.record import FitRecord
 from fitting.results.report import headlines, report
+from fitting.uncertainty.as_prior import prior_of
 from fitting.uncertainty.density import log_density
 from rubberfric.base import StrPath, html, object_html
 from rubberfric.plot import style
@@ -41,6 +43,27 @@ class FitResult(FitRecord):
     def log_density(self, x: Array) -> jax.Array:
         """Log density at x but for a constant, -cost; see `fitting.log_density`."""
         return log_density(self)(x)
+
+    def as_prior(self, body: str | None = None, widen: float = 1.0) -> dict[str, Prior]:
+        """What this fit knows of its free numbers, for the `prior` of another fit, correlations included.
+
+        Parameters
+        ----------
+        body : "lower" or "upper", whose numbers they are in the other scene, if they were the other body's
+        widen : factor of all deviations
+            for what this fit's model leaves out, or where its scene does not explain its data.
+
+        Returns
+        -------
+        dict of one `Correlated`, to be joined with other priors by "|"
+
+        Raises
+        ------
+        ValueError : the fit did not succeed, or the numbers are of both bodies and `body` is given.
+        """
+        if not self.success:
+            raise ValueError(f"as_prior: the fit did not succeed, {self.message}: must have converged")
+        return dict(prior_of(self, body, widen))
 
     def report(self) -> str:
         """The fit as text of several lines, laid out as lmfit does; see `fitting.results.report`."""

@@ -62,7 +62,10 @@ RULES: dict[str, Rule] = IN_FILES | {
         _rule("a jax.random.key, such as jax.random.key(1)", lambda value: isinstance(value, jax.Array))
     ),
     "prior": _or_none(
-        _rule("a dict of key path -> Gaussian or Smooth, or None", lambda value: isinstance(value, dict))
+        _rule(
+            "a dict of key path -> Gaussian, Smooth, Sum or Correlated, or None",
+            lambda value: isinstance(value, dict),
+        )
     ),
     "callback": _or_none(_rule("a function of (step, cost), or None", callable)),
     "level": _rule("between 0 and 1", lambda value: is_number(value) and 0 < value < 1),

@@ -176,8 +176,7 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
         first += parts * length
     rows = np.concatenate(data)
     variables, constants, moved = with_longer_tables(problem.structure.variables, problem.numbers.constants)
-    prior = problem.structure.prior
-    series = tuple((moved[E], moved[tau], terms) for E, tau, terms in prior.series)
+    prior = problem.structure.prior.moved(moved)
 
     def spread(values, added):
         values = np.asarray(values)
@@ -186,9 +185,7 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
         return full
 
     return Padded(
-        problem.structure._replace(
-            variables=variables, blocks=tuple(blocks), prior=prior._replace(series=series)
-        ),
+        problem.structure._replace(variables=variables, blocks=tuple(blocks), prior=prior),
         problem.numbers._replace(constants=constants, conditions=tuple(conditions)),
         targets._replace(measured=spread(targets.measured, 0.0), error=spread(targets.error, np.inf)),
         rows,

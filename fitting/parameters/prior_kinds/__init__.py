@@ -1,0 +1,1 @@
+"""Kinds of priors, one a module."""
