@@ -11,6 +11,7 @@ from fitting.characterise.spectrum import fit_spectrum
 from fitting.characterise.spectrum_result import SpectrumFit
 from fitting.data.files import read, write
 from fitting.data.kinds import AreaData, FrictionData, ModulusData, SpectrumData
+from fitting.ensemble.comparison import Comparison, compare
 from fitting.ensemble.members import Members, bootstrap_members, multi_start, profile_members
 from fitting.ensemble.result import EnsembleResult
 from fitting.ensemble.run import run_ensemble
@@ -19,12 +20,14 @@ from fitting.parameters.constraints import Bounded, Free, Positive, RmsSlope, Ti
 from fitting.parameters.priors import Correlated, Gaussian, Smooth, Sum
 from fitting.results import plot
 from fitting.results.result import FitResult
+from fitting.results.samples import Samples
 from fitting.uncertainty.density import LogDensity, log_density
 from fitting.uncertainty.sensitivity import sensitivity, sensitivity_names
 
 __all__ = [
     "AreaData",
     "Bounded",
+    "Comparison",
     "Correlated",
     "EnsembleResult",
     "FitResult",
@@ -39,12 +42,14 @@ __all__ = [
     "Positive",
     "PronyFit",
     "RmsSlope",
+    "Samples",
     "Smooth",
     "SpectrumData",
     "SpectrumFit",
     "Sum",
     "Tied",
     "bootstrap_members",
+    "compare",
     "fit",
     "fit_master_curve",
     "fit_prony",
