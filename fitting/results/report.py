@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from fitting.parameters.keypaths import leaf_names
-from fitting.parameters.prior_kinds.selection import Place
 from fitting.parameters.priors import Correlated, Smooth, Sum
+from fitting.parameters.priors.selection import Place
 from fitting.results.numbers import tied_lines, unit, variable_rows
 from fitting.results.record import FitRecord
 from fitting.solvers.options import SOLVERS

@@ -16,9 +16,9 @@ from fitting.results.plot import plot_fit
 from fitting.results.record import FitRecord
 from fitting.results.report import headlines, report
 from fitting.results.samples import Samples, drawn
-from fitting.uncertainty.as_prior import prior_of
 from fitting.uncertainty.density import log_density
-from fitting.uncertainty.nuts import Progress
+from fitting.uncertainty.posterior.as_prior import prior_of
+from fitting.uncertainty.posterior.nuts import Progress
 from rubberfric.base import StrPath, html, object_html
 from rubberfric.plot import style
 
@@ -59,7 +59,7 @@ class FitResult(FitRecord):
         """Draws from the posterior: of the same residuals, errors, loss, priors and bounds as the fit.
 
         By the No-U-Turn sampler of numpyro (pip install 'rubberfric[sampling]'), whose metric and starts are
-        those of the fit's covariance; see `fitting.uncertainty.nuts`.
+        those of the fit's covariance; see `fitting.uncertainty.posterior.nuts`.
 
         Parameters
         ----------

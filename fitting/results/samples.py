@@ -17,7 +17,7 @@ from fitting.results.record import FitRecord
 from fitting.solvers.options import check_options
 from fitting.uncertainty.density import FLAT
 from fitting.uncertainty.intervals import Band
-from fitting.uncertainty.nuts import Progress, diagnosed, run_chains
+from fitting.uncertainty.posterior.nuts import Progress, diagnosed, run_chains
 from rubberfric.base import StrPath, html
 from rubberfric.io import hdf5
 

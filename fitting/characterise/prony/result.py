@@ -14,8 +14,8 @@ from fitting.parameters.constraints import Positive, Rule
 from fitting.parameters.priors import Prior, Smooth
 from fitting.results.result import FitResult
 from fitting.solvers.iterate import CONVERGED, MESSAGES, PERFECT, STALLED
-from fitting.uncertainty.as_prior import joint_prior
 from fitting.uncertainty.covariance import Direction
+from fitting.uncertainty.posterior.as_prior import joint_prior
 from rubberfric.base import html
 from rubberfric.plot import style
 

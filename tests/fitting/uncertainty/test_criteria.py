@@ -10,7 +10,7 @@ from support.scenes.fits import AFFINE, E_INF, FAST
 import fitting
 import rubberfric as rf
 from fitting import Bounded, Free, Gaussian, ModulusData, Positive, SpectrumData
-from fitting.uncertainty.criteria import criteria
+from fitting.uncertainty.posterior.criteria import criteria
 
 TAU = np.array([1e-5, 1e-3])
 RUBBER = rf.Prony(3e6, [5e7, 8e6], TAU)

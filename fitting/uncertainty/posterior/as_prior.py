@@ -6,7 +6,7 @@ import numpy as np
 
 from fitting.parameters.constraints import is_number
 from fitting.parameters.keypaths import find, path_over
-from fitting.parameters.prior_kinds.correlated import Correlated
+from fitting.parameters.priors.correlated import Correlated
 from fitting.uncertainty.intervals import SolvedProblem
 from rubberfric.base import shown
 

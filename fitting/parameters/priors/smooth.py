@@ -9,7 +9,7 @@ import numpy as np
 
 from fitting.parameters.constraints import is_number
 from fitting.parameters.keypaths import find, owner_of, path_over
-from fitting.parameters.prior_kinds.selection import Place
+from fitting.parameters.priors.selection import Place
 from fitting.parameters.variables import Array
 from rubberfric.base import unit_of
 

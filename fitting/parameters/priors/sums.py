@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from fitting.parameters.constraints import is_number
-from fitting.parameters.prior_kinds.selection import Place, Selection
+from fitting.parameters.priors.selection import Place, Selection
 from fitting.parameters.variables import Array
 
 

@@ -7,11 +7,11 @@ import jax
 import jax.numpy as jnp
 
 import rubberfric as rf
-from fitting.parameters.prior_kinds.correlated import Correlated
-from fitting.parameters.prior_kinds.gaussian import Gaussian
-from fitting.parameters.prior_kinds.selection import Place, Rows
-from fitting.parameters.prior_kinds.smooth import Smooth
-from fitting.parameters.prior_kinds.sums import Sum, SumRows
+from fitting.parameters.priors.correlated import Correlated
+from fitting.parameters.priors.gaussian import Gaussian
+from fitting.parameters.priors.selection import Place, Rows
+from fitting.parameters.priors.smooth import Smooth
+from fitting.parameters.priors.sums import Sum, SumRows
 from fitting.parameters.variables import Constants, Variables
 
 Prior = Gaussian | Smooth | Sum | Correlated

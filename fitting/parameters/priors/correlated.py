@@ -10,7 +10,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from fitting.parameters.keypaths import find, path_over
-from fitting.parameters.prior_kinds.selection import Place, Selection
+from fitting.parameters.priors.selection import Place, Selection
 from fitting.parameters.variables import Array
 
 # Chance by which numbers that a fit holds may lie as far from what is known of them.

@@ -9,7 +9,7 @@ import numpy as np
 
 from fitting.parameters.constraints import FOLLOWING, is_number
 from fitting.parameters.keypaths import find
-from fitting.parameters.prior_kinds.selection import Place
+from fitting.parameters.priors.selection import Place
 from fitting.parameters.variables import Array, slopes, to_x
 
 

@@ -1,1 +1,0 @@
-"""Kinds of priors, one a module."""
