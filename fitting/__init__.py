@@ -16,15 +16,17 @@ if TYPE_CHECKING:
     from fitting.data.files import read, write
     from fitting.data.kinds import AreaData, FrictionData, ModulusData, SpectrumData
     from fitting.ensemble.calibration import Calibration, calibration
+    from fitting.ensemble.comparison import Comparison, compare
     from fitting.ensemble.members import Members, bootstrap_members, multi_start, profile_members
     from fitting.ensemble.result import EnsembleResult
     from fitting.ensemble.run import run_ensemble
     from fitting.fit import fit
     from fitting.parameters.constraints import Bounded, Free, Positive, RmsSlope, Tied
     from fitting.parameters.discrepancy import Discrepancy
-    from fitting.parameters.priors import Gaussian, Smooth
+    from fitting.parameters.priors import Correlated, Gaussian, Smooth, Sum
     from fitting.results import plot
     from fitting.results.result import FitResult
+    from fitting.results.samples import Samples
     from fitting.uncertainty.density import LogDensity, log_density
     from fitting.uncertainty.sensitivity import sensitivity, sensitivity_names
 
@@ -32,6 +34,8 @@ __all__ = [
     "AreaData",
     "Bounded",
     "Calibration",
+    "Comparison",
+    "Correlated",
     "Discrepancy",
     "EnsembleResult",
     "FitResult",
@@ -46,12 +50,15 @@ __all__ = [
     "Positive",
     "PronyFit",
     "RmsSlope",
+    "Samples",
     "Smooth",
     "SpectrumData",
     "SpectrumFit",
+    "Sum",
     "Tied",
     "bootstrap_members",
     "calibration",
+    "compare",
     "fit",
     "fit_master_curve",
     "fit_prony",
@@ -84,14 +91,16 @@ lazily(
         "fitting.data.files": "read write",
         "fitting.data.kinds": "AreaData FrictionData ModulusData SpectrumData",
         "fitting.ensemble.calibration": "Calibration calibration",
+        "fitting.ensemble.comparison": "Comparison compare",
         "fitting.ensemble.members": "Members bootstrap_members multi_start profile_members",
         "fitting.ensemble.result": "EnsembleResult",
         "fitting.ensemble.run": "run_ensemble",
         "fitting.fit": "fit",
         "fitting.parameters.constraints": "Bounded Free Positive RmsSlope Tied",
         "fitting.parameters.discrepancy": "Discrepancy",
-        "fitting.parameters.priors": "Gaussian Smooth",
+        "fitting.parameters.priors": "Correlated Gaussian Smooth Sum",
         "fitting.results.result": "FitResult",
+        "fitting.results.samples": "Samples",
         "fitting.uncertainty.density": "LogDensity log_density",
         "fitting.uncertainty.sensitivity": "sensitivity sensitivity_names",
     },

@@ -66,7 +66,8 @@ def fit(
     method : "lm" (Levenberg-Marquardt), "lbfgs" or "adam"
     starts : number of starts; the first is the scene's, the others random (`decades`)
     key : jax.random.key for random starts, or None for key(0)
-    prior : dict of key path -> Gaussian or Smooth, or None
+    prior : dict of key path -> Gaussian, Smooth, Sum or Correlated, or None
+        what another fit knows is one: prior=fit_prony(data).as_prior("lower") | {...}.
     callback : called as callback(step, cost) after every step, or None
     loss, loss_width : "linear", "huber", "soft_l1" or "cauchy", and its width in standard errors
         None: the width at which Gaussian data lose 5 % of their weight (`fitting.solvers.losses`).
@@ -224,4 +225,4 @@ def _not_finite(problem, data):
             f"data {one.label!r}: the model is not finite at the start at {bad.size} of {where.size} values,"
             f" first at {one.place(bad[0])}: {advice}"
         )
-    return "a prior is not finite at the start: Smooth needs all moduli of its series > 0"
+    return "a prior is not finite at the start: check the start values of the numbers that it is of"

@@ -28,6 +28,8 @@
     [prior]                             # optional
     "lower.spectrum.hurst" = { mean = 0.8, sigma = 0.05 }
     "upper.material.E" = { smooth = 1.0 }
+    "upper.material.E_inf + upper.material.E" = { high = 2e9 }    # a sum; and low, sigma
+    fit = { file = "moduli.h5", body = "upper" }    # what another fit knows; and widen; or a list of such
 
     [discrepancy]                       # optional: the theory may be off, see `fitting.Discrepancy`
     amplitude = 0.25                    # missing: estimated from the data
@@ -51,14 +53,16 @@ from fitting.data.measured import Measured
 from fitting.parameters.constraints import RULES as CLASSES
 from fitting.parameters.constraints import Rule
 from fitting.parameters.discrepancy import Discrepancy
-from fitting.parameters.priors import Gaussian, Prior, Smooth
+from fitting.parameters.priors import Gaussian, Prior, Smooth, Sum
+from fitting.results.result import FitResult
 from fitting.solvers.options import IN_FILES, check_options
 from rubberfric.base import StrPath, closest, shown
 from rubberfric.io import toml
 
 RULES = {re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower(): cls for name, cls in CLASSES.items()}
 RULE_KEYS = ("rule", *dict.fromkeys(f.name for cls in RULES.values() for f in dataclasses.fields(cls)))
-PRIOR_KEYS = ("mean", "sigma", "smooth")
+PRIOR_KEYS = ("mean", "sigma", "smooth", "low", "high")
+FIT_KEYS = ("file", "body", "widen")
 CONDITIONS = ("pressure", "temperature", "relative", "hurst", "poisson")
 TEXTS = ("body", "normalisation", "kind")
 EXTRA = ("columns", "check_units", "name")
@@ -95,9 +99,14 @@ def read_job(path: StrPath) -> Job:
     title = _text(path, "title", content.get("title", ""))
     free, prior = content["free"], content.get("prior", {})
     _check_paths(path, "free", free, RULE_KEYS)
+    toml.check_keys(path, "prior", prior, prior)
+    prior = dict(prior)
+    fits = prior.pop("fit", [])
     _check_paths(path, "prior", prior, PRIOR_KEYS)
     free = {key: _rule(path, f"free.{key!r}", value) for key, value in free.items()}
-    prior = {key: _prior(path, f"prior.{key!r}", value) for key, value in prior.items()}
+    prior: dict[str, Prior] = {key: _prior(path, f"prior.{key!r}", one) for key, one in prior.items()}
+    for one in fits if isinstance(fits, list) else [fits]:
+        prior |= _known(path, one)
     options = _options(path, content.get("fit", {}))
     if "discrepancy" in content:
         options["discrepancy"] = _discrepancy(path, content["discrepancy"])
@@ -190,13 +199,27 @@ def _rule(path, key, value):
     return _made(path, key, RULES[kind], values)
 
 
+def _known(path, value):
+    """Priors from the file of another fit."""
+    toml.check_keys(path, "prior.fit", value, FIT_KEYS, ("file",))
+    given: dict[str, Any] = {}
+    if "body" in value:
+        given["body"] = _text(path, "prior.fit.body", value["body"])
+    if "widen" in value:
+        given["widen"] = _one(path, "prior.fit.widen", value["widen"])
+    return _read(path, "prior.fit", value["file"], lambda file: FitResult.load(file).as_prior(**given))
+
+
 def _prior(path, key, value):
     toml.check_keys(path, key, value, PRIOR_KEYS)
     if "smooth" in value:
         toml.check_keys(path, key, value, ("smooth",))
         return _made(path, key, Smooth, {"sigma": _one(path, f"{key}.smooth", value["smooth"])})
-    toml.check_keys(path, key, value, PRIOR_KEYS, ("mean", "sigma"))
-    return _made(path, key, Gaussian, {n: _one(path, f"{key}.{n}", v) for n, v in value.items()})
+    of_sum = bool({"low", "high"} & set(value))
+    keys = ("low", "high", "sigma") if of_sum else ("mean", "sigma")
+    toml.check_keys(path, key, value, keys, () if of_sum else keys)
+    values = {n: _one(path, f"{key}.{n}", v) for n, v in value.items()}
+    return _made(path, key, Sum if of_sum else Gaussian, values)
 
 
 def _discrepancy(path, content):

@@ -1,6 +1,5 @@
 """Measured data from and to data frames, of pandas or of whatever else has named columns."""
 
-import re
 from collections.abc import Collection, Mapping
 from typing import Any
 
@@ -8,9 +7,7 @@ import numpy as np
 
 from fitting.data.fields import Field
 from rubberfric.base import closest, shown
-from rubberfric.io import COLUMNS
-
-_TITLE = re.compile(r"(.+?)\s*[\[(]\s*(.+?)\s*[\])]")
+from rubberfric.io import COLUMNS, known_name, known_unit
 
 
 def fields_in(
@@ -21,7 +18,9 @@ def fields_in(
     Parameters
     ----------
     frame : pandas.DataFrame, or a mapping of title to numbers
-        titles are names of columns as in files (`fitting.data.files`: v, mu, T, ...), or "name [unit]".
+        titles are names of columns as in files (`fitting.data.files`: v, mu, T, ...), as instruments and
+        other programs spell them (`rubberfric.io.known_name`: velocity, E', Temperature (°C), ...), or
+        "name [unit]".
     fields : of the kind of data
     needed : those that must be there
     units : of titles that do not say them, such as {"v": "mm/s"}; SI else
@@ -36,14 +35,14 @@ def fields_in(
     wanted = {about.column: name for name, about in fields.items()}
     found: dict[str, np.ndarray] = {}
     for title in frame:
-        name, unit = _split(title)
-        column = COLUMNS.get(name)
-        if column is None or column.name not in wanted:
+        if not isinstance(title, str):
+            continue
+        name, unit = known_name(title)
+        column = None if name is None else COLUMNS.get(name)
+        if name is None or column is None or column.name not in wanted:
             continue
         unit = units.pop(title, units.pop(name, unit))
-        unit = next(iter(column.units)) if unit is None else unit
-        if f"log10({unit})" in column.units:
-            unit = f"log10({unit})"
+        unit = next(iter(column.units)) if unit is None else known_unit(unit, name)
         if unit not in column.units:
             raise ValueError(f"column {title!r}: unit {shown(unit)}: {closest(unit, tuple(column.units))}")
         field = wanted[column.name]
@@ -60,11 +59,6 @@ def fields_in(
                 f" one, or give {field}="
             )
     return found
-
-
-def _split(title):
-    match = _TITLE.fullmatch(title.strip()) if isinstance(title, str) else None
-    return match.groups() if match else (title, None)
 
 
 def _numbers(title, values):

@@ -1,1 +1,1 @@
-"""Ensembles: thousands of fits as one program."""
+"""Many fits: thousands as one program, and a few side by side."""

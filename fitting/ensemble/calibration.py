@@ -28,6 +28,7 @@ from fitting.ensemble.run import run_ensemble
 from fitting.parameters.constraints import Rule
 from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import Prior
+from fitting.parameters.priors.gaussian import GaussianRows
 from fitting.solvers.iterate import succeeded
 from fitting.solvers.options import check_options
 from fitting.solvers.problem import make_problem
@@ -172,16 +173,15 @@ def calibration(
         if discrepancy.amplitude is None:
             raise ValueError("discrepancy: amplitude = None: must be given, as data are drawn with it")
         problem = with_discrepancy(problem, [scene] * len(data), data, discrepancy)
-    known = problem.structure.prior.elements
+    drawn = _gaussian(problem)
+    known = [i for elements, *_ in drawn for i in elements]
     bare = [name for i, name in enumerate(problem.names) if i not in known]
     if bare:
         raise ValueError(f"prior: {bare[0]} has none: must be a Gaussian, as truths are drawn from it")
     draw_truth, draw_noise = jax.random.split(jax.random.key(0) if key is None else key)
     x = np.empty((members, len(known)))
-    own = problem.numbers.prior
-    x[:, list(known)] = own.mean + own.sigma * np.asarray(
-        jax.random.normal(draw_truth, (members, len(known)))
-    )
+    mean, sigma = (np.concatenate([np.asarray(one[k]) for one in drawn]) for k in (1, 2))
+    x[:, known] = mean + sigma * np.asarray(jax.random.normal(draw_truth, (members, len(known))))
     of = padded(problem)
     model = np.asarray(_models(of.structure, of.numbers, jnp.asarray(x)))[:, of.data]
     targets = jax.tree.map(lambda a: np.asarray(a)[None], problem.targets)
@@ -197,6 +197,12 @@ def calibration(
     return Calibration(
         problem.names, truth[good], found.values[good], place[good], deviation[good], int(np.sum(~good))
     )
+
+
+def _gaussian(problem):
+    """Elements of x, mean and sigma of every Gaussian prior."""
+    pairs = zip(problem.structure.prior.terms, problem.numbers.prior, strict=True)
+    return [(term.elements, *numbers) for term, numbers in pairs if isinstance(term, GaussianRows)]
 
 
 @functools.partial(jax.jit, static_argnums=0)

@@ -6,7 +6,7 @@ import jax
 import numpy as np
 
 from fitting.parameters.scenes import Scenes, next_step, paths_of
-from rubberfric.base import PhysicalObject, Static, closest, fields_of, parse_key_path
+from rubberfric.base import Leaf, PhysicalObject, Static, closest, fields_of, parse_key_path
 
 
 def scene_paths(scene: Scenes) -> list[str]:
@@ -41,6 +41,18 @@ def owner_of(scene: Scenes, path: str) -> tuple[Any, str]:
     for step in steps:
         owner = next_step(owner, step)
     return owner, name
+
+
+def path_over(scene: Scenes, path: str) -> str | None:
+    """Key path of what says where the elements of a vector are; None if nothing does.
+
+    Of E of a Prony series tau, of the columns of a table their first.
+    """
+    owner, name = owner_of(scene, path)
+    field = fields_of(type(owner)).get(name) if isinstance(owner, PhysicalObject) else None
+    if not (isinstance(field, Leaf) and field.over is not None):
+        return None
+    return f"{path.split('[')[0].rpartition('.')[0]}.{field.over}"
 
 
 def leaf_names(path: str, elements: tuple[int, ...] | None) -> list[str]:

@@ -21,12 +21,14 @@
     /minima             cost, count and values of the distinct minima
     /discrepancy        attributes amplitude, width, shared, estimated; missing if there is none
     /estimated          relative error of every data set, NaN where errors were given
+    /samples            draws from the posterior (`fitting.results.samples`), if it was they that were saved
 
 The uncertainty is stored, not computed again: reading compiles nothing, and gives the same
 numbers to the last bit on any machine.
 """
 
 import dataclasses
+from collections.abc import Callable
 from typing import Any, TypeVar
 
 import h5py
@@ -68,8 +70,15 @@ ATTRIBUTES = ("format", "format_version", "rubberfric_version", "title", "messag
 GROUPS = ("scene_at_start", "data", "free", "prior", "quadrature", "parameters", "uncertainty", "minima")
 
 
-def save(path: StrPath, result: FitRecord, title: str = "") -> None:
+def save(
+    path: StrPath,
+    result: FitRecord,
+    title: str = "",
+    samples: Callable[[h5py.Group], None] | None = None,
+) -> None:
     """Write a fit as an HDF5 file (.h5), whole or not at all; `load` reads it back.
+
+    `samples` writes the draws from its posterior to their group.
 
     Raises
     ------
@@ -106,6 +115,8 @@ def save(path: StrPath, result: FitRecord, title: str = "") -> None:
         parts.write_parameters(file.create_group("parameters"), result)
         parts.write_uncertainty(file.create_group("uncertainty"), result.uncertainty)
         parts.write_minima(file.create_group("minima"), result.minima, len(result.names))
+        if samples is not None:
+            samples(file.create_group("samples"))
 
 
 def load(path: StrPath, cls: type[Result]) -> Result:
@@ -121,7 +132,9 @@ def load(path: StrPath, cls: type[Result]) -> Result:
     """
     with hdf5.reading(path, FORMAT) as file:
         hdf5.check_names(
-            file, ("report", "scene", "data_scenes", "estimated", "discrepancy", *GROUPS), ATTRIBUTES
+            file,
+            ("report", "scene", "data_scenes", "estimated", "discrepancy", "samples", *GROUPS),
+            ATTRIBUTES,
         )
         return cls(**_read(file, {name: hdf5.subgroup(file, name) for name in GROUPS}))
 

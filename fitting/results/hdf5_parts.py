@@ -56,7 +56,9 @@ def write_rules(group: h5py.Group, rules: Mapping[str, Rule | Prior]) -> None:
         one.attrs.update(path=path, rule=type(rule).__name__)
         for field in dataclasses.fields(rule):
             value = getattr(rule, field.name)
-            if value is not None:
+            if np.ndim(value) == 2:  # too large for an attribute
+                hdf5.write_values(one, field.name, value, "-")
+            elif value is not None:
                 one.attrs[field.name] = value if isinstance(value, str) else np.asarray(value, float)
 
 
@@ -65,11 +67,12 @@ def read_rules(group: h5py.Group, classes: Mapping[str, type[T]]) -> dict[str, T
     rules = {}
     for one in numbered(group):
         found = {name: _python(value) for name, value in one.attrs.items()}
+        found |= {name: hdf5.read_values(one, name, "-").tolist() for name in list(one)}
         kind, path = found.pop("rule", None), found.pop("path", None)
         if kind not in classes:
             raise ValueError(f"{one.name}: rule = {kind!r}: {closest(kind, tuple(classes))}")
         fields = tuple(field.name for field in dataclasses.fields(classes[kind]))
-        hdf5.check_names(one, (), ("path", "rule", *fields))
+        hdf5.check_names(one, fields, ("path", "rule", *fields))
         try:
             rules[path] = classes[kind](**found)
         except (ValueError, TypeError) as error:

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from fitting.results.correlation_plot import plot_correlation
-from fitting.results.curves import curves_of, lines, measured_points
+from fitting.results.pictures.correlations import plot_correlation
+from fitting.results.pictures.curves import curves_of, lines, measured_points
 from fitting.results.record import FitRecord
 from rubberfric.base import StrPath
 from rubberfric.plot import save_figure, style
@@ -30,8 +30,8 @@ def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
     Parameters
     ----------
     result : FitResult
-        Velocities <= 0 have no logarithm and are left out. Data at more than `fitting.results.curves.CURVES`
-        conditions have no lines: small crosses are the fitted values.
+        Velocities <= 0 have no logarithm and are left out. Data at more than
+        `fitting.results.pictures.curves.CURVES` conditions have no lines: small crosses are fitted values.
     ax : sequence of matplotlib axes, or None
         for every quantity among the data, in the order friction, area, modulus, spectrum, a
         panel and one for its residuals. None: axes of a new figure of its own,

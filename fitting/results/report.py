@@ -1,10 +1,13 @@
 """A fit as text, laid out as lmfit's fit_report does."""
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from fitting.parameters.discrepancy import text_of
 from fitting.parameters.keypaths import leaf_names
-from fitting.parameters.priors import Smooth
+from fitting.parameters.priors import Correlated, Smooth, Sum
+from fitting.parameters.priors.selection import Place
 from fitting.results.numbers import tied_lines, unit, variable_rows
 from fitting.results.record import FitRecord
 from fitting.solvers.options import SOLVERS
@@ -160,6 +163,9 @@ def _priors(result):
         if isinstance(prior, Smooth):
             lines.append(f"{path}: smooth, slopes change by about {prior.sigma:g} from term to term")
             continue
+        if isinstance(prior, Sum | Correlated):
+            lines.append(_of_several(result, path, prior))
+            continue
         names = leaf_names(path, groups[path].elements)
         scale = unit(result.scene_at_start, path)
         away = max((abs(fitted[name] - prior.mean) / prior.sigma for name in names), default=0.0)
@@ -167,6 +173,25 @@ def _priors(result):
         said = f"{prior.mean:g} +/- {prior.sigma:g}{f' {scale}' * bool(scale)}"
         lines.append(f"{path}: {said}, {what} {away:.2g} of these errors away")
     return lines
+
+
+def _of_several(result, key, prior):
+    """One line on a prior of several numbers: what it says, and where the fit is."""
+    place = Place("", key, result.scene, result.variables, result.problem.numbers.constants)
+    [(rows, numbers)] = prior.read(place)
+    leaves = jax.tree.leaves(result.scene)
+    if isinstance(prior, Sum):
+        value, scale = (
+            np.sum(np.asarray(rows.chosen.of(leaves))),
+            unit(result.scene_at_start, rows.chosen.paths[0]),
+        )
+        limits = [("above", prior.low), ("below", prior.high)]
+        said = " and ".join(f"{word} {limit:g}" for word, limit in limits if limit is not None)
+        return f"{key}: {said}{f' {scale}' * bool(scale)} within {prior.sigma:.2g}, fitted {value:.4g}"
+    squares = float(np.sum(np.asarray(rows.rows(numbers, leaves, jnp.asarray(result.x))) ** 2))
+    return (
+        f"{key}: known from another fit, fitted values {np.sqrt(squares / rows.size):.2g} errors away (rms)"
+    )
 
 
 def _minima(result):

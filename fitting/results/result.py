@@ -8,6 +8,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 import rubberfric as rf
+from fitting.parameters.priors import Prior
 from fitting.parameters.scenes import by_name, chosen_scene
 from fitting.parameters.variables import Array
 from fitting.results import hdf5
@@ -15,7 +16,10 @@ from fitting.results.numbers import tied_lines, variable_rows
 from fitting.results.plot import plot_fit
 from fitting.results.record import FitRecord
 from fitting.results.report import headlines, report
+from fitting.results.samples import Samples, drawn
 from fitting.uncertainty.density import log_density
+from fitting.uncertainty.posterior.as_prior import prior_of
+from fitting.uncertainty.posterior.nuts import Progress
 from rubberfric.base import StrPath, html, object_html
 from rubberfric.plot import style
 
@@ -45,6 +49,68 @@ class FitResult(FitRecord):
     def log_density(self, x: Array) -> jax.Array:
         """Log density at x but for a constant, -cost; see `fitting.log_density`."""
         return log_density(self)(x)
+
+    def sample(
+        self,
+        n: int = 2000,
+        *,
+        warmup: int = 500,
+        chains: int = 4,
+        key: jax.Array | None = None,
+        flat: str = "x",
+        callback: Progress | None = None,
+    ) -> Samples:
+        """Draws from the posterior: of the same residuals, errors, loss, priors and bounds as the fit.
+
+        By the No-U-Turn sampler of numpyro (pip install 'rubberfric[sampling]'), whose metric and starts are
+        those of the fit's covariance; see `fitting.uncertainty.posterior.nuts`.
+
+        Parameters
+        ----------
+        n : draws of all chains together
+        warmup : draws of each chain that adapt the sampler, and are thrown away
+        chains : independent ones, one after the other
+        key : jax.random.key, or None for key(0); the same key gives the same draws
+        flat : "x" or "values", what numbers without a prior are evenly distributed in, see `log_density`
+        callback : called as callback(chain, draw) after every draw, warm-up included, or None
+
+        Returns
+        -------
+        Samples : with R-hat and effective numbers; `reliable` says whether they are enough.
+
+        Raises
+        ------
+        ValueError : an option is wrong, or data and priors leave a direction open, along which the density
+            has no finite integral.
+        ModuleNotFoundError : numpyro is not installed.
+
+        Notes
+        -----
+        Errors that were estimated from the scatter are taken as known. The first draw compiles the density
+        and its gradient; other data or numbers of the same kind compile nothing.
+        """
+        return drawn(self, n, warmup, chains, key, flat, callback)
+
+    def as_prior(self, body: str | None = None, widen: float = 1.0) -> dict[str, Prior]:
+        """What this fit knows of its free numbers, for the `prior` of another fit, correlations included.
+
+        Parameters
+        ----------
+        body : "lower" or "upper", whose numbers they are in the other scene, if they were the other body's
+        widen : factor of all deviations
+            for what this fit's model leaves out, or where its scene does not explain its data.
+
+        Returns
+        -------
+        dict of one `Correlated`, to be joined with other priors by "|"
+
+        Raises
+        ------
+        ValueError : the fit did not succeed, or the numbers are of both bodies and `body` is given.
+        """
+        if not self.success:
+            raise ValueError(f"as_prior: the fit did not succeed, {self.message}: must have converged")
+        return dict(prior_of(self, body, widen))
 
     def report(self) -> str:
         """The fit as text of several lines, laid out as lmfit does; see `fitting.results.report`."""

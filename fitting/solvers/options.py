@@ -62,12 +62,18 @@ RULES: dict[str, Rule] = IN_FILES | {
         _rule("a jax.random.key, such as jax.random.key(1)", lambda value: isinstance(value, jax.Array))
     ),
     "prior": _or_none(
-        _rule("a dict of key path -> Gaussian or Smooth, or None", lambda value: isinstance(value, dict))
+        _rule(
+            "a dict of key path -> Gaussian, Smooth, Sum or Correlated, or None",
+            lambda value: isinstance(value, dict),
+        )
     ),
     "callback": _or_none(_rule("a function of (step, cost), or None", callable)),
     "level": _rule("between 0 and 1", lambda value: is_number(value) and 0 < value < 1),
     "points": _integer(1),
     "count": _integer(1),
+    "n": _integer(1),
+    "warmup": _integer(1),
+    "chains": _integer(1),
     "every": _rule("a number of seconds >= 0", lambda value: is_number(value) and value >= 0),
     "max_memory": _rule("a number of bytes > 0", lambda value: is_number(value) and value > 0),
     "batch": _rule("an integer >= 1, or None", lambda value: value is None or not _integer(1)(value)),

@@ -189,8 +189,7 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
         first += parts * length
     rows = np.concatenate(data)
     variables, constants, moved = with_longer_tables(problem.structure.variables, problem.numbers.constants)
-    prior = problem.structure.prior
-    series = tuple((moved[E], moved[tau], terms) for E, tau, terms in prior.series)
+    prior = problem.structure.prior.moved(moved)
 
     def spread(values, added):
         values = np.asarray(values)
@@ -205,9 +204,7 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
         whitening = longer
     constant = {"constants": constants, "conditions": tuple(conditions), "whitening": whitening}
     return Padded(
-        problem.structure._replace(
-            variables=variables, blocks=tuple(blocks), prior=prior._replace(series=series)
-        ),
+        problem.structure._replace(variables=variables, blocks=tuple(blocks), prior=prior),
         problem.numbers._replace(**constant),
         targets._replace(measured=spread(targets.measured, 0.0), error=spread(targets.error, np.inf)),
         rows,

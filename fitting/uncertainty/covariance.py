@@ -73,13 +73,18 @@ def _weighted(structure, numbers, targets, x):
     return rows, of_rows, jacobian * of_jacobian[:, None]
 
 
+def weighted_rows(problem: Problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Residuals at x, the factors that the loss gives them, and their Jacobian with those of its own."""
+    of = padded(problem)
+    plain, of_rows, jacobian = map(of.kept, _weighted(of.structure, of.numbers, of.targets, jnp.asarray(x)))
+    return plain, of_rows, jacobian
+
+
 def uncertainty(problem: Problem, x: np.ndarray) -> Uncertainty:
     """Uncertainty of a problem's solution x, shape (size,)."""
-    structure, numbers, of = problem.structure, problem.numbers, padded(problem)
+    structure, numbers = problem.structure, problem.numbers
     withheld, inside, stretch = _at_bounds(problem, x)
-    plain, of_rows, jacobian = map(
-        of.kept, _weighted(of.structure, of.numbers, of.targets, jnp.asarray(inside))
-    )
+    plain, of_rows, jacobian = weighted_rows(problem, inside)
     count = data_rows(problem.structure)
     slope = slopes(problem.variables, numbers.constants, jnp.asarray(inside))
     influence = None if structure.loss == "linear" else plain * of_rows

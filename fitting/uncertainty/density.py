@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from fitting.parameters.variables import Array
-from fitting.solvers.problem import Problem
+from fitting.solvers.problem import Numbers, Problem, Structure, Targets
 from fitting.solvers.residuals import objective, padded
 from fitting.uncertainty.intervals import SolvedProblem
 
@@ -105,7 +105,10 @@ def _log_slopes(variables, width, x):
     return total
 
 
-def _of(structure, flat, numbers, targets, x):
+def density_at(
+    structure: Structure, flat: str, numbers: Numbers, targets: Targets, x: jax.Array
+) -> jax.Array:
+    """The density as `LogDensity` has it, of what a problem holds, for what compiles it with more."""
     density = -objective(structure, numbers, targets).cost(x)
     if flat == "x":
         return density
@@ -113,4 +116,4 @@ def _of(structure, flat, numbers, targets, x):
 
 
 # One for all results: a second density of the same kind compiles nothing.
-_density = jax.jit(_of, static_argnums=(0, 1))
+_density = jax.jit(density_at, static_argnums=(0, 1))

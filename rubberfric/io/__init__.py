@@ -8,12 +8,15 @@ from rubberfric.io.results import Result
 from rubberfric.io.scene_files.hdf5 import read_object, write_object
 from rubberfric.io.tables.columns import COLUMNS
 from rubberfric.io.tables.reading import read_columns, read_names, read_table
+from rubberfric.io.tables.titles import known_name, known_unit
 from rubberfric.io.tables.writing import write_table
 
 __all__ = [
     "COLUMNS",
     "Result",
     "hdf5",
+    "known_name",
+    "known_unit",
     "load_result",
     "load_scene",
     "read_columns",

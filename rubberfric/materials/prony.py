@@ -48,7 +48,7 @@ class Prony(Coatable):
     """
 
     E_inf: Number = leaf(NONNEGATIVE, unit="Pa", plausible=PLAUSIBLE_STRESS, plus="E")
-    E: Vector = leaf(NONNEGATIVE, unit="Pa")
+    E: Vector = leaf(NONNEGATIVE, unit="Pa", over="tau")
     tau: Vector = leaf(POSITIVE, unit="s")
     poisson: Number = leaf(POISSON, unit="-", default=0.5)
     shift: Shift | None = child(default=None)
@@ -94,7 +94,7 @@ class PronyShear(Material):
     always_in_series: ClassVar[bool] = True  # with the bulk modulus
 
     G_inf: Number = leaf(NONNEGATIVE, unit="Pa", plausible=PLAUSIBLE_STRESS, plus="G")
-    G: Vector = leaf(NONNEGATIVE, unit="Pa")
+    G: Vector = leaf(NONNEGATIVE, unit="Pa", over="tau")
     tau: Vector = leaf(POSITIVE, unit="s")
     bulk: Number = leaf(POSITIVE, unit="Pa")
     shift: Shift | None = child(default=None)

@@ -157,7 +157,7 @@ class TabulatedShift(Shift):
     file_kind: ClassVar[str] = "table"
 
     T: Vector = leaf(POSITIVE, unit="K", column="T")
-    aT: Vector = leaf(POSITIVE, unit="-", column="aT")
+    aT: Vector = leaf(POSITIVE, unit="-", column="aT", over="T")
     T_ref: Number = leaf(POSITIVE, unit="K", plausible=PLAUSIBLE_TEMPERATURE)
 
     def _check(self):
@@ -218,7 +218,7 @@ class TabulatedVertical(VerticalShift):
     file_kind: ClassVar[str] = "table"
 
     T: Vector = leaf(POSITIVE, unit="K", column="T")
-    bT: Vector = leaf(POSITIVE, unit="-", column="bT")
+    bT: Vector = leaf(POSITIVE, unit="-", column="bT", over="T")
 
     def _check(self):
         _check_table(self, "bT")

@@ -63,8 +63,8 @@ class TabulatedModulus(Material):
     file_kind: ClassVar[str] = "tabulated"
 
     omega: Vector = leaf(POSITIVE, unit="rad/s", column="omega")
-    storage: Vector = leaf(POSITIVE, unit="Pa", plausible=PLAUSIBLE_STRESS, column="E_stor")
-    loss: Vector = leaf(POSITIVE, unit="Pa", column="E_loss")
+    storage: Vector = leaf(POSITIVE, unit="Pa", plausible=PLAUSIBLE_STRESS, column="E_stor", over="omega")
+    loss: Vector = leaf(POSITIVE, unit="Pa", column="E_loss", over="omega")
     poisson: Number = leaf(POISSON, unit="-", default=0.5)
     shift: Shift | None = child(default=None)
     outside: Literal["fall", "hold", "none"] = static(default="fall")

@@ -34,7 +34,7 @@ class TabulatedSpectrum(Spectrum):
     file_kind: ClassVar[str] = "tabulated"
 
     q: Vector = leaf(POSITIVE, unit="1/m", column="q")
-    C: Vector = leaf(POSITIVE, unit="m^4", column="C")
+    C: Vector = leaf(POSITIVE, unit="m^4", column="C", over="q")
     q0: OptionalNumber = leaf(POSITIVE, unit="1/m", default=None)
     q1: OptionalNumber = leaf(POSITIVE, unit="1/m", default=None)
 

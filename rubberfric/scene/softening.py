@@ -40,8 +40,8 @@ class Softening(PhysicalObject):
     """
 
     strain: Vector = leaf(POSITIVE, unit="-", column="strain")
-    storage: Vector = leaf(POSITIVE, unit="-", column="storage_factor")
-    loss: Vector = leaf(POSITIVE, unit="-", column="loss_factor")
+    storage: Vector = leaf(POSITIVE, unit="-", column="storage_factor", over="strain")
+    loss: Vector = leaf(POSITIVE, unit="-", column="loss_factor", over="strain")
     factor: Number = leaf(POSITIVE, unit="-", default=1.0)
 
     def _check(self):

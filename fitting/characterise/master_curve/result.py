@@ -9,6 +9,8 @@ from fitting.characterise.master_curve.laws import ShiftLaw
 from fitting.characterise.master_curve.overlap import Shifts
 from fitting.characterise.master_curve.picture import plot_master_curve
 from fitting.data.kinds import ModulusData
+from fitting.parameters.priors import Prior
+from fitting.uncertainty.posterior.as_prior import joint_prior
 from rubberfric.plot import style
 
 
@@ -101,6 +103,34 @@ class MasterCurve:
         """The better law where it holds within the errors, else the table."""
         law = self.law
         return law.shift if law is not None and law.holds else self.table
+
+    def as_prior(self, body: str = "lower", widen: float = 1.0) -> dict[str, Prior]:
+        """What the sweeps know of `shift`, for the `prior` of another fit.
+
+        The other scene must have this `shift`; of a law its parameters are known, of a table a_T at all
+        temperatures but T_ref.
+
+        Parameters
+        ----------
+        body : "lower" or "upper", whose material it is there
+        widen : factor of all deviations
+
+        Returns
+        -------
+        dict of one `Correlated`, to be joined with other priors by "|"
+        """
+        law, owner = self.law, "lower.material.shift"
+        if law is not None and law.holds:
+            covariance = law.covariance / np.outer(law.values, law.values)
+            paths, mean, places = [f"{owner}.{name}" for name in law.names], law.values, None
+        else:
+            r, moving = self.reference, np.delete(np.arange(self.T.size), self.reference)
+            ends = [f"{owner}.aT[:{r}]"] * (r > 0) + [f"{owner}.aT[{r + 1}:]"] * (r + 1 < self.T.size)
+            paths, mean, places = ends, np.exp(self.log_aT[moving]), self.T[moving]
+            covariance = self.covariance[np.ix_(moving, moving)]
+        none = np.full(mean.size, np.inf)
+        places = np.full(mean.size, np.nan) if places is None else places
+        return dict(joint_prior(paths, mean, covariance, (np.zeros(mean.size), none), places, body, widen))
 
     def __repr__(self) -> str:
         name = type(self.shift).__name__

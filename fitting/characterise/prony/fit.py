@@ -54,7 +54,8 @@ def fit_prony(
     poisson, shift : of the material; a shift is not fitted here, see `fit_master_curve`
     smooth : sigma of a `Smooth` prior [-], or "auto", or None
         for noisy data: no term is absent then, and gaps in the frequencies are bridged. "auto" takes
-        the sigma that predicts best what is left out (generalised cross-validation).
+        the sigma that predicts best what is left out: generalised cross-validation [Golub, Heath & Wahba,
+        Technometrics 21 (1979) 215, doi:10.1080/00401706.1979.10489751]; no L-curve is drawn.
     weights : (w', w''), >= 0 [-]
         how much E' and E'' count; 0 leaves one of them out.
 

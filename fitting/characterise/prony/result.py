@@ -15,6 +15,7 @@ from fitting.parameters.priors import Prior, Smooth
 from fitting.results.result import FitResult
 from fitting.solvers.iterate import CONVERGED, MESSAGES, PERFECT, STALLED
 from fitting.uncertainty.covariance import Direction
+from fitting.uncertainty.posterior.as_prior import joint_prior
 from rubberfric.base import html
 from rubberfric.plot import style
 
@@ -120,6 +121,36 @@ class PronyFit:
     def message(self) -> str:
         """How the fit ended."""
         return MESSAGES[self._status]
+
+    def as_prior(self, body: str | None = None, widen: float = 1.0) -> dict[str, Prior]:
+        """What the data know of the moduli, for the `prior` of another fit: of friction, for one.
+
+        The other scene must have this `material`, or one of the same relaxation times.
+
+        Parameters
+        ----------
+        body : "lower" or "upper", whose material it is there; None: that of the data, or "lower"
+        widen : factor of all deviations, for what a modulus measured in oscillation leaves out
+
+        Returns
+        -------
+        dict of one `Correlated`, to be joined with other priors by "|"
+        """
+        if not self.success:
+            raise ValueError(f"as_prior: the fit did not succeed, {self.message}: must have converged")
+        known, tau = self.solution.uncertainty, np.asarray(self.material.tau)
+        none = np.full(known.x.size, np.inf)
+        return dict(
+            joint_prior(
+                list(dict.fromkeys(name.split("[")[0] for name in self.names)),
+                self.values,
+                known.spread,
+                (np.zeros(known.x.size), none),
+                np.append(tau, np.nan)[: known.x.size],
+                body,
+                widen,
+            )
+        )
 
     @functools.cached_property
     def fit(self) -> FitResult:

@@ -72,6 +72,7 @@ class Leaf:
     plausible: tuple[float, float] | None
     plus: str | None
     column: str | None
+    over: str | None
     ndim: int = 0
     optional: bool = False
 
@@ -103,6 +104,7 @@ def leaf(
     plausible: tuple[float, float] | None = None,
     plus: str | None = None,
     column: str | None = None,
+    over: str | None = None,
     default: Any = dataclasses.MISSING,
 ) -> Any:
     """Field of numbers, annotated as Number, OptionalNumber, Vector or Matrix.
@@ -115,9 +117,10 @@ def leaf(
         number is taken to be in another unit
     plus : field whose elements are added before a number is compared with them
     column : of the CSV file that the field comes from, if it is one of a curve
+    over : field of equal length that says where the elements of a vector are: E over tau
     default : as of a dataclass
     """
-    return _field(Leaf(rule, unit, plausible, plus, column), default)
+    return _field(Leaf(rule, unit, plausible, plus, column, over), default)
 
 
 def static(*, default: Any = dataclasses.MISSING) -> Any:

@@ -64,10 +64,18 @@ def is_foreign(title: str, name: str | None) -> bool:
     return title in OTHERS or (name is not None and not own)
 
 
-def known_name(title: str, generic: str) -> tuple[str | None, str | None]:
-    """What a column's title, "name" or "name [unit]", says: (name, unit), or None for what it does not.
+def known_name(title: str, generic: str = "E") -> tuple[str | None, str | None]:
+    """What a column's title says: "Temperature (°C)" is ("T", "°C").
 
-    The name is one of `COLUMNS` or `SET_VALUES`; a "storage modulus" is one of `generic`, "E" or "G".
+    Parameters
+    ----------
+    title : "name", "name [unit]" or "name (unit)", as instruments and other programs spell them
+    generic : "E" or "G", what a "storage modulus" is one of
+
+    Returns
+    -------
+    (name, unit), the name that the column has in own tables (`rubberfric.io.COLUMNS`) and its unit as it is
+        written; None for what the title does not say, both where it is none that is known
     """
     title = title.strip()
     for text, unit in ((title, None), *((m[1], m[2]) for m in [_BRACKETS.fullmatch(title)] if m)):
@@ -78,7 +86,12 @@ def known_name(title: str, generic: str) -> tuple[str | None, str | None]:
 
 
 def known_unit(unit: str | None, name: str | None) -> str:
-    """A unit as the column of that name spells it."""
+    """A unit as the column of that name spells it: "N/mm²" is "MPa", "um/s" of log10_v is "log10(um/s)".
+
+    Parameters
+    ----------
+    unit, name : as `known_name` gives them; no unit is "-"
+    """
     unit = (unit or "").strip().translate(str.maketrans({"\u00b5": "u", "\u03bc": "u"}))
     unit = _UNITS.get(unit, unit)
     units = COLUMNS[name].units if name in COLUMNS else ()

@@ -34,6 +34,25 @@ def test_units_beside_the_frame():
     assert spectrum.q[0] == pytest.approx(1e3)
 
 
+def test_titles_as_instruments_and_other_programs_spell_them():
+    found = fitting.ModulusData.from_frame(
+        {
+            "Angular Frequency [rad/sec]": [2.0],
+            "E' (N/mm²)": [3.0],
+            "Loss modulus [kPa]": [4.0],
+            "Temp. (°C)": [5.0],
+        }
+    )
+    values = [found.omega, found.storage, found.loss, found.temperature]
+    np.testing.assert_allclose(np.ravel(values), [2.0, 3e6, 4e3, 278.15], rtol=1e-15)
+    found = fitting.FrictionData.from_frame(
+        {"sliding velocity [µm/s]": V, "coefficient of friction": MU, "contact pressure": [0.3] * 3},
+        {"contact pressure": "N/mm2"},
+    )
+    np.testing.assert_allclose(found.velocity, [1e-6, 1e-5, 1e-4], rtol=1e-15)
+    np.testing.assert_allclose(found.pressure, [3e5] * 3, rtol=1e-15)
+
+
 def test_there_and_back():
     data = fitting.FrictionData(V, MU, pressure=3e5, temperature=293.15, sigma=0.01)
     frame = data.to_dataframe()

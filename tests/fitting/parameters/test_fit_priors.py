@@ -12,7 +12,7 @@ from scipy.optimize import least_squares
 from support.scenes.fits import ROAD, E
 
 import rubberfric as rf
-from fitting import Bounded, Free, Gaussian, ModulusData, Positive, Smooth, Tied, fit
+from fitting import Bounded, Free, Gaussian, ModulusData, Positive, Smooth, Sum, Tied, fit
 from fitting.parameters.priors import prior_residuals, prior_size, read_priors
 from fitting.parameters.variables import free_parameters, to_scene, to_values
 from fitting.solvers.losses import WIDTHS, factors, rho
@@ -133,11 +133,13 @@ def test_smooth_and_gaussian_priors_side_by_side():
         ({E: Gaussian(-1e7, 1e6)}, "mean = -1e+07: must be > 0, for the parameter is Positive"),
         ({"gamma": Gaussian(1.0, 0.1)}, "mean = 1: must be inside the parameter's bounds"),
         ({"gamma": Gaussian(7.0, 0.1)}, "mean = 7: must be inside the parameter's bounds"),
-        ({E: 0.3}, f"prior['{E}'] = 0.3: must be Gaussian or Smooth"),
-        ({E: Gaussian}, "must be Gaussian or Smooth"),
-        ({E: Positive()}, "must be Gaussian or Smooth"),
-        ({E + "[1:]": Smooth()}, "Smooth is for a whole relaxation spectrum; must end in .E"),
-        ({"gamma": Smooth()}, "must end in .E"),
+        ({E: 0.3}, f"prior['{E}'] = 0.3: must be Gaussian, Smooth, Sum or Correlated"),
+        ({E: Gaussian}, "must be Gaussian, Smooth, Sum or Correlated"),
+        ({E: Positive()}, "must be Gaussian, Smooth, Sum or Correlated"),
+        ({E + "[1:]": Smooth()}, "Smooth is for a whole vector over something; must be the path of one"),
+        ({"gamma": Smooth()}, "Smooth is for a whole vector"),
+        ({"upper.material.tau": Smooth()}, "such as E of a Prony series or storage of a table"),
+        ({"lower.spectrum.h_rms + lower.spectrum.q1": Sum(high=1.0)}, "must name a free parameter or a sum"),
     ],
 )
 def test_wrong_priors(prior, text):

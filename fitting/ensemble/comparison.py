@@ -1,0 +1,281 @@
+"""Several fits of the same data side by side: which scene predicts best, and whether the data can tell."""
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+import rubberfric as rf
+from fitting.data.measured import Measured
+from fitting.results.record import FitRecord
+from fitting.uncertainty.posterior.criteria import ALONE, Criteria, criteria
+from rubberfric.base import html
+
+# Differences of the sum of ln p that are small whatever their error, and errors that make one large
+# [Sivula, Magnusson, Matamoros & Vehtari, arXiv:2008.10296].
+SMALL, ERRORS = 4.0, 2.0
+HEADINGS = ("scene", "k", "chi-square", "reduced", "AIC", "AICc", "BIC", "LOO", "worse by", "+/-", "explains")
+_OPTIONS = ("shear", "heating", "softening")
+
+
+class Variant(NamedTuple):
+    """One fit in a comparison; of aic, aicc, bic, loo the lower is the better."""
+
+    name: str
+    parameters: float  # that the data determine, with errors that were estimated
+    chisqr: float
+    redchi: float
+    aic: float
+    aicc: float
+    bic: float
+    loo: float  # -2 ln p of the values, each left out
+    worse: float  # loo above that of the best
+    worse_stderr: float  # standard error of the difference; 0 of the best
+    explains: bool | None  # the fit's verdict
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class Comparison:
+    """Fits of the same data; made by `fitting.compare`.
+
+    Attributes
+    ----------
+    variants : tuple of `Variant`, that of the lowest loo first
+    words : what the differences mean, a line each
+    """
+
+    variants: tuple[Variant, ...]
+    words: tuple[str, ...]
+
+    @property
+    def best(self) -> str:
+        """Name of the simplest of those that predict best as far as the data can tell."""
+        return min(self.alike, key=lambda one: one.parameters).name
+
+    @property
+    def alike(self) -> tuple[Variant, ...]:
+        """Those that the data cannot tell from the one that predicts best."""
+        return tuple(one for one in self.variants if not told(one))
+
+    def __getitem__(self, name: str) -> Variant:
+        """The variant of a name."""
+        return next(one for one in self.variants if one.name == name)
+
+    def report(self) -> str:
+        """Table and words, as text of several lines."""
+        rows = [HEADINGS, *self._table()]
+        widths = [max(len(row[k]) for row in rows) for k in range(len(HEADINGS))]
+        lines = []
+        for row in rows:
+            cells = [row[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True))]
+            lines.append("  ".join(cells).rstrip())
+        return "\n".join([*lines, "", *self.words]) + "\n"
+
+    def to_dataframe(self) -> Any:
+        """Variants as a pandas.DataFrame (which must be installed), by their names."""
+        import pandas
+
+        return pandas.DataFrame([one._asdict() for one in self.variants]).set_index("name")
+
+    def _repr_html_(self) -> str:
+        """A table for notebooks."""
+        return html.table([*self._table(), *self.words], HEADINGS, self.words[0])
+
+    def __repr__(self) -> str:
+        return f"<Comparison: {len(self.variants)} fits, best {self.best!r}>"
+
+    def _table(self):
+        said = {True: "yes", False: "NO", None: "?"}
+        return [
+            (
+                one.name,
+                f"{one.parameters:.3g}",
+                f"{one.chisqr:.4g}",
+                f"{one.redchi:.3g}" if np.isfinite(one.redchi) else "none",
+                *(f"{value:.2f}" for value in (one.aic, one.aicc, one.bic, one.loo)),
+                f"{one.worse:.2f}",
+                f"{one.worse_stderr:.2f}",
+                said[one.explains],
+            )
+            for one in self.variants
+        ]
+
+
+def compare(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> Comparison:
+    r"""Compare fits of several scenes to the same data: with or without heat, shear, softening.
+
+    By chi-square, AIC, AICc, BIC and LOO, the leave-one-out deviance
+
+    .. math:: \mathrm{LOO} = -2 \sum_i \ln p(y_i \,|\, y_{-i}),\qquad
+              s^2 = n \, \mathrm{var}_i \, (-2 \ln p_i^A + 2 \ln p_i^B)
+
+    s the standard error of a difference of two scenes A and B [Vehtari, Gelman & Gabry, Stat. Comput. 27
+    (2017) 1413, arXiv:1507.04544]; how each is computed says `fitting.uncertainty.posterior.criteria`.
+
+    Parameters
+    ----------
+    results : FitResults of the same data, or a dict of them by name
+        without names they are called by what their scenes have.
+
+    Returns
+    -------
+    Comparison : the variants, best first, and in words what the differences mean.
+
+    Raises
+    ------
+    ValueError : fewer than two, other things than fits, or fits of other data, loss, or treatment of errors.
+
+    Notes
+    -----
+    A value is left out alone, so that LOO asks for a prediction between its neighbours; how a scene
+    continues beyond the data no criterion tells. Errors that were estimated, each fit's own, are taken as
+    they are. Criteria do not count what priors say against a fit.
+    """
+    named = _named(results)
+    fits = list(named.values())
+    for name, one in list(named.items())[1:]:
+        _check_same(next(iter(named)), fits[0], name, one)
+    found = {name: criteria(one) for name, one in named.items()}
+    order = sorted(named, key=lambda name: found[name].loo)
+    best = found[order[0]].left_out
+    variants = []
+    for name in order:
+        own, fit = found[name], named[name]
+        away = 2 * (best - own.left_out)
+        variants.append(
+            Variant(
+                name,
+                own.parameters,
+                fit.chisqr,
+                fit.redchi,
+                own.aic,
+                own.aicc,
+                own.bic,
+                own.loo,
+                float(away.sum()),
+                float(np.sqrt(away.size * np.var(away, ddof=1))) if away.size > 1 else np.inf,
+                fit.verdict.explains,
+            )
+        )
+    return Comparison(tuple(variants), tuple(_words(variants, named, found)))
+
+
+def told(one: Variant) -> bool:
+    """Whether the data tell a variant from the one that predicts best."""
+    return one.worse > max(2 * SMALL, ERRORS * one.worse_stderr)
+
+
+def _words(variants: list[Variant], fits: dict[str, FitRecord], found: dict[str, Criteria]) -> list[str]:
+    """What a table means, a line each."""
+    alike, worse = [one for one in variants if not told(one)], [one for one in variants if told(one)]
+    first = alike[0].name
+    if len(alike) == 1:
+        lines = [f"{first!r} predicts values that are left out best, by more than chance"]
+    else:
+        simplest = min(alike, key=lambda one: one.parameters)
+        names = ", ".join(repr(one.name) for one in alike)
+        lines = [
+            f"the data cannot tell {names} apart: the simplest is {simplest.name!r}"
+            f" ({simplest.parameters:.3g} numbers)"
+        ]
+    for one in worse:
+        errors = one.worse / one.worse_stderr if one.worse_stderr > 0 else np.inf
+        lines.append(f"{one.name!r} predicts worse than {first!r}, by {one.worse:.3g} ({errors:.2g} errors)")
+    by_aicc = min(variants, key=lambda one: one.aicc)
+    if told(by_aicc):
+        lines.append(
+            f"AICc prefers {by_aicc.name!r}: it fits the values better than it predicts them; do not"
+            " rely on it"
+        )
+    explains = [one.explains for one in variants]
+    if all(one is False for one in explains):
+        lines.append(
+            "NONE OF THEM EXPLAINS THE DATA: the best is the least wrong, something is missing in all"
+        )
+    elif alike[0].explains is False:
+        lines.append(f"{first!r} predicts best, but does not explain the data: see its verdict")
+    for name, fit in fits.items():
+        if not fit.success:
+            lines.append(f"the fit of {name!r} did not succeed, its criteria are too large: {fit.message}")
+        alone = np.flatnonzero(found[name].leverage > ALONE)
+        if alone.size:
+            lines.append(
+                f"{name!r}: LOO is not reliable, {alone.size} value{'s' * (alone.size > 1)} alone determine"
+                f"{'s' * (alone.size == 1)} a number of the scene, first {_place(fit, alone[0])}"
+            )
+    if len({_prior_text(fit) for fit in fits.values()}) > 1:
+        lines.append("their priors differ: what a prior says against a fit is not counted")
+    return lines
+
+
+def _place(fit, k):
+    """Where a value is, of all in the order of the data."""
+    for one in fit.data:
+        if k < len(one):
+            return f"{one.label!r} at {one.place(k)}"
+        k -= len(one)
+    raise IndexError(k)
+
+
+def _prior_text(fit):
+    return repr(sorted(fit.prior.items(), key=lambda item: item[0]))
+
+
+def _named(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> dict[str, FitRecord]:
+    """Fits by their names."""
+    if isinstance(results, Mapping):
+        named = dict(results)
+    elif isinstance(results, list | tuple):
+        named = {}
+        for i, one in enumerate(results):
+            name = _what(one) if isinstance(one, FitRecord) else f"results[{i}]"
+            same = sum(known == name or known.startswith(f"{name} #") for known in named)
+            named[f"{name} #{same + 1}" if same else name] = one
+    else:
+        raise ValueError(f"results is a {type(results).__name__}: must be FitResults in a list or a dict")
+    for name, one in named.items():
+        if not isinstance(one, FitRecord):
+            raise ValueError(f"{name}: is a {type(one).__name__}: must be a FitResult")
+    if len(named) < 2:
+        raise ValueError(f"results: has {len(named)} fits: must have two at least")
+    return named
+
+
+def _what(fit: FitRecord) -> str:
+    """What the scene of a fit has, beside roughness and moduli."""
+    scene: Any = fit.scene_at_start
+    scenes = scene.values() if isinstance(scene, dict) else [scene]
+    parts = [name for name in _OPTIONS if any(getattr(one, name) is not None for one in scenes)]
+    parts += ["area_correction"] * any(isinstance(one, rf.Scene) and one.area_correction for one in scenes)
+    return " + ".join(parts) or "plain"
+
+
+def _check_same(name: str, fit: FitRecord, other_name: str, other: FitRecord) -> None:
+    """ValueError unless two fits are of the same data, seen in the same way."""
+    where = f"{other_name!r} and {name!r}"
+    if len(fit.data) != len(other.data):
+        raise ValueError(
+            f"{where} are fits of {len(other.data)} and {len(fit.data)} data sets: must be of the same data"
+        )
+    for i, (one, another) in enumerate(zip(fit.data, other.data, strict=True)):
+        if not _same(one, another):
+            raise ValueError(
+                f"{where}: data[{i}], {another.label!r}, is another: must be fits of the same data"
+            )
+    structures = fit.problem.structure, other.problem.structure
+    losses = [
+        (one.loss, float(x.problem.numbers.width)) for one, x in zip(structures, (fit, other), strict=True)
+    ]
+    if losses[0] != losses[1]:
+        raise ValueError(f"{where}: losses are {losses[1]} and {losses[0]}: must be the same")
+    if (fit.error_scale != 1) != (other.error_scale != 1):
+        raise ValueError(f"{where}: errors of one are scaled by the scatter: must be of both, or of none")
+
+
+def _same(one: Measured, other: Measured) -> bool:
+    """Whether data sets hold the same numbers."""
+    if type(one) is not type(other) or getattr(one, "body", None) != getattr(other, "body", None):
+        return False
+    pairs = [(getattr(one, name), getattr(other, name)) for name in one.fields()]
+    return all((a is None) == (b is None) and (a is None or np.array_equal(a, b)) for a, b in pairs)

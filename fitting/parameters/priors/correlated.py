@@ -1,0 +1,158 @@
+"""What another fit knows of several numbers together: a normal distribution with its correlations."""
+
+import dataclasses
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy
+from numpy.typing import ArrayLike
+
+from fitting.parameters.keypaths import find, path_over
+from fitting.parameters.priors.selection import Place, Selection
+from fitting.parameters.variables import Array
+
+# Chance by which numbers that a fit holds may lie as far from what is known of them.
+_CHANCE = 1e-3
+# Relative difference of places, as of relaxation times, that rounding makes.
+_SAME = 1e-6
+
+
+@dataclasses.dataclass(frozen=True)
+class Correlated:
+    r"""Several numbers of the scene are jointly normal, each in a coordinate of its own.
+
+    .. math:: r = C^{-1/2} (t(v) - t(mean)),\qquad t(v) = \ln\frac{v - low}{high - v},\;
+              \ln(v - low),\; v
+
+    for numbers with two limits, with one, and with none: what a fit is free in of a Bounded, a Positive and
+    a Free number. `as_prior` of a result makes it. Its key are the paths of the numbers, separated by
+    commas. Those that a fit does not change stay what they are, and the others follow from them.
+
+    Parameters
+    ----------
+    mean : in the units of the numbers, shape (n,)
+    covariance : of t, shape (n, n)
+    low, high : limits of every number, -inf and inf without, shape (n,)
+    places : what every number stands at, such as its relaxation time, NaN if nothing, shape (n,); or None
+        refused where the scene has others: the same element would be something else.
+    """
+
+    mean: ArrayLike
+    covariance: ArrayLike
+    low: ArrayLike
+    high: ArrayLike
+    places: ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        size = np.size(self.mean)
+        for name in ("mean", "covariance", "low", "high", "places"):
+            value = getattr(self, name)
+            if name == "places" and value is None:
+                continue
+            shape = (size, size) if name == "covariance" else (size,)
+            try:
+                found = np.asarray(value, float)
+            except (TypeError, ValueError):
+                found = np.empty(())
+            if found.shape != shape or size == 0:
+                raise ValueError(f"Correlated: {name} must be numbers of the shape {shape}")
+            # Tuples, so that two that say the same are equal.
+            object.__setattr__(self, name, tuple(tuple(one) if np.ndim(one) else float(one) for one in found))
+        C = np.array(self.covariance)
+        if not (np.isfinite(C).all() and np.allclose(C, C.T, rtol=1e-6) and (np.diag(C) > 0).all()):
+            raise ValueError("Correlated: covariance must be finite, symmetric, and > 0 on its diagonal")
+        if np.any(np.isfinite(np.array(self.high)) & ~np.isfinite(np.array(self.low))):
+            raise ValueError("Correlated: high must be inf where low is -inf")
+        if not jnp.isfinite(coordinates(*map(np.array, (self.mean, self.low, self.high)))).all():
+            raise ValueError("Correlated: mean must be finite and between low and high")
+
+    def read(self, place: Place) -> list[tuple["CorrelatedRows", tuple[np.ndarray, ...]]]:
+        """Structure and numbers; ValueError where it does not speak of this scene."""
+        where, chosen = place.where, place.selection(",", ", or several separated by commas")
+        mean, low, high = (np.array(value) for value in (self.mean, self.low, self.high))
+        if chosen.size != mean.size:
+            raise ValueError(
+                f"{where}: names {chosen.size} numbers, is of {mean.size}: must be as many; the scene must"
+                " have the material, or the table, of the fit that it comes from"
+            )
+        self._check_places(place, chosen)
+        start = np.asarray(chosen.of(place.start))
+        t, centre = (np.asarray(coordinates(v, low, high)) for v in (start, mean))
+        covariance = np.array(self.covariance)
+        if not np.isfinite(t).all():
+            i = int(np.flatnonzero(~np.isfinite(t))[0])
+            raise ValueError(
+                f"{where}: {chosen.names[i]} starts at {start[i]:g}: must be between {low[i]:g} and"
+                f" {high[i]:g}"
+            )
+        held = np.flatnonzero(~chosen.changing(place.variables))
+        if held.size:
+            away = t[held] - centre[held]
+            part = covariance[np.ix_(held, held)]
+            far = away @ np.linalg.pinv(part, hermitian=True) @ away
+            if scipy.special.gammaincc(held.size / 2, far / 2) < _CHANCE:
+                i = held[int(np.argmax(np.abs(away) / np.sqrt(np.diag(part))))]
+                raise ValueError(
+                    f"{where}: {chosen.names[i]} is held at {start[i]:.6g}, but known to be {mean[i]:.6g}:"
+                    " must be free, or start the scene from the result that the prior comes from"
+                )
+        return [(CorrelatedRows(chosen), (centre, whitener(covariance), low, high))]
+
+    def _check_places(self, place: Place, chosen: Selection) -> None:
+        """ValueError unless every element stands where it stood."""
+        if self.places is None:
+            return
+        before, i = np.array(self.places), 0
+        for path, elements in zip(chosen.paths, chosen.elements, strict=True):
+            count, over = len(elements or (0,)), None if elements is None else path_over(place.scene, path)
+            known = before[i : i + count]
+            if over is not None and elements is not None and np.isfinite(known).all():
+                here = np.asarray(place.start[find(place.scene, over)[0]])[list(elements)]
+                if not np.allclose(here, known, rtol=_SAME, atol=0.0):
+                    k = int(np.argmax(np.abs(here / known - 1)))
+                    raise ValueError(
+                        f"{place.where}: {path} stood at {over} = {known[k]:.6g}, here at {here[k]:.6g}: must"
+                        " be the same; take the material, or the table, of the fit that the prior comes from"
+                    )
+            i += count
+
+
+class CorrelatedRows(NamedTuple):
+    """Rows of a `Correlated`; its numbers are t(mean), C^(-1/2), low and high."""
+
+    chosen: Selection
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return self.chosen.size
+
+    def rows(self, numbers: tuple[Array, ...], leaves: list[Array], x: jax.Array) -> jax.Array:
+        """The rows of a scene, shape (size,)."""
+        del x
+        centre, whiten, low, high = numbers
+        return jnp.asarray(whiten) @ (coordinates(self.chosen.of(leaves), low, high) - centre)
+
+    def moved(self, to: dict[int, int]) -> "CorrelatedRows":
+        """The same of a scene whose leaves are elsewhere."""
+        return CorrelatedRows(self.chosen.moved(to))
+
+
+def coordinates(v: Array, low: Array, high: Array) -> jax.Array:
+    """t of numbers, not finite outside their limits."""
+    floor, roof = jnp.isfinite(low), jnp.isfinite(high)
+    # What is not taken must not have a derivative that is infinite.
+    above = jnp.log(jnp.where(floor, v - jnp.where(floor, low, 0.0), 1.0))
+    below = jnp.log(jnp.where(roof, jnp.where(roof, high, 0.0) - v, 1.0))
+    return jnp.where(floor, above - below, jnp.asarray(v))
+
+
+def whitener(covariance: np.ndarray) -> np.ndarray:
+    """W with W C W^T = 1, of deviations that may differ by many orders of magnitude."""
+    size = np.sqrt(np.diag(covariance))
+    values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
+    # Less is the rounding of the matrix: of a number that is known to follow others exactly.
+    values = np.maximum(values, 1e-14 * values[-1])
+    return (vectors / np.sqrt(values)).T / size

@@ -1,0 +1,99 @@
+"""Numbers of a scene that a prior speaks of, and what every kind of prior must answer."""
+
+from typing import Any, NamedTuple, Protocol, Self
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import rubberfric as rf
+from fitting.parameters.keypaths import find, leaf_names
+from fitting.parameters.variables import Array, Constants, Group, Variables
+
+
+class Rows(Protocol):
+    """Structure of one prior, hashable: the rows that it puts beside the residuals.
+
+    Its numbers are a pytree of their own, so that other numbers compile nothing.
+    """
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        ...
+
+    def rows(self, numbers: Any, leaves: list[Array], x: jax.Array) -> jax.Array:
+        """The rows from the leaves of a scene and from x, shape (size,)."""
+        ...
+
+    def moved(self, to: dict[int, int]) -> Self:
+        """The same of a scene whose leaves are elsewhere."""
+        ...
+
+
+class Selection(NamedTuple):
+    """Elements of leaves of a scene, in the order of the key that names them; hashable."""
+
+    paths: tuple[str, ...]
+    leaves: tuple[int, ...]
+    elements: tuple[tuple[int, ...] | None, ...]  # None: a number
+
+    @property
+    def size(self) -> int:
+        """Number of elements."""
+        return sum(len(chosen or (0,)) for chosen in self.elements)
+
+    @property
+    def names(self) -> list[str]:
+        """Key path of every element."""
+        pairs = zip(self.paths, self.elements, strict=True)
+        return [name for path, chosen in pairs for name in leaf_names(path, chosen)]
+
+    def of(self, leaves: list[Array]) -> jax.Array:
+        """Values of the elements, shape (size,)."""
+        parts = []
+        for leaf, chosen in zip(self.leaves, self.elements, strict=True):
+            values = jnp.asarray(leaves[leaf])
+            parts.append(values[None] if chosen is None else values[np.array(chosen)])
+        return jnp.concatenate(parts)
+
+    def moved(self, to: dict[int, int]) -> "Selection":
+        """The same of a scene whose leaves are elsewhere."""
+        return self._replace(leaves=tuple(to[leaf] for leaf in self.leaves))
+
+    def changing(self, variables: Variables) -> np.ndarray:
+        """Which elements a fit changes, freed or following others, shape (size,)."""
+        free = {(group.leaf, chosen) for group in variables.groups for chosen in group.elements or (None,)}
+        pairs = zip(self.leaves, self.elements, strict=True)
+        return np.array([(leaf, one) in free for leaf, chosen in pairs for one in chosen or (None,)])
+
+
+class Place(NamedTuple):
+    """What a prior is read from, beside its own numbers."""
+
+    where: str  # for errors: "prior['gamma']"
+    key: str  # the key paths that it is given for
+    scene: rf.Scene
+    variables: Variables
+    constants: Constants
+
+    @property
+    def start(self) -> list[Array]:
+        """Leaves of the scene that the fit starts from."""
+        return list(self.constants.leaves)
+
+    def group(self) -> Group | None:
+        """The free parameter that the key is."""
+        return next((group for group in self.variables.groups if group.path == self.key), None)
+
+    def selection(self, separator: str, separated: str) -> Selection:
+        """What the key names, its paths separated; ValueError unless a fit changes some of it."""
+        paths = tuple(path.strip() for path in self.key.split(separator))
+        found = [find(self.scene, path) for path in paths]
+        chosen = Selection(paths, tuple(leaf for leaf, _ in found), tuple(one for _, one in found))
+        if not chosen.changing(self.variables).any():
+            free = ", ".join(group.path for group in self.variables.groups)
+            raise ValueError(
+                f"{self.where}: must name a free parameter{separated}, wholly or in elements: {free}"
+            )
+        return chosen

@@ -1,0 +1,270 @@
+"""Draws from the posterior of a fit, how good they are, and what follows from them."""
+
+import dataclasses
+import time
+from collections.abc import Sequence
+from typing import Any, Self
+
+import h5py
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+import rubberfric as rf
+from fitting.results import hdf5 as fit_files
+from fitting.results.record import FitRecord
+from fitting.solvers.options import check_options
+from fitting.uncertainty.density import FLAT
+from fitting.uncertainty.intervals import Band
+from fitting.uncertainty.posterior.nuts import Progress, diagnosed, run_chains
+from rubberfric.base import StrPath, html
+from rubberfric.io import hdf5
+
+# Draws can be relied on below this R-hat and above this effective number for each chain [Vehtari, Gelman,
+# Simpson, Carpenter & Buerkner, Bayesian Anal. 16 (2021) 667, arXiv:1903.08008].
+_RHAT, _ESS = 1.01, 100.0
+_QUANTILES = (0.025, 0.5, 0.975)
+# Arrays of a file, of every draw.
+_ARRAYS = ("log_density", "diverging", "accepted", "steps")
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
+class Samples:
+    """Draws from the posterior of a fit; made by `FitResult.sample`.
+
+    Attributes
+    ----------
+    fit : whose posterior it is
+    x : draws in the variables of the solver, shape (chains, draws, size)
+    values : draws of the free numbers, in their units, shape (chains, draws, size)
+    log_density : but for a constant, shape (chains, draws)
+    diverging, accepted, steps : of every draw: whether its trajectory was not resolved, its mean acceptance
+        probability, and evaluations of the density, shape (chains, draws)
+    rhat : split R-hat of the ranks of every number: chains agree where it is 1, shape (size,)
+    ess : effective number of draws of every number, shape (size,)
+    flat : what numbers without a prior are evenly distributed in, "x" or "values"
+    warmup : draws of each chain that were thrown away
+    seconds : wall time
+    """
+
+    fit: FitRecord
+    x: np.ndarray
+    log_density: np.ndarray
+    diverging: np.ndarray
+    accepted: np.ndarray
+    steps: np.ndarray
+    rhat: np.ndarray
+    ess: np.ndarray
+    flat: str
+    warmup: int
+    seconds: float
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Key path of every free number."""
+        return self.fit.names
+
+    @property
+    def values(self) -> np.ndarray:
+        """Draws of the free numbers, shape (chains, draws, size)."""
+        return self.fit.problem.values(self.x)
+
+    @property
+    def mean(self) -> np.ndarray:
+        """Means of the values, shape (size,)."""
+        return self._rows.mean(0)
+
+    @property
+    def covariance(self) -> np.ndarray:
+        """Covariance of the values, shape (size, size)."""
+        return np.cov(self._rows, rowvar=False).reshape(self._rows.shape[1], -1)
+
+    @property
+    def stderr(self) -> np.ndarray:
+        """Standard deviations of the values, shape (size,)."""
+        return self._rows.std(0, ddof=1)
+
+    @property
+    def _rows(self) -> np.ndarray:
+        values = self.values
+        return values.reshape(-1, values.shape[-1])
+
+    @property
+    def reliable(self) -> bool:
+        """Whether chains agree, and enough of the draws are independent: R-hat < 1.01, ess > 100 a chain."""
+        return not self._doubts()
+
+    def quantiles(self, levels: Sequence[float] | float = _QUANTILES) -> np.ndarray:
+        """Quantiles of the values at levels within 0 ... 1, shape (levels, size); of one level (size,).
+
+        Raises
+        ------
+        ValueError : a level is not within 0 ... 1.
+        """
+        asked = np.asarray(levels, float)
+        if not ((asked >= 0) & (asked <= 1)).all():
+            raise ValueError(f"levels = {asked.tolist()}: must be within 0 ... 1")
+        return np.quantile(self._rows, asked, axis=0)
+
+    def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
+        """Lower and upper ends of the central intervals of all values."""
+        check_options(level=level)
+        low, high = self.quantiles((0.5 - 0.5 * level, 0.5 + 0.5 * level))
+        return low, high
+
+    def band(
+        self,
+        velocity: ArrayLike,
+        pressure: ArrayLike,
+        temperature: ArrayLike | None = None,
+        quantity: str = "friction",
+        level: float = 0.95,
+        draws: int = 200,
+        scene: str | None = None,
+    ) -> Band:
+        """Median prediction of the draws and the central band that holds `level` of them.
+
+        Parameters
+        ----------
+        velocity, pressure, temperature : broadcastable [m/s], [Pa], [K]
+            as for `rubberfric.solve`.
+        quantity : any that `rubberfric.solve` knows
+        level : of the band
+        draws : how many are used, evenly out of all
+        scene : name of the one that is meant, of a fit of several
+        """
+        check_options(level=level, count=draws)
+        x = self.x.reshape(-1, self.x.shape[-1])
+        x = x[np.linspace(0, len(x) - 1, min(draws, len(x))).astype(int)]
+        problem, at = self.fit.problem, (velocity, pressure, temperature)
+
+        def predicted(x):
+            found: Any = problem.scene(x)
+            found = found if scene is None else found[scene]
+            quadrature = problem.structure.quadrature
+            return getattr(rf.solve(found, *at, quadrature=quadrature, quantities=(quantity,)), quantity)
+
+        curves = np.asarray(jax.jit(lambda x: jax.lax.map(predicted, x))(jnp.asarray(x)))
+        low, value, high = np.quantile(curves, (0.5 - 0.5 * level, 0.5, 0.5 + 0.5 * level), axis=0)
+        return Band(value, low, high)
+
+    def to_dataframe(self) -> Any:
+        """Draws as a pandas.DataFrame (which must be installed): chain, draw, values, log_density."""
+        import pandas
+
+        chains, draws, _ = self.x.shape
+        columns = {"chain": np.repeat(np.arange(chains), draws), "draw": np.tile(np.arange(draws), chains)}
+        columns |= dict(zip(self.names, self._rows.T, strict=True))
+        return pandas.DataFrame(columns | {"log_density": self.log_density.ravel()})
+
+    def report(self) -> str:
+        """The draws as text of several lines: whether they can be relied on, and quantiles of all numbers."""
+        chains, draws, _ = self.x.shape
+        doubts = self._doubts()
+        lines = [
+            f"{chains * draws} draws of {chains} chain{'s' * (chains > 1)}, flat in {self.flat}",
+            *(f"    NOT RELIABLE: {doubt}" for doubt in doubts),
+            f"    largest R-hat {self.rhat.max():.4f}, smallest effective number {self.ess.min():.0f}",
+        ]
+        rows = self._table()
+        heading = ("", "2.5 %", "median", "97.5 %", "fit", "R-hat", "effective")
+        widths = [max(len(row[k]) for row in [heading, *rows]) for k in range(len(heading))]
+        for row in (heading, *rows):
+            cells = [row[0].ljust(widths[0]), *(c.rjust(w) for c, w in zip(row[1:], widths[1:], strict=True))]
+            lines.append("    " + "  ".join(cells))
+        return "\n".join(lines) + "\n"
+
+    def _repr_html_(self) -> str:
+        """A table for notebooks."""
+        headings = ("parameter", "2.5 %", "median", "97.5 %", "fit", "R-hat", "effective draws")
+        chains, draws, _ = self.x.shape
+        caption = "; ".join(self._doubts()) or f"{chains * draws} draws of {chains} chains"
+        return html.table(self._table(), headings, caption)
+
+    def __repr__(self) -> str:
+        chains, draws, size = self.x.shape
+        said = "" if self.reliable else ", not reliable"
+        return f"<Samples: {chains} chains of {draws} draws, {size} numbers{said}>"
+
+    def _table(self):
+        """Texts of every number: name, quantiles, value of the fit, R-hat, effective number."""
+        columns = (*self.quantiles(), self.fit.values)
+        return [
+            (name, *(f"{column[i]:.5g}" for column in columns), f"{self.rhat[i]:.4f}", f"{self.ess[i]:.0f}")
+            for i, name in enumerate(self.names)
+        ]
+
+    def _doubts(self):
+        """What speaks against the draws, a line each, with what to do."""
+        found, chains = [], self.x.shape[0]
+        worst = int(np.argmax(self.rhat))
+        if not self.rhat[worst] < _RHAT:
+            found.append(
+                f"chains disagree on {self.names[worst]}, R-hat {self.rhat[worst]:.3f}: draw more, or give it"
+                " a prior"
+            )
+        least = int(np.argmin(self.ess))
+        if not self.ess[least] > _ESS * chains:
+            found.append(
+                f"{self.names[least]} has {self.ess[least]:.0f} effective draws, must be"
+                f" {_ESS * chains:.0f}: draw more"
+            )
+        if count := int(self.diverging.sum()):
+            found.append(
+                f"{count} trajectories diverged: the posterior has a corner that draws may miss; give a prior"
+            )
+        return found
+
+    def save(self, path: StrPath) -> None:
+        """Write the fit and its draws as an HDF5 file (.h5), whole or not at all.
+
+        `load` reads them back; to `FitResult.load` it is a file of a fit.
+        """
+        fit_files.save(path, self.fit, samples=self._write)
+
+    def _write(self, group: h5py.Group) -> None:
+        hdf5.write_values(group, "x", self.x, "-")
+        for name in ("rhat", "ess", *_ARRAYS):
+            hdf5.write_values(group, name, np.asarray(getattr(self, name), float), "-")
+        hdf5.write_values(group, "values", self.values, "as in /parameters/units")
+        group.attrs.update(flat=self.flat, warmup=self.warmup, seconds=self.seconds)
+
+    @classmethod
+    def load(cls, path: StrPath) -> Self:
+        """Read back what `save` wrote; ValueError naming the file and what in it is wrong."""
+        fit = fit_files.load(path, FitRecord)
+        with hdf5.reading(path, fit_files.FORMAT) as file:
+            group = hdf5.subgroup(file, "samples")
+            hdf5.check_names(group, ("x", "values", "rhat", "ess", *_ARRAYS), ("flat", "warmup", "seconds"))
+            attributes = hdf5.attributes(group, {"flat": str, "warmup": int, "seconds": float})
+            if attributes["flat"] not in FLAT:
+                raise ValueError(f"/samples: flat = {attributes['flat']!r}: must be one of {', '.join(FLAT)}")
+            x, size = hdf5.read_values(group, "x", "-"), fit.x.size
+            if x.ndim != 3 or x.shape[2] != size:
+                raise ValueError(f"/samples/x has shape {x.shape}: must be (chains, draws, {size})")
+            arrays = {name: hdf5.read_array(group, name, "-", x.shape[:2]) for name in _ARRAYS}
+            arrays |= {name: hdf5.read_array(group, name, "-", (size,)) for name in ("rhat", "ess")}
+        arrays["diverging"] = arrays["diverging"] > 0
+        return cls(fit=fit, x=np.asarray(x), **arrays, **attributes)
+
+
+def drawn(
+    fit: FitRecord,
+    n: int,
+    warmup: int,
+    chains: int,
+    key: jax.Array | None,
+    flat: str,
+    callback: Progress | None,
+) -> Samples:
+    """Draws from the posterior of a fit; see `fitting.FitResult.sample`."""
+    check_options(n=n, warmup=warmup, chains=chains, key=key, callback=callback)
+    if flat not in FLAT:
+        raise ValueError(f"flat = {flat!r}: must be one of {', '.join(FLAT)}")
+    began = time.perf_counter()
+    key = jax.random.key(0) if key is None else key
+    found = run_chains(fit, flat, -(-n // chains), warmup, chains, key, callback)
+    rhat, ess = diagnosed(found.x)
+    seconds = time.perf_counter() - began
+    return Samples(fit=fit, **found._asdict(), rhat=rhat, ess=ess, flat=flat, warmup=warmup, seconds=seconds)

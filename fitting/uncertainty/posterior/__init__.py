@@ -1,0 +1,1 @@
+"""What a fit knows: as the prior of another, as draws, and how well it predicts."""

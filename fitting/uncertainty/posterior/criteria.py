@@ -1,0 +1,122 @@
+r"""How well a scene predicts: likelihood, information criteria, and what each value is without itself.
+
+.. math:: \ln p_i = -\tfrac12 \ln 2\pi e_i^2 - \tfrac12 r_i^2,\qquad
+          \ln p_{i|-i} = -\tfrac12 \ln 2\pi e_i^2 + \tfrac12 \ln(1 - h_i) - \tfrac12 \frac{r_i^2}{1 - h_i}
+
+r_i being residuals in units of their errors e_i, h_i their leverages, the diagonal of J (J^T J)^-1 J^T with
+the rows of the priors in J^T J. The second is exact for a model that is linear in its numbers [Allen,
+Technometrics 16 (1974) 125; Vehtari, Mononen, Tolvanen, Sivula & Winther, J. Mach. Learn. Res. 17 (2016) 103,
+sec. 3.2, arXiv:1412.7461], and else that of the Laplace approximation. With a robust loss the approximation
+is the same, Newton's step away from the value that is left out, and the density of that value under the loss
+is averaged over it.
+
+AIC = -2 ln L + 2 k [Akaike, IEEE Trans. Autom. Control 19 (1974) 716],
+AICc = AIC + 2 k (k + 1) / (n - k - 1) [Hurvich & Tsai, Biometrika 76 (1989) 297],
+BIC = -2 ln L + k ln n [Schwarz, Ann. Stat. 6 (1978) 461];
+k is the number of parameters that the data determine (of all, where nothing is left open and no prior
+helps), and of errors that were estimated.
+"""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+
+from fitting.solvers.losses import factors, rho
+from fitting.solvers.problem import Problem
+from fitting.solvers.residuals import residual_rows
+from fitting.uncertainty.covariance import OPEN, weighted_rows
+from fitting.uncertainty.intervals import SolvedProblem
+
+# Leverage above which a value alone determines a number, and what it is without the value says little.
+ALONE = 0.7
+# Of 1 - h, which rounding may leave at 0.
+_ROUNDING = 1e-12
+_NODES = 64
+
+
+class Criteria(NamedTuple):
+    """What a fit's likelihood is, and what it would be of values that it does not know."""
+
+    values: int  # n
+    parameters: float  # k
+    deviance: float  # -2 ln L
+    left_out: np.ndarray  # ln p of every value by the fit to all others, in the order of the data, shape (n,)
+    leverage: np.ndarray  # h of them, shape (n,)
+
+    @property
+    def aic(self) -> float:
+        """Akaike's criterion."""
+        return self.deviance + 2 * self.parameters
+
+    @property
+    def aicc(self) -> float:
+        """The same corrected for few values; inf for as many parameters as values."""
+        rest = self.values - self.parameters - 1
+        return self.aic + 2 * self.parameters * (self.parameters + 1) / rest if rest > 0 else np.inf
+
+    @property
+    def bic(self) -> float:
+        """Schwarz's criterion."""
+        return self.deviance + self.parameters * np.log(self.values)
+
+    @property
+    def loo(self) -> float:
+        """-2 times the sum of ln p of the values that were left out, one at a time."""
+        return -2 * float(np.sum(self.left_out))
+
+
+def criteria(solved: SolvedProblem) -> Criteria:
+    """The criteria of a fit; it compiles nothing that the fit has not compiled."""
+    problem = solved.problem
+    r, h, left_out = _left_out(solved)
+    error = np.asarray(problem.targets.error, float)
+    own = _density(problem, r) - np.log(error)
+    deviance, scales = -2 * float(np.sum(own)), 0
+    groups = [
+        where for where, scale in zip(problem.order, solved.estimated, strict=True) if scale is not None
+    ]
+    if solved.error_scale != 1:
+        pairs = zip(problem.order, solved.estimated, strict=True)
+        groups.append(np.concatenate([where for where, scale in pairs if scale is None]))
+    for where in groups:
+        scales += 1
+        if problem.structure.loss == "linear":  # errors of the greatest likelihood, not the unbiased ones
+            square = max(float(np.mean(r[where] ** 2)), np.finfo(float).tiny)
+            deviance += where.size * (np.log(square) + 1) - float(np.sum(r[where] ** 2))
+    order = np.concatenate(problem.order)
+    return Criteria(
+        r.size,
+        solved.uncertainty.parameters + scales,
+        deviance,
+        (left_out - np.log(error))[order],
+        h[order],
+    )
+
+
+def _left_out(solved):
+    """Residuals, leverages, and ln p of every value without itself in units of its error."""
+    problem, known = solved.problem, solved.uncertainty
+    count = problem.targets.measured.size
+    r = residual_rows(problem, solved.x)[:count].astype(float)
+    _, _, jacobian = weighted_rows(problem, known.x)
+    along = (jacobian[:count] * known.stretch) @ (known.directions * np.minimum(known.deviations, OPEN))
+    h = np.clip(np.sum(along**2, axis=1), 0.0, 1 - _ROUNDING)
+    if problem.structure.loss == "linear":
+        return r, h, -0.5 * np.log(2 * np.pi) + 0.5 * np.log(1 - h) - 0.5 * r**2 / (1 - h)
+    # The factor of the Jacobian squared is the loss's curvature, r times both factors its slope.
+    slope, curvature = (np.asarray(part, float) for part in factors(*_loss(problem), jnp.asarray(r)))
+    spread = h / (1 - h) / curvature**2
+    without = r + spread * r * slope * curvature
+    t, weight = np.polynomial.hermite_e.hermegauss(_NODES)
+    density = np.exp(_density(problem, without[:, None] + np.sqrt(spread)[:, None] * t))
+    return r, h, np.log(density @ weight / weight.sum())
+
+
+def _density(problem: Problem, r):
+    """ln p of residuals in units of their errors; of robust losses but for a constant."""
+    return -0.5 * np.asarray(rho(*_loss(problem), jnp.asarray(r))[0], float) - 0.5 * np.log(2 * np.pi)
+
+
+def _loss(problem):
+    return problem.structure.loss, float(problem.numbers.width)
