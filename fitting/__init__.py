@@ -23,7 +23,10 @@ if TYPE_CHECKING:
     from fitting.fit import fit
     from fitting.parameters.constraints import Bounded, Free, Positive, RmsSlope, Tied
     from fitting.parameters.discrepancy import Discrepancy
-    from fitting.parameters.priors import Correlated, Gaussian, Smooth, Sum
+    from fitting.parameters.priors.correlated import Correlated
+    from fitting.parameters.priors.gaussian import Gaussian
+    from fitting.parameters.priors.smooth import Smooth
+    from fitting.parameters.priors.sums import Sum
     from fitting.results import plot
     from fitting.results.result import FitResult
     from fitting.results.samples import Samples
@@ -98,7 +101,10 @@ lazily(
         "fitting.fit": "fit",
         "fitting.parameters.constraints": "Bounded Free Positive RmsSlope Tied",
         "fitting.parameters.discrepancy": "Discrepancy",
-        "fitting.parameters.priors": "Correlated Gaussian Smooth Sum",
+        "fitting.parameters.priors.correlated": "Correlated",
+        "fitting.parameters.priors.gaussian": "Gaussian",
+        "fitting.parameters.priors.smooth": "Smooth",
+        "fitting.parameters.priors.sums": "Sum",
         "fitting.results.result": "FitResult",
         "fitting.results.samples": "Samples",
         "fitting.uncertainty.density": "LogDensity log_density",

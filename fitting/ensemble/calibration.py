@@ -27,8 +27,8 @@ from fitting.ensemble.members import NEAR, Members
 from fitting.ensemble.run import run_ensemble
 from fitting.parameters.constraints import Rule
 from fitting.parameters.discrepancy import Discrepancy
-from fitting.parameters.priors import Prior
 from fitting.parameters.priors.gaussian import GaussianRows
+from fitting.parameters.priors.rows import Prior
 from fitting.solvers.iterate import succeeded
 from fitting.solvers.options import check_options
 from fitting.solvers.problem import make_problem

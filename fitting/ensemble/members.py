@@ -16,7 +16,7 @@ import rubberfric as rf
 from fitting.data.by_scene import DataSets, data_by_scene
 from fitting.ensemble.result import EnsembleResult
 from fitting.parameters.constraints import Rule
-from fitting.parameters.priors import Prior
+from fitting.parameters.priors.rows import Prior
 from fitting.parameters.scenes import as_scenes
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.options import Solver, check_options, make_solver

@@ -8,7 +8,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 import rubberfric as rf
-from fitting.parameters.priors import Prior
+from fitting.parameters.priors.rows import Prior
 from fitting.parameters.scenes import by_name, chosen_scene
 from fitting.parameters.variables import Array
 from fitting.results import hdf5

@@ -4,7 +4,7 @@ r"""Residuals of a problem, and their derivatives.
           r_i = \frac{model_i - measured_i}{sigma_i}
 
 the first for data with relative errors; what is compiled has rows of infinite error besides, so that
-6 points run what 7 compiled (`padded`); then the rows of the priors (`fitting.parameters.priors`), and
+6 points run what 7 compiled (`padded`); then the rows of the priors (`fitting.parameters.priors.rows`), and
 those that keep arrays smooth while a start is searched for (`fitting.solvers.search`).
 """
 
@@ -16,7 +16,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import rubberfric as rf
-from fitting.parameters.priors import prior_residuals
+from fitting.parameters.priors.rows import prior_residuals
 from fitting.parameters.scenes import by_name
 from fitting.parameters.tables import with_longer_tables
 from fitting.parameters.variables import Variables, to_scene
