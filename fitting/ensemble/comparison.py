@@ -136,7 +136,7 @@ def compare(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> Compariso
     fits = list(named.values())
     for name, one in list(named.items())[1:]:
         _check_same(next(iter(named)), fits[0], name, one)
-    found = {name: criteria(one) for name, one in named.items()}
+    found = {name: criteria(one, _amplitudes(one)) for name, one in named.items()}
     order = sorted(named, key=lambda name: found[name].loo)
     best = found[order[0]].left_out
     variants = []
@@ -209,6 +209,11 @@ def _words(variants: list[Variant], fits: dict[str, FitRecord], found: dict[str,
     return lines
 
 
+def _amplitudes(fit):
+    """How many errors of the theory itself were estimated."""
+    return int(fit.discrepancy is not None and fit.discrepancy.estimated)
+
+
 def _place(fit, k):
     """Where a value is, of all in the order of the data."""
     for one in fit.data:
@@ -248,6 +253,7 @@ def _what(fit: FitRecord) -> str:
     scenes = scene.values() if isinstance(scene, dict) else [scene]
     parts = [name for name in _OPTIONS if any(getattr(one, name) is not None for one in scenes)]
     parts += ["area_correction"] * any(isinstance(one, rf.Scene) and one.area_correction for one in scenes)
+    parts += ["discrepancy"] * (fit.discrepancy is not None)
     return " + ".join(parts) or "plain"
 
 

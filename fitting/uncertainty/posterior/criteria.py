@@ -10,6 +10,10 @@ sec. 3.2, arXiv:1412.7461], and else that of the Laplace approximation. With a r
 is the same, Newton's step away from the value that is left out, and the density of that value under the loss
 is averaged over it.
 
+Where errors are correlated (`Discrepancy`), with rows whitened by W and H = J (J^T J)^-1 J^T of those,
+1 - h_i is the diagonal of Q = W^T (1 - H) W, and r_i / (1 - h_i) is (W^T r)_i / Q_ii [Sundararajan & Keerthi, Neural
+Comput. 13 (2001) 1103; Buerkner, Gabry & Vehtari, Comput. Stat. 36 (2021) 1243, arXiv:1810.10559].
+
 AIC = -2 ln L + 2 k [Akaike, IEEE Trans. Autom. Control 19 (1974) 716],
 AICc = AIC + 2 k (k + 1) / (n - k - 1) [Hurvich & Tsai, Biometrika 76 (1989) 297],
 BIC = -2 ln L + k ln n [Schwarz, Ann. Stat. 6 (1978) 461];
@@ -66,13 +70,18 @@ class Criteria(NamedTuple):
         return -2 * float(np.sum(self.left_out))
 
 
-def criteria(solved: SolvedProblem) -> Criteria:
-    """The criteria of a fit; it compiles nothing that the fit has not compiled."""
+def criteria(solved: SolvedProblem, estimated: int = 0) -> Criteria:
+    """The criteria of a fit; it compiles nothing that the fit has not compiled.
+
+    `estimated` numbers count beside the parameters and the errors: the amplitude of a `Discrepancy`.
+    """
     problem = solved.problem
     r, h, left_out = _left_out(solved)
     error = np.asarray(problem.targets.error, float)
     own = _density(problem, r) - np.log(error)
-    deviance, scales = -2 * float(np.sum(own)), 0
+    deviance, scales = -2 * float(np.sum(own)), estimated
+    if problem.numbers.whitening is not None:
+        deviance -= 2 * float(np.sum(np.log(np.diag(problem.numbers.whitening))))  # it is triangular
     groups = [
         where for where, scale in zip(problem.order, solved.estimated, strict=True) if scale is not None
     ]
@@ -102,6 +111,11 @@ def _left_out(solved):
     _, _, jacobian = weighted_rows(problem, known.x)
     along = (jacobian[:count] * known.stretch) @ (known.directions * np.minimum(known.deviations, OPEN))
     h = np.clip(np.sum(along**2, axis=1), 0.0, 1 - _ROUNDING)
+    if problem.numbers.whitening is not None:
+        W = np.asarray(problem.numbers.whitening, float)
+        precision = np.diag(W.T @ (np.eye(count) - along @ along.T) @ W)
+        h = np.clip(1 - precision / np.sum(W**2, axis=0), 0.0, 1 - _ROUNDING)
+        return r, h, 0.5 * np.log(precision / (2 * np.pi)) - 0.5 * (W.T @ r) ** 2 / precision
     if problem.structure.loss == "linear":
         return r, h, -0.5 * np.log(2 * np.pi) + 0.5 * np.log(1 - h) - 0.5 * r**2 / (1 - h)
     # The factor of the Jacobian squared is the loss's curvature, r times both factors its slope.

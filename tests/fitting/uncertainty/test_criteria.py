@@ -10,6 +10,7 @@ from support.scenes.fits import AFFINE, E_INF, FAST
 import fitting
 import rubberfric as rf
 from fitting import Bounded, Free, Gaussian, ModulusData, Positive, SpectrumData
+from fitting.uncertainty.covariance import uncertainty
 from fitting.uncertainty.posterior.criteria import criteria
 
 TAU = np.array([1e-5, 1e-3])
@@ -134,3 +135,35 @@ def test_a_value_that_alone_determines_a_number_has_leverage_one():
     assert np.isfinite(criteria(result).loo)
     one = dataclasses.replace(result, error_scale=1.0)
     assert criteria(one).aicc > criteria(one).aic
+
+
+def test_correlated_errors_of_the_theory_are_those_of_one_normal_distribution():
+    """A discrepancy as whitened rows: every value from the conditional of all others, in closed form."""
+    exact = basis() @ [5e7, 8e6, 3e6]
+    sigma = 0.2 * exact
+    measured = exact + sigma * np.random.default_rng(4).standard_normal(exact.size)
+    data = ModulusData(OMEGA, *np.split(measured, 2), *np.split(sigma, 2), check_units=False)
+    i = np.arange(exact.size)
+    shared = np.eye(i.size) + 0.8 * np.exp(-0.5 * ((i[:, None] - i) / 2.0) ** 2)
+    W = np.linalg.inv(np.linalg.cholesky(shared))
+    C = shared * np.outer(sigma, sigma)
+    rows = W @ (basis() / sigma[:, None])
+    values = np.linalg.solve(rows.T @ rows, rows.T @ W @ (measured / sigma))
+    start = fitting.fit(SCENE, data, {E: Free(), E_INF: Free()}, quadrature=FAST)
+    problem = start.problem._replace(numbers=start.problem.numbers._replace(whitening=W))
+    x = values / np.array([5e7, 8e6, 3e6])
+    found = criteria(
+        dataclasses.replace(start, problem=problem, x=x, uncertainty=uncertainty(problem, x)), estimated=1
+    )
+    assert found.parameters == pytest.approx(4.0)
+    likelihood = stats.multivariate_normal(basis() @ values, C).logpdf(measured)
+    np.testing.assert_allclose(found.deviance, -2 * likelihood, rtol=1e-6)
+    # Nearly flat priors of the numbers make the values jointly normal.
+    joint = C + basis() @ np.diag([1e20, 1e18, 1e18]) @ basis().T
+    for k in i:
+        others = np.delete(i, k)
+        gain = np.linalg.solve(joint[np.ix_(others, others)], joint[others, k])
+        expected = stats.norm.logpdf(
+            measured[k], gain @ measured[others], np.sqrt(joint[k, k] - gain @ joint[others, k])
+        )
+        assert found.left_out[k] == pytest.approx(expected, abs=2e-3)
