@@ -11,8 +11,9 @@ is the same, Newton's step away from the value that is left out, and the density
 is averaged over it.
 
 Where errors are correlated (`Discrepancy`), with rows whitened by W and H = J (J^T J)^-1 J^T of those,
-1 - h_i is the diagonal of Q = W^T (1 - H) W, and r_i / (1 - h_i) is (W^T r)_i / Q_ii [Sundararajan & Keerthi, Neural
-Comput. 13 (2001) 1103; Buerkner, Gabry & Vehtari, Comput. Stat. 36 (2021) 1243, arXiv:1810.10559].
+1 - h_i is the diagonal of Q = W^T (1 - H) W, and r_i / (1 - h_i) is (W^T r)_i / Q_ii [Sundararajan &
+Keerthi, Neural Comput. 13 (2001) 1103; Buerkner, Gabry & Vehtari, Comput. Stat. 36 (2021) 1243,
+arXiv:1810.10559].
 
 AIC = -2 ln L + 2 k [Akaike, IEEE Trans. Autom. Control 19 (1974) 716],
 AICc = AIC + 2 k (k + 1) / (n - k - 1) [Hurvich & Tsai, Biometrika 76 (1989) 297],
