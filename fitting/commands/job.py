@@ -31,6 +31,7 @@
 
 import dataclasses
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -66,8 +67,13 @@ class Job(NamedTuple):
     title: str
 
 
-def read_job(path: StrPath) -> Job:
+def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
     """The `Job` of a TOML file, its scene and data read.
+
+    Parameters
+    ----------
+    path : of the file
+    outputs : paths that are to be written to: none may be that of a file which is read
 
     Raises
     ------
@@ -91,9 +97,21 @@ def read_job(path: StrPath) -> Job:
     data = content["data"]
     if not isinstance(data, list) or not data:
         raise ValueError(f"{path}: data = {shown(data)}: must be tables, each headed [[data]]")
+    _check_outputs(path, content, outputs)
     scene = _read(path, "scene", content["scene"], rf.load_scene)
     data = [_data(path, f"data[{i}]", one) for i, one in enumerate(data)]
     return Job(scene, data, free, prior, options, title)
+
+
+def _check_outputs(path, content, outputs):
+    """ValueError if a file of the job would be overwritten; what else is wrong with a name is found later."""
+    files = {"scene": content["scene"]}
+    for i, one in enumerate(content["data"]):
+        files[f"data[{i}].file"] = one.get("file") if isinstance(one, dict) else None
+    for key, name in files.items():
+        for output in outputs:
+            if isinstance(name, str) and (path.parent / name).resolve() == Path(output).resolve():
+                raise ValueError(f"{path}: {key} = {name!r}: is a file of the job; must not be written to")
 
 
 def _text(path, key, value):
