@@ -1,4 +1,4 @@
-"""Both signals at twenty moments of every command, from its first lines on: no crash, no trace, no half file."""
+"""Both signals at twenty moments of every command, from its first lines on: no crash, trace or half file."""
 
 import os
 import signal
@@ -18,8 +18,7 @@ def test_signals(name, which, time):
     found = answers(name, which)
     faults = [one for one in found if one.kind == "fault"]
     assert not faults
-    late = [one for one in found if one.kind == "interrupted" and one.answer > 1]
+    interrupted = [one for one in found if one.kind == "interrupted"]
+    late = [one for one in interrupted if one.answer > 1 or (one.seconds > 1 and HELD not in one.complaint)]
     assert not late
-    waited = [one for one in found if one.seconds > 1 and HELD not in one.complaint]
-    assert not waited
-    assert sum(one.kind == "interrupted" for one in found) > 10
+    assert len(interrupted) > 10

@@ -45,14 +45,14 @@ class Answer(NamedTuple):
     @property
     def kind(self) -> str:
         """Interrupted, done before, not yet begun, or a fault."""
+        if self.status == 0 and not self.complaint:
+            return "done before"
         if not self.begun:
             return "not yet begun"
         if self.status in (128 + signal.SIGINT, 128 + signal.SIGTERM):
             lines = self.complaint.count("\n")
             whole = lines == 1 or (HELD in self.complaint and lines == 2)
             return "interrupted" if whole and not [x for x in self.left if x.startswith(".")] else "fault"
-        if self.status == 0 and not self.complaint:
-            return "done before"
         return "fault"
 
 
