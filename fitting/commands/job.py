@@ -42,6 +42,7 @@
 
 import dataclasses
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -83,8 +84,13 @@ class Job(NamedTuple):
     title: str
 
 
-def read_job(path: StrPath) -> Job:
+def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
     """The `Job` of a TOML file, its scene and data read.
+
+    Parameters
+    ----------
+    path : of the file
+    outputs : paths that are to be written to: none may be that of a file which is read
 
     Raises
     ------
@@ -114,7 +120,7 @@ def read_job(path: StrPath) -> Job:
     if "discrepancy" in content:
         options["discrepancy"] = _discrepancy(path, content["discrepancy"])
     if not several:
-        scene, data = _scene(path, "scene", content["scene"], "data", content["data"])
+        scene, data = _scene(path, "scene", content["scene"], "data", content["data"], outputs)
         return Job(scene, data, free, prior, options, title)
     tables = content["scenes"]
     toml.check_keys(path, "scenes", tables, tables)
@@ -124,16 +130,28 @@ def read_job(path: StrPath) -> Job:
         where = f"scenes.{name}"
         toml.check_keys(path, where, table, ("file", "data"), ("file", "data"))
         file, data = table["file"], table["data"]
-        scenes[name], sets[name] = _scene(path, f"{where}.file", file, f"{where}.data", data)
+        scenes[name], sets[name] = _scene(path, f"{where}.file", file, f"{where}.data", data, outputs)
     return Job(scenes, sets, free, prior, options, title)
 
 
-def _scene(path, key, file, of_data, data):
+def _scene(path, key, file, of_data, data, outputs):
     """A scene and its data, from its file and the list of tables of these."""
     if not isinstance(data, list) or not data:
         raise ValueError(f"{path}: {of_data} = {shown(data)}: must be tables, each headed [[{of_data}]]")
+    files = {key: file}
+    for i, one in enumerate(data):
+        files[f"{of_data}[{i}].file"] = one.get("file") if isinstance(one, dict) else None
+    _check_outputs(path, files, outputs)
     scene = _read(path, key, file, rf.load_scene)
     return scene, [_data(path, f"{of_data}[{i}]", one) for i, one in enumerate(data)]
+
+
+def _check_outputs(path, files, outputs):
+    """ValueError if a file of the job would be overwritten; what else is wrong with a name is found later."""
+    for key, name in files.items():
+        for output in outputs:
+            if isinstance(name, str) and (path.parent / name).resolve() == Path(output).resolve():
+                raise ValueError(f"{path}: {key} = {name!r}: is a file of the job; must not be written to")
 
 
 def _text(path, key, value):

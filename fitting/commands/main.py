@@ -101,8 +101,8 @@ def _parser() -> Parser:
 def _count(text: str) -> int:
     from argparse import ArgumentTypeError
 
-    if not text.isascii() or not text.isdigit() or not 0 < int(text) <= _MOST:
-        raise ArgumentTypeError(f"{text!r}: must be an integer >= 1, and <= {_MOST}")
+    if not text.isascii() or not text.isdigit() or len(text) > 9 or not 0 < int(text) <= _MOST:
+        raise ArgumentTypeError(f"{text[:20]!r}: must be an integer >= 1, and <= {_MOST}")
     return int(text)
 
 

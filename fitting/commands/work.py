@@ -21,7 +21,8 @@ PROGRAM = "rubberfric-fit"
 def run(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
     """Fit a job file, write what was asked for, print the report; returns the exit status."""
     show(f"reading {arguments.job}")
-    job = read_job(arguments.job)
+    outputs = (arguments.out, arguments.plot, arguments.checkpoint)
+    job = read_job(arguments.job, [path for path in outputs if path is not None])
     try:
         result = _fit(arguments.job, job, interrupts, show)
         interrupts.hold()

@@ -147,13 +147,13 @@ def check_writable(path: StrPath, suffixes: tuple[str, ...]) -> None:
     """Raise ValueError saying why `path` could not be written: its suffix, its folder, or itself."""
     check_suffix(path, suffixes)
     path = as_path(path)
-    if not path.parent.is_dir():
-        raise ValueError(f"{path}: there is no folder {str(path.parent)!r}; it must exist")
-    if path.is_dir():
-        raise ValueError(f"{path}: is a folder; must be a file")
-    if path.exists() and not path.is_file():
-        raise ValueError(f"{path}: is a pipe or a device; must be a file")
     try:
+        if not path.parent.is_dir():
+            raise ValueError(f"{path}: there is no folder {str(path.parent)!r}; it must exist")
+        if path.is_dir():
+            raise ValueError(f"{path}: is a folder; must be a file")
+        if path.exists() and not path.is_file():
+            raise ValueError(f"{path}: is a pipe or a device; must be a file")
         with temporary_folder(path.resolve().parent):
             pass
     except OSError as error:

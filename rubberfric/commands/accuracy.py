@@ -6,8 +6,8 @@ import numpy as np
 
 from rubberfric.analysis.error_and_time.settings import check_error
 from rubberfric.analysis.error_and_time.sweep import accuracy
-from rubberfric.base.progress import Progress
 from rubberfric.commands.arguments import write_outputs
+from rubberfric.commands.phases import Phases
 from rubberfric.io.files import read_computable
 from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.plot.save import save_accuracy_plot
@@ -16,7 +16,7 @@ from rubberfric.plot.save import save_accuracy_plot
 _POINTS = 60
 
 
-def run(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
+def run(arguments: argparse.Namespace, show: Phases) -> tuple[str, OSError | None]:
     """`rubberfric accuracy`: sweep over settings at the conditions of a file.
 
     Returns what it prints, and what failed.
@@ -26,7 +26,13 @@ def run(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | N
     scene, conditions, title = read_computable(arguments.scene)
     velocity = thinned(conditions)
     at = conditions._replace(velocity=velocity).grid()
-    found = accuracy(scene, *at, error=arguments.error, progress=show)
+    found = accuracy(
+        scene,
+        *at,
+        error=arguments.error,
+        progress=show,
+        told=lambda row, k, of: show.line(f"{k} of {of}: {row.told()}"),
+    )
     failure = write_outputs(
         show,
         ("writing", arguments.out, found.write),

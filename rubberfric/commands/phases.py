@@ -13,7 +13,20 @@ from rubberfric.base.progress import Progress, TerminalLine
 _SECOND = 1.0  # between two pictures of the clock [s]
 
 
-def progress(verbose: bool = False) -> Progress:
+class Phases(Progress):
+    """What a command is doing, and lines that stay."""
+
+    def __init__(self, place: "ClockLine | Lines | None") -> None:
+        super().__init__("", place)
+        self._lines = place
+
+    def line(self, text: str) -> None:
+        """Show a line that stays, above that of what is being done."""
+        if self._lines is not None:
+            self._lines.line(text)
+
+
+def progress(verbose: bool = False) -> Phases:
     """A function of a text, as of `rubberfric.progress`; its line is gone at the end of a `with` block.
 
     Parameters
@@ -21,8 +34,8 @@ def progress(verbose: bool = False) -> Progress:
     verbose : whether a line is written for each text, to whatever stderr is; else nothing but to a terminal
     """
     if verbose:
-        return Progress("", Lines(sys.stderr))
-    return Progress("", ClockLine(sys.stderr) if sys.stderr.isatty() else None)
+        return Phases(Lines(sys.stderr))
+    return Phases(ClockLine(sys.stderr) if sys.stderr.isatty() else None)
 
 
 class Lines(TerminalLine):
@@ -35,7 +48,11 @@ class Lines(TerminalLine):
     def show(self, text: str, part: float | None) -> None:
         """Show a text."""
         del part
-        print(f"{time.monotonic() - self._begin:7.1f} s  {text}", file=self._stream, flush=True)
+        self.line(f"{time.monotonic() - self._begin:7.1f} s  {text}")
+
+    def line(self, text: str) -> None:
+        """Show a line that stays."""
+        print(text, file=self._stream, flush=True)
 
 
 class ClockLine(TerminalLine):
@@ -55,6 +72,11 @@ class ClockLine(TerminalLine):
         if self._thread is None:
             self._thread = threading.Thread(target=self._tick, daemon=True)
             self._thread.start()
+
+    def line(self, text: str) -> None:
+        """Show a line that stays, in place of the one of what is being done."""
+        with self._lock:
+            print(f"\r\033[K{text}", file=self._stream, flush=True)
 
     def end(self) -> None:
         """Remove the line."""

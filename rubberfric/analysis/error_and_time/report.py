@@ -31,6 +31,15 @@ class Row(NamedTuple):
     compile_forward: float | None = None  # [s]; tracing included, as far as JAX has not kept it
     compile_gradient: float | None = None  # [s]
 
+    def told(self) -> str:
+        """One line about a row whose run times are not yet known."""
+        setting = short_setting(self.setting, _KNOBS)
+        errors = f"values to {self.errors.value:.0e}"
+        if self.errors.gradient is not None:
+            errors += f", gradients to {self.errors.gradient:.0e}"
+        compiled = "" if self.compile_gradient is None else f", compiled in {self.compile_gradient:.1f} s"
+        return f"{self.method} {setting}, {self.dtype}, {self.nodes} nodes: {errors}{compiled}"
+
 
 class Accuracy(NamedTuple):
     """Result of `rubberfric.analysis.accuracy`."""

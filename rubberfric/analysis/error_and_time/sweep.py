@@ -42,6 +42,7 @@ def accuracy(
     textbook: Sequence[tuple[int, int]] = TEXTBOOK,
     repeats: int = 25,
     progress: Callable[[str], object] | None = None,
+    told: Callable[[Row, int, int], object] | None = None,
 ) -> Accuracy:
     """Errors and run times of a scene over accuracy settings, in double and single precision.
 
@@ -69,6 +70,9 @@ def accuracy(
         rounds of timing.
     progress : function of a line of text, or None
         called before every step: a sweep takes half a minute and more.
+    told : function of (row, its number, number of rows), or None
+        called with every row as it comes, which has no run times yet: those are measured in turns, at
+        the end. The number of rows is that of the most there can be, until it is known.
 
     Returns
     -------
@@ -85,33 +89,42 @@ def accuracy(
     case = reference.case_of(scene, velocity, pressure, temperature)
     settings = SETTINGS if settings is None else tuple(settings)
     _check(settings, textbook, repeats)
-    tell("reference")
+    tell("compiling the reference")
     exact = reference.reference(case)
 
-    measured = []
+    left_out, sizes = reference.refused(case), textbook if covers(scene) else ()
+    rows = len(settings) + len(sizes) + (0 if left_out else len(settings[::2]))
+    measured: list[Timed] = []
+
+    def came(one: Timed) -> None:
+        measured.append(one)
+        if told is not None:
+            told(one[0], len(measured), rows)
+
     for setting in settings:
-        tell(f"float64, {setting}")
-        measured.append(_panels(case, exact.exact, setting, jnp.float64))
-    left_out = reference.refused(case)
+        tell(f"row {len(measured) + 1} of {rows}: compiling float64, {setting}")
+        came(_panels(case, exact.exact, setting, jnp.float64))
     if not left_out:
         tell("reference for float32")
         at_rounded = reference.outcome(exact.compiled, reference.rounded(case))
-        for setting in in_float32(settings, [row.errors.worst for row, _ in measured]):
-            tell(f"float32, {setting}")
-            measured.append(_panels(case, at_rounded, setting, jnp.float32))
-    for size in textbook if covers(scene) else ():
-        tell(f"textbook, {size[0]} x {size[1]}")
-        measured.append(_textbook(case, exact.exact, size))
+        single = in_float32(settings, [row.errors.worst for row, _ in measured])
+        rows = len(measured) + len(single) + len(sizes)
+        for setting in single:
+            tell(f"row {len(measured) + 1} of {rows}: compiling float32, {setting}")
+            came(_panels(case, at_rounded, setting, jnp.float32))
+    for size in sizes:
+        tell(f"row {len(measured) + 1} of {rows}: textbook, {size[0]} x {size[1]}")
+        came(_textbook(case, exact.exact, size))
 
     tell("run times")
     functions = {(i, name): f for i, (_, calls) in enumerate(measured) for name, f in calls.items()}
     medians = in_turns(functions, repeats)
-    rows = tuple(
+    timed = tuple(
         row._replace(forward=medians[i, "forward"], gradient=medians.get((i, "gradient")))
         for i, (row, _) in enumerate(measured)
     )
     count = case.conditions[0].size
-    return Accuracy(error, rows, exact.agreement, count, case.differentiated.size, left_out)
+    return Accuracy(error, timed, exact.agreement, count, case.differentiated.size, left_out)
 
 
 def in_float32(settings: Sequence[Quadrature], errors: Sequence[float]) -> list[Quadrature]:

@@ -525,7 +525,7 @@ def test_a_second_interrupt_does_not_wait_and_leaves_no_half_file(call, job, mon
 
 
 def test_an_interrupt_before_the_fit(call, job, monkeypatch):
-    def read(_):
+    def read(*_):
         os.kill(os.getpid(), signal.SIGINT)
         raise AssertionError("must not get here")
 

@@ -36,6 +36,7 @@ from rubberfric.analysis.error_and_time.report import Accuracy, Row
 from rubberfric.analysis.error_and_time.settings import SETTINGS, node_count
 from rubberfric.commands import accuracy as accuracy_command
 from rubberfric.commands import main as command
+from rubberfric.commands.phases import progress
 from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.plot.save import plot_accuracy
 
@@ -405,9 +406,10 @@ def call(call_main, tmp_path, monkeypatch):
 def test_command(call, monkeypatch):
     seen = {}
 
-    def sweep_of(_, *at, error, progress):
+    def sweep_of(_, *at, error, progress, told):
         seen.update(at=at, error=error)
         progress("working")  # not a terminal: nothing is shown
+        told(found().rows[0], 1, 2)
         return found()
 
     monkeypatch.setattr(accuracy_command, "accuracy", sweep_of)
@@ -428,10 +430,11 @@ def test_progress_is_one_line_on_a_terminal(monkeypatch):
         def isatty(self):
             return True
 
-    for stream, shown in ((Terminal(), "\r\033[Kreference\r\033[K"), (io.StringIO(), "")):
+    for stream, shown in ((Terminal(), "\r\033[Kreference\r\033[Ka row\n\r\033[K"), (io.StringIO(), "")):
         monkeypatch.setattr(sys, "stderr", stream)
-        with accuracy_command.progress() as tell:
+        with progress() as tell:
             tell("reference")
+            tell.line("a row")
         assert stream.getvalue() == shown
 
 

@@ -1,6 +1,6 @@
 """Commands that get a signal at moments from their beginning to their end: how, and how soon, they answer.
 
-``python tests/support/processes/signals.py [run map accuracy fit]`` prints a table.
+``PYTHONPATH=.:tests python tests/support/processes/signals.py [run map accuracy fit]`` prints a table.
 """
 
 import os
@@ -14,14 +14,18 @@ import time
 from pathlib import Path
 from typing import NamedTuple
 
-ROOT = Path(__file__).resolve().parents[3]
+from support.folders import ROOT
+from support.scenes.fits import JOB_FILES, write_job
+
+# Of a signal's number in the line of /proc that says which ones a process has handlers of its own for.
+TERMINATE = 1 << (signal.SIGTERM - 1)
 SCENE = ROOT / "data" / "tread_on_asphalt.toml"
 PROGRAM = "import sys; from {}.commands.main import main; sys.exit(main())"
 COMMANDS = {
     "run": ("rubberfric", "run", SCENE, "--out", "out.h5"),
     "map": ("rubberfric", "map", SCENE, "--out", "out.h5"),
     "accuracy": ("rubberfric", "accuracy", SCENE, "--out", "out.csv"),
-    "fit": ("fitting", ROOT / "data" / "tread_on_asphalt_fit.toml", "--out", "out.h5"),
+    "fit": ("fitting", "job.toml", "--out", "out.h5"),
 }
 LONGEST = 25.0  # of a command, as far as it is looked at [s]
 HELD = "interrupted; ends after this step"
@@ -36,25 +40,27 @@ class Answer(NamedTuple):
     answer: float  # from the signal to its line [s]
     complaint: str
     left: list[str]  # files
+    begun: bool  # whether signals had handlers already: Python begins with its own, whose trace is its own
 
     @property
     def kind(self) -> str:
-        """Interrupted, done before, killed before its first line of Python, or a fault."""
-        name = {signal.SIGINT: "SIGINT", signal.SIGTERM: "SIGTERM"}
+        """Interrupted, done before, not yet begun, or a fault."""
+        if self.status == 0 and not self.complaint:
+            return "done before"
+        if not self.begun:
+            return "not yet begun"
         if self.status in (128 + signal.SIGINT, 128 + signal.SIGTERM):
             lines = self.complaint.count("\n")
             whole = lines == 1 or (HELD in self.complaint and lines == 2)
             return "interrupted" if whole and not [x for x in self.left if x.startswith(".")] else "fault"
-        if self.status == 0 and not self.complaint:
-            return "done before"
-        if -self.status in name and not self.complaint:
-            return "not yet begun"
         return "fault"
 
 
 def begun(name, folder):
     """The process of a command, which compiles all that it needs."""
     package, *arguments = COMMANDS[name]
+    if name == "fit":
+        write_job(folder)
     environment = {key: value for key, value in os.environ.items() if key != "XLA_FLAGS"}
     environment |= {"PYTHONPATH": str(ROOT), "JAX_ENABLE_COMPILATION_CACHE": "false"}
     return subprocess.Popen(
@@ -69,8 +75,8 @@ def begun(name, folder):
 
 def answer(name, which, after):
     """What a command does about a signal, some seconds after its beginning."""
-    folder = tempfile.mkdtemp()
-    lines = []
+    folder = Path(tempfile.mkdtemp())
+    lines, ready = [], True
     with begun(name, folder) as process:
 
         def read():
@@ -82,6 +88,7 @@ def answer(name, which, after):
             process.wait(after)
             sent = time.monotonic()
         except subprocess.TimeoutExpired:
+            ready = has_handlers(process.pid)
             sent = time.monotonic()
             process.send_signal(which)
         try:
@@ -90,17 +97,23 @@ def answer(name, which, after):
             process.kill()
         ended = time.monotonic()
         reader.join()
-    left = sorted(os.listdir(folder))
+    left = sorted({*os.listdir(folder)} - {*JOB_FILES})
     shutil.rmtree(folder)
     first = lines[0][0] if lines else ended
     text = "".join(line for _, line in lines)
-    return Answer(after, status, ended - sent, first - sent, text, left)
+    return Answer(after, status, ended - sent, first - sent, text, left, ready)
+
+
+def has_handlers(process):
+    """Whether a process has a handler for SIGTERM, as Python has none before the command begins."""
+    status = Path(f"/proc/{process}/status").read_text()
+    return bool(int(status.split("SigCgt:")[1].split()[0], 16) & TERMINATE)
 
 
 def duration(name):
     """Seconds of a command that is let alone, or as far as it is looked at."""
     begin = time.monotonic()
-    with tempfile.TemporaryDirectory() as folder, begun(name, folder) as process:
+    with tempfile.TemporaryDirectory() as folder, begun(name, Path(folder)) as process:
         try:
             process.wait(LONGEST)
         except subprocess.TimeoutExpired:

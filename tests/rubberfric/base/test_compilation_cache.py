@@ -1,0 +1,149 @@
+"""Compiled programs from a folder: the same bits, in silence, whatever is wrong with the folder."""
+
+import os
+import subprocess
+import sys
+import zlib
+from pathlib import Path
+
+import pytest
+from support.folders import ROOT
+
+from rubberfric.base.process import compilation_cache as module
+
+# A curve and its gradient, to the last bit, and how many programs came from the folder.
+PROGRAM = """
+import sys
+import rubberfric as rf
+folder = rf.compilation_cache(*sys.argv[1:])
+import jax
+import numpy as np
+jax.config.update("jax_enable_x64", True)
+hits = []
+jax.monitoring.register_event_listener(lambda event, **_: hits.append(event.endswith("cache_hits")))
+road = rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4))
+scene = rf.Scene(road, rf.Body(rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3])))
+quadrature = rf.Quadrature(order=4, panels=2, graded=1, ratio=6.0)
+def mu(scene):
+    return rf.friction(scene, np.array([1e-3, 1.0]), 1e5, quadrature=quadrature).sum()
+found = jax.jit(jax.value_and_grad(mu))(scene)
+print(folder, sum(hits), *(np.asarray(leaf).tobytes().hex() for leaf in jax.tree.leaves(found)))
+"""
+
+
+def begun(home, *arguments, **environment):
+    """A process that computes the curve."""
+    kept = {name: value for name, value in os.environ.items() if not name.startswith(("JAX", "TF_"))}
+    return subprocess.Popen(
+        [sys.executable, "-W", "error", "-c", PROGRAM, *map(str, arguments)],
+        env=kept | {"PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(home)} | environment,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def ended(process):
+    """Folder, number of programs that came from it, and the bits."""
+    printed, complaint = process.communicate()
+    assert (process.returncode, complaint) == (0, "")
+    folder, hits, *bits = printed.split()
+    return folder, int(hits), bits
+
+
+def test_the_same_bits_in_silence(tmp_path):
+    folder, hits, bits = ended(begun(tmp_path))
+    assert Path(folder).parent == tmp_path / "rubberfric" and hits == 0
+    assert Path(folder).stat().st_mode & 0o777 == 0o700
+    entries = list(Path(folder).glob("*-cache"))
+    assert len(entries) > 1 and ended(begun(tmp_path)) == (folder, len(entries), bits)
+
+
+@pytest.mark.slow
+def test_the_same_bits_after_a_disaster(tmp_path):
+    folder, _, bits = ended(begun(tmp_path))
+    entries = list(Path(folder).glob("*-cache"))
+    # as a process that was killed, or a full disk, leaves them
+    for entry, keep in zip(entries, [0, *[100] * len(entries)], strict=False):
+        entry.write_bytes(entry.read_bytes()[:keep])
+    assert ended(begun(tmp_path)) == (folder, 0, bits)
+    assert ended(begun(tmp_path)) == (folder, len(entries), bits)
+
+
+@pytest.mark.slow
+def test_entries_that_go_bad_later(tmp_path):
+    """They are not looked at again, JAX finds out: no word of it, and the same bits."""
+    folder, _, bits = ended(begun(tmp_path))
+    for entry in Path(folder).glob("*-cache"):
+        found = entry.stat()
+        entry.write_bytes(b"\0" + entry.read_bytes()[1:])
+        os.utime(entry, (found.st_atime, found.st_mtime))
+    os.utime(Path(folder) / "checked")
+    assert ended(begun(tmp_path)) == (folder, 0, bits)
+
+
+@pytest.mark.slow
+def test_several_processes_at_once(tmp_path):
+    processes = [begun(tmp_path) for _ in range(4)]
+    found = [ended(process) for process in processes]
+    assert len({tuple(bits) for _, _, bits in found}) == 1
+    assert ended(begun(tmp_path))[1] > 1
+
+
+@pytest.mark.slow
+def test_folders_that_are_given(tmp_path):
+    _, _, bits = ended(begun(tmp_path))
+    own = tmp_path / "own"
+    assert ended(begun(tmp_path, JAX_COMPILATION_CACHE_DIR=str(own))) == (str(own), 0, bits)
+    assert ended(begun(tmp_path, JAX_COMPILATION_CACHE_DIR=str(own)))[1] > 1
+    assert ended(begun(tmp_path, own))[:2] == (str(own), len(list(own.glob("*-cache"))))
+    assert ended(begun(tmp_path, JAX_ENABLE_COMPILATION_CACHE="false")) == ("None", 0, bits)
+    (tmp_path / "file").touch()
+    assert ended(begun(tmp_path / "file")) == ("None", 0, bits)  # a folder that cannot be
+
+
+def test_a_folder_that_others_may_write_to_is_not_used(tmp_path):
+    tmp_path.chmod(0o777)
+    assert not module._is_own(tmp_path)
+    tmp_path.chmod(0o700)
+    assert module._is_own(tmp_path)
+
+
+def test_parts_are_removed_once(tmp_path):
+    whole, part, other = (tmp_path / f"{name}-cache" for name in ("whole", "part", "other"))
+    content = zlib.compress(b"program" * 100)
+    whole.write_bytes(content)
+    part.write_bytes(content[:-3])
+    other.write_bytes(b"\x28\xb5\x2f\xfd")  # of another compression, which JAX checks
+    module._remove_parts(tmp_path)
+    assert sorted(path.name for path in tmp_path.glob("*-cache")) == ["other-cache", "whole-cache"]
+    old = tmp_path / "old-cache"
+    old.write_bytes(content[:-3])
+    os.utime(old, (0, 0))
+    module._remove_parts(tmp_path)
+    assert old.exists()  # what was whole once is not read again
+
+
+def test_the_oldest_go_first(tmp_path, monkeypatch):
+    monkeypatch.setattr(module, "LARGEST", 1000)
+    for version in ("jax-1", "jax-2"):
+        (tmp_path / version).mkdir()
+    entries = [tmp_path / f"jax-{1 + i % 2}" / f"{i}-cache" for i in range(5)]
+    for i, entry in enumerate(entries):
+        entry.write_bytes(bytes(200))
+        os.utime(entry, (i, i))
+    module._remove_oldest(tmp_path)
+    assert all(entry.exists() for entry in entries)
+    entries[0].write_bytes(bytes(300))
+    os.utime(entries[0], (0, 0))
+    module._remove_oldest(tmp_path)
+    assert [entry.exists() for entry in entries] == [False, False, False, True, True]
+
+
+def test_the_folder_is_that_of_the_version_and_of_the_processor(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    here = module.default_folder()
+    monkeypatch.setattr(module, "_processor", lambda: "another")
+    assert here != module.default_folder() and here.parent == tmp_path / "rubberfric"
+    monkeypatch.setenv("XDG_CACHE_HOME", "relative")
+    assert "relative" not in module.default_folder().parts
