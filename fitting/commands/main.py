@@ -22,6 +22,7 @@ from fitting.fit import fit
 from fitting.results.hdf5 import save
 from fitting.results.plot import save_plot
 from fitting.results.result import FitResult
+from fitting.uncertainty.intervals import LikelihoodProfile
 from rubberfric.base import StrPath, check_writable
 from rubberfric.commands import Interrupts, Parser, add_outputs, check_outputs, complain, ended, progress
 
@@ -47,7 +48,8 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
     check_outputs(arguments, ".h5")
     if arguments.checkpoint is not None:
         check_writable(arguments.checkpoint, (".h5",))
-    job, failures = read_job(arguments.job), []
+    job = read_job(arguments.job)
+    failures: list[Exception] = []
     try:
         result = _fit(arguments.job, job, interrupts)
         interrupts.hold()
@@ -57,12 +59,11 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts) -> int:
                     writer(path, result, job.title)
             except OSError as error:  # a full disk must not cost the report
                 failures.append(error)
-        spread = None
-        if arguments.bootstrap is not None and result.success and not interrupts.stopped:
-            spread = _bootstrap(arguments, result, interrupts)
+        profile, spread = _more(arguments, result, interrupts, failures)
     finally:
         interrupts.release()
     print(job.title + "\n" * bool(job.title) + result.report(), end="")
+    print("" if profile is None else profile.report(), end="")
     print("" if spread is None else spread.report(), end="", flush=True)
     if failures:
         raise failures[0]
@@ -112,6 +113,37 @@ def _bootstrap(arguments: argparse.Namespace, result: FitResult, interrupts: Int
         )
 
 
+def _more(
+    arguments: argparse.Namespace, result: FitResult, interrupts: Interrupts, failures: list[Exception]
+) -> tuple[LikelihoodProfile | None, EnsembleResult | None]:
+    """What was asked for beside the fit, of one that succeeded: a profile, a bootstrap."""
+    if not result.success or interrupts.stopped:
+        return None, None
+    profile = None
+    if arguments.profile is not None:
+        try:
+            profile = _profile(arguments, result, interrupts)
+        except ValueError as error:  # a wrong name must not cost the report either
+            failures.append(ValueError(f"--profile: {error}"))
+    if arguments.bootstrap is None or interrupts.stopped:
+        return profile, None
+    return profile, _bootstrap(arguments, result, interrupts)
+
+
+def _profile(arguments: argparse.Namespace, result: FitResult, interrupts: Interrupts) -> LikelihoodProfile:
+    """The cost over one number, with its progress on a terminal."""
+    with progress() as show:
+
+        def callback(step, cost):
+            del cost
+            show(f"profile of {arguments.profile}: step {step}")
+            interrupts.check()
+
+        show("profile: compiling ...")
+        of = result.profile_cutoff if arguments.profile.endswith(".q1") else result.profile
+        return of(arguments.profile, callback=callback)
+
+
 def _parser():
     parser = Parser(
         prog=PROGRAM,
@@ -125,6 +157,11 @@ def _parser():
     )
     parser.add_argument(
         "--bootstrap", metavar="N", type=_count, help="refit N simulated data sets, report their spread"
+    )
+    parser.add_argument(
+        "--profile",
+        metavar="KEYPATH",
+        help="hold this free number, or the q1 of a spectrum, at several values; print what it costs",
     )
     parser.add_argument(
         "--checkpoint",

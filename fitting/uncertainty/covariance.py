@@ -13,16 +13,15 @@ For robust losses the covariance is the sandwich A^-1 B A^-1 of M-estimators, A 
 the curvature of the loss, B from the squared slopes.
 """
 
-import functools
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from fitting.parameters.variables import VANISHED, Variables, element_names, slopes
+from fitting.solvers.evaluation import evaluate, residual_rows
 from fitting.solvers.problem import Problem
-from fitting.solvers.residuals import data_rows, objective, padded, residual_rows
+from fitting.solvers.residuals import data_rows, in_errors, loss_of, padded, slopes_in_errors
 from fitting.uncertainty.directions import describe
 
 # Deviation in x beyond which nothing is called known: a factor e, or a bounded parameter's
@@ -64,22 +63,17 @@ class Uncertainty(NamedTuple):
     chisqr: float  # sum of squares of the data's residuals
 
 
-@functools.partial(jax.jit, static_argnums=0)
-def _weighted(structure, numbers, targets, x):
-    """Residuals, their factors, and their Jacobian with the factors that the loss gives it."""
-    _, both, loss, *_ = objective(structure, numbers, targets)
-    rows, jacobian = both(x)
-    of_rows, of_jacobian = loss.factors(rows)
-    return rows, of_rows, jacobian * of_jacobian[:, None]
-
-
 def uncertainty(problem: Problem, x: np.ndarray) -> Uncertainty:
     """Uncertainty of a problem's solution x, shape (size,)."""
     structure, numbers, of = problem.structure, problem.numbers, padded(problem)
     withheld, inside, stretch = _at_bounds(problem, x)
-    plain, of_rows, jacobian = map(
-        of.kept, _weighted(of.structure, of.numbers, of.targets, jnp.asarray(inside))
+    rows, found = (part[0] for part in evaluate(of.structure, of.numbers, inside[None], slopes=True))
+    rows, jacobian = (
+        in_errors(of.structure, of.targets, rows),
+        slopes_in_errors(of.structure, of.targets, found),
     )
+    of_rows, of_jacobian = loss_of(of.structure, of.numbers).factors(rows)
+    plain, of_rows, jacobian = map(of.kept, (rows, of_rows, jacobian * of_jacobian[:, None]))
     count = data_rows(problem.structure)
     slope = slopes(problem.variables, numbers.constants, jnp.asarray(inside))
     influence = None if structure.loss == "linear" else plain * of_rows
