@@ -89,6 +89,11 @@ def _parser() -> Parser:
         "--bootstrap", metavar="N", type=_count, help="refit N simulated data sets, report their spread"
     )
     parser.add_argument(
+        "--profile",
+        metavar="KEYPATH",
+        help="hold this free number, or the q1 of a spectrum, at several values; print what it costs",
+    )
+    parser.add_argument(
         "--checkpoint",
         metavar="FILE.h5",
         help="save the bootstrap's state every minute; refused if it exists",

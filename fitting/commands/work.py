@@ -12,6 +12,7 @@ from fitting.fit import fit
 from fitting.results.hdf5 import save
 from fitting.results.plot import save_plot
 from fitting.results.result import FitResult
+from fitting.uncertainty.intervals import LikelihoodProfile
 from rubberfric.base import Progress, StrPath
 from rubberfric.commands import Interrupts, complain, write_outputs
 
@@ -26,18 +27,24 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -
     try:
         result = _fit(arguments.job, job, interrupts, show)
         interrupts.hold()
-        failure = write_outputs(
+        failure: Exception | None = write_outputs(
             show,
             ("writing", arguments.out, lambda path: save(path, result, job.title)),
             ("drawing", arguments.plot, lambda path: save_plot(path, result, job.title)),
         )
-        spread = None
+        profile = spread = None
+        if arguments.profile is not None and result.success and not interrupts.stopped:
+            try:
+                profile = _profile(arguments, result, interrupts, show)
+            except ValueError as error:  # a wrong name must not cost the report
+                failure = failure or ValueError(f"--profile: {error}")
         if arguments.bootstrap is not None and result.success and not interrupts.stopped:
             spread = _bootstrap(arguments, result, interrupts, show)
     finally:
         interrupts.release()
     show("computing the report")
-    text = job.title + "\n" * bool(job.title) + result.report() + ("" if spread is None else spread.report())
+    text = job.title + "\n" * bool(job.title) + result.report()
+    text += "".join(more.report() for more in (profile, spread) if more is not None)
     show.end()
     print(text, end="", flush=True)
     if failure is not None:
@@ -77,6 +84,21 @@ def _fit(path: StrPath, job: Job, interrupts: Interrupts, show: Progress) -> Fit
         raise
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
+
+
+def _profile(
+    arguments: argparse.Namespace, result: FitResult, interrupts: Interrupts, show: Progress
+) -> LikelihoodProfile:
+    """The cost over one number, with its progress."""
+
+    def callback(step: int, cost: float) -> None:
+        del cost
+        show(f"profile of {arguments.profile}: step {step}")
+        interrupts.check()
+
+    show("profile: compiling")
+    of = result.profile_cutoff if arguments.profile.endswith(".q1") else result.profile
+    return of(arguments.profile, callback=callback)
 
 
 def _bootstrap(

@@ -18,7 +18,7 @@ from fitting.ensemble.result import EnsembleResult
 from fitting.parameters.constraints import Rule
 from fitting.parameters.priors.rows import Prior
 from fitting.parameters.scenes import as_scenes
-from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.options import Solver, check_options, make_solver
 from fitting.solvers.problem import Problem, Targets, make_problem
 from fitting.solvers.search import random_starts

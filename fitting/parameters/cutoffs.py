@@ -6,7 +6,7 @@ import jax
 
 from fitting.parameters.constraints import RmsSlope, Rule, Tied
 from fitting.parameters.keypaths import owner_of
-from fitting.parameters.scenes import Scenes, paths_of
+from fitting.parameters.scenes import Scenes, by_name, paths_of
 from rubberfric.base import Leaf, PhysicalObject, fields_of
 from rubberfric.roughness import cutoff
 
@@ -44,3 +44,26 @@ def cutoff_of(scene: Scenes, path: str, slope: float | jax.Array) -> jax.Array:
         return cutoff(owner, slope, keep="h_rms")
     except ValueError as error:
         raise ValueError(f"free[{path!r}]: {error}") from None
+
+
+def cutoff_path(scene: Scenes, path: str | None) -> str:
+    """Key path of the q1 of a spectrum; ValueError unless it is one, or there is one only."""
+    known = [
+        f"{name}.{side}.spectrum.q1".lstrip(".")
+        for name, one in by_name(scene).items()
+        for side in ("lower", "upper")
+        if hasattr(getattr(one, side).spectrum, "q1")
+    ]
+    if path is None and len(known) == 1:
+        return known[0]
+    if path is None or any(one not in known for one in paths_of(scene, path)):
+        raise ValueError(
+            f"path = {path!r}: must end in .q1 of a spectrum: {', '.join(known) or 'there is none'}"
+        )
+    return path
+
+
+def last_wavevector(scene: Scenes, path: str) -> float:
+    """How far the q1 at a key path may go [1/m]: to the end of a table."""
+    ends = [getattr(owner_of(scene, one)[0], "q", None) for one in paths_of(scene, path)]
+    return min((float(q[-1]) for q in ends if q is not None), default=float("inf"))

@@ -5,10 +5,11 @@ import numpy as np
 from fitting.results.pictures.correlations import plot_correlation
 from fitting.results.pictures.curves import curves_of, lines, measured_points
 from fitting.results.record import FitRecord
+from fitting.uncertainty.intervals import LikelihoodProfile
 from rubberfric.base import StrPath
 from rubberfric.plot import save_figure, style
 
-__all__ = ["plot_correlation", "plot_fit", "save_plot"]
+__all__ = ["plot_correlation", "plot_fit", "plot_profile", "save_plot"]
 
 # Labels of the axes of every quantity.
 LABELS = {
@@ -62,6 +63,43 @@ def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
         _draw(quantity, points, curves, fitted, upper, lower)
         _dress(quantity, points, upper, lower)
     return ax
+
+
+def plot_profile(profile: LikelihoodProfile, ax: style.Panels | None = None) -> style.Panels:
+    """Draw the cost over a parameter with its interval, and below what the others become.
+
+    Parameters
+    ----------
+    profile : of `FitResult.profile` or `FitResult.profile_cutoff`
+    ax : two matplotlib axes, or None
+        None: of a new figure of its own, `ax[0].figure`.
+
+    Returns
+    -------
+    the two axes; others are by the value that they have at the lowest cost
+    """
+    panels: style.Panels = style.new_figure((7.0, 6.0), "").subplots(2, 1, sharex=True) if ax is None else ax
+    upper, lower = panels
+    upper.plot(profile.values, profile.rise, "o-", markersize=3.5)
+    upper.axhline(profile.threshold, color="0.5", linestyle="--", linewidth=0.8)
+    for end in (profile.low, profile.high):
+        if np.isfinite(end) and end > 0:
+            upper.axvline(end, color="0.5", linewidth=0.8)
+    upper.set_ylabel("rise of chi-square [-]")
+    if profile.parameters is not None and np.isfinite(profile.rise).any():
+        best = profile.parameters[np.nanargmin(profile.rise)]
+        for name, values, at_best in zip(profile.names, profile.parameters.T, best, strict=True):
+            if name != profile.name:
+                lower.plot(profile.values, values / at_best, ".-", label=name)
+        if len(profile.names) > 1:
+            lower.legend(fontsize="small")
+    lower.set_ylabel("others, by their best [-]")
+    lower.set_xlabel(profile.name)
+    if (profile.values > 0).all():
+        lower.set_xscale("log")
+    for axes in (upper, lower):
+        axes.grid(alpha=0.3)
+    return panels
 
 
 def save_plot(path: StrPath, result: FitRecord, title: str = "") -> None:

@@ -2,19 +2,20 @@
 
 import dataclasses
 import functools
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from fitting.data.measured import Measured
-from fitting.parameters.constraints import Rule
+from fitting.parameters.constraints import Positive, Rule
 from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors.rows import Prior
 from fitting.parameters.scenes import ALL, Scenes
 from fitting.parameters.variables import Variables
+from fitting.solvers.evaluation import residual_rows
 from fitting.solvers.iterate import MESSAGES, succeeded
-from fitting.solvers.residuals import residual_rows
-from fitting.uncertainty.covariance import Direction
+from fitting.solvers.problem import make_problem
+from fitting.uncertainty.covariance import Direction, uncertainty
 from fitting.uncertainty.intervals import SolvedProblem
 from fitting.uncertainty.verdict import Verdict, verdict
 from rubberfric.base import closest
@@ -80,6 +81,26 @@ class FitRecord(SolvedProblem):
             paths = tuple(dict.fromkeys(name.split("[")[0] for name in self.names))
             raise KeyError(f"{path!r} was not free: {closest(path, paths)}")
         return Fitted(*(column[which] for column in columns))
+
+    def freed(self, path: str, rule: Rule | None = None) -> Self:
+        """The same fit with one number more free, which stands where it was: not at a minimum in it.
+
+        Parameters
+        ----------
+        path : key path of a number of the scene
+        rule : None: Positive
+
+        Raises
+        ------
+        ValueError : as `fitting.fit`
+        """
+        of, loss, width = self.data_scenes, self.problem.structure.loss, float(self.problem.numbers.width)
+        free = self.free | {path: Positive() if rule is None else rule}
+        settings = loss, width, self.problem.structure.quadrature, of
+        problem = make_problem(self.scene, self.data, free, self.prior, *settings)
+        problem = problem._replace(targets=problem.targets._replace(error=self.problem.targets.error))
+        known = uncertainty(problem, problem.start)
+        return dataclasses.replace(self, free=free, problem=problem, x=problem.start, uncertainty=known)
 
     def _shared(self, path):
         """The name of what a key path of one scene names, which all of them may share."""

@@ -8,6 +8,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 import rubberfric as rf
+from fitting.parameters.cutoffs import cutoff_path, last_wavevector
 from fitting.parameters.priors.rows import Prior
 from fitting.parameters.scenes import by_name, chosen_scene
 from fitting.parameters.variables import Array
@@ -17,7 +18,9 @@ from fitting.results.plot import plot_fit
 from fitting.results.record import FitRecord
 from fitting.results.report import headlines, report
 from fitting.results.samples import Samples, drawn
+from fitting.solvers.runs import Callback
 from fitting.uncertainty.density import log_density
+from fitting.uncertainty.intervals import LikelihoodProfile
 from fitting.uncertainty.posterior.as_prior import prior_of
 from fitting.uncertainty.posterior.nuts import Progress
 from rubberfric.base import StrPath, html, object_html
@@ -45,6 +48,33 @@ class FitResult(FitRecord):
             chosen_scene(self.scene, scene), *at, quadrature=quadrature, quantities=(quantity,)
         )
         return getattr(solution, quantity)
+
+    def profile_cutoff(
+        self,
+        path: str | None = None,
+        level: float = 0.95,
+        values: ArrayLike | None = None,
+        callback: Callback | None = None,
+    ) -> LikelihoodProfile:
+        """How well the data know where a spectrum ends: the cost over its q1, all else fitted again.
+
+        Parameters
+        ----------
+        path : key path that ends in .q1, free in this fit or not; None: of the one rough solid
+        level : of the interval
+        values : of q1 [1/m]; None: from a tenth to ten times the fitted one, no farther than a table reaches
+
+        Returns
+        -------
+        LikelihoodProfile
+            its `parameters` are what the others become: `fitting.plot.plot_profile` draws them.
+        """
+        path = cutoff_path(self.scene, path)
+        fit = self if path in self.names else self.freed(path)
+        if values is None:
+            around = fit[path].value * np.geomspace(0.1, 10.0, 12)
+            values = around[around <= last_wavevector(self.scene, path)]
+        return fit.profile(path, level, callback=callback, values=values)
 
     def log_density(self, x: Array) -> jax.Array:
         """Log density at x but for a constant, -cost; see `fitting.log_density`."""

@@ -19,7 +19,7 @@ import rubberfric as rf
 from fitting.parameters.priors.rows import prior_residuals
 from fitting.parameters.scenes import by_name
 from fitting.parameters.tables import with_longer_tables
-from fitting.parameters.variables import Variables, to_scene
+from fitting.parameters.variables import Array, Variables, to_scene
 from fitting.solvers.losses import Loss, Objective
 from fitting.solvers.problem import CURVES, Numbers, Problem, Structure, Targets
 from rubberfric.analysis import value_and_jacobian
@@ -29,18 +29,18 @@ from rubberfric.roughness import log_power_spectrum
 
 def objective(structure: Structure, numbers: Numbers, targets: Targets) -> Objective:
     """What solvers see of a problem."""
-
-    def both(x):
-        rows, jacobian = residuals_and_jacobian(structure, numbers, targets, x)
-        return rows, jacobian * targets.moving
-
     return Objective(
         lambda x: residuals(structure, numbers, targets, x),
-        both,
-        Loss(structure.loss, numbers.width, data_rows(structure)),
-        _rounding(structure, targets),
+        lambda x: residuals_and_jacobian(structure, numbers, targets, x),
+        loss_of(structure, numbers),
+        rounding(structure, targets),
         targets.moving,
     )
+
+
+def loss_of(structure: Structure, numbers: Numbers) -> Loss:
+    """The loss of a problem's rows."""
+    return Loss(structure.loss, numbers.width, data_rows(structure))
 
 
 def predictions(structure: Structure, numbers: Numbers, x: jax.Array) -> tuple[jax.Array, Any]:
@@ -72,17 +72,14 @@ def _predicted(structure, block, conditions, scene):
     return jnp.log(values) if block.logarithmic else values
 
 
-def residuals(structure: Structure, numbers: Numbers, targets: Targets, x: jax.Array) -> jax.Array:
-    """Rows of the data, of the priors, and of the smoothing, in units of their errors."""
+def rows_of(structure: Structure, numbers: Numbers, x: jax.Array) -> jax.Array:
+    """Predictions, and below them the rows of the priors and of the smoothing, in units of their errors."""
     model, scene = predictions(structure, numbers, x)
-    rows = _whitened(numbers, (model - targets.measured) / targets.error)
     prior = prior_residuals(structure.prior, numbers.prior, scene, x)
-    return jnp.concatenate([rows, prior, numbers.smoothing * (_bends(structure.variables, x.dtype) @ x)])
+    return jnp.concatenate([model, prior, numbers.smoothing * (_bends(structure.variables, x.dtype) @ x)])
 
 
-def residuals_and_jacobian(
-    structure: Structure, numbers: Numbers, targets: Targets, x: jax.Array
-) -> tuple[jax.Array, jax.Array]:
+def rows_and_slopes(structure: Structure, numbers: Numbers, x: jax.Array) -> tuple[jax.Array, jax.Array]:
     """The same rows, and their derivatives with respect to x, shape (rows, size)."""
 
     def scene_of(x):
@@ -105,14 +102,38 @@ def residuals_and_jacobian(
                 lambda x, b=block, c=conditions, of=own_scene: _predicted(structure, b, c, of(x)), x
             )
         parts.append((values, slopes))
-    model, slopes = (jnp.concatenate(part) for part in zip(*parts, strict=True))
-    prior, prior_slopes = forward(
-        lambda x: prior_residuals(structure.prior, numbers.prior, scene_of(x), x), x
-    )
+    parts.append(forward(lambda x: prior_residuals(structure.prior, numbers.prior, scene_of(x), x), x))
     bends = numbers.smoothing * _bends(structure.variables, x.dtype)
-    rows = [_whitened(numbers, (model - targets.measured) / targets.error), prior, bends @ x]
-    slopes = [_whitened(numbers, slopes / targets.error[:, None]), prior_slopes, bends]
-    return jnp.concatenate(rows), jnp.concatenate(slopes)
+    parts.append((bends @ x, bends))
+    rows, slopes = (jnp.concatenate(part) for part in zip(*parts, strict=True))
+    return rows, slopes
+
+
+def in_errors(structure: Structure, numbers: Numbers, targets: Targets, rows: Array) -> jax.Array:
+    """Residuals from `rows_of`: those of the data in units of their errors."""
+    count = data_rows(structure)
+    of_data = (rows[:count] - targets.measured) / targets.error
+    return jnp.concatenate([_whitened(numbers, of_data), rows[count:]])
+
+
+def slopes_in_errors(structure: Structure, numbers: Numbers, targets: Targets, slopes: Array) -> jax.Array:
+    """Their Jacobian from that of `rows_of`; 0 where x does not move."""
+    count = data_rows(structure)
+    of_data = _whitened(numbers, slopes[:count] / targets.error[:, None])
+    return jnp.concatenate([of_data, slopes[count:]]) * targets.moving
+
+
+def residuals(structure: Structure, numbers: Numbers, targets: Targets, x: jax.Array) -> jax.Array:
+    """Rows of the data, of the priors, and of the smoothing, in units of their errors."""
+    return in_errors(structure, numbers, targets, rows_of(structure, numbers, x))
+
+
+def residuals_and_jacobian(
+    structure: Structure, numbers: Numbers, targets: Targets, x: jax.Array
+) -> tuple[jax.Array, jax.Array]:
+    """The same rows, and their derivatives with respect to x, shape (rows, size); 0 where x does not move."""
+    rows, slopes = rows_and_slopes(structure, numbers, x)
+    return in_errors(structure, numbers, targets, rows), slopes_in_errors(structure, numbers, targets, slopes)
 
 
 def _whitened(numbers, rows):
@@ -141,7 +162,7 @@ def data_rows(structure: Structure) -> int:
     return structure.blocks[-1].rows[1]
 
 
-def _rounding(structure, targets):
+def rounding(structure: Structure, targets: Targets) -> jax.Array:
     """The cost that rounding leaves when the data are met exactly."""
     error = 100 * float(jnp.finfo(targets.measured.dtype).eps)  # of a prediction, relative
     offset = np.zeros(data_rows(structure))
@@ -159,7 +180,7 @@ class Padded(NamedTuple):
     targets: Targets
     data: np.ndarray  # where the rows of the data stand among all of the blocks
 
-    def kept(self, rows: jax.Array) -> np.ndarray:
+    def kept(self, rows: Array) -> np.ndarray:
         """Rows without those that were added, the first axis."""
         return np.concatenate([np.asarray(rows)[self.data], np.asarray(rows)[data_rows(self.structure) :]])
 
@@ -209,19 +230,3 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
         targets._replace(measured=spread(targets.measured, 0.0), error=spread(targets.error, np.inf)),
         rows,
     )
-
-
-def residual_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """Residuals of the data, then of the priors, in units of their errors."""
-    of = padded(problem)
-    return of.kept(_residuals(of.structure, of.numbers, of.targets, x))
-
-
-def model_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """What the model predicts in place of the measured values (their logarithms, where relative)."""
-    of = padded(problem)
-    return of.kept(_predictions(of.structure, of.numbers, x))
-
-
-_residuals = jax.jit(residuals, static_argnums=0)
-_predictions = jax.jit(lambda structure, numbers, x: predictions(structure, numbers, x)[0], static_argnums=0)

@@ -13,16 +13,15 @@ For robust losses the covariance is the sandwich A^-1 B A^-1 of M-estimators, A 
 the curvature of the loss, B from the squared slopes.
 """
 
-import functools
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
 from fitting.parameters.variables import VANISHED, Variables, element_names, slopes
+from fitting.solvers.evaluation import evaluate, residual_rows
 from fitting.solvers.problem import Problem
-from fitting.solvers.residuals import data_rows, objective, padded, residual_rows
+from fitting.solvers.residuals import data_rows, in_errors, loss_of, padded, slopes_in_errors
 from fitting.uncertainty.directions import describe
 
 # Deviation in x beyond which nothing is called known: a factor e, or a bounded parameter's
@@ -64,19 +63,14 @@ class Uncertainty(NamedTuple):
     chisqr: float  # sum of squares of the data's residuals
 
 
-@functools.partial(jax.jit, static_argnums=0)
-def _weighted(structure, numbers, targets, x):
-    """Residuals, their factors, and their Jacobian with the factors that the loss gives it."""
-    _, both, loss, *_ = objective(structure, numbers, targets)
-    rows, jacobian = both(x)
-    of_rows, of_jacobian = loss.factors(rows)
-    return rows, of_rows, jacobian * of_jacobian[:, None]
-
-
 def weighted_rows(problem: Problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Residuals at x, the factors that the loss gives them, and their Jacobian with those of its own."""
     of = padded(problem)
-    plain, of_rows, jacobian = map(of.kept, _weighted(of.structure, of.numbers, of.targets, jnp.asarray(x)))
+    rows, found = (part[0] for part in evaluate(of.structure, of.numbers, x[None], slopes=True))
+    rows = in_errors(of.structure, of.numbers, of.targets, rows)
+    slopes = slopes_in_errors(of.structure, of.numbers, of.targets, found)
+    of_rows, of_jacobian = loss_of(of.structure, of.numbers).factors(rows)
+    plain, of_rows, jacobian = map(of.kept, (rows, of_rows, slopes * of_jacobian[:, None]))
     return plain, of_rows, jacobian
 
 

@@ -13,6 +13,9 @@ ALIKE = 0.15
 
 MODULI = ("E", "E_inf", "young", "storage", "loss")
 HEIGHTS = ("h_rms", "C", "gamma", "q1", "qr", "q0", "hurst")
+SHEAR = ("tau_f0", "c", "v0")
+# Of these more is a rougher surface, or less is.
+ROUGHER, SMOOTHER = ("h_rms", "C", "q1"), ("hurst",)
 
 # What would help where a test of the last steps of the key paths holds; whether all must move alike.
 HINTS = (
@@ -26,7 +29,13 @@ HINTS = (
         lambda leaves: leaves <= set(HEIGHTS) and len(leaves) > 1,
         False,
         "at light load friction depends on gamma sqrt(C0) and the cut-off together: add a measured"
-        " spectrum, or hold gamma or the cut-off",
+        " spectrum or an area curve, or hold gamma or the cut-off",
+    ),
+    (
+        lambda leaves: leaves <= {*HEIGHTS, *SHEAR} and leaves & set(HEIGHTS) and leaves & set(SHEAR),
+        False,
+        "contact shear stands in for the roughness: hold the cut-off or give it by RmsSlope, or add an area"
+        " curve, other temperatures or a lubricated run",
     ),
     (
         lambda leaves: leaves <= {"tau", "v0"},
@@ -72,7 +81,21 @@ def describe(variables: Variables, loadings: np.ndarray, deviation: float) -> st
     hint = next((text for test, alike, text in HINTS if several and test(leaves) and same >= alike), None)
     if hint is None and len(parts) == 1:
         hint = "the data do not reach it: hold it, or give it a prior"
-    return f"{said}: {reach}" + (f"; {hint}" if hint else "")
+    traded = _traded(parts)
+    return f"{said}: {reach}" + (f"; {traded}" if traded else "") + (f"; {hint}" if hint else "")
+
+
+def _traded(parts):
+    """What roughness is exchanged for, in words; nothing if there is none of it, or nothing for it."""
+    rougher = {p.name: p.loading > 0 for p in parts if p.leaf in ROUGHER}
+    rougher |= {p.name: p.loading < 0 for p in parts if p.leaf in SMOOTHER}
+    others = {p.name: p.loading > 0 for p in parts if p.leaf in ("gamma", *SHEAR)}
+    if not rougher or not others or len(set(rougher.values())) > 1:
+        return ""
+    # Said for more roughness, whichever way the direction is.
+    up = next(iter(rougher.values()))
+    ways = ", ".join(f"{'more' if more == up else 'less'} {name}" for name, more in others.items())
+    return f"more roughness ({', '.join(rougher)}) with {ways} gives the same curve"
 
 
 def _parts(variables, loadings):

@@ -6,7 +6,6 @@ normal (or Student's) quantile. A parametric bootstrap fits data drawn from the 
 """
 
 import dataclasses
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -17,11 +16,13 @@ from jax.typing import ArrayLike
 
 import rubberfric as rf
 from fitting.parameters.scenes import chosen_scene
+from fitting.parameters.variables import to_x
+from fitting.solvers.evaluation import at_conditions, model_rows
 from fitting.solvers.iterate import succeeded
-from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.options import check_options
-from fitting.solvers.problem import Problem, Targets
-from fitting.solvers.residuals import forward, model_rows
+from fitting.solvers.problem import CURVES, Problem, Targets
+from fitting.solvers.residuals import forward
 from fitting.solvers.runs import Callback, run
 from fitting.uncertainty.covariance import OPEN, Uncertainty
 
@@ -35,6 +36,22 @@ class LikelihoodProfile(NamedTuple):
     low: float  # ends of the interval; -inf and inf (0 and inf if Positive, a bound if Bounded)
     high: float  # where the profile stays below
     threshold: float  # rise at the ends of the interval
+    names: tuple[str, ...] = ()  # of all free elements
+    parameters: np.ndarray | None = None  # their values, fitted again, shape (values, elements)
+
+    def report(self) -> str:
+        """The interval, and a line for every value, as text."""
+        lines = [
+            f"[[Profile of {self.name}]]",
+            f"    {self.low:.6g} ... {self.high:.6g}, where chi-square rises by {self.threshold:.4g}",
+            f"    {'value':>12s} {'rise':>10s}  others, fitted again",
+        ]
+        parameters = np.zeros((self.values.size, 0)) if self.parameters is None else self.parameters
+        for value, rise, row in zip(self.values, self.rise, parameters, strict=True):
+            pairs = zip(self.names, row, strict=False)
+            others = ", ".join(f"{name} = {number:.4g}" for name, number in pairs if name != self.name)
+            lines.append(f"    {value:12.6g} {rise:10.4g}  {others}")
+        return "\n".join(lines) + "\n"
 
 
 class Bootstrap(NamedTuple):
@@ -133,22 +150,31 @@ class SolvedProblem:
         -------
         Band of arrays of the broadcast shape
         """
+        conditions = velocity, pressure, temperature
+        given = np.broadcast_arrays(*(np.asarray(c, float) for c in conditions if c is not None))
+        columns = (*(c.reshape(-1) for c in given), *[None] * (temperature is None))
 
         def predicted(x):
-            at = velocity, pressure, temperature
             quadrature = self.problem.structure.quadrature
-            solution = rf.solve(
-                chosen_scene(self.problem.scene(x), scene), *at, quadrature=quadrature, quantities=(quantity,)
-            )
+            there = chosen_scene(self.problem.scene(x), scene)
+            solution = rf.solve(there, *conditions, quadrature=quadrature, quantities=(quantity,))
             return getattr(solution, quantity)
 
-        return self.widened(predicted, level)
+        x = jnp.asarray(self.uncertainty.x)
+        shape = jax.eval_shape(predicted, x).shape  # refuses what is wrong, and computes nothing
+        found = None
+        if quantity in CURVES:
+            found = at_conditions(self.problem, (quantity, None, scene or ""), columns, x)
+        if found is None:
+            value, slope = map(np.asarray, jax.jit(lambda x: forward(predicted, x))(x))
+        else:
+            value, slope = (part.reshape(*shape, *part.shape[1:]) for part in found)
+        return self.widened(value, slope, level)
 
-    def widened(self, predicted: Callable[[jax.Array], jax.Array], level: float) -> Band:
-        """Band of what a function of x predicts."""
+    def widened(self, value: np.ndarray, slope: np.ndarray, level: float) -> Band:
+        """Band of a prediction, shape (...), with its derivatives with respect to x, shape (..., size)."""
         known = self.uncertainty
-        value, slope = jax.jit(lambda x: forward(predicted, x))(jnp.asarray(known.x))
-        value, slope = np.asarray(value), np.asarray(slope) * known.stretch
+        slope = slope * known.stretch
         reach = self.quantile(level) * np.sqrt(np.einsum("...i,ij,...j->...", slope, known.spread, slope))
         positive = value > 0
         # exp(700) is the largest power of e: a band beyond it is no band.
@@ -157,7 +183,13 @@ class SolvedProblem:
         return Band(value, low, np.where(positive, value * factor, value + reach))
 
     def profile(
-        self, name: str, level: float = 0.95, points: int = 8, callback: Callback | None = None
+        self,
+        name: str,
+        level: float = 0.95,
+        points: int = 8,
+        callback: Callback | None = None,
+        *,
+        values: ArrayLike | None = None,
     ) -> LikelihoodProfile:
         """Profile likelihood of one parameter, on both sides of its fitted value.
 
@@ -169,16 +201,20 @@ class SolvedProblem:
         level : of the interval
         points : on each side, reaching to 1.6 times the linear interval
         callback : as for `fitting.fit`
+        values : of the parameter, on both sides of the fitted one; None: as `points` says
 
         Raises
         ------
         ValueError : the name is none of them, or `level` not between 0 and 1.
         """
-        starts, targets = self.profile_fits(name, level, points)
+        starts, targets = self.profile_fits(name, level, points, values)
         runs = run(LevenbergMarquardt(), self.problem, starts, targets, callback=callback)
-        return self.profile_of(name, level, starts, runs.cost, runs.status)
+        found = self.profile_of(name, level, starts, runs.cost, runs.status)
+        return found._replace(names=self.names, parameters=self.problem.values(runs.x))
 
-    def profile_fits(self, name: str, level: float, points: int) -> tuple[np.ndarray, Targets]:
+    def profile_fits(
+        self, name: str, level: float, points: int, values: ArrayLike | None = None
+    ) -> tuple[np.ndarray, Targets]:
         """Start vectors of the fits that a profile is made of, and their targets."""
         names, known = list(self.names), self.uncertainty
         if name not in names:
@@ -187,20 +223,37 @@ class SolvedProblem:
         deviation = np.sqrt(known.spread[i, i]) if known.stretch[i] == 1 else np.inf
         reach = min(1.6 * self.quantile(level) * deviation, OPEN / 10)
         offsets = reach * np.linspace(-1, 1, 2 * points + 1)
+        if values is not None:
+            offsets = np.sort(np.append(self._x_of(i, values) - self.x[i], 0.0))
         # The others start where the covariance expects them, but for those at a bound.
         toward = np.where(known.stretch == 1, known.spread[i] / known.spread[i, i], 0.0)
         toward[i] = 1.0
+        # Far away what the covariance expects means nothing.
+        others = offsets[:, None] * toward
+        others = others if values is None else np.clip(others, -1.0, 1.0)
+        others[:, i] = offsets
         targets = self.problem.targets._replace(moving=(np.arange(len(names)) != i).astype(float))
-        return self.x + offsets[:, None] * toward, jax.tree.map(lambda a: a[None], targets)
+        return self.x + others, jax.tree.map(lambda a: a[None], targets)
+
+    def _x_of(self, i: int, values: ArrayLike) -> np.ndarray:
+        """x of values of the i-th element."""
+        constants, wanted = self.problem.numbers.constants, np.atleast_1d(np.asarray(values, float))
+        kind = next(group.kind for group in self.problem.variables.own if group.slot[0] <= i < group.slot[1])
+        low, width = float(constants.low[i]), float(constants.width[i])
+        inside = (wanted > low) & (wanted < low + width if kind == "Bounded" else wanted < np.inf)
+        if not np.all(inside | (kind == "Free")):
+            raise ValueError(f"values = {wanted}: must be what the rule of {self.names[i]} allows")
+        return to_x(kind, np.asarray(low), np.asarray(width), wanted)
 
     def profile_of(
         self, name: str, level: float, starts: np.ndarray, cost: np.ndarray, status: np.ndarray
     ) -> LikelihoodProfile:
         """The profile that fits from `profile_fits` make."""
-        i, q, points = self.names.index(name), self.quantile(level), len(starts) // 2
+        i, q = self.names.index(name), self.quantile(level)
+        points = int(np.argmin(np.abs(starts[:, i] - self.x[i])))
         good = succeeded(status)
         rise = np.where(good, 2 * (cost - min(self.cost, cost[good].min(initial=np.inf))), np.nan)
-        sides = np.arange(points, -1, -1), np.arange(points, 2 * points + 1)
+        sides = np.arange(points, -1, -1), np.arange(points, len(starts))
         ends = [_crossing(starts[side, i], np.sqrt(np.maximum(rise[side], 0.0)), q) for side in sides]
         at = np.where(np.arange(self.x.size) == i, np.array(ends)[:, None], self.x)
         low, high = self.problem.values(at)[:, i].tolist()

@@ -22,12 +22,12 @@ from support.ensembles.twin import FREE, GUESS, TRUTH, twin
 
 import rubberfric as rf
 from fitting.parameters.variables import to_scene
-from fitting.solvers.first_order import LBFGS, Adam
 from fitting.solvers.iterate import RUNNING
-from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.methods.first_order import LBFGS, Adam
+from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import residuals, residuals_and_jacobian
-from fitting.solvers.runs import _init, _step
+from fitting.solvers.runs import advance, start
 from fitting.uncertainty.covariance import uncertainty
 
 pytestmark = pytest.mark.benchmark
@@ -80,15 +80,15 @@ def trace(solver, problem, budget):
     """(seconds, x, cost) after every step of a solver, compiled beforehand."""
     one = jax.tree.map(lambda a: jnp.asarray(a)[None], problem.targets)
     at = (solver, problem.structure, problem.numbers, one)
-    state = _init(*at, problem.start[None])
-    jax.block_until_ready(_step(*at, state))
+    state = start(*at, problem.start[None])
+    jax.block_until_ready(advance(*at, state))
     points, begin = [], time.perf_counter()
-    state = _init(*at, problem.start[None])
+    state = start(*at, problem.start[None])
     while time.perf_counter() - begin < budget:
         points.append((time.perf_counter() - begin, np.asarray(state.x[0]), float(state.cost[0])))
         if int(state.status[0]) != RUNNING or len(points) > solver.max_steps:
             break
-        state = jax.block_until_ready(_step(*at, state))
+        state = jax.block_until_ready(advance(*at, state))
     return points
 
 

@@ -18,8 +18,8 @@ from support.oracles import oracle, oracle_heating
 import fitting
 import rubberfric as rf
 from fitting.fit import _not_finite
+from fitting.solvers.evaluation import residual_rows
 from fitting.solvers.problem import make_problem
-from fitting.solvers.residuals import residual_rows
 from rubberfric.analysis import jacobian
 from rubberfric.analysis.jacobian import value_and_jacobian
 from rubberfric.base import fixed_point

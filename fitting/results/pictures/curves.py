@@ -2,11 +2,14 @@
 
 from typing import NamedTuple
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 
 from fitting.results.record import FitRecord
+from fitting.solvers.evaluation import at_conditions, model_rows, residual_rows
 from fitting.solvers.problem import Block
-from fitting.solvers.residuals import model_rows, predictions, residual_rows
+from fitting.solvers.residuals import forward, predictions
 from fitting.uncertainty.intervals import Band
 
 # Conditions that get a line each; data at more of them are drawn set by set, without lines.
@@ -143,7 +146,16 @@ def lines(
 
 def _band(result, blocks, conditions, level):
     """What the model predicts at other conditions than those of the data, with its band."""
-    structure = result.problem.structure._replace(blocks=blocks)
-    numbers = result.problem.numbers._replace(conditions=conditions)
+    x, found = result.uncertainty.x, []
+    for block, columns in zip(blocks, conditions, strict=True):
+        key = block.quantity, block.body, block.scene
+        found.append(at_conditions(result.problem, key, columns, x) or _compiled(result, block, columns, x))
+    return result.widened(*(np.concatenate(part) for part in zip(*found, strict=True)), level)
 
-    return result.widened(lambda x: predictions(structure, numbers, x)[0], level)
+
+def _compiled(result, block, columns, x):
+    """The same by a program of its own."""
+    structure = result.problem.structure._replace(blocks=(block,))
+    numbers = result.problem.numbers._replace(conditions=(columns,))
+    found = jax.jit(lambda x: forward(lambda x: predictions(structure, numbers, x)[0], x))(jnp.asarray(x))
+    return tuple(map(np.asarray, found))

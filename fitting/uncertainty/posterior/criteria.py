@@ -27,9 +27,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
+from fitting.solvers.evaluation import residual_rows
 from fitting.solvers.losses import factors, rho
 from fitting.solvers.problem import Problem
-from fitting.solvers.residuals import residual_rows
 from fitting.uncertainty.covariance import OPEN, weighted_rows
 from fitting.uncertainty.intervals import SolvedProblem
 

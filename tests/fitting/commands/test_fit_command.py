@@ -533,3 +533,18 @@ def test_an_interrupt_before_the_fit(call, job, monkeypatch):
     status, printed, complaint = call(job, "--out", "fit.h5")
     assert (status, printed, complaint.count("\n")) == (130, "", 1)
     assert sorted(os.listdir()) == JOB_FILES
+
+
+def test_a_profile_is_printed_below_the_report(call, job):
+    status, printed, complaint = call(job, "--profile", "upper.material.E_inf")
+    assert (status, complaint) == (0, "")
+    below = printed.split("[[Profile of upper.material.E_inf]]\n")[1].splitlines()
+    low, high = (float(end) for end in below[0].split(",")[0].split("..."))
+    assert low < 1e6 < high and len(below) == 2 + 17
+    assert "upper.material.E[0] = " in below[2]
+
+
+def test_a_profile_of_what_is_not_free_does_not_cost_the_report(call, job):
+    status, printed, complaint = call(job, "--profile", "gamma")
+    assert status == 2 and "[[Variables]]" in printed
+    assert "--profile: name = 'gamma': must be one of upper.material.E[0]," in complaint

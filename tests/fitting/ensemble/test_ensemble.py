@@ -23,6 +23,7 @@ from support.folders import PYTHONPATH
 import fitting
 from fitting.ensemble.batches import make_batch
 from fitting.solvers.iterate import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, PERFECT
+from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.runs import run
 
 PROGRAM = Path(cases.__file__)
@@ -364,7 +365,7 @@ def half_way(tmp_path_factory, members):
     [
         lambda m: dataclasses.replace(m, starts=m.starts + 1e-15),
         lambda m: dataclasses.replace(m, max_steps=7),
-        lambda m: dataclasses.replace(m, solver=fitting.solvers.levenberg_marquardt.LevenbergMarquardt(1e-8)),
+        lambda m: dataclasses.replace(m, solver=LevenbergMarquardt(1e-8)),
         lambda m: dataclasses.replace(m, targets=m.targets._replace(error=2 * m.targets.error)),
         lambda _: fitting.multi_start(
             cases.SCENE, cases.modulus_data(), {cases.E: fitting.Positive()}, 17, jax.random.key(1)

@@ -37,6 +37,19 @@ def test_a_free_cutoff_is_found_again():
     np.testing.assert_allclose(result.values, [1.234e5, 5e7], rtol=1e-6)
     assert result.scene.lower.spectrum.q1 == pytest.approx(1.234e5, rel=1e-6)
     assert f"{Q1}:" in result.report()
+    values = np.array([0.8e5, 1.1e5, 1.4e5, 2e5])
+    profile = result.profile_cutoff(values=values)
+    np.testing.assert_allclose(profile.values, np.sort([*values, 1.234e5]), rtol=1e-6)
+    assert profile.names == result.names and 1.1e5 < profile.low < 1.234e5 < profile.high < 2e5
+    # The cost at a value is that of the scene with all else as it was fitted again there.
+    modulus, rise = profile.parameters[0, 1], profile.rise[0]
+    there = friction_of(CUT.replace({Q1: 0.8e5, E + "[0]": modulus})).friction
+    off = np.log(there / friction_of(truth).friction) / 0.01
+    assert rise == pytest.approx(np.sum(off**2), rel=1e-4)
+    upper, lower = fitting.plot.plot_profile(profile)
+    assert upper.get_ylabel() == "rise of chi-square [-]" and lower.get_xlabel() == Q1
+    with pytest.raises(ValueError, match=r"must be the q1 of a spectrum, lower\.spectrum\.q1"):
+        result.profile_cutoff("lower.spectrum.C")
 
 
 @pytest.mark.parametrize(

@@ -16,10 +16,10 @@ from support.scenes.fits import ROAD, E
 import rubberfric as rf
 from fitting import Bounded, Free, FrictionData, ModulusData, Positive, Smooth, fit
 from fitting.parameters.variables import to_values
-from fitting.solvers.first_order import LBFGS, Adam
 from fitting.solvers.iterate import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, PERFECT
-from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.losses import WIDTHS
+from fitting.solvers.methods.first_order import LBFGS, Adam
+from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import objective, residuals, residuals_and_jacobian
 from fitting.solvers.runs import run

@@ -22,8 +22,8 @@ from fitting.solvers.iterate import (
     STALLED,
     begin,
 )
-from fitting.solvers.levenberg_marquardt import STIFFEST, step
 from fitting.solvers.losses import SQUARES, WIDTHS, Loss
+from fitting.solvers.methods.levenberg_marquardt import STIFFEST, step
 
 BARD = jnp.array([0.14, 0.18, 0.22, 0.25, 0.29, 0.32, 0.35, 0.39, 0.37, 0.58, 0.73, 0.96, 1.34, 2.10, 4.39])
 KOWALIK = jnp.array([0.1957, 0.1947, 0.1735, 0.16, 0.0844, 0.0627, 0.0456, 0.0342, 0.0323, 0.0235, 0.0246])

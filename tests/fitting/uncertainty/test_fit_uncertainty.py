@@ -13,7 +13,7 @@ from support.scenes.fits import FAST as QUADRATURE
 import rubberfric as rf
 from fitting import AreaData, Bounded, Free, FrictionData, Gaussian, ModulusData, Positive, Smooth, fit
 from fitting.solvers.iterate import CONVERGED, PERFECT
-from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import make_problem
 from fitting.solvers.runs import run
 from fitting.uncertainty.covariance import uncertainty

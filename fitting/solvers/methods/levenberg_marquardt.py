@@ -10,7 +10,7 @@ left where they are.
 """
 
 import dataclasses
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -82,51 +82,98 @@ def step(
     -------
     Iterate
     """
-    x, damping = jnp.asarray(iterate.x), iterate.own
-    plain, jacobian = residuals_and_jacobian(x)
-    of_rows, of_jacobian = loss.factors(plain)
-    rows, jacobian = plain * of_rows, jacobian * of_jacobian[:, None]
+    x = jnp.asarray(iterate.x)
+    plan = planned(*residuals_and_jacobian(x), iterate, loss, longest)
+    moves = bent(plan, jax.vmap(lambda move: residuals(x + PROBE * move))(plan.velocities))
+    tried = jax.vmap(lambda move: residuals(x + move))(moves)
+    return taken(plan, moves, tried, iterate, loss, tolerance=tolerance, rounding=rounding, longest=longest)
+
+
+class Plan(NamedTuple):
+    """What the linear model makes of a step: two of them, one a damping."""
+
+    plain: jax.Array  # residuals, shape (rows,)
+    factor: jax.Array  # of the rows of the Jacobian, by the loss
+    jacobian: jax.Array  # times it
+    U: jax.Array
+    s: jax.Array
+    V: jax.Array  # transposed
+    along: jax.Array  # U^T r
+    dampings: jax.Array  # shape (2,)
+    gains: jax.Array  # shape (2, size)
+    velocities: jax.Array  # shape (2, size)
+    finite: jax.Array
+
+
+def planned(
+    plain: jax.Array, jacobian: jax.Array, iterate: Iterate, loss: Loss = SQUARES, longest: float = LONGEST
+) -> Plan:
+    """The first part of a step, from the residuals and their Jacobian."""
+    damping, dtype = iterate.own, jnp.asarray(iterate.x).dtype
+    of_rows, factor = loss.factors(plain)
+    rows, jacobian = plain * of_rows, jacobian * factor[:, None]
     finite = jnp.all(jnp.isfinite(jacobian))
     # LAPACK may not return from a matrix with NaN in it.
     jacobian = jnp.where(finite, jacobian, 0.0)
     U, s, V = jnp.linalg.svd(jacobian, full_matrices=False)
     along = U.T @ rows
-    dampings = jnp.clip(damping * np.asarray(TRIALS, x.dtype), SOFTEST, STIFFEST)
+    dampings = jnp.clip(damping * np.asarray(TRIALS, dtype), SOFTEST, STIFFEST)
     # s = 0 throughout: nothing to gain, and no step.
     gains = s / (s**2 + dampings[:, None] * jnp.where(s[0] > 0, s[0], 1.0) ** 2)
     velocities = -(gains * along) @ V
     # exp and the tails of the logit leave the range where the linear model means anything.
     velocities = velocities * _limited(velocities, longest)
+    return Plan(plain, factor, jacobian, U, s, V, along, dampings, gains, velocities, finite)
+
+
+def bent(plan: Plan, ahead: jax.Array) -> jax.Array:
+    """The moves of both dampings, from the residuals at PROBE times the velocities, shape (2, rows)."""
+    _, factor, jacobian, U, _, V, _, _, gains, velocities, _ = plan
     # How the residuals bend along the steps, from their values a little way along.
-    ahead = jax.vmap(lambda move: residuals(x + PROBE * move))(velocities)
-    bends = 2 / PROBE * (of_jacobian * (ahead - plain) / PROBE - velocities @ jacobian.T)
+    bends = 2 / PROBE * (factor * (ahead - plan.plain) / PROBE - velocities @ jacobian.T)
     accelerations = -0.5 * (gains * (bends @ U)) @ V
     # Beyond half the step the expansion means nothing; inf * 0 where the model breaks down.
     half = 0.5 * jnp.max(jnp.abs(velocities), 1, keepdims=True)
     accelerations = jnp.where(jnp.isfinite(accelerations), accelerations, 0.0)
-    moves = velocities + accelerations * _limited(accelerations, half)
+    return velocities + accelerations * _limited(accelerations, half)
 
-    costs = jax.vmap(lambda move: loss.cost(residuals(x + move)))(moves)
+
+def taken(
+    plan: Plan,
+    moves: jax.Array,
+    tried: jax.Array,
+    iterate: Iterate,
+    loss: Loss = SQUARES,
+    *,
+    tolerance: float = 1e-9,
+    rounding: ArrayLike = 0.0,
+    longest: float = LONGEST,
+) -> Iterate:
+    """The iterate after the better of the moves, from the residuals that they lead to, shape (2, rows)."""
+    x, damping = jnp.asarray(iterate.x), iterate.own
+    costs = jax.vmap(loss.cost)(tried)
     costs = jnp.where(jnp.isfinite(costs), costs, jnp.inf)
     best = jnp.argmin(costs)
     cost, accepted = costs[best], costs[best] < iterate.cost
     lowest = jnp.minimum(cost, iterate.cost)
     # What the linear model promises: all of the cost along the columns of J, but for those so
     # flat that it would take a longer step.
-    promised = jnp.sum(jnp.minimum(0.5 * along**2, jnp.abs(along) * s * longest))
+    promised = jnp.sum(jnp.minimum(0.5 * plan.along**2, jnp.abs(plan.along) * plan.s * longest))
     # The second part is the rounding of the cost itself, all there is to gain in float32.
     little = tolerance * iterate.cost + 0.02 * jnp.sqrt(rounding * iterate.cost)
     done = (promised <= little) & (iterate.cost - lowest <= little)
-    stalled = ~accepted & (damping >= STIFFEST)
-    # Rounding, and the tolerance to which temperatures are found, may hide the last of the way.
+    # Rounding, and the tolerance to which temperatures are found, may hide the last of the way: shorter steps
+    # would not find it either. Data that are met need not end there, their cost falls on to rounding.
     near = promised <= NEAR * jnp.maximum(iterate.cost, 1.0)
+    hidden = near & (iterate.cost > 2 * NEAR)
+    stalled = ~accepted & (hidden | (damping >= STIFFEST))
     new = Iterate(
         jnp.where(accepted, x + moves[best], x),
         jnp.where(accepted, cost, iterate.cost),
-        ended(finite, lowest <= rounding, done, stalled, near),
+        ended(plan.finite, lowest <= rounding, done, stalled, near),
         iterate.nfev + 2 * len(TRIALS),
         iterate.njev + 1,
-        jnp.where(accepted, dampings[best], jnp.minimum(damping * 1e4, STIFFEST)),
+        jnp.where(accepted, plan.dampings[best], jnp.minimum(damping * 1e4, STIFFEST)),
     )
     return unless_done(iterate, new)
 

@@ -1,4 +1,4 @@
-"""First-order solvers from optax, behind the same init and step as `fitting.solvers.levenberg_marquardt`.
+"""First-order solvers from optax, behind the same init and step as `LevenbergMarquardt`.
 
 They see the gradient of the cost only, by reverse mode, and are for comparison and for
 problems with more parameters than residuals; for curves, Levenberg-Marquardt is faster by far.

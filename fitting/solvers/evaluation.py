@@ -1,0 +1,204 @@
+"""What a problem predicts, compiled once for a whole fit.
+
+A fit asks for rows at several x, of trial steps and of several starts, and for their derivatives at some
+of them: at every step, for the error bars, for bands and pictures. All of it is one program, or two where
+derivatives are by reverse mode: places for a few x, of which as many are computed as there are, one after
+the other, and derivatives along as many directions as are wanted. What is done with the rows, which takes
+no time to compile, is apart (`fitting.solvers.methods.levenberg_marquardt`).
+"""
+
+import functools
+import os
+from collections.abc import Callable
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from fitting.parameters.scenes import by_name
+from fitting.parameters.variables import Array
+from fitting.solvers.problem import CURVES, Numbers, Problem, Structure
+from fitting.solvers.residuals import in_errors, padded, rows_and_slopes, rows_of
+
+# x in one call of a program.
+PLACES = 8
+# Calls of a program that take less time than to compile another.
+CALLS = 100
+# XLA's newer way to write loops for processors takes twice the time to compile, and is no faster here; nor
+# are more than the first of LLVM's optimisations.
+_QUICK = {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level": 1}
+
+
+def evaluate(
+    structure: Structure, numbers: Numbers, x: Array, slopes: bool = False
+) -> tuple[np.ndarray, np.ndarray]:
+    """`fitting.solvers.residuals.rows_of` at every row of x, and their derivatives.
+
+    Parameters
+    ----------
+    structure, numbers : of a problem, `padded` so that others run what it compiled
+    x : shape (k, size)
+    slopes : whether derivatives are wanted
+
+    Returns
+    -------
+    (rows, slopes), shapes (k, rows) and (k, rows, size); without derivatives (k, rows, 0)
+    """
+    x, rows, found = np.asarray(x), [], []
+    name = "both" if slopes else "rows"
+    if _by_forward_mode(structure, numbers):
+        name = "along"
+    for first in range(0, len(x), PLACES):
+        here = x[first : first + PLACES]
+        places = np.concatenate([here, np.repeat(here[-1:], PLACES - len(here), 0)])
+        values, derivatives = _programs()[name](
+            structure, numbers, places, len(here), x.shape[1] if slopes else 0
+        )
+        rows.append(np.asarray(values)[: len(here)])
+        found.append(np.asarray(derivatives)[: len(here), :, : x.shape[1] if slopes else 0])
+    return np.concatenate(rows), np.concatenate(found)
+
+
+def _by_forward_mode(structure, numbers):
+    """Whether all derivatives are taken forward, where values cost nothing more than without them."""
+    scenes = by_name(jax.tree.unflatten(structure.variables.tree, numbers.constants.leaves))
+    return all(
+        block.quantity not in CURVES
+        or any(
+            body.material.needs_quadrature for body in (scenes[block.scene].lower, scenes[block.scene].upper)
+        )
+        for block in structure.blocks
+    )
+
+
+@functools.cache
+def _programs() -> dict[str, Callable[..., Any]]:
+    """Compiled functions of (structure, numbers, x, how many of x, along how many directions)."""
+    options = _options()
+    return {
+        kind.__name__: jax.jit(_at_places(kind), static_argnums=0, compiler_options=options)
+        for kind in (rows, both, along)
+    }
+
+
+def _options():
+    """Options of the compiler; None where it does not know them, or a user has set some."""
+    if jax.default_backend() != "cpu" or "XLA_FLAGS" in os.environ:
+        return None
+    try:
+        jax.jit(lambda: jnp.zeros(()), compiler_options=_QUICK)()
+    except (ValueError, RuntimeError):
+        return None
+    return _QUICK
+
+
+def rows(structure: Structure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
+    """Rows alone, at one x."""
+    del directions
+    values = rows_of(structure, numbers, x)
+    return values, jnp.zeros((values.size, 0), x.dtype)
+
+
+def both(structure: Structure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
+    """Rows and their derivatives by the mode that suits them."""
+    del directions
+    return rows_and_slopes(structure, numbers, x)
+
+
+def along(structure: Structure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
+    """Rows and their derivatives with respect to the first elements of x."""
+    values, push = jax.linearize(lambda x: rows_of(structure, numbers, x), x)
+
+    def add(k, slopes):
+        return slopes.at[:, k].set(push(jnp.zeros_like(x).at[k].set(1.0)))
+
+    return values, jax.lax.fori_loop(0, directions, add, jnp.zeros((values.size, x.size), x.dtype))
+
+
+def _at_places(kind):
+    """The same at the first of several x; vectorised on an accelerator, which is idle with one."""
+    # Jitted, so that it is traced once.
+    traced = jax.jit(kind, static_argnums=0)
+
+    def evaluated(structure, numbers, x, count, directions):
+        one = functools.partial(traced, structure, numbers)
+        if jax.default_backend() != "cpu":
+            return jax.vmap(lambda x: one(x, directions))(x)
+        blank = jax.tree.map(
+            lambda a: jnp.zeros((len(x), *a.shape), a.dtype), jax.eval_shape(one, x[0], directions)
+        )
+
+        def put(i, found):
+            return jax.tree.map(lambda all_of, new: all_of.at[i].set(new), found, one(x[i], directions))
+
+        return jax.lax.fori_loop(0, count, put, blank)
+
+    evaluated.__name__ = f"evaluated_{kind.__name__}"
+    return evaluated
+
+
+def residual_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
+    """Residuals of the data, then of the priors, in units of their errors."""
+    of = padded(problem)
+    return of.kept(np.asarray(in_errors(of.structure, of.numbers, of.targets, _rows_at(of, x))))
+
+
+def model_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
+    """What the model predicts in place of the measured values (their logarithms, where relative)."""
+    of = padded(problem)
+    return _rows_at(of, x)[of.data]
+
+
+def _rows_at(of, x):
+    return evaluate(of.structure, of.numbers, np.asarray(x)[None])[0][0]
+
+
+def at_conditions(
+    problem: Problem, key: tuple[str, str | None, str], conditions: tuple[Array | None, ...], x: Array
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """What a fit's own program predicts at other conditions, and its derivatives with respect to x.
+
+    Parameters
+    ----------
+    problem : Problem
+    key : quantity, body and scene of a `Block`
+    conditions : arrays of one length, or None, of its kind of data
+    x : shape (size,)
+
+    Returns
+    -------
+    (values, slopes), shapes (parts n,) and (parts n, size), not logarithms; of a modulus E' and then E"; or
+    None where the fit has no such data, or so few that other conditions would take many calls
+    """
+    of = padded(problem)
+    given = [c is not None for c in conditions]
+    size = next(c.size for c in conditions if c is not None)
+    for i, block in enumerate(of.structure.blocks):
+        here = of.numbers.conditions[i]
+        if (block.quantity, block.body, block.scene) == key and [c is not None for c in here] == given:
+            break
+    else:
+        return None
+    length = next(c.size for c in here if c is not None)
+    if size > CALLS * length:
+        return None
+    first, last = block.rows
+    found = []
+    for k in range(0, size, length):
+        columns = [None if c is None else np.asarray(c)[k : k + length] for c in conditions]
+        count = min(length, size - k)
+        filled = tuple(
+            None if c is None else np.pad(c, (0, length - count), "edge").astype(h.dtype)
+            for c, h in zip(columns, here, strict=True)
+        )
+        others = (*of.numbers.conditions[:i], filled, *of.numbers.conditions[i + 1 :])
+        numbers = of.numbers._replace(conditions=others)
+        parts = evaluate(of.structure, numbers, np.asarray(x)[None], slopes=True)
+        values, slopes = (part[0, first:last] for part in parts)
+        if block.logarithmic:
+            values = np.exp(values)
+            slopes = slopes * values[:, None]
+        found.append([p.reshape(-1, length, *p.shape[1:])[:, :count] for p in (values, slopes)])
+    values, slopes = (np.concatenate(part, 1) for part in zip(*found, strict=True))
+    return values.reshape(-1), slopes.reshape(-1, slopes.shape[-1])

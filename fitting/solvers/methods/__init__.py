@@ -1,0 +1,1 @@
+"""Methods that find a minimum, behind the same init and step."""
