@@ -79,7 +79,8 @@ def summary(result: Result) -> Iterator[str]:
         several = f"{values.size} {_SEVERAL[name]}" if values.size > 1 else name
         ends = dict.fromkeys((f"{values.min():.6g}", f"{values.max():.6g}"))
         yield f"{several}: {' ... '.join(ends)} {units}"
-    yield f"{np.prod(result_shape(result.conditions))} points"
+    how = f", {result.interpolation}" if result.interpolation else ""
+    yield f"{np.prod(result_shape(result.conditions))} points{how}"
     yield ""
     v, p, T = result.conditions
     headings = ["smallest", "largest", "at v [m/s]", "p [MPa]"] + ([] if T is None else ["T [K]"])

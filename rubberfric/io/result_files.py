@@ -9,7 +9,8 @@ each with the attribute units:
     transverse_friction [-]  flash_temperature [K]
     converged [-]                                       of type bool; 1.0 or 0.0 in older files
 
-the group /quadrature, whose attributes are the accuracy settings, and the attribute title.
+the group /quadrature, whose attributes are the accuracy settings, the attribute title, and of a map that was
+interpolated the attributes interpolated_from (points) and interpolation_error (relative).
 
 The conditions are HDF5 dimension scales, so that `xarray.open_dataset(path, engine="h5netcdf")` has
 the quantities over named coordinates. Where there is no temperature, its dimension is one without
@@ -29,7 +30,14 @@ import numpy as np
 from rubberfric.base.atomic import StrPath, replacing
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.io.hdf5 import check_names, creating, plain, read_values, reading, write_values
-from rubberfric.io.results import CONDITIONS, DIMENSIONS, QUANTITIES, Result, result_shape
+from rubberfric.io.results import (
+    CONDITIONS,
+    DIMENSIONS,
+    QUANTITIES,
+    Interpolation,
+    Result,
+    result_shape,
+)
 from rubberfric.io.scene_files.conditions import Conditions, SceneFile, check_conditions
 from rubberfric.io.scene_files.hdf5 import FORMAT, read_object, write_object
 from rubberfric.scene.scene import Scene
@@ -40,6 +48,8 @@ _BARE = "This is a netCDF dimension but not a netCDF variable."
 
 # Bytes that a result file has beside its quantities, and some more.
 _HEAD = 2**20
+# Attributes of a map that was interpolated.
+_FROM, _ERROR = "interpolated_from", "interpolation_error"
 
 
 def save_result(path: StrPath, result: Result) -> None:
@@ -49,6 +59,7 @@ def save_result(path: StrPath, result: Result) -> None:
         _begin(file, result, {name: values.dtype for name, values in found.items()})
         for name, values in found.items():
             _dataset(file, name)[...] = values
+        write_interpolation({name: _dataset(file, name) for name in found}, result.interpolation)
 
 
 @contextlib.contextmanager
@@ -80,6 +91,13 @@ def filling_result(
             raise ValueError(f"{path}: cannot be written, {size / 2**30:.3g} GiB: {error.strerror}") from None
         with h5py.File(temporary, "r+") as file:
             yield {name: _dataset(file, name) for name in dtypes}
+
+
+def write_interpolation(data: Mapping[str, h5py.Dataset], interpolation: Interpolation | None) -> None:
+    """How the quantities of a result file were interpolated, if they were, in the file of their datasets."""
+    if data and interpolation is not None:
+        attributes = next(iter(data.values())).file.attrs
+        attributes[_FROM], attributes[_ERROR] = interpolation
 
 
 def mapped_quantities(path: StrPath) -> dict[str, np.memmap]:
@@ -134,7 +152,10 @@ def load_result(path: StrPath) -> Result:
                     f"/{name} has shape {np.shape(array)}: must be {shape}, [{', '.join(DIMENSIONS)}]"
                 )
         quadrature = read_quadrature(file)
-    return Result(scene, conditions, Solution(**values), quadrature, title)
+        interpolation = None
+        if _FROM in file.attrs and _ERROR in file.attrs:
+            interpolation = Interpolation(int(plain(file.attrs[_FROM])), float(plain(file.attrs[_ERROR])))
+    return Result(scene, conditions, Solution(**values), quadrature, title, interpolation)
 
 
 def _read_quantity(file: h5py.File, name: str) -> np.ndarray:
@@ -181,7 +202,7 @@ def _read_scene(file: h5py.File) -> SceneFile:
     check_names(
         file,
         ("scene", *CONDITIONS, *QUANTITIES, "quadrature"),
-        ("format", "format_version", "rubberfric_version", "title"),
+        ("format", "format_version", "rubberfric_version", "title", _FROM, _ERROR),
     )
     if "scene" not in file:
         raise ValueError("/scene: is missing; must be a group")

@@ -40,6 +40,16 @@ DIMENSIONS = ("temperature", "pressure", "velocity")
 _SEARCHED = 2**24
 
 
+class Interpolation(NamedTuple):
+    """How the quantities of a map were interpolated."""
+
+    evaluations: int  # points at which the model was evaluated
+    error: float  # largest relative difference from the model at points of the map where both are known [-]
+
+    def __str__(self) -> str:
+        return f"interpolated from {self.evaluations} points, to {self.error:.1e}"
+
+
 class Result(NamedTuple):
     """Everything a result file holds."""
 
@@ -48,6 +58,7 @@ class Result(NamedTuple):
     solution: Solution  # arrays [temperature, pressure, velocity], None for what was not computed
     quadrature: Quadrature
     title: str = ""
+    interpolation: Interpolation | None = None  # None: the model was evaluated at every point
 
     def _repr_html_(self) -> str:
         """Tables for notebooks: conditions, the range of every quantity, the scene."""
@@ -62,6 +73,7 @@ class Result(NamedTuple):
                 (name, with_unit(_range(values, name), QUANTITIES[name].unit))
                 for name, values in quantities.items()
             ),
+            *([] if self.interpolation is None else [("computed", str(self.interpolation))]),
         ]
         tables = [table(rows, caption=self.title or "Result"), folded("scene", object_html(self.scene))]
         return "\n".join(tables)

@@ -1,11 +1,13 @@
 """Friction maps: quantities over velocity, pressure and temperature, however many points they have.
 
-Points are computed in batches of one size (`rubberfric.analysis.maps.batches`), so that one compiled
+A map that collapses onto one curve is read off that curve (`rubberfric.analysis.maps.collapse`). Points of
+others are computed in batches of one size (`rubberfric.analysis.maps.batches`), so that one compiled
 program serves them all and memory holds two batches and the results. Those of a map with a file are
 written to it batch by batch; it appears when the last is done.
 """
 
 import contextlib
+import functools
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
@@ -14,12 +16,12 @@ import jax
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.analysis.maps import batches
+from rubberfric.analysis.maps import batches, collapse
 from rubberfric.base.atomic import StrPath, check_writable
 from rubberfric.base.checks import as_leaf, closest
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.io.result_files import filling_result, mapped_quantities
-from rubberfric.io.results import Result, result_shape
+from rubberfric.io.result_files import filling_result, mapped_quantities, write_interpolation
+from rubberfric.io.results import Interpolation, Result, result_shape
 from rubberfric.io.scene_files.conditions import Conditions, check_conditions
 from rubberfric.scene.scene import Scene, result_dtype
 from rubberfric.theory.model import check_heated, check_kinds, checked
@@ -32,6 +34,9 @@ DEFAULT_QUANTITIES = ("area", "friction")
 
 # Bytes of results that are held in memory.
 LARGEST = 2**28
+
+# Points of a batch where a map is interpolated, from few: whole panels of pairs, and not many more.
+_FEW_POINTS, _FEWEST_PAIRS, _MOST_PAIRS = 2048, 48, 240
 
 _DEFAULT = Quadrature()
 
@@ -52,10 +57,14 @@ def friction_map(
     path: StrPath | None = None,
     title: str = "",
     devices: Sequence[jax.Device] | None = None,  # pyright: ignore[reportInvalidTypeForm]: a class
+    interpolate: bool = True,
 ) -> FrictionMap:
     """Quantities at every combination of velocity, pressure and temperature.
 
-    The same numbers as `solve` at every point, computed on all devices. Of memory it takes the results, at
+    The numbers of `solve` at every point, computed on all devices. A large map of a scene without heat, where
+    velocity and temperature enter as v a_T alone, is interpolated to 2e-10, below the error of the default
+    quadrature, from some hundred to thousand points (`rubberfric.analysis.maps.collapse`); where series do
+    not fall fast enough for that, each point is computed. Of memory it takes the results, at
     most 256 MiB of them, and at most as much again for the programs of all devices of the process together
     (`MEMORY` in `rubberfric.analysis.maps.batches`; some 10 MB on a processor); what several pressures have
     in common, most of the work, is done once.
@@ -77,10 +86,13 @@ def friction_map(
     title : what the map is called in its file and figure
     devices : sequence of JAX devices, or None
         None: all, of every process. Of several processes (`jax.distributed`) each makes this call.
+    interpolate : bool
+        False: the model is evaluated at every point.
 
     Returns
     -------
-    FrictionMap : scene, conditions, solution, quadrature, title
+    FrictionMap : scene, conditions, solution, quadrature, title, interpolation
+        interpolation is None if every point was computed, else says from how many points and how well.
         Fields of the solution are NumPy arrays [temperature, pressure, velocity], one temperature
         if there is none; None for what was not asked for. Beyond 256 MiB they are maps of the file
         at `path` into memory, to be read only. With a path, processes but the first get none.
@@ -99,36 +111,35 @@ def friction_map(
     check_heated(scene, quantities)
     dtypes = {name: np.dtype(bool) if name == "converged" else dtype for name in quantities}
     found = FrictionMap(scene, conditions, Solution(), quadrature, title)
-    temperatures, pressures, velocities = shape = result_shape(conditions)
+    shape = result_shape(conditions)
     size = math.prod(shape) * sum(x.itemsize for x in dtypes.values())
     if path is None and size > LARGEST:
         raise ValueError(
             f"path is None: must name a file for the {size / 2**30:.3g} GiB of results, "
             f"of which memory holds {LARGEST / 2**30:.3g} GiB"
         )
-    tiling = batches.plan(
-        temperatures * velocities, pressures, shared=scene.heating is None, block=block, devices=devices
-    )
     task = batches.Task(ready, conditions, quadrature, quantities)
+    work = functools.partial(_fill, task=task, devices=devices, block=block, interpolate=interpolate)
     if path is None:
         values = {name: np.empty(shape, dtypes[name]) for name in quantities}
-        _fill(values, tiling, task, progress)
+        interpolation = work(values, progress)
     else:
         with _file(path, found, dtypes) as data:
-            _fill(data, tiling, task, progress)
+            interpolation = work(data, progress)
+            write_interpolation(data, interpolation)
         if jax.process_index() > 0:
             return found
         values = mapped_quantities(path)
         if size <= LARGEST:
             values = {name: np.array(x) for name, x in values.items()}
-    return found._replace(solution=Solution(**values))
+    return found._replace(solution=Solution(**values), interpolation=interpolation)
 
 
 @contextlib.contextmanager
-def _file(path: StrPath, result: Result, dtypes: Mapping[str, np.dtype]) -> Iterator[Values]:
+def _file(path: StrPath, result: Result, dtypes: Mapping[str, np.dtype]) -> Iterator[dict[str, h5py.Dataset]]:
     """The quantities in the file of a map, which the first process has; all begin when it does."""
     with contextlib.ExitStack() as stack:
-        data = {}
+        data: dict[str, h5py.Dataset] = {}
         if jax.process_index() == 0:
             try:
                 check_writable(path, (".h5",))
@@ -141,22 +152,65 @@ def _file(path: StrPath, result: Result, dtypes: Mapping[str, np.dtype]) -> Iter
         yield data
 
 
-def _fill(data: Values, tiling: batches.Tiling, task: batches.Task, progress):
-    """Compute a map, arrays [temperature, pressure, velocity]."""
+def _fill(data: Values, progress, task, devices, block, interpolate) -> Interpolation | None:
+    """Compute a map, arrays [temperature, pressure, velocity]; how it was interpolated, if it was."""
+    shape = result_shape(task.conditions)
+    done, points = 0, math.prod(shape)
+    tell = progress or (lambda *_: None)
+    # Series need all digits, and every process all of them.
+    if interpolate and task.conditions.velocity.dtype == np.float64 and jax.process_count() == 1:
+        curve = collapse.curve(task.scene, task.conditions, task.quantities, _model(task, devices))
+        if curve is not None:
+            tell(0, points)
+            for T, j, piece in collapse.pieces(curve, task.conditions):
+                for name, array in data.items():
+                    array[T, j] = piece[name]
+                done += (T.stop - T.start) * shape[2]
+                tell(done, points)
+            return curve.interpolation
+    shared = task.scene.heating is None
+    tiling = batches.plan(shape[0] * shape[2], shape[1], shared=shared, block=block, devices=devices)
     task = task._replace(scene=batches.on_all(tiling.mesh, task.scene))
     tiling = batches.fitted(tiling, task)
-    done, points = 0, tiling.pairs * tiling.pressures
-    if progress:
-        progress(done, points)
+    tell(0, points)
     for batch, values in _computed(tiling, task):
         _check_finite(values, task.conditions, batch)
-        for T, v, pairs in batch.pieces(task.conditions.velocity.size):
-            for name, array in data.items():
-                piece = values[name][:, pairs].reshape(batch.high - batch.low, T.stop - T.start, -1)
-                array[T, batch.low : batch.high, v] = piece.swapaxes(0, 1)
+        _place(data, task.conditions, batch, values)
         done += batch.size
-        if progress:
-            progress(done, points)
+        tell(done, points)
+    return None
+
+
+def _model(task: batches.Task, devices) -> collapse.Model:
+    """The quantities of a scene at conditions, [temperature, pressure, velocity]."""
+    tiling = None
+
+    def model(quantities: tuple[str, ...], conditions: Conditions) -> Arrays:
+        nonlocal task, tiling
+        shape = result_shape(conditions)
+        here = task._replace(conditions=conditions, quantities=quantities)
+        if tiling is None:
+            # One program serves all calls: they have the pressures of the first, or fewer.
+            pairs = min(max(_FEWEST_PAIRS, _FEW_POINTS // shape[1]), _MOST_PAIRS)
+            tiling = batches.plan(pairs, shape[1], block=pairs * shape[1], devices=devices)
+            task = task._replace(scene=batches.on_all(tiling.mesh, task.scene))
+            here = here._replace(scene=task.scene)
+            tiling = batches.fitted(tiling, here)
+        at = tiling._replace(pairs=shape[0] * shape[2], pressures=shape[1])
+        values = {name: np.empty(shape) for name in quantities}
+        for batch, found in _computed(at, here):
+            _place(values, conditions, batch, found)
+        return values
+
+    return model
+
+
+def _place(data: Values, conditions: Conditions, batch: batches.Batch, values: Arrays) -> None:
+    """Values of a batch, (pressures, pairs), where they belong."""
+    for T, v, pairs in batch.pieces(conditions.velocity.size):
+        for name, array in data.items():
+            piece = values[name][:, pairs].reshape(batch.high - batch.low, T.stop - T.start, -1)
+            array[T, batch.low : batch.high, v] = piece.swapaxes(0, 1)
 
 
 def _computed(tiling: batches.Tiling, task: batches.Task) -> Iterator[tuple[batches.Batch, Arrays]]:
