@@ -1,7 +1,7 @@
 """The inverse fit: free parameters of a scene from measured data."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 import jax
 import numpy as np
@@ -42,6 +42,7 @@ def fit(
     tolerance: float | None = None,
     quadrature: rf.Quadrature | None = None,
     scale_errors: bool | str = "auto",
+    progress: Callable[[str], object] | None = None,
 ) -> FitResult:
     r"""Fit free parameters of a scene to measured data.
 
@@ -73,6 +74,8 @@ def fit(
         follow. "auto": where none were given; those given stand, and where the scene does not explain
         the data the report has both bars. True: those given as well, for relative weights only, all
         times `FitResult.error_scale`. False: never; without errors 10 % are assumed.
+    progress : function of a line of text, or None
+        called before what takes seconds and has no steps, as compiling has none.
 
     Returns
     -------
@@ -100,6 +103,8 @@ def fit(
     data = as_data_sets(data)
     problem = make_problem(scene, data, free, prior, loss, loss_width, quadrature)
     solver = make_solver(method, tolerance, max_steps)
+    tell = progress or (lambda _: None)
+    tell(f"compiling a fit of {problem.variables.size} numbers to {problem.targets.measured.size} values")
     key = jax.random.key(0) if key is None else key
     x = random_starts(problem.variables, problem.start, key, starts, decades)
     runs = search(solver, problem, x, max_steps, callback)
@@ -109,6 +114,7 @@ def fit(
         raise FloatingPointError(_not_finite(problem, data))
     minima = _minima(problem, runs)
     end, evaluations = runs.row(best), np.array([runs.nfev.sum(), runs.njev.sum()])
+    tell("compiling and computing the covariance")
     known = uncertainty(problem, end.x)
     scales = [None if one.error is not None else ASSUMED for one in data]
     error_scale, rescaled = 1.0, scale_errors is True and None in scales
@@ -118,6 +124,7 @@ def fit(
             break
         problem, scales, factor = _estimated(problem, scales, known, end.x, rescaled, error_scale)
         error_scale *= factor
+        tell("fitting again, with errors from the scatter")
         again = run(solver, problem, end.x[None], None, max_steps, callback, min(BATCH, starts))
         end = again.row(0)
         evaluations += np.array([again.nfev[0], again.njev[0]])
