@@ -66,6 +66,7 @@ sys.exit(command.main())
 def interrupted(program, *arguments, sending=(signal.SIGINT,), after=0.0, path=""):
     """Status, stdout after "now" and stderr of a command that gets signals some seconds after it."""
     environment = {name: value for name, value in os.environ.items() if name != "XLA_FLAGS"}
+    environment |= {"PYTHONPATH": f"{path}{os.pathsep}{ROOT}", "JAX_ENABLE_COMPILATION_CACHE": "false"}
     with subprocess.Popen(
         [sys.executable, "-c", program, *map(str, arguments)],
         stdout=subprocess.PIPE,
