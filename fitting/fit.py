@@ -1,7 +1,7 @@
 """The inverse fit: free parameters of a scene from measured data."""
 
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import jax
 import numpy as np
@@ -45,6 +45,7 @@ def fit(
     quadrature: rf.Quadrature | None = None,
     scale_errors: bool | str = "auto",
     discrepancy: Discrepancy | None = None,
+    progress: Callable[[str], object] | None = None,
 ) -> FitResult:
     r"""Fit free parameters of a scene to measured data.
 
@@ -82,6 +83,8 @@ def fit(
     discrepancy : Discrepancy or None
         how far the theory of friction itself may be off, see `fitting.parameters.discrepancy`; error bars,
         bands and verdict allow for it, and the report says by how much. None: the theory is true.
+    progress : function of a line of text, or None
+        called before what takes seconds and has no steps, as compiling has none.
 
     Returns
     -------
@@ -113,6 +116,8 @@ def fit(
         check_discrepancy(discrepancy, data, loss, scale_errors)
         problem = with_discrepancy(problem, each_scene(scene, of), data, discrepancy)
     solver = make_solver(method, tolerance, max_steps)
+    tell = progress or (lambda _: None)
+    tell(f"compiling a fit of {problem.variables.size} numbers to {problem.targets.measured.size} values")
     key = jax.random.key(0) if key is None else key
     x = random_starts(problem.variables, problem.start, key, starts, decades)
     runs = search(solver, problem, x, max_steps, callback)
@@ -122,6 +127,7 @@ def fit(
         raise FloatingPointError(_not_finite(problem, data))
     minima = _minima(problem, runs)
     end, evaluations = runs.row(best), np.array([runs.nfev.sum(), runs.njev.sum()])
+    tell("compiling and computing the covariance")
     known = uncertainty(problem, end.x)
     scales = [None if one.error is not None else ASSUMED for one in data]
     error_scale, rescaled = 1.0, scale_errors is True and None in scales
@@ -131,6 +137,7 @@ def fit(
             break
         problem, scales, factor = _estimated(problem, scales, known, end.x, rescaled, error_scale)
         error_scale *= factor
+        tell("fitting again, with errors from the scatter")
         again = run(solver, problem, end.x[None], None, max_steps, callback, min(BATCH, starts))
         end = again.row(0)
         evaluations += np.array([again.nfev[0], again.njev[0]])

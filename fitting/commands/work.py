@@ -77,9 +77,10 @@ def _fit(path: StrPath, job: Job, interrupts: Interrupts, show: Progress) -> Fit
         interrupts.hold()  # from now on there is something to report
         interrupts.check()
 
-    show(f"compiling a fit of {len(job.free)} parameters to {len(job.data)} sets of data")
     try:
-        return fit(job.scene, job.data, job.free, prior=job.prior, callback=callback, **job.options)
+        return fit(
+            job.scene, job.data, job.free, prior=job.prior, callback=callback, progress=show, **job.options
+        )
     except np.linalg.LinAlgError:  # a ValueError, but not one of the input
         raise
     except ValueError as error:

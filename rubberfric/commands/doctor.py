@@ -1,6 +1,7 @@
 """The command `rubberfric doctor`: what this installation is, and whether it keeps compiled programs."""
 
 import argparse
+import contextlib
 import importlib.metadata
 import importlib.util
 import platform
@@ -10,6 +11,7 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
 from rubberfric.base.process.compilation_cache import compilation_cache
 from rubberfric.base.process.release import VERSION
@@ -56,10 +58,37 @@ def _version(name: str) -> str:
 
 
 def _about_cache(arguments: argparse.Namespace) -> Iterator[str]:
-    """Where compiled programs are, and whether one is found there again."""
+    """About compiled programs."""
     if arguments.no_cache:
         yield f"{'programs':12} are not kept: --no-cache"
         return
+    with _options_kept():
+        yield from _tried()
+
+
+@contextlib.contextmanager
+def _options_kept() -> Iterator[None]:
+    """Options of JAX are left as they were, for who calls this from Python."""
+    config: Any = jax.config  # whose options checkers do not know
+    names = [
+        f"jax_{name}"
+        for name in (
+            *("compilation_cache_dir", "persistent_cache_min_compile_time_secs"),
+            "persistent_cache_min_entry_size_bytes",
+        )
+    ]
+    before = {name: getattr(config, name) for name in names}
+    try:
+        yield
+    finally:
+        if before != {name: getattr(config, name) for name in names}:
+            for name, value in before.items():
+                config.update(name, value)
+            reset_cache()
+
+
+def _tried() -> Iterator[str]:
+    """Where compiled programs are, and whether one is found there again."""
     folder = compilation_cache()
     if folder is None:
         config: Any = jax.config  # whose options checkers do not know

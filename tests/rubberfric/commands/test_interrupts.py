@@ -65,15 +65,17 @@ sys.exit(command.main())
 """
 
 
-def interrupted(program, *arguments, sending=(signal.SIGINT,), after=0.0):
+def interrupted(program, *arguments, sending=(signal.SIGINT,), after=0.0, path=""):
     """Status, stdout after "now" and stderr of a command that gets signals some seconds after it."""
     environment = {name: value for name, value in os.environ.items() if name != "XLA_FLAGS"}
+    environment |= {"PYTHONPATH": f"{path}{os.pathsep}{ROOT}", "JAX_ENABLE_COMPILATION_CACHE": "false"}
     with subprocess.Popen(
         [sys.executable, "-c", program, *map(str, arguments)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        env=environment | {"PYTHONPATH": str(ROOT), "JAX_ENABLE_COMPILATION_CACHE": "false"},
+        env=environment
+        | {"PYTHONPATH": f"{path}{os.pathsep}{ROOT}", "JAX_ENABLE_COMPILATION_CACHE": "false"},
     ) as process:
         try:
             assert process.stdout.readline() == "now\n"
@@ -84,6 +86,19 @@ def interrupted(program, *arguments, sending=(signal.SIGINT,), after=0.0):
             return process.wait(60), *process.communicate()
         finally:
             process.kill()
+
+
+@pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("package", ["rubberfric", "fitting"])
+def test_a_signal_while_jax_is_imported(tmp_path, which, package):
+    """Of which one that takes a minute stands in the place."""
+    (tmp_path / "jax.py").write_text("import time\nprint('now', flush=True)\ntime.sleep(60)\n")
+    job = ROOT / "data" / "tread_on_asphalt_fit.toml"
+    arguments = ("run", SCENE) if package == "rubberfric" else (job,)
+    program = f"import sys; from {package}.commands.main import main; sys.exit(main())"
+    name = "rubberfric" if package == "rubberfric" else "rubberfric-fit"
+    found = interrupted(program, *arguments, sending=(which,), path=tmp_path)
+    assert found == (128 + which, "", f"{name}: {LOST}")
 
 
 @pytest.mark.parametrize(
