@@ -4,6 +4,7 @@ from rubberfric.analysis.by_wavevector import Profile, profile
 from rubberfric.analysis.error_and_time.settings import quadrature_for
 from rubberfric.analysis.error_and_time.sweep import accuracy
 from rubberfric.analysis.extrapolation import friction_outside_table
+from rubberfric.analysis.friction_table import friction_table
 from rubberfric.analysis.interface import contact_stiffness, stress_distribution
 from rubberfric.analysis.jacobian import value_and_jacobian
 from rubberfric.analysis.maps.friction_map import FrictionMap, friction_map
@@ -20,6 +21,7 @@ __all__ = [
     "dissipated_power",
     "friction_map",
     "friction_outside_table",
+    "friction_table",
     "profile",
     "quadrature_for",
     "separation_profile",

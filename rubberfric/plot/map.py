@@ -6,9 +6,9 @@ import numpy as np
 
 from rubberfric.base.checks import closest
 from rubberfric.base.units import to_celsius
-from rubberfric.io.results import QUANTITIES, Result
+from rubberfric.io.results import QUANTITIES, Result, curves_of
 from rubberfric.io.scene_files.conditions import Conditions
-from rubberfric.plot.style import LOG_V, PANELS, Figure, Panels, check_kind, new_figure, several_axes
+from rubberfric.plot.style import LOG_V, PANELS, Figure, Panels, new_figure, several_axes
 
 # Panels of a figure, and points drawn along an axis: a picture has no room for more.
 _PANELS = 4
@@ -19,7 +19,7 @@ _LOGARITHMIC = ("area",)
 
 
 def plot_map(
-    result: Result,
+    result: object,
     quantity: str = "friction",
     ax: Panels | None = None,
     *,
@@ -49,7 +49,7 @@ def plot_map(
     ------
     ValueError : nothing to draw, as above; the quantity was not computed; `ax` has another number of axes.
     """
-    check_kind("result", result, Result)
+    result = curves_of(result)
     check_map(result.conditions, temperature, pressure)
     field = getattr(result.solution, quantity) if quantity in QUANTITIES else None
     if field is None:

@@ -8,11 +8,14 @@ from rubberfric.io.results import Result
 from rubberfric.plot.accuracy import plot_accuracy
 from rubberfric.plot.curves import plot_result
 from rubberfric.plot.map import figure_of_map
-from rubberfric.plot.style import FigureBase
+from rubberfric.plot.style import Axes, FigureBase, Panels
 
 
-def save_figure(path: StrPath, figure: FigureBase) -> None:
-    """Write a figure to a file."""
+def save_figure(path: StrPath, figure: FigureBase | Axes | Panels) -> None:
+    """Write a figure to a file, whole or not at all; of axes, or a sequence of them, that they are in."""
+    if not hasattr(figure, "savefig"):
+        axes = figure if hasattr(figure, "figure") else figure[0]  # pyright: ignore[reportIndexIssue]
+        figure = axes.figure
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=150)  # pyright: ignore[reportAttributeAccessIssue]: of no SubFigure
 
