@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from rubberfric import analysis, io, materials, plot, roughness
 from rubberfric.analysis import FrictionMap, friction_map
 from rubberfric.base import units
+from rubberfric.base.checks import UnitWarning
 from rubberfric.base.progress import progress
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.io import load_scene, save_scene
@@ -61,6 +62,7 @@ __all__ = [
     "TabulatedSpectrum",
     "TabulatedVertical",
     "ThermalProperties",
+    "UnitWarning",
     "analysis",
     "complex_modulus",
     "contact_area",
