@@ -21,10 +21,13 @@ from fitting.results import plot
 from fitting.results.result import FitResult
 from fitting.uncertainty.density import LogDensity, log_density
 from fitting.uncertainty.sensitivity import sensitivity, sensitivity_names
+from fitting.uncertainty.uses.design import Design, design, prediction
+from fitting.uncertainty.uses.friction_table import friction_table
 
 __all__ = [
     "AreaData",
     "Bounded",
+    "Design",
     "EnsembleResult",
     "FitResult",
     "Free",
@@ -43,14 +46,17 @@ __all__ = [
     "SpectrumFit",
     "Tied",
     "bootstrap_members",
+    "design",
     "fit",
     "fit_master_curve",
     "fit_prony",
     "fit_spectrum",
+    "friction_table",
     "kramers_kronig",
     "log_density",
     "multi_start",
     "plot",
+    "prediction",
     "profile_members",
     "read",
     "run_ensemble",

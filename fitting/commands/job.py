@@ -27,6 +27,9 @@
     [fit]                               # optional: method, starts, seed, loss, loss_width, decades,
     starts = 8                          # max_steps, tolerance, scale_errors as in `fitting.fit`
     ...
+
+    [design]                            # optional, for `rubberfric-fit design`: `fitting.commands.design`
+    ...
 """
 
 import dataclasses
@@ -64,6 +67,7 @@ class Job(NamedTuple):
     prior: dict[str, Prior]
     options: dict[str, Any]
     title: str
+    design: Any = None  # the table [design], see `fitting.commands.design`
 
 
 def read_job(path: StrPath) -> Job:
@@ -80,7 +84,7 @@ def read_job(path: StrPath) -> Job:
         raise ValueError(f"{path}: suffix {path.suffix!r}: must be .toml")
     content = toml.read_toml(path)
     needed = ("scene", "data", "free")
-    toml.check_keys(path, "", content, ("title", *needed, "prior", "fit"), needed)
+    toml.check_keys(path, "", content, ("title", *needed, "prior", "fit", "design"), needed)
     title = _text(path, "title", content.get("title", ""))
     free, prior = content["free"], content.get("prior", {})
     _check_paths(path, "free", free, RULE_KEYS)
@@ -93,7 +97,7 @@ def read_job(path: StrPath) -> Job:
         raise ValueError(f"{path}: data = {shown(data)}: must be tables, each headed [[data]]")
     scene = _read(path, "scene", content["scene"], rf.load_scene)
     data = [_data(path, f"data[{i}]", one) for i, one in enumerate(data)]
-    return Job(scene, data, free, prior, options, title)
+    return Job(scene, data, free, prior, options, title, content.get("design"))
 
 
 def _text(path, key, value):

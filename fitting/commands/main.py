@@ -10,10 +10,12 @@ with --resume.
 
 import argparse
 import importlib.metadata
+import sys
 from collections.abc import Sequence
 
 import numpy as np
 
+from fitting.commands import design
 from fitting.commands.job import Job, read_job
 from fitting.ensemble.members import bootstrap_members
 from fitting.ensemble.result import EnsembleResult
@@ -33,6 +35,9 @@ def main(argv: Sequence[str] | None = None) -> int:
 
     None: those of the process, which a signal then may end (`rubberfric.commands.interrupts`).
     """
+    given = sys.argv[1:] if argv is None else list(argv)
+    if given[:1] == ["design"]:
+        return design.main(given[1:], process=argv is None)
     parser = _parser()
     arguments = parser.parse_args(argv)
     if arguments.bootstrap is None and (arguments.checkpoint is not None or arguments.resume):
@@ -116,6 +121,7 @@ def _parser():
     parser = Parser(
         prog=PROGRAM,
         description="Fit parameters of a rubber friction scene to measurements; print values and errors.",
+        epilog="rubberfric-fit design JOB: fit, and choose the measurements to make next.",
     )
     version = importlib.metadata.version("rubberfric")
     parser.add_argument("--version", action="version", version=f"{PROGRAM} {version}")
