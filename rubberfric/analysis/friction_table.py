@@ -60,18 +60,18 @@ def friction_table(
         do not converge; an error below what 2049 points an axis give, as across a jump.
     """
     check_values("error", as_leaf("error", error, 0), ("must be between 1e-5 and 0.5", _between))
-    ends = [_ends(name, x) for name, x in zip(AXES, (velocity, pressure, temperature), strict=True)]
-    counts = [1 if e is None or e[0] == e[1] else _AT_FIRST for e in ends]
+    given = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
+    ends = [_ends(name, x) for name, x in given.items() if x is not None]
+    counts = [1 if low == high else _AT_FIRST for low, high in ends]
     if counts[0] > 1:
-        counts[0] = max(_AT_FIRST, 2 * int(np.ceil(0.5 * _A_DECADE * np.log10(ends[0][1] / ends[0][0]))) + 1)
+        decades = np.log10(ends[0][1] / ends[0][0])
+        counts[0] = max(_AT_FIRST, 2 * int(np.ceil(0.5 * _A_DECADE * decades)) + 1)
     shares = sum(count > 1 for count in counts)
     while True:
-        axes = [
-            None if e is None else _points(k, e, n) for k, (e, n) in enumerate(zip(ends, counts, strict=True))
-        ]
+        axes = [_points(name, *of) for name, *of in zip(AXES, ends, counts, strict=False)]
         mu, area = _computed(scene, axes, quadrature)
         own = [_halved(axis, mu, 2 - k) / 4 for k, axis in enumerate(axes)]
-        worst = [k for k in range(3) if own[k] > error / (4 * shares)]
+        worst = [k for k, here in enumerate(own) if here > error / (4 * shares)]
         if not worst:
             break
         if max(counts[k] for k in worst) >= _MOST:
@@ -81,15 +81,14 @@ def friction_table(
             )
         counts = [2 * n - 1 if k in worst else n for k, n in enumerate(counts)]
     share = (error - sum(own)) / max(shares, 1)
-    kept = [_kept(axis, mu, 2 - k, share) for k, axis in enumerate(axes)]
-    rows = np.ix_(kept[2], kept[1], kept[0])
-    found = [None if axis is None else axis[keep] for axis, keep in zip(axes, kept, strict=True)]
-    table = FrictionTable(found[0], found[1], found[2], mu[rows], area=area[rows], title=title)
-    between = mu[rows]
-    for k, axis in enumerate(axes):
-        if axis is not None:
-            between = _along(2 - k, hats(axis[kept[k]], axis), between)
-    return table._replace(error=float(np.max(np.abs(between / mu - 1))) + sum(own))
+    kept = [np.array(_kept(axis, mu, 2 - k, share)) for k, axis in enumerate(axes)]
+    coarse, area, between = mu, area, mu
+    for k, keep in enumerate(kept):
+        coarse, area = (np.take(values, keep, 2 - k) for values in (coarse, area))
+        between = _along(2 - k, hats(axes[k][keep], axes[k]), np.take(between, keep, 2 - k))
+    found = float(np.max(np.abs(between / mu - 1))) + sum(own)
+    v, p, *T = (axis[keep] for axis, keep in zip(axes, kept, strict=True))
+    return FrictionTable(v, p, T[0] if T else None, coarse, area=area, error=found, title=title)
 
 
 def _between(x):
@@ -97,9 +96,7 @@ def _between(x):
 
 
 def _ends(name, given):
-    """(lowest, highest) of an axis, or None where it is absent."""
-    if given is None:
-        return None
+    """(lowest, highest) of an axis."""
     values = np.asarray(as_leaf(name, given, np.ndim(given)), float).ravel()
     check_values(name, values, POSITIVE)
     if values.size not in (1, 2) or values[0] > values[-1]:
@@ -108,8 +105,8 @@ def _ends(name, given):
 
 
 def _points(name, ends, count):
-    if ends is None or count == 1:
-        return None if ends is None else np.array([ends[0]])
+    if count == 1:
+        return np.array(ends[:1])
     return np.linspace(*ends, count) if name == "temperature" else np.geomspace(*ends, count)
 
 
@@ -130,7 +127,7 @@ def _computed(scene, axes, quadrature):
 
 def _halved(axis, mu, place):
     """Largest relative error when every second point of an axis is interpolated from the others."""
-    if axis is None or axis.size == 1:
+    if axis.size == 1:
         return 0.0
     values = np.moveaxis(mu, place, 0)
     part = ((axis[1:-1:2] - axis[:-2:2]) / (axis[2::2] - axis[:-2:2]))[:, None, None]
@@ -140,7 +137,7 @@ def _halved(axis, mu, place):
 
 def _kept(axis, mu, place, share):
     """Indices of the points of an axis that are kept: from each the farthest next one within the share."""
-    if axis is None or axis.size == 1:
+    if axis.size == 1:
         return [0]
     values = np.moveaxis(mu, place, 0).reshape(axis.size, -1)
     kept = [0]

@@ -127,14 +127,14 @@ def _solution(found: object, quantity: str) -> Solution:
 def _on_a_grid(solution: Solution, given: dict[str, ArrayLike | None]) -> Curves:
     """A solution as arrays [temperature, pressure, velocity], its axes sorted."""
     arrays = {name: np.asarray(x) for name, x in solution._asdict().items() if x is not None}
-    known = [name for name, x in given.items() if x is not None]
+    known = {name: np.asarray(x, float) for name, x in given.items() if x is not None}
     try:
-        shape = np.broadcast_shapes(*(np.shape(given[name]) for name in known))
-        flat = [np.broadcast_to(np.asarray(given[name], float), shape).ravel() for name in known]
+        shape = np.broadcast_shapes(*(x.shape for x in known.values()))
+        flat = [np.broadcast_to(x, shape).ravel() for x in known.values()]
         if any(x.shape != shape for x in arrays.values()):
             raise ValueError
     except ValueError:
-        shapes = ", ".join(f"{name} has {np.shape(given[name])}" for name in known)
+        shapes = ", ".join(f"{name} has {x.shape}" for name, x in known.items())
         result = " and ".join({str(x.shape) for x in arrays.values()})
         raise ValueError(f"shapes differ ({shapes}, the result {result}): must broadcast to it") from None
     axes, places = zip(*(np.unique(x, return_inverse=True) for x in reversed(flat)), strict=True)
@@ -142,7 +142,7 @@ def _on_a_grid(solution: Solution, given: dict[str, ArrayLike | None]) -> Curves
     if np.unique(np.ravel_multi_index(places, size)).size != count or count != np.prod(size):
         raise ValueError(
             f"the result has {count} points, not every combination of its {' x '.join(map(str, size))}"
-            f" values of {', '.join(reversed(known))}: must have, as friction_map computes them"
+            f" values of {', '.join(reversed([*known]))}: must have, as friction_map computes them"
         )
 
     def ordered(values):

@@ -64,7 +64,7 @@ def any(  # the word that says it; the builtin is of no use here
         conditions = Conditions(found.velocity, found.pressure, found.temperature)
         found = Curves(conditions, Solution(area=found.area, friction=found.friction), found.title)
     if isinstance(found, Result | Curves | Solution | np.ndarray | jax.Array):
-        curves = curves_of(found, **at)
+        curves = curves_of(found, at["velocity"], at["pressure"], at["temperature"])
         T = curves.conditions.temperature
         lines = curves.conditions.pressure.size * (1 if T is None else T.size)
         return (plot_result if lines <= _LINES else plot_map)(curves, ax=ax, **options)

@@ -1,6 +1,9 @@
 """Pictures to files, whole or not at all."""
 
 import importlib.util
+from collections.abc import Sequence
+
+import numpy as np
 
 from rubberfric.analysis.error_and_time.report import Accuracy
 from rubberfric.base.atomic import StrPath, check_writable, replacing
@@ -13,9 +16,9 @@ from rubberfric.plot.style import Axes, FigureBase, Panels
 
 def save_figure(path: StrPath, figure: FigureBase | Axes | Panels) -> None:
     """Write a figure to a file, whole or not at all; of axes, or a sequence of them, that they are in."""
-    if not hasattr(figure, "savefig"):
-        axes = figure if hasattr(figure, "figure") else figure[0]  # pyright: ignore[reportIndexIssue]
-        figure = axes.figure
+    if isinstance(figure, Sequence | np.ndarray):
+        figure = figure[0]
+    figure = getattr(figure, "figure", None) or figure  # of axes; that of a figure is itself
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=150)  # pyright: ignore[reportAttributeAccessIssue]: of no SubFigure
 

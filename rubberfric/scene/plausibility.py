@@ -53,17 +53,18 @@ def doubts_of_conditions(**conditions: Any) -> Iterator[str]:
 def warn_of_scene(scene: PhysicalObject) -> None:
     """A UnitWarning of the first doubt about a scene whose numbers are all concrete."""
     if all(map(is_concrete, jax.tree.leaves(scene))):
-        _warn(doubts_of_scene(scene))
+        _warn(doubts_of_scene(scene), 6)
 
 
 def warn_of_conditions(**conditions: Any) -> None:
     """The same of velocity, pressure and temperature."""
-    _warn(doubts_of_conditions(**conditions))
+    _warn(doubts_of_conditions(**conditions), 5)
 
 
-def _warn(doubts):
+def _warn(doubts, above):
+    """Warn of the first, at the line of the caller so many calls above."""
     for text in doubts:
-        warnings.warn(f"{text} {_OFF}", UnitWarning, stacklevel=5)
+        warnings.warn(f"{text} {_OFF}", UnitWarning, stacklevel=above)
         return
 
 

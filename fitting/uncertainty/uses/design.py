@@ -76,8 +76,9 @@ class Design:
         lines = [f"Design of {self.index.size} measurements ({self.criterion}), most useful first"]
         repeats = {i: int(np.sum(self.index == i)) for i in self.index.tolist()}
         for i, count in repeats.items():
-            v, p, T = (None if c is None else c[i] for c in self.candidates)
-            at = f"  v = {v:.4g} m/s, p = {p / 1e6:.4g} MPa" + (f", T = {T - 273.15:.4g} °C" if T else "")
+            v, p, T = self.candidates
+            at = f"  v = {v[i]:.4g} m/s, p = {p[i] / 1e6:.4g} MPa"
+            at += "" if T is None else f", T = {rf.units.to_celsius(T[i]):.4g} °C"
             lines.append(at + (f", {count} times" if count > 1 else ""))
         if self.predicted is not None:
             old, new = self.predicted

@@ -63,9 +63,9 @@ class Known(NamedTuple):
         """
         count = at[0].size
         padding = (0, recurring_length(count) - count)
-        at = tuple(None if c is None else np.pad(c, padding, "edge") for c in at)
+        v, p, T = (None if c is None else np.pad(c, padding, "edge") for c in at)
         static = {"variables": self.variables, "quantity": quantity, "quadrature": self.quadrature}
-        value, slope = _value_and_slope(self.constants, jnp.asarray(x), at, **static)
+        value, slope = _value_and_slope(self.constants, jnp.asarray(x), (v, p, T), **static)
         value, slope = np.asarray(value)[:count], np.asarray(slope)[:count]
         if logarithmic:
             slope = slope / value[:, None]

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 
+import rubberfric as rf
 from rubberfric.plot import style
 
 # Panels of a figure; a picture has no room for more.
@@ -27,9 +28,10 @@ def plot_design(design: Any, ax: style.Panels | None = None) -> style.Panels:
     """
     v, p, T = design.candidates
     over_temperature = T is not None and np.unique(T).size > 1
+    celsius = np.zeros_like(v) if T is None else rf.units.to_celsius(T)
     groups = np.unique(p) if over_temperature else np.unique(T) if T is not None else np.array([np.nan])
     groups = [g for g in groups if _chosen(design, g, over_temperature).any()][:_PANELS]
-    y = T - 273.15 if over_temperature else np.log10(p / 1e6)
+    y = celsius if over_temperature else np.log10(p / 1e6)
     names = [_title(g, over_temperature) for g in groups]
     ax = style.several_axes(ax, names, (1.8 + 3.6 * len(names), 3.9), across=True)
     label = "gain of one measurement\n" + (
@@ -80,4 +82,4 @@ def _chosen(design, value, over_temperature):
 def _title(value, over_temperature):
     if over_temperature:
         return f"{value / 1e6:.4g} MPa"
-    return "" if np.isnan(value) else f"{value - 273.15:.4g} °C"
+    return "" if np.isnan(value) else f"{rf.units.to_celsius(value):.4g} °C"

@@ -19,8 +19,8 @@ def write(table: FrictionTable, units: TableUnits, name: str) -> Iterator[str]:
     yield f"*SURFACE INTERACTION, NAME={name}"
     yield "*FRICTION"
     for k, j, i in np.ndindex(table.friction.shape):
-        fields = [table.friction[k, j, i], v[i], p[j]] + ([] if T is None else [T[k]])
-        yield ", ".join(map(text_of, fields))
+        fields = table.friction[k, j, i], v[i], p[j], *(() if T is None else (T[k],))
+        yield ", ".join(text_of(float(x)) for x in fields)
 
 
 def read(text: str, units: TableUnits) -> FrictionTable:

@@ -10,6 +10,7 @@ import json
 
 import numpy as np
 
+from rubberfric.base.checks import POSITIVE, check_values
 from rubberfric.io.friction_tables.table import AXES, FrictionTable
 
 FORMAT = "rubberfric friction table"
@@ -68,6 +69,7 @@ def to_log10(table: FrictionTable) -> str:
             f"table has {table.pressure.size} pressures and {table.friction.shape[0]} temperatures: must have"
             " one of each for log10, whose columns are a curve"
         )
+    check_values("velocity", table.velocity, POSITIVE)
     curves = {"log10_v": np.log10(table.velocity), "mu_visc": table.friction.ravel()}
     if table.area is not None:
         curves["A_over_A0"] = table.area.ravel()

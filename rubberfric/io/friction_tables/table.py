@@ -90,15 +90,13 @@ def as_friction_table(
 def _of_curves(result: Curves) -> FrictionTable:
     if result.solution.friction is None:
         raise ValueError("result has no friction: must be computed")
-    conditions = result.conditions
-    order = [np.argsort(axis) for axis in conditions if axis is not None]
-    rows = np.ix_(order[2] if len(order) == 3 else [0], order[1], order[0])
-    axes = [None if axis is None else np.asarray(axis, float)[np.argsort(axis)] for axis in conditions]
-    area = result.solution.area
+    v, p, T = result.conditions
+    orders = [np.array([0]) if axis is None else np.argsort(axis) for axis in (T, p, v)]
+    rows, area = np.ix_(*orders), result.solution.area
     return FrictionTable(
-        axes[0],
-        axes[1],
-        axes[2],
+        np.asarray(v, float)[orders[2]],
+        np.asarray(p, float)[orders[1]],
+        None if T is None else np.asarray(T, float)[orders[0]],
         np.asarray(result.solution.friction, float)[rows],
         area=None if area is None else np.asarray(area, float)[rows],
         title=result.title,

@@ -62,7 +62,7 @@ def named_units(text: str, velocity: str | None, pressure: str | None, temperatu
             raise ValueError(f"unit_{name} is missing: must be given, the file does not say it")
         if not isinstance(unit, str) or unit not in known:
             raise ValueError(f"unit_{name} = {shown(unit)}: {closest(unit, tuple(known))}")
-    return TableUnits(*given)
+    return TableUnits(*map(str, given))
 
 
 def table_of_rows(rows: np.ndarray, units: TableUnits) -> FrictionTable:

@@ -1,5 +1,8 @@
 """Text of a file."""
 
+import importlib
+from typing import Any
+
 from rubberfric.base.atomic import StrPath, as_path
 
 # Bytes above ASCII that exports in Latin-1 have: ° µ ¹ ² ³ ·, German vowels, French letters.
@@ -30,7 +33,7 @@ def read_text(path: StrPath, exports: bool = False) -> str:
 def _sheet(path: StrPath) -> str:
     """The first sheet of a workbook that has numbers, as text."""
     try:
-        import openpyxl
+        openpyxl: Any = importlib.import_module("openpyxl")
     except ImportError:
         raise ValueError(
             f"{path}: cannot be read without openpyxl: pip install 'rubberfric[excel]', or save it as .csv"

@@ -94,6 +94,18 @@ def test_what_solve_returns_is_drawn():
         plot.plot_friction(RESULT, velocity=V)
 
 
+def test_panels_that_would_repeat_are_one():
+    v = np.logspace(-3, 0, 5)
+    conditions = Conditions(v, np.array([1e5, 3e5, 5e5]), np.array([283.15, 303.15]))
+    mu = np.ones((2, 3, 5)) * np.linspace(0.5, 1.0, 5) * np.array([1.0, 1.2])[:, None, None]
+    alike = RESULT._replace(conditions=conditions, solution=rf.Solution(friction=mu))
+    (axes,) = plot.plot_map(alike)
+    assert axes.get_title() == "0.1 … 0.5 MPa, all alike"
+    assert len(plot.plot_map(alike, ax=Figure().subplots(1, 3))) == 3
+    other = alike._replace(solution=rf.Solution(friction=mu * np.array([1.0, 1.0, 1.01])[:, None]))
+    assert len(plot.plot_map(other)) == 3
+
+
 def test_any_picks_the_picture(tmp_path):
     assert len(plot.any(RESULT)) == 3 and len(plot.any(RESULT, ax=None)) == 3
     many = RESULT._replace(
