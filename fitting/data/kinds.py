@@ -22,7 +22,7 @@ from rubberfric.base import POSITIVE
 _VELOCITY = Field(
     "v",
     "m/s",
-    plausible=(likely("must be -500 ... 500 m/s; is it in mm/s or um/s?", lambda v: np.abs(v) <= 500),),
+    plausible=(likely("must be -1000 ... 1000 m/s; is it in mm/s or um/s?", lambda v: np.abs(v) <= 1e3),),
 )
 _PRESSURE = Field(
     "p",

@@ -136,8 +136,8 @@ def test_signs(cls, name, value):
 @pytest.mark.parametrize(
     ("cls", "name", "value", "text"),
     [
-        (FrictionData, "velocity", 2e6, "must be -500 ... 500 m/s; is it in mm/s or um/s?"),
-        (AreaData, "velocity", -2e6, "must be -500 ... 500 m/s; is it in mm/s or um/s?"),
+        (FrictionData, "velocity", 2e6, "must be -1000 ... 1000 m/s; is it in mm/s or um/s?"),
+        (AreaData, "velocity", -2e6, "must be -1000 ... 1000 m/s; is it in mm/s or um/s?"),
         (FrictionData, "pressure", 0.15, "must be >= 1 Pa; is it in MPa or GPa?"),
         (AreaData, "pressure", 1.1e10, "must be <= 1e10 Pa"),
         (FrictionData, "temperature", 20.0, "must be >= 100 K; is it in °C? then add 273.15"),
@@ -463,7 +463,7 @@ def test_faulty_tables(tmp_path, text, given, expected):
 @pytest.mark.parametrize("name", ["data.docx", "data", "data.toml"])
 def test_other_suffixes(tmp_path, name):
     path = tmp_path / name
-    assert "must be .csv, .txt, .tsv, .dat or .h5" in refused(path, lambda: read(path))
+    assert "must be .csv, .txt, .tsv, .dat, .xlsx or .h5" in refused(path, lambda: read(path))
     assert "must be .csv or .h5" in refused(path, lambda: good(FrictionData).write(path))
 
 
