@@ -104,10 +104,11 @@ def _ends(name, given):
     return float(values[0]), float(values[-1])
 
 
-def _points(name, ends, count):
+def _points(name: str, ends: tuple[float, float], count: int) -> np.ndarray:
+    low, high = ends
     if count == 1:
-        return np.array(ends[:1])
-    return np.linspace(*ends, count) if name == "temperature" else np.geomspace(*ends, count)
+        return np.array([low])
+    return np.linspace(low, high, count) if name == "temperature" else np.geomspace(low, high, count)
 
 
 def _computed(scene, axes, quadrature):
