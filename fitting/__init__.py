@@ -32,6 +32,8 @@ if TYPE_CHECKING:
     from fitting.results.samples import Samples
     from fitting.uncertainty.density import LogDensity, log_density
     from fitting.uncertainty.sensitivity import sensitivity, sensitivity_names
+    from fitting.uncertainty.uses.design import Design, design, prediction
+    from fitting.uncertainty.uses.friction_table import friction_table
 
 __all__ = [
     "AreaData",
@@ -39,6 +41,7 @@ __all__ = [
     "Calibration",
     "Comparison",
     "Correlated",
+    "Design",
     "Discrepancy",
     "EnsembleResult",
     "FitResult",
@@ -62,14 +65,17 @@ __all__ = [
     "bootstrap_members",
     "calibration",
     "compare",
+    "design",
     "fit",
     "fit_master_curve",
     "fit_prony",
     "fit_spectrum",
+    "friction_table",
     "kramers_kronig",
     "log_density",
     "multi_start",
     "plot",
+    "prediction",
     "profile_members",
     "read",
     "run_ensemble",
@@ -109,6 +115,8 @@ lazily(
         "fitting.results.samples": "Samples",
         "fitting.uncertainty.density": "LogDensity log_density",
         "fitting.uncertainty.sensitivity": "sensitivity sensitivity_names",
+        "fitting.uncertainty.uses.design": "Design design prediction",
+        "fitting.uncertainty.uses.friction_table": "friction_table",
     },
     modules=("fitting.results.plot",),
 )

@@ -8,6 +8,7 @@ if TYPE_CHECKING:
     from rubberfric import analysis, io, materials, plot, roughness
     from rubberfric.analysis import FrictionMap, friction_map
     from rubberfric.base import units
+    from rubberfric.base.checks import UnitWarning
     from rubberfric.base.process.compilation_cache import compilation_cache
     from rubberfric.base.progress import progress
     from rubberfric.base.quadrature import Quadrature
@@ -65,6 +66,7 @@ __all__ = [
     "TabulatedSpectrum",
     "TabulatedVertical",
     "ThermalProperties",
+    "UnitWarning",
     "analysis",
     "compilation_cache",
     "complex_modulus",
@@ -100,10 +102,13 @@ lazily(
     __name__,
     {
         "rubberfric.analysis": "FrictionMap friction_map",
+        "rubberfric.base.checks": "UnitWarning",
         "rubberfric.base.process.compilation_cache": "compilation_cache",
         "rubberfric.base.progress": "progress",
         "rubberfric.base.quadrature": "Quadrature",
         "rubberfric.io": "load_scene save_scene",
+        "rubberfric.scene": "Body ContactShear Heating Scene Softening ThermalProperties",
+        "rubberfric.theory": "Solution contact_area friction quantities_of separation solve",
         "rubberfric.materials": (
             "WLF Arrhenius Coating Elastic Entropic Prony PronyShear Rigid Slab TabulatedModulus "
             "TabulatedShift TabulatedVertical complex_modulus"
@@ -112,8 +117,6 @@ lazily(
             "Anisotropic SelfAffine TabulatedAnisotropic TabulatedSpectrum power_spectrum rms_slope "
             "with_cutoff"
         ),
-        "rubberfric.scene": "Body ContactShear Heating Scene Softening ThermalProperties",
-        "rubberfric.theory": "Solution contact_area friction quantities_of separation solve",
     },
     modules=(
         "rubberfric.analysis",

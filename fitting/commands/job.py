@@ -38,6 +38,9 @@
     [fit]                               # optional: method, starts, seed, loss, loss_width, decades,
     starts = 8                          # max_steps, tolerance, scale_errors as in `fitting.fit`
     ...
+
+    [design]                            # optional, for `rubberfric-fit design`: `fitting.commands.design`
+    ...
 """
 
 import dataclasses
@@ -82,6 +85,7 @@ class Job(NamedTuple):
     prior: dict[str, Prior]
     options: dict[str, Any]
     title: str
+    design: Any = None  # the table [design], see `fitting.commands.design`
 
 
 def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
@@ -104,7 +108,7 @@ def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
     content = toml.read_toml(path)
     several = "scenes" in content
     needed = ("scenes", "free") if several else ("scene", "data", "free")
-    toml.check_keys(path, "", content, ("title", *needed, "prior", "discrepancy", "fit"), needed)
+    toml.check_keys(path, "", content, ("title", *needed, "prior", "discrepancy", "fit", "design"), needed)
     title = _text(path, "title", content.get("title", ""))
     free, prior = content["free"], content.get("prior", {})
     _check_paths(path, "free", free, RULE_KEYS)
@@ -121,7 +125,7 @@ def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
         options["discrepancy"] = _discrepancy(path, content["discrepancy"])
     if not several:
         scene, data = _scene(path, "scene", content["scene"], "data", content["data"], outputs)
-        return Job(scene, data, free, prior, options, title)
+        return Job(scene, data, free, prior, options, title, content.get("design"))
     tables = content["scenes"]
     toml.check_keys(path, "scenes", tables, tables)
     scenes: dict[str, rf.Scene] = {}
@@ -131,7 +135,7 @@ def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
         toml.check_keys(path, where, table, ("file", "data"), ("file", "data"))
         file, data = table["file"], table["data"]
         scenes[name], sets[name] = _scene(path, f"{where}.file", file, f"{where}.data", data, outputs)
-    return Job(scenes, sets, free, prior, options, title)
+    return Job(scenes, sets, free, prior, options, title, content.get("design"))
 
 
 def _scene(path, key, file, of_data, data, outputs):

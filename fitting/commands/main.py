@@ -35,15 +35,26 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: Sequence[str] | None, interrupts: Interrupts) -> int:
-    from rubberfric.commands import begin_jax, progress
+    import sys
 
-    arguments = _parser().parse_args(argv)
-    check_arguments(arguments)
+    from rubberfric.commands import begin_jax, check_input, check_outputs, progress
+
+    given = sys.argv[1:] if argv is None else list(argv)
+    designs = given[:1] == ["design"]
+    if designs:
+        arguments = _design_parser().parse_args(given[1:])
+        check_input(arguments.job, (".toml",))
+        check_outputs(arguments, ".csv")
+    else:
+        arguments = _parser().parse_args(given)
+        check_arguments(arguments)
     with progress(arguments.verbose) as show:
         show("loading JAX")
         begin_jax(process=argv is None, cache=not arguments.no_cache)
-        from fitting.commands.work import run
-
+        if designs:
+            from fitting.commands.design import run
+        else:
+            from fitting.commands.work import run
         return run(arguments, interrupts, show)
 
 
@@ -72,6 +83,18 @@ def check_arguments(arguments: argparse.Namespace) -> None:
         )
 
 
+def _design_parser() -> Parser:
+    from rubberfric.commands import Parser, add_common, add_outputs
+
+    parser = Parser(
+        prog=f"{PROGRAM} design", description="Fit a job and choose the measurements to make next."
+    )
+    parser.add_argument("job", metavar="JOB", help="job file (.toml) with a table [design]")
+    add_outputs(parser, "FILE.csv", "write the conditions to measure at", "draw what each would tell")
+    add_common(parser)
+    return parser
+
+
 def _parser() -> Parser:
     from rubberfric.base import VERSION
     from rubberfric.commands import Parser, add_common, add_outputs
@@ -79,6 +102,7 @@ def _parser() -> Parser:
     parser = Parser(
         prog=PROGRAM,
         description="Fit parameters of a rubber friction scene to measurements; print values and errors.",
+        epilog="rubberfric-fit design JOB: fit, and choose the measurements to make next.",
     )
     parser.add_argument("--version", action="version", version=f"{PROGRAM} {VERSION}")
     parser.add_argument("job", metavar="JOB", help="job file (.toml): scene, data, what is free")

@@ -27,10 +27,10 @@ from numpy.typing import ArrayLike
 from fitting.data.kinds import KINDS, SpectrumData
 from fitting.data.measured import FORMAT, Measured
 from rubberfric.base import StrPath, as_path, closest, shown
-from rubberfric.io import COLUMNS, hdf5, read_names, read_table
+from rubberfric.io import COLUMNS, column_hint, hdf5, read_names, read_table
 from rubberfric.roughness import LINES, NORMALISATION_RULE, check_normalisation, spectrum_from
 
-TABLES = (".csv", ".txt", ".tsv", ".dat")  # that are read
+TABLES = (".csv", ".txt", ".tsv", ".dat", ".xlsx")  # that are read
 
 
 def read(
@@ -47,7 +47,7 @@ def read(
     kind: str | None = None,
     check_units: bool = True,
 ) -> Measured:
-    """Measured data of a table (.csv, .txt, .tsv, .dat) or an .h5 file.
+    """Measured data of a table (.csv, .txt, .tsv, .dat, and .xlsx with openpyxl) or an .h5 file.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def read(
                 raise ValueError("/data: is missing; must be a group")
             return read_group(file["data"], **given)
     if suffix not in TABLES:
-        sheet = "; save a sheet as .csv" if suffix in (".xlsx", ".xls", ".ods") else ""
+        sheet = "; save a sheet as .csv" if suffix in (".xls", ".ods") else ""
         sheet = "; it is a folder" if path.is_dir() else sheet
         raise ValueError(f"{path}: suffix {path.suffix!r}: must be {', '.join(TABLES)} or .h5{sheet}")
     cls = _kind(path, columns, poisson, kind)
@@ -209,6 +209,7 @@ def _kind(path, columns, poisson, kind):
     kinds = "; ".join(f"{cls.quantity} has {', '.join(_spellings(cls))}" for cls in KINDS.values())
     raise ValueError(
         f"{path}: columns {', '.join(names)}: {hint}must be those of one kind of data: {kinds}{several}"
+        f"{'' if found or columns else column_hint(path)}"
     )
 
 

@@ -20,7 +20,7 @@ _RELATIVE = Field(
     "relative_sigma",
     "-",
     POSITIVE,
-    (likely("must be <= 3; is it in percent? 3 % is 0.03", lambda error: error <= 3),),
+    (likely("must be <= 1; is it in percent? 3 % is 0.03", lambda error: error <= 1),),
 )
 
 

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from rubberfric.analysis.interface import contact_stiffness, stress_distribution
     from rubberfric.analysis.jacobian import value_and_jacobian
     from rubberfric.analysis.maps.friction_map import FrictionMap, friction_map
+    from rubberfric.analysis.maps.friction_table import friction_table
     from rubberfric.analysis.power import DissipatedPower, dissipated_power
     from rubberfric.analysis.separation_by_wavevector import SeparationProfile, separation_profile
 
@@ -34,6 +35,7 @@ __all__ = [
     "dissipated_power",
     "friction_map",
     "friction_outside_table",
+    "friction_table",
     "profile",
     "quadrature_for",
     "random_surface",
@@ -54,6 +56,7 @@ lazily(
         "rubberfric.analysis.error_and_time.settings": "quadrature_for",
         "rubberfric.analysis.error_and_time.sweep": "accuracy",
         "rubberfric.analysis.extrapolation": "friction_outside_table",
+        "rubberfric.analysis.maps.friction_table": "friction_table",
         "rubberfric.analysis.interface": "contact_stiffness stress_distribution",
         "rubberfric.analysis.jacobian": "value_and_jacobian",
         "rubberfric.analysis.maps.friction_map": "FrictionMap friction_map",

@@ -20,6 +20,13 @@ PLAUSIBLE_STRESS = (1e2, 1e13)  # [Pa]
 PLAUSIBLE_TEMPERATURE = (1e2, 1e3)  # [K]
 
 
+class UnitWarning(UserWarning):
+    """A number of a scene or a condition is hardly in SI.
+
+    `warnings.simplefilter("ignore", rubberfric.UnitWarning)` switches it off.
+    """
+
+
 def shown(value: object) -> str:
     """How a wrong value is shown: a number as a number, all else on one line, cut to a readable length."""
     value = value.item() if isinstance(value, np.generic) else value

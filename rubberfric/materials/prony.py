@@ -7,6 +7,7 @@ from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.checks import (
@@ -55,6 +56,10 @@ class Prony(Coatable):
 
     def _check(self):
         _check_terms("Prony", "E", self.E_inf, self.E, self.tau)
+
+    def doubts(self) -> list[str]:
+        """A relaxed modulus in another unit than the relaxing ones."""
+        return _doubts_of_terms("E", self.E_inf, self.E)
 
     def reduced_series(self, scale: ArrayLike) -> Series:
         """E_r over a scale [Pa] as a Prony series."""
@@ -107,6 +112,10 @@ class PronyShear(Material):
                 "is; use Prony"
             )
 
+    def doubts(self) -> list[str]:
+        """A relaxed modulus in another unit than the relaxing ones."""
+        return _doubts_of_terms("G", self.G_inf, self.G)
+
     def reduced_series(self, scale: ArrayLike) -> Series:
         """E_r over a scale [Pa] as a Prony series of twice the terms."""
         rest, weight, bulk = self.G_inf / scale, self.G / scale, self.bulk / scale
@@ -144,6 +153,17 @@ def _check_terms(kind, name, rest, weight, tau):
     if is_concrete(rest) and is_concrete(weight):
         rule = (f"with all {name} = 0 the solid has no stiffness; must be > 0 then", lambda x: x > 0)
         check_values(f"{kind}.{name}_inf", rest + jnp.sum(weight), rule)
+
+
+def _doubts_of_terms(name, rest, weight):
+    """A rubber is a thousand times as stiff when glassy, at most some ten thousand times."""
+    largest = float(np.max(np.asarray(weight)))
+    if 0 < float(rest) < 1e-6 * largest:
+        return [
+            f"{name}_inf = {float(rest):g} Pa beside {name} up to {largest:g} Pa: must be 0, or"
+            " more than 1e-6 of it; is it in MPa?"
+        ]
+    return []
 
 
 def _young(shear, bulk):

@@ -8,7 +8,7 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.checks import closest
 from rubberfric.base.units import to_celsius
-from rubberfric.io.results import Result
+from rubberfric.io.results import Curves, curves_of
 from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.plot.style import (
     LOG_V,
@@ -16,7 +16,6 @@ from rubberfric.plot.style import (
     Axes,
     Line2D,
     Panels,
-    check_kind,
     legend,
     looks,
     one_axes,
@@ -32,7 +31,14 @@ PARTS = {
 }
 
 
-def plot_result(result: Result, ax: Panels | None = None) -> Panels:
+def plot_result(
+    result: object,
+    ax: Panels | None = None,
+    *,
+    velocity: ArrayLike | None = None,
+    pressure: ArrayLike | None = None,
+    temperature: ArrayLike | None = None,
+) -> Panels:
     """Draw A/A0, mu, mean separation and more over log10 v: a panel each, a line per condition.
 
     Transverse friction and flash temperature have a panel where the solution has them.
@@ -41,9 +47,10 @@ def plot_result(result: Result, ax: Panels | None = None) -> Panels:
 
     Parameters
     ----------
-    result : Result
-        see `rubberfric.io.results`. Velocities <= 0 have no logarithm and are left out.
+    result : Result of `rubberfric.friction_map` or a file, or the Solution of `rubberfric.solve`
+        Velocities <= 0 have no logarithm and are left out.
     ax : sequence of a matplotlib axes for each quantity drawn, or None for those of a new figure
+    velocity, pressure, temperature : of a Solution, as they were given to `solve`
 
     Returns
     -------
@@ -53,24 +60,31 @@ def plot_result(result: Result, ax: Panels | None = None) -> Panels:
     ------
     ValueError : `result` is none, or `ax` has another number of axes.
     """
-    check_kind("result", result, Result)
-    names = [name for name in PANELS if getattr(result.solution, name) is not None]
-    ax = several_axes(ax, names, (6.4, 0.8 + 2.3 * len(names)), result.title)
+    found = curves_of(result, velocity, pressure, temperature)
+    names = [name for name in PANELS if getattr(found.solution, name) is not None]
+    ax = several_axes(ax, names, (6.4, 0.8 + 2.3 * len(names)), found.title)
     for i, (name, axes) in enumerate(zip(names, ax, strict=True)):
-        _draw(axes, result, name, named=i == 0)
+        _draw(axes, found, name, named=i == 0)
     ax[-1].set_xlabel(LOG_V)
     return ax
 
 
-def plot_friction(result: Result, ax: Axes | None = None) -> Axes:
+def plot_friction(
+    result: object,
+    ax: Axes | None = None,
+    *,
+    velocity: ArrayLike | None = None,
+    pressure: ArrayLike | None = None,
+    temperature: ArrayLike | None = None,
+) -> Axes:
     """Draw mu over log10 v, a line for each pressure and temperature, its parts thin below it.
 
     Parameters
     ----------
-    result : Result
-        of `rubberfric.friction_map` or a result file; see `plot_curve` for bare arrays. Velocities
-        <= 0 have no logarithm and are left out.
+    result : Result of `rubberfric.friction_map` or a file, the Solution of `rubberfric.solve`, or mu itself
+        Velocities <= 0 have no logarithm and are left out.
     ax : matplotlib axes, or None for those of a new figure
+    velocity, pressure, temperature : of a Solution and of mu, as they were given for it
 
     Returns
     -------
@@ -78,19 +92,34 @@ def plot_friction(result: Result, ax: Axes | None = None) -> Axes:
 
     Raises
     ------
-    ValueError : the quantity was not computed, no velocity is > 0, or `ax` is no axes.
+    ValueError : as `rubberfric.io.curves_of`; the quantity was not computed, no velocity is > 0, or `ax`
+        is no axes.
     """
-    return _quantity(result, "friction", ax)
+    return _quantity(curves_of(result, velocity, pressure, temperature, "friction"), "friction", ax)
 
 
-def plot_area(result: Result, ax: Axes | None = None) -> Axes:
+def plot_area(
+    result: object,
+    ax: Axes | None = None,
+    *,
+    velocity: ArrayLike | None = None,
+    pressure: ArrayLike | None = None,
+    temperature: ArrayLike | None = None,
+) -> Axes:
     """Draw A/A0 over log10 v, a line for each pressure and temperature; all else as `plot_friction`."""
-    return _quantity(result, "area", ax)
+    return _quantity(curves_of(result, velocity, pressure, temperature, "area"), "area", ax)
 
 
-def plot_separation(result: Result, ax: Axes | None = None) -> Axes:
+def plot_separation(
+    result: object,
+    ax: Axes | None = None,
+    *,
+    velocity: ArrayLike | None = None,
+    pressure: ArrayLike | None = None,
+    temperature: ArrayLike | None = None,
+) -> Axes:
     """Draw the mean separation over log10 v in µm; all else as `plot_friction`."""
-    return _quantity(result, "separation", ax)
+    return _quantity(curves_of(result, velocity, pressure, temperature, "separation"), "separation", ax)
 
 
 def plot_curve(
@@ -145,8 +174,7 @@ def curve_labels(conditions: Conditions) -> dict[tuple[int, int], str]:
     }
 
 
-def _quantity(result: Result, name: str, ax: Axes | None) -> Axes:
-    check_kind("result", result, Result)
+def _quantity(result: Curves, name: str, ax: Axes | None) -> Axes:
     if getattr(result.solution, name) is None:
         known = [one for one, values in result.solution._asdict().items() if values is not None]
         raise ValueError(f"result has no {name}, only {', '.join(known) or 'nothing'}: must be computed")
@@ -157,7 +185,7 @@ def _quantity(result: Result, name: str, ax: Axes | None) -> Axes:
     return axes
 
 
-def _draw(axes: Axes, result: Result, name: str, named: bool = True) -> None:
+def _draw(axes: Axes, result: Curves, name: str, named: bool = True) -> None:
     """One quantity of a result; a legend of its conditions if `named`, and of its parts."""
     labels, velocity = curve_labels(result.conditions), np.asarray(result.conditions.velocity)
     shown = shown_velocities(velocity)
@@ -165,6 +193,8 @@ def _draw(axes: Axes, result: Result, name: str, named: bool = True) -> None:
     lines = _lines(axes, velocity, curves, labels.values(), shown, name)
     parts = _parts(axes, result, shown, lines) if name == "friction" else []
     _from_zero(axes, name)
+    if named and len(labels) == 1 and not axes.get_title():
+        axes.set_title(next(iter(labels.values())), fontsize="small", loc="left")
     legend(axes, (lines if named and len(labels) > 1 else []) + parts)
 
 
@@ -187,7 +217,7 @@ def _from_zero(axes: Axes, quantity: str) -> None:
         axes.set_ylim(bottom=0, auto=None)  # what is drawn next may still raise the top
 
 
-def _parts(axes: Axes, result: Result, shown: np.ndarray, lines: list[Line2D]) -> list[Line2D]:
+def _parts(axes: Axes, result: Curves, shown: np.ndarray, lines: list[Line2D]) -> list[Line2D]:
     """Parts of the friction in the colours of its lines; the handles of a legend."""
     from matplotlib.lines import Line2D
 

@@ -6,20 +6,23 @@ import numpy as np
 
 from rubberfric.base.checks import closest
 from rubberfric.base.units import to_celsius
-from rubberfric.io.results import QUANTITIES, Result
+from rubberfric.io.results import QUANTITIES, Result, curves_of
 from rubberfric.io.scene_files.conditions import Conditions
-from rubberfric.plot.style import LOG_V, PANELS, Figure, Panels, check_kind, new_figure, several_axes
+from rubberfric.plot.style import LOG_V, PANELS, Figure, Panels, new_figure, several_axes, signed
 
 # Panels of a figure, and points drawn along an axis: a picture has no room for more.
 _PANELS = 4
 _DRAWN = 800
+
+# Relative difference that no colour shows.
+_ALIKE = 1e-3
 
 # Drawn over a logarithmic scale if it is > 0: it spans decades.
 _LOGARITHMIC = ("area",)
 
 
 def plot_map(
-    result: Result,
+    result: object,
     quantity: str = "friction",
     ax: Panels | None = None,
     *,
@@ -39,7 +42,8 @@ def plot_map(
     ax : sequence of as many matplotlib axes as there are panels, or None for those of a new figure
     temperature : index of the one temperature to draw over the pressure, or None
     pressure : index of the one pressure to draw over the temperature, or None
-        None: every pressure; of more than four, four from the first to the last.
+        None: every pressure; of more than four, four from the first to the last; one panel where all are
+        alike.
 
     Returns
     -------
@@ -49,7 +53,7 @@ def plot_map(
     ------
     ValueError : nothing to draw, as above; the quantity was not computed; `ax` has another number of axes.
     """
-    check_kind("result", result, Result)
+    result = curves_of(result)
     check_map(result.conditions, temperature, pressure)
     field = getattr(result.solution, quantity) if quantity in QUANTITIES else None
     if field is None:
@@ -58,6 +62,9 @@ def plot_map(
     other = (f"{quantity.replace('_', ' ')} [{QUANTITIES[quantity].unit}]", 1.0, 0.0)
     label, scale, offset = PANELS.get(quantity, other)
     panels = _panels(result.conditions, temperature, pressure)
+    alike = _as_one(panels, result.conditions, [field])
+    if ax is None or len(ax) == len(alike):
+        panels = alike
     names = [title or "the map" for _, _, title, _ in panels]
     ax = several_axes(ax, names, _size(len(panels), 1), result.title, across=True)
     columns, log_v = _axis(np.log10, result.conditions.velocity)
@@ -76,7 +83,8 @@ def plot_map(
 def figure_of_map(result: Result) -> Figure:
     """A figure of all quantities of a map, a row of panels for each."""
     names = [name for name, values in result.solution._asdict().items() if values is not None]
-    columns = len(_panels(result.conditions, None, None))
+    fields = [getattr(result.solution, name) for name in names]
+    columns = len(_as_one(_panels(result.conditions, None, None), result.conditions, fields))
     figure = new_figure(_size(columns, len(names)), result.title)
     axes = figure.subplots(len(names), columns, sharex=True, sharey=True, squeeze=False)
     for name, row in zip(names, axes, strict=True):
@@ -125,6 +133,20 @@ def _panels(conditions: Conditions, temperature: int | None, pressure: int | Non
     return [(rows, y, f"{p[j] / 1e6:.4g} MPa", (slice(None), j)) for j in chosen]
 
 
+def _as_one(panels: list[tuple], conditions: Conditions, fields: list) -> list[tuple]:
+    """The panels, or one for all of them where nobody would see a difference."""
+    first = [np.asarray(field[panels[0][-1]]) for field in fields]
+    for *_, place in panels[1:]:
+        for values, field in zip(first, fields, strict=True):
+            if not np.allclose(np.asarray(field[place]), values, rtol=_ALIKE, atol=0.0):
+                return panels
+    if len(panels) == 1:
+        return panels
+    low, high = conditions.pressure.min() / 1e6, conditions.pressure.max() / 1e6
+    rows, y, _, place = panels[0]
+    return [(rows, y, f"{low:.4g} … {high:.4g} MPa, all alike", place)]
+
+
 def _axis(scale: Callable[[np.ndarray], np.ndarray], values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Indices of the values > 0 in increasing order, as many as are drawn, and these values scaled."""
     unique, index = np.unique(values, return_index=True)
@@ -154,7 +176,7 @@ def _draw(drawn, x, label, logarithmic):
         if levels:
             colours = ["white" if norm(level) < 0.55 else "black" for level in levels]
             lines = axes.contour(x, y, values, levels, colors=colours, linewidths=0.7)
-            axes.clabel(lines, fontsize="x-small", fmt="%g")
+            axes.clabel(lines, fontsize="x-small", fmt=signed)
     bar = drawn[0][0].figure.colorbar(mesh, ax=[axes for axes, _, _ in drawn])
     bar.set_label(label)
 

@@ -1,16 +1,23 @@
 """Pictures to files, whole or not at all."""
 
+from collections.abc import Sequence
+
+import numpy as np
+
 from rubberfric.analysis.error_and_time.report import Accuracy
 from rubberfric.base.atomic import StrPath, replacing
 from rubberfric.io.results import Result
 from rubberfric.plot.accuracy import plot_accuracy
 from rubberfric.plot.curves import plot_result
 from rubberfric.plot.map import figure_of_map
-from rubberfric.plot.style import FigureBase
+from rubberfric.plot.style import Axes, FigureBase, Panels
 
 
-def save_figure(path: StrPath, figure: FigureBase) -> None:
-    """Write a figure to a file."""
+def save_figure(path: StrPath, figure: FigureBase | Axes | Panels) -> None:
+    """Write a figure to a file, whole or not at all; of axes, or a sequence of them, that they are in."""
+    if isinstance(figure, Sequence | np.ndarray):
+        figure = figure[0]
+    figure = getattr(figure, "figure", None) or figure  # of axes; that of a figure is itself
     with replacing(path) as temporary:
         figure.savefig(temporary, dpi=150)  # pyright: ignore[reportAttributeAccessIssue]: of no SubFigure
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.plot.style import LOG_V, Axes, diverging, one_axes, vector
+from rubberfric.plot.style import LOG_V, Axes, diverging, one_axes, signed, vector
 
 _LABEL = "$\\partial \\ln \\mu \\;/\\; \\partial \\ln E_i$ [-]"
 
@@ -88,5 +88,5 @@ def _draw(axes: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, label: s
             "linewidths": [1.6 if level == 0 else 0.7 for level in levels],
         }
         lines = axes.contour(x, y, values, levels, colors="black", **style)
-        axes.clabel(lines, fontsize="x-small", fmt="%g")
+        axes.clabel(lines, fontsize="x-small", fmt=signed)
     axes.figure.colorbar(mesh, ax=axes).set_label(label)

@@ -69,6 +69,11 @@ def looks(count: int, points: int) -> list[dict[str, Any]]:
     ]
 
 
+def signed(value: float) -> str:
+    """A number as the axes write it, with a minus instead of a hyphen."""
+    return f"{value:g}".replace("-", "\u2212")
+
+
 def new_figure(size: tuple[float, float], title: str = "") -> Figure:
     """A figure that pyplot does not know."""
     from matplotlib.figure import Figure

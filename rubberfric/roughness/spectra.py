@@ -116,6 +116,12 @@ class SelfAffine(Spectrum):
         if all(is_concrete(x) for x in (self.q0, self.qr, self.q1)):
             _check_order(float(self.q0), float(self.qr), float(self.q1))
 
+    def doubts(self) -> list[str]:
+        """See `doubts_of_roughness`."""
+        log_q = np.log(np.array([self.q0, self.qr, self.q1], float))
+        log_C = np.array([0.0, 0.0, -2 * (1 + float(self.hurst)) * (log_q[2] - log_q[1])])
+        return doubts_of_roughness(log_q, log_C, float(self.h_rms))
+
     @classmethod
     def from_C0(
         cls, q0: ArrayLike, qr: ArrayLike, q1: ArrayLike, hurst: ArrayLike, C0: ArrayLike
@@ -205,3 +211,40 @@ def mean_growth(y: jax.Array) -> jax.Array:
     safe = jnp.where(near, 1.0, y)
     series = 1 + y / 2 * (1 + y / 3 * (1 + y / 4 * (1 + y / 5 * (1 + y / 6))))
     return jnp.where(near, series, jnp.expm1(safe) / safe)
+
+
+def doubts_of_roughness(log_q: np.ndarray, log_C: np.ndarray, h_rms: float | None = None) -> list[str]:
+    r"""Why roughness is hardly in SI: higher than its longest wave is long, or of no slope that a solid has.
+
+    .. math:: h_\mathrm{rms} q_0 \le 1, \qquad \Big(2\pi\int q^3 C\,dq\Big)^{1/2} \le 30
+
+    Parameters
+    ----------
+    log_q, log_C : ln of wavevectors, increasing [1/m], and of the spectrum [m^4], linear between; shape (n,)
+    h_rms : rms height that C is scaled to [m], or None
+    """
+    x = np.linspace(log_q[0], log_q[-1], 513)
+    log_height, log_slope = (_log_root(n * x + np.interp(x, log_q, log_C), x) for n in (2, 4))
+    if h_rms is not None:
+        if h_rms == 0:
+            return []
+        log_height, log_slope = np.log(h_rms), log_slope + np.log(h_rms) - log_height
+    found = []
+    if log_height + x[0] > 0:
+        found.append(
+            f"rms height {_shown(log_height)} m beside 1/q0 = {_shown(-x[0])} m: must be less;"
+            " is it in mm or um, or C in another normalisation?"
+        )
+    if log_slope > np.log(30):
+        found.append(f"rms slope {_shown(log_slope)}: must be at most 30; are heights, q and C in SI?")
+    return found
+
+
+def _log_root(log_integrand, x):
+    """ln of the root of 2 pi int e^... dx, of any magnitude."""
+    peak = log_integrand.max()
+    return 0.5 * (np.log(2 * np.pi * np.trapezoid(np.exp(log_integrand - peak), x)) + peak)
+
+
+def _shown(logarithm):
+    return f"{np.exp(min(logarithm, 700.0)):.3g}"

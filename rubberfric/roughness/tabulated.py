@@ -11,7 +11,7 @@ from rubberfric.base.blocks import recurring_length
 from rubberfric.base.checks import POSITIVE, check_increasing, check_lengths, is_concrete, shown
 from rubberfric.base.objects.fields import OptionalNumber, Vector, leaf
 from rubberfric.base.objects.physical import physical
-from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum, log_ratio
+from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum, doubts_of_roughness, log_ratio
 
 
 @physical
@@ -44,6 +44,14 @@ class TabulatedSpectrum(Spectrum):
             raise ValueError(f"TabulatedSpectrum.q has {self.q.shape[0]} entries: must have at least 2")
         check_increasing("TabulatedSpectrum.q", self.q)
         check_ends("TabulatedSpectrum", self.q, self.q0, self.q1)
+
+    def doubts(self) -> list[str]:
+        """See `doubts_of_roughness`."""
+        log_q, log_C = np.log(np.asarray(self.q, float)), np.log(np.asarray(self.C, float))
+        low = log_q[0] if self.q0 is None else np.log(float(self.q0))
+        high = log_q[-1] if self.q1 is None else np.log(float(self.q1))
+        at = np.union1d(log_q[(log_q > low) & (log_q < high)], [low, high])
+        return doubts_of_roughness(at, np.interp(at, log_q, log_C))
 
     def power_law(self) -> BrokenPowerLaw:
         """A piece between every two entries, those outside q0 ... q1 of no width at q1."""

@@ -14,6 +14,7 @@ from rubberfric.materials.shifts import Shift
 from rubberfric.materials.slab import Layer
 from rubberfric.roughness.spectra import Spectrum
 from rubberfric.scene.heating import Heating, ThermalProperties
+from rubberfric.scene.plausibility import warn_of_scene
 from rubberfric.scene.shear import ContactShear
 from rubberfric.scene.softening import Softening
 
@@ -98,6 +99,7 @@ class Scene(PhysicalObject):
             raise ValueError(
                 "Scene: lower.material and upper.material are both Rigid; one of the solids must deform"
             )
+        warn_of_scene(self)
         bodies = self.lower, self.upper
         if all(softening_of(self, body) is None for body in bodies):
             return

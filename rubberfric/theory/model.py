@@ -26,6 +26,7 @@ from jax.typing import ArrayLike
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import FINITE, POSITIVE, as_leaf, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature
+from rubberfric.scene.plausibility import warn_of_conditions
 from rubberfric.scene.scene import Scene, cast, check_background, result_dtype, shifts, takes_temperature
 from rubberfric.scene.single_precision import check_single
 from rubberfric.theory.integrals import evaluate, prepare
@@ -248,6 +249,7 @@ def checked(
     else:
         check_background(scene)
 
+    warn_of_conditions(velocity=velocity, pressure=pressure, temperature=temperature)
     shapes = {"velocity": jnp.shape(velocity), "pressure": jnp.shape(pressure)}
     if temperature is not None:
         shapes["temperature"] = jnp.shape(temperature)

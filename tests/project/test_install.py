@@ -4,6 +4,7 @@ import shutil
 import subprocess
 import sys
 import tarfile
+import tomllib
 import zipfile
 
 import pytest
@@ -61,3 +62,13 @@ def test_an_editable_install_is_a_plain_path(source):
     names = [name for name in wheel.namelist() if ".dist-info/" not in name]
     assert len(names) == 1 and names[0].endswith(".pth"), names
     assert wheel.read(names[0]).decode().strip() == str(source)
+
+
+def test_citation_is_of_this_version():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    citation = (ROOT / "CITATION.cff").read_text()
+    assert (
+        f"\nversion: {project['version']}\n" in citation and f"\nlicense: {project['license']}\n" in citation
+    )
+    assert all(f"  - {word}\n" in citation for word in project["keywords"])
+    assert "arXiv:1506.06955" in citation

@@ -3,6 +3,8 @@
 Cases that belong to one object or file format are with its tests; these are the mistakes between them.
 """
 
+import warnings
+
 import numpy as np
 import pytest
 from support.scenes.fits import PLAIN, ROAD, SHIFTED
@@ -218,7 +220,17 @@ SCENES = {
     "a velocity in um/s": (
         "[1e-3, 1.0]",
         "[1e3, 1e6]",
-        "run.velocity[1] = 1e+06 m/s: must be at most 10000 m/s",
+        "run.velocity[0] = 1000 m/s: must be at most 500 m/s",
+    ),
+    "a height in um": (
+        "h_rms = 5e-4",
+        "h_rms = 500.0",
+        "lower.spectrum: rms height 500 m beside 1/q0 = 0.01 m: must be less; is it in mm or um, or C in",
+    ),
+    "one modulus in MPa": (
+        "E_inf = 3e6",
+        "E_inf = 3",
+        "upper.material: E_inf = 3 Pa beside E up to 5e+07 Pa: must be 0, or more than 1e-6 of it; is it in",
     ),
     "terms of different lengths": ("[1e-5, 1e-3]", "[1e-5]", "lengths differ (E has 2, tau has 1)"),
     "a number in quotes": ("hurst = 0.8", 'hurst = "0.8"', "lower.spectrum.hurst = '0.8': must be a number"),
@@ -312,7 +324,7 @@ def test_commands(call_main, tmp_path):
             "data[0].check_unit: unknown key; did you mean 'check_units'?",
         ),
         (head.replace("scene.toml", "scene.tml") + data + free, "suffix '.tml': must be .toml or .h5"),
-        (head + data.replace(".csv", ".xlsx") + free, "save a sheet as .csv"),
+        (head + data.replace(".csv", ".ods") + free, "save a sheet as .csv"),
         (head + '[data]\nfile = "friction.csv"\n' + free, "must be tables, each headed [[data]]"),
     ):
         job.write_text(text, encoding="utf-8")
@@ -339,3 +351,32 @@ def test_a_data_set_that_may_have_any_unit(tmp_path):
         encoding="utf-8",
     )
     np.testing.assert_array_equal(read_job(job).data[0].pressure, [0.1, 0.1])
+
+
+def test_scenes_and_conditions_in_other_units_give_a_warning():
+    road, rubber = ROAD.spectrum, rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3])
+    table = rf.TabulatedSpectrum([1e2, 1e4], [1e-3, 1e-9])
+    for spectrum, material, words in (
+        (
+            road.replace(h_rms=0.5),
+            rubber,
+            r"lower\.spectrum: rms height 0\.5 m beside 1/q0 = .* m: must be",
+        ),
+        (road, rf.Prony(3.6, [5e7], [1e-5]), r"upper\.material: E_inf = 3\.6 Pa beside E up to 5e\+07 Pa"),
+        (table, rubber, r"lower\.spectrum: rms height"),
+        (
+            road,
+            rf.Elastic(3.6, 0.5),
+            r"upper\.material\.young = 3\.6 Pa: must be 100 \.\.\. 1e\+13 Pa; is",
+        ),
+    ):
+        with pytest.warns(rf.UnitWarning, match=words):
+            rf.Scene(rf.Body(rf.Rigid(), spectrum), rf.Body(material))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        rf.Scene(rf.Body(rf.Rigid(), road), rf.Body(rubber))
+        rf.friction(SCENE, 1.0, 1e5)
+    with pytest.warns(rf.UnitWarning, match=r"velocity = 1000 m/s: must be at most 500 m/s; is it in mm/s"):
+        rf.friction(SCENE, 1000.0, 1e5)
+    with pytest.warns(rf.UnitWarning, match=r"pressure = 0\.15 Pa: must be 1 \.\.\. 1e\+10 Pa; is it in MPa"):
+        rf.friction(SCENE, 1.0, 0.15)

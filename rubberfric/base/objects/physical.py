@@ -51,6 +51,10 @@ class PhysicalObject:
     def _check(self) -> None:
         """Raise ValueError unless the fields go together; called when each of them is what it must be."""
 
+    def doubts(self) -> list[str]:
+        """What its concrete numbers, each plausible by itself, can hardly be together."""
+        return []
+
     def replace(
         self, paths: str | Mapping[str, Any] | None = None, value: Any = _NOT_GIVEN, /, **fields: Any
     ) -> Self:

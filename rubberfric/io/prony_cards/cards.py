@@ -7,13 +7,22 @@ from rubberfric.base.atomic import as_path, replacing
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values, closest, shown
 from rubberfric.io.prony_cards.abaqus import ABAQUS
 from rubberfric.io.prony_cards.ansys import ANSYS
+from rubberfric.io.prony_cards.comsol import COMSOL
 from rubberfric.io.prony_cards.lsdyna import LSDYNA
+from rubberfric.io.prony_cards.openradioss import OPENRADIOSS
 from rubberfric.io.prony_cards.pyvisco import PYVISCO
 from rubberfric.io.prony_cards.series import STRESS, TEMPERATURE, Material, Units, series_of
 from rubberfric.io.tables.text import read_text
 from rubberfric.materials.shifts import WLF
 
-FORMATS = {"abaqus": ABAQUS, "ansys": ANSYS, "lsdyna": LSDYNA, "pyvisco": PYVISCO}
+FORMATS = {
+    "abaqus": ABAQUS,
+    "ansys": ANSYS,
+    "comsol": COMSOL,
+    "lsdyna": LSDYNA,
+    "openradioss": OPENRADIOSS,
+    "pyvisco": PYVISCO,
+}
 # Of the mass per volume that belongs to a stress, metres or millimetres and seconds [kg/m^3].
 _DENSITY = {"Pa": 1.0, "MPa": 1e12}
 
@@ -32,7 +41,7 @@ def read_prony(
     Parameters
     ----------
     path : file
-    program : "abaqus", "ansys", "lsdyna" or "pyvisco"; None: as the file looks
+    program : "abaqus", "ansys", "comsol", "lsdyna", "openradioss" or "pyvisco"; None: as the file looks
     unit_stress : "Pa", "kPa", "MPa" or "GPa"; must be given but for pyvisco, whose file says it
     unit_temperature : "K" or "C", of a WLF shift
     poisson : Poisson's ratio [-], or None
@@ -57,7 +66,8 @@ def read_prony(
             found = [name for name, form in FORMATS.items() if re.search(form.sign, text, re.I | re.M)]
             if not found:
                 raise ValueError(
-                    "has no Prony series: must be cards of abaqus, ansys or lsdyna, or a pyvisco table"
+                    "has no Prony series: must be cards of abaqus, ansys, lsdyna or openradioss, or a table"
+                    " of comsol or pyvisco"
                 )
             program = found[0]
         _check("program", program, FORMATS)
@@ -90,17 +100,20 @@ def write_prony(
     ----------
     path : file to write, whole or not at all, or None for the text alone
     material : Prony, PronyShear, or what holds one as `material`: a Body, a PronyFit
-    program : "abaqus", "ansys", "lsdyna" or "pyvisco"
+    program : "abaqus", "ansys", "comsol", "lsdyna", "openradioss" or "pyvisco"
         abaqus: *ELASTIC and *VISCOELASTIC, TIME=PRONY, with *TRS for a WLF shift. Poisson's ratio 0.5 is
         written as it is (k_i = 0): hybrid elements take it, all others need one below 0.5, so `bulk`.
         ansys: MP,EX and PRXY, TB,PRONY for shear and bulk, TB,SHIFT; at most 100 terms.
         lsdyna: *MAT_GENERAL_VISCOELASTIC (076) in fields of 10 characters, which hold 6 digits; at most
-        18 terms, of which the relaxed modulus is one (rate 0); no shift.
+        18 terms, of which the relaxed modulus is one (rate 0); a WLF shift in K.
+        comsol: the table of branches that its Generalized Maxwell model loads; moduli and shift in comments.
+        openradioss: /MAT/LAW42 with the relaxed moduli and /VISC/PRONY; no shift.
         pyvisco: its CSV table of terms, of Young's modulus.
     unit_stress : "Pa", "kPa", "MPa" or "GPa"; times are in s
     unit_temperature : "K" or "C", of the reference temperature of a shift
     bulk : elastic bulk modulus [Pa] for a Prony, whose shear modulus alone relaxes then, or None
-    density : [kg/m^3], written in kg/m^3 beside Pa, in t/mm^3 beside MPa; lsdyna must have it
+    density : [kg/m^3], written in kg/m^3 beside Pa, in t/mm^3 beside MPa; lsdyna and openradioss must
+        have it
     shift : bool; False leaves out the shift, for cards at its reference temperature
     name : of the material, for abaqus
 

@@ -1,13 +1,31 @@
-"""Prony series in LS-DYNA: MAT_GENERAL_VISCOELASTIC (076), fields of 10 characters or between commas."""
+r"""Prony series in LS-DYNA: MAT_GENERAL_VISCOELASTIC (076), fields of 10 characters or between commas.
 
+Its shift factor of Williams, Landel and Ferry has a base e and an absolute T_REF,
+
+.. math:: \Phi = \exp\frac{-A (T - T_{REF})}{B + T - T_{REF}},\qquad A = C_1 \ln 10,\quad B = C_2
+
+[LS-DYNA Keyword User's Manual II, *MAT_076]. It is written as a_T, which slows relaxation in the cold;
+versions differ in how they use it: run one element at two temperatures. Its Arrhenius law is not written.
+"""
+
+import math
 import re
 from collections.abc import Iterator
 
 import numpy as np
 
-from rubberfric.base.units import bulk_from_young, young_from_shear
-from rubberfric.io.prony_cards.series import Format, Material, Series, Units, number, relaxing_alike, text_of
+from rubberfric.io.prony_cards.series import (
+    Format,
+    Material,
+    Series,
+    Units,
+    elastic_bulk,
+    number,
+    relaxing_alike,
+    text_of,
+)
 from rubberfric.materials.prony import PronyShear
+from rubberfric.materials.shifts import WLF
 
 MOST_TERMS = 18
 _SIGN = r"^\s*\*MAT_(GENERAL_VISCOELASTIC|0?76)"
@@ -23,10 +41,13 @@ def read(text: str, units: Units, poisson: float | None, shift: bool) -> Materia
     first, curve, *terms = ([number(field) for field in _fields(card)] for card in cards)
     if curve[0]:
         raise ValueError(f"*MAT_GENERAL_VISCOELASTIC: has the curve {curve[0]:g}: must have terms")
-    if shift and any(first[5:8]):
+    T_ref, A, B = first[5:8]
+    if shift and any(first[5:8]) and not all(first[5:8]):
         raise ValueError(
-            "*MAT_GENERAL_VISCOELASTIC: has a shift (TREF, A, B): must have none; shift=False leaves it out"
+            f"*MAT_GENERAL_VISCOELASTIC: TREF = {T_ref:g}, A = {A:g}, B = {B:g}: must be a WLF shift, none"
+            " of them 0; shift=False leaves it out"
         )
+    law = WLF(A / math.log(10), B, T_ref + units.zero) if shift and A else None
     rest, weights, tau = 0.0, [], []
     for place, (G, rate, K, _) in enumerate((row[:4] for row in terms), start=1):
         if K:
@@ -39,8 +60,8 @@ def read(text: str, units: Units, poisson: float | None, shift: bool) -> Materia
     if not weights:
         raise ValueError("*MAT_GENERAL_VISCOELASTIC: has no term with a rate: must have one at least")
     if poisson is None:
-        return PronyShear(rest, weights, tau, first[2] * units.pascal)
-    return relaxing_alike(rest, np.array(weights), np.array(tau), poisson, None)
+        return PronyShear(rest, weights, tau, first[2] * units.pascal, law)
+    return relaxing_alike(rest, np.array(weights), np.array(tau), poisson, law)
 
 
 def write(series: Series, units: Units, mass: float | None, _name: str) -> Iterator[str]:
@@ -53,14 +74,15 @@ def write(series: Series, units: Units, mass: float | None, _name: str) -> Itera
         )
     if mass is None:
         raise ValueError("density is missing: must be given for lsdyna [kg/m^3]")
-    if series.poisson >= 0.5 or series.k.any():
-        raise ValueError(
-            "bulk is missing: must be given for lsdyna, whose bulk modulus is elastic, such as 2e9 [Pa]"
-        )
-    bulk = bulk_from_young(young_from_shear(series.shear, series.poisson), series.poisson)
+    bulk, shift = elastic_bulk(series, "lsdyna"), ()
+    if series.shift is not None:
+        T_ref, C1, C2 = series.wlf(units)
+        if units.zero:
+            raise ValueError("unit_temperature = 'C': must be K for the shift of lsdyna, whose TREF is > 0")
+        shift = (0.0, 0.0, T_ref, C1 * math.log(10), C2)
     yield "*MAT_GENERAL_VISCOELASTIC"
     yield "$#     mid        ro      bulk       pcf        ef      tref         a         b"
-    yield f"{1:10d}" + _line(mass, bulk / units.pascal)
+    yield f"{1:10d}" + _line(mass, bulk / units.pascal, *shift)
     yield "$#    lcid        nt    bstart     tramp     lcidk       ntk   bstartk    trampk"
     yield f"{0:10d}"
     yield "$#      gi     betai        ki    betaki"
@@ -69,7 +91,7 @@ def write(series: Series, units: Units, mass: float | None, _name: str) -> Itera
         yield _line(weight * series.shear / units.pascal, rate)
 
 
-LSDYNA = Format(_SIGN, False, "$", read, write)
+LSDYNA = Format(_SIGN, True, "$", read, write)
 
 
 def _cards(text: str) -> list[str]:

@@ -55,6 +55,15 @@ class Series(NamedTuple):
         return float(self.shift.T_ref) - units.zero, float(self.shift.C1), float(self.shift.C2)
 
 
+def elastic_bulk(series: Series, program: str) -> float:
+    """The bulk modulus [Pa] for a program that has an elastic one; ValueError if the series has none."""
+    if series.poisson >= 0.5 or series.k.any():
+        raise ValueError(
+            f"bulk is missing: must be given for {program}, whose bulk modulus is elastic, such as 2e9 [Pa]"
+        )
+    return float(bulk_from_young(young_from_shear(series.shear, series.poisson), series.poisson))
+
+
 class Format(NamedTuple):
     """The cards of one program."""
 

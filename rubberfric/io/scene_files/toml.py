@@ -52,11 +52,12 @@ the class's `file_kind`.
 """
 
 import dataclasses
+import warnings
 from pathlib import Path
 from typing import Any
 
 from rubberfric.base.atomic import StrPath
-from rubberfric.base.checks import closest, shown
+from rubberfric.base.checks import UnitWarning, closest, shown
 from rubberfric.base.objects.fields import Child, Leaf, Static
 from rubberfric.base.objects.physical import Kind, fields_of, kinds, leaves_of
 from rubberfric.io.prony_cards.cards import read_prony
@@ -89,7 +90,9 @@ def read_scene_toml(path: StrPath, table: str = "run") -> SceneFile:
     if not isinstance(plausible, bool):
         raise ValueError(f"{path}: plausible = {shown(plausible)}: must be true or false")
     tables = {name: content.pop(name) for name in TABLES if name in content}
-    scene = _build(path, "", Scene, content)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnitWarning)  # below they are errors, or accepted
+        scene = _build(path, "", Scene, content)
     conditions = {name: read_conditions(path, name, found, scene) for name, found in tables.items()}
     if plausible:
         check_plausible_scene(f"{path}: ", scene)

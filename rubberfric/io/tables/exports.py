@@ -15,6 +15,7 @@ the first, with the same columns. Names are those of `rubberfric.io.tables.title
 """
 
 import csv
+import json
 import re
 from typing import NamedTuple
 
@@ -89,6 +90,30 @@ def headless(path: StrPath, text: str, titles: list[str]) -> Table:
     if not rows:
         raise ValueError(f"{path}: has no row that begins with a number: must have data")
     return Table(f"{path}: columns", list(titles), names, units, _checked(path, len(titles), rows))
+
+
+def suggested_columns(text: str) -> str:
+    """`columns=[...]` for a table that says its columns in names that are not known, as far as they are.
+
+    A "?" stands for a column to be named; "" where the text has no rows of numbers.
+    """
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
+    for separator in ("\t", ";", ",", None):
+        rows = [split(line, separator) for line in lines]
+        first = next((i for i, row in enumerate(rows) if len(row) > 1 and all(map(_is_number, row))), None)
+        if first is None:
+            continue
+        titles, *below = [row for row in rows[:first] if len(row) == len(rows[first])][-2:] or [rows[first]]
+        units = below[0] if below else [None] * len(titles)
+        said = []
+        for title, unit in zip(titles, units, strict=True):
+            name, own = known_name(title, "E")
+            column = COLUMNS.get(name or "")
+            unit = known_unit(own if own is not None else unit, name)
+            known = column is not None and unit in column.units
+            said.append(f"{name} [{unit}]" if known else f"{name} [?]" if column else "?")
+        return f"columns={json.dumps(said, ensure_ascii=False)}"
+    return ""
 
 
 def pick(export: Table, quantities: tuple[str, ...]) -> dict[str, tuple[int, str]]:

@@ -16,7 +16,7 @@ def with_moduli(
     poisson: float | None,
     strict: bool,
 ) -> dict[str, np.ndarray]:
-    """The table with E_stor and E_loss, if they are asked for, from what else it has; checked to be whole."""
+    """The table with E_stor and E_loss, if they are asked for, from what else it has."""
     shear = [name for name in ("G_stor", "G_loss", "G_comp") if name in table]
     young = [name for name in ("E_stor", "E_loss", "E_comp") if name in table]
     if shear and not young:
@@ -34,9 +34,6 @@ def with_moduli(
             table["E_stor"] = table["E_comp"] / np.hypot(1, tangent)
         if "E_loss" not in table and "E_stor" in table:
             table["E_loss"] = table["E_stor"] * tangent
-    for quantity in needed:
-        if quantity not in table:
-            raise ValueError(missing(where, quantity))
     return {name: values for name, values in table.items() if name in (*needed, *optional)}
 
 

@@ -22,7 +22,7 @@ import numpy as np
 from rubberfric.base.atomic import StrPath
 from rubberfric.base.checks import closest
 from rubberfric.io.tables.columns import COLUMNS, MODULI
-from rubberfric.io.tables.exports import Rows, Table, find_table, headless, pick
+from rubberfric.io.tables.exports import Rows, Table, find_table, headless, pick, suggested_columns
 from rubberfric.io.tables.moduli import missing, with_moduli
 from rubberfric.io.tables.text import read_text
 from rubberfric.io.tables.titles import SET_VALUES
@@ -72,6 +72,9 @@ def read_table(
         table[column.name] = np.array([column.read(where, text, unit) for where, text in texts])
     if export is not None or (poisson is not None and generic is None):
         table = with_moduli(found.where, table, needed, optional, poisson, generic is None)
+        for quantity in needed:
+            if quantity not in table:
+                raise ValueError(missing(found.where, quantity) + ("" if columns else column_hint(path)))
     if increasing:
         first = table[needed[0]]
         if export is not None and np.all(np.diff(first) < 0):
@@ -107,7 +110,7 @@ def read_columns(
     quantities = tuple(dict.fromkeys(COLUMNS[name].name for name in names if name in COLUMNS))
     if not quantities:
         near = closest("".join(names[:1]), tuple(COLUMNS))
-        raise ValueError(f"{path}: columns {', '.join(names)}: none is known; {near}")
+        raise ValueError(f"{path}: columns {', '.join(names)}: none is known; {near}{column_hint(path)}")
     moduli = ("E_stor", "E_loss") if {"E_stor", *MODULI} & set(quantities) else ()
     plain = tuple(name for name in quantities if name not in (*MODULI, *moduli))
     return read_table(path, (*plain, *moduli), (), increasing=False, columns=columns, poisson=poisson)
@@ -153,6 +156,13 @@ def read_names(path: StrPath, columns: list[str] | None = None, generic: str = "
     if export is None:
         return _rows(path, text)[0][1]
     return [SET_VALUES.get(name, name) for name in export.names if name is not None]
+
+
+def column_hint(path: StrPath) -> str:
+    """End of a message on unknown titles: what to say instead of them, filled in for the file."""
+    said = suggested_columns(read_text(path, exports=True))
+    advice = 'or say what they are, "name [unit]" for each ?, "-" for one not read'
+    return f"; {advice}: {said}" if said else ""
 
 
 def _export(path: StrPath, text: str, titles: list[str] | None, generic: str) -> Table | None:

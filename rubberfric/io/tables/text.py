@@ -1,17 +1,23 @@
 """Text of a file."""
 
+import importlib
+from typing import Any
+
 from rubberfric.base.atomic import LARGEST, StrPath, as_path, check_readable
 
-# Bytes above ASCII that exports in Latin-1 have: ° µ ² ³ · and German vowels.
-_LATIN = b"\xb0\xb5\xb2\xb3\xb7\xe4\xf6\xfc\xc4\xd6\xdc\xdf"
+# Bytes above ASCII that exports in Latin-1 have: ° µ ¹ ² ³ ·, German vowels, French letters.
+_LATIN = b"\xb0\xb5\xb9\xb2\xb3\xb7\xe4\xf6\xfc\xc4\xd6\xdc\xdf\xe9\xe8\xea\xe0\xe2\xe7\xf4\xee\xc9"
 
 
 def read_text(path: StrPath, exports: bool = False) -> str:
     """Text of a file; ValueError in one line if it is missing, too large, no file at all or not UTF-8.
 
-    `exports` says that UTF-16 and signs like ° and µ in Latin-1 will do as well.
+    `exports` says that UTF-16, signs like ° and µ in Latin-1, and Excel's .xlsx will do as well: of that the
+    first sheet with numbers, as lines of cells separated by tabs; it needs openpyxl.
     """
     check_readable(as_path(path), LARGEST)
+    if exports and as_path(path).suffix.lower() == ".xlsx":
+        return _sheet(path)
     try:
         content = as_path(path).read_bytes()
         if exports and content[:2] in (b"\xff\xfe", b"\xfe\xff"):
@@ -23,3 +29,29 @@ def read_text(path: StrPath, exports: bool = False) -> str:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
     except ValueError as error:  # not UTF-8
         raise ValueError(f"{path}: cannot be read as text: {error}") from None
+
+
+def _sheet(path: StrPath) -> str:
+    """The first sheet of a workbook that has numbers, as text."""
+    try:
+        openpyxl: Any = importlib.import_module("openpyxl")
+    except ImportError:
+        raise ValueError(
+            f"{path}: cannot be read without openpyxl: pip install 'rubberfric[excel]', or save it as .csv"
+        ) from None
+    try:
+        with open(path, "rb") as file:
+            book = openpyxl.load_workbook(file, read_only=True, data_only=True)
+            sheets = [list(sheet.iter_rows(values_only=True)) for sheet in book.worksheets]
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
+    except Exception as error:  # of a damaged archive: many kinds
+        raise ValueError(f"{path}: cannot be read as .xlsx: {error}") from None
+    for rows in sheets:
+        if any(isinstance(cell, int | float) for row in rows for cell in row):
+            return "\n".join("\t".join(map(_cell, row)) for row in rows) + "\n"
+    raise ValueError(f"{path}: cannot be read: no sheet has numbers")
+
+
+def _cell(value: object) -> str:
+    return "" if value is None else repr(value) if isinstance(value, float) else " ".join(str(value).split())

@@ -12,20 +12,47 @@ _SPELLINGS = {
     "G_stor": ("G'",),
     "G_loss": ("G''",),
     "G_comp": ("|G*|", "G*"),
-    "M_stor": ("storage modulus",),
-    "M_loss": ("loss modulus",),
-    "M_comp": ("complex modulus",),
-    "tan_del": ("tan(delta)", "tan delta", "tan(\u03b4)", "tan \u03b4", "tan d", "loss factor"),
-    "omega": ("angular frequency", "\u03c9"),
-    "f": ("frequency",),
-    "T": ("temperature", "temp"),
-    "aT": ("shift factor",),
-    "bT": ("vertical shift factor",),
-    "v": ("velocity", "sliding velocity"),
-    "mu": ("friction coefficient", "coefficient of friction", "mu_visc", "\u03bc"),
-    "p": ("pressure", "contact pressure"),
-    "A_over_A0": ("contact area", "A/A0"),
-    "q": ("wavevector", "wavenumber"),
+    "M_stor": ("storage modulus", "speichermodul", "module de conservation", "module de stockage"),
+    "M_loss": ("loss modulus", "verlustmodul", "module de perte", "module de dissipation"),
+    "M_comp": ("complex modulus", "komplexer modul", "betrag komplexer modul", "module complexe"),
+    "tan_del": (
+        *("tan(delta)", "tan delta", "tan(\u03b4)", "tan \u03b4", "tan d", "loss factor"),
+        *("verlustfaktor", "facteur de perte"),
+    ),
+    "omega": (
+        "angular frequency",
+        "\u03c9",
+        "kreisfrequenz",
+        "winkelfrequenz",
+        "pulsation",
+        "fréquence angulaire",
+    ),
+    "f": ("frequency", "frequenz", "prüffrequenz", "fréquence"),
+    "T": ("temperature", "temp", "temperatur", "probentemperatur", "température"),
+    "aT": ("shift factor", "verschiebungsfaktor", "facteur de translation"),
+    "bT": ("vertical shift factor", "vertikaler verschiebungsfaktor", "facteur de translation verticale"),
+    "v": (
+        *(
+            "velocity",
+            "sliding velocity",
+            "speed",
+            "sliding speed",
+            "geschwindigkeit",
+            "gleitgeschwindigkeit",
+        ),
+        *("vitesse", "vitesse de glissement"),
+    ),
+    "mu": (
+        *("friction coefficient", "coefficient of friction", "cof", "mu_visc", "\u03bc"),
+        *("reibwert", "reibbeiwert", "reibungskoeffizient", "reibungszahl"),
+        *("coefficient de frottement", "coefficient de friction"),
+    ),
+    "p": (
+        *("pressure", "contact pressure", "druck", "kontaktdruck", "anpressdruck", "flächenpressung"),
+        *("pression", "pression de contact"),
+    ),
+    "A_over_A0": ("contact area", "A/A0", "kontaktfläche", "aire de contact"),
+    "q": ("wavevector", "wavenumber", "wellenvektor", "wellenzahl", "vecteur d'onde", "nombre d'onde"),
 }
 _NAMES = {spelling: name for name, spellings in _SPELLINGS.items() for spelling in spellings}
 # Set values, taken where the measured ones are not there.
@@ -41,21 +68,38 @@ OTHERS = (
 )
 
 _UNIT_SPELLINGS = {
-    "C": ("°C", "\u00baC", "℃", "degC"),
-    "rad/s": ("rad/sec",),
-    "MPa": ("N/mm²", "N/mm^2", "N/mm2"),
-    "Pa": ("N/m²", "N/m^2"),
-    "m^4": ("m⁴", "m4"),
-    "m^3": ("m³", "m3"),
-    "1/m": ("m⁻¹", "m^-1"),
+    "C": ("°C", "\u00baC", "℃", "degC", "deg C", "° C", "Grad C"),
+    "K": ("Kelvin",),
+    "rad/s": ("rad/sec", "rad s-1", "s-1", "1/s"),
+    "MPa": ("N/mm2", "N mm-2", "MN/m2"),
+    "kPa": ("kN/m2",),
+    "Pa": ("N/m2", "N m-2"),
     "-": ("", "1"),
+    **{f"{of}m/s": (f"{of}m s-1", f"{of}m/sec") for of in ("", "m", "u")},
+    **{f"{of}m^4": (f"{of}m4",) for of in ("", "m", "u", "n")},
+    **{f"{of}m^3": (f"{of}m3",) for of in ("", "m", "u", "n")},
+    **{f"1/{of}m": (f"{of}m-1", f"rad/{of}m") for of in ("", "m", "u", "n")},
 }
+# As units are spelled above: u for micro, exponents behind their letter.
+_PLAIN = str.maketrans("\u00b5\u03bc⁻¹²³⁴·\u22c5", "uu-1234  ", "^")
+_LOG_UNIT = re.compile(r"log_?10\((.+)\)")
+_KNOWN_UNITS = {unit for column in COLUMNS.values() for unit in column.units}
 _UNITS = {spelling: unit for unit, spellings in _UNIT_SPELLINGS.items() for spelling in spellings}
 # Signs that stand for a prime, for two of them, and for the Greek letter mu.
 _PRIMES, _DOUBLE = "\u00b4\u0060\u2018\u2019\u2032\u02b9", '"\u2033\u201d'
 _ONE_SIGN = str.maketrans({p: "'" for p in _PRIMES} | {d: "''" for d in _DOUBLE} | {"\u00b5": "\u03bc"})
 _LOGARITHM = re.compile(r"(?:log_?10|log|lg)[ _(]\s*(.+?)\s*\)?")
 _BRACKETS = re.compile(r"(.+?)\s*[\[(]([^\[\]()]*(?:\([^()]*\))?)[\])]")
+
+
+def spellings() -> dict[str, tuple[str, ...]]:
+    """Other titles under which a column of `COLUMNS` is read; those of M_... are E_... or G_..., as said."""
+    return dict(_SPELLINGS)
+
+
+def unit_spellings() -> dict[str, tuple[str, ...]]:
+    """Other spellings of units; signs as µ, ², ⁻¹ and · are understood in all of them."""
+    return dict(_UNIT_SPELLINGS)
 
 
 def is_foreign(title: str, name: str | None) -> bool:
@@ -92,9 +136,13 @@ def known_unit(unit: str | None, name: str | None) -> str:
     ----------
     unit, name : as `known_name` gives them; no unit is "-"
     """
-    unit = (unit or "").strip().translate(str.maketrans({"\u00b5": "u", "\u03bc": "u"}))
-    unit = _UNITS.get(unit, unit)
+    unit = (unit or "").strip()
     units = COLUMNS[name].units if name in COLUMNS else ()
+    logarithm = _LOG_UNIT.fullmatch(unit)
+    if unit in units:
+        return unit
+    plain = " ".join((logarithm[1] if logarithm else unit).translate(_PLAIN).split())
+    unit = _UNITS.get(plain, plain if plain in _KNOWN_UNITS else unit)
     return f"log10({unit})" if unit not in units and f"log10({unit})" in units else unit
 
 

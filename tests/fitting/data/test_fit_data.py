@@ -152,7 +152,7 @@ def test_signs(cls, name, value):
         (SpectrumData, "q", 1e13, "must be 1e-6 ... 1e12 1/m"),
         (SpectrumData, "q", 1e-7, "must be 1e-6 ... 1e12 1/m"),
         (SpectrumData, "C", 1e6, "must be <= 1e3 m^4; is it in mm^4 or um^4?"),
-        *((cls, "relative", 5.0, "must be <= 3; is it in percent? 3 % is 0.03") for cls in KINDS),
+        *((cls, "relative", 5.0, "must be <= 1; is it in percent? 3 % is 0.03") for cls in KINDS),
     ],
 )
 def test_values_that_look_like_a_wrong_unit(cls, name, value, text):
@@ -463,7 +463,7 @@ def test_faulty_tables(tmp_path, text, given, expected):
 @pytest.mark.parametrize("name", ["data.docx", "data", "data.toml"])
 def test_other_suffixes(tmp_path, name):
     path = tmp_path / name
-    assert "must be .csv, .txt, .tsv, .dat or .h5" in refused(path, lambda: read(path))
+    assert "must be .csv, .txt, .tsv, .dat, .xlsx or .h5" in refused(path, lambda: read(path))
     assert "must be .csv or .h5" in refused(path, lambda: good(FrictionData).write(path))
 
 

@@ -319,12 +319,14 @@ def test_one_temperature_is_drawn_over_pressure():
 
 def test_picture_of_many_pressures_points_and_a_constant():
     result = drawn_map(np.logspace(-6, 2, 1000), np.logspace(4, 7, 9), [283.15, 293.15])
-    axes = plot_map(result, "shear_friction")
+    axes = plot_map(result)
     assert len(axes) == 4
     assert axes[0].get_title() == "0.01 MPa" and axes[-1].get_title() == "10 MPa"
     assert axes[0].collections[0].get_array().size == 2 * 800
-    assert axes[0].figure.axes[-1].get_ylabel() == "shear friction [-]"
-    assert len(axes[0].collections) == 1  # no contour of a constant
+    (one,) = plot_map(result, "shear_friction")
+    assert one.get_title() == "0.01 … 10 MPa, all alike"
+    assert one.figure.axes[-1].get_ylabel() == "shear friction [-]"
+    assert len(one.collections) == 1  # no contour of a constant
     given = axes[0].figure.__class__().subplots(1, 4)
     assert plot_map(result, ax=given) is given
 

@@ -239,8 +239,8 @@ def test_names_without_units(tmp_path):
 
 
 def test_what_read_cannot_take(tmp_path):
-    path = put(tmp_path, "PK", "sweep.xlsx")
-    assert "suffix '.xlsx': must be .csv, .txt, .tsv, .dat or .h5; save a sheet as .csv" in refused(
+    path = put(tmp_path, "PK", "sweep.ods")
+    assert "suffix '.ods': must be .csv, .txt, .tsv, .dat, .xlsx or .h5; save a sheet as .csv" in refused(
         path, lambda: read(path)
     )
     path = put(tmp_path, "v,mu\nm/s,-\n1,0.5\n")
@@ -252,6 +252,78 @@ def test_what_read_cannot_take(tmp_path):
     assert "columns = ['f [Hz]']: must not be given; it is for tables" in refused(
         path, lambda: read(path, columns=["f [Hz]"])
     )
+
+
+# --- of laboratories elsewhere
+
+GERMAN = """Frequenz;Speichermodul;Verlustmodul;Temperatur
+Hz;N/mm²;N/mm²;°C
+0,1;8,97;1,23;20,0
+1;9,9;1,5;20
+"""
+FRENCH = "Fréquence [Hz]\tModule de conservation [MPa]\tFacteur de perte [-]\n0.1\t8.97\t0.1\n1\t9.9\t0.2\n"
+GLIDING = "Gleitgeschwindigkeit (mm/s);Reibwert (-);Flächenpressung (N/mm²)\n0,5;0,61;0,2\n5;0,75;0,2\n"
+RUBBING = """Vitesse de glissement [mm·s⁻¹],Coefficient de frottement [-],Pression [bar]
+0.5,0.61,2
+5,0.75,2
+"""
+ROUGH = "Wellenvektor [µm⁻¹];C [µm⁴]\n0,1;1e-3\n1;1e-7\n"
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "latin-1", "utf-16"])
+def test_other_languages(tmp_path, encoding):
+    holds(
+        *(read(put(tmp_path, GERMAN.encode(encoding))), TWO_PI * np.array([0.1, 1.0])),
+        *([8.97e6, 9.9e6], [1.23e6, 1.5e6], [293.15, 293.15]),
+    )
+    holds(
+        read(put(tmp_path, FRENCH.encode(encoding))),
+        TWO_PI * np.array([0.1, 1]),
+        [8.97e6, 9.9e6],
+        [8.97e5, 1.98e6],
+    )
+    for text in (GLIDING, RUBBING):
+        if "⁻" in text and encoding == "latin-1":
+            continue
+        data = read(put(tmp_path, text.encode(encoding)))
+        np.testing.assert_allclose(
+            [data.velocity, data.friction, data.pressure], [[5e-4, 5e-3], [0.61, 0.75], [2e5] * 2]
+        )
+    if encoding != "latin-1":
+        data = read(put(tmp_path, ROUGH.encode(encoding)))
+        np.testing.assert_allclose([data.q, data.C], [[1e5, 1e6], [1e-27, 1e-31]], rtol=1e-13)
+
+
+def test_unknown_titles_are_answered_with_columns_filled_in(tmp_path):
+    text = "Speed / rpm;Reibwert;Kanal 3;Temperatur\n1/min;-;V;°C\n10;0,6;1,1;20\n20;0,7;1,2;20\n"
+    path = put(tmp_path, text)
+    said = 'columns=["?", "mu [-]", "?", "T [°C]"]'
+    assert said in refused(path, lambda: read(path, pressure=1e5))
+    named = read(path, pressure=1e5, columns=["v [mm/s]", "mu [-]", "-", "T [C]"])
+    np.testing.assert_allclose(named.velocity, [0.01, 0.02])
+    path = put(tmp_path, "a,b\n-,-\n1,2\n")
+    assert 'for one not read: columns=["?", "?"]' in refused(path, lambda: rf.io.read_columns(path))
+
+
+def test_workbooks(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl", reason="needs openpyxl, which is in the test extra")
+    book = openpyxl.Workbook()
+    book.active.append(["Notes"])
+    sheet = book.create_sheet("run 1")
+    for row in (
+        ["Sample", "tread"],
+        [],
+        ["v [mm/s]", "Reibwert [-]", "Remark"],
+        [0.5, 0.61, "run in"],
+        [5, 0.75, None],
+    ):
+        sheet.append(row)
+    path = tmp_path / "friction.xlsx"
+    book.save(path)
+    data = read(path, pressure=1e5)
+    np.testing.assert_allclose([data.velocity, data.friction], [[5e-4, 5e-3], [0.61, 0.75]], rtol=1e-14)
+    path.write_bytes(b"PK")
+    assert "cannot be read as .xlsx" in refused(path, lambda: read(path))
 
 
 # --- unit helpers

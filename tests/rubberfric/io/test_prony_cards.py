@@ -121,7 +121,65 @@ def test_lsdyna_cards_have_the_modulus():
     np.testing.assert_allclose(found, np.asarray(rf.complex_modulus(SHEAR, OMEGA)), rtol=3e-6)
 
 
+def test_lsdyna_shift(tmp_path):
+    path = tmp_path / "rubber.k"
+    text = rf.io.write_prony(path, SHEAR, "lsdyna", density=1200.0)
+    card = next(line for line in text.splitlines() if line[:1] not in "$*")
+    T_ref, A, B = (float(card[i : i + 10]) for i in (50, 60, 70))
+    log_aT = -A * (330.0 - T_ref) / (B + 330.0 - T_ref)
+    np.testing.assert_allclose(log_aT, WLF.log_factor(330.0), rtol=2e-5)  # 6 digits
+    same_shift = rf.io.read_prony(path, unit_stress="Pa").shift
+    np.testing.assert_allclose([same_shift.C1, same_shift.C2, same_shift.T_ref], [8.86, 101.6, 293.15], 2e-5)
+    with pytest.raises(ValueError, match=r"must be K for the shift of lsdyna"):
+        rf.io.write_prony(path, SHEAR, "lsdyna", density=1200.0, unit_temperature="C")
+
+
+# --- comsol and openradioss
+
+
+def test_comsol_table_has_the_modulus():
+    text = rf.io.write_prony(None, SHEAR, "comsol", unit_stress="MPa", unit_temperature="C")
+    comments = dict(re.findall(r"^% (\w+) = (\S+)", text, re.M))
+    rows = [line.split() for line in text.splitlines() if line[0] != "%"]
+    assert [int(row[0]) for row in rows] == list(range(1, TAU.size + 1))
+    _, G, tau = np.array(rows, float).T
+    glassy = float(comments["G"]) + G.sum()
+    found = modulus(glassy * 1e6, G / glassy, float(comments["K"]) * 1e6, 0 * tau, tau)
+    np.testing.assert_allclose(found, np.asarray(rf.complex_modulus(SHEAR, OMEGA)), rtol=1e-12)
+    assert float(comments["Tref"]) == pytest.approx(20.0, rel=1e-12)
+    assert (comments["C1"], comments["C2"]) == ("8.86", "101.6")
+
+
+@pytest.mark.parametrize("material", [RUBBER, SHEAR])
+def test_openradioss_cards_have_the_modulus(material):
+    text = rf.io.write_prony(None, material, "openradioss", unit_stress="MPa", density=1200.0, shift=False)
+    cards = [line for line in text.splitlines() if not line.startswith("#")]
+    assert cards[:2] == ["/MAT/LAW42/1", "RUBBER"] and float(cards[2]) == 1.2e-9
+    nu, mu, alpha = float(cards[3][:20]), float(cards[4][:20]), float(cards[6][:20])
+    assert alpha == 2 and cards[5] == cards[7] == "" and cards[8] == "/VISC/PRONY/1"
+    assert int(cards[9][:10]) == TAU.size and len(cards[3]) == 100 and len(cards[9]) == 60
+    G, beta, K, beta_k = np.array([[float(c[i : i + 20]) for i in (0, 20, 40, 60)] for c in cards[10:]]).T
+    relaxed_bulk = 2 * mu * (1 + nu) / (3 * (1 - 2 * nu))
+    glassy, glassy_bulk = mu + G.sum(), relaxed_bulk + K.sum()
+    found = modulus(glassy * 1e6, G / glassy, glassy_bulk * 1e6, K / glassy_bulk, 1 / beta)
+    np.testing.assert_allclose(found, np.asarray(rf.complex_modulus(material, OMEGA)), rtol=1e-10)
+    assert np.array_equal(beta_k, beta if material is RUBBER else 0 * beta)
+
+
 # --- back again
+
+
+@pytest.mark.parametrize("program", ["comsol", "openradioss"])
+def test_round_trip_of_tables_and_blocks(program, tmp_path):
+    path, options = tmp_path / "cards", {"density": 1200.0, "shift": program == "comsol"}
+    rf.io.write_prony(path, SHEAR, program, unit_stress="MPa", **options)
+    shift = WLF if program == "comsol" else None
+    same(rf.io.read_prony(path, unit_stress="MPa"), SHEAR.replace("shift", shift), 1e-11)
+    rf.io.write_prony(path, SOFT, program, bulk=2e9, **options)
+    same(rf.io.read_prony(path, unit_stress="Pa", poisson=0.5), SOFT, 1e-11)
+    if program == "openradioss":
+        rf.io.write_prony(path, RUBBER, program, **options)
+        same(rf.io.read_prony(path, unit_stress="Pa"), RUBBER.replace("shift", None), 1e-11)
 
 
 @pytest.mark.parametrize("program", ["abaqus", "ansys"])
@@ -257,9 +315,11 @@ LONG = rf.Prony(1e6, np.ones(18), 10.0 ** np.arange(18), 0.5)
     ("arguments", "message"),
     [
         ((rf.Elastic(1e6, 0.5),), "material is a Elastic: must be Prony or PronyShear; see fit_prony"),
-        ((RUBBER, "nastran"), "program = 'nastran': must be one of abaqus, ansys, lsdyna, pyvisco"),
+        ((RUBBER, "nastran"), "program = 'nastran': must be one of abaqus, ansys, comsol, lsdyna"),
         ((RUBBER, "abaqus", {"unit_stress": "psi"}), "unit_stress = 'psi': must be one of Pa, kPa, MPa, GPa"),
-        ((RUBBER, "lsdyna", {"density": 1e3}), "has the shift WLF: lsdyna cards must have none; shift=False"),
+        ((RUBBER, "openradioss", {"density": 1e3}), "has the shift WLF: openradioss cards must have none;"),
+        ((SHEAR, "openradioss", {"shift": False}), "density is missing: must be given for openradioss"),
+        ((SOFT, "comsol"), "bulk is missing: must be given for comsol, whose bulk modulus is elastic"),
         ((SOFT, "lsdyna", {"density": 1e3}), "bulk is missing: must be given for lsdyna"),
         ((SOFT, "lsdyna", {"bulk": 2e9}), "density is missing: must be given for lsdyna"),
         ((LONG, "lsdyna", {"bulk": 2e9, "density": 1e3}), "has 18 terms: must be at most 18 for lsdyna"),
@@ -286,7 +346,7 @@ def test_refused_to_write(arguments, message, tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("nothing", "has no Prony series: must be cards of abaqus, ansys or lsdyna, or a pyvisco table"),
+        ("nothing", "has no Prony series: must be cards of abaqus, ansys, lsdyna or openradioss"),
         (ABAQUS.replace("LONG TERM\n 3.", "LONG TERM\n x"), "'x': must be a number"),
         (ABAQUS.replace(" 0.5, 0., 0.1\n 0.25", " 0.8, 0., 0.1\n 0.25"), "add up to 1.05: must be at most 1"),
         (ABAQUS.replace("0.5, 0., 0.1", "0.5, 0.2, 0.1").replace("3., 0.5", "3., 0.4"), "term 1: weight 0.2"),

@@ -74,6 +74,61 @@ def test_curves_of_a_result(draw):
     assert not given.figure.get_suptitle()
 
 
+def test_what_solve_returns_is_drawn():
+    """In any arrangement of its conditions; a picture names its pressure and temperature."""
+    v, p, T = V[[2, 4, 0]], np.array([5e5, 1e5])[:, None], 283.15
+    solution = rf.Solution(friction=np.arange(6.0).reshape(2, 3))
+    axes = drawn(plot.plot_friction(solution, velocity=v, pressure=p, temperature=T))
+    assert texts(axes) == ["0.1 MPa, 10 °C", "0.5 MPa, 10 °C"]
+    np.testing.assert_array_equal(axes.lines[0].get_ydata(), [3, 4, 5])
+    axes = drawn(plot.plot_friction(np.array([1.0, 2.0, 3.0]), velocity=v, pressure=1e5))
+    assert axes.get_legend() is None and axes.get_title(loc="left") == "0.1 MPa"
+    for wrong, message in (
+        ({"velocity": V, "pressure": p}, r"shapes differ \(velocity has \(5,\), pressure has \(2, 1\)"),
+        ({"velocity": v, "pressure": [[1e5], [1e5]]}, r"6 points, not every combination of its 1 x 3"),
+        ({"velocity": v}, "pressure is missing"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            plot.plot_friction(solution, **wrong)
+    with pytest.raises(ValueError, match="must not be given; the result has its own"):
+        plot.plot_friction(RESULT, velocity=V)
+
+
+def test_panels_that_would_repeat_are_one():
+    v = np.logspace(-3, 0, 5)
+    conditions = Conditions(v, np.array([1e5, 3e5, 5e5]), np.array([283.15, 303.15]))
+    mu = np.ones((2, 3, 5)) * np.linspace(0.5, 1.0, 5) * np.array([1.0, 1.2])[:, None, None]
+    alike = RESULT._replace(conditions=conditions, solution=rf.Solution(friction=mu))
+    (axes,) = plot.plot_map(alike)
+    assert axes.get_title() == "0.1 … 0.5 MPa, all alike"
+    assert len(plot.plot_map(alike, ax=Figure().subplots(1, 3))) == 3
+    other = alike._replace(solution=rf.Solution(friction=mu * np.array([1.0, 1.0, 1.01])[:, None]))
+    assert len(plot.plot_map(other)) == 3
+
+
+def test_any_picks_the_picture(tmp_path):
+    assert len(plot.any(RESULT)) == 3 and len(plot.any(RESULT, ax=None)) == 3
+    many = RESULT._replace(
+        conditions=Conditions(V, np.geomspace(1e5, 1e6, 11), None),
+        solution=rf.Solution(friction=np.ones((1, 11, 1)) * np.arange(5.0)),
+    )
+    (panel,) = plot.any(many)
+    assert panel.get_ylabel().startswith("$\\log_{10}(p")
+    table = rf.io.FrictionTable(V[[2, 4, 0]], np.array([1e5]), None, np.ones((1, 1, 3)))
+    assert len(plot.any(table)) == 1
+    assert plot.any(RUBBER).get_ylabel().startswith("modulus")
+    for spectrum in (ROAD, {"road": ROAD}, fitting.SpectrumData([1.0, 2.0], [1.0, 0.5])):
+        assert plot.any(spectrum).get_ylabel() == "power spectrum $C$ [m$^4$]"
+    panels = plot.any(rf.Solution(friction=np.ones(5)), velocity=V, pressure=1e5)
+    plot.save_figure(tmp_path / "a.png", panels)
+    plot.save_figure(tmp_path / "b.png", panels[0])
+    assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
+    with pytest.raises(ValueError, match="pressure is missing: must be given for curves of a scene"):
+        plot.any(SCENE)
+    with pytest.raises(ValueError, match="pressure: must not be given; SelfAffine has its own, or none"):
+        plot.any(ROAD, pressure=1e5)
+
+
 def is_lighter(colours):
     """Whether colours get lighter, one after the other, in grey too."""
     grey = [float(np.dot(matplotlib.colors.to_rgb(colour), [0.299, 0.587, 0.114])) for colour in colours]
@@ -274,7 +329,7 @@ SQUARE = np.ones((3, 5))
 @pytest.mark.parametrize(
     ("draw", "arguments", "message"),
     [
-        (plot.plot_friction, (V,), "result is a ndarray: must be of class Result"),
+        (plot.plot_friction, (V,), "velocity is missing: must be given beside what solve and friction re"),
         (plot.plot_friction, (NO_FRICTION,), "result has no friction, only area: must be computed"),
         (plot.plot_area, (AT_REST,), "velocity has no value > 0: must have one at least, for log10 v"),
         (plot.plot_area, (RESULT, Figure()), "ax is a Figure: must be one matplotlib axes, or None"),
@@ -303,8 +358,10 @@ SQUARE = np.ones((3, 5))
         (plot.plot_result, (RESULT, Figure().subplots()), "ax is one axes, not a sequence: must have 3"),
         (plot.plot_result, (RESULT, ["a"]), "ax is a list, not a sequence of axes: must have 3"),
         (plot.plot_map, (RESULT, "area", [Figure().subplots()]), "ax has 1 axes: must have 2, for 0.1 MPa"),
-        (plot.plot_result, (V,), "result is a ndarray: must be of class Result"),
-        (plot.plot_map, (V,), "result is a ndarray: must be of class Result"),
+        (plot.plot_result, (V,), "velocity is missing: must be given beside what solve and friction return"),
+        (plot.plot_map, (V,), "velocity is missing: must be given beside what solve and friction return"),
+        (plot.plot_result, ("V",), "result is a str: must be a Result, as friction_map gives it, or what"),
+        (plot.any, (object(),), "found is a object: must be a scene, what solve, friction_map or a fit ret"),
         (plot.plot_profile, (RESULT,), "profile is a Result: must be of class Profile"),
         (plot.plot_accuracy, (RESULT,), "accuracy is a Result: must be of class Accuracy"),
         (fitting.plot.plot_fit, (RESULT,), "result is a Result: must be of class FitResult"),

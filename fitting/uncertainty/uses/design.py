@@ -1,0 +1,251 @@
+"""The next experiment: which measurements tell most of what is unknown, or of what is to be predicted."""
+
+import dataclasses
+from collections.abc import Callable, Mapping
+
+import jax
+import numpy as np
+from jax.typing import ArrayLike
+
+import rubberfric as rf
+from fitting.parameters.constraints import Rule
+from fitting.parameters.priors.rows import Prior
+from fitting.uncertainty.intervals import SolvedProblem
+from fitting.uncertainty.uses import picture
+from fitting.uncertainty.uses.exchange import criterion as value_of
+from fitting.uncertainty.uses.exchange import exchange, gain, information
+from fitting.uncertainty.uses.known import Points, known_of
+from rubberfric.base import POSITIVE, StrPath, as_leaf, check_values, shown
+from rubberfric.io import write_table
+from rubberfric.plot import style
+
+# Relative error of a new measurement where nothing says it.
+ERROR = 0.05
+CRITERIA = ("D", "A")
+
+
+@dataclasses.dataclass(frozen=True)
+class prediction:
+    """Criterion of a design: the mean variance of ln of a quantity predicted at conditions.
+
+    Parameters
+    ----------
+    velocity, pressure, temperature : broadcastable [m/s], [Pa], [K]
+    quantity : any that `rubberfric.solve` knows and that is > 0 there
+    """
+
+    velocity: ArrayLike
+    pressure: ArrayLike
+    temperature: ArrayLike | None = None
+    quantity: str = "friction"
+
+
+@dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
+class Design:
+    """Measurements to make, most useful first, and what they will tell.
+
+    Attributes
+    ----------
+    velocity, pressure, temperature : of every measurement [m/s], [Pa], [K]; temperature None without shifts
+    index : which candidates they are, shape (n,)
+    names : key path of every free element
+    before, after : standard deviations of x without and with them; of Positive ones relative; (size,)
+    predicted : (before, after) root mean square relative error of the prediction of the criterion, or None
+    candidates : conditions of all, each of shape (candidates,)
+    gain : of one measurement at each of them, shape (candidates,); of D in nats, of A and predictions the
+        part of the mean variance that goes
+    criterion : as a text
+    rows : of every candidate at the first draw, in units of its error
+    """
+
+    velocity: np.ndarray
+    pressure: np.ndarray
+    temperature: np.ndarray | None
+    index: np.ndarray
+    names: tuple[str, ...]
+    before: np.ndarray
+    after: np.ndarray
+    predicted: tuple[float, float] | None
+    candidates: Points
+    gain: np.ndarray
+    criterion: str
+    rows: np.ndarray
+
+    def report(self) -> str:
+        """The measurements and what they tell, as text of several lines."""
+        lines = [f"Design of {self.index.size} measurements ({self.criterion}), most useful first"]
+        repeats = {i: int(np.sum(self.index == i)) for i in self.index.tolist()}
+        for i, count in repeats.items():
+            v, p, T = self.candidates
+            at = f"  v = {v[i]:.4g} m/s, p = {p[i] / 1e6:.4g} MPa"
+            at += "" if T is None else f", T = {rf.units.to_celsius(T[i]):.4g} °C"
+            lines.append(at + (f", {count} times" if count > 1 else ""))
+        if self.predicted is not None:
+            old, new = self.predicted
+            lines.append(f"error of the prediction: {_percent(old)} before, {_percent(new)} after")
+        lines.append("expected errors (of x; of Positive parameters relative), before and after")
+        width = max(map(len, self.names))
+        for name, old, new in zip(self.names, self.before, self.after, strict=True):
+            lines.append(f"  {name:<{width}}  {_percent(old):>10}  {_percent(new):>10}")
+        return "\n".join(lines) + "\n"
+
+    def plot(self, ax: style.Panels | None = None) -> style.Panels:
+        """Where one measurement would tell how much, and the measurements chosen."""
+        return picture.plot_design(self, ax)
+
+    def write(self, path: StrPath) -> None:
+        """Write the conditions to measure at as a CSV table with the columns v, p and T."""
+        table = {"v": self.velocity, "p": self.pressure}
+        table |= {} if self.temperature is None else {"T": self.temperature}
+        write_table(path, table, f"{self.index.size} measurements to make ({self.criterion}), in this order")
+
+
+def design(
+    source: SolvedProblem | rf.Scene,
+    free: Mapping[str, Rule] | None = None,
+    *,
+    candidates: tuple[ArrayLike, ...],
+    n: float,
+    criterion: str | prediction = "D",
+    cost: ArrayLike | Callable[..., ArrayLike] | None = None,
+    relative: ArrayLike | None = None,
+    quantity: str = "friction",
+    prior: Mapping[str, Prior] | None = None,
+    draws: int = 1,
+    reach: float = 0.3,
+    key: jax.Array | None = None,
+    already: Design | None = None,
+    quadrature: rf.Quadrature | None = None,
+) -> Design:
+    """Choose the measurements that tell most, among candidates, given what is known.
+
+    Parameters
+    ----------
+    source : FitResult, whose data and priors are what is known; or a Scene, for a first experiment
+    free : of a Scene: dict of key path -> rule, as for `fitting.fit`
+    candidates : (velocity, pressure) or (velocity, pressure, temperature), broadcastable [m/s], [Pa], [K]
+        where one could measure, such as (v[:, None], p) for every combination
+    n : number of measurements, or what they may cost together; those at one candidate are repetitions
+    criterion : "D", "A" or `prediction(...)`
+        the volume of the ellipsoid of errors; the mean variance of x, which is relative for Positive
+        parameters; the mean variance of what is predicted.
+    cost : of every candidate, or a function of (velocity, pressure, temperature) that says it; None: 1 each
+    relative : error of a measurement, one or for every candidate
+        None: the mean of the relative errors of the fit's friction data; 5 % of a scene.
+    quantity : "friction" or "area", what is measured
+    prior : of a Scene: dict of key path -> Gaussian or Smooth
+    draws : over how many draws from what is known the criterion is averaged; 1: the fitted values alone
+    reach : a draw is moved by no more than this along a direction, 0.3 being 30 %
+        what is not known at all would else be drawn from anywhere.
+    key : jax.random.key of the draws, or None for key(0)
+    already : a Design whose measurements will be made as well, an earlier batch of the same candidates
+    quadrature : of a Scene
+
+    Returns
+    -------
+    Design
+
+    Raises
+    ------
+    ValueError : one line: no such criterion, candidates or cost that do not broadcast or are <= 0, a budget
+        that no candidate fits in; and as `fitting.fit` for `free` and `prior`.
+
+    Notes
+    -----
+    Errors are those of the model linearised at the scene: exact derivatives, but no better than the scene.
+    Design in batches: measure some, fit, design again; or take `draws=8`.
+    """
+    known = known_of(source, free, prior, quadrature)
+    at = _points(candidates)
+    error = np.broadcast_to(_error(source, quantity) if relative is None else relative, at[0].shape)
+    check_values("relative", error, POSITIVE)
+    price = _cost(cost, at)
+    if isinstance(n, bool) or not isinstance(n, int | float) or not n >= price.min():
+        raise ValueError(f"n = {shown(n)}: must be >= {price.min():g}, for one measurement at least")
+    if not isinstance(draws, int) or draws < 1:
+        raise ValueError(f"draws = {shown(draws)}: must be an integer >= 1")
+    key = jax.random.key(0) if key is None else key
+    xs = known.draws(draws, reach, key)
+    rows = np.stack([known.rows(x, at, quantity) / error[:, None] for x in xs])
+    target = _target(known, xs, criterion)
+    base = known.information
+    if already is not None:
+        if already.rows.shape != rows[0].shape:
+            raise ValueError("already: must be a Design of the same candidates and free parameters")
+        base = base + information(already.rows[None], 0.0 * base, already.index)[0]
+    index = exchange(rows, base, n, price, target)
+    old, new = base[None], information(rows[:1], base, index)
+    spreads = [np.linalg.inv(m[0]) for m in (old, new)]
+    before, after = (known.stretch * np.sqrt(np.diag(spread)) for spread in spreads)
+    first = None if target is None else target[:1]
+    predicted = None
+    if isinstance(criterion, prediction):
+        predicted = (np.sqrt(-value_of(old, first)), np.sqrt(-value_of(new, first)))
+    single = gain(rows, np.broadcast_to(base, (draws, *base.shape)), target)
+    return Design(
+        velocity=at[0][index],
+        pressure=at[1][index],
+        temperature=None if at[2] is None else at[2][index],
+        index=index,
+        names=known.names,
+        before=before,
+        after=after,
+        predicted=predicted,
+        candidates=at,
+        gain=single if target is None else single / -value_of(old, target),
+        criterion=criterion if isinstance(criterion, str) else "prediction",
+        rows=rows[0],
+    )
+
+
+def _points(candidates) -> Points:
+    if not isinstance(candidates, tuple) or len(candidates) not in (2, 3):
+        raise ValueError("candidates: must be (velocity, pressure) or (velocity, pressure, temperature)")
+    given = candidates if len(candidates) == 3 and candidates[2] is not None else candidates[:2]
+    arrays = []
+    for name, values in zip(("velocity", "pressure", "temperature"), given, strict=False):
+        arrays.append(np.asarray(as_leaf(f"candidates: {name}", values, np.ndim(values)), float))
+        check_values(f"candidates: {name}", arrays[-1], POSITIVE)
+    try:
+        flat = [np.array(x).ravel() for x in np.broadcast_arrays(*arrays)]
+    except ValueError:
+        shapes = ", ".join(str(x.shape) for x in arrays)
+        raise ValueError(f"candidates: shapes {shapes}: must broadcast") from None
+    return flat[0], flat[1], flat[2] if len(flat) == 3 else None
+
+
+def _cost(cost, at):
+    values = cost(*at) if callable(cost) else 1.0 if cost is None else cost
+    try:
+        values = np.broadcast_to(np.ravel(np.asarray(values, float)), at[0].shape)
+    except (TypeError, ValueError):
+        raise ValueError(f"cost: must be a number, or {at[0].size} of them, one for each candidate") from None
+    check_values("cost", values, POSITIVE)
+    return values
+
+
+def _error(source, quantity):
+    """Relative error that the fit's data of a quantity have, in the mean."""
+    if not isinstance(source, SolvedProblem):
+        return ERROR
+    blocks = [b for b in source.problem.structure.blocks if b.quantity == quantity and b.logarithmic]
+    errors = [np.asarray(source.problem.targets.error)[slice(*b.rows)] for b in blocks]
+    return float(np.mean(np.concatenate(errors))) if errors else ERROR
+
+
+def _target(known, xs, criterion):
+    """L of every draw, or None for D."""
+    if isinstance(criterion, prediction):
+        conditions = (criterion.velocity, criterion.pressure)
+        conditions += () if criterion.temperature is None else (criterion.temperature,)
+        at = _points(conditions)
+        slopes = np.stack([known.rows(x, at, criterion.quantity) for x in xs])
+        return np.swapaxes(slopes, 1, 2) @ slopes / at[0].size
+    if not isinstance(criterion, str) or criterion not in CRITERIA:
+        raise ValueError(f"criterion = {shown(criterion)}: must be 'D', 'A' or fitting.prediction(...)")
+    # Variances of x, not of x / stretch.
+    return None if criterion == "D" else np.tile(np.diag(known.stretch**2), (len(xs), 1, 1))
+
+
+def _percent(error: float) -> str:
+    return f"{100 * error:.3g} %" if error < 10 else "open"

@@ -1,0 +1,167 @@
+"""Writes formats.md: every key of scene and job files, every column and unit of tables, from the code itself.
+
+python notebooks/formats.py
+"""
+
+import dataclasses
+import typing
+from pathlib import Path
+
+from fitting.commands.design import KEYS as DESIGN
+from fitting.commands.job import CONDITIONS, EXTRA, PRIOR_KEYS, RULES, TEXTS
+from fitting.solvers.options import IN_FILES
+from rubberfric.base.objects.fields import Child, Leaf, Static
+from rubberfric.base.objects.physical import Kind, fields_of, kinds
+from rubberfric.io.friction_tables.files import PROGRAMS
+from rubberfric.io.prony_cards.cards import FORMATS
+from rubberfric.io.results import QUANTITIES
+from rubberfric.io.tables.columns import COLUMNS
+from rubberfric.io.tables.titles import spellings, unit_spellings
+from rubberfric.materials.material import Material
+from rubberfric.materials.shifts import Shift, VerticalShift
+from rubberfric.materials.slab import Layer
+from rubberfric.roughness.spectra import Spectrum
+from rubberfric.scene.scene import Body, Scene
+
+HERE = Path(__file__).parent
+INTRODUCTION = HERE / "formats_introduction.md"
+# What stands where in a scene file: heading, key, and the class or role.
+PLACES = (
+    ("The file itself", "", Scene),
+    ("A body", "lower, upper", Body),
+    ("Materials", "material", Material),
+    ("Spectra", "spectrum", Spectrum),
+    ("Layers", "layer", Layer),
+    ("Shifts with temperature", "shift", Shift),
+    ("Vertical shifts", "vertical", VerticalShift),
+)
+OTHERS = ("shear", "heating", "softening", "thermal")
+
+
+def document() -> str:
+    """The whole page."""
+    introduction = INTRODUCTION.read_text(encoding="utf-8").rstrip()
+    return "\n\n".join([introduction, _columns(), _units(), _scenes(), _jobs(), _results()]) + "\n"
+
+
+def _table(headings, rows):
+    lines = [headings, ["---"] * len(headings), *rows]
+    return "\n".join("| " + " | ".join(str(cell).replace("|", "\\|") for cell in row) + " |" for row in lines)
+
+
+def _columns():
+    also = spellings()
+    for name in [name for name in also if name.startswith("M_")]:
+        for letter in "EG":
+            also[letter + name[1:]] = (*also.get(letter + name[1:], ()), *also[name])
+    rows = []
+    for name, column in COLUMNS.items():
+        titles = "; ".join(map(_code, also.get(name, ())))
+        rows.append((f"`{name}`", ", ".join(column.units), titles or "its log10" * column.log10))
+    return (
+        "## Columns of tables\n\nA table has a row of names and a row of units (or `name [unit]`). The first"
+        " unit is SI. Capitals, blanks, dots and underscores in other titles do not matter; `log` before a"
+        " title is read.\n\n" + _table(("name", "units", "also read as"), rows)
+    )
+
+
+def _code(text):
+    return f"``{text}``" if "`" in text else f"`{text}`"
+
+
+def _units():
+    rows = [
+        (_code(unit), ", ".join(map(_code, filter(None, texts)))) for unit, texts in unit_spellings().items()
+    ]
+    return (
+        "## Units\n\nµ, ², ³, ⁴, ⁻¹, · and ^ are understood in every unit: `µm⁻¹`, `mm·s⁻¹`, `N/mm²`.\n\n"
+        + _table(("unit", "also read as"), rows)
+    )
+
+
+def _scenes():
+    parts = [
+        "## Scene files (.toml)\n\nNumbers are in SI. `title` and `plausible = false` may stand at the top."
+    ]
+    for heading, key, role in PLACES:
+        classes = kinds(role).values() if issubclass(role, Kind) else [role]
+        where = f" (`{key}`)" if key else ""
+        parts.append(f"### {heading}{where}")
+        for cls in classes:
+            kind = f'`kind = "{cls.file_kind}"`: ' if issubclass(cls, Kind) else ""
+            parts.append(f"{kind}{_first_line(cls)}\n\n" + _keys(cls))
+    for name in OTHERS:
+        owner = Scene if name in fields_of(Scene) else Body
+        cls = typing.cast(Child, fields_of(owner)[name]).role
+        parts.append(f"### `[{name}]`\n\n{_first_line(cls)}\n\n" + _keys(cls))
+    parts.append(
+        "### `[run]` and `[map]`\n\n`velocity` [m/s], `pressure` [Pa] and, where something shifts,"
+        " `temperature` [K]: a number, a list, or `{ from = 1e-6, to = 1e1, points = 50 }`."
+    )
+    return "\n\n".join(parts)
+
+
+def _first_line(cls):
+    return (cls.__doc__ or "").strip().splitlines()[0]
+
+
+def _keys(cls):
+    rows = []
+    defaults = {field.name: field.default for field in dataclasses.fields(cls)}
+    for name, field in fields_of(cls).items():
+        default = defaults[name]
+        optional = "" if default is dataclasses.MISSING else "none" if default is None else f"{default!r}"
+        if isinstance(field, Leaf):
+            what = "a number" if field.ndim == 0 else "a list of numbers"
+            what = f"column `{field.column}` of `file`" if field.column else what
+            rows.append((f"`{name}`", what, field.unit, field.rule[0], optional))
+        elif isinstance(field, Static):
+            choice = ", ".join(f"`{str(c).lower() if isinstance(c, bool) else c}`" for c in field.choices)
+            rows.append((f"`{name}`", choice or "a number", "", "", optional.lower()))
+        else:
+            rows.append((f"`{name}`", f"a table: {_role(field.role)}", "", "", optional))
+    rows += [(f"`{key}`", f"instead of `{name}`", "", "", "") for key, name in cls.alternatives.items()]
+    return _table(("key", "what", "unit", "rule", "default"), rows) if rows else "It has no keys."
+
+
+def _role(role):
+    found = [cls.file_kind for cls in kinds(role).values()] if issubclass(role, Kind) else []
+    return ", ".join(map(_code, found)) or role.__name__
+
+
+def _jobs():
+    rules = []
+    for name, cls in RULES.items():
+        keys = ", ".join(_code(field.name) for field in dataclasses.fields(cls))
+        rules.append((f'`"{name}"`' if name == "positive" else f'`rule = "{name}"`', keys))
+    lists = {
+        "`[[data]]`": ("file", *CONDITIONS, *TEXTS, *EXTRA),
+        "`[prior]`": PRIOR_KEYS,
+        "`[fit]`": IN_FILES,
+        "`[design]`": DESIGN,
+    }
+    parts = [
+        "## Job files of `rubberfric-fit` (.toml)\n\n`scene` names a scene file, `[[data]]` a measurement"
+        " each, `[free]` key paths in quotes with a rule each; `title`, `[prior]`, `[fit]` and, for"
+        " `rubberfric-fit design`, `[design]` may be there.",
+        "### `[free]`\n\n" + _table(("rule", "keys"), rules),
+    ]
+    parts += [f"### {name}\n\n{', '.join(map(_code, keys))}." for name, keys in lists.items()]
+    return "\n\n".join(parts)
+
+
+def _results():
+    rows = [(f"`{name}`", about.unit) for name, about in QUANTITIES.items()]
+    cards, tables = (", ".join(f"`{name}`" for name in names) for names in (FORMATS, PROGRAMS))
+    return (
+        "## Result files (.h5)\n\n`velocity` [m/s], `pressure` [Pa], `temperature` [K], the whole scene in"
+        " `/scene`, and of these, each of shape [temperature, pressure, velocity], what was computed:\n\n"
+        + _table(("quantity", "unit"), rows)
+        + "\n\n## Files of other programs\n\n"
+        + f"Prony cards (`rf.io.read_prony`, `rf.io.write_prony`): {cards}.\n\n"
+        + f"Tables of friction (`rf.io.read_friction`, `rf.io.write_friction`): {tables}."
+    )
+
+
+if __name__ == "__main__":
+    (HERE / "formats.md").write_text(document(), encoding="utf-8", newline="\n")

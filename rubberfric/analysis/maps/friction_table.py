@@ -1,0 +1,160 @@
+r"""A table of mu(v, p, T) on as few points as multilinear interpolation needs for a stated error.
+
+The scene is computed on a fine grid, even in ln v, ln p and T. Along one axis alone, with hats between the
+points kept, the error of the interpolation is at most
+
+.. math:: e = \sup \left| \frac{\tilde\mu - \mu}{\mu} \right|,\qquad
+          e_{vpT} \lesssim e_v + e_p + e_T
+
+so each axis gets its share of the error, and keeps from one point the farthest next one that its share
+allows. What is stated is the error on all of the fine grid, and a quarter of what the fine grid's every
+second point would make of it (linear interpolation is of second order), for what lies between its points.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from rubberfric.analysis.maps.friction_map import friction_map
+from rubberfric.base.checks import POSITIVE, as_leaf, check_values, shown
+from rubberfric.base.quadrature import Quadrature
+from rubberfric.io.friction_tables.table import AXES, FrictionTable, hats
+from rubberfric.scene.scene import Scene
+
+Range = float | Sequence[float]
+
+# Points of the fine grid to begin with, of velocity a decade, and of every axis at most.
+_A_DECADE, _AT_FIRST, _MOST = 16, 9, 2049
+_DEFAULT = Quadrature()
+
+
+def friction_table(
+    scene: Scene,
+    velocity: Range,
+    pressure: Range,
+    temperature: Range | None = None,
+    *,
+    error: float = 0.01,
+    quadrature: Quadrature = _DEFAULT,
+    title: str = "",
+) -> FrictionTable:
+    """mu(v, p, T) of a scene for programs that interpolate it, on a grid refined to a stated error.
+
+    Parameters
+    ----------
+    scene : Scene
+    velocity, pressure, temperature : (lowest, highest), or one number [m/s], [Pa], [K]
+        temperature None: every shift at its reference temperature.
+    error : largest relative error of mu by multilinear interpolation, in v, p and T themselves
+    quadrature : Quadrature, static
+    title : what the table is called in its file
+
+    Returns
+    -------
+    FrictionTable, whose `error` is the one found; `rubberfric.io.write_friction` writes it
+
+    Raises
+    ------
+    ValueError
+        one line: as `friction_map`; a range that is none; no friction; temperatures of a heated scene that
+        do not converge; an error below what 2049 points an axis give, as across a jump.
+    """
+    check_values("error", as_leaf("error", error, 0), ("must be between 1e-5 and 0.5", _between))
+    given = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
+    ends = [_ends(name, x) for name, x in given.items() if x is not None]
+    counts = [1 if low == high else _AT_FIRST for low, high in ends]
+    if counts[0] > 1:
+        decades = np.log10(ends[0][1] / ends[0][0])
+        counts[0] = max(_AT_FIRST, 2 * int(np.ceil(0.5 * _A_DECADE * decades)) + 1)
+    shares = sum(count > 1 for count in counts)
+    while True:
+        axes = [_points(*of) for of in zip(AXES, ends, counts, strict=False)]
+        mu, area = _computed(scene, axes, quadrature)
+        own = [_halved(axis, mu, 2 - k) / 4 for k, axis in enumerate(axes)]
+        worst = [k for k, here in enumerate(own) if here > error / (4 * shares)]
+        if not worst:
+            break
+        if max(counts[k] for k in worst) >= _MOST:
+            raise ValueError(
+                f"error = {error:g}: {_MOST} points of {AXES[worst[0]]} leave {4 * max(own):.2g}:"
+                " must be more, or the ranges narrower, such that mu does not jump"
+            )
+        counts = [2 * n - 1 if k in worst else n for k, n in enumerate(counts)]
+    share = (error - sum(own)) / max(shares, 1)
+    kept = [np.array(_kept(axis, mu, 2 - k, share)) for k, axis in enumerate(axes)]
+    coarse, area, between = mu, area, mu
+    for k, keep in enumerate(kept):
+        coarse, area = (np.take(values, keep, 2 - k) for values in (coarse, area))
+        between = _along(2 - k, hats(axes[k][keep], axes[k]), np.take(between, keep, 2 - k))
+    found = float(np.max(np.abs(between / mu - 1))) + sum(own)
+    v, p, *T = (axis[keep] for axis, keep in zip(axes, kept, strict=True))
+    return FrictionTable(v, p, T[0] if T else None, coarse, area=area, error=found, title=title)
+
+
+def _between(x):
+    return (x >= 1e-5) & (x <= 0.5)
+
+
+def _ends(name, given):
+    """(lowest, highest) of an axis."""
+    values = np.asarray(as_leaf(name, given, np.ndim(given)), float).ravel()
+    check_values(name, values, POSITIVE)
+    if values.size not in (1, 2) or values[0] > values[-1]:
+        raise ValueError(f"{name} = {shown(given)}: must be (lowest, highest), or one number")
+    return float(values[0]), float(values[-1])
+
+
+def _points(name: str, ends: tuple[float, float], count: int) -> np.ndarray:
+    low, high = ends
+    if count == 1:
+        return np.array([low])
+    return np.linspace(low, high, count) if name == "temperature" else np.geomspace(low, high, count)
+
+
+def _computed(scene, axes, quadrature):
+    """mu and A/A0 on a grid [temperature, pressure, velocity]."""
+    heated = () if scene.heating is None else ("converged",)
+    solution = friction_map(
+        scene, *axes, quantities=("friction", "area", *heated), quadrature=quadrature
+    ).solution
+    if solution.converged is not None and not np.all(solution.converged):
+        bad = int(np.count_nonzero(~np.asarray(solution.converged)))
+        raise ValueError(f"the temperatures of the scene do not converge at {bad} points: must be left out")
+    mu = np.asarray(solution.friction, float)
+    if not (mu > 0).all():
+        raise ValueError("the scene has no friction at some of the points: must be > 0 for a table of it")
+    return mu, np.asarray(solution.area, float)
+
+
+def _halved(axis, mu, place):
+    """Largest relative error when every second point of an axis is interpolated from the others."""
+    if axis.size == 1:
+        return 0.0
+    values = np.moveaxis(mu, place, 0)
+    part = ((axis[1:-1:2] - axis[:-2:2]) / (axis[2::2] - axis[:-2:2]))[:, None, None]
+    between = (1 - part) * values[:-2:2] + part * values[2::2]
+    return float(np.max(np.abs(between / values[1:-1:2] - 1)))
+
+
+def _kept(axis, mu, place, share):
+    """Indices of the points of an axis that are kept: from each the farthest next one within the share."""
+    if axis.size == 1:
+        return [0]
+    values = np.moveaxis(mu, place, 0).reshape(axis.size, -1)
+    kept = [0]
+    while kept[-1] < axis.size - 1:
+        first = last = kept[-1]
+        while last < axis.size - 1:
+            inside = slice(first + 1, last + 1)
+            part = ((axis[inside] - axis[first]) / (axis[last + 1] - axis[first]))[:, None]
+            between = (1 - part) * values[first] + part * values[last + 1]
+            if last > first and np.max(np.abs(between / values[inside] - 1)) > share:
+                break
+            last += 1
+        kept.append(last)
+    return kept
+
+
+def _along(place, weights, values):
+    """A product of a matrix and one axis of an array."""
+    return np.moveaxis(np.tensordot(weights, values, (1, place)), 0, place)

@@ -1,0 +1,1 @@
+"""Pictures of what a scene is made of: moduli and power spectra."""

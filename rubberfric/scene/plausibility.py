@@ -1,0 +1,87 @@
+"""Whether numbers can be in SI: what only a wrong unit would explain.
+
+Where people write, it is found: a scene that is made, or conditions that it is computed at, give a
+`UnitWarning`, a TOML file an error. Traced numbers are not asked, and nothing is changed: extreme and
+dimensionless scenes can be computed.
+"""
+
+import warnings
+from collections.abc import Iterator
+from typing import Any
+
+import jax
+import numpy as np
+
+from rubberfric.base.checks import PLAUSIBLE_TEMPERATURE, UnitWarning, is_concrete
+from rubberfric.base.objects.physical import PhysicalObject, fields_of, leaves_of
+
+# What a number in a unit may be instead.
+_QUESTIONS = {
+    "Pa": "is it in MPa or GPa?",
+    "K": "is it in °C? then add 273.15",
+    "m/s": "is it in mm/s or um/s?",
+}
+# Of conditions: lowest and highest magnitude, and unit.
+_CONDITIONS = {
+    "velocity": (0.0, 500.0, "m/s"),
+    "pressure": (1.0, 1e10, "Pa"),
+    "temperature": (*PLAUSIBLE_TEMPERATURE, "K"),
+}
+_OFF = 'warnings.simplefilter("ignore", rubberfric.UnitWarning) silences this'
+
+
+def doubts_of_scene(scene: PhysicalObject) -> Iterator[str]:
+    """What in an object is hardly in SI, a line each that begins with its key path."""
+    for key, part in _parts("", scene):
+        for name, field in leaves_of(type(part)).items():
+            values = getattr(part, name)
+            if field.plausible is None or values is None:
+                continue
+            if field.plus is not None:
+                name, values = f"{name} + sum({field.plus})", values + np.sum(getattr(part, field.plus))
+            yield from _doubts(f"{key}.{name}" if key else name, values, *field.plausible, field.unit)
+        yield from (f"{key}: {text}" if key else text for text in part.doubts())
+
+
+def doubts_of_conditions(**conditions: Any) -> Iterator[str]:
+    """The same of velocity, pressure and temperature."""
+    for name, values in conditions.items():
+        if values is not None and is_concrete(values):
+            yield from _doubts(name, values, *_CONDITIONS[name])
+
+
+def warn_of_scene(scene: PhysicalObject) -> None:
+    """A UnitWarning of the first doubt about a scene whose numbers are all concrete."""
+    if all(map(is_concrete, jax.tree.leaves(scene))):
+        _warn(doubts_of_scene(scene), 6)
+
+
+def warn_of_conditions(**conditions: Any) -> None:
+    """The same of velocity, pressure and temperature."""
+    _warn(doubts_of_conditions(**conditions), 5)
+
+
+def _warn(doubts, above):
+    """Warn of the first, at the line of the caller so many calls above."""
+    for text in doubts:
+        warnings.warn(f"{text} {_OFF}", UnitWarning, stacklevel=above)
+        return
+
+
+def _parts(key: str, part: PhysicalObject) -> Iterator[tuple[str, PhysicalObject]]:
+    """(key path, object) of an object and of everything in it."""
+    yield key, part
+    for name in fields_of(type(part)):
+        value = getattr(part, name)
+        if isinstance(value, PhysicalObject):
+            yield from _parts(f"{key}.{name}" if key else name, value)
+
+
+def _doubts(where, values, low, high, unit):
+    values = np.abs(np.atleast_1d(np.asarray(values, float)))
+    bad = np.argwhere((values < low) | (values > high))
+    if bad.size:
+        index = "".join(f"[{i}]" for i in bad[0]) if values.size > 1 else ""
+        rule = f"{low:g} ... {high:g}" if low else f"at most {high:g}"
+        question = _QUESTIONS.get(unit, "is it in SI?")
+        yield f"{where}{index} = {values[tuple(bad[0])]:g} {unit}: must be {rule} {unit}; {question}"

@@ -1,0 +1,38 @@
+"""The guide to formats: as its script writes it, and its messages are those of the code."""
+
+import importlib.util
+import re
+
+from support.folders import ROOT
+
+spec = importlib.util.spec_from_file_location("formats", ROOT / "notebooks" / "formats.py")
+formats = importlib.util.module_from_spec(spec)
+spec.loader.exec_module(formats)
+PAGE = (ROOT / "notebooks" / "formats.md").read_text(encoding="utf-8")
+
+
+def test_the_page_is_as_its_script_writes_it():
+    assert formats.document() == PAGE, "python notebooks/formats.py"
+
+
+def test_every_kind_and_column_is_there():
+    """By a search of the classes that does not share the script's."""
+    import rubberfric as rf
+
+    for name in rf.materials.__all__ + rf.roughness.__all__:
+        kind = getattr(getattr(rf.materials, name, getattr(rf.roughness, name, None)), "file_kind", None)
+        if kind is not None and getattr(rf, name, None) is not None:
+            assert f'`kind = "{kind}"`' in PAGE, name
+    for name in rf.io.COLUMNS:
+        assert f"| `{name}` |" in PAGE
+
+
+def test_messages_are_those_of_the_code():
+    """Each stands in a module, perhaps over two lines of text."""
+    sources = [p.read_text() for package in ("rubberfric", "fitting") for p in (ROOT / package).rglob("*.py")]
+    whole = "\n".join(re.sub(r'"\s*\n\s*f?"', "", source) for source in sources)
+    section = PAGE.split("## What to do about which message")[1].split("\n## ")[0]
+    messages = re.findall(r"^\| `(.+?)` \|", section, re.M)
+    assert len(messages) > 20
+    for message in messages:
+        assert message in whole, message
