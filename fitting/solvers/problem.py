@@ -131,9 +131,7 @@ def make_problem(
     scene = cast(scene, dtype)
     scene = with_starts(scene, free) if isinstance(free, dict) else scene
     variables, constants, start = free_parameters(scene, free)
-    # Several scenes are a pytree of leaves with key paths as one is.
-    one: Any = scene
-    prior_structure, prior_numbers = read_priors(one, variables, constants, prior)
+    prior_structure, prior_numbers = read_priors(scene, variables, constants, prior)
     blocks, conditions, order = _blocks(by_name(scene), data, of or [""] * len(data))
     size = blocks[-1].rows[1]
     measured, error = np.empty(size), np.empty(size)

@@ -6,12 +6,12 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 
-import rubberfric as rf
 from fitting.parameters.priors.correlated import Correlated
 from fitting.parameters.priors.gaussian import Gaussian
 from fitting.parameters.priors.selection import Place, Rows
 from fitting.parameters.priors.smooth import Smooth
 from fitting.parameters.priors.sums import Sum, SumRows
+from fitting.parameters.scenes import Scenes
 from fitting.parameters.variables import Constants, Variables
 
 Prior = Gaussian | Smooth | Sum | Correlated
@@ -33,7 +33,7 @@ PriorNumbers = tuple[Any, ...]
 
 
 def read_priors(
-    scene: rf.Scene, variables: Variables, constants: Constants, prior: Mapping[str, Prior] | None
+    scene: Scenes, variables: Variables, constants: Constants, prior: Mapping[str, Prior] | None
 ) -> tuple[PriorStructure, PriorNumbers]:
     """Structure and numbers of the priors of a fit; ValueError naming the path that is wrong."""
     terms, numbers = [], []
@@ -48,7 +48,7 @@ def read_priors(
 
 
 def prior_residuals(
-    structure: PriorStructure, numbers: PriorNumbers, scene: rf.Scene, x: jax.Array
+    structure: PriorStructure, numbers: PriorNumbers, scene: Scenes, x: jax.Array
 ) -> jax.Array:
     """Rows of the priors at x, shape (rows,), in the order in which they were given."""
     leaves = jax.tree.leaves(scene) if structure.terms else []

@@ -6,8 +6,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-import rubberfric as rf
 from fitting.parameters.keypaths import find, leaf_names
+from fitting.parameters.scenes import Scenes
 from fitting.parameters.variables import Array, Constants, Group, Variables
 
 
@@ -73,7 +73,7 @@ class Place(NamedTuple):
 
     where: str  # for errors: "prior['gamma']"
     key: str  # the key paths that it is given for
-    scene: rf.Scene
+    scene: Scenes
     variables: Variables
     constants: Constants
 

@@ -104,7 +104,7 @@ def test_bars_and_verdict_follow(off):
 def test_estimate_against_a_scan_of_the_likelihood(off):
     """The marginal likelihood from the covariance of the data alone, all parameters integrated out."""
     problem, x, data = off.problem, off.x, off.data
-    found = likely(problem, x, SCENE, data, fitting.Discrepancy())
+    found = likely(problem, x, [SCENE] * len(data), data, fitting.Discrepancy())
     rows = residual_rows(problem._replace(numbers=problem.numbers._replace(whitening=None)), x)[: V.size]
     step = 1e-5
     J = np.stack(

@@ -13,6 +13,7 @@ import fitting
 import rubberfric as rf
 from fitting import Bounded, FrictionData, Gaussian, Positive, RmsSlope, Tied
 from fitting.commands import main as command
+from fitting.commands.job import read_job
 from fitting.parameters.scenes import as_scenes
 from fitting.solvers.problem import make_problem
 from rubberfric.roughness import cutoff
@@ -189,7 +190,7 @@ def test_a_job_of_several_scenes(call_main, tmp_path, monkeypatch):
         fitting.write(f"{name}.csv", one)
         rf.save_scene(f"{name}.h5", OFF[name])
     (tmp_path / "job.toml").write_text(JOB)
-    read = command.read_job("job.toml")
+    read = read_job("job.toml")
     assert set(read.scene) == set(read.data) == {"R20", "R40"}
     np.testing.assert_allclose(read.data["R40"][0].friction, data()["R40"].friction, rtol=1e-9)
     assert set(read.free) == {"*.shear.tau_f0", "R40.gamma"}
