@@ -60,6 +60,7 @@ def test_of_a_linear_problem_exactly():
     np.testing.assert_allclose(second.covariance, both.covariance, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_what_the_first_fit_leaves_open_stays_open():
     """Only the ratio of moduli matters to friction at light load: the prior knows it and not the size."""
     v = np.logspace(-4, 1, 12)
