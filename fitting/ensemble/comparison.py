@@ -177,7 +177,7 @@ def _words(variants: list[Variant], fits: dict[str, FitRecord], found: dict[str,
         names = ", ".join(repr(one.name) for one in alike)
         lines = [
             f"the data cannot tell {names} apart: the simplest is {simplest.name!r}"
-            f" ({simplest.parameters:.3g} numbers)"
+            f" ({simplest.parameters:.3g} numbers determined by the data)"
         ]
     for one in worse:
         errors = one.worse / one.worse_stderr if one.worse_stderr > 0 else np.inf

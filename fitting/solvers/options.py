@@ -63,7 +63,7 @@ RULES: dict[str, Rule] = IN_FILES | {
     ),
     "prior": _or_none(
         _rule(
-            "a dict of key path -> Gaussian, Smooth, Sum or Correlated, or None",
+            "a dict of key path -> Gaussian, Smooth, Sum or Correlated, or None; of a fit its .as_prior()",
             lambda value: isinstance(value, dict),
         )
     ),

@@ -55,7 +55,7 @@ def test_what_is_missing_shows_and_what_is_too_much_does_not(fits):
     assert one.chisqr == fits["one"].chisqr and one.parameters == pytest.approx(2.0)
     text = table.report()
     assert "the data cannot tell 'two', 'three' apart" in text.replace("'three', 'two'", "'two', 'three'")
-    assert "the simplest is 'two' (3 numbers)" in text
+    assert "the simplest is 'two' (3 numbers determined by the data)" in text
     assert "'one' predicts worse than " in text and "explains" in text.splitlines()[0]
     frame = table.to_dataframe()
     np.testing.assert_allclose(frame.loc["one", "loo"], one.loo)

@@ -9,6 +9,7 @@ from support.scenes.fits import AFFINE, E_INF, FAST, E
 import fitting
 import rubberfric as rf
 from fitting import Bounded, Correlated, FitResult, Free, FrictionData, ModulusData, Positive
+from fitting.uncertainty.posterior.as_prior import joint_prior
 
 TAU = [1e-5, 1e-3, 1e-1]
 RUBBER = rf.Prony(3e6, [5e7, 8e6, 2e6], TAU)
@@ -59,6 +60,7 @@ def test_of_a_linear_problem_exactly():
     np.testing.assert_allclose(second.covariance, both.covariance, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_what_the_first_fit_leaves_open_stays_open():
     """Only the ratio of moduli matters to friction at light load: the prior knows it and not the size."""
     v = np.logspace(-4, 1, 12)
@@ -109,6 +111,36 @@ def test_widening_and_bodies(first):
     failed = dataclasses.replace(first, status=3)
     with pytest.raises(ValueError, match="as_prior: the fit did not succeed, stalled"):
         failed.as_prior()
+
+
+@pytest.mark.parametrize(
+    ("paths", "body", "expected"),
+    [
+        (["lower.material.E", "gamma"], "upper", "upper.material.E, gamma"),
+        (["lower.material.E"], "R20.upper", "R20.upper.material.E"),
+        (["R20.lower.material.E", "*.shear.tau_f0"], "lower", "lower.material.E, *.shear.tau_f0"),
+        (
+            ["R20.lower.material.E", "R40.lower.material.E"],
+            None,
+            "R20.lower.material.E, R40.lower.material.E",
+        ),
+        (
+            ["R20.lower.material.E", "R40.lower.material.E"],
+            "lower",
+            "are of R20.lower and R40.lower: must be",
+        ),
+        (["lower.spectrum.q1", "upper.material.E"], "lower", "are of lower and upper: must be of one body"),
+        (["gamma", "shear.c"], "lower", "are of none: must be of one body"),
+    ],
+)
+def test_whose_numbers_they_are_there(paths, body, expected):
+    n = len(paths)
+    mean, limits = np.ones(n), (np.zeros(n), np.full(n, np.inf))
+    try:
+        [key] = joint_prior(paths, mean, np.eye(n), limits, np.full(n, np.nan), body, 1.0)
+    except ValueError as error:
+        key = str(error)
+    assert key == expected or (expected in key and "must be" in expected)
 
 
 def test_a_prior_of_another_material_is_refused(first):
