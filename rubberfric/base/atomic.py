@@ -133,7 +133,7 @@ def check_readable(path: StrPath, largest: int | None = None) -> None:
     except ValueError as error:  # a path with a NUL byte
         raise ValueError(f"{path}: cannot be read: {error}") from None
     if stat.S_ISDIR(found.st_mode):
-        raise ValueError(f"{path}: cannot be read: is a folder; must be a file")
+        raise ValueError(f"{path}: cannot be read: Is a directory; must be a file")
     if not stat.S_ISREG(found.st_mode):
         raise ValueError(f"{path}: cannot be read: is a pipe or a device; must be a file")
     if largest is not None and found.st_size > largest:
