@@ -68,7 +68,7 @@ def friction_table(
         counts[0] = max(_AT_FIRST, 2 * int(np.ceil(0.5 * _A_DECADE * decades)) + 1)
     shares = sum(count > 1 for count in counts)
     while True:
-        axes = [_points(*of) for of in zip(AXES, ends, counts, strict=False)]
+        axes = [_points(name, at, n) for name, at, n in zip(AXES, ends, counts, strict=False)]
         mu, area = _computed(scene, axes, quadrature)
         own = [_halved(axis, mu, 2 - k) / 4 for k, axis in enumerate(axes)]
         worst = [k for k, here in enumerate(own) if here > error / (4 * shares)]

@@ -189,7 +189,7 @@ def test_report_picture_and_file(designed, tmp_path):
     [
         ({"criterion": "E"}, "criterion = 'E': must be 'D', 'A' or fitting.prediction"),
         ({"candidates": V}, "candidates: must be .velocity, pressure. or"),
-        ({"candidates": (-V, 1e5)}, r"candidates: velocity\[0\] = -1e-05: must be > 0"),
+        ({"candidates": (-V, 1e5)}, r"candidates: velocity\[0\] = -.*: must be > 0"),
         ({"candidates": (V, [1e5, 2e5])}, "candidates: shapes .* must broadcast"),
         ({"n": 0}, "n = 0: must be >= 1, for one measurement at least"),
         ({"cost": 0.0}, r"cost.* must be > 0"),
