@@ -9,6 +9,7 @@ from rubberfric.analysis.jacobian import value_and_jacobian
 from rubberfric.analysis.maps.friction_map import FrictionMap, friction_map
 from rubberfric.analysis.power import DissipatedPower, dissipated_power
 from rubberfric.analysis.separation_by_wavevector import SeparationProfile, separation_profile
+from rubberfric.scene.settings import fitting_quadrature
 
 __all__ = [
     "DissipatedPower",
@@ -18,6 +19,7 @@ __all__ = [
     "accuracy",
     "contact_stiffness",
     "dissipated_power",
+    "fitting_quadrature",
     "friction_map",
     "friction_outside_table",
     "profile",

@@ -7,7 +7,6 @@ from collections.abc import Iterator
 import numpy as np
 
 from rubberfric.analysis.extrapolation import friction_outside_table, tabulated_solids
-from rubberfric.base.quadrature import Quadrature
 from rubberfric.base.units import to_celsius
 from rubberfric.commands.shared import add_outputs, check_outputs, convergence_line
 from rubberfric.io.files import read_computable
@@ -16,6 +15,7 @@ from rubberfric.io.results import QUANTITIES, Result, result_shape
 from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.plot.save import save_plot
 from rubberfric.scene.scene import Scene
+from rubberfric.scene.settings import fitting_quadrature
 from rubberfric.theory.model import solve
 from rubberfric.theory.quantities import Solution, quantities_of
 
@@ -40,7 +40,8 @@ def run(arguments: argparse.Namespace) -> int:
     """`rubberfric run`: compute a scene file at its conditions."""
     check_outputs(arguments, ".h5")
     scene, conditions, title = read_computable(arguments.scene)
-    result = Result(scene, conditions, compute(scene, conditions), Quadrature(), title)
+    quadrature = fitting_quadrature(scene, conditions.pressure)
+    result = Result(scene, conditions, compute(scene, conditions), quadrature, title)
     if arguments.out is not None:
         save_result(arguments.out, result)
     if arguments.plot is not None:
