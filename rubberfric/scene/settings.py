@@ -9,7 +9,7 @@ Two numbers say how many nodes meet 1e-9: the range of the roughness in e-folds,
 with the glassy modulus of the softer solid: P falls from 1 within :math:`\ln(q/q_0) \sim e^{-2\Lambda}`. The
 limits below are where errors of thousands of random scenes stay under 3e-10:
 `tests/benchmarks/test_settings_table.py` prints the table that they are read from, and
-`tests/whole_scenes/test_settings.py` tries them on other scenes.
+`tests/rubberfric/scene/test_settings.py` tries them on other scenes.
 """
 
 import math

@@ -3,14 +3,14 @@
 python -m pytest -m benchmark -s tests/benchmarks/test_settings_table.py
 
 For every setting the largest error of random scenes over L (down) and Lambda (across), see there. A limit is
-where errors stay well below 1e-9; the scenes of `tests/whole_scenes/test_settings.py` are others.
+where errors stay well below 1e-9; the scenes of `tests/rubberfric/scene/test_settings.py` are others.
 """
 
 import itertools
 
 import numpy as np
 import pytest
-from support.scenes import sane
+from support.cases import sane
 
 from rubberfric.scene.settings import RULES, loads_of, span_of
 
