@@ -31,7 +31,7 @@ _ALL = math.inf, -math.inf, math.inf
 # (setting, largest L, least and largest Lambda), of increasing work, for one rough solid and for two.
 RULES = {
     1: (
-        (Quadrature(order=13, panels=4, graded=6, ratio=5.0, angular_order=12), 5.0, -1.0, 8.0),
+        (Quadrature(order=13, panels=4, graded=6, ratio=5.0, angular_order=12), 4.2, -1.0, 8.0),
         (Quadrature(order=13, panels=6, graded=6, ratio=5.0, angular_order=12), 8.2, -1.0, 8.0),
         (Quadrature(order=13, panels=8, graded=6, ratio=5.0, angular_order=12), 5.0, -math.inf, 8.0),
         (Quadrature(order=13, panels=12, graded=8, ratio=4.5, angular_order=13), 14.0, -1.0, 14.0),
