@@ -46,6 +46,10 @@ class Block(NamedTuple):
     scene: str = ""  # of several, which
 
 
+# How much further than at the start the wavevectors of a fit may move apart and its moduli grow, in e-folds.
+_MARGIN = 2.0
+
+
 class Structure(NamedTuple):
     """All about a problem that is not a number; hashable."""
 
@@ -144,7 +148,7 @@ def make_problem(
             f"{variables.size} free parameters, but only {size} measured values and {known} rows of priors:"
             " free fewer, tie some, or add a prior"
         )
-    structure = Structure(variables, blocks, prior_structure, loss, quadrature or rf.Quadrature())
+    structure = Structure(variables, blocks, prior_structure, loss, quadrature or _fitting(scene, data))
     numbers = cast(Numbers(constants, conditions, prior_numbers, float(width), 0.0), dtype)
     targets = Targets(*(a.astype(dtype) for a in (measured, error, np.ones(variables.size))))
     return Problem(structure, numbers, targets, start.astype(dtype), order)
@@ -228,3 +232,9 @@ def _check_temperature(data, shifts):
             shift.check_temperature(data.temperature)
         except ValueError as error:
             raise ValueError(f"data {data.label!r}: {error}") from None
+
+
+def _fitting(scene, data):
+    """The quadrature that fits the scene at the start, and those that a fit may come by."""
+    pressures = [np.min(one.pressure) for one in data if hasattr(one, "pressure")]
+    return rf.analysis.fitting_quadrature(scene, min(pressures, default=1.0), margin=_MARGIN)

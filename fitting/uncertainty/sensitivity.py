@@ -21,8 +21,6 @@ from rubberfric.analysis import value_and_jacobian
 from rubberfric.base import as_leaf, shown
 from rubberfric.scene import cast, result_dtype
 
-_DEFAULT = rf.Quadrature()
-
 
 def sensitivity(
     scene: rf.Scene,
@@ -32,7 +30,7 @@ def sensitivity(
     temperature: ArrayLike | None = None,
     *,
     quantity: str = "friction",
-    quadrature: rf.Quadrature = _DEFAULT,
+    quadrature: rf.Quadrature | None = None,
 ) -> jax.Array:
     r"""d ln Q / d ln theta of a quantity with respect to numbers of the scene.
 
@@ -48,7 +46,7 @@ def sensitivity(
         such as "gamma", "upper.material.E" (all elements), "upper.material.E[3]" or
         "upper.material.E[2:5]".
     quantity : "friction", or any other field of `rubberfric.Solution` that is a number
-    quadrature : Quadrature, static
+    quadrature : Quadrature, static, or None: as for `rubberfric.solve`
 
     Returns
     -------
@@ -80,6 +78,7 @@ def sensitivity(
     conditions = velocity, pressure, temperature
     # `solve` refuses what is wrong before it computes anything, and here it computes nothing.
     jax.eval_shape(lambda: rf.solve(scene, *conditions, quadrature=quadrature, quantities=(quantity,)))
+    quadrature = quadrature or rf.analysis.fitting_quadrature(scene, pressure)
     rows = tuple(row for path in _paths(parameters) for row in _rows(scene, path))
     dtype = result_dtype(scene, *conditions)
     return _sensitivity(

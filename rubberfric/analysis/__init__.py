@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from rubberfric.analysis.maps.friction_table import friction_table
     from rubberfric.analysis.power import DissipatedPower, dissipated_power
     from rubberfric.analysis.separation_by_wavevector import SeparationProfile, separation_profile
+    from rubberfric.scene.settings import fitting_quadrature
 
 __all__ = [
     "DissipatedPower",
@@ -33,6 +34,7 @@ __all__ = [
     "boundary_element",
     "contact_stiffness",
     "dissipated_power",
+    "fitting_quadrature",
     "friction_map",
     "friction_outside_table",
     "friction_table",
@@ -56,11 +58,12 @@ lazily(
         "rubberfric.analysis.error_and_time.settings": "quadrature_for",
         "rubberfric.analysis.error_and_time.sweep": "accuracy",
         "rubberfric.analysis.extrapolation": "friction_outside_table",
-        "rubberfric.analysis.maps.friction_table": "friction_table",
         "rubberfric.analysis.interface": "contact_stiffness stress_distribution",
         "rubberfric.analysis.jacobian": "value_and_jacobian",
         "rubberfric.analysis.maps.friction_map": "FrictionMap friction_map",
+        "rubberfric.analysis.maps.friction_table": "friction_table",
         "rubberfric.analysis.power": "DissipatedPower dissipated_power",
         "rubberfric.analysis.separation_by_wavevector": "SeparationProfile separation_profile",
+        "rubberfric.scene.settings": "fitting_quadrature",
     },
 )

@@ -28,7 +28,7 @@ from rubberfric.scene.pairs import Pair, PairTemperatures, pairs_of
 from rubberfric.scene.scene import Scene, result_dtype, rough_surfaces
 from rubberfric.theory.contributions import total
 from rubberfric.theory.integrals import Prepared, prepare, solved
-from rubberfric.theory.model import checked, warn_of_last_iterates
+from rubberfric.theory.model import settled, warn_of_last_iterates
 from rubberfric.theory.partial_contact import (
     contact_argument,
     contact_fraction,
@@ -40,8 +40,6 @@ from rubberfric.theory.stiffness.excitation import excitation
 from rubberfric.theory.stiffness.series import factors_at, static_stiffness
 from rubberfric.theory.stress_fluctuation import Contact
 from rubberfric.theory.temperatures.heat_balance import temperature_at
-
-_DEFAULT = Quadrature()
 
 # Wavevectors of a profile that names none, and points evaluated at once: a profile keeps
 # the nodes of some hundred panels for each.
@@ -71,7 +69,7 @@ def profile(
     temperature: ArrayLike | None = None,
     *,
     q: ArrayLike | None = None,
-    quadrature: Quadrature = _DEFAULT,
+    quadrature: Quadrature | None = None,
 ) -> Profile:
     r"""Contact area, friction and roughness as functions of the largest wavevector seen.
 
@@ -86,7 +84,7 @@ def profile(
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
     q : wavevectors [1/m], > 0, shape (n,), in any order; or None
         None: 200 from the first to the last wavevector of the roughness, equally spaced in ln q.
-    quadrature : Quadrature, static
+    quadrature : Quadrature, static, or None: that which fits the scene
 
     Returns
     -------
@@ -110,7 +108,7 @@ def profile(
     density are zero, not computed. With `scene.area_correction` G has S inside. G keeps its digits where
     P = 1 - 1e-300. The magnification of a scene without roughness is counted from q[0].
     """
-    scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
+    scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
     q = checked_wavevectors(q, 1, conditions, scene)
     found, converged = _profile(scene, *conditions, q, quadrature=quadrature)
     warn_of_last_iterates(converged, conditions)

@@ -9,8 +9,6 @@ from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.model import solve
 
-_DEFAULT = Quadrature()
-
 
 def tabulated_solids(scene: Scene) -> list[str]:
     """Which of "lower" and "upper" have a tabulated modulus."""
@@ -24,7 +22,7 @@ def friction_outside_table(
     pressure: ArrayLike,
     temperature: ArrayLike | None = None,
     *,
-    quadrature: Quadrature = _DEFAULT,
+    quadrature: Quadrature | None = None,
 ) -> jax.Array:
     r"""Share of the viscoelastic friction that comes from frequencies outside the tabulated moduli.
 

@@ -19,10 +19,8 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.scene import Scene, rough_surfaces
 from rubberfric.theory.integrals import prepare, solved
-from rubberfric.theory.model import checked, warn_of_last_iterates
+from rubberfric.theory.model import settled, warn_of_last_iterates
 from rubberfric.theory.partial_contact import TWO_OVER_ROOT_PI, contact_fraction
-
-_DEFAULT = Quadrature()
 
 BLOCK = 64  # points evaluated at once
 
@@ -35,7 +33,7 @@ def stress_distribution(
     temperature: ArrayLike | None = None,
     *,
     q: ArrayLike | None = None,
-    quadrature: Quadrature = _DEFAULT,
+    quadrature: Quadrature | None = None,
 ) -> jax.Array:
     r"""Probability density of the interfacial stress s > 0 (the share of area not in contact has s = 0).
 
@@ -51,7 +49,7 @@ def stress_distribution(
     stress : s, array_like, broadcastable with the conditions [Pa]
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
     q : largest wavevector seen, a number > 0 [1/m]; None: all roughness
-    quadrature : Quadrature, static
+    quadrature : Quadrature, static, or None: that which fits the scene
 
     Returns
     -------
@@ -69,7 +67,7 @@ def stress_distribution(
     G. Without roughness it is Dirac's delta at sigma_0: a width below 1e-30 of sigma_0 (single
     precision: 1e-15) counts as that. With `scene.area_correction` G has S inside.
     """
-    scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
+    scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
     q = checked_wavevectors(q, 0, conditions, scene)
     stress = as_leaf("stress", stress, np.ndim(stress))
     check_values("stress", stress, FINITE)
@@ -124,7 +122,7 @@ def contact_stiffness(
     pressure: ArrayLike,
     temperature: ArrayLike | None = None,
     *,
-    quadrature: Quadrature = _DEFAULT,
+    quadrature: Quadrature | None = None,
 ) -> jax.Array:
     r"""Normal stiffness of the interface per nominal area.
 
@@ -137,7 +135,7 @@ def contact_stiffness(
     ----------
     scene : Scene
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
-    quadrature : Quadrature, static
+    quadrature : Quadrature, static, or None: that which fits the scene
 
     Returns
     -------
@@ -157,7 +155,7 @@ def contact_stiffness(
     Uses the plain G like `separation`, whatever `scene.area_correction` says. In a heated scene
     temperatures stay as they are.
     """
-    scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
+    scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
     found, converged = _contact_stiffness(scene, *conditions, quadrature=quadrature)
     warn_of_last_iterates(converged, conditions)
     return found

@@ -18,10 +18,9 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import shear_friction
 from rubberfric.theory.integrals import prepare, solved
-from rubberfric.theory.model import checked, warn_of_last_iterates
+from rubberfric.theory.model import settled, warn_of_last_iterates
 
 BLOCK = 128  # points evaluated at once
-_DEFAULT = Quadrature()
 
 
 class DissipatedPower(NamedTuple):
@@ -39,7 +38,7 @@ def dissipated_power(
     pressure: ArrayLike,
     temperature: ArrayLike | None = None,
     *,
-    quadrature: Quadrature = _DEFAULT,
+    quadrature: Quadrature | None = None,
 ) -> DissipatedPower:
     r"""Power dissipated per nominal area, by where it goes.
 
@@ -53,7 +52,7 @@ def dissipated_power(
     ----------
     scene : Scene
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
-    quadrature : Quadrature, static
+    quadrature : Quadrature, static, or None: that which fits the scene
 
     Returns
     -------
@@ -73,7 +72,7 @@ def dissipated_power(
     is rough against a smooth one dissipates nothing. Zero, not computed, for a solid that does not
     relax or faces a smooth one.
     """
-    scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
+    scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
     power, converged = _dissipated_power(scene, *conditions, quadrature=quadrature)
     warn_of_last_iterates(converged, conditions)
     return power

@@ -22,10 +22,8 @@ from rubberfric.roughness.spectra import log_shape
 from rubberfric.scene.pairs import PairTemperatures, pairs_of
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.integrals import evaluate, prepare, solved
-from rubberfric.theory.model import checked
+from rubberfric.theory.model import settled
 from rubberfric.theory.partial_contact import TWO_OVER_ROOT_PI, contact_argument, contact_fraction
-
-_DEFAULT = Quadrature()
 
 # Wavevectors where none are named, and points evaluated at once: each is a mesh for every wavevector.
 COUNT, BLOCK = 100, 8
@@ -47,7 +45,7 @@ def separation_profile(
     temperature: ArrayLike | None = None,
     *,
     q: ArrayLike | None = None,
-    quadrature: Quadrature = _DEFAULT,
+    quadrature: Quadrature | None = None,
 ) -> SeparationProfile:
     r"""Separation where contact is lost at scale q, and so the distribution of separations.
 
@@ -70,7 +68,7 @@ def separation_profile(
     scene : Scene
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
     q : wavevectors [1/m], > 0, shape (n,); None: 100, equally spaced in ln q over the roughness
-    quadrature : Quadrature, static
+    quadrature : Quadrature, static, or None: that which fits the scene
 
     Returns
     -------
@@ -86,7 +84,7 @@ def separation_profile(
     `separation`. A mesh for every q: a thousand times the work of `separation`. Smooth solids have
     u1 = u_bar = 0.
     """
-    scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
+    scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
     q = checked_wavevectors(q, 1, conditions, scene)
     if scene.heating is not None:
         raise ValueError("scene.heating: what lies beyond q alone has no temperature; must be None")

@@ -9,7 +9,6 @@ import numpy as np
 from rubberfric.analysis.elements.expected import theory_error
 from rubberfric.analysis.extrapolation import friction_outside_table, tabulated_solids
 from rubberfric.base.progress import Progress
-from rubberfric.base.quadrature import Quadrature
 from rubberfric.base.units import to_celsius
 from rubberfric.commands.arguments import write_outputs
 from rubberfric.io.files import read_computable
@@ -17,6 +16,7 @@ from rubberfric.io.result_files import save_result
 from rubberfric.io.results import QUANTITIES, Result, result_shape
 from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.scene.scene import Scene
+from rubberfric.scene.settings import fitting_quadrature
 from rubberfric.theory.model import solve
 from rubberfric.theory.quantities import Solution, quantities_of
 
@@ -25,10 +25,11 @@ def run(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | N
     """`rubberfric run`: compute a scene file at its conditions; returns what it prints, and what failed."""
     show(f"reading {arguments.scene}")
     scene, conditions, title = read_computable(arguments.scene)
+    quadrature = fitting_quadrature(scene, conditions.pressure)
     quantities = quantities_of(scene)
     points = math.prod(result_shape(conditions))
     show(f"compiling and computing {', '.join(quantities)} at {points} points")
-    result = Result(scene, conditions, compute(scene, conditions), Quadrature(), title)
+    result = Result(scene, conditions, compute(scene, conditions), quadrature, title)
 
     def draw(path: str) -> None:
         from rubberfric.plot.save import save_plot

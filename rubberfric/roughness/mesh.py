@@ -23,6 +23,13 @@ import numpy as np
 from rubberfric.base.quadrature import Quadrature, gauss, legendre_transform, nodes_between, typed
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio
 
+# Beyond the end of a plateau sqrt(G) has a branch point a quarter of an e-fold below it, so near that no
+# number of equal panels is enough: a border of a contact panel so far beyond it is.
+_BEYOND_ROLLOFF = 0.6
+
+# What the exponent of q^2 C adds to a piece's share of the panels.
+_STEEPNESS = 0.5
+
 
 class Between(NamedTuple):
     """Nodes between the contact nodes, for integrals up to every one of them; (contact panels, nodes)."""
@@ -91,6 +98,11 @@ def build_mesh(
     if not moving:  # and not with the first wavevector either, from which t counts
         uniform = uniform - (start - jax.lax.stop_gradient(start))
     t = [uniform, *kinks]
+    t += [
+        jnp.minimum(_rolloff(law, kink) + _BEYOND_ROLLOFF, end)[None]
+        for law, kink in zip(laws, followed, strict=True)
+        if law.exponent.size > 1
+    ]
     if graded:
         fractions = typed(quadrature.ratio ** (-2.0 * np.arange(1, quadrature.graded + 1)), end)
         # These hang on the beginning and move with it: fixed, the innermost panel, 1e-10
@@ -154,6 +166,11 @@ def build_mesh(
     )
 
 
+def _rolloff(law, kink):
+    """Where the exponent of a law falls most."""
+    return kink[1:-1][jnp.argmin(jnp.diff(jax.lax.stop_gradient(law.exponent)))]
+
+
 def _from_first(q, first, leads):
     """ln(q / first) of the wavevectors of a law, which `leads` if its first is that of all.
 
@@ -175,14 +192,14 @@ def _uniform_borders(kinks, exponents, panels):
     """Borders that share out the range, closer where the roughness rises steeply.
 
     On the plateau G ~ q^4, so that P may switch within a quarter of e-fold: there a
-    piece counts 1 + 3/4 of its exponent of q^2 C (2 on the plateau), elsewhere 1.
+    piece counts 1 + 1/2 of its exponent of q^2 C (2 on the plateau), elsewhere 1.
 
     Returns
     -------
     width : function, width of one share that begins at t
     uniform : the borders between `panels` equal shares, shape (panels - 1,)
     """
-    slopes = [0.75 * jnp.clip(exponent, 0.0, 2.0) for exponent in exponents]
+    slopes = [_STEEPNESS * jnp.clip(exponent, 0.0, 2.0) for exponent in exponents]
 
     def share(t):
         steep = [_ramps(t, kink, slope) for kink, slope in zip(kinks, slopes, strict=True)]

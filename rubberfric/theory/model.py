@@ -28,14 +28,12 @@ from rubberfric.base.checks import FINITE, POSITIVE, as_leaf, check_values, is_c
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.plausibility import warn_of_conditions
 from rubberfric.scene.scene import Scene, cast, check_background, result_dtype, shifts, takes_temperature
+from rubberfric.scene.settings import ROBUST, fitting_quadrature
 from rubberfric.scene.single_precision import check_single
 from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.quantities import QUANTITIES, Solution, Values
 
 BLOCK = 512  # points evaluated at once
-
-
-_DEFAULT = Quadrature()
 
 
 def contact_area(
@@ -44,7 +42,7 @@ def contact_area(
     pressure: ArrayLike,
     temperature: ArrayLike | None = None,
     *,
-    quadrature: Quadrature = _DEFAULT,
+    quadrature: Quadrature | None = None,
 ) -> jax.Array:
     r"""Relative area of real contact [Scaraggi & Persson, eqs. (10), (A11)].
 
@@ -57,7 +55,9 @@ def contact_area(
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
         temperature None: every shift at its reference temperature. A heated scene needs one: that
         far from the contact.
-    quadrature : Quadrature, static
+    quadrature : Quadrature, static, or None
+        None: of a handful that which fits the scene, to 1e-9 (`rf.analysis.fitting_quadrature`); the default
+        where `jit` or `vmap` traces a number of it.
 
     Returns
     -------
@@ -82,7 +82,7 @@ def friction(
     pressure: ArrayLike,
     temperature: ArrayLike | None = None,
     *,
-    quadrature: Quadrature = _DEFAULT,
+    quadrature: Quadrature | None = None,
 ) -> jax.Array:
     r"""Friction coefficient of steady sliding [Scaraggi & Persson, eq. (A17) over v sigma_0].
 
@@ -93,7 +93,7 @@ def friction(
     ----------
     scene : Scene
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
-    quadrature : Quadrature, static
+    quadrature : Quadrature, static, or None; see `contact_area`
 
     Returns
     -------
@@ -118,7 +118,7 @@ def separation(
     pressure: ArrayLike,
     temperature: ArrayLike | None = None,
     *,
-    quadrature: Quadrature = _DEFAULT,
+    quadrature: Quadrature | None = None,
 ) -> jax.Array:
     r"""Mean interfacial separation [Scaraggi & Persson, eq. (A18)].
 
@@ -131,7 +131,7 @@ def separation(
     ----------
     scene : Scene
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
-    quadrature : Quadrature, static
+    quadrature : Quadrature, static, or None; see `contact_area`
 
     Returns
     -------
@@ -161,7 +161,7 @@ def solve(
     pressure: ArrayLike,
     temperature: ArrayLike | None = None,
     *,
-    quadrature: Quadrature = _DEFAULT,
+    quadrature: Quadrature | None = None,
     quantities: str | Sequence[str] = QUANTITIES,
 ) -> Solution:
     """Several quantities at once, sharing the stiffness and G(q).
@@ -170,7 +170,7 @@ def solve(
     ----------
     scene : Scene
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
-    quadrature : Quadrature, static
+    quadrature : Quadrature, static, or None; see `contact_area`
     quantities : names out of "area", "friction", "separation", and for the parts of the friction
         "viscoelastic_friction", "shear_friction"; "transverse_friction", the
         same force, on the lower solid along positive velocities, 90 degrees to the left of them, which
@@ -196,7 +196,7 @@ def solve(
     for name in quantities:
         if name not in Solution._fields:
             raise ValueError(f"quantities has {name!r}: must be out of {', '.join(Solution._fields)}")
-    scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
+    scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
     check_heated(scene, quantities)
     if scene.heating is None or "converged" in quantities:
         return _solve(scene, *conditions, quadrature=quadrature, quantities=quantities)
@@ -264,6 +264,19 @@ def checked(
     if dtype == jnp.float32:
         check_single(scene, temperature)
     return scene, (jnp.asarray(velocity, dtype), jnp.asarray(pressure, dtype), temperature)
+
+
+def settled(
+    scene: Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None,
+    quadrature: Quadrature | None,
+) -> tuple[Scene, tuple[jax.Array, jax.Array, jax.Array | None], Quadrature]:
+    """What `checked` returns, and the quadrature: if None that which fits."""
+    setting = ROBUST if quadrature is None else quadrature
+    ready, conditions = checked(scene, velocity, pressure, temperature, setting)
+    return ready, conditions, fitting_quadrature(scene, pressure) if quadrature is None else setting
 
 
 def check_kinds(scene: object, quadrature: object) -> None:

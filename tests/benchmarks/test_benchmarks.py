@@ -7,6 +7,7 @@ in the same run, in turns with ours, so that the ratios survive a noisy machine.
 import os
 import subprocess
 import sys
+import time
 
 import jax
 import jax.numpy as jnp
@@ -127,3 +128,24 @@ def test_memory_of_a_hundred_thousand_points(scene):
     used = float(result.stdout)
     print(f"\n{scene}: 1e5 points, all quantities and their gradient: {used:.2f} GiB at most")
     assert used < 2.0
+
+
+@pytest.mark.parametrize(("velocities", "pressures", "temperatures"), [(1000, 20, 50), (1000, 1, 1000)])
+def test_a_map_of_a_million_points(velocities, pressures, temperatures):
+    """Read off one curve against every point computed, after one call of each."""
+    at = (
+        np.logspace(-8, 2, velocities),
+        np.geomspace(1e4, 1e7, pressures),
+        np.linspace(263.15, 353.15, temperatures),
+    )
+    scene = ONE.replace("upper.material.shift", rf.WLF(8.0, 100.0, 293.15))
+    seconds, maps = [], []
+    for interpolate in (True, False):
+        for _ in range(2):
+            begin = time.process_time()
+            maps.append(rf.friction_map(scene, *at, interpolate=interpolate))
+            seconds.append(time.process_time() - begin)
+    error = np.max(np.abs(maps[1].solution.friction / maps[3].solution.friction - 1))
+    ratio = seconds[3] / seconds[1]
+    print(f"\n{maps[1].interpolation}: {seconds[1]:.3f} s, / {ratio:.0f}, error {error:.1e}")
+    assert error < 1e-9 and seconds[1] < 0.25 and ratio > 20

@@ -24,6 +24,7 @@ from rubberfric.io.result_files import filling_result, mapped_quantities, write_
 from rubberfric.io.results import Interpolation, Result, result_shape
 from rubberfric.io.scene_files.conditions import Conditions, check_conditions
 from rubberfric.scene.scene import Scene, result_dtype
+from rubberfric.scene.settings import ROBUST, fitting_quadrature
 from rubberfric.theory.model import check_heated, check_kinds, checked
 from rubberfric.theory.quantities import Solution
 
@@ -38,8 +39,6 @@ LARGEST = 2**28
 # Points of a batch where a map is interpolated, from few: whole panels of pairs, and not many more.
 _FEW_POINTS, _FEWEST_PAIRS, _MOST_PAIRS = 2048, 48, 240
 
-_DEFAULT = Quadrature()
-
 Values = Mapping[str, np.ndarray | h5py.Dataset]
 Arrays = dict[str, np.ndarray]
 
@@ -51,7 +50,7 @@ def friction_map(
     temperature: ArrayLike | None = None,
     *,
     quantities: str | Iterable[str] = DEFAULT_QUANTITIES,
-    quadrature: Quadrature = _DEFAULT,
+    quadrature: Quadrature | None = None,
     progress: Callable[[int, int], object] | None = None,
     block: int | None = None,
     path: StrPath | None = None,
@@ -75,8 +74,9 @@ def friction_map(
     velocity, pressure, temperature : array_like, one-dimensional or a number [m/s], [Pa], [K]
         temperature None: every shift at its reference temperature.
     quantities : names of the fields of `Solution`
-    quadrature : Quadrature, static
-        The default is good to 1e-9; `rf.analysis.quadrature_for` finds a quicker one for less.
+    quadrature : Quadrature, static, or None
+        None: that which fits the scene, good to 1e-9, and found in the result; `rf.analysis.quadrature_for`
+        finds a quicker one for less.
     progress : function of (points done, points in all), or None
         called before the first batch and after each.
     block : int, >= 1, or None
@@ -102,8 +102,9 @@ def friction_map(
     ValueError : as `solve`; results beyond 256 MiB without a path; no space for the file.
     FloatingPointError : a quantity is not finite at a point.
     """
-    quantities = _check(scene, quantities, quadrature, block)
+    quantities = _check(scene, quantities, ROBUST if quadrature is None else quadrature, block)
     conditions, dtype = _conditions(scene, velocity, pressure, temperature)
+    quadrature = quadrature or fitting_quadrature(scene, conditions.pressure)
     # All of them are checked; one of each is enough for what is left to check, without a copy.
     ready, _ = checked(
         scene, conditions.velocity[0], conditions.pressure[0], conditions.temperature, quadrature

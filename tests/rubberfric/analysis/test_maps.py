@@ -120,7 +120,7 @@ def test_streaming_to_a_file_equals_memory(tmp_path, monkeypatch):
         ({"block": 0}, "block = 0: must be an integer >= 1"),
         ({"block": True}, "block = True: must be an integer >= 1"),
         ({"scene": "scene"}, "scene is a str: must be a Scene"),
-        ({"quadrature": None}, "quadrature is a NoneType: must be a Quadrature"),
+        ({"quadrature": 1e-9}, "quadrature is a float: must be a Quadrature"),
         ({"path": "m.csv"}, "m.csv: suffix '.csv': must be .h5"),
         ({"path": "no/m.h5"}, "there is no folder 'no'; it must exist"),
         (

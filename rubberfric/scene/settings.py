@@ -1,0 +1,159 @@
+r"""The quadrature that fits a scene, by a rule of its numbers that takes microseconds.
+
+Two numbers say how many nodes meet 1e-9: the range of the roughness in e-folds, plateaus twice (there
+:math:`\sqrt G \sim q^2`), and how steeply the contact begins,
+
+.. math:: L = \ln\frac{q_1}{q_0} + \sum_j \ln\frac{q_{rj}}{q_{0j}},\qquad
+          \Lambda = \max_j \ln\frac{E_r\,q_{0j}^2 \sqrt{C_{0j}}}{\sigma_0}
+
+with the glassy modulus of the softer solid: P falls from 1 within :math:`\ln(q/q_0) \sim e^{-2\Lambda}`. The
+limits below are where errors of thousands of random scenes stay under 3e-10:
+`tests/benchmarks/test_settings_table.py` prints the table that they are read from, and
+`tests/rubberfric/scene/test_settings.py` tries them on other scenes.
+"""
+
+import math
+
+import jax
+import numpy as np
+from jax.typing import ArrayLike
+
+from rubberfric.base.checks import POSITIVE, check_values, is_concrete
+from rubberfric.base.quadrature import Quadrature
+from rubberfric.materials.elastic import Elastic, Rigid
+from rubberfric.materials.prony import Prony
+from rubberfric.roughness.spectra import SelfAffine
+from rubberfric.roughness.tabulated import TabulatedSpectrum
+from rubberfric.scene.scene import Scene
+
+_ALL = math.inf, -math.inf, math.inf
+
+# (setting, largest L, least and largest Lambda), of increasing work, for one rough solid and for two.
+RULES = {
+    1: (
+        (Quadrature(order=13, panels=4, graded=6, ratio=5.0, angular_order=12), 4.2, -1.0, 8.0),
+        (Quadrature(order=13, panels=6, graded=6, ratio=5.0, angular_order=12), 8.2, -1.0, 8.0),
+        (Quadrature(order=13, panels=8, graded=6, ratio=5.0, angular_order=12), 5.0, -math.inf, 8.0),
+        (Quadrature(order=13, panels=12, graded=8, ratio=4.5, angular_order=13), 14.0, -1.0, 14.0),
+        (Quadrature(order=13, panels=12, graded=8, ratio=4.5, angular_order=13), 9.0, -math.inf, 14.0),
+        (Quadrature(order=13, panels=18, graded=8, ratio=4.5, angular_order=12), 26.0, -math.inf, 14.0),
+        (Quadrature(order=14, panels=22, graded=12, ratio=4.5, angular_order=13), *_ALL),
+    ),
+    2: (
+        (Quadrature(order=14, panels=8, graded=8, ratio=4.5, angular_order=12), 8.0, -math.inf, 14.0),
+        (Quadrature(order=14, panels=12, graded=8, ratio=4.5, angular_order=13), 11.5, -math.inf, 14.0),
+        (Quadrature(order=14, panels=18, graded=8, ratio=4.5, angular_order=14), 26.0, -math.inf, 14.0),
+        (Quadrature(order=14, panels=28, graded=12, ratio=4.5, angular_order=14), *_ALL),
+    ),
+}
+# Where nothing else was measured, and where a number is traced.
+ROBUST = Quadrature()
+TRACED = {1: Quadrature(angular_order=12), 2: ROBUST}
+# For parts that the rules were not measured for, whatever Lambda.
+OTHER = Quadrature(order=12, panels=12, angular_order=14), 12.0
+
+
+class _TracedError(Exception):
+    """A number is traced."""
+
+
+def fitting_quadrature(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0) -> Quadrature:
+    """The setting of least work, out of a handful, that is good to 1e-9 for a scene.
+
+    Parameters
+    ----------
+    scene : Scene
+    pressure : [Pa], any shape
+    margin : how much further the wavevectors may move apart and the moduli grow, in e-folds
+
+    Returns
+    -------
+    Quadrature. One for ten decades at any load where `jit` or `vmap` traces a number of the scene or the
+    pressure; a derivative outside `jit` has the setting of its value. The rules were measured for
+    half-spaces of `Rigid`, `Elastic` and `Prony` with `SelfAffine` roughness; other scenes have some
+    nodes more.
+
+    Raises
+    ------
+    ValueError : no scene; a pressure that is known and not > 0.
+    """
+    if not isinstance(scene, Scene):
+        raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
+    check_values("pressure", pressure, POSITIVE)
+    bodies = scene.lower, scene.upper
+    rough = [body.spectrum for body in bodies if body.spectrum is not None]
+    if not rough or not all(type(spectrum) in (SelfAffine, TabulatedSpectrum) for spectrum in rough):
+        return ROBUST
+    plain = all(type(body.material) in (Rigid, Elastic, Prony) and body.layer is None for body in bodies)
+    plain = plain and all(type(spectrum) is SelfAffine for spectrum in rough)
+    try:
+        span = span_of(scene)
+        if not plain or scene.area_correction or scene.heating is not None or scene.softening is not None:
+            setting, longest = OTHER
+            return setting if span + margin <= longest else ROBUST
+        flattest, steepest = loads_of(scene, pressure)
+    except _TracedError:
+        return TRACED[len(rough)] if plain else ROBUST
+    limits = RULES[len(rough)]
+    for setting, longest, least, largest in limits:
+        if span + margin <= longest and least <= flattest - margin and steepest + margin <= largest:
+            return setting
+    return limits[-1][0]
+
+
+def span_of(scene: Scene) -> float:
+    """L of a scene whose roughness is `SelfAffine` or `TabulatedSpectrum`; 0 if it is smooth."""
+    ends, plateaus = [], 0.0
+    for body in (scene.lower, scene.upper):
+        spectrum = body.spectrum
+        if isinstance(spectrum, SelfAffine):
+            q0, qr, q1 = (_number(x) for x in (spectrum.q0, spectrum.qr, spectrum.q1))
+            ends += [q0, q1]
+            plateaus += math.log(qr / q0)
+        elif isinstance(spectrum, TabulatedSpectrum):
+            q = np.log(_array(spectrum.q))
+            rise = np.diff(np.log(_array(spectrum.C)) + 2 * q)
+            ends += [math.exp(q[0]), math.exp(q[-1])]
+            plateaus += 0.5 * float(np.sum(np.clip(rise, 0.0, 2 * np.diff(q))))
+    return math.log(max(ends) / min(ends)) + plateaus if ends else 0.0
+
+
+def loads_of(scene: Scene, pressure: ArrayLike) -> tuple[float, float]:
+    """Least and largest Lambda of a scene of `SelfAffine` roughness on `Elastic` and `Prony` solids."""
+    steepest = 0.0
+    for body in (scene.lower, scene.upper):
+        spectrum = body.spectrum
+        if isinstance(spectrum, SelfAffine):
+            q0, qr, q1 = (_number(x) for x in (spectrum.q0, spectrum.qr, spectrum.q1))
+            # Of h_rms the least that lies beyond q_r is that of H = 1: q0^2 sqrt(C0) is this or less.
+            most = math.sqrt(math.pi * (2 - (q0 / qr) ** 2 - (qr / q1) ** 2))
+            steepest = max(steepest, _number(spectrum.h_rms) * q0 * (q0 / qr) / most)
+    moduli = [_glassy(body.material) for body in (scene.lower, scene.upper) if body.material.deforms]
+    stress = steepest * min(moduli)
+    if stress == 0:
+        return -math.inf, -math.inf
+    log_pressure = np.log(_array(pressure))
+    low, high = np.min(log_pressure, initial=math.inf), np.max(log_pressure, initial=-math.inf)
+    return math.log(stress) - float(high), math.log(stress) - float(low)
+
+
+def _glassy(material):
+    """E_r at infinite frequency [Pa]."""
+    if isinstance(material, Prony):
+        modulus = _number(material.E_inf) + float(np.sum(_array(material.E)))
+    else:
+        modulus = _number(material.young)
+    return modulus / (1 - _number(material.poisson) ** 2)
+
+
+def _number(value):
+    return value if isinstance(value, float) else float(_array(value))
+
+
+def _array(value):
+    """Numbers, of what is differentiated outside `jit` too; `_TracedError` if they are not known."""
+    if not is_concrete(value):
+        value = jax.lax.stop_gradient(value)
+        if not is_concrete(value):
+            raise _TracedError
+    return np.asarray(value)

@@ -1,0 +1,87 @@
+"""Random scenes as sane people make them, many at once: what settings are measured on.
+
+Ranges of 0.1 ... 10 decades with plateaus of any part of them, loads of 1 ... 1e9 Pa, one and two rough
+solids, whose spectra lie within ten decades; all numbers spread evenly in their logarithms.
+"""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import rubberfric as rf
+
+KINDS = ("road", "elastic", "pair")
+POINTS = 6  # velocities and loads of a scene
+TIGHT = rf.Quadrature(order=20, panels=48, graded=20, ratio=3.0, angular_order=20)
+
+_TERMS = 8
+_CHUNK = 8
+
+
+def draw(kind, count, seed):
+    """(scenes, velocity, pressure): a list, and arrays (count, POINTS)."""
+    rng = np.random.default_rng(seed)
+    scenes = [_scene(kind, rng) for _ in range(count)]
+    velocity = 10 ** rng.uniform(-8, 2, (count, POINTS))
+    # Within a decade, as of one use: the lightest and the heaviest load choose the setting.
+    pressure = 10 ** (rng.uniform(0.5, 8.5, (count, 1)) + rng.uniform(-0.5, 0.5, (count, POINTS)))
+    return scenes, velocity, pressure
+
+
+def errors(scenes, velocity, pressure, quadrature, exact=None):
+    """Relative errors (scenes, points) against the tight setting, or those values (scenes, 3, points).
+
+    Of the separation what is below 1e-6 of the roughness counts as zero: in full contact it is 1e-100 of it.
+    """
+    found = values(scenes, velocity, pressure, quadrature)
+    exact = values(scenes, velocity, pressure, TIGHT) if exact is None else exact
+    scale = np.abs(exact)
+    rough = [(scene.lower.spectrum, scene.upper.spectrum) for scene in scenes]
+    heights = [np.hypot(*(0.0 if one is None else one.h_rms for one in both)) for both in rough]
+    scale[:, 2] += 1e-6 * np.array(heights)[:, None]
+    return np.max(np.abs(found - exact) / scale, 1)
+
+
+def values(scenes, velocity, pressure, quadrature):
+    """Area, friction and separation, (scenes, 3, points)."""
+    count = len(scenes)
+    padded = -(-count // 64) * 64  # sizes that recur
+    index = np.minimum(np.arange(padded), count - 1)
+    stacked = jax.tree.map(lambda *x: np.stack(x)[index], *scenes)
+    return np.asarray(_values((stacked, velocity[index], pressure[index]), quadrature))[:count]
+
+
+def _values(calls, quadrature):
+    def one(call):
+        return jnp.stack(rf.solve(*call, quadrature=quadrature)[:3])
+
+    return jax.jit(lambda calls: jax.lax.map(one, calls, batch_size=_CHUNK))(calls)
+
+
+def _scene(kind, rng):
+    one = _spectrum(rng)
+    if kind == "road":
+        return rf.Scene(rf.Body(rf.Rigid(), one), rf.Body(_rubber(rng)))
+    if kind == "elastic":
+        return rf.Scene(rf.Body(rf.Elastic(10 ** rng.uniform(6, 11), 0.3), one), rf.Body(_rubber(rng)))
+    return rf.Scene(rf.Body(_rubber(rng), one), rf.Body(_rubber(rng), _spectrum(rng, one)))
+
+
+def _spectrum(rng, other=None):
+    begin, decades = rng.uniform(0, 5), 10 ** rng.uniform(-1, 1)
+    if other is not None:
+        low, high = np.log10(other.q0), np.log10(other.q1)
+        begin = low if rng.random() < 0.2 else rng.uniform(max(low - 3, high - 10), high)
+        decades = max(0.05, min(decades, min(begin, low) + 10 - begin))
+    q0, q1 = 10**begin, 10 ** (begin + decades)
+    plateau = rng.choice([0.0, rng.uniform(0, 1), 1.0], p=[0.25, 0.7, 0.05])
+    qr = {0.0: q0, 1.0: q1}.get(plateau, min(10 ** (begin + plateau * decades), q1))
+    hurst = 0.8 if rng.random() < 0.2 else rng.uniform(0, 1)
+    return rf.SelfAffine(q0, max(qr, q0), q1, hurst, 10 ** rng.uniform(-4, 0) / q0)
+
+
+def _rubber(rng):
+    tau = 10 ** np.sort(rng.uniform(-12, 2, _TERMS))[::-1]
+    E_inf = 10 ** rng.uniform(5, 7.5)
+    E = E_inf * 10 ** np.cumsum(rng.uniform(-0.6, 1.0, _TERMS))
+    return rf.Prony(E_inf, E, tau, rng.uniform(0, 0.5))
