@@ -63,8 +63,8 @@ heat at wavevectors beyond q1 where contact is light (columns displacement and h
 too small where the rubber is soft at all scales (slow sliding), too large where it stiffens with the scale
 (fast sliding), and right where the two errors cancel. S in G is the better variant for area and for
 friction. No gamma mends a drift with velocity. Laws (a) and (b) are two and four times closer than the
-theory, but not within 10 %: (b) drifts by as much with q1/q0, which says that a number is missing in it, and so it
-is not offered as an option of a scene."""
+theory, but not within 10 %: (b) drifts by as much with q1/q0, which says that a number is missing in it,
+and so it is not offered as an option of a scene."""
 KEY = ("ratio", "rolloff", "hurst", "relaxation", "load", "velocity")
 MEASURED = ("area", "pixel_area", "friction", "friction_of_heat", "separation", "heat_beyond")
 COLUMNS = (
