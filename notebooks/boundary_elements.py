@@ -44,6 +44,7 @@ MATERIALS = {
     "broad": rf.Prony(1.0, 2.0 ** np.arange(8), 10.0 ** -np.arange(8.0), 0.0),
     "elastic": rf.Elastic(1.0, 0.0),
 }
+LARGE = (("narrow", LOADS[1]), ("narrow", LOADS[2]), ("broad", LOADS[1]))  # computed on the largest grid
 # v tau q1.
 VELOCITIES = {
     "narrow": 10 ** np.linspace(-1.75, 1.25, 7),
@@ -56,6 +57,14 @@ VARIANTS = {
     for gamma in (0.45, 0.5)
 }
 AREAS = (0.003, 0.01, 0.03, 0.1, 0.3, 0.8)
+WHAT = """The theory takes the displacement at a wavevector to be P S of the roughness there, which falls
+steeply with q and ends at q1. Boundary elements have displacements that fall little, and up to half of the
+heat at wavevectors beyond q1 where contact is light (columns displacement and heat_beyond). So friction is
+too small where the rubber is soft at all scales (slow sliding), too large where it stiffens with the scale
+(fast sliding), and right where the two errors cancel. S in G is the better variant for area and for
+friction. No gamma mends a drift with velocity. Laws (a) and (b) are two and four times closer than the
+theory, but not within 10 %: (b) drifts by as much with q1/q0, which says that a number is missing in it,
+and so it is not offered as an option of a scene."""
 KEY = ("ratio", "rolloff", "hurst", "relaxation", "load", "velocity")
 MEASURED = ("area", "pixel_area", "friction", "friction_of_heat", "separation", "heat_beyond")
 COLUMNS = (
@@ -88,7 +97,7 @@ def cases():
     for geometry, relaxation, hurst, load in itertools.product(GEOMETRIES, MATERIALS, HURST, LOADS):
         velocities = VELOCITIES[relaxation]
         if geometry[3] > 512:  # ten times the time of the others
-            if hurst != HURST[0]:
+            if hurst != HURST[0] or (relaxation, load) not in LARGE:
                 continue
             velocities = velocities[1::2] if len(velocities) > 1 else velocities
         for velocity in velocities:
@@ -228,7 +237,9 @@ def page(rows):
     friction = [row for row in rows if row["relaxation"] != "elastic"]
     yield "# How true is the theory?"
     yield ""
-    yield from __doc__.splitlines()[4:]
+    yield from __doc__.replace("REALISATIONS", str(REALISATIONS)).splitlines()[5:]
+    yield ""
+    yield from WHAT.splitlines()
     yield ""
     yield (
         f"{len(rows)} cases, of which {len(friction)} slide; {len(known)} of these are resolved: friction"

@@ -33,7 +33,7 @@
 
     [discrepancy]                       # optional: the theory may be off, see `fitting.Discrepancy`
     amplitude = 0.25                    # missing: estimated from the data
-    width = 2.3                         # and shared = true or false
+    width = 4.6                         # and shared = 0.8
 
     [fit]                               # optional: method, starts, seed, loss, loss_width, decades,
     starts = 8                          # max_steps, tolerance, scale_errors as in `fitting.fit`
@@ -249,7 +249,7 @@ def _prior(path, key, value):
 
 def _discrepancy(path, content):
     toml.check_keys(path, "discrepancy", content, ("amplitude", "width", "shared"))
-    values = {n: v if n == "shared" else _one(path, f"discrepancy.{n}", v) for n, v in content.items()}
+    values = {n: _one(path, f"discrepancy.{n}", v) for n, v in content.items()}
     return _made(path, "discrepancy", Discrepancy, values)
 
 

@@ -116,8 +116,8 @@ def _unit_covariance(problem, scenes, data, discrepancy):
             x[rows] += np.asarray(moved[0].log_factor(one.temperature))
         warm = np.zeros_like(one.velocity) if one.temperature is None else one.temperature
         keys = [(number, p, T) for p, T in zip(one.pressure.tolist(), warm.tolist(), strict=True)]
-        curve[rows] = [0 if discrepancy.shared else found.setdefault(key, len(found)) for key in keys]
-    return scaled[:, None] * scaled * correlations(x, curve, discrepancy.width)
+        curve[rows] = [found.setdefault(key, len(found)) for key in keys]
+    return scaled[:, None] * scaled * correlations(x, curve, discrepancy)
 
 
 _linearised = jax.jit(residuals_and_jacobian, static_argnums=0)

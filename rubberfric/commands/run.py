@@ -110,8 +110,9 @@ def truth_line(result: Result) -> str:
     mu = "mu" if result.scene.shear is None else "viscoelastic mu"
     low, high = found.contact
     return (
-        f"the theory itself, against boundary elements of such scenes (A/A0 {low:.2g} ... {high:.2g}):\n"
-        f"A/A0 off by {area}, {mu} by {friction} in nine cases of ten (notebooks/boundary_elements.md)"
+        "the theory itself, against boundary elements of such scenes\n"
+        f"(A/A0 {low:.2g} ... {high:.2g}, nine cases of ten; notebooks/boundary_elements.md):\n"
+        f"A/A0 is off by {area}, {mu} by {friction}"
     )
 
 

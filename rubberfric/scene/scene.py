@@ -72,8 +72,10 @@ class Scene(PhysicalObject):
         Quadrature(graded=16) is not)
     area_correction : bool (static)
         False: G(q) as in the paper. True: S also inside G, dG = S dG_plain, as the
-        established program has it; boundary-element runs agree with it within 4-7 % of
-        the area and leave the paper's 30 % low at light load. The separation always
+        established program has it. Boundary elements at rest agree with it within 4-7 % of
+        the area and leave the paper's 30 % low at light load; in sliding the area is 8 % high
+        with it and 20 % low without, and friction is closer too (notebooks/boundary_elements.md:
+        both drift with velocity). The separation always
         uses the plain G: S in G makes it worse (physics: -9 % instead of -1 % in the
         ratio of separations at two loads).
     shear : ContactShear or None

@@ -108,6 +108,10 @@ def friction(
     -----
     The viscoelastic part is zero, not computed, when no rough solid faces a viscoelastic one
     (Cases II, III).
+
+    The theory itself, against boundary elements of rubber-like solids: from half in slow sliding to 1.7
+    times in fast sliding, at heavy load from 0.85 to 1.25 times, with `area_correction`; without it a
+    quarter less (notebooks/boundary_elements.md; `rubberfric.analysis.theory_error` for a scene).
     """
     return _alone("friction", scene, velocity, pressure, temperature, quadrature)
 

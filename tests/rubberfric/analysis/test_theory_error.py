@@ -1,0 +1,91 @@
+"""The table of theory and boundary elements: that it is what its script makes, and what is said of it."""
+
+import importlib.util
+
+import numpy as np
+import pytest
+from support.folders import DATA, ROOT
+from support.scenes.common import RIGID, TREAD, scene
+
+import rubberfric as rf
+from rubberfric.analysis import theory_error
+from rubberfric.analysis.elements.expected import AREAS, RATIOS
+from rubberfric.commands.main import main
+
+
+@pytest.fixture(scope="module")
+def script():
+    spec = importlib.util.spec_from_file_location("table", ROOT / "notebooks" / "boundary_elements.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def rows(script):
+    return script.read()
+
+
+def test_every_case_is_there_once(script, rows):
+    assert len({script.key_of(row) for row in rows}) == len(rows) == sum(1 for _ in script.cases())
+
+
+def test_ranges_are_those_of_the_table(script, rows):
+    """5 and 95 % quantiles of theory over boundary elements."""
+    known = script.numbers(rows)
+    assert AREAS == script.AREAS
+    for (inside, relaxation), ranges in RATIOS.items():
+        own = [row for row in known if row["relaxation"] == relaxation]
+        variant = f"{'inside' if inside else 'plain'}_0.5"
+        both = [script.spread(own, quantity, variant) for quantity in ("area", "friction")]
+        for found, area, friction in zip(ranges, *both, strict=True):
+            np.testing.assert_allclose(found, [area[0], area[2], friction[0], friction[2]], atol=0.006)
+
+
+def test_the_table_can_be_made_again(script, rows):
+    """The theory of three cases, and the boundary elements of one."""
+    known = script.numbers(rows)
+    for row in known[:: len(known) // 3]:
+        case = script.scene_of(*(row[name] for name in ("ratio", "rolloff", "hurst", "relaxation")))
+        case = case.replace(area_correction=True)
+        found = rf.solve(case, row["velocity"], row["pressure"], quantities=("area", "friction"))
+        np.testing.assert_allclose(found.area, row["area_inside_0.5"], rtol=1e-4)
+        np.testing.assert_allclose(found.friction, row["friction_inside_0.5"], rtol=1e-4)
+    row = next(row for row in known if row["load"] == 0.12 and row["grid"] == 256)
+    case = script.scene_of(row["ratio"], row["rolloff"], row["hurst"], row["relaxation"])
+    found, _, _ = script.measured(case, row["velocity"], row["pressure"], 256, 4)
+    np.testing.assert_allclose(found["friction"].mean(), row["friction"], rtol=1e-3)
+    np.testing.assert_allclose(found["area"].mean(), row["area"], rtol=1e-3)
+
+
+ROAD = rf.SelfAffine(100.0, 1000.0, 3.1e4, 0.8, 5e-4)
+
+
+def test_what_is_covered():
+    own = scene((RIGID, ROAD), (TREAD,))
+    found = theory_error(own, [1e-4, 0.02, 0.05])
+    assert found.contact == (0.02, 0.05) and found.relaxation == "broad"
+    rows = np.array(RATIOS[False, "broad"][1:3])
+    assert found.area == (rows[:, 0].min(), rows[:, 1].max())
+    assert found.friction == (rows[:, 2].min(), rows[:, 3].max())
+    one = theory_error(scene((TREAD.replace(tau=[1e-4] * 3),), (RIGID, ROAD), area_correction=True), 0.05)
+    assert one.relaxation == "narrow" and one.friction == RATIOS[True, "narrow"][2][2:]
+    assert theory_error(own, 1e-4) is None
+    for other in (
+        own.replace(gamma=0.8),
+        own.replace("lower.spectrum.q1", 1e6),
+        own.replace("lower.spectrum.hurst", 0.5),
+        scene((RIGID, ROAD), (TREAD, ROAD)),
+        scene((RIGID, ROAD), (rf.Elastic(1e6, 0.5),)),
+        scene((RIGID, ROAD), (TREAD, None, rf.Slab(1e-3))),
+        scene((RIGID, ROAD), (TREAD,), heating=rf.Heating(1e3, 1e3, 0.2, 1e-3)),
+    ):
+        assert theory_error(other, 0.05) is None
+
+
+def test_the_command_says_it(call_main):
+    status, printed, _ = call_main(main, "run", DATA / "tread_on_asphalt.toml")
+    assert status == 0 and "the theory itself, against boundary elements of such scenes\n(A/A0 0.0" in printed
+    assert "A/A0 is off by -" in printed and " %, mu by -" in printed
+    status, printed, _ = call_main(main, "run", DATA / "two_rubbers.toml")
+    assert status == 0 and "boundary elements" not in printed
