@@ -4,22 +4,26 @@ from rubberfric.analysis.by_wavevector import Profile, profile
 from rubberfric.analysis.error_and_time.settings import quadrature_for
 from rubberfric.analysis.error_and_time.sweep import accuracy
 from rubberfric.analysis.extrapolation import friction_outside_table
-from rubberfric.analysis.interface import contact_stiffness, stress_distribution
+from rubberfric.analysis.interface.adhesion import AdhesionVerdict, adhesion_matters, full_contact_energy
+from rubberfric.analysis.interface.separations import SeparationProfile, separation_profile
+from rubberfric.analysis.interface.stresses import contact_stiffness, stress_distribution
 from rubberfric.analysis.jacobian import value_and_jacobian
 from rubberfric.analysis.maps.friction_map import FrictionMap, friction_map
 from rubberfric.analysis.power import DissipatedPower, dissipated_power
-from rubberfric.analysis.separation_by_wavevector import SeparationProfile, separation_profile
 
 __all__ = [
+    "AdhesionVerdict",
     "DissipatedPower",
     "FrictionMap",
     "Profile",
     "SeparationProfile",
     "accuracy",
+    "adhesion_matters",
     "contact_stiffness",
     "dissipated_power",
     "friction_map",
     "friction_outside_table",
+    "full_contact_energy",
     "profile",
     "quadrature_for",
     "separation_profile",
