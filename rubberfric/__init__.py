@@ -32,11 +32,12 @@ from rubberfric.roughness import (
     rms_slope,
     with_cutoff,
 )
-from rubberfric.scene import Body, ContactShear, Heating, Scene, Softening, ThermalProperties
+from rubberfric.scene import Adhesion, Body, ContactShear, Heating, Scene, Softening, ThermalProperties
 from rubberfric.theory import Solution, contact_area, friction, quantities_of, separation, solve
 
 __all__ = [
     "WLF",
+    "Adhesion",
     "Anisotropic",
     "Arrhenius",
     "Body",

@@ -1,5 +1,6 @@
 """Scenes: two bodies, what is between them, and which version of the theory to use."""
 
+from rubberfric.scene.adhesion import Adhesion
 from rubberfric.scene.heating import Heating, ThermalProperties
 from rubberfric.scene.scene import (
     Body,
@@ -15,6 +16,7 @@ from rubberfric.scene.shear import ContactShear
 from rubberfric.scene.softening import Softening
 
 __all__ = [
+    "Adhesion",
     "Body",
     "ContactShear",
     "Heating",

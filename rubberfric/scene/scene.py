@@ -13,6 +13,7 @@ from rubberfric.materials.material import Material
 from rubberfric.materials.shifts import Shift
 from rubberfric.materials.slab import Layer
 from rubberfric.roughness.spectra import Spectrum
+from rubberfric.scene.adhesion import Adhesion
 from rubberfric.scene.heating import Heating, ThermalProperties
 from rubberfric.scene.shear import ContactShear
 from rubberfric.scene.softening import Softening
@@ -76,6 +77,8 @@ class Scene(PhysicalObject):
         friction heats the deformable solids, each length scale to its own temperature.
     softening : Softening or None
         E' and E'' of viscoelastic solids fall with the strain of each length scale.
+    adhesion : Adhesion or None
+        the solids gain a work of adhesion where they touch.
 
     Two rigid bodies raise ValueError: nothing would deform.
     """
@@ -87,12 +90,22 @@ class Scene(PhysicalObject):
     shear: ContactShear | None = child(default=None)
     heating: Heating | None = child(default=None)
     softening: Softening | None = child(default=None)
+    adhesion: Adhesion | None = child(default=None)
 
     def _check(self):
         if not (self.lower.material.deforms or self.upper.material.deforms):
             raise ValueError(
                 "Scene: lower.material and upper.material are both Rigid; one of the solids must deform"
             )
+        if self.adhesion is not None:
+            for name, absent in (
+                ("heating", self.heating is None),
+                ("area_correction", not self.area_correction),
+            ):
+                if not absent:
+                    raise ValueError(
+                        f"Scene.adhesion: not together with {name}; one of them must be left out"
+                    )
         if self.softening is None:
             return
         bodies = self.lower, self.upper
@@ -132,6 +145,12 @@ def check_background(scene: Scene, where: str = "", missing: str = "temperature 
     """ValueError for a scene that cannot do without a temperature; `where` and `missing` begin its line."""
     if scene.heating is not None:
         raise ValueError(f"{where}{missing}: a scene with heating needs that far from the contact [K]")
+
+
+def check_without_adhesion(scene: Scene, what: str) -> None:
+    """ValueError for what is not defined with adhesion."""
+    if scene.adhesion is not None:
+        raise ValueError(f"scene.adhesion: {what} is not defined with it; must be None")
 
 
 def rough_surfaces(scene: Scene) -> list[tuple[Spectrum, Body]]:

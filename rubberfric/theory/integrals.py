@@ -22,7 +22,7 @@ from rubberfric.scene.pairs import Pair, PairTemperatures, pairs_of
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import ContactShear, shear_friction
 from rubberfric.scene.softening import knots
-from rubberfric.theory.area_correction import correction_table
+from rubberfric.theory.area.area_correction import correction_table
 from rubberfric.theory.contributions import contribution, total
 from rubberfric.theory.partial_contact import separation_weight
 from rubberfric.theory.quantities import Needs, needs_of, parts_of
@@ -113,6 +113,7 @@ def _rough(scene, pairs, quadrature, needs, borders=None):
         scale,
         gamma,
         correction_table(gamma) if scene.area_correction and needs.area else None,
+        scene.adhesion,
     )
 
 
@@ -167,6 +168,8 @@ def evaluate(
     if prepared.integrated is not None:
         contact, temperatures = solved(prepared, velocity, pressure, temperature)
         found |= _integrated(contact, parts | {"area"} if sheared else parts)
+        if contact.detached is not None:
+            found["converged"] = contact.detached.converged
         if temperatures is not None:
             found |= {"flash_temperature": temperatures.flash, "converged": temperatures.converged}
             surface = temperatures.surface

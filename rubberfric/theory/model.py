@@ -29,9 +29,10 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene, cast, check_background, result_dtype, shifts, takes_temperature
 from rubberfric.scene.single_precision import check_single
 from rubberfric.theory.integrals import evaluate, prepare
-from rubberfric.theory.quantities import QUANTITIES, Solution, Values
+from rubberfric.theory.quantities import QUANTITIES, Solution, Values, iterates, needs_of
 
-BLOCK = 512  # points evaluated at once
+# Points evaluated at once; with adhesion each has a matrix of all its nodes.
+BLOCK, ADHESIVE_BLOCK = 512, 8
 
 
 _DEFAULT = Quadrature()
@@ -176,7 +177,8 @@ def solve(
         anisotropic roughness causes (where it is negative the upper solid is pushed to the left);
         of a heated scene "flash_temperature" (at the largest
         wavevector) and "converged": False where the temperatures are a last iterate, not a solution.
-        Only these are computed. The contact shear needs no more than the area.
+        Only these are computed. The contact shear needs no more than the area. With adhesion "converged"
+        says the same of the areas, and "separation" is not defined.
 
     Returns
     -------
@@ -197,15 +199,18 @@ def solve(
             raise ValueError(f"quantities has {name!r}: must be out of {', '.join(Solution._fields)}")
     scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
     check_heated(scene, quantities)
-    if scene.heating is None or "converged" in quantities:
+    if not iterates(scene) or "converged" in quantities:
         return _solve(scene, *conditions, quadrature=quadrature, quantities=quantities)
     solution = _solve(scene, *conditions, quadrature=quadrature, quantities=(*quantities, "converged"))
-    warn_of_last_iterates(solution.converged, conditions)
+    what = "temperatures" if scene.heating is not None else "areas"
+    warn_of_last_iterates(solution.converged, conditions, what)
     return solution._replace(converged=None)
 
 
-def warn_of_last_iterates(converged: Values | None, conditions: Sequence[jax.Array | None]) -> None:
-    """RuntimeWarning naming the points at which the temperatures of a heated scene are not a solution.
+def warn_of_last_iterates(
+    converged: Values | None, conditions: Sequence[jax.Array | None], what: str = "temperatures"
+) -> None:
+    """RuntimeWarning naming the points at which the temperatures, or with adhesion areas, are no solution.
 
     converged : of the broadcast shape of the conditions, None of a scene without heating; traced: no warning
     """
@@ -218,7 +223,7 @@ def warn_of_last_iterates(converged: Values | None, conditions: Sequence[jax.Arr
         for v, p, T in zip(velocity[:3], pressure[:3], temperature[:3], strict=True)
     ]
     warnings.warn(
-        f"the temperatures did not converge at {left.sum()} of {left.size} points, at {'; '.join(named)}"
+        f"the {what} did not converge at {left.sum()} of {left.size} points, at {'; '.join(named)}"
         f"{' and others' if left.sum() > len(named) else ''}: the values there are those of the last iterate",
         RuntimeWarning,
         stacklevel=3,
@@ -226,8 +231,10 @@ def warn_of_last_iterates(converged: Values | None, conditions: Sequence[jax.Arr
 
 
 def check_heated(scene: Scene, quantities: Iterable[str]) -> None:
-    """ValueError for quantities of heating although the scene has none."""
-    if scene.heating is None and {"flash_temperature", "converged"} & set(quantities):
+    """ValueError for quantities of heating although the scene has none, or not defined with adhesion."""
+    needs_of(scene, quantities)
+    absent = {"flash_temperature"} if iterates(scene) else {"flash_temperature", "converged"}
+    if scene.heating is None and absent & set(quantities):
         raise ValueError("quantities has 'flash_temperature' or 'converged': the scene must have heating")
 
 
@@ -277,7 +284,8 @@ def check_kinds(scene: object, quadrature: object) -> None:
 def _solve(scene, velocity, pressure, temperature, *, quadrature, quantities):
     prepared = prepare(scene, quantities, quadrature)
     block = functools.partial(evaluate, prepared, quantities)
-    return Solution(**over_points(block, (velocity, pressure, temperature), BLOCK))
+    size = BLOCK if scene.adhesion is None else ADHESIVE_BLOCK
+    return Solution(**over_points(block, (velocity, pressure, temperature), size))
 
 
 def _condition(name, value, rule):

@@ -64,6 +64,7 @@ def examples(number=float, vector=np.array):
         loss=vector([1.0, 1.1, 0.6]),
         factor=number(1.2),
     )
+    adhesion = rf.Adhesion(work=number(0.05), prefactor=number(1.1))
     heating = rf.Heating(
         density=number(1.2e3),
         heat_capacity=number(1.6e3),
@@ -93,6 +94,7 @@ def examples(number=float, vector=np.array):
         coating,
         shear,
         softening,
+        adhesion,
         heating,
         thermal,
     ]

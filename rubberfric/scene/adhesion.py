@@ -1,0 +1,36 @@
+r"""Adhesion: solids that gain a work of adhesion where they touch.
+
+Where the attraction reaches less far than the solids deform, cracks of detached area open at a stress that
+follows from fracture mechanics [Persson, Eur. Phys. J. E 8, 385 (2002), doi:10.1140/epje/i2002-10025-1],
+
+.. math:: \sigma_a(q)^2 = c\, E_r(q)\, q\, \gamma_\mathrm{eff}(q)
+"""
+
+import math
+
+from rubberfric.base.checks import POSITIVE, between
+from rubberfric.base.objects.fields import Number, leaf
+from rubberfric.base.objects.physical import PhysicalObject, physical
+
+
+@physical
+class Adhesion(PhysicalObject):
+    r"""Adhesion in the limit of a short range of attraction (Johnson, Kendall and Roberts).
+
+    Parameters
+    ----------
+    work : of adhesion per area of contact [J/m^2], > 0; 0.05 for rubber on most clean solids
+    prefactor : c of the detachment stress [-], 4/pi [Persson 2002]; 0.4 to 1.3 by the geometry of the cracks
+
+    Full contact follows from the same equations, and so does contact without adhesion where the elastic
+    energy outweighs the work. `rubberfric.analysis.adhesion_matters` says beforehand whether it is worth
+    its cost. The state is the one that is reached from contact without adhesion: where contact may jump
+    into another one with more area, that is the state before the jump.
+
+    Limits: E_r is that of the moduli at the frequencies of sliding, at rest the relaxed one; no energy is
+    lost in the rubber by the opening of cracks. Area, friction and contact shear are defined, the mean
+    separation is not; not together with heating or with S in G.
+    """
+
+    work: Number = leaf(POSITIVE, unit="J/m^2", plausible=(1e-9, 1e3))
+    prefactor: Number = leaf(between(1e-3, 1e3), unit="-", default=4 / math.pi)
