@@ -32,7 +32,16 @@ from rubberfric.roughness import (
     rms_slope,
     with_cutoff,
 )
-from rubberfric.scene import Adhesion, Body, ContactShear, Heating, Scene, Softening, ThermalProperties
+from rubberfric.scene import (
+    Adhesion,
+    Body,
+    ContactShear,
+    Correlation,
+    Heating,
+    Scene,
+    Softening,
+    ThermalProperties,
+)
 from rubberfric.theory import Solution, contact_area, friction, quantities_of, separation, solve
 
 __all__ = [
@@ -43,6 +52,7 @@ __all__ = [
     "Body",
     "Coating",
     "ContactShear",
+    "Correlation",
     "Elastic",
     "Entropic",
     "FrictionMap",

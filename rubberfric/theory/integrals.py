@@ -10,6 +10,7 @@ temperature. G and the friction are in `rubberfric.theory.stress_fluctuation`; w
 and the transverse friction is the friction with sin(phi) in place of cos(phi).
 """
 
+import functools
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -18,6 +19,7 @@ import jax.numpy as jnp
 
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.mesh import build_mesh
+from rubberfric.scene.correlation import difference
 from rubberfric.scene.pairs import Pair, PairTemperatures, pairs_of
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import ContactShear, shear_friction
@@ -105,6 +107,9 @@ def _rough(scene, pairs, quadrature, needs, borders=None):
         borders=_borders(scene, pairs, borders),
         moving=scene.heating is not None,
     )
+    if scene.correlation is not None:
+        # At rest the stiffness is the same whichever surface it meets.
+        mesh, pairs = mesh.joined(functools.partial(difference, scene.correlation)), pairs[:1]
     scale, gamma = modulus_scale(scene), jnp.asarray(scene.gamma)
     return Roughness(
         mesh,
@@ -114,6 +119,7 @@ def _rough(scene, pairs, quadrature, needs, borders=None):
         gamma,
         correction_table(gamma) if scene.area_correction and needs.area else None,
         scene.adhesion,
+        scene.correlation,
     )
 
 

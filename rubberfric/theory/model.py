@@ -24,12 +24,17 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import over_points
-from rubberfric.base.checks import FINITE, POSITIVE, as_leaf, check_values, is_concrete
+from rubberfric.base.checks import FINITE, POSITIVE, Rule, as_leaf, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene, cast, check_background, result_dtype, shifts, takes_temperature
 from rubberfric.scene.single_precision import check_single
 from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.quantities import QUANTITIES, Solution, Values, iterates, needs_of
+
+AT_REST: Rule = (
+    "must be 0: correlated roughness is of solids at rest, sliding it excites them at different frequencies",
+    lambda v: v == 0,
+)
 
 # Points evaluated at once; with adhesion each has a matrix of all its nodes.
 BLOCK, ADHESIVE_BLOCK = 512, 8
@@ -249,6 +254,8 @@ def checked(
     check_kinds(scene, quadrature)
     velocity = _condition("velocity", velocity, FINITE)
     pressure = _condition("pressure", pressure, POSITIVE)
+    if scene.correlation is not None:
+        check_values("velocity", velocity, AT_REST)
     if temperature is not None:
         temperature = _condition("temperature", temperature, POSITIVE)
         _check_temperature(scene, temperature)

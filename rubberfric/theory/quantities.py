@@ -7,7 +7,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from rubberfric.scene.scene import Scene, check_without_adhesion, dissipates, relaxes, rough_surfaces
+from rubberfric.scene.scene import Scene, check_without, dissipates, relaxes, rough_surfaces
 
 QUANTITIES = ("area", "friction", "separation")
 # Of `solve`, or read from a file.
@@ -80,7 +80,7 @@ def needs_of(scene: Scene, quantities: Iterable[str]) -> Needs:
     """
     needs = Needs()
     if "separation" in quantities:
-        check_without_adhesion(scene, "the separation")
+        check_without(scene, ("adhesion",), "the separation")
     if not rough_surfaces(scene):
         return needs
     absent = set()

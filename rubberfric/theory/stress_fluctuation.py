@@ -19,6 +19,7 @@ import numpy as np
 
 from rubberfric.roughness.mesh import Mesh
 from rubberfric.scene.adhesion import Adhesion
+from rubberfric.scene.correlation import Correlation
 from rubberfric.scene.pairs import PairTemperatures
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
 from rubberfric.theory.area.short_range import Balance, Detachment, detach
@@ -87,6 +88,7 @@ class Roughness(NamedTuple):
     gamma: jax.Array
     correction: CorrectionTable | None  # of S in G
     adhesion: Adhesion | None = None
+    correlation: Correlation | None = None  # in the roughness already, which is that of solids at rest
 
     def contact(
         self, velocity: jax.Array, pressure: jax.Array, temperatures: Sequence[PairTemperatures]
@@ -103,6 +105,8 @@ class Roughness(NamedTuple):
             one.terms(self.mesh, velocity, T) for one, T in zip(self.contributions, temperatures, strict=True)
         ]
         stiffness = self.scale / pressure
+        if self.correlation is not None:
+            stiffness = jnp.where(velocity == 0, stiffness, jnp.nan)
         within = [terms.within for terms in found if terms.within is not None]
         if not within:
             # Contributions have panels of their own where nothing but the whole integral is needed.

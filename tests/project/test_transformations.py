@@ -58,6 +58,15 @@ def _pulled(adhesion, speed):
     return rf.analysis.pull_off_force(scene, 1e-2, 1e4 * (1 + speed), quadrature=COARSE)
 
 
+def _resting(correlation, load):
+    return rf.contact_area(_replica(correlation), 0.0, 1e6 * (1 + load))
+
+
+def _replica(correlation):
+    bodies = rf.Body(rf.Elastic(1e7, 0.3), ROAD), rf.Body(TREAD, ROAD.replace(hurst=0.7))
+    return rf.Scene(*bodies, correlation=correlation)
+
+
 def _area(scene, speed):
     return rf.contact_area(scene, speed, 3e5, 303.0)
 
@@ -74,6 +83,7 @@ ANSWERS = {
     "Softening": (_softening, Q),
     "Heating": (_heating, OMEGA),
     "Adhesion": (_pulled, OMEGA),
+    "Correlation": (_resting, OMEGA),
     "Body": (lambda body, v: _area(rf.Scene(rf.Body(rf.Rigid(), ROAD), body), v), OMEGA),
     "Scene": (_area, OMEGA),
 }
@@ -105,6 +115,7 @@ IN_SCENES = {
         ("Entropic", "TabulatedVertical"),
         lambda law: _on_road(rf.Body(SHIFTED_TREAD.replace("shift.vertical", law))),
     ),
+    "Correlation": _replica,
     "Adhesion": lambda adhesion: rf.Scene(rf.Body(rf.Rigid(), FINE), rf.Body(TREAD), adhesion=adhesion),
     "Heating": lambda heating: _on_road(rf.Body(SHIFTED_TREAD), heating=heating),
     "ThermalProperties": lambda thermal: _on_road(
@@ -117,6 +128,7 @@ IN_SCENES = {
 
 def _friction(embed, given, speed):
     scene = embed(given)
+    speed = 0 * speed if scene.correlation is not None else speed
     at = (303.0,) if any(x.shift is not None for x in _with_shifts(scene)) or scene.heating else ()
     return rf.friction(scene, speed, 3e5, *at)
 

@@ -43,6 +43,8 @@
 
     [adhesion]                          # optional: work, prefactor
 
+    [correlation]                       # optional: coherence; at velocity 0 only
+
     [heating]                           # optional: density, heat_capacity, conductivity, radius, ...
     ...
 

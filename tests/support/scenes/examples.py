@@ -65,6 +65,7 @@ def examples(number=float, vector=np.array):
         factor=number(1.2),
     )
     adhesion = rf.Adhesion(work=number(0.05), prefactor=number(1.1))
+    correlation = rf.Correlation(coherence=number(0.7))
     heating = rf.Heating(
         density=number(1.2e3),
         heat_capacity=number(1.6e3),
@@ -95,6 +96,7 @@ def examples(number=float, vector=np.array):
         shear,
         softening,
         adhesion,
+        correlation,
         heating,
         thermal,
     ]
