@@ -93,6 +93,11 @@ def _on_road(body, **options):
     return rf.Scene(rf.Body(rf.Rigid(), ROAD), body, **options)
 
 
+def _on_fine(adhesion):
+    shear = rf.ContactShear(1e6, 0.1, 1e-2)
+    return rf.Scene(rf.Body(rf.Rigid(), FINE), rf.Body(rf.Elastic(1e7, 0.5)), shear=shear, adhesion=adhesion)
+
+
 # A scene with the object, and friction over its velocity.
 IN_SCENES = {
     **dict.fromkeys(
@@ -116,7 +121,7 @@ IN_SCENES = {
         lambda law: _on_road(rf.Body(SHIFTED_TREAD.replace("shift.vertical", law))),
     ),
     "Correlation": _replica,
-    "Adhesion": lambda adhesion: rf.Scene(rf.Body(rf.Rigid(), FINE), rf.Body(TREAD), adhesion=adhesion),
+    "Adhesion": _on_fine,
     "Heating": lambda heating: _on_road(rf.Body(SHIFTED_TREAD), heating=heating),
     "ThermalProperties": lambda thermal: _on_road(
         rf.Body(SHIFTED_TREAD, thermal=thermal), heating=EXAMPLES["Heating"]

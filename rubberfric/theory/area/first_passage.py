@@ -82,9 +82,9 @@ def passage(x: jax.Array, square: jax.Array) -> jax.Array:
         rise = here[None, :, :, None] - height[:, :, None]
         own_time, own_rise = now[..., None] - own[k], here[..., None] - own_height[k]
         slope = jnp.minimum(_least(rise, time, (0, 3)), _least(own_rise, own_time, -1))
-        # Any slope will do, and has no derivative; before anything is absorbed it would be one of rounding.
+        # Any slope will do; before anything is absorbed it would be one of rounding.
         sloped = (slope > 0) & jnp.isfinite(slope) & ((1 + here) * x[k] < _NOTHING)
-        slope = jax.lax.stop_gradient(jnp.where(sloped, slope, 0.0))
+        slope = jnp.where(sloped, slope, 0.0)
         within = _survival(own_rise, own_time, slope[..., None])
         within = jnp.einsum("pim,imj->pij", within, last.differences)
         kernel = _survival(rise, time, slope[None, :, :, None])

@@ -92,4 +92,5 @@ def detach(balance: Balance, pressure: jax.Array) -> Detachment:
     """
     still = jax.lax.stop_gradient(balance)
     solution, converged = fixed_point(still, _by_point(jnp.ones_like(still.x)))
-    return balance.found(implicit(balance, solution), pressure, converged)
+    # Once more, for second derivatives are the worse for what a tolerance leaves.
+    return balance.found(implicit(balance, still(solution)), pressure, converged)
