@@ -14,6 +14,7 @@ from rubberfric.io.files import read_computable
 from rubberfric.io.results import CONDITIONS, QUANTITIES, Result, result_shape
 from rubberfric.plot.map import check_map
 from rubberfric.plot.save import save_map_plot
+from rubberfric.theory.quantities import quantities_of
 
 _SEVERAL = {"velocity": "velocities", "pressure": "pressures", "temperature": "temperatures"}
 
@@ -57,7 +58,7 @@ def run(arguments: argparse.Namespace) -> int:
         except ValueError as error:
             raise ValueError(f"{arguments.scene}: {error}") from None
     quantities = list(arguments.quantity)
-    if scene.heating is not None and "converged" not in quantities:
+    if "converged" in quantities_of(scene) and "converged" not in quantities:
         quantities.append("converged")
     with progress() as show:
         result = friction_map(

@@ -24,12 +24,14 @@ class Adhesion(PhysicalObject):
 
     Full contact follows from the same equations, and so does contact without adhesion where the elastic
     energy outweighs the work. `rubberfric.analysis.adhesion_matters` says beforehand whether it is worth
-    its cost. The state is the one that is reached from contact without adhesion: where contact may jump
-    into another one with more area, that is the state before the jump.
+    its cost. The iteration begins at contact without adhesion. Near a load or a work at which the contact
+    jumps into full contact it may end at either state, or at none, which a warning names (`solve`: "converged").
 
     Limits: E_r is that of the moduli at the frequencies of sliding, at rest the relaxed one; no energy is
-    lost in the rubber by the opening of cracks. Area, friction and contact shear are defined, the mean
-    separation is not; not together with heating or with S in G.
+    lost in the rubber by the opening of cracks. Contact shear acts on the area that adheres, and the
+    viscoelastic friction is eq. (A17) with S P of that area. The mean separation is not defined; not together
+    with heating or with S in G. sigma_a begins as a square root where the energy ceases to outweigh the work:
+    areas are good to about a percent if that is within the roughness.
     """
 
     work: Number = leaf(POSITIVE, unit="J/m^2", plausible=(1e-9, 1e3))
