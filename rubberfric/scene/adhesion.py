@@ -25,7 +25,7 @@ class Adhesion(PhysicalObject):
     Full contact follows from the same equations, and so does contact without adhesion where the elastic
     energy outweighs the work. `rubberfric.analysis.adhesion_matters` says beforehand whether it is worth
     its cost. The iteration begins at contact without adhesion. Near a load or a work at which the contact
-    jumps into full contact it may end at either state, or at none, which a warning names (`solve`: "converged").
+    jumps into full contact it may end at either state, or at none: then it warns (`solve`: "converged").
 
     Limits: E_r is that of the moduli at the frequencies of sliding, at rest the relaxed one; no energy is
     lost in the rubber by the opening of cracks. Contact shear acts on the area that adheres, and the
