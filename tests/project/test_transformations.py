@@ -63,7 +63,7 @@ def _resting(correlation, load):
 
 
 def _replica(correlation):
-    bodies = rf.Body(rf.Elastic(1e7, 0.3), ROAD), rf.Body(TREAD, ROAD.replace(hurst=0.7))
+    bodies = rf.Body(rf.Elastic(1e7, 0.3), ROAD), rf.Body(rf.Elastic(3e6, 0.5), ROAD.replace(hurst=0.7))
     return rf.Scene(*bodies, correlation=correlation)
 
 
