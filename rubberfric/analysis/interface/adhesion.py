@@ -270,6 +270,7 @@ def _detached(scene, velocity, pressure, temperature, *, quadrature):
 
     def detached(points):
         found = solved(prepared, *points)[0].detached
+        assert found is not None  # the scene has adhesion
         fields = {name: getattr(found, name) for name in ("area", "work", "stress")}
         rows = {name: jnp.moveaxis(x, 1, 0).reshape(x.shape[1], -1) for name, x in fields.items()}
         return rows | {"whole": found.whole, "converged": found.converged}
