@@ -37,16 +37,27 @@ if TYPE_CHECKING:
         rms_slope,
         with_cutoff,
     )
-    from rubberfric.scene import Body, ContactShear, Heating, Scene, Softening, ThermalProperties
+    from rubberfric.scene import (
+        Adhesion,
+        Body,
+        ContactShear,
+        Correlation,
+        Heating,
+        Scene,
+        Softening,
+        ThermalProperties,
+    )
     from rubberfric.theory import Solution, contact_area, friction, quantities_of, separation, solve
 
 __all__ = [
     "WLF",
+    "Adhesion",
     "Anisotropic",
     "Arrhenius",
     "Body",
     "Coating",
     "ContactShear",
+    "Correlation",
     "Elastic",
     "Entropic",
     "FrictionMap",
@@ -107,7 +118,9 @@ lazily(
         "rubberfric.base.progress": "progress",
         "rubberfric.base.quadrature": "Quadrature",
         "rubberfric.io": "load_scene save_scene",
-        "rubberfric.scene": "Body ContactShear Heating Scene Softening ThermalProperties",
+        "rubberfric.scene": (
+            "Adhesion Body ContactShear Correlation Heating Scene Softening ThermalProperties"
+        ),
         "rubberfric.theory": "Solution contact_area friction quantities_of separation solve",
         "rubberfric.materials": (
             "WLF Arrhenius Coating Elastic Entropic Prony PronyShear Rigid Slab TabulatedModulus "

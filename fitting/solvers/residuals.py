@@ -54,7 +54,7 @@ def predictions(structure: Structure, numbers: Numbers, x: jax.Array) -> tuple[j
 def _predicted(structure, block, conditions, scene):
     """Rows of one block; their logarithm where it is logarithmic."""
     if block.quantity in CURVES:
-        heated = () if scene.heating is None else ("converged",)
+        heated = () if "converged" not in rf.quantities_of(scene) else ("converged",)
         solution = rf.solve(
             scene, *conditions, quadrature=structure.quadrature, quantities=(block.quantity, *heated)
         )

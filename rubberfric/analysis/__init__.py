@@ -14,15 +14,25 @@ if TYPE_CHECKING:
     from rubberfric.analysis.error_and_time.settings import quadrature_for
     from rubberfric.analysis.error_and_time.sweep import accuracy
     from rubberfric.analysis.extrapolation import friction_outside_table
-    from rubberfric.analysis.interface import contact_stiffness, stress_distribution
+    from rubberfric.analysis.interface.adhesion import (
+        AdhesionProfile,
+        AdhesionVerdict,
+        adhesion_matters,
+        adhesion_profile,
+        full_contact_energy,
+        pull_off_force,
+    )
+    from rubberfric.analysis.interface.separations import SeparationProfile, separation_profile
+    from rubberfric.analysis.interface.stresses import contact_stiffness, stress_distribution
     from rubberfric.analysis.jacobian import value_and_jacobian
     from rubberfric.analysis.maps.friction_map import FrictionMap, friction_map
     from rubberfric.analysis.maps.friction_table import friction_table
     from rubberfric.analysis.power import DissipatedPower, dissipated_power
-    from rubberfric.analysis.separation_by_wavevector import SeparationProfile, separation_profile
     from rubberfric.scene.settings import fitting_quadrature
 
 __all__ = [
+    "AdhesionProfile",
+    "AdhesionVerdict",
     "DissipatedPower",
     "FrictionMap",
     "Profile",
@@ -31,6 +41,8 @@ __all__ = [
     "Surface",
     "TheoryError",
     "accuracy",
+    "adhesion_matters",
+    "adhesion_profile",
     "boundary_element",
     "contact_stiffness",
     "dissipated_power",
@@ -38,7 +50,9 @@ __all__ = [
     "friction_map",
     "friction_outside_table",
     "friction_table",
+    "full_contact_energy",
     "profile",
+    "pull_off_force",
     "quadrature_for",
     "random_surface",
     "separation_profile",
@@ -58,12 +72,16 @@ lazily(
         "rubberfric.analysis.error_and_time.settings": "quadrature_for",
         "rubberfric.analysis.error_and_time.sweep": "accuracy",
         "rubberfric.analysis.extrapolation": "friction_outside_table",
-        "rubberfric.analysis.interface": "contact_stiffness stress_distribution",
+        "rubberfric.analysis.interface.adhesion": (
+            "AdhesionProfile AdhesionVerdict adhesion_matters adhesion_profile full_contact_energy "
+            "pull_off_force"
+        ),
+        "rubberfric.analysis.interface.separations": "SeparationProfile separation_profile",
+        "rubberfric.analysis.interface.stresses": "contact_stiffness stress_distribution",
         "rubberfric.analysis.jacobian": "value_and_jacobian",
         "rubberfric.analysis.maps.friction_map": "FrictionMap friction_map",
         "rubberfric.analysis.maps.friction_table": "friction_table",
         "rubberfric.analysis.power": "DissipatedPower dissipated_power",
-        "rubberfric.analysis.separation_by_wavevector": "SeparationProfile separation_profile",
         "rubberfric.scene.settings": "fitting_quadrature",
     },
 )

@@ -25,7 +25,7 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import cumulative_moment
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio, log_shape
 from rubberfric.scene.pairs import Pair, PairTemperatures, pairs_of
-from rubberfric.scene.scene import Scene, result_dtype, rough_surfaces
+from rubberfric.scene.scene import Scene, check_without, result_dtype, rough_surfaces
 from rubberfric.theory.contributions import total
 from rubberfric.theory.integrals import Prepared, prepare, solved
 from rubberfric.theory.model import settled, warn_of_last_iterates
@@ -109,6 +109,7 @@ def profile(
     P = 1 - 1e-300. The magnification of a scene without roughness is counted from q[0].
     """
     scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
+    check_without(scene, ("adhesion", "correlation"), "profile")
     q = checked_wavevectors(q, 1, conditions, scene)
     found, converged = _profile(scene, *conditions, q, quadrature=quadrature)
     warn_of_last_iterates(converged, conditions)

@@ -18,7 +18,7 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import shear_friction
 from rubberfric.theory.integrals import prepare, solved
-from rubberfric.theory.model import settled, warn_of_last_iterates
+from rubberfric.theory.model import ADHESIVE_BLOCK, settled, warn_of_last_iterates
 
 BLOCK = 128  # points evaluated at once
 
@@ -100,7 +100,8 @@ def _dissipated_power(scene, velocity, pressure, temperature, *, quadrature):
             results["shear"] = mu * pressure * velocity
         return results
 
-    parts = over_points(powers, (velocity, pressure, temperature), BLOCK)
+    size = BLOCK if scene.adhesion is None else ADHESIVE_BLOCK
+    parts = over_points(powers, (velocity, pressure, temperature), size)
     converged = parts.pop("converged", None)
     total = parts["lower"] + parts["upper"] + parts["shear"]
     return DissipatedPower(**parts, total=total), converged

@@ -13,7 +13,7 @@ Nothing here depends on velocity or pressure: one mesh serves all points of a ca
 """
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import jax
@@ -54,6 +54,13 @@ class Mesh(NamedTuple):
     def serving(self, values: jax.Array) -> jax.Array:
         """Values at the angular nodes, (angular panels, ...), that serve each contact panel."""
         return values.at[self.panel].get(mode="promise_in_bounds")
+
+    def joined(self, join: Callable[[jax.Array, jax.Array], jax.Array]) -> "Mesh":
+        """The same with one spectrum, which `join` makes of its two, linear in the unit of both."""
+        between = self.between
+        if between is not None:
+            between = between._replace(roughness=(join(*between.roughness),))
+        return self._replace(roughness=(join(*self.roughness),), between=between)
 
     def to_contact(self, values: jax.Array) -> jax.Array:
         """Values at the angular nodes, (angular panels, points, angular_order), at the contact nodes."""

@@ -1,5 +1,7 @@
 """Scenes: two bodies, what is between them, and which version of the theory to use."""
 
+from rubberfric.scene.adhesion import Adhesion
+from rubberfric.scene.correlation import Correlation
 from rubberfric.scene.heating import Heating, ThermalProperties
 from rubberfric.scene.scene import (
     Body,
@@ -15,8 +17,10 @@ from rubberfric.scene.shear import ContactShear
 from rubberfric.scene.softening import Softening
 
 __all__ = [
+    "Adhesion",
     "Body",
     "ContactShear",
+    "Correlation",
     "Heating",
     "Scene",
     "Softening",

@@ -1,5 +1,6 @@
 """A scene: two bodies, what is between them, and which version of the theory to use."""
 
+from collections.abc import Sequence
 from typing import Any, TypeVar
 
 import jax
@@ -13,6 +14,8 @@ from rubberfric.materials.material import Material
 from rubberfric.materials.shifts import Shift
 from rubberfric.materials.slab import Layer
 from rubberfric.roughness.spectra import Spectrum
+from rubberfric.scene.adhesion import Adhesion
+from rubberfric.scene.correlation import Correlation
 from rubberfric.scene.heating import Heating, ThermalProperties
 from rubberfric.scene.plausibility import warn_of_scene
 from rubberfric.scene.shear import ContactShear
@@ -84,6 +87,10 @@ class Scene(PhysicalObject):
         friction heats the deformable solids, each length scale to its own temperature.
     softening : Softening or None
         E' and E'' of viscoelastic solids fall with the strain of each length scale; a body may have its own.
+    adhesion : Adhesion or None
+        the solids gain a work of adhesion where they touch.
+    correlation : Correlation or None
+        of the roughness of both solids, which are at rest.
 
     Two rigid bodies raise ValueError: nothing would deform.
     """
@@ -95,6 +102,8 @@ class Scene(PhysicalObject):
     shear: ContactShear | None = child(default=None)
     heating: Heating | None = child(default=None)
     softening: Softening | None = child(default=None)
+    adhesion: Adhesion | None = child(default=None)
+    correlation: Correlation | None = child(default=None)
 
     def _check(self):
         if not (self.lower.material.deforms or self.upper.material.deforms):
@@ -102,6 +111,16 @@ class Scene(PhysicalObject):
                 "Scene: lower.material and upper.material are both Rigid; one of the solids must deform"
             )
         warn_of_scene(self)
+        if self.adhesion is not None:
+            for name, absent in (
+                ("heating", self.heating is None),
+                ("area_correction", not self.area_correction),
+            ):
+                if not absent:
+                    raise ValueError(
+                        f"Scene.adhesion: not together with {name}; one of them must be left out"
+                    )
+        self._check_correlation()
         bodies = self.lower, self.upper
         if all(softening_of(self, body) is None for body in bodies):
             return
@@ -113,6 +132,18 @@ class Scene(PhysicalObject):
             if body.layer is not None and not body.layer.multiplies:
                 kind = type(body.layer).__name__
                 raise ValueError(f"Scene.softening: not together with a {kind}; one of them must be left out")
+
+    def _check_correlation(self):
+        if self.correlation is None:
+            return
+        for name, body in (("lower", self.lower), ("upper", self.upper)):
+            if body.spectrum is None:
+                raise ValueError(f"Scene.correlation: {name}.spectrum is None; both solids must be rough")
+            if body.spectrum.harmonic_count():
+                raise ValueError(f"Scene.correlation: {name}.spectrum is anisotropic; must be isotropic")
+        for name in ("heating", "softening"):
+            if getattr(self, name) is not None:
+                raise ValueError(f"Scene.correlation: not together with {name}; one of them must be left out")
 
 
 def shifts(scene: Scene) -> list[Shift]:
@@ -141,6 +172,13 @@ def check_background(scene: Scene, where: str = "", missing: str = "temperature 
     """ValueError for a scene that cannot do without a temperature; `where` and `missing` begin its line."""
     if scene.heating is not None:
         raise ValueError(f"{where}{missing}: a scene with heating needs that far from the contact [K]")
+
+
+def check_without(scene: Scene, parts: Sequence[str], what: str) -> None:
+    """ValueError for what is not defined with these parts of a scene."""
+    for name in parts:
+        if getattr(scene, name) is not None:
+            raise ValueError(f"scene.{name}: {what} is not defined with it; must be None")
 
 
 def rough_surfaces(scene: Scene) -> list[tuple[Spectrum, Body]]:

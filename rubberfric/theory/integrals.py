@@ -10,6 +10,7 @@ temperature. G and the friction are in `rubberfric.theory.stress_fluctuation`; w
 and the transverse friction is the friction with sin(phi) in place of cos(phi).
 """
 
+import functools
 from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
@@ -18,11 +19,12 @@ import jax.numpy as jnp
 
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.mesh import build_mesh
+from rubberfric.scene.correlation import difference
 from rubberfric.scene.pairs import Pair, PairTemperatures, pairs_of
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import ContactShear, shear_friction
 from rubberfric.scene.softening import knots
-from rubberfric.theory.area_correction import correction_table
+from rubberfric.theory.area.area_correction import correction_table
 from rubberfric.theory.contributions import contribution, total
 from rubberfric.theory.partial_contact import separation_weight
 from rubberfric.theory.quantities import Needs, needs_of, parts_of
@@ -105,6 +107,9 @@ def _rough(scene, pairs, quadrature, needs, borders=None):
         borders=_borders(scene, pairs, borders),
         moving=scene.heating is not None,
     )
+    if scene.correlation is not None:
+        # At rest the stiffness is the same whichever surface it meets.
+        mesh, pairs = mesh.joined(functools.partial(difference, scene.correlation)), pairs[:1]
     scale, gamma = modulus_scale(scene), jnp.asarray(scene.gamma)
     return Roughness(
         mesh,
@@ -113,6 +118,8 @@ def _rough(scene, pairs, quadrature, needs, borders=None):
         scale,
         gamma,
         correction_table(gamma) if scene.area_correction and needs.area else None,
+        scene.adhesion,
+        scene.correlation,
     )
 
 
@@ -169,6 +176,8 @@ def evaluate(
     if prepared.integrated is not None:
         contact, temperatures = solved(prepared, velocity, pressure, temperature)
         found |= _integrated(contact, parts | {"area"} if sheared else parts)
+        if contact.detached is not None:
+            found["converged"] = contact.detached.converged
         if temperatures is not None:
             found |= {"flash_temperature": temperatures.flash, "converged": temperatures.converged}
             surface = temperatures.surface

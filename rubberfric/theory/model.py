@@ -24,16 +24,22 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import over_points
-from rubberfric.base.checks import FINITE, POSITIVE, as_leaf, check_values, is_concrete
+from rubberfric.base.checks import FINITE, POSITIVE, Rule, as_leaf, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.plausibility import warn_of_conditions
 from rubberfric.scene.scene import Scene, cast, check_background, result_dtype, shifts, takes_temperature
 from rubberfric.scene.settings import ROBUST, fitting_quadrature
 from rubberfric.scene.single_precision import check_single
 from rubberfric.theory.integrals import evaluate, prepare
-from rubberfric.theory.quantities import QUANTITIES, Solution, Values
+from rubberfric.theory.quantities import QUANTITIES, Solution, Values, iterates, needs_of
 
-BLOCK = 512  # points evaluated at once
+AT_REST: Rule = (
+    "must be 0: correlated roughness is of solids at rest, sliding it excites them at different frequencies",
+    lambda v: v == 0,
+)
+
+# Points evaluated at once; with adhesion each has a matrix of all its nodes.
+BLOCK, ADHESIVE_BLOCK = 512, 8
 
 
 def contact_area(
@@ -181,7 +187,8 @@ def solve(
         anisotropic roughness causes (where it is negative the upper solid is pushed to the left);
         of a heated scene "flash_temperature" (at the largest
         wavevector) and "converged": False where the temperatures are a last iterate, not a solution.
-        Only these are computed. The contact shear needs no more than the area.
+        Only these are computed. The contact shear needs no more than the area. With adhesion "converged"
+        says the same of the areas, and "separation" is not defined.
 
     Returns
     -------
@@ -202,15 +209,18 @@ def solve(
             raise ValueError(f"quantities has {name!r}: must be out of {', '.join(Solution._fields)}")
     scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
     check_heated(scene, quantities)
-    if scene.heating is None or "converged" in quantities:
+    if not iterates(scene) or "converged" in quantities:
         return _solve(scene, *conditions, quadrature=quadrature, quantities=quantities)
     solution = _solve(scene, *conditions, quadrature=quadrature, quantities=(*quantities, "converged"))
-    warn_of_last_iterates(solution.converged, conditions)
+    what = "temperatures" if scene.heating is not None else "areas"
+    warn_of_last_iterates(solution.converged, conditions, what)
     return solution._replace(converged=None)
 
 
-def warn_of_last_iterates(converged: Values | None, conditions: Sequence[jax.Array | None]) -> None:
-    """RuntimeWarning naming the points at which the temperatures of a heated scene are not a solution.
+def warn_of_last_iterates(
+    converged: Values | None, conditions: Sequence[jax.Array | None], what: str = "temperatures"
+) -> None:
+    """RuntimeWarning naming the points at which the temperatures, or with adhesion areas, are no solution.
 
     converged : of the broadcast shape of the conditions, None of a scene without heating; traced: no warning
     """
@@ -223,7 +233,7 @@ def warn_of_last_iterates(converged: Values | None, conditions: Sequence[jax.Arr
         for v, p, T in zip(velocity[:3], pressure[:3], temperature[:3], strict=True)
     ]
     warnings.warn(
-        f"the temperatures did not converge at {left.sum()} of {left.size} points, at {'; '.join(named)}"
+        f"the {what} did not converge at {left.sum()} of {left.size} points, at {'; '.join(named)}"
         f"{' and others' if left.sum() > len(named) else ''}: the values there are those of the last iterate",
         RuntimeWarning,
         stacklevel=3,
@@ -231,8 +241,10 @@ def warn_of_last_iterates(converged: Values | None, conditions: Sequence[jax.Arr
 
 
 def check_heated(scene: Scene, quantities: Iterable[str]) -> None:
-    """ValueError for quantities of heating although the scene has none."""
-    if scene.heating is None and {"flash_temperature", "converged"} & set(quantities):
+    """ValueError for quantities of heating although the scene has none, or not defined with adhesion."""
+    needs_of(scene, quantities)
+    absent = {"flash_temperature"} if iterates(scene) else {"flash_temperature", "converged"}
+    if scene.heating is None and absent & set(quantities):
         raise ValueError("quantities has 'flash_temperature' or 'converged': the scene must have heating")
 
 
@@ -247,6 +259,8 @@ def checked(
     check_kinds(scene, quadrature)
     velocity = _condition("velocity", velocity, FINITE)
     pressure = _condition("pressure", pressure, POSITIVE)
+    if scene.correlation is not None:
+        check_values("velocity", velocity, AT_REST)
     if temperature is not None:
         temperature = _condition("temperature", temperature, POSITIVE)
         _check_temperature(scene, temperature)
@@ -296,7 +310,8 @@ def check_kinds(scene: object, quadrature: object) -> None:
 def _solve(scene, velocity, pressure, temperature, *, quadrature, quantities):
     prepared = prepare(scene, quantities, quadrature)
     block = functools.partial(evaluate, prepared, quantities)
-    return Solution(**over_points(block, (velocity, pressure, temperature), BLOCK))
+    size = BLOCK if scene.adhesion is None else ADHESIVE_BLOCK
+    return Solution(**over_points(block, (velocity, pressure, temperature), size))
 
 
 def _condition(name, value, rule):

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from rubberfric.scene.scene import Scene, dissipates, relaxes, rough_surfaces
+from rubberfric.scene.scene import Scene, check_without, dissipates, relaxes, rough_surfaces
 
 QUANTITIES = ("area", "friction", "separation")
 # Of `solve`, or read from a file.
@@ -24,7 +24,7 @@ class Solution(NamedTuple):
     shear_friction: Values | None = None  # mu_con; 0 in a scene without contact shear [-]
     transverse_friction: Values | None = None  # across the sliding; 0 if isotropic [-]
     flash_temperature: Values | None = None  # of the contact, of two deformable solids the mean [K]
-    converged: Values | None = None  # whether the temperatures of a heated scene did, bool
+    converged: Values | None = None  # whether heated or adhesive contact did, bool
 
 
 @dataclasses.dataclass(frozen=True)
@@ -74,8 +74,13 @@ def parts_of(quantities: Iterable[str]) -> set[str]:
 
 
 def needs_of(scene: Scene, quantities: Iterable[str]) -> Needs:
-    """What quantities need of a scene; nothing is integrated for those that are constant in it."""
+    """What quantities need of a scene; nothing is integrated for those that are constant in it.
+
+    ValueError for the separation of a scene with adhesion.
+    """
     needs = Needs()
+    if "separation" in quantities:
+        check_without(scene, ("adhesion",), "the separation")
     if not rough_surfaces(scene):
         return needs
     absent = set()
@@ -89,19 +94,28 @@ def needs_of(scene: Scene, quantities: Iterable[str]) -> Needs:
         needs |= NEEDS[part]
     if needs.power and scene.heating is not None:
         needs |= NEEDS["flash_temperature"]
+    if needs.power and scene.adhesion is not None:
+        needs |= Needs(storage=True)
     return needs if dissipates(scene) else dataclasses.replace(needs, dissipation=False)
 
 
 def quantities_of(scene: Scene) -> tuple[str, ...]:
     """All quantities that say something about a scene: the three, and what its parts add to them."""
-    names: list[str] = list(QUANTITIES)
+    names: list[str] = list(QUANTITIES if scene.adhesion is None else QUANTITIES[:2])
     if scene.shear is not None:
         names += ["viscoelastic_friction", "shear_friction"]
     if pulls_aside(scene):
         names.append("transverse_friction")
     if scene.heating is not None:
-        names += ["flash_temperature", "converged"]
+        names.append("flash_temperature")
+    if iterates(scene):
+        names.append("converged")
     return tuple(names)
+
+
+def iterates(scene: Scene) -> bool:
+    """Whether the contact is a fixed point, which may not be reached."""
+    return scene.heating is not None or scene.adhesion is not None
 
 
 def pulls_aside(scene: Scene) -> bool:

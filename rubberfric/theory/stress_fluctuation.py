@@ -18,10 +18,18 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.roughness.mesh import Mesh
+from rubberfric.scene.adhesion import Adhesion
+from rubberfric.scene.correlation import Correlation
 from rubberfric.scene.pairs import PairTemperatures
-from rubberfric.theory.area_correction import CorrectionTable, correct_argument
+from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
+from rubberfric.theory.area.short_range import Balance, Detachment, detach
 from rubberfric.theory.contributions import Contribution, Terms, total
-from rubberfric.theory.partial_contact import contact_argument, contact_fraction, friction_weight
+from rubberfric.theory.partial_contact import (
+    contact_argument,
+    contact_fraction,
+    energy_factor,
+    friction_weight,
+)
 
 
 class Contact(NamedTuple):
@@ -33,9 +41,12 @@ class Contact(NamedTuple):
     x: jax.Array | None  # 1 / (2 sqrt G), plain; None if the mesh is not graded
     gamma: jax.Array
     correction: CorrectionTable | None
+    detached: Detachment | None = None  # with adhesion
 
     def area(self, panels: jax.Array | None = None) -> jax.Array:
         """P after the first `panels` panels (None: after all, A/A0), (points,)."""
+        if self.detached is not None:
+            return self.detached.final
         g = self.panels
         if panels is not None:
             g = jnp.where(np.arange(g.shape[0])[:, None] < panels, g, 0.0)
@@ -55,7 +66,11 @@ class Contact(NamedTuple):
         found = {j: one.densities[kind] for j, one in enumerate(self.terms) if kind in one.densities}
         if not found or self.x is None:
             return {}
-        weight = jnp.pi * self.stiffness[:, None] * friction_weight(self.corrected(self.x), self.gamma)
+        if self.detached is None:
+            share = friction_weight(self.corrected(self.x), self.gamma)
+        else:
+            share = energy_factor(self.detached.area, self.gamma) * self.detached.area
+        weight = jnp.pi * self.stiffness[:, None] * share
         return {j: weight * density for j, density in found.items()}
 
     def corrected(self, x: jax.Array) -> jax.Array:
@@ -72,6 +87,8 @@ class Roughness(NamedTuple):
     scale: jax.Array  # unit of all moduli [Pa]
     gamma: jax.Array
     correction: CorrectionTable | None  # of S in G
+    adhesion: Adhesion | None = None
+    correlation: Correlation | None = None  # in the roughness already, which is that of solids at rest
 
     def contact(
         self, velocity: jax.Array, pressure: jax.Array, temperatures: Sequence[PairTemperatures]
@@ -88,6 +105,8 @@ class Roughness(NamedTuple):
             one.terms(self.mesh, velocity, T) for one, T in zip(self.contributions, temperatures, strict=True)
         ]
         stiffness = self.scale / pressure
+        if self.correlation is not None:
+            stiffness = jnp.where(velocity == 0, stiffness, jnp.nan)
         within = [terms.within for terms in found if terms.within is not None]
         if not within:
             # Contributions have panels of their own where nothing but the whole integral is needed.
@@ -96,7 +115,29 @@ class Roughness(NamedTuple):
         panels = jnp.pi / 4 * total(terms.panels for terms in found)
         g = _sum_before(panels)[..., None] + jnp.pi / 4 * total(within)
         x = contact_argument(g, stiffness[:, None])
-        return Contact(found, stiffness, panels, x, self.gamma, self.correction)
+        contact = Contact(found, stiffness, panels, x, self.gamma, self.correction)
+        if self.adhesion is None:
+            return contact
+        return contact._replace(detached=self._detached(self.adhesion, contact, pressure))
+
+    def _detached(self, adhesion, contact, pressure):
+        """`Detachment` of the contact without adhesion."""
+        storage = total(terms.densities["storage"] for terms in contact.terms)
+        roughness = total(self.mesh.roughness)[:, None]
+        # E_r over its unit, of both spectra the mean; in a gap between them there is nothing to detach.
+        rough = roughness > 0
+        modulus = jnp.where(rough, self.mesh.q[:, None] * storage / jnp.where(rough, roughness, 1.0), 0.0)
+        reach = self.mesh.q[:, None] / pressure[:, None]
+        balance = Balance(
+            x=contact.x,
+            last=contact_argument(jnp.sum(contact.panels, 0), contact.stiffness),
+            energy=jnp.pi / 2 * self.scale * storage,
+            pull=adhesion.prefactor * contact.stiffness[:, None] * modulus * reach,
+            # The true area is larger by half the square of the rms slope, 2 pi int q^4 C d ln q.
+            work=adhesion.work * (1 + jnp.pi * jnp.sum(roughness)),
+            gamma=self.gamma,
+        )
+        return detach(balance, pressure)
 
 
 def _sum_before(panels):

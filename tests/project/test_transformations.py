@@ -22,6 +22,7 @@ from rubberfric.scene.softening import Softened, softening_factors
 
 OMEGA = np.array([3e-4, 0.2, 3.0, 70.0])
 T = np.array([281.0, 291.5, 303.0, 318.0])
+FINE, COARSE = rf.SelfAffine(1e4, 3e4, 1e6, 0.8, 2e-7), rf.Quadrature(order=8, panels=6, graded=3, ratio=6.0)
 Q = np.array([250.0, 9e2, 7e3, 2e4])  # within the cut-offs of the examples
 
 
@@ -51,6 +52,21 @@ def _heating(heating, speed):
     return jnp.moveaxis(jnp.stack(rises), 1, -1) * heating.shear_share
 
 
+def _pulled(adhesion, speed):
+    """Force on a rough sphere after contact at these loads."""
+    scene = rf.Scene(rf.Body(rf.Rigid(), FINE), rf.Body(rf.Elastic(1e7, 0.5)), adhesion=adhesion)
+    return rf.analysis.pull_off_force(scene, 1e-2, 1e4 * (1 + speed), quadrature=COARSE)
+
+
+def _resting(correlation, load):
+    return rf.contact_area(_replica(correlation), 0.0, 1e6 * (1 + load))
+
+
+def _replica(correlation):
+    bodies = rf.Body(rf.Elastic(1e7, 0.3), ROAD), rf.Body(rf.Elastic(3e6, 0.5), ROAD.replace(hurst=0.7))
+    return rf.Scene(*bodies, correlation=correlation)
+
+
 def _area(scene, speed):
     return rf.contact_area(scene, speed, 3e5, 303.0)
 
@@ -66,6 +82,8 @@ ANSWERS = {
     "ContactShear": (lambda shear, v: shear_friction(shear, 0.1, v, 1e5, 303.0), 1e-2 * OMEGA),
     "Softening": (_softening, Q),
     "Heating": (_heating, OMEGA),
+    "Adhesion": (_pulled, OMEGA),
+    "Correlation": (_resting, OMEGA),
     "Body": (lambda body, v: _area(rf.Scene(rf.Body(rf.Rigid(), ROAD), body), v), OMEGA),
     "Scene": (_area, OMEGA),
 }
@@ -73,6 +91,11 @@ ANSWERS = {
 
 def _on_road(body, **options):
     return rf.Scene(rf.Body(rf.Rigid(), ROAD), body, **options)
+
+
+def _on_fine(adhesion):
+    shear = rf.ContactShear(1e6, 0.1, 1e-2)
+    return rf.Scene(rf.Body(rf.Rigid(), FINE), rf.Body(rf.Elastic(1e7, 0.5)), shear=shear, adhesion=adhesion)
 
 
 # A scene with the object, and friction over its velocity.
@@ -97,6 +120,8 @@ IN_SCENES = {
         ("Entropic", "TabulatedVertical"),
         lambda law: _on_road(rf.Body(SHIFTED_TREAD.replace("shift.vertical", law))),
     ),
+    "Correlation": _replica,
+    "Adhesion": _on_fine,
     "Heating": lambda heating: _on_road(rf.Body(SHIFTED_TREAD), heating=heating),
     "ThermalProperties": lambda thermal: _on_road(
         rf.Body(SHIFTED_TREAD, thermal=thermal), heating=EXAMPLES["Heating"]
@@ -108,6 +133,7 @@ IN_SCENES = {
 
 def _friction(embed, given, speed):
     scene = cast(embed(given), speed.dtype)  # what stands around it, too
+    speed = 0 * speed if scene.correlation is not None else speed
     at = (303.0,) if any(x.shift is not None for x in _with_shifts(scene)) or scene.heating else ()
     return rf.friction(scene, speed, 3e5, *at)
 
@@ -125,7 +151,7 @@ CASES = {name: (given, *ANSWERS[name]) for name, given in EXAMPLES.items() if na
     )
     for name, embed in IN_SCENES.items()
 }
-LONG = ("Body", "Scene", "Heating", "TabulatedAnisotropic")
+LONG = ("Body", "Scene", "Heating", "TabulatedAnisotropic", "Adhesion")
 PARAMETERS = slow_if(lambda name: name in LONG or name.endswith("in a scene"), {name: name for name in CASES})
 
 

@@ -39,9 +39,10 @@ _FULL = 6.0  # P = 1 to the last bit from this argument of erf on
 
 
 def covers(scene: Scene) -> bool:
-    """Whether the method has all that is in a scene: not heating, softening and anisotropic roughness."""
+    """Whether the method has all in a scene: no heating, softening, adhesion, correlation, anisotropy."""
     bodies = (scene.lower, scene.upper)
-    return scene.heating is None and scene.softening is None and all(map(knows, bodies))
+    parts = scene.heating, scene.softening, scene.adhesion, scene.correlation
+    return not any(part is not None for part in parts) and all(map(knows, bodies))
 
 
 def solve(
@@ -72,7 +73,9 @@ def solve(
     ValueError : a scene that it does not cover, see `covers`.
     """
     if not covers(scene):
-        raise ValueError("scene: heating, softening and anisotropic roughness must be absent here")
+        raise ValueError(
+            "scene: heating, softening, adhesion, correlation and anisotropy must be absent here"
+        )
     given = [np.asarray(x, float) for x in (velocity, pressure, temperature) if x is not None]
     conditions = np.broadcast_arrays(*given)
     points = [x.reshape(-1) for x in conditions]

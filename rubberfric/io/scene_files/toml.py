@@ -41,6 +41,10 @@
     file = "softening.csv"
     ...
 
+    [adhesion]                          # optional: work, prefactor
+
+    [correlation]                       # optional: coherence; at velocity 0 only
+
     [heating]                           # optional: density, heat_capacity, conductivity, radius, ...
     ...
 

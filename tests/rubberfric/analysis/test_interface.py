@@ -12,7 +12,7 @@ from support.cases.stored import scene as scene_of
 from support.oracles import oracle
 
 import rubberfric as rf
-from rubberfric.analysis.interface import _stress_density
+from rubberfric.analysis.interface.stresses import _stress_density
 
 node, weight = np.polynomial.legendre.leggauss(24)
 

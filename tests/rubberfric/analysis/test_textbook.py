@@ -126,7 +126,7 @@ def test_what_it_does_not_cover_is_refused(part):
     other = dataclasses.replace(plain, **part)
     assert textbook.covers(plain) and not textbook.covers(other)
     with pytest.raises(
-        ValueError, match="scene: heating, softening and anisotropic roughness must be absent"
+        ValueError, match="scene: heating, softening, adhesion, correlation and anisotropy must be absent"
     ):
         textbook.solve(other, 1.0, 1e5, 293.15)
 

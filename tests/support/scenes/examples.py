@@ -64,6 +64,8 @@ def examples(number=float, vector=np.array):
         factor=number(1.2),
     )
     body = rf.Body(prony, road, slab, thermal, softening)
+    adhesion = rf.Adhesion(work=number(0.05), prefactor=number(1.1))
+    correlation = rf.Correlation(coherence=number(0.7))
     heating = rf.Heating(
         density=number(1.2e3),
         heat_capacity=number(1.6e3),
@@ -93,6 +95,8 @@ def examples(number=float, vector=np.array):
         coating,
         shear,
         softening,
+        adhesion,
+        correlation,
         heating,
         thermal,
     ]

@@ -9,7 +9,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from rubberfric.theory.area_correction import correct_argument, correction_table
+from rubberfric.theory.area.area_correction import correct_argument, correction_table
 
 # From where S = 1 to the last bit, up to 1/400, to far beyond the table.
 G = [1 / 400, 6e-3, 8e-3, 0.03, 0.1, 0.4, 1.0, 5.0, 30.0, 1e3, 1e6, 1e12, 1e17, 1e24]

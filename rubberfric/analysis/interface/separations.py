@@ -20,7 +20,7 @@ from rubberfric.base.blocks import over_points
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.spectra import log_shape
 from rubberfric.scene.pairs import PairTemperatures, pairs_of
-from rubberfric.scene.scene import Scene
+from rubberfric.scene.scene import Scene, check_without
 from rubberfric.theory.integrals import evaluate, prepare, solved
 from rubberfric.theory.model import settled
 from rubberfric.theory.partial_contact import TWO_OVER_ROOT_PI, contact_argument, contact_fraction
@@ -85,6 +85,7 @@ def separation_profile(
     u1 = u_bar = 0.
     """
     scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
+    check_without(scene, ("adhesion", "correlation"), "the separation")
     q = checked_wavevectors(q, 1, conditions, scene)
     if scene.heating is not None:
         raise ValueError("scene.heating: what lies beyond q alone has no temperature; must be None")

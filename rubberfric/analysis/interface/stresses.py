@@ -17,7 +17,7 @@ from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import FINITE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.pairs import pairs_of
-from rubberfric.scene.scene import Scene, rough_surfaces
+from rubberfric.scene.scene import Scene, check_without, rough_surfaces
 from rubberfric.theory.integrals import prepare, solved
 from rubberfric.theory.model import settled, warn_of_last_iterates
 from rubberfric.theory.partial_contact import TWO_OVER_ROOT_PI, contact_fraction
@@ -68,6 +68,7 @@ def stress_distribution(
     precision: 1e-15) counts as that. With `scene.area_correction` G has S inside.
     """
     scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
+    check_without(scene, ("adhesion",), "the distribution of stresses")
     q = checked_wavevectors(q, 0, conditions, scene)
     stress = as_leaf("stress", stress, np.ndim(stress))
     check_values("stress", stress, FINITE)
@@ -156,6 +157,7 @@ def contact_stiffness(
     temperatures stay as they are.
     """
     scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
+    check_without(scene, ("adhesion",), "the stiffness")
     found, converged = _contact_stiffness(scene, *conditions, quadrature=quadrature)
     warn_of_last_iterates(converged, conditions)
     return found

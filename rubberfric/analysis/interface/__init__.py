@@ -1,0 +1,1 @@
+"""The contact seen as an interface: stresses, separations, and whether adhesion matters."""

@@ -1,0 +1,79 @@
+"""Whether adhesion matters: the energy of full contact against formulas in closed form."""
+
+import math
+from pathlib import Path
+
+import jax
+import numpy as np
+import pytest
+
+import rubberfric as rf
+from rubberfric.analysis import adhesion_matters, full_contact_energy
+
+DATA = Path(__file__).parents[3] / "data"
+
+
+def _self_affine(spectrum):
+    """The integral of q^2 C(q) dq in closed form, C normalised by h_rms^2 = 2 pi int q C dq."""
+    q0, qr, q1, H = (float(getattr(spectrum, name)) for name in ("q0", "qr", "q1", "hurst"))
+
+    def integral(power):
+        plateau = (qr ** (power + 1) - q0 ** (power + 1)) / (power + 1)
+        slope = power - 2 * (1 + H) + 1
+        fall = qr ** (2 * (1 + H)) * (q1**slope - qr**slope) / slope
+        return plateau + fall
+
+    return float(spectrum.h_rms) ** 2 / (2 * math.pi * integral(1)) * integral(2)
+
+
+ROUGH = rf.SelfAffine(q0=1e4, qr=3e4, q1=1e7, hurst=0.7, h_rms=2e-7)
+
+
+def test_energy_of_an_elastic_half_space_is_that_of_the_closed_form():
+    scene = rf.Scene(rf.Body(rf.Rigid(), ROUGH), rf.Body(rf.Elastic(2e6, 0.4)))
+    expected = math.pi / 2 * 2e6 / (1 - 0.4**2) * _self_affine(ROUGH)
+    assert float(full_contact_energy(scene)) == pytest.approx(expected, rel=1e-10)
+
+
+def test_energies_of_two_rough_solids_in_series_add():
+    other = rf.SelfAffine(q0=2e4, qr=5e4, q1=3e6, hurst=0.6, h_rms=1e-7)
+    scene = rf.Scene(rf.Body(rf.Elastic(2e6, 0.4), ROUGH), rf.Body(rf.Elastic(5e6, 0.3), other))
+    stiffness = 1 / ((1 - 0.4**2) / 2e6 + (1 - 0.3**2) / 5e6)
+    expected = math.pi / 2 * stiffness * (_self_affine(ROUGH) + _self_affine(other))
+    assert float(full_contact_energy(scene)) == pytest.approx(expected, rel=1e-10)
+
+
+def test_a_road_is_told_not_to_switch_adhesion_on():
+    scene = rf.load_scene(DATA / "tread_on_asphalt.toml")
+    found = adhesion_matters(scene, temperature=293.15)
+    expected = math.pi / 2 * 3.6e6 / 0.75 * _self_affine(scene.lower.spectrum) / 0.05
+    assert float(found.ratio) == pytest.approx(expected, rel=1e-9)
+    assert 9e3 < float(found.ratio) < 1e4
+    assert str(found).startswith("adhesion does not matter: full contact would store 480 J")
+    sliding = adhesion_matters(scene, [1.0, 10.0], 293.15)
+    assert np.all(np.asarray(sliding.ratio) > 3 * expected)
+
+
+@pytest.mark.parametrize(
+    ("young", "h_rms", "words"), [(1e7, 2e-7, "adhesion matters"), (2e6, 5e-9, "adhesion is everything")]
+)
+def test_a_seal_and_silicone_on_glass_are_told_that_it_does(young, h_rms, words):
+    rough = rf.Body(rf.Rigid(), ROUGH.replace(h_rms=h_rms))
+    assert str(adhesion_matters(rf.Scene(rough, rf.Body(rf.Elastic(young, 0.5))))).startswith(words)
+
+
+def test_smooth_solids_store_nothing_and_wrong_calls_are_refused():
+    smooth = rf.Scene(rf.Body(rf.Rigid()), rf.Body(rf.Elastic(2e6, 0.4)))
+    assert full_contact_energy(smooth, [0.0, 1.0]).tolist() == [0.0, 0.0]
+    with pytest.raises(ValueError, match=r"work = 0.0: must be > 0"):
+        adhesion_matters(smooth, work=0.0)
+    with pytest.raises(ValueError, match="within jit"):
+        jax.jit(adhesion_matters)(smooth)
+
+
+def test_energy_of_a_softer_solid_is_lower_by_its_derivative():
+    scene = rf.Scene(rf.Body(rf.Rigid(), ROUGH), rf.Body(rf.Elastic(2e6, 0.4)))
+    slope = jax.grad(full_contact_energy)(scene)
+    assert float(slope.upper.material.young) * 2e6 == pytest.approx(
+        float(full_contact_energy(scene)), rel=1e-12
+    )
