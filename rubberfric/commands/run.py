@@ -117,7 +117,7 @@ def truth_line(result: Result) -> str:
 
 
 def convergence_line(result: Result) -> str:
-    """How many temperatures of a heated scene are not a solution; "" if all are."""
+    """How many points of a heated or adhesive scene are not a solution; "" if all are."""
     converged = result.solution.converged
     if converged is None:
         return ""
@@ -125,10 +125,11 @@ def convergence_line(result: Result) -> str:
     left = [np.size(plane) - np.count_nonzero(plane) for plane in converged]
     if not any(left):
         return ""
+    what = "areas" if result.scene.heating is None else "temperatures"
     i = int(np.flatnonzero(left)[0])
     j, k = np.argwhere(~converged[i])[0]
     return (
-        f"the temperatures did not converge at {sum(left)} of {converged.size} points, "
+        f"the {what} did not converge at {sum(left)} of {converged.size} points, "
         f"first at v = {result.conditions.velocity[k]:g} m/s, p = {result.conditions.pressure[j]:g} Pa: "
         "the values there are those of the last iterate"
     )

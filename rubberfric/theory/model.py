@@ -217,6 +217,10 @@ def solve(
     return solution._replace(converged=None)
 
 
+# Of velocity, pressure and temperature.
+_UNITS = ("v", "m/s"), ("p", "Pa"), ("T", "K")
+
+
 def warn_of_last_iterates(
     converged: Values | None, conditions: Sequence[jax.Array | None], what: str = "temperatures"
 ) -> None:
@@ -227,11 +231,12 @@ def warn_of_last_iterates(
     if converged is None or not is_concrete(converged) or np.all(converged):
         return
     left = ~np.asarray(converged)
-    velocity, pressure, temperature = (np.broadcast_to(np.asarray(x), left.shape)[left] for x in conditions)
-    named = [
-        f"v = {v:g} m/s, p = {p:g} Pa, T = {T:g} K"
-        for v, p, T in zip(velocity[:3], pressure[:3], temperature[:3], strict=True)
+    given = [(x, *unit) for x, unit in zip(conditions, _UNITS, strict=True) if x is not None]
+    columns = [
+        [f"{symbol} = {x:g} {unit}" for x in np.broadcast_to(np.asarray(values), left.shape)[left][:3]]
+        for values, symbol, unit in given
     ]
+    named = [", ".join(point) for point in zip(*columns, strict=True)]
     warnings.warn(
         f"the {what} did not converge at {left.sum()} of {left.size} points, at {'; '.join(named)}"
         f"{' and others' if left.sum() > len(named) else ''}: the values there are those of the last iterate",
