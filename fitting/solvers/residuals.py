@@ -151,6 +151,11 @@ def _bends(variables: Variables, dtype):
     return np.concatenate(rows).astype(dtype)
 
 
+def has_arrays(variables: Variables) -> bool:
+    """Whether there is an array of Positive elements that may be kept smooth."""
+    return any(g.kind == "Positive" and g.slot[1] - g.slot[0] >= 3 for g in variables.groups)
+
+
 def forward(function: Callable[[jax.Array], jax.Array], x: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Value of a function and its derivatives with respect to x, the last axis, by forward mode."""
     jacobian, value = jax.jacfwd(lambda x: (function(x),) * 2, has_aux=True)(x)

@@ -18,6 +18,7 @@ from fitting.parameters.variables import VANISHED, Array, Variables
 from fitting.solvers.iterate import INTERRUPTED, STALLED, succeeded
 from fitting.solvers.options import Solver
 from fitting.solvers.problem import Problem
+from fitting.solvers.residuals import has_arrays
 from fitting.solvers.runs import BATCH, Callback, Runs, run
 
 WIDE = 1e4  # times the width of a robust loss: least squares
@@ -66,7 +67,8 @@ def search(
         spent += np.stack([runs.nfev, runs.njev])
         escaped = _escaped(problem, runs.x, starts).any(1)
         again = np.flatnonzero(escaped & (succeeded(runs.status) | (runs.status == STALLED)))
-        if again.size:
+        # Without an array to keep smooth it would be the same fit again, six times.
+        if again.size and has_arrays(problem.variables):
             second = _smoothed(solver, stage, starts[again], max_steps, callback, min(BATCH, len(starts)))
             spent[:, again] += np.stack([second.nfev, second.njev])
             if INTERRUPTED in second.status:
