@@ -29,17 +29,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     """
     if argv is None:
         leave_at_once(PROGRAM)
-    from rubberfric.commands import ended
-
-    return ended(PROGRAM, lambda interrupts: _run(argv, interrupts), process=argv is None)
-
-
-def _run(argv: Sequence[str] | None, interrupts: Interrupts) -> int:
     import sys
 
-    from rubberfric.commands import begin_jax, check_input, check_outputs, progress
+    from rubberfric.commands import ended
 
     given = sys.argv[1:] if argv is None else list(argv)
+    program = f"{PROGRAM} design" if given[:1] == ["design"] else PROGRAM
+    return ended(program, lambda interrupts: _run(given, interrupts, argv is None), process=argv is None)
+
+
+def _run(given: Sequence[str], interrupts: Interrupts, process: bool) -> int:
+    from rubberfric.commands import begin_jax, check_input, check_outputs, progress
+
     designs = given[:1] == ["design"]
     if designs:
         arguments = _design_parser().parse_args(given[1:])
@@ -50,7 +51,7 @@ def _run(argv: Sequence[str] | None, interrupts: Interrupts) -> int:
         check_arguments(arguments)
     with progress(arguments.verbose) as show:
         show("loading JAX")
-        begin_jax(process=argv is None, cache=not arguments.no_cache)
+        begin_jax(process=process, cache=not arguments.no_cache)
         if designs:
             from fitting.commands.design import run
         else:

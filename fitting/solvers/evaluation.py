@@ -141,7 +141,9 @@ def _at_places(kind):
 def residual_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
     """Residuals of the data, then of the priors, in units of their errors."""
     of = padded(problem)
-    return of.kept(np.asarray(in_errors(of.structure, of.numbers, of.targets, _rows_at(of, x))))
+    # Not NumPy's: where the model is not finite, rows that were added divide infinity by infinity.
+    rows = jnp.asarray(_rows_at(of, x))
+    return of.kept(np.asarray(in_errors(of.structure, of.numbers, of.targets, rows)))
 
 
 def model_rows(problem: Problem, x: np.ndarray) -> np.ndarray:

@@ -237,4 +237,8 @@ def _check_temperature(data, shifts):
 def _fitting(scene, data):
     """The quadrature that fits the scene at the start, and those that a fit may come by."""
     pressures = [np.min(one.pressure) for one in data if hasattr(one, "pressure")]
-    return rf.analysis.fitting_quadrature(scene, min(pressures, default=1.0), margin=_MARGIN)
+    lowest = min(pressures, default=1.0)
+    settings = [
+        rf.analysis.fitting_quadrature(one, lowest, margin=_MARGIN) for one in by_name(scene).values()
+    ]
+    return max(settings, key=lambda one: (one.panels, one.order, one.graded))

@@ -168,7 +168,7 @@ class SolvedProblem:
         if found is None:
             value, slope = map(np.asarray, jax.jit(lambda x: forward(predicted, x))(x))
         else:
-            value, slope = (part.reshape(*shape, *part.shape[1:]) for part in found)
+            value, slope = (part.reshape((*shape, *part.shape[1:])) for part in found)
         return self.widened(value, slope, level)
 
     def widened(self, value: np.ndarray, slope: np.ndarray, level: float) -> Band:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from rubberfric.analysis.maps.friction_map import FrictionMap, friction_map
     from rubberfric.analysis.maps.friction_table import friction_table
     from rubberfric.analysis.power import DissipatedPower, dissipated_power
-    from rubberfric.scene.settings import fitting_quadrature
+    from rubberfric.scene.numerics.settings import fitting_quadrature
 
 __all__ = [
     "AdhesionProfile",
@@ -82,6 +82,6 @@ lazily(
         "rubberfric.analysis.maps.friction_map": "FrictionMap friction_map",
         "rubberfric.analysis.maps.friction_table": "friction_table",
         "rubberfric.analysis.power": "DissipatedPower dissipated_power",
-        "rubberfric.scene.settings": "fitting_quadrature",
+        "rubberfric.scene.numerics.settings": "fitting_quadrature",
     },
 )

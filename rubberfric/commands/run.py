@@ -15,8 +15,8 @@ from rubberfric.io.files import read_computable
 from rubberfric.io.result_files import save_result
 from rubberfric.io.results import QUANTITIES, Result, result_shape
 from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.scene.numerics.settings import fitting_quadrature
 from rubberfric.scene.scene import Scene
-from rubberfric.scene.settings import fitting_quadrature
 from rubberfric.theory.model import solve
 from rubberfric.theory.quantities import Solution, quantities_of
 

@@ -64,8 +64,6 @@ lazily(
         "rubberfric.plot.curves": (
             "curve_labels plot_area plot_curve plot_friction plot_result plot_separation"
         ),
-        "rubberfric.plot.modulus": "plot_modulus",
-        "rubberfric.plot.spectrum": "plot_spectrum",
     },
     modules=("rubberfric.plot.style",),
 )

@@ -26,10 +26,10 @@ from jax.typing import ArrayLike
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import FINITE, POSITIVE, Rule, as_leaf, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature
+from rubberfric.scene.numerics.settings import ROBUST, fitting_quadrature
+from rubberfric.scene.numerics.single_precision import check_single
 from rubberfric.scene.plausibility import warn_of_conditions
 from rubberfric.scene.scene import Scene, cast, check_background, result_dtype, shifts, takes_temperature
-from rubberfric.scene.settings import ROBUST, fitting_quadrature
-from rubberfric.scene.single_precision import check_single
 from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.quantities import QUANTITIES, Solution, Values, iterates, needs_of
 
@@ -73,7 +73,7 @@ def contact_area(
     ------
     ValueError : concrete pressure <= 0, any NaN, a temperature outside a shift's range,
         a temperature although nothing in the scene depends on it, or none although the scene is
-        heated; in float32 also what single precision cannot hold (`rubberfric.scene.single_precision`).
+        heated; in float32 also what single precision cannot hold (`rubberfric.scene.numerics.single_precision`).
 
     Notes
     -----

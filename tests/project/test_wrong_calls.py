@@ -119,7 +119,7 @@ CALLS = {
     ),
     "fit of data to a scene, turned round": (
         lambda: fitting.fit(DATA, SCENE, {"gamma": Positive()}),
-        ("data is a Scene", "must be FrictionData, AreaData"),
+        ("scene is a FrictionData", "must be a Scene, or a dict of them"),
     ),
     "free parameters as a list": (
         lambda: fitting.fit(SCENE, DATA, ["gamma"]),

@@ -23,8 +23,8 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.io.result_files import filling_result, mapped_quantities, write_interpolation
 from rubberfric.io.results import Interpolation, Result, result_shape
 from rubberfric.io.scene_files.conditions import Conditions, check_conditions
+from rubberfric.scene.numerics.settings import ROBUST, fitting_quadrature
 from rubberfric.scene.scene import Scene, result_dtype
-from rubberfric.scene.settings import ROBUST, fitting_quadrature
 from rubberfric.theory.model import check_heated, check_kinds, checked
 from rubberfric.theory.quantities import Solution
 
@@ -196,7 +196,7 @@ def _model(task: batches.Task, devices) -> collapse.Model:
             tiling = batches.plan(pairs, shape[1], block=pairs * shape[1], devices=devices)
             task = task._replace(scene=batches.on_all(tiling.mesh, task.scene))
             here = here._replace(scene=task.scene)
-            tiling = batches.fitted(tiling, here)
+            tiling = batches.fitted(tiling._replace(pairs=shape[0] * shape[2]), here)
         at = tiling._replace(pairs=shape[0] * shape[2], pressures=shape[1])
         values = {name: np.empty(shape) for name in quantities}
         for batch, found in _computed(at, here):

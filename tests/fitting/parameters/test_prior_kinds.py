@@ -14,8 +14,9 @@ from fitting.parameters.keypaths import path_over, scene_paths
 from fitting.parameters.priors.correlated import whitener
 from fitting.parameters.priors.rows import prior_residuals, prior_size, read_priors
 from fitting.parameters.variables import free_parameters, to_scene
+from fitting.solvers.evaluation import residual_rows
 from fitting.solvers.problem import make_problem
-from fitting.solvers.residuals import residual_rows, residuals
+from fitting.solvers.residuals import residuals
 from rubberfric.scene.scene import cast
 
 OMEGA, T, STRAIN = np.logspace(0, 4, 5), np.array([260.0, 275.0, 285.0, 320.0]), np.logspace(-3, 0, 4)

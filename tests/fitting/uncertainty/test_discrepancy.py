@@ -9,7 +9,7 @@ from support.scenes.fits import FAST, PLAIN, ROAD, SHIFTED, write_job
 import fitting
 import rubberfric as rf
 from fitting.commands.job import read_job
-from fitting.solvers.residuals import model_rows, residual_rows
+from fitting.solvers.evaluation import model_rows, residual_rows
 from fitting.uncertainty.discrepancy import likely
 
 SCENE, WARM = rf.Scene(ROAD, rf.Body(PLAIN)), rf.Scene(ROAD, rf.Body(SHIFTED))

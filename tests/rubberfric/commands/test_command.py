@@ -391,6 +391,9 @@ def test_scenes_of_the_data_folder(call, path, tmp_path):
     status, _, complaint = call("run", short, "--out", tmp_path / "r.h5")
     assert (status, complaint) == (0, "")
     result = load_result(tmp_path / "r.h5")
+    if scene.adhesion is not None:  # at rest, and of no separation; it may close the contact
+        assert np.all((result.solution.area > 0) & (result.solution.area <= 1) & result.solution.converged)
+        return
     assert np.all((result.solution.area > 0) & (result.solution.area < 1))
     assert np.all(result.solution.friction > 0)
     assert np.all(result.solution.separation > 0)

@@ -12,7 +12,7 @@ from support.scenes.common import RIGID, ROAD, SOFT, TREAD, WORN, scene
 
 import rubberfric as rf
 from rubberfric.analysis import fitting_quadrature
-from rubberfric.scene.settings import OTHER, ROBUST, RULES, TRACED, loads_of, span_of
+from rubberfric.scene.numerics.settings import OTHER, ROBUST, RULES, TRACED, loads_of, span_of
 
 USUAL = scene((RIGID, ROAD), (TREAD,))
 TWO = scene((SOFT, WORN), (TREAD, ROAD))

@@ -19,8 +19,8 @@ ANGULAR = QUADRATURE.panels * QUADRATURE.angular_order  # nodes where the stiffn
 
 
 def contact_nodes(spectra, graded=True):
-    """Nodes of all panels: between shares, kinks (3 for a self-affine spectrum) and graded borders."""
-    borders = QUADRATURE.panels - 1 + spectra * (3 + (QUADRATURE.graded if graded else 0))
+    """Nodes of all panels: between shares, 3 kinks of a self-affine spectrum, one after q_r, graded ones."""
+    borders = QUADRATURE.panels - 1 + spectra * (4 + (QUADRATURE.graded if graded else 0))
     return (borders - 1) * QUADRATURE.order
 
 
@@ -28,7 +28,8 @@ def added(scene, quantity, *conditions):
     """Operations that one more velocity adds to a quantity."""
 
     def function(scene, velocity):
-        return getattr(rf.solve(scene, velocity, 1e5, *conditions, quantities=(quantity,)), quantity)
+        asked = {"quadrature": QUADRATURE, "quantities": (quantity,)}
+        return getattr(rf.solve(scene, velocity, 1e5, *conditions, **asked), quantity)
 
     return per_point(function, VELOCITY, scene)[0]
 
@@ -72,9 +73,11 @@ def test_area_alone_needs_the_whole_integral_only():
         return {v.aval.shape for e in equations(jaxpr.jaxpr) for v in e.outvars}
 
     panels, between = contact_nodes(1, graded=False) // QUADRATURE.order, 5 * QUADRATURE.order
-    assert (panels, QUADRATURE.order) in sizes(lambda s, v: rf.contact_area(s, v, 1e5))
-    assert (panels + QUADRATURE.graded, between) in sizes(lambda s, v: rf.friction(s, v, 1e5))
-    for shape in sizes(lambda s, v: rf.contact_area(s, v, 1e5)):
+    assert (panels, QUADRATURE.order) in sizes(lambda s, v: rf.contact_area(s, v, 1e5, quadrature=QUADRATURE))
+    assert (panels + QUADRATURE.graded, between) in sizes(
+        lambda s, v: rf.friction(s, v, 1e5, quadrature=QUADRATURE)
+    )
+    for shape in sizes(lambda s, v: rf.contact_area(s, v, 1e5, quadrature=QUADRATURE)):
         assert between not in shape and panels + QUADRATURE.graded not in shape
 
 
@@ -127,8 +130,8 @@ def test_absent_roughness_layer_and_solid_cost_nothing():
 
 def test_elastic_solids_do_not_depend_on_the_number_of_velocities():
     s = scene((rf.Elastic(1e7, 0.4),), (RIGID, ROAD))
-    one = work(lambda s, v: rf.contact_area(s, v, 1e5), s, VELOCITY[:1])
-    many = work(lambda s, v: rf.contact_area(s, v, 1e5), s, VELOCITY)
+    one = work(lambda s, v: rf.contact_area(s, v, 1e5, quadrature=QUADRATURE), s, VELOCITY[:1])
+    many = work(lambda s, v: rf.contact_area(s, v, 1e5, quadrature=QUADRATURE), s, VELOCITY)
     assert many <= one + 4 * VELOCITY.size
 
 

@@ -95,9 +95,10 @@ def test_a_known_passage():
 
 def test_a_vanishing_work_is_contact_without_adhesion():
     pressure = np.array([1e3, 1e5, 1e6])
-    plain = rf.contact_area(_elastic(), 0.0, pressure, quadrature=QUADRATURE)
-    found = rf.contact_area(_elastic(1e-12), 0.0, pressure, quadrature=QUADRATURE)
-    np.testing.assert_allclose(found, plain, rtol=1e-9)
+    fine = rf.Quadrature()
+    plain = rf.contact_area(_elastic(), 0.0, pressure, quadrature=fine)
+    found = rf.contact_area(_elastic(1e-12), 0.0, pressure, quadrature=fine)
+    np.testing.assert_allclose(found, plain, rtol=1e-12)
 
 
 def test_adhesion_enlarges_the_area_up_to_full_contact():

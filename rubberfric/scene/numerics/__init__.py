@@ -1,0 +1,1 @@
+"""What a scene asks of numbers: nodes enough, and what single precision holds."""
