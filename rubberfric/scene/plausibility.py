@@ -38,10 +38,9 @@ def doubts_of_scene(scene: PhysicalObject) -> Iterator[str]:
             if field.plausible is None or values is None:
                 continue
             if field.plus is not None:
-                name, values = (
-                    f"{name} + sum({field.plus})",
-                    np.asarray(values) + np.sum(np.asarray(getattr(part, field.plus))),
-                )
+                # NumPy's arrays: within jit a sum of JAX's would be traced.
+                added = np.sum(np.asarray(getattr(part, field.plus)))
+                name, values = f"{name} + sum({field.plus})", np.asarray(values) + added
             yield from _doubts(f"{key}.{name}" if key else name, values, *field.plausible, field.unit)
         yield from (f"{key}: {text}" if key else text for text in part.doubts())
 

@@ -415,12 +415,11 @@ def test_wrong_calls(call, message):
 
 def test_a_scene_without_shear_traces_nothing_new():
     for s in (replace(s, shear=None) for s in SCENES.values()):
-        setting = rf.Quadrature()
-        friction = primitives(lambda s, v: rf.friction(s, v, 1e5, quadrature=setting), s, VELOCITY)
+        friction = primitives(lambda s, v: rf.friction(s, v, 1e5, quadrature=rf.Quadrature()), s, VELOCITY)
         part = primitives(
             lambda s, v: (
                 rf.solve(
-                    s, v, 1e5, quadrature=setting, quantities="viscoelastic_friction"
+                    s, v, 1e5, quadrature=rf.Quadrature(), quantities="viscoelastic_friction"
                 ).viscoelastic_friction
             ),
             s,
