@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 class LazyPackage(ModuleType):
     """A package that knows where its public names are; its rooms are found, too."""
 
-    _places: Mapping[str, str]  # of names, the modules that they are in
-    _modules: Mapping[str, str]  # of names, the modules that they are
-    _elsewhere: Mapping[str, str]
+    _places: dict[str, str]  # of names, the modules that they are in
+    _modules: dict[str, str]  # of names, the modules that they are
+    _elsewhere: dict[str, str]
 
     def __getattr__(self, name: str) -> Any:
         """Import a name."""

@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from rubberfric.base.quadrature import typed
 from rubberfric.materials.material import Material
 from rubberfric.materials.tabulated_modulus import LONGEST, REACH
 from rubberfric.theory.quantities import Needs
@@ -118,7 +119,7 @@ def _limits(F, kinds, at_ends, harmonics, mix):
     outside = F.material.loss_beyond
     storage, loss = at_ends
     far = parts_of(F, storage, loss * (math.exp(-_FAR) if outside == "fall" else 1.0))
-    moments = _moments(harmonics, outside)
+    moments = [typed(m, storage) for m in _moments(harmonics, outside)]  # whose NumPy's would widen float32
     if mix is not None:
         shares = mix[0], mix[0], mix[1]
         moments = [m[:, :1] + m[:, 1:] @ c[:, None] for m, c in zip(moments, shares, strict=True)]
