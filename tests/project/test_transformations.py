@@ -135,7 +135,8 @@ def _friction(embed, given, speed):
     scene = cast(embed(given), speed.dtype)  # what stands around it, too
     speed = 0 * speed if scene.correlation is not None else speed
     at = (303.0,) if any(x.shift is not None for x in _with_shifts(scene)) or scene.heating else ()
-    return rf.friction(scene, speed, 3e5, *at)
+    # Outside jit a call takes the setting that fits, within it cannot know.
+    return rf.friction(scene, speed, 3e5, *at, quadrature=rf.Quadrature())
 
 
 def _with_shifts(scene):

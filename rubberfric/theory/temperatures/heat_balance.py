@@ -120,11 +120,12 @@ def prepare_thermal(
     )
     if coarse is None:
         return thermal
+    linear = _linear(jnp.log(unknowns(mesh)), jnp.log(unknowns(coarse.mesh)))
     found = Coarse(
         coarse,
         _diffusion(coarse.mesh, unknowns(coarse.mesh), coarse_count),
         _diffusion(coarse.mesh, unknowns(mesh), coarse_count),
-        jnp.kron(jnp.eye(len(solids)), _linear(jnp.log(unknowns(mesh)), jnp.log(unknowns(coarse.mesh)))),
+        jnp.kron(jnp.eye(len(solids), dtype=linear.dtype), linear),
     )
     return thermal._replace(coarse=without_derivatives(found))
 

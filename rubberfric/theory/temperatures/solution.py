@@ -10,6 +10,7 @@ Where that does not lead to a solution close by, near folds, the branch is follo
 """
 
 import functools
+import math
 from typing import NamedTuple
 
 import jax
@@ -135,7 +136,7 @@ def _begin(thermal, points):
         # Logarithms: their squares leave float32.
         heat = jnp.log(own.density) + jnp.log(own.heat_capacity) + jnp.log(area) - jnp.log(pressure)
         length = jnp.log(diffusivity(own)) - jnp.log(own.radius)
-        return 2 * (heat + np.log(0.5 * _COLD)) + length + np.log(np.pi)
+        return 2 * (heat + math.log(0.5 * _COLD)) + length + math.log(math.pi)  # NumPy's would widen float32
 
     return functools.reduce(jnp.minimum, map(begin, thermal.bodies))
 
