@@ -112,9 +112,10 @@ def fit(
     scene = as_scenes(scene)
     data, of = data_by_scene(data, scene if isinstance(scene, dict) else None)
     problem = make_problem(scene, data, free, prior, loss, loss_width, quadrature, of)
+    scenes = each_scene(scene, of)
     if discrepancy is not None:
         check_discrepancy(discrepancy, data, loss, scale_errors)
-        problem = with_discrepancy(problem, each_scene(scene, of), data, discrepancy)
+        problem = with_discrepancy(problem, scenes, data, discrepancy)
     solver = make_solver(method, tolerance, max_steps)
     tell = progress or (lambda _: None)
     tell(f"compiling a fit of {problem.variables.size} numbers to {problem.targets.measured.size} values")
@@ -132,24 +133,27 @@ def fit(
     scales = [None if one.error is not None else ASSUMED for one in data]
     error_scale, rescaled = 1.0, scale_errors is True and None in scales
     to_estimate = ASSUMED in scales and scale_errors is not False
+
+    def again(problem, x):
+        """The end of a fit that begins at x, what is known there, and its evaluations."""
+        runs = run(solver, problem, x[None], None, max_steps, callback, min(BATCH, starts))
+        end = runs.row(0)
+        return end, uncertainty(problem, end.x), np.array([runs.nfev[0], runs.njev[0]])
+
     for _ in range(ROUNDS if to_estimate or rescaled else 0):
         if problem.targets.measured.size - known.parameters < 0.5 or not succeeded(end.status):
             break
         problem, scales, factor = _estimated(problem, scales, known, end.x, rescaled, error_scale)
         error_scale *= factor
         tell("fitting again, with errors from the scatter")
-        again = run(solver, problem, end.x[None], None, max_steps, callback, min(BATCH, starts))
-        end = again.row(0)
-        evaluations += np.array([again.nfev[0], again.njev[0]])
-        known = uncertainty(problem, end.x)
+        end, known, spent = again(problem, end.x)
+        evaluations += spent
     if discrepancy is not None and discrepancy.amplitude is None:
         for _ in range(ROUNDS if succeeded(end.status) else 0):
-            discrepancy = likely(problem, end.x, each_scene(scene, of), data, discrepancy)
-            problem = with_discrepancy(problem, each_scene(scene, of), data, discrepancy)
-            again = run(solver, problem, end.x[None], None, max_steps, callback, min(BATCH, starts))
-            end = again.row(0)
-            evaluations += np.array([again.nfev[0], again.njev[0]])
-            known = uncertainty(problem, end.x)
+            discrepancy = likely(problem, end.x, scenes, data, discrepancy)
+            problem = with_discrepancy(problem, scenes, data, discrepancy)
+            end, known, spent = again(problem, end.x)
+            evaluations += spent
     return FitResult(
         scene_at_start=scene,
         free=dict(free),

@@ -112,7 +112,7 @@ def profile(
     check_without(scene, ("adhesion", "correlation"), "profile")
     q = checked_wavevectors(q, 1, conditions, scene)
     found, converged = _profile(scene, *conditions, q, quadrature=quadrature)
-    warn_of_last_iterates(converged, conditions)
+    warn_of_last_iterates(scene, converged, conditions)
     return found
 
 

@@ -22,7 +22,7 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.model import solve
-from rubberfric.theory.quantities import quantities_of
+from rubberfric.theory.quantities import iterates
 
 # Points at once: each keeps the derivatives with respect to all that was prepared, about 0.2 MB.
 # On a processor they must stay in its cache: 32 at once take a third of the time that 256 take.
@@ -55,7 +55,7 @@ def value_and_jacobian(
     if any(body.material.needs_quadrature for body in (scene.lower, scene.upper)):
         # By reverse mode each point would keep derivatives with respect to the whole table of means.
         return _forward(scene_of, x, conditions, quantity, quadrature)
-    heated = () if "converged" not in quantities_of(scene) else ("converged",)
+    heated = ("converged",) if iterates(scene) else ()
     points = [jnp.asarray(c, x.dtype) for c in conditions if c is not None]
     shape = {}  # of the tree of the prepared scene, and its leaves that are no arrays
 
@@ -110,7 +110,7 @@ def _forward(scene_of, x, conditions, quantity, quadrature):
 
     def values(x):
         scene = scene_of(x)
-        heated = () if "converged" not in quantities_of(scene) else ("converged",)
+        heated = ("converged",) if iterates(scene) else ()
         solution = solve(scene, *conditions, quadrature=quadrature, quantities=(quantity, *heated))
         return _or_nan(getattr(solution, quantity), solution.converged)
 

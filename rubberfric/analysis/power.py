@@ -74,7 +74,7 @@ def dissipated_power(
     """
     scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
     power, converged = _dissipated_power(scene, *conditions, quadrature=quadrature)
-    warn_of_last_iterates(converged, conditions)
+    warn_of_last_iterates(scene, converged, conditions)
     return power
 
 

@@ -61,14 +61,7 @@ def _status(error: Exception) -> int | None:
     """Exit status of an error that has a line of its own; None for one that needs a traceback."""
     # By name: numpy and JAX are not imported for that.
     names = {cls.__name__ for cls in type(error).__mro__}
-    if names & {
-        "OSError",
-        "FloatingPointError",
-        "LinAlgError",
-        "MemoryError",
-        "JaxRuntimeError",
-        "ImportError",
-    }:
+    if names & _FAILED:
         return 1
     return 2 if isinstance(error, ValueError) else None
 

@@ -16,7 +16,7 @@ from rubberfric.io.files import read_computable
 from rubberfric.io.results import CONDITIONS, QUANTITIES, Result, result_shape
 from rubberfric.plot.map import check_map
 from rubberfric.plot.save import save_map_plot
-from rubberfric.theory.quantities import quantities_of
+from rubberfric.theory.quantities import iterates
 
 _SEVERAL = {"velocity": "velocities", "pressure": "pressures", "temperature": "temperatures"}
 
@@ -32,7 +32,7 @@ def run(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | N
         except ValueError as error:
             raise ValueError(f"{arguments.scene}: {error}") from None
     quantities: list[str] = list(arguments.quantity or DEFAULT_QUANTITIES)
-    if "converged" in quantities_of(scene) and "converged" not in quantities:
+    if iterates(scene) and "converged" not in quantities:
         quantities.append("converged")
     points = math.prod(result_shape(conditions))
     show(f"compiling {', '.join(quantities)} for a map of {points} points")

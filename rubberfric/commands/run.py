@@ -9,6 +9,7 @@ import numpy as np
 from rubberfric.analysis.elements.expected import theory_error
 from rubberfric.analysis.extrapolation import friction_outside_table, tabulated_solids
 from rubberfric.base.progress import Progress
+from rubberfric.base.quadrature import Quadrature
 from rubberfric.base.units import to_celsius
 from rubberfric.commands.arguments import write_outputs
 from rubberfric.io.files import read_computable
@@ -18,7 +19,7 @@ from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.scene.numerics.settings import fitting_quadrature
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.model import solve
-from rubberfric.theory.quantities import Solution, quantities_of
+from rubberfric.theory.quantities import Solution, iterated, quantities_of
 
 
 def run(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
@@ -29,7 +30,7 @@ def run(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | N
     quantities = quantities_of(scene)
     points = math.prod(result_shape(conditions))
     show(f"compiling and computing {', '.join(quantities)} at {points} points")
-    result = Result(scene, conditions, compute(scene, conditions), quadrature, title)
+    result = Result(scene, conditions, compute(scene, conditions, quadrature), quadrature, title)
 
     def draw(path: str) -> None:
         from rubberfric.plot.save import save_plot
@@ -49,14 +50,14 @@ def run(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | N
     return "\n".join([*table(result), *(f"\n{line}" for line in ends)]), failure
 
 
-def compute(scene: Scene, conditions: Conditions) -> Solution:
+def compute(scene: Scene, conditions: Conditions, quadrature: Quadrature | None = None) -> Solution:
     """All quantities at all conditions, NumPy arrays of shape [temperature, pressure, velocity].
 
     Which they are follows from the scene (`model.quantities_of`).
     FloatingPointError if one of them is not finite.
     """
     quantities = quantities_of(scene)
-    solution = solve(scene, *conditions.grid(), quantities=quantities)
+    solution = solve(scene, *conditions.grid(), quadrature=quadrature, quantities=quantities)
     shape = result_shape(conditions)
     found = {name: np.broadcast_to(np.asarray(getattr(solution, name)), shape) for name in quantities}
     for name, values in found.items():
@@ -125,11 +126,10 @@ def convergence_line(result: Result) -> str:
     left = [np.size(plane) - np.count_nonzero(plane) for plane in converged]
     if not any(left):
         return ""
-    what = "areas" if result.scene.heating is None else "temperatures"
     i = int(np.flatnonzero(left)[0])
     j, k = np.argwhere(~converged[i])[0]
     return (
-        f"the {what} did not converge at {sum(left)} of {converged.size} points, "
+        f"the {iterated(result.scene)} did not converge at {sum(left)} of {converged.size} points, "
         f"first at v = {result.conditions.velocity[k]:g} m/s, p = {result.conditions.pressure[j]:g} Pa: "
         "the values there are those of the last iterate"
     )

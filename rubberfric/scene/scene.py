@@ -111,18 +111,11 @@ class Scene(PhysicalObject):
                 "Scene: lower.material and upper.material are both Rigid; one of the solids must deform"
             )
         warn_of_scene(self)
-        if self.adhesion is not None:
-            for name, absent in (
-                ("heating", self.heating is None),
-                ("area_correction", not self.area_correction),
-            ):
-                if not absent:
-                    raise ValueError(
-                        f"Scene.adhesion: not together with {name}; one of them must be left out"
-                    )
-        self._check_correlation()
+        parts = present(self)
+        _check_apart("adhesion", ("heating", "area_correction"), parts)
+        self._check_correlation(parts)
         bodies = self.lower, self.upper
-        if all(softening_of(self, body) is None for body in bodies):
+        if "softening" not in parts:
             return
         if any(body.spectrum is not None and body.spectrum.harmonic_count() for body in bodies):
             raise ValueError(
@@ -133,7 +126,7 @@ class Scene(PhysicalObject):
                 kind = type(body.layer).__name__
                 raise ValueError(f"Scene.softening: not together with a {kind}; one of them must be left out")
 
-    def _check_correlation(self):
+    def _check_correlation(self, parts):
         if self.correlation is None:
             return
         for name, body in (("lower", self.lower), ("upper", self.upper)):
@@ -141,9 +134,25 @@ class Scene(PhysicalObject):
                 raise ValueError(f"Scene.correlation: {name}.spectrum is None; both solids must be rough")
             if body.spectrum.harmonic_count():
                 raise ValueError(f"Scene.correlation: {name}.spectrum is anisotropic; must be isotropic")
-        for name in ("heating", "softening"):
-            if getattr(self, name) is not None:
-                raise ValueError(f"Scene.correlation: not together with {name}; one of them must be left out")
+        _check_apart("correlation", ("heating", "softening"), parts)
+
+
+def _check_apart(part, others, parts):
+    """ValueError if a scene has a part together with one of the others."""
+    for name in others:
+        if part in parts and name in parts:
+            raise ValueError(f"Scene.{part}: not together with {name}; one of them must be left out")
+
+
+def present(scene: Scene) -> set[str]:
+    """Names of the optional parts that a scene has; softening may also be a body's own."""
+    names = ("shear", "heating", "softening", "adhesion", "correlation")
+    found = {name for name in names if getattr(scene, name) is not None}
+    if scene.area_correction:
+        found.add("area_correction")
+    if any(body.softening is not None for body in (scene.lower, scene.upper)):
+        found.add("softening")
+    return found
 
 
 def shifts(scene: Scene) -> list[Shift]:
@@ -176,8 +185,9 @@ def check_background(scene: Scene, where: str = "", missing: str = "temperature 
 
 def check_without(scene: Scene, parts: Sequence[str], what: str) -> None:
     """ValueError for what is not defined with these parts of a scene."""
+    there = present(scene)
     for name in parts:
-        if getattr(scene, name) is not None:
+        if name in there:
             raise ValueError(f"scene.{name}: {what} is not defined with it; must be None")
 
 

@@ -31,7 +31,7 @@ from rubberfric.scene.numerics.single_precision import check_single
 from rubberfric.scene.plausibility import warn_of_conditions
 from rubberfric.scene.scene import Scene, cast, check_background, result_dtype, shifts, takes_temperature
 from rubberfric.theory.integrals import evaluate, prepare
-from rubberfric.theory.quantities import QUANTITIES, Solution, Values, iterates, needs_of
+from rubberfric.theory.quantities import QUANTITIES, Solution, Values, iterated, iterates, needs_of
 
 AT_REST: Rule = (
     "must be 0: correlated roughness is of solids at rest, sliding it excites them at different frequencies",
@@ -213,8 +213,7 @@ def solve(
     if not iterates(scene) or "converged" in quantities:
         return _solve(scene, *conditions, quadrature=quadrature, quantities=quantities)
     solution = _solve(scene, *conditions, quadrature=quadrature, quantities=(*quantities, "converged"))
-    what = "temperatures" if scene.heating is not None else "areas"
-    warn_of_last_iterates(solution.converged, conditions, what)
+    warn_of_last_iterates(scene, solution.converged, conditions)
     return solution._replace(converged=None)
 
 
@@ -223,7 +222,7 @@ _UNITS = ("v", "m/s"), ("p", "Pa"), ("T", "K")
 
 
 def warn_of_last_iterates(
-    converged: Values | None, conditions: Sequence[jax.Array | None], what: str = "temperatures"
+    scene: Scene, converged: Values | None, conditions: Sequence[jax.Array | None]
 ) -> None:
     """RuntimeWarning naming the points at which the temperatures, or with adhesion areas, are no solution.
 
@@ -239,7 +238,7 @@ def warn_of_last_iterates(
     ]
     named = [", ".join(point) for point in zip(*columns, strict=True)]
     warnings.warn(
-        f"the {what} did not converge at {left.sum()} of {left.size} points, at {'; '.join(named)}"
+        f"the {iterated(scene)} did not converge at {left.sum()} of {left.size} points, at {'; '.join(named)}"
         f"{' and others' if left.sum() > len(named) else ''}: the values there are those of the last iterate",
         RuntimeWarning,
         stacklevel=3,

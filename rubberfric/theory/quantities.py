@@ -118,6 +118,11 @@ def iterates(scene: Scene) -> bool:
     return scene.heating is not None or scene.adhesion is not None
 
 
+def iterated(scene: Scene) -> str:
+    """What the fixed point is of, in a word."""
+    return "areas" if scene.heating is None else "temperatures"
+
+
 def pulls_aside(scene: Scene) -> bool:
     """Whether roughness that differs with the direction strains a viscoelastic solid."""
     return any(spectrum.harmonic_count() and relaxes(other) for spectrum, other in rough_surfaces(scene))

@@ -12,7 +12,10 @@ from support.oracles import oracle
 from support.scenes.common import ROAD
 
 import rubberfric as rf
+from rubberfric.analysis.error_and_time.textbook import covers
+from rubberfric.scene.numerics.settings import OTHER
 from rubberfric.scene.pairs import pairs_of
+from rubberfric.scene.scene import present
 from rubberfric.scene.softening import knots, softening_factors, strain
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Relaxing
@@ -349,6 +352,21 @@ SOFTENING = rf.Softening([0.01, 1.0], [1.0, 0.5], [1.0, 0.7])
 RUBBER = rf.Prony(1e6, [1e8], [1e-6])
 STRETCHED = rf.Anisotropic(ROAD, 2.0)
 DIRECTIONS = rf.TabulatedAnisotropic([1e2, 1e4], np.full((2, 5), 1e-12))
+
+
+def test_a_table_of_one_body_counts_wherever_that_of_a_scene_does():
+    """In settings, in what other methods cover, and in what is refused."""
+    softened, road = rf.Body(RUBBER, softening=SOFTENING), rf.Body(rf.Rigid(), ROAD)
+    for one in (rf.Scene(rf.Body(RUBBER), road, softening=SOFTENING), rf.Scene(softened, road)):
+        assert present(one) == {"softening"}
+        assert rf.analysis.fitting_quadrature(one, 1e5) == OTHER[0]
+        assert not covers(one) and rf.analysis.theory_error(one, np.array([0.1])) is None
+        with pytest.raises(
+            ValueError, match=r"^boundary_element: the scene has softening; it must have none$"
+        ):
+            rf.analysis.boundary_element(one, 1e-2, 1e5, jax.random.key(0))
+    with pytest.raises(ValueError, match=r"^Scene\.correlation: not together with softening; one of"):
+        rf.Scene(softened.replace(spectrum=ROAD), rf.Body(RUBBER, ROAD), correlation=rf.Correlation(0.5))
 
 
 @pytest.mark.parametrize(

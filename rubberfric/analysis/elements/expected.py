@@ -7,7 +7,7 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.checks import is_concrete
 from rubberfric.roughness.spectra import SelfAffine
-from rubberfric.scene.scene import Scene, relaxes
+from rubberfric.scene.scene import Scene, present, relaxes
 
 # Of the table: contact areas, and what q1/qr, H and gamma are covered. A plateau below qr tells little.
 AREAS = (0.003, 0.01, 0.03, 0.1, 0.3, 0.8)
@@ -105,8 +105,7 @@ def _covered(scene):
             and smooth.spectrum is None
             and smooth.layer is None
             and smooth.material.relaxes
-            and scene.heating is None
-            and scene.softening is None
+            and present(scene) <= {"shear", "area_correction"}
             and is_concrete(spectrum.q1)
         ):
             values = (spectrum.q1 / spectrum.qr, _RATIOS), (spectrum.hurst, _HURST), (scene.gamma, _GAMMA)

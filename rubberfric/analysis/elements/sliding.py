@@ -23,7 +23,7 @@ from rubberfric.analysis.elements.realisation import random_surface
 from rubberfric.base.checks import FINITE, POSITIVE, check_values, shown
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.material import Material, plane_strain, series_modulus, series_of, stiffer
-from rubberfric.scene.scene import Scene
+from rubberfric.scene.scene import Scene, present
 from rubberfric.theory.model import checked
 
 
@@ -230,7 +230,8 @@ def _rough_and_smooth(scene):
     if smooth.layer is not None:
         kind = type(smooth.layer).__name__
         raise ValueError(f"boundary_element: the deformable body is a {kind}; it must be a half-space")
-    for name in ("heating", "softening"):
-        if getattr(scene, name) is not None:
+    parts = present(scene)
+    for name in ("heating", "softening", "adhesion"):
+        if name in parts:
             raise ValueError(f"boundary_element: the scene has {name}; it must have none")
     return rough[0].spectrum, smooth.material

@@ -30,7 +30,7 @@ from rubberfric.analysis.error_and_time.textbook_solids import (
     stiffness,
     vertical_factor,
 )
-from rubberfric.scene.scene import Scene
+from rubberfric.scene.scene import Scene, present
 from rubberfric.scene.shear import ContactShear
 from rubberfric.theory.quantities import QUANTITIES
 
@@ -41,8 +41,7 @@ _FULL = 6.0  # P = 1 to the last bit from this argument of erf on
 def covers(scene: Scene) -> bool:
     """Whether the method has all in a scene: no heating, softening, adhesion, correlation, anisotropy."""
     bodies = (scene.lower, scene.upper)
-    parts = scene.heating, scene.softening, scene.adhesion, scene.correlation
-    return not any(part is not None for part in parts) and all(map(knows, bodies))
+    return present(scene) <= {"shear", "area_correction"} and all(map(knows, bodies))
 
 
 def solve(

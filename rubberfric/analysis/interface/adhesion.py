@@ -203,7 +203,7 @@ def adhesion_profile(
         raise ValueError("scene: nothing in it is rough; lower.spectrum or upper.spectrum must be given")
     scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
     q, found = _detached(scene, *conditions, quadrature=quadrature)
-    warn_of_last_iterates(found["converged"], conditions, "areas")
+    warn_of_last_iterates(scene, found["converged"], conditions)
     fields = {name: found[name] for name in ("area", "work", "stress")}
     return AdhesionProfile(q=q, magnification=q / q[0], **fields)
 
@@ -251,7 +251,7 @@ def pull_off_force(
         work = jnp.broadcast_to(jnp.asarray(adhesion.work), jnp.broadcast_shapes(*shapes))
     else:
         _, found = _detached(scene, *conditions, quadrature=quadrature)
-        warn_of_last_iterates(found["converged"], conditions, "areas")
+        warn_of_last_iterates(scene, found["converged"], conditions)
         work = found["whole"]
     return 1.5 * jnp.pi * radius * work
 

@@ -74,7 +74,7 @@ def stress_distribution(
     check_values("stress", stress, FINITE)
     stress = jnp.asarray(stress, conditions[1].dtype)
     density, converged = _stress_distribution(scene, stress, *conditions, q, quadrature=quadrature)
-    warn_of_last_iterates(converged, conditions)
+    warn_of_last_iterates(scene, converged, conditions)
     return density
 
 
@@ -159,7 +159,7 @@ def contact_stiffness(
     scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
     check_without(scene, ("adhesion",), "the stiffness")
     found, converged = _contact_stiffness(scene, *conditions, quadrature=quadrature)
-    warn_of_last_iterates(converged, conditions)
+    warn_of_last_iterates(scene, converged, conditions)
     return found
 
 

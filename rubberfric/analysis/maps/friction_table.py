@@ -20,6 +20,7 @@ from rubberfric.base.checks import POSITIVE, as_leaf, check_values, shown
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.io.friction_tables.table import AXES, FrictionTable, hats
 from rubberfric.scene.scene import Scene
+from rubberfric.theory.quantities import iterated, iterates
 
 Range = float | Sequence[float]
 
@@ -113,13 +114,15 @@ def _points(name: str, ends: tuple[float, float], count: int) -> np.ndarray:
 
 def _computed(scene, axes, quadrature):
     """mu and A/A0 on a grid [temperature, pressure, velocity]."""
-    heated = () if scene.heating is None else ("converged",)
+    whether = ("converged",) if iterates(scene) else ()
     solution = friction_map(
-        scene, *axes, quantities=("friction", "area", *heated), quadrature=quadrature
+        scene, *axes, quantities=("friction", "area", *whether), quadrature=quadrature
     ).solution
     if solution.converged is not None and not np.all(solution.converged):
         bad = int(np.count_nonzero(~np.asarray(solution.converged)))
-        raise ValueError(f"the temperatures of the scene do not converge at {bad} points: must be left out")
+        raise ValueError(
+            f"the {iterated(scene)} of the scene do not converge at {bad} points: must be left out"
+        )
     mu = np.asarray(solution.friction, float)
     if not (mu > 0).all():
         raise ValueError("the scene has no friction at some of the points: must be > 0 for a table of it")

@@ -24,7 +24,7 @@ from rubberfric.materials.elastic import Elastic, Rigid
 from rubberfric.materials.prony import Prony
 from rubberfric.roughness.spectra import SelfAffine
 from rubberfric.roughness.tabulated import TabulatedSpectrum
-from rubberfric.scene.scene import Scene
+from rubberfric.scene.scene import Scene, present
 
 _ALL = math.inf, -math.inf, math.inf
 
@@ -88,7 +88,7 @@ def fitting_quadrature(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0
     plain = plain and all(type(spectrum) is SelfAffine for spectrum in rough)
     try:
         span = span_of(scene)
-        if not plain or scene.area_correction or scene.heating is not None or scene.softening is not None:
+        if not plain or present(scene) - {"shear"}:
             setting, longest = OTHER
             return setting if span + margin <= longest else ROBUST
         flattest, steepest = loads_of(scene, pressure)
