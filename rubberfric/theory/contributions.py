@@ -194,8 +194,9 @@ def _integrated(power, within, means):
         return panels, None
     nodes = total(jnp.einsum("kvi,kci->kvc", mean, w) for mean, w in zip(means, within, strict=True))
     # Over a panel of five e-folds and more, where <|F|^2> rises by 1e5, its interpolant may
-    # swing below 0 at the small end: there G is that of the panels before.
-    return panels, jnp.maximum(nodes, 0.0)
+    # swing below 0 at the small end: there G is that of the panels before. Selected: where two borders
+    # coincide all are 0, and a maximum would give them half their derivatives.
+    return panels, jnp.where(nodes < 0, 0.0, nodes)
 
 
 def _terms(panels, within, others, means, at_contact=lambda mean: mean):
