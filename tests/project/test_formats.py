@@ -2,6 +2,8 @@
 
 import importlib.util
 import re
+import shutil
+import textwrap
 
 from support.folders import ROOT
 
@@ -36,3 +38,16 @@ def test_messages_are_those_of_the_code():
     assert len(messages) > 20
     for message in messages:
         assert message in whole, message
+
+
+def test_the_way_runs_on_what_a_laboratory_exports(tmp_path, monkeypatch):
+    """The first snippet of the page, on the exports in data."""
+    for name, export in (("sweeps.csv", "dma_isothermen.csv"), ("strain_sweep.txt", "strain_sweep.txt")):
+        shutil.copy(ROOT / "data" / "laboratory" / export, tmp_path / name)
+    monkeypatch.chdir(tmp_path)
+    snippet = re.search(r"```python\n(.*?)```", PAGE, re.S)
+    assert snippet is not None
+    found = {}
+    exec(textwrap.dedent(snippet[1]), found)
+    assert found["series"].material.shift == found["curve"].shift
+    assert found["softening"].storage[-1] < 0.3

@@ -31,6 +31,11 @@ _SPELLINGS = {
     "T": ("temperature", "temp", "temperatur", "probentemperatur", "température"),
     "aT": ("shift factor", "verschiebungsfaktor", "facteur de translation"),
     "bT": ("vertical shift factor", "vertikaler verschiebungsfaktor", "facteur de translation verticale"),
+    "strain": (
+        *("strain", "strain amplitude", "dynamic strain", "oscillation strain", "shear strain"),
+        *("dehnung", "dehnungsamplitude", "deformation", "deformationsamplitude", "scherdeformation"),
+        *("déformation", "amplitude de déformation"),
+    ),
     "v": (
         *(
             "velocity",

@@ -137,6 +137,15 @@ def test_spellings(tmp_path, names):
     holds(read(path), [2 * TWO_PI], [10**6.5], [10**5.75])
 
 
+@pytest.mark.parametrize(
+    "title", ["Strain (%)", "Oscillation strain [%]", "Dehnung [%]", "Déformation (%)", "strain [%]"]
+)
+def test_strain_sweeps(tmp_path, title):
+    path = put(tmp_path, f"{title};Storage modulus (MPa);Loss modulus (MPa)\n0.1;8;1\n2;6;0.9\n")
+    sweep = rf.io.read_table(path, ["strain", "E_stor", "E_loss"])
+    np.testing.assert_allclose([*sweep.values()], [[1e-3, 0.02], [8e6, 6e6], [1e6, 0.9e6]], rtol=1e-15)
+
+
 def test_storage_and_loss_from_magnitude_and_angle(tmp_path):
     path = put(tmp_path, "f [Hz];|E*| [MPa];tan delta\n1;5;0.75\n")
     holds(read(path), [TWO_PI], [4e6], [3e6])
