@@ -104,7 +104,7 @@ def friction(scene, rng):
     """Runs of a linear tester: mm/s, degrees Celsius and N/mm2, 5 % from run to run."""
     rows = [["Sliding velocity [mm/s]", "Temperature [°C]", "Contact pressure [N/mm²]", "COF [-]"]]
     for celsius in (5.0, 20.0, 40.0):
-        for pressure in (0.1, 0.3):
+        for pressure in (0.05, 0.2, 0.8):
             v = np.geomspace(1e-3, 10.0, 7)
             mu = np.asarray(rf.friction(scene, 1e-3 * v, 1e6 * pressure, celsius + ZERO))
             mu = mu * np.exp(0.05 * rng.standard_normal(v.size))

@@ -3,6 +3,7 @@
 Conditions differ by colour (of increasing lightness) and marker, parts of a quantity by line style.
 """
 
+import sys
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -78,10 +79,21 @@ def new_figure(size: tuple[float, float], title: str = "") -> Figure:
     """A figure that pyplot does not know."""
     from matplotlib.figure import Figure
 
+    _show_in_notebooks(Figure)
     figure = Figure(figsize=size, layout="constrained")
     if title:
         figure.suptitle(title, fontsize="medium", wrap=True)
     return figure
+
+
+def _show_in_notebooks(kind):
+    """Let a notebook show figures that pyplot does not know: by itself it learns that with pyplot's first."""
+    shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
+    if shell is None or kind in shell.display_formatter.formatters["image/png"]:
+        return
+    from IPython.core.pylabtools import select_figure_formats
+
+    select_figure_formats(shell, {"png"})
 
 
 def one_axes(ax: Axes | None, size: tuple[float, float] = (6.4, 4.0), title: str = "") -> Axes:

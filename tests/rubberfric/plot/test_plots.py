@@ -1,6 +1,8 @@
 """Pictures: what is drawn where, labelled in which units, into whose axes, and what is refused."""
 
 import io
+import subprocess
+import sys
 import types
 
 import jax.numpy as jnp
@@ -385,3 +387,16 @@ def test_single_precision_and_a_spectrum_below_its_smallest_number():
     far = rf.SelfAffine(*(np.float32(x) for x in (1e6, 1e7, 1e10, 0.8, 1e-12)))
     line = plot.plot_spectrum(far).lines[0]
     assert 0 < line.get_ydata()[-1] < 1e-46
+
+
+def test_a_notebook_shows_a_figure_before_pyplot_has_made_one():
+    script = """
+from IPython.core.interactiveshell import InteractiveShell
+shell = InteractiveShell.instance()
+import rubberfric as rf
+figure = rf.plot.any(rf.SelfAffine(100.0, 1e3, 1e5, 0.8, 1e-4)).figure
+print(sorted(shell.display_formatter.format(figure)[0]))
+"""
+    pytest.importorskip("IPython", reason="shown by notebooks alone")
+    found = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    assert found.stdout == "['image/png', 'text/plain']\n"
