@@ -58,6 +58,8 @@ def _work(command: str) -> Callable[[argparse.Namespace, Phases], tuple[str, OSE
             from rubberfric.commands.accuracy import run
         case "map":
             from rubberfric.commands.map import run
+        case "explore":
+            from rubberfric.commands.explorer.command import run
         case _:
             from rubberfric.commands.doctor import run
     return run
