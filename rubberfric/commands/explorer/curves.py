@@ -78,7 +78,7 @@ class Explorer:
     def moved(self, values: Values) -> Scene:
         """The scene with the sliders at these values; ValueError if they do not go together."""
         scene = moved(self.scene, self.sliders, values)
-        temperatures = self._conditions(values)[2]
+        temperatures = self.conditions_at(values)[2]
         at = Conditions(np.ones(1), np.ones(1), None if temperatures is None else np.unique(temperatures))
         check_conditions("", at, scene)
         return scene
@@ -92,7 +92,7 @@ class Explorer:
             "misfit" rms of ln(mu / measured), "moduli" and "spectra" of the solids; NumPy arrays
         """
         scene = cast(self.moved(values), float)
-        v, p, T = self._conditions(values)
+        v, p, T = self.conditions_at(values)
         every, moduli, spectra = jax.device_get(self._curves(scene, v, p, T))
         curves = {name: x[:POINTS] for name, x in every.items()}
         found: dict[str, Any] = {"curves": curves, "moduli": moduli, "spectra": spectra}
@@ -119,7 +119,7 @@ class Explorer:
         self.sensitivities({one.name: one.start for one in self.sliders})
         self.is_ready = True
 
-    def _conditions(self, values: Values) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    def conditions_at(self, values: Values) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Velocity, pressure and temperature of the curve, of those beside points, and of the points."""
         curves, measured = self.curves_of_points, self.measured
 

@@ -139,12 +139,12 @@ def moved(scene: Scene, sliders: Sequence[Slider], values: Mapping[str, float]) 
 def _of_conditions(scene: Scene, conditions: Conditions) -> Iterator[Slider]:
     p = float(conditions.pressure[0])
     reach = _PRESSURE_REACH
-    yield Slider("pressure", "conditions", "pressure p", "Pa", p, p / reach, p * reach, logarithmic=True)
+    yield Slider("pressure", "conditions", "pressure", "Pa", p, p / reach, p * reach, logarithmic=True)
     if conditions.temperature is None:
         return
     T = float(conditions.temperature[0])
     low, high = max(T - _TEMPERATURE_REACH, 1.0), T + _TEMPERATURE_REACH
-    slider = Slider("temperature", "conditions", "temperature T", "K", T, low, high, logarithmic=False)
+    slider = Slider("temperature", "conditions", "temperature", "K", T, low, high, logarithmic=False)
 
     def accepts(value):
         try:

@@ -44,7 +44,7 @@ function set(name, value, from) {
 }
 
 function unitOf(slider, value) {
-  if (slider.name === "temperature") return `K, ${short(Number((value - 273.15).toFixed(1)))} °C`;
+  if (slider.name === "temperature") return `K ${(value - 273.15).toFixed(0)} °C`;
   if (slider.unit === "") return "×";
   return slider.unit === "-" ? "" : slider.unit;
 }
@@ -198,7 +198,7 @@ function makePanels() {
   if (Object.keys(state.start.omega).length)
     panels.moduli = new Plot(host, {
       name: "moduli", x: { label: [upright("angular frequency "), italic("ω"), upright(" / rad "), ...PER], logarithmic: true },
-      y: { label: [italic("E′"), upright(", "), italic("E″"), upright(" / Pa at reference temperature")], logarithmic: true, decades: 9 },
+      y: { label: [italic("E′"), upright(", "), italic("E″"), upright(" / Pa (at reference "), italic("T"), upright(")")], logarithmic: true, decades: 9 },
     });
   if (Object.keys(state.first.spectra).length)
     panels.spectra = new Plot(host, {

@@ -22,7 +22,7 @@ function parts(label) {
   const match = /^([A-Za-z]+?)(?:_(\w+)|([0-9r]))?$/.exec(label);
   if (!match) return [[label, ""]];
   const base = greek[match[1]] || match[1];
-  const below = match[2] || match[3];
+  const below = match[2] === "inf" ? "∞" : match[2] || match[3];
   if (base.length > 1) return [[label.replaceAll("_", " "), ""]];
   return below ? [[base, "i"], [below, "sub"]] : [[base, "i"]];
 }
@@ -208,7 +208,7 @@ class Plot {
   // Above the frame: in one row, or two.
   legend(series) {
     const room = FRAME.width - FRAME.left - FRAME.right;
-    const widths = series.map((s) => 34 + 6.1 * s.name.map(([text]) => text.length).reduce((a, b) => a + b, 0));
+    const widths = series.map((s) => 42 + 5.9 * s.name.map(([text]) => text.length).reduce((a, b) => a + b, 0));
     const total = widths.reduce((a, b) => a + b, 0), rows = total > room ? 2 : 1;
     let at = FRAME.left, row = 0, used = 0;
     series.forEach((s, i) => {
@@ -226,15 +226,15 @@ class Plot {
 
   // rows: [pieces, value], largest first; filled to the right, hatched to the left
   bars(rows, label) {
-    const { width, height, top, bottom } = FRAME, left = 150, right = 34, svg = this.svg;
+    const { width, height, top, bottom } = FRAME, left = 150, right = 12, svg = this.svg;
     svg.replaceChildren();
     element("rect", { width, height, fill: "#fff" }, svg);
     const hatch = element("pattern", { id: "hatch", width: 4, height: 4, patternUnits: "userSpaceOnUse", patternTransform: "rotate(45)" }, element("defs", {}, svg));
     element("rect", { width: 4, height: 4, fill: "#fff" }, hatch);
     element("path", { d: "M0 0V4", stroke: INK, "stroke-width": 1.6 }, hatch);
     const most = Math.max(...rows.map((row) => Math.abs(row[1])), 1e-9);
-    const low = rows.some((row) => row[1] < 0) ? -most : 0;
-    const x = new Axis(low, most, false, left, width - right);
+    const low = rows.some((row) => row[1] < 0) ? -1.25 * most : 0;
+    const x = new Axis(low, 1.25 * most, false, left, width - right);
     const lines = [];
     for (const [value] of x.ticks()) {
       const at = x.at(value).toFixed(1);
@@ -249,7 +249,6 @@ class Plot {
       written(svg, { x: left - 6, y: middle + 4, "text-anchor": "end", "font-size": 11 }, name);
       const text = minus(value.toFixed(2));
       const outside = value < 0 ? { x: a - 3, "text-anchor": "end" } : { x: b + 3, "text-anchor": "start" };
-      if (value < 0 && a - 30 < left) Object.assign(outside, { x: x.at(0) + 3, "text-anchor": "start" });
       written(svg, { ...outside, y: middle + 4, "font-size": 10.5 }, [[text, ""]]);
     });
     element("path", { d: `M${x.at(0)} ${top}V${height - bottom}`, stroke: INK, "stroke-width": 0.8 }, svg);
