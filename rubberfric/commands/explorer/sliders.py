@@ -60,7 +60,7 @@ def sliders_of(scene: Scene, conditions: Conditions, axis: str = "velocity") -> 
     Parameters
     ----------
     scene : Scene of concrete numbers, prepared by `with_cutoffs`
-    conditions : of which the first pressure and temperature are where these sliders start
+    conditions : whose middle pressure and temperature are where these sliders start
     axis : which of the conditions the curves are over, and so has none
     """
     found = [one for one in _of_conditions(scene, conditions) if one.name != axis]
@@ -137,13 +137,13 @@ def moved(scene: Scene, sliders: Sequence[Slider], values: Mapping[str, float]) 
 
 
 def _of_conditions(scene: Scene, conditions: Conditions) -> Iterator[Slider]:
-    p = float(conditions.pressure[0])
-    reach = _PRESSURE_REACH
-    yield Slider("pressure", "conditions", "pressure", "Pa", p, p / reach, p * reach, logarithmic=True)
+    low, p, high = _middle(conditions.pressure)
+    low, high = low / _PRESSURE_REACH, high * _PRESSURE_REACH
+    yield Slider("pressure", "conditions", "pressure", "Pa", p, low, high, logarithmic=True)
     if conditions.temperature is None:
         return
-    T = float(conditions.temperature[0])
-    low, high = max(T - _TEMPERATURE_REACH, 1.0), T + _TEMPERATURE_REACH
+    low, T, high = _middle(conditions.temperature)
+    low, high = max(low - _TEMPERATURE_REACH, 1.0), high + _TEMPERATURE_REACH
     slider = Slider("temperature", "conditions", "temperature", "K", T, low, high, logarithmic=False)
 
     def accepts(value):
@@ -154,6 +154,12 @@ def _of_conditions(scene: Scene, conditions: Conditions) -> Iterator[Slider]:
         return True
 
     yield _within(slider, accepts)
+
+
+def _middle(values: np.ndarray) -> tuple[float, float, float]:
+    """The least of them, one in the middle, and the largest."""
+    ordered = np.sort(values).tolist()
+    return ordered[0], ordered[(len(ordered) - 1) // 2], ordered[-1]
 
 
 def _parts(path: str, part: PhysicalObject) -> Iterator[tuple[str, PhysicalObject]]:

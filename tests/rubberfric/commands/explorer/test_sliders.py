@@ -42,7 +42,8 @@ def test_sliders_of_a_scene():
     assert found["upper.material.poisson"][5:8] == (0.0, 0.5, False)
     # At its left end q1 meets qr, beyond which there is no such spectrum.
     assert 1000 <= found["lower.spectrum.q1"].low < 1000.01 and found["lower.spectrum.q1"].high == 3.1e6
-    np.testing.assert_allclose([found["temperature"].low, found["temperature"].high], [183.15, 303.15])
+    np.testing.assert_allclose([found["temperature"].low, found["temperature"].high], [183.15, 413.15])
+    assert (found["pressure"].start, found["temperature"].start) == (1e5, 293.15)
 
 
 def test_temperatures_are_those_of_the_shift():
