@@ -93,12 +93,12 @@ class Explorer:
         """
         scene = cast(self.moved(values), float)
         v, p, T = self.conditions_at(values)
-        every, moduli, spectra = jax.device_get(self._curves(scene, v, p, T))
-        curves = {name: x[:POINTS] for name, x in every.items()}
+        curves, others, moduli, spectra = jax.device_get(self._curves(scene, v, p, T))
         found: dict[str, Any] = {"curves": curves, "moduli": moduli, "spectra": spectra}
         if self.measured is not None:
-            found["beside"] = every["friction"][POINTS : self._end].reshape(len(self.curves_of_points), -1)
-            found["misfit"] = _misfit(every["friction"][self._end :], self.measured.friction)
+            end = self._end - POINTS
+            found["beside"] = others[:end].reshape(len(self.curves_of_points), -1)
+            found["misfit"] = _misfit(others[end:], self.measured.friction)
         return found
 
     def sensitivities(self, values: Values) -> dict[str, np.ndarray]:
@@ -140,8 +140,16 @@ class Explorer:
         return all_of("velocity", v), all_of("pressure", p), None if T is None else all_of("temperature", T)
 
     def _all_curves(self, scene, v, p, T):
-        solution = solve(scene, v, p, T, quadrature=self.quadrature, quantities=self.quantities)
-        every = {name: getattr(solution, name) for name in self.quantities}
+        def at(points, quantities):
+            given = [None if x is None else x[points] for x in (v, p, T)]
+            found = solve(scene, *given, quadrature=self.quadrature, quantities=quantities)
+            return {name: getattr(found, name) for name in quantities}
+
+        curves = at(slice(POINTS), self.quantities)
+        others = None
+        if v.shape[0] > POINTS:
+            # Its other quantities would take several times as long.
+            others = at(slice(POINTS, None), ("friction",))["friction"]
         parts = _materials(scene)
         moduli = {name: complex_modulus(parts[name], omega) for name, omega in self.omega.items()}
         moduli = {name: (jnp.real(x), jnp.imag(x)) for name, x in moduli.items()}
@@ -150,7 +158,7 @@ class Explorer:
             if body.spectrum is not None:
                 law = body.spectrum.power_law()
                 spectra[name] = law.q, law.height2 * jnp.exp(law.log_value) / law.q**2
-        return every, moduli, spectra
+        return curves, others, moduli, spectra
 
     def _all_slopes(self, x):
         """The quantity at points, and its derivatives with respect to all sliders, (points, sliders)."""

@@ -5,6 +5,7 @@
 const ROOT = location.pathname, $ = (id) => document.getElementById(id);
 const state = { values: {}, start: null, first: null, shown: null, slopes: null, mark: 0, busy: false, wanted: false, idle: 0 };
 const rows = {}, panels = {};
+const DASHES = ["none", "6 2", "2 2"]; // of curves beside measured points
 
 async function post(route, body) {
   const answer = await fetch(ROOT + route, {
@@ -160,7 +161,10 @@ function tell(spent, server) {
   const left = (state.shown.curves.converged || []).filter((x) => !x).length;
   if (left) text = `no solution at ${left} of ${state.start.at.length} points; ${text}`;
   const misfit = state.shown.misfit;
-  if (misfit !== undefined && misfit !== null) text = `off the measured points by ${(100 * misfit).toPrecision(3)} % (rms of ln μ); ${text}`;
+  if (misfit !== undefined && misfit !== null) {
+    const by = misfit < 0.3 ? `${(100 * misfit).toPrecision(2)} %` : `a factor of ${Math.exp(misfit).toPrecision(2)}`;
+    text = `off the measured points by ${by} (rms); ${text}`;
+  }
   $("status").textContent = text;
   document.documentElement.dataset.spent = spent.toFixed(1);
 }
@@ -213,7 +217,7 @@ function makePanels() {
 function condition(curve) {
   const found = [];
   if (curve.pressure !== null) found.push(`${short(curve.pressure / 1e6)} MPa`);
-  if (curve.temperature !== null) found.push(`${(curve.temperature - 273.15).toFixed(0)} °C`);
+  if (curve.temperature !== null) found.push(`${minus((curve.temperature - 273.15).toFixed(0))} °C`);
   return found.join(", ") || "measured";
 }
 
@@ -233,9 +237,9 @@ function drawCurves() {
     if (name === "friction" && points)
       points.curves.forEach((curve, i) => {
         const colour = COLOURS[Math.floor(i * COLOURS.length / points.curves.length)], marker = MARKERS[i % MARKERS.length];
-        series.push({ x: beside, y: now.beside[i], colour, thick: 1, role: "beside" });
+        series.push({ x: beside, y: now.beside[i], colour, thick: 1, dash: DASHES[i % DASHES.length], role: "beside" });
         const of = (list) => curve.points.map((k) => list[k]);
-        series.push({ name: [upright(condition(curve))], x: of(points.velocity), y: of(points.friction), errors: points.error && of(points.error), colour, marker, both: true, thick: 1, role: "measured" });
+        series.push({ name: [upright(condition(curve))], x: of(points.velocity), y: of(points.friction), errors: points.error && of(points.error), colour, marker, both: true, thick: 1, dash: DASHES[i % DASHES.length], role: "measured" });
       });
     series.push({ name: series.length ? [upright("now")] : null, x: at, y, role: "now" });
     if (name === "friction" && now.curves.shear_friction) {

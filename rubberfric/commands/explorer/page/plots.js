@@ -74,7 +74,7 @@ class Axis {
       return found;
     }
     const first = Math.floor(Math.log10(this.low) + 1e-9), last = Math.ceil(Math.log10(this.high) - 1e-9);
-    const every = Math.ceil((last - first) / 6), few = last - first <= 2, found = [];
+    const every = Math.ceil((last - first) / 6), few = this.high / this.low <= 30, found = [];
     for (let power = first; power <= last; power++)
       for (let m = 1; m < 10; m++) {
         const x = m * 10 ** power;
@@ -99,6 +99,7 @@ class Plot {
       "font-family": "Helvetica Neue, Arial, Liberation Sans, sans-serif", "data-panel": look.name,
     }, figure);
     this.limits = null;
+    this.more = 0; // rows of keys beyond two [px]
   }
 
   // Limits that include the series, and what was shown before: a scale that jumps shows no change.
@@ -136,7 +137,10 @@ class Plot {
 
   frame(limits) {
     this.svg.replaceChildren();
-    const { width, height, left, right, top, bottom } = FRAME, { look, svg } = this;
+    const { width, left, right, bottom } = FRAME, { look, svg } = this;
+    const top = FRAME.top + this.more, height = FRAME.height + this.more;
+    svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
+    Object.assign(this, { top, height });
     element("rect", { width, height, fill: "#fff" }, svg);
     const x = new Axis(limits.left, limits.right, look.x.logarithmic, left, width - right);
     const y = new Axis(limits.low, limits.high, look.y.logarithmic, height - bottom, top);
@@ -167,11 +171,11 @@ class Plot {
 
   // series: { name: pieces, x, y, errors, colour, dash, thick, marker, role }
   draw(series, mark) {
-    const limits = this.fit(series), [x, y] = this.frame(limits);
+    const keys = this.keys(series.filter((s) => s.name)), limits = this.fit(series), [x, y] = this.frame(limits);
     const visible = (s, i) => s.y[i] !== null && s.y[i] !== undefined && Number.isFinite(s.y[i]) && (!this.look.y.logarithmic || s.y[i] > 0);
     if (mark) {
       const at = x.at(mark).toFixed(1);
-      element("path", { d: `M${at} ${FRAME.top}V${FRAME.height - FRAME.bottom}`, stroke: "#777", "stroke-width": 0.9, "stroke-dasharray": "1.5 2.5" }, this.inside);
+      element("path", { d: `M${at} ${this.top}V${this.height - FRAME.bottom}`, stroke: "#777", "stroke-width": 0.9, "stroke-dasharray": "1.5 2.5" }, this.inside);
     }
     for (const s of series) {
       const colour = s.colour || INK;
@@ -183,7 +187,7 @@ class Plot {
           shapes.push(shape(s.marker, a, b, 2.6));
           if (s.errors && s.errors[i]) {
             const lower = s.y[i] - s.errors[i];
-            const low = this.look.y.logarithmic && lower <= 0 ? FRAME.height : y.at(lower);
+            const low = this.look.y.logarithmic && lower <= 0 ? this.height : y.at(lower);
             bars.push(`M${a.toFixed(1)} ${low.toFixed(1)}V${y.at(s.y[i] + s.errors[i]).toFixed(1)}`);
           }
         });
@@ -202,26 +206,32 @@ class Plot {
         "stroke-linejoin": "round", "data-role": s.role || "",
       }, this.inside);
     }
-    this.legend(series.filter((s) => s.name));
+    this.legend(keys);
   }
 
-  // Above the frame: in one row, or two.
+  // Above the frame, in as many rows as it takes; places: [series, x, y].
+  keys(series) {
+    const room = FRAME.width - FRAME.left - FRAME.right, places = [];
+    let at = 0, row = 0;
+    for (const s of series) {
+      const wide = 42 + 5.9 * s.name.map(([text]) => text.length).reduce((a, b) => a + b, 0);
+      if (at && at + wide > room + 8) { at = 0; row += 1; }
+      places.push([s, FRAME.left + at, 16 + 16 * row]);
+      at += wide;
+    }
+    this.more = Math.max(0, 16 * (row - 1) + 8 * (row > 0));
+    const down = row === 0 ? 11 : 0;
+    return places.map(([s, x, y]) => [s, x, y + down]);
+  }
+
   legend(series) {
-    const room = FRAME.width - FRAME.left - FRAME.right;
-    const widths = series.map((s) => 42 + 5.9 * s.name.map(([text]) => text.length).reduce((a, b) => a + b, 0));
-    const total = widths.reduce((a, b) => a + b, 0), rows = total > room ? 2 : 1;
-    let at = FRAME.left, row = 0, used = 0;
-    series.forEach((s, i) => {
-      if (rows === 2 && row === 0 && used + widths[i] > room) { row = 1; at = FRAME.left; used = 0; }
-      if (used + widths[i] > room + 8) return; // no room
-      const y = rows === 1 ? 27 : 13 + 16 * row, colour = s.colour || INK;
+    for (const [s, at, y] of series) {
+      const colour = s.colour || INK;
       if (!s.marker || s.both)
         element("path", { d: `M${at} ${y - 4}h22`, stroke: colour, "stroke-width": s.thick || 1.8, "stroke-dasharray": s.dash || "none" }, this.svg);
       if (s.marker) element("path", { d: shape(s.marker, at + 11, y - 4, 2.9), fill: "#fff", stroke: colour, "stroke-width": 1.1 }, this.svg);
       written(this.svg, { x: at + 26, y, "font-size": 11 }, s.name);
-      at += widths[i];
-      used += widths[i];
-    });
+    }
   }
 
   // rows: [pieces, value], largest first; filled to the right, hatched to the left
@@ -233,8 +243,8 @@ class Plot {
     element("rect", { width: 4, height: 4, fill: "#fff" }, hatch);
     element("path", { d: "M0 0V4", stroke: INK, "stroke-width": 1.6 }, hatch);
     const most = Math.max(...rows.map((row) => Math.abs(row[1])), 1e-9);
-    const low = rows.some((row) => row[1] < 0) ? -1.25 * most : 0;
-    const x = new Axis(low, 1.25 * most, false, left, width - right);
+    const low = rows.some((row) => row[1] < 0) ? -1.4 * most : 0;
+    const x = new Axis(low, 1.3 * most, false, left, width - right);
     const lines = [];
     for (const [value] of x.ticks()) {
       const at = x.at(value).toFixed(1);
@@ -274,7 +284,7 @@ class Plot {
 
 // A tick of an axis over decades is a power of ten, whatever its size.
 function tick(value, axis) {
-  if (axis.logarithmic && axis.high / axis.low > 200) return [["10", ""], [minus(Math.round(Math.log10(value))), "sup"]];
+  if (axis.logarithmic && axis.high / axis.low > 30) return [["10", ""], [minus(Math.round(Math.log10(value))), "sup"]];
   return number(Number(value.toPrecision(6)));
 }
 
