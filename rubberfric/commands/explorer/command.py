@@ -69,6 +69,8 @@ def routes(explorer: Explorer) -> dict[str, Callable[[Any], Answer]]:
     def sensitivities(values):
         if not explorer.is_ready:
             return _json({"pending": True})
+        if explorer.failure:
+            raise ValueError(f"sensitivities cannot be computed: {explorer.failure}")
         return _json({"sensitivities": explorer.sensitivities(values)})
 
     return {

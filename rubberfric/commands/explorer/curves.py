@@ -25,6 +25,8 @@ from rubberfric.theory.quantities import quantities_of
 # Points of a curve, of which every third has sensitivities and every second is on the curves beside measured
 # points; points of a master curve.
 POINTS, EVERY, BESIDE, FREQUENCIES = 61, 3, 2, 121
+# With adhesion a point takes a hundred times as long.
+ADHESIVE_POINTS = 13
 # How far pressures reach where the scene says one only, and frequencies beyond those of a material.
 _REACH, _BEYOND = 30.0, 100.0
 # Of a material that does not say any [rad/s].
@@ -48,13 +50,16 @@ class Explorer:
     ) -> None:
         self.scene, self.conditions, self.title = with_cutoffs(scene), conditions, title
         self.measured = measured
-        self.axis, self.at = _axis(conditions)
+        adheres = scene.adhesion is not None
+        self.axis, self.at = _axis(conditions, ADHESIVE_POINTS if adheres else POINTS)
         if self.axis == "pressure" and measured is not None:
             raise ValueError(
                 f"{measured.path}: points over velocity: [run] of the scene must have two velocities > 0"
             )
         self.sliders = sliders_of(self.scene, conditions, self.axis)
-        self.quadrature = fitting_quadrature(self.scene, conditions.pressure, margin=math.inf)
+        self.quadrature = fitting_quadrature(
+            self.scene, conditions.pressure, margin=0.0 if adheres else math.inf
+        )
         self.quantities = quantities_of(self.scene)
         self.curves_of_points = [] if measured is None else curves_of(measured)
         rubs = dissipates(self.scene) or self.scene.shear is not None
@@ -63,6 +68,7 @@ class Explorer:
         self._curves = jax.jit(self._all_curves)
         self._slopes = jax.jit(self._all_slopes)
         self.is_ready = False  # whether sensitivities are compiled
+        self.failure = ""  # why they could not be
 
     @property
     def count(self) -> int:
@@ -73,7 +79,7 @@ class Explorer:
     @property
     def _end(self) -> int:
         """Points of curves."""
-        return POINTS + self.at[::BESIDE].size * len(self.curves_of_points)
+        return self.at.size + self.at[::BESIDE].size * len(self.curves_of_points)
 
     def moved(self, values: Values) -> Scene:
         """The scene with the sliders at these values; ValueError if they do not go together."""
@@ -96,7 +102,7 @@ class Explorer:
         curves, others, moduli, spectra = jax.device_get(self._curves(scene, v, p, T))
         found: dict[str, Any] = {"curves": curves, "moduli": moduli, "spectra": spectra}
         if self.measured is not None:
-            end = self._end - POINTS
+            end = self._end - self.at.size
             found["beside"] = others[:end].reshape(len(self.curves_of_points), -1)
             found["misfit"] = _misfit(others[end:], self.measured.friction)
         return found
@@ -115,8 +121,11 @@ class Explorer:
         self.curves({one.name: one.start for one in self.sliders})
 
     def compile_sensitivities(self) -> None:
-        """Compile that of the sensitivities."""
-        self.sensitivities({one.name: one.start for one in self.sliders})
+        """Compile that of the sensitivities; what failed is kept, as it may happen in a thread."""
+        try:
+            self.sensitivities({one.name: one.start for one in self.sliders})
+        except (ValueError, RuntimeError, MemoryError, FloatingPointError) as error:  # JAX's are the second
+            self.failure = str(error) or type(error).__name__
         self.is_ready = True
 
     def conditions_at(self, values: Values) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
@@ -129,7 +138,7 @@ class Explorer:
             else:
                 each = [getattr(curve, name) for curve in curves]
                 beside = np.array([one if x is None else x for x in each])
-                parts = [np.full(POINTS, one), np.repeat(beside, self.at[::BESIDE].size)]
+                parts = [np.full(self.at.size, one), np.repeat(beside, self.at[::BESIDE].size)]
             if measured is not None:
                 own = getattr(measured, name)
                 parts.append(np.full(measured.velocity.size, one) if own is None else own)
@@ -140,16 +149,19 @@ class Explorer:
         return all_of("velocity", v), all_of("pressure", p), None if T is None else all_of("temperature", T)
 
     def _all_curves(self, scene, v, p, T):
+        count = self.at.size
+
         def at(points, quantities):
-            given = [None if x is None else x[points] for x in (v, p, T)]
-            found = solve(scene, *given, quadrature=self.quadrature, quantities=quantities)
+            temperature = None if T is None else T[points]
+            options = {"quadrature": self.quadrature, "quantities": quantities}
+            found = solve(scene, v[points], p[points], temperature, **options)
             return {name: getattr(found, name) for name in quantities}
 
-        curves = at(slice(POINTS), self.quantities)
+        curves = at(slice(count), self.quantities)
         others = None
-        if v.shape[0] > POINTS:
+        if v.shape[0] > count:
             # Its other quantities would take several times as long.
-            others = at(slice(POINTS, None), ("friction",))["friction"]
+            others = at(slice(count, None), ("friction",))["friction"]
         parts = _materials(scene)
         moduli = {name: complex_modulus(parts[name], omega) for name, omega in self.omega.items()}
         moduli = {name: (jnp.real(x), jnp.imag(x)) for name, x in moduli.items()}
@@ -194,16 +206,16 @@ class Explorer:
         return value, slopes
 
 
-def _axis(conditions: Conditions) -> tuple[str, np.ndarray]:
+def _axis(conditions: Conditions, count: int) -> tuple[str, np.ndarray]:
     """Which condition the curves are over, and its values."""
     v = conditions.velocity[conditions.velocity > 0]
     if v.size and v.max() > v.min():
-        return "velocity", np.geomspace(v.min(), v.max(), POINTS)
+        return "velocity", np.geomspace(v.min(), v.max(), count)
     p = conditions.pressure
     low, high = float(p.min()), float(p.max())
     if not high > low:
         low, high = low / _REACH, high * _REACH
-    return "pressure", np.geomspace(low, high, POINTS)
+    return "pressure", np.geomspace(low, high, count)
 
 
 def _materials(scene: Scene) -> dict[str, Material]:

@@ -121,7 +121,7 @@ async function ask() {
   state.busy = true;
   while (state.wanted) {
     state.wanted = false;
-    const begin = performance.now();
+    const begin = performance.now(), late = setTimeout(() => { $("status").textContent = "computing …"; }, 300);
     try {
       const answer = await post("curves", away());
       const found = await answer.json();
@@ -132,6 +132,8 @@ async function ask() {
       tell(performance.now() - begin, answer.headers.get("Server-Timing"));
     } catch (error) {
       complain(error.message);
+    } finally {
+      clearTimeout(late);
     }
     document.documentElement.dataset.answers = Number(document.documentElement.dataset.answers || 0) + 1;
   }
