@@ -28,7 +28,7 @@ function toValue(s, part) {
 
 function short(value) {
   const size = Math.abs(value);
-  if (size !== 0 && (size < 1e-3 || size >= 1e5)) return value.toExponential(3).replace(/\.?0+e/, "e").replace("e+", "e");
+  if (size !== 0 && (size < 1e-2 || size >= 1e5)) return value.toExponential(3).replace(/\.?0+e/, "e").replace("e+", "e");
   return String(Number(value.toPrecision(5)));
 }
 
@@ -47,7 +47,7 @@ function set(name, value, from) {
 function unitOf(slider, value) {
   if (slider.name === "temperature") return `K ${(value - 273.15).toFixed(0)} °C`;
   if (slider.unit === "") return "×";
-  return slider.unit === "-" ? "" : slider.unit;
+  return slider.unit === "-" ? "" : slider.unit.replace("^2", "²").replace("^3", "³");
 }
 
 function labelled(host, label) {
@@ -62,7 +62,7 @@ function groupOf(slider) {
   const decade = /^(.*), tau 1e(-?\d+) s$/.exec(slider.label);
   if (!decade) return [slider.group, slider.label, true];
   const power = Number(decade[2]), sup = (n) => String(n).replace(/./g, (c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)]);
-  return [`${slider.group}, ${decade[1]} by decade of relaxation time`, `τ ≥ 10${sup(power)} s`, false];
+  return [`${slider.group}, ${decade[1]} by decade of τ`, `τ ≥ 10${sup(power)} s`, false];
 }
 
 function makeSlider(slider) {
@@ -228,6 +228,9 @@ function before(x, y, now) {
   return same ? [] : [{ name: [upright("start")], x, y, colour: START, dash: "6 3", thick: 1.3, role: "start" }];
 }
 
+// The key of a grey line, if there is none yet.
+function began(series) { return series.some((s) => s.colour === START) ? null : [upright("start")]; }
+
 function drawCurves() {
   const { at, beside, points } = state.start, now = state.shown, first = state.first.curves, mark = at[state.mark * state.start.every];
   const good = (name, scale) => (all) => all[name].map((value, i) => (value === null || (all.converged && !all.converged[i]) ? null : scale(value)));
@@ -256,7 +259,7 @@ function drawCurves() {
     Object.entries(now.moduli).forEach(([name, [storage, loss]], i) => {
       const omega = state.start.omega[name], of = several ? ` ${name}` : "", old = state.first.moduli[name];
       if (old[0].some((value, k) => value !== storage[k]) || old[1].some((value, k) => value !== loss[k])) {
-        series.unshift({ name: i ? null : [upright("start")], x: omega, y: old[0], colour: START, thick: 1.2 });
+        series.unshift({ name: began(series), x: omega, y: old[0], colour: START, thick: 1.2 });
         series.unshift({ x: omega, y: old[1], colour: START, thick: 1.2, dash: "6 3" });
       }
       series.push({ name: [italic("E′"), upright(of)], x: omega, y: storage, colour: colours[i % 3], role: "now" });
@@ -269,7 +272,7 @@ function drawCurves() {
     Object.entries(now.spectra).forEach(([name, [q, C]], i) => {
       const [q0, C0] = state.first.spectra[name];
       if (q0.some((value, k) => value !== q[k]) || C0.some((value, k) => value !== C[k]))
-        series.unshift({ name: series.length ? null : [upright("start")], x: q0, y: C0, colour: START, dash: "6 3", thick: 1.3 });
+        series.unshift({ name: began(series), x: q0, y: C0, colour: START, dash: "6 3", thick: 1.3 });
       series.push({ name: several ? [upright(name)] : null, x: q, y: C, dash: i ? "7 3" : "none", colour: i ? "#2a78b5" : INK, role: "now" });
     });
     if (series.length > 1 && !several) series[series.length - 1].name = [upright("now")];
