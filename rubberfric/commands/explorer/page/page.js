@@ -196,7 +196,7 @@ function makePanels() {
       drawSlopes();
     });
   };
-  add("friction", [upright("friction coefficient "), italic("μ")], [0]);
+  if (state.start.sensitive === "friction") add("friction", [upright("friction coefficient "), italic("μ")], [0]);
   add("area", [upright("contact area "), italic("A"), upright("/"), italic("A"), below("0")], shown.area);
   if (shown.flash_temperature) add("flash_temperature", [upright("flash temperature / °C")], [0], { zero: false });
   else if (shown.transverse_friction) add("transverse_friction", [upright("transverse friction "), italic("μ"), below("⊥")], [0]);
