@@ -1,6 +1,7 @@
 """Commands that get a signal at moments from their beginning to their end: how, and how soon, they answer.
 
-``PYTHONPATH=.:tests python tests/support/processes/signals.py [run map accuracy explore fit]`` prints a table.
+``PYTHONPATH=.:tests python tests/support/processes/signals.py [run map accuracy explore fit]`` prints
+a table.
 """
 
 import os
