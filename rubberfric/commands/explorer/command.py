@@ -45,7 +45,7 @@ def run(arguments: argparse.Namespace, show: Phases) -> tuple[str, None]:
         print(f"{server.url}\nCtrl-C ends it; d ln {explorer.sensitive} is being compiled", flush=True)
         threading.Thread(target=explorer.compile_sensitivities, daemon=True).start()
         if not arguments.no_browser:
-            webbrowser.open(server.url)
+            webbrowser.open(server.entrance)
         server.serve_forever()
     return "", None
 

@@ -42,6 +42,7 @@ class Answer(NamedTuple):
     kind: str  # of the content
     content: bytes
     headers: dict[str, str] = {}  # noqa: RUF012 (never changed)
+    status: HTTPStatus = HTTPStatus.OK
 
 
 class Refused(Exception):
@@ -71,6 +72,7 @@ class Server(ThreadingHTTPServer):
         super().__init__((ADDRESS, port), Handler)
         self.page, self.routes = page, routes
         self.token = secrets.token_urlsafe(32)
+        self._entrance = [secrets.token_urlsafe(32)]
         self.turn = threading.Lock()
         self._room = threading.BoundedSemaphore(MOST)
 
@@ -83,6 +85,19 @@ class Server(ThreadingHTTPServer):
     def url(self) -> str:
         """Of the page, with the token."""
         return f"http://{self.hosts[0]}/{self.token}/"
+
+    @property
+    def entrance(self) -> str:
+        """A URL that leads to the page once: other users may see what a browser is told to open."""
+        return f"http://{self.hosts[0]}/{self._entrance[0]}/"
+
+    def enters(self, path: str) -> bool:
+        """Whether a path is that of `entrance`, which then is none any more."""
+        there = any(hmac.compare_digest(path.encode(), f"/{one}/".encode()) for one in self._entrance)
+        try:
+            return there and bool(self._entrance.pop())
+        except IndexError:  # another thread was quicker
+            return False
 
     def process_request(self, request: Any, client_address: Any) -> None:
         """In a thread, as browsers open connections beforehand that say nothing; not in ever so many."""
@@ -136,7 +151,7 @@ class Handler(BaseHTTPRequestHandler):
         except (FloatingPointError, MemoryError, RuntimeError) as error:  # JAX's are the last
             self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, " ".join(str(error).split()))
         else:
-            self._send(HTTPStatus.OK, found)
+            self._send(found.status, found)
 
     def _refuse(self, code: int, why: str) -> None:
         self._send(code, Answer("text/plain; charset=utf-8", why.encode()))
@@ -152,6 +167,8 @@ class Handler(BaseHTTPRequestHandler):
             self.wfile.write(answer.content)
 
     def _page(self) -> Answer:
+        if self.server.enters(self.path):
+            return Answer("text/plain", b"", {"Location": f"/{self.server.token}/"}, HTTPStatus.SEE_OTHER)
         if self._route() != "":
             raise Refused(HTTPStatus.NOT_FOUND, "there is no such page")
         nonce = secrets.token_urlsafe(16)

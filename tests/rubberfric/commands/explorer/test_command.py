@@ -13,6 +13,7 @@ import pytest
 from support.folders import DATA, ROOT
 
 from rubberfric.commands import main as command
+from rubberfric.commands.explorer import command as explore
 from rubberfric.commands.explorer.command import page
 
 SCENE = DATA / "twin_truth.toml"
@@ -63,6 +64,23 @@ def test_points_over_velocity_and_curves_over_pressure(call_main):
     arguments = DATA / "rubber_seal.toml", "--data", DATA / "twin_friction.csv", "--no-browser"
     status, _, complaint = call_main(command.main, "explore", *arguments)
     assert status == 2 and "[run] of the scene must have two velocities > 0" in complaint
+
+
+def test_a_port_that_is_taken_and_the_browser_that_is_opened(call_main, monkeypatch):
+    opened, served = [], []
+    monkeypatch.setattr(explore.webbrowser, "open", opened.append)
+    monkeypatch.setattr(explore.Explorer, "compile", lambda _: None)
+    monkeypatch.setattr(explore.Explorer, "compile_sensitivities", lambda _: None)
+    monkeypatch.setattr(explore.Server, "serve_forever", lambda server: served.append(server))
+    status, printed, complaint = call_main(command.main, "explore", SCENE)
+    assert (status, complaint) == (0, "") and len(served) == 1
+    url = printed.splitlines()[0]
+    port = served[0].server_port
+    assert url == f"http://127.0.0.1:{port}/{served[0].token}/" and opened[0].startswith(url[:18])
+    assert served[0].token not in opened[0]
+    with explore.Server(0, page, {}) as other:
+        taken = call_main(command.main, "explore", SCENE, "--port", str(other.server_port))
+    assert taken[0] == 1 and f"--port {other.server_port}: Address already in use" in taken[2]
 
 
 def test_the_page_needs_nothing_else():

@@ -77,6 +77,17 @@ def test_the_page_and_its_routes(server, ask):
         assert re.fullmatch(r"total;dur=[\d.]+", headers["Server-Timing"])
 
 
+def test_a_browser_is_let_in_once(server, ask):
+    """By a URL that other users may have seen meanwhile."""
+    path = server.entrance.removeprefix(f"http://{server.hosts[0]}")
+    assert server.token not in path
+    assert ask("GET", path, Host="evil.example")[0] == ask("POST", path, b"{}")[0] == 403
+    status, headers, _ = ask("GET", path)
+    assert (status, headers["Location"]) == (303, f"/{server.token}/")
+    assert ask("GET", path)[0] == 403
+    assert ask("GET", headers["Location"])[0] == 200
+
+
 @pytest.mark.parametrize(
     "host",
     [
