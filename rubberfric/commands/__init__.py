@@ -12,9 +12,9 @@ if TYPE_CHECKING:
         check_outputs,
         write_outputs,
     )
-    from rubberfric.commands.ending import begin_jax, complain, ended
-    from rubberfric.commands.interrupts import Interrupts, leave_at_once
-    from rubberfric.commands.phases import progress
+    from rubberfric.commands.process.ending import begin_jax, complain, ended
+    from rubberfric.commands.process.interrupts import Interrupts, leave_at_once
+    from rubberfric.commands.process.phases import progress
 
 __all__ = [
     "Interrupts",
@@ -37,8 +37,8 @@ lazily(
         "rubberfric.commands.arguments": (
             "Parser add_common add_outputs check_input check_outputs write_outputs"
         ),
-        "rubberfric.commands.ending": "begin_jax complain ended",
-        "rubberfric.commands.interrupts": "Interrupts leave_at_once",
-        "rubberfric.commands.phases": "progress",
+        "rubberfric.commands.process.ending": "begin_jax complain ended",
+        "rubberfric.commands.process.interrupts": "Interrupts leave_at_once",
+        "rubberfric.commands.process.phases": "progress",
     },
 )

@@ -9,6 +9,8 @@ from rubberfric.base.atomic import StrPath, check_readable, check_suffix, check_
 from rubberfric.base.process.release import VERSION
 
 SCENES = (".toml", ".h5")
+# Of measured points, as fits read them.
+TABLES = (".csv", ".txt", ".tsv", ".dat", ".xlsx")
 # What `rubberfric map` can compute: fields of `rubberfric.Solution`, which JAX stands before.
 MAPPED = (
     *("area", "friction", "separation", "viscoelastic_friction", "shear_friction", "transverse_friction"),
@@ -34,6 +36,7 @@ def parser() -> Parser:
     _add_run(commands)
     _add_accuracy(commands)
     _add_map(commands)
+    _add_explore(commands)
     doctor = commands.add_parser(
         "doctor",
         help="say what this installation is, and whether compiled programs are kept",
@@ -99,6 +102,26 @@ def _add_map(commands: "argparse._SubParsersAction[Parser]") -> None:
     add_common(command)
 
 
+def _add_explore(commands: "argparse._SubParsersAction[Parser]") -> None:
+    command = commands.add_parser(
+        "explore",
+        help="move the numbers of a scene on a page and see the curves follow",
+        description="Serve one page, to this machine alone, with a slider for each number of a scene: "
+        "friction, contact area, moduli, spectra and sensitivities follow; measured points beside them; "
+        "downloads of the scene and of a fit that begins there. It compiles two programs, for the curves and "
+        "for the sensitivities, and is ended by Ctrl-C.",
+    )
+    command.add_argument("scene", metavar="SCENE", help="scene file (.toml) or result file (.h5)")
+    command.add_argument(
+        "--data", metavar="FILE", help="measured friction: a table with v, mu, and p and T if it has them"
+    )
+    command.add_argument("--port", type=int, default=0, metavar="N", help="port (default: any that is free)")
+    command.add_argument(
+        "--no-browser", action="store_true", help="print the address, and open it in no browser"
+    )
+    add_common(command)
+
+
 def add_outputs(command: argparse.ArgumentParser, name: str, written: str, drawn: str) -> None:
     """Add --out, for a file of that kind of name, and --plot."""
     command.add_argument("--out", metavar=name, help=written)
@@ -124,6 +147,12 @@ def check_arguments(arguments: argparse.Namespace) -> None:
     if arguments.command == "map" and arguments.devices is not None:
         check_devices(arguments.devices)
     check_input(arguments.scene, SCENES)
+    if arguments.command == "explore":
+        if arguments.port != 0 and not 1024 <= arguments.port < 2**16:
+            raise ValueError(f"--port {arguments.port}: must be 1024 ... 65535, or 0 for any that is free")
+        if arguments.data is not None:
+            check_input(arguments.data, TABLES)
+        return
     check_outputs(arguments, ".csv" if arguments.command == "accuracy" else ".h5")
 
 

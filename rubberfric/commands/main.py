@@ -8,32 +8,32 @@ Each step imports what it needs: signals are answered before that, arguments che
 
 from __future__ import annotations
 
-from rubberfric.commands.interrupts import leave_at_once
+from rubberfric.commands.process.interrupts import leave_at_once
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Sequence
 
-    from rubberfric.commands.phases import Phases
+    from rubberfric.commands.process.phases import Phases
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with arguments `argv`; returns the exit status.
 
-    None: those of the process, which a signal then ends (`rubberfric.commands.interrupts`).
+    None: those of the process, which a signal then ends (`rubberfric.commands.process.interrupts`).
     """
     if argv is None:
         leave_at_once("rubberfric")
-    from rubberfric.commands.ending import ended
+    from rubberfric.commands.process.ending import ended
 
     return ended("rubberfric", lambda _: _run(argv), process=argv is None)
 
 
 def _run(argv: Sequence[str] | None) -> int:
     from rubberfric.commands.arguments import check_arguments, parser
-    from rubberfric.commands.ending import begin_jax
-    from rubberfric.commands.phases import progress
+    from rubberfric.commands.process.ending import begin_jax
+    from rubberfric.commands.process.phases import progress
 
     arguments = parser().parse_args(argv)
     check_arguments(arguments)
@@ -58,6 +58,8 @@ def _work(command: str) -> Callable[[argparse.Namespace, Phases], tuple[str, OSE
             from rubberfric.commands.accuracy import run
         case "map":
             from rubberfric.commands.map import run
+        case "explore":
+            from rubberfric.commands.explorer.command import run
         case _:
             from rubberfric.commands.doctor import run
     return run

@@ -13,6 +13,7 @@ from support.folders import ROOT
 import rubberfric as rf
 
 PACKAGES = ("rubberfric", "fitting")
+PAGE = "rubberfric/commands/explorer/page"
 BUILD = """
 import sys
 from setuptools import build_meta
@@ -40,10 +41,11 @@ def built(source, kind):
 
 
 def needed():
-    """All modules of the packages, and what tells type checkers that they are typed."""
+    """All modules of the packages, what tells type checkers that they are typed, and the explorer's page."""
+    page = {f"{PAGE}/{name}" for name in ("page.html", "style.css", "plots.js", "page.js")}
     modules = {str(path.relative_to(ROOT)) for name in PACKAGES for path in (ROOT / name).rglob("*.py")}
     assert any(name.count("/") > 2 for name in modules)
-    return modules | {f"{name}/py.typed" for name in PACKAGES}
+    return modules | page | {f"{name}/py.typed" for name in PACKAGES}
 
 
 def test_wheel(source):

@@ -1,6 +1,7 @@
 """Commands that get a signal at moments from their beginning to their end: how, and how soon, they answer.
 
-``PYTHONPATH=.:tests python tests/support/processes/signals.py [run map accuracy fit]`` prints a table.
+``PYTHONPATH=.:tests python tests/support/processes/signals.py [run map accuracy explore fit]`` prints
+a table.
 """
 
 import os
@@ -25,6 +26,7 @@ COMMANDS = {
     "run": ("rubberfric", "run", SCENE, "--out", "out.h5"),
     "map": ("rubberfric", "map", SCENE, "--out", "out.h5"),
     "accuracy": ("rubberfric", "accuracy", SCENE, "--out", "out.csv"),
+    "explore": ("rubberfric", "explore", SCENE, "--no-browser"),
     "fit": ("fitting", "job.toml", "--out", "out.h5"),
 }
 LONGEST = 25.0  # of a command, as far as it is looked at [s]

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from typing import TextIO
 
 from rubberfric.base.process.compilation_cache import compilation_cache
-from rubberfric.commands.interrupts import Interrupts
+from rubberfric.commands.process.interrupts import Interrupts
 
 try:
     import resource

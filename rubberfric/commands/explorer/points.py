@@ -1,0 +1,87 @@
+"""Measured friction coefficients that are drawn beside the curves, read as a fit reads them."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from rubberfric.base.atomic import StrPath, as_path
+from rubberfric.base.checks import shown
+from rubberfric.io.scene_files.conditions import Conditions, check_conditions
+from rubberfric.io.scene_files.plausibility import check_plausible_conditions
+from rubberfric.io.tables.reading import read_table
+from rubberfric.scene.scene import Scene, takes_temperature
+
+# Points and curves that a page has room and time for.
+MOST, MOST_CURVES = 2000, 12
+
+
+class Measured(NamedTuple):
+    """Friction coefficients, arrays of shape (n,); what the file does not say is where the sliders are."""
+
+    path: Path
+    velocity: np.ndarray  # [m/s]
+    friction: np.ndarray  # [-]
+    error: np.ndarray | None  # standard deviations [-]
+    pressure: np.ndarray | None  # [Pa]
+    temperature: np.ndarray | None  # [K]; None also where nothing depends on it
+    content: bytes  # of the file
+
+
+class Curve(NamedTuple):
+    """Points at about the same pressure and temperature, which have a curve of their own."""
+
+    pressure: float | None  # None: where the slider is
+    temperature: float | None
+    points: tuple[int, ...]
+
+
+def read_points(path: StrPath, scene: Scene, conditions: Conditions) -> Measured:
+    """The points of a table with v and mu, and if it has them p, T, and sigma or relative_sigma.
+
+    Raises
+    ------
+    ValueError : one line; no such table, or points that the scene cannot be computed at.
+    """
+    optional = ("p", "T", "sigma", "relative_sigma")
+    table = read_table(path, ("v", "mu"), optional, increasing=False)
+    if table["v"].size > MOST:
+        raise ValueError(f"{path}: has {table['v'].size} points: must have at most {MOST}")
+    if np.any(table["v"] <= 0):
+        raise ValueError(f"{path}: v = {shown(table['v'].min())}: must be > 0, for the axis is logarithmic")
+    p, T = table.get("p"), table.get("T")
+    if not takes_temperature(scene):
+        T = None
+    elif T is not None and conditions.temperature is None:
+        raise ValueError(f"{path}: has temperatures, but [run] of the scene has none: must have one")
+    at = Conditions(
+        table["v"],
+        conditions.pressure if p is None else p,
+        conditions.temperature if T is None else T,
+    )
+    check_conditions(f"{path}: ", at, scene)
+    check_plausible_conditions(f"{path}: ", at)
+    error = table.get("sigma")
+    if error is None and "relative_sigma" in table:
+        error = table["relative_sigma"] * np.abs(table["mu"])
+    return Measured(as_path(path), table["v"], table["mu"], error, p, T, as_path(path).read_bytes())
+
+
+def curves_of(measured: Measured) -> list[Curve]:
+    """The points in sets of one pressure and temperature, to 1 % and 1 K; the largest sets if many."""
+    size = measured.velocity.size
+    p = np.zeros(size) if measured.pressure is None else np.round(np.log(measured.pressure) / 0.01)
+    T = np.zeros(size) if measured.temperature is None else np.round(measured.temperature)
+    sets, which = np.unique(np.stack([p, T], 1), axis=0, return_inverse=True)
+    chosen = [np.flatnonzero(which.ravel() == i) for i in range(len(sets))]
+    if len(chosen) > MOST_CURVES:
+        largest = sorted(range(len(chosen)), key=lambda i: -chosen[i].size)[:MOST_CURVES]
+        chosen = [chosen[i] for i in sorted(largest)]
+    return [
+        Curve(
+            None if measured.pressure is None else float(np.median(measured.pressure[points])),
+            None if measured.temperature is None else float(np.median(measured.temperature[points])),
+            tuple(points.tolist()),
+        )
+        for points in chosen
+    ]

@@ -1,0 +1,229 @@
+"""The page's server: to this machine alone, and there to who has the token of the URL.
+
+Another page in the same browser can send requests here, even by a name of its own that it has resolved to
+127.0.0.1: so the Host must be this server's, what is posted must come from its own page (Origin), and nothing
+is answered without the token, which other users of the machine do not know either. There are five routes and
+no files: what is asked for is compared with them, never opened.
+"""
+
+import hmac
+import json
+import secrets
+import threading
+import time
+from collections.abc import Callable
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from typing import Any, NamedTuple
+
+from rubberfric.base.checks import shown
+
+ADDRESS = "127.0.0.1"
+# Bytes that a request may have, seconds that it may take to arrive, and requests that may be under way.
+LARGEST, PATIENCE, MOST = 2**14, 10.0, 32
+
+_HEADERS = {
+    "Cache-Control": "no-store",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Referrer-Policy": "no-referrer",
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+}
+_POLICY = (
+    "default-src 'none'; script-src {0}; style-src {0}; connect-src 'self'; img-src data:; base-uri 'none'; "
+    "form-action 'none'; frame-ancestors 'none'"
+)
+
+
+class Answer(NamedTuple):
+    """What is sent back."""
+
+    kind: str  # of the content
+    content: bytes
+    headers: dict[str, str] = {}  # noqa: RUF012 (never changed)
+    status: HTTPStatus = HTTPStatus.OK
+
+
+class Refused(Exception):
+    """A request that is not answered."""
+
+    def __init__(self, status: HTTPStatus, why: str) -> None:
+        super().__init__(why)
+        self.status = status
+
+
+class Server(ThreadingHTTPServer):
+    """Answers the routes of a page, one after another.
+
+    Parameters
+    ----------
+    port : 0: any that is free
+    page : function of a nonce, gives the page whose script and style have it
+    routes : by name, functions of what was posted as JSON; ValueError for what they do not take
+    """
+
+    daemon_threads = True
+    request_queue_size = MOST
+
+    def __init__(
+        self, port: int, page: Callable[[str], str], routes: dict[str, Callable[[Any], Answer]]
+    ) -> None:
+        super().__init__((ADDRESS, port), Handler)
+        self.page, self.routes = page, routes
+        self.token = secrets.token_urlsafe(32)
+        self._entrance = [secrets.token_urlsafe(32)]
+        self.turn = threading.Lock()
+        self._room = threading.BoundedSemaphore(MOST)
+
+    @property
+    def hosts(self) -> tuple[str, str]:
+        """What its Host header may say."""
+        return f"{ADDRESS}:{self.server_port}", f"localhost:{self.server_port}"
+
+    @property
+    def url(self) -> str:
+        """Of the page, with the token."""
+        return f"http://{self.hosts[0]}/{self.token}/"
+
+    @property
+    def entrance(self) -> str:
+        """A URL that leads to the page once: other users may see what a browser is told to open."""
+        return f"http://{self.hosts[0]}/{self._entrance[0]}/"
+
+    def enters(self, path: str) -> bool:
+        """Whether a path is that of `entrance`, which then is none any more."""
+        there = any(hmac.compare_digest(path.encode(), f"/{one}/".encode()) for one in self._entrance)
+        try:
+            return there and bool(self._entrance.pop())
+        except IndexError:  # another thread was quicker
+            return False
+
+    def process_request(self, request: Any, client_address: Any) -> None:
+        """In a thread, as browsers open connections beforehand that say nothing; not in ever so many."""
+        if not self._room.acquire(blocking=False):
+            self.shutdown_request(request)
+            return
+        super().process_request(request, client_address)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Answer one request."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._room.release()
+
+    def handle_error(self, request: Any, client_address: Any) -> None:
+        """Nothing: of a connection that broke there is no news."""
+
+
+class Handler(BaseHTTPRequestHandler):
+    """One request."""
+
+    server: Server  # pyright: ignore[reportIncompatibleVariableOverride]
+    timeout = PATIENCE
+    server_version, sys_version = "rubberfric", ""
+
+    def do_GET(self) -> None:
+        """The page."""
+        self._answer(self._page)
+
+    def do_POST(self) -> None:
+        """What the page asks for."""
+        self._answer(self._posted)
+
+    def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
+        """What the base class refuses, in plain text; what was asked for is not repeated."""
+        del message, explain
+        self._refuse(code, HTTPStatus(code).phrase)
+
+    def log_message(self, format: str, *arguments: Any) -> None:
+        """Nothing: a log would have the token."""
+
+    def _answer(self, work: Callable[[], Answer]) -> None:
+        try:
+            self._check_host()
+            found = work()
+        except Refused as error:
+            self._refuse(error.status, str(error))
+        except ValueError as error:
+            self._refuse(HTTPStatus.BAD_REQUEST, " ".join(str(error).split()))
+        except (FloatingPointError, MemoryError, RuntimeError) as error:  # JAX's are the last
+            self._refuse(HTTPStatus.INTERNAL_SERVER_ERROR, " ".join(str(error).split()))
+        else:
+            self._send(found.status, found)
+
+    def _refuse(self, code: int, why: str) -> None:
+        self._send(code, Answer("text/plain; charset=utf-8", why.encode()))
+
+    def _send(self, code: int, answer: Answer) -> None:
+        self.send_response(code)
+        headers = {"Content-Type": answer.kind, "Content-Length": str(len(answer.content))}
+        headers |= {"Content-Security-Policy": _POLICY.format("'none'")} | _HEADERS | answer.headers
+        for name, value in headers.items():
+            self.send_header(name, value)
+        self.end_headers()
+        if self.command != "HEAD":
+            self.wfile.write(answer.content)
+
+    def _page(self) -> Answer:
+        if self.server.enters(self.path):
+            return Answer("text/plain", b"", {"Location": f"/{self.server.token}/"}, HTTPStatus.SEE_OTHER)
+        if self._route() != "":
+            raise Refused(HTTPStatus.NOT_FOUND, "there is no such page")
+        nonce = secrets.token_urlsafe(16)
+        policy = {"Content-Security-Policy": _POLICY.format(f"'nonce-{nonce}'")}
+        return Answer("text/html; charset=utf-8", self.server.page(nonce).encode(), policy)
+
+    def _posted(self) -> Answer:
+        work = self.server.routes.get(self._route())
+        if work is None:
+            raise Refused(HTTPStatus.NOT_FOUND, "there is no such page")
+        host = self._only("Host")
+        if self._only("Origin") != f"http://{host}":
+            raise Refused(HTTPStatus.FORBIDDEN, "Origin: must be this server")
+        if self._only("Content-Type") != "application/json":
+            raise Refused(HTTPStatus.UNSUPPORTED_MEDIA_TYPE, "Content-Type: must be application/json")
+        content = _read_json(self._body())
+        with self.server.turn:
+            begin = time.perf_counter()
+            found = work(content)
+            spent = 1e3 * (time.perf_counter() - begin)
+        return found._replace(headers=found.headers | {"Server-Timing": f"total;dur={spent:.1f}"})
+
+    def _check_host(self) -> None:
+        if self._only("Host") not in self.server.hosts:
+            raise Refused(HTTPStatus.FORBIDDEN, "Host: must be this server")
+
+    def _route(self) -> str:
+        """What follows the token, "" for the page; 403 without the token, whatever is asked for."""
+        begin, token, *route = (*self.path.split("/", 2), "", "")[:3]
+        known = hmac.compare_digest(token.encode(errors="replace"), self.server.token.encode())
+        if begin != "" or not known:
+            raise Refused(HTTPStatus.FORBIDDEN, "the URL must be the whole one that the command printed")
+        return route[0]
+
+    def _only(self, name: str) -> str | None:
+        """A header that is there once."""
+        found = self.headers.get_all(name) or []
+        return found[0] if len(found) == 1 else None
+
+    def _body(self) -> bytes:
+        text = self._only("Content-Length") or ""
+        if self.headers.get("Transfer-Encoding") is not None or not (text.isascii() and text.isdigit()):
+            raise Refused(HTTPStatus.LENGTH_REQUIRED, "Content-Length: must be given")
+        if len(text) > len(str(LARGEST)) or int(text) > LARGEST:
+            raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"must have at most {LARGEST} bytes")
+        return self.rfile.read(int(text))
+
+
+def _read_json(content: bytes) -> Any:
+    """What JSON says; ValueError for what is none, NaN and infinities among it."""
+
+    def refuse(name):
+        raise ValueError(f"{name}: must be a finite number")
+
+    try:
+        return json.loads(content.decode("utf-8"), parse_constant=refuse)
+    except RecursionError:
+        raise ValueError(f"{shown(content)}: is nested too deeply") from None

@@ -1,0 +1,269 @@
+"""Sliders: which numbers of a scene the page may change, and within which ranges.
+
+They follow from the fields of what the scene is made of: a slider for each number, of series and tables one
+for all moduli, one for the frequencies and one for each decade of relaxation times, each a factor.
+"""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import jax
+import numpy as np
+
+from rubberfric.base.checks import PLAUSIBLE_TEMPERATURE, closest, shown
+from rubberfric.base.objects.fields import Leaf
+from rubberfric.base.objects.physical import PhysicalObject, fields_of, leaves_of
+from rubberfric.io.scene_files.conditions import Conditions, check_conditions
+from rubberfric.scene.scene import Scene
+
+# How far a number may go to either side of where it starts, a factor, by its unit; and others.
+_REACH = {"1/m": 100.0, "m/s": 1000.0, "m": 10.0, "Pa": 10.0, "J/m^2": 10.0}
+_OTHER_REACH, _FACTOR_REACH, _FREQUENCY_REACH = 3.0, 10.0, 1000.0
+_PRESSURE_REACH, _TEMPERATURE_REACH = 30.0, 60.0  # [-], [K]
+_HALVINGS = 30
+
+
+class Target(NamedTuple):
+    """A number or an array of the scene that a slider changes."""
+
+    path: str
+    elements: tuple[int, ...] | None = None  # of an array; None: all
+    power: float | None = None  # of the slider's factor; None: it is the number itself
+
+
+class Slider(NamedTuple):
+    """What the page may move."""
+
+    name: str  # a key path where it is a number of the scene
+    group: str
+    label: str
+    unit: str  # "-" without one, "" of a factor
+    start: float
+    low: float
+    high: float
+    logarithmic: bool
+    targets: tuple[Target, ...] = ()  # none: of a condition
+    free: tuple[str, ...] = ()  # key paths that a fit can have free instead
+
+    def at(self, part: float) -> float:
+        """The value at a part of the way from `start` to `high`, or if negative to `low`."""
+        end = self.high if part > 0 else self.low
+        if self.logarithmic:
+            return self.start * (end / self.start) ** abs(part)
+        return self.start + (end - self.start) * abs(part)
+
+
+def sliders_of(scene: Scene, conditions: Conditions, axis: str = "velocity") -> list[Slider]:
+    """Sliders of a scene and of pressure and temperature, their ranges within what constructors take.
+
+    Parameters
+    ----------
+    scene : Scene of concrete numbers, prepared by `with_cutoffs`
+    conditions : whose middle pressure and temperature are where these sliders start
+    axis : which of the conditions the curves are over, and so has none
+    """
+    found = [one for one in _of_conditions(scene, conditions) if one.name != axis]
+    for path, part in _parts("", scene):
+        found += [_within(one, _accepts(scene, one)) for one in _of_object(path, part)]
+    return [one for one in found if one.low < one.high]
+
+
+def with_cutoffs(scene: Scene) -> Scene:
+    """The scene whose tables of roughness say where they end, so that it can be moved."""
+    paths = [
+        (f"{path}.q1", part)
+        for path, part in _parts("", scene)
+        if "q1" in leaves_of(type(part)) and leaves_of(type(part))["q1"].optional
+    ]
+    changes = {path: float(part.q[-1]) for path, part in paths if part.q1 is None}  # pyright: ignore[reportAttributeAccessIssue]
+    return scene.replace(changes) if changes else scene
+
+
+def read_values(sliders: Sequence[Slider], given: Any) -> dict[str, float]:
+    """The value of every slider, given those that are not where they start.
+
+    Raises
+    ------
+    ValueError : an unknown slider, what is no finite number, or one out of its range.
+    """
+    if not isinstance(given, dict):
+        raise ValueError(f"values = {shown(given)}: must be numbers by the names of sliders")
+    known = {one.name: one for one in sliders}
+    values = {one.name: one.start for one in sliders}
+    for name, value in given.items():
+        if name not in known:
+            raise ValueError(f"{shown(name)}: is no slider; {closest(name, tuple(known))}")
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ValueError(f"{name} = {shown(value)}: must be a number")
+        low, high = known[name].low, known[name].high
+        # Comparisons that NaN does not pass, and whole numbers of any length do not overflow.
+        if not low <= value <= high:
+            raise ValueError(f"{name} = {shown(value)}: must be between {low!r} and {high!r}")
+        values[name] = float(value)
+    return values
+
+
+def changes(scene: Scene, sliders: Sequence[Slider], values: Mapping[str, Any], array: Any) -> dict[str, Any]:
+    """What `Scene.replace` takes: new numbers by key path.
+
+    Parameters
+    ----------
+    scene : the one that the sliders start at
+    sliders, values : and where they are, numbers or traced ones
+    array : numpy, or jax.numpy for what is traced
+    """
+    found: dict[str, Any] = {}
+    for one in sliders:
+        value = values[one.name]
+        for path, elements, power in one.targets:
+            if power is None:
+                found[path] = value
+                continue
+            old = found[path] if path in found else array.asarray(_at(scene, path))
+            factor = value if power == 1 else value**power
+            if elements is not None:
+                chosen = np.isin(np.arange(old.shape[0]), elements)
+                factor = array.where(chosen, factor, 1.0)
+            found[path] = old * factor
+    return found
+
+
+def moved(scene: Scene, sliders: Sequence[Slider], values: Mapping[str, float]) -> Scene:
+    """The scene with the sliders at these values; ValueError if they do not go together."""
+    away = [one for one in sliders if values[one.name] != one.start]
+    found = changes(scene, away, values, np)
+    return scene.replace(found) if found else scene
+
+
+def _of_conditions(scene: Scene, conditions: Conditions) -> Iterator[Slider]:
+    low, p, high = _middle(conditions.pressure)
+    low, high = low / _PRESSURE_REACH, high * _PRESSURE_REACH
+    yield Slider("pressure", "conditions", "pressure", "Pa", p, low, high, logarithmic=True)
+    if conditions.temperature is None:
+        return
+    low, T, high = _middle(conditions.temperature)
+    low, high = max(low - _TEMPERATURE_REACH, 1.0), high + _TEMPERATURE_REACH
+    slider = Slider("temperature", "conditions", "temperature", "K", T, low, high, logarithmic=False)
+
+    def accepts(value):
+        try:
+            check_conditions("", conditions._replace(temperature=np.array([value])), scene)
+        except ValueError:
+            return False
+        return True
+
+    yield _within(slider, accepts)
+
+
+def _middle(values: np.ndarray) -> tuple[float, float, float]:
+    """The least of them, one in the middle, and the largest."""
+    ordered = np.sort(values).tolist()
+    return ordered[0], ordered[(len(ordered) - 1) // 2], ordered[-1]
+
+
+def _parts(path: str, part: PhysicalObject) -> Iterator[tuple[str, PhysicalObject]]:
+    """(key path, object) of an object and of everything in it."""
+    yield path, part
+    for name in fields_of(type(part)):
+        value = getattr(part, name)
+        if isinstance(value, PhysicalObject):
+            yield from _parts(f"{path}.{name}" if path else name, value)
+
+
+def _of_object(path: str, part: PhysicalObject) -> Iterator[Slider]:
+    """Sliders of the numbers of one object."""
+    leaves = {name: field for name, field in leaves_of(type(part)).items() if getattr(part, name) is not None}
+    group, dot = path or "scene", f"{path}." if path else ""
+    for name, field in leaves.items():
+        if field.ndim == 0 and field.plausible != PLAUSIBLE_TEMPERATURE:
+            yield from _of_number(dot + name, group, name, field, float(getattr(part, name)))
+    # Of a series or a table of moduli.
+    moduli = [n for n, f in leaves.items() if f.unit == "Pa" and (f.ndim == 1 or f.plus is not None)]
+    if moduli:
+        targets = [Target(dot + name, None, 1.0) for name in moduli]
+        # Not those of tables, nor a modulus of 0.
+        free = [n for n in moduli if leaves[n].column is None and np.all(np.asarray(getattr(part, n)) > 0)]
+        yield _factor(f"{dot}moduli", group, "all moduli", targets, [dot + name for name in free])
+        powers = {"rad/s": 1.0, "s": -1.0}
+        targets = [Target(dot + n, None, powers[f.unit]) for n, f in leaves.items() if f.unit in powers]
+        yield _factor(f"{dot}frequencies", group, "all frequencies", targets, reach=_FREQUENCY_REACH)
+    for name, field in leaves.items():
+        if field.column == "C":
+            yield _factor(f"{dot}heights", group, "all heights", [Target(dot + name, None, 2.0)])
+        if name in moduli and field.over is not None and leaves[field.over].unit == "s":
+            yield from _by_decade(dot + name, group, name, np.asarray(getattr(part, field.over)))
+
+
+def _of_number(path: str, group: str, name: str, field: Leaf, start: float) -> Iterator[Slider]:
+    """The slider of a number: linear between bounds or of an angle, else a factor to either side."""
+    allowed = field.rule[1]
+    if field.unit == "rad":
+        low, high, logarithmic = start - math.pi / 2, start + math.pi / 2, False
+    elif field.unit == "-" and not allowed(np.array(1e6)):
+        low = next((x for x in (-1.0, 0.0) if allowed(np.array(x))), start)
+        high, logarithmic = next((x for x in (1.0, 0.5) if allowed(np.array(x))), start), False
+    elif start > 0:
+        reach = _REACH.get(field.unit, _OTHER_REACH)
+        low, high, logarithmic = start / reach, start * reach, True
+    else:
+        return  # 0 has no scale
+    yield Slider(path, group, name, field.unit, start, low, high, logarithmic, (Target(path),), (path,))
+
+
+def _factor(
+    name: str,
+    group: str,
+    label: str,
+    targets: Sequence[Target],
+    free: Sequence[str] = (),
+    reach: float = _FACTOR_REACH,
+) -> Slider:
+    return Slider(name, group, label, "", 1.0, 1 / reach, reach, True, tuple(targets), tuple(free))
+
+
+def _by_decade(path: str, group: str, name: str, times: np.ndarray) -> Iterator[Slider]:
+    """A factor for the terms of every decade of relaxation times, if there are several."""
+    # Times that are powers of ten begin their decade, however they are rounded.
+    decades = np.floor(np.log10(times) + 1e-6).astype(int)
+    for decade in np.unique(decades) if np.ptp(decades) else ():
+        elements = tuple(np.flatnonzero(decades == decade).tolist())
+        index = ",".join(map(str, elements))
+        label = f"{name}, tau 1e{decade} s"
+        free = [f"{path}[{i}]" for i in elements]
+        yield _factor(f"{path}[{index}]", group, label, [Target(path, elements, 1.0)], free)
+
+
+def _at(scene: Scene, path: str) -> jax.Array:
+    """What a key path without brackets names."""
+    found: Any = scene
+    for name in path.split("."):
+        found = getattr(found, name)
+    return found
+
+
+def _accepts(scene: Scene, slider: Slider) -> Callable[[float], bool]:
+    """Whether the scene can have a value of a slider, all others where they start."""
+
+    def accepts(value):
+        try:
+            scene.replace(changes(scene, [slider], {slider.name: value}, np))
+        except ValueError:
+            return False
+        return True
+
+    return accepts
+
+
+def _within(slider: Slider, accepts: Callable[[float], bool]) -> Slider:
+    """The slider with ends that are accepted, by halving the way to those that are not."""
+    ends = {}
+    for name, side in (("low", -1.0), ("high", 1.0)):
+        if accepts(slider.at(side)):
+            continue
+        good, bad = 0.0, 1.0
+        for _ in range(_HALVINGS):
+            middle = 0.5 * (good + bad)
+            good, bad = (middle, bad) if accepts(slider.at(side * middle)) else (good, middle)
+        ends[name] = slider.at(side * good)
+    return slider._replace(**ends)

@@ -1,0 +1,1 @@
+"""How commands begin, tell what they do, answer signals and end."""

@@ -1,0 +1,163 @@
+"""The page in a real browser, headless: it loads, a slider moves, the curve changes, nothing complains."""
+
+import functools
+import shutil
+import threading
+import zipfile
+
+import pytest
+from support.folders import DATA
+
+from rubberfric.commands.explorer.command import page, routes
+from rubberfric.commands.explorer.curves import Explorer
+from rubberfric.commands.explorer.points import read_points
+from rubberfric.commands.explorer.server import Server
+from rubberfric.io.files import read_computable
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+DRIVER = shutil.which("chromedriver")
+
+pytestmark = [
+    pytest.mark.skipif(BROWSER is None, reason="there is no Chromium: apt-get install chromium"),
+    pytest.mark.skipif(DRIVER is None, reason="there is no chromedriver: apt-get install chromium-driver"),
+]
+
+MOVE = """
+const range = document.querySelector(`.slider[data-name="${arguments[0]}"] input[type=range]`);
+range.value = arguments[1];
+range.dispatchEvent(new Event("input"));
+"""
+LINE = """
+const found = document.querySelector(`svg[data-panel=${arguments[0]}] path[data-role=now]`);
+return found && found.getAttribute("d");
+"""
+ANSWERS = "return Number(document.documentElement.dataset.answers || 0)"
+
+
+@pytest.fixture(scope="module")
+def server():
+    scene, conditions, title = read_computable(DATA / "twin_truth.toml")
+    explorer = Explorer(scene, conditions, title, read_points(DATA / "twin_friction.csv", scene, conditions))
+    with Server(0, page, routes(explorer)) as server:
+        server.explorer = explorer
+        threading.Thread(target=server.serve_forever, args=(0.02,), daemon=True).start()
+        explorer.compile()
+        yield server
+        server.shutdown()
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    webdriver = pytest.importorskip("selenium.webdriver", reason="needs selenium: pip install selenium")
+    options = webdriver.ChromeOptions()
+    options.binary_location = BROWSER
+    # As root and in containers there is neither a sandbox nor much shared memory.
+    for flag in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"):
+        options.add_argument(flag)
+    options.add_argument("--window-size=1500,900")
+    folder = tmp_path_factory.mktemp("downloads")
+    options.add_experimental_option("prefs", {"download.default_directory": str(folder)})
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    # With the path given, nothing is looked for on the network.
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
+    driver.downloads = folder
+    yield driver
+    driver.quit()
+
+
+@pytest.fixture
+def wait(browser):
+    """Until a script of the page returns something."""
+    from selenium.webdriver.support.ui import WebDriverWait
+
+    def until(script, *arguments):
+        run = functools.partial(browser.execute_script, script, *arguments)
+        return WebDriverWait(browser, 60, 0.05).until(lambda _: run())
+
+    return until
+
+
+@pytest.fixture
+def opened(server, browser, wait):
+    browser.get(server.url)
+    wait(f"{ANSWERS} >= 1")
+    return browser
+
+
+def complaints(browser):
+    error = "return document.getElementById('error').textContent"
+    return browser.get_log("browser"), browser.execute_script(error)
+
+
+def test_a_slider_moves_the_curves(opened, wait):
+    assert complaints(opened) == ([], "")
+    assert opened.title.startswith("Truth behind the twin measurements")
+    panels = ("friction", "area", "separation", "moduli", "spectra")
+    before = {name: opened.execute_script(LINE, name) for name in panels}
+    assert all(line and line.count("L") > 1 for line in before.values())
+    measured = "return document.querySelectorAll('path[data-role=measured]').length"
+    assert opened.execute_script(measured) == 6
+    answers = opened.execute_script(ANSWERS)
+    opened.execute_script(MOVE, "lower.spectrum.h_rms", 800)
+    wait(f"{ANSWERS} > arguments[0]", answers)
+    after = {name: opened.execute_script(LINE, name) for name in panels}
+    moved = {name for name in panels if after[name] != before[name]}
+    assert moved == set(panels) - {"moduli"}
+    start = "return document.querySelector('svg[data-panel=friction] path[data-role=start]') !== null"
+    assert opened.execute_script(start)
+    opened.execute_script("document.getElementById('reset').click()")
+    wait("return document.querySelector('path[data-role=start]') === null")
+    assert complaints(opened) == ([], "")
+
+
+def test_many_moves_are_few_questions(opened, wait):
+    """Those that are stale when an answer arrives are never asked; the last one is."""
+    answers = opened.execute_script(ANSWERS)
+    opened.execute_script(f"for (let k = 500; k <= 700; k++) {{ (function() {{ {MOVE} }})('gamma', k); }}")
+    wait(f"{ANSWERS} > arguments[0] + 1", answers)
+    box = "return document.querySelector('.slider[data-name=gamma] input[type=text]').value"
+    assert opened.execute_script(box) == "0.7"
+    assert opened.execute_script(ANSWERS) - answers < 20
+    assert opened.execute_script("return state.busy || state.values.gamma") in (True, 0.7)
+    assert complaints(opened) == ([], "")
+
+
+def test_what_goes_not_together_is_said_and_taken_back(opened, wait):
+    error = "return document.getElementById('error').textContent"
+    opened.execute_script(MOVE, "lower.spectrum.qr", 900)
+    opened.execute_script(MOVE, "lower.spectrum.q1", 0)
+    assert "must be >= qr" in wait(error)
+    opened.get_log("browser")  # that an answer was 400 stands there
+    opened.execute_script("document.getElementById('reset').click()")
+    wait("return document.getElementById('error').textContent === ''")
+    assert complaints(opened) == ([], "")
+
+
+def test_sensitivities_come_when_they_are_compiled(server, opened, wait):
+    assert "being compiled" in opened.execute_script("return document.querySelector('#panels').textContent")
+    server.explorer.compile_sensitivities()
+    assert wait("return Number(document.documentElement.dataset.slopes)") >= 5
+    bars = "return document.querySelector('svg[data-panel=sensitivities]').textContent"
+    before = opened.execute_script(bars)
+    assert "sensitivity d ln μ / d ln θ" in before
+    click = """
+    const plot = document.querySelector("svg[data-panel=friction]"), box = plot.getBoundingClientRect();
+    const place = { clientX: box.left + 0.9 * box.width, clientY: box.top + 50 };
+    plot.dispatchEvent(new MouseEvent("click", place));
+    """
+    opened.execute_script(click)
+    assert opened.execute_script(bars) != before
+    assert complaints(opened) == ([], "")
+
+
+def test_a_job_is_downloaded(opened, wait):
+    opened.execute_script(MOVE, "gamma", 600)
+    opened.execute_script("document.getElementById('fit').click()")
+    assert "rubberfric-fit explored/job.toml" in wait("return document.getElementById('note').textContent")
+    path = opened.downloads / "explored.zip"
+    for _ in range(200):
+        if path.exists() and zipfile.is_zipfile(path):
+            break
+        threading.Event().wait(0.05)
+    assert "explored/job.toml" in zipfile.ZipFile(path).namelist()
+    assert complaints(opened) == ([], "")

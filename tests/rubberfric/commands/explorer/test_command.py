@@ -1,0 +1,136 @@
+"""The command `rubberfric explore`: its arguments, what it prints, and how it ends."""
+
+import http.client
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+from support.folders import DATA, ROOT
+
+from rubberfric.commands import main as command
+from rubberfric.commands.explorer import command as explore
+from rubberfric.commands.explorer.command import page
+
+SCENE = DATA / "twin_truth.toml"
+PROGRAM = "import sys; from rubberfric.commands.main import main; sys.exit(main())"
+LOST = "rubberfric: interrupted; what was not yet complete is not written\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((), "the following arguments are required: SCENE"),
+        (("no.toml",), "no.toml: cannot be read: No such file"),
+        (("scene.csv",), "scene.csv: suffix '.csv': must be .toml or .h5"),
+        ((SCENE, "--port", "80"), "--port 80: must be 1024 ... 65535, or 0 for any that is free"),
+        ((SCENE, "--port", "65536"), "--port 65536: must be 1024 ... 65535"),
+        ((SCENE, "--port", "x"), "invalid int value: 'x'"),
+        ((SCENE, "--data", "no.csv"), "no.csv: cannot be read: No such file"),
+        ((SCENE, "--data", SCENE), "suffix '.toml': must be .csv or .txt or .tsv"),
+        ((SCENE, "--host", "0.0.0.0"), "unrecognized arguments: --host 0.0.0.0"),
+    ],
+)
+def test_bad_arguments_without_jax(call_main, monkeypatch, arguments, message):
+    monkeypatch.setattr("rubberfric.commands.process.ending.begin_jax", None)
+    status, printed, complaint = call_main(command.main, "explore", *arguments)
+    assert (status, printed, complaint.count("\n")) == (2, "", 1)
+    assert message in complaint
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("v,mu\nm/s,-\n0,0.5\n1,0.5\n", "v = 0.0: must be > 0, for the axis is logarithmic"),
+        ("v,mu,T\nm/s,-,K\n1,0.5,100\n2,0.5,300\n", "temperature[0] = 100.0: must be > 143.15 K"),
+        ("v,mu,T\nm/s,-,K\n1,0.5,900\n2,0.5,1200\n", "must be 100 ... 1000 K"),
+        ("v,nu\nm/s,-\n1,0.5\n2,0.5\n", "column 'nu'"),
+        ("v,mu\nm/s,-\n" + "1,0.5\n" * 2001, "has 2001 points: must have at most 2000"),
+    ],
+)
+def test_bad_points(call_main, tmp_path, text, message):
+    path = tmp_path / "points.csv"
+    path.write_text(text)
+    status, printed, complaint = call_main(command.main, "explore", SCENE, "--data", path, "--no-browser")
+    assert (status, printed, complaint.count("\n")) == (2, "", 1)
+    assert message in complaint and str(path) in complaint
+
+
+def test_points_over_velocity_and_curves_over_pressure(call_main):
+    arguments = DATA / "rubber_seal.toml", "--data", DATA / "twin_friction.csv", "--no-browser"
+    status, _, complaint = call_main(command.main, "explore", *arguments)
+    assert status == 2 and "[run] of the scene must have two velocities > 0" in complaint
+
+
+def test_a_port_that_is_taken_and_the_browser_that_is_opened(call_main, monkeypatch):
+    opened, served = [], []
+    monkeypatch.setattr(explore.webbrowser, "open", opened.append)
+    monkeypatch.setattr(explore.Explorer, "compile", lambda _: None)
+    monkeypatch.setattr(explore.Explorer, "compile_sensitivities", lambda _: None)
+    monkeypatch.setattr(explore.Server, "serve_forever", lambda server: served.append(server))
+    status, printed, complaint = call_main(command.main, "explore", SCENE)
+    assert (status, complaint) == (0, "") and len(served) == 1
+    url = printed.splitlines()[0]
+    port = served[0].server_port
+    assert url == f"http://127.0.0.1:{port}/{served[0].token}/" and opened[0].startswith(url[:18])
+    assert served[0].token not in opened[0]
+    with explore.Server(0, page, {}) as other:
+        taken = call_main(command.main, "explore", SCENE, "--port", str(other.server_port))
+    assert taken[0] == 1 and f"--port {other.server_port}: Address already in use" in taken[2]
+
+
+def test_the_page_needs_nothing_else():
+    text = page("N0nce")
+    assert text.count('nonce="N0nce"') == 2 and "{{" not in text
+    assert len(re.findall(r"<(?:script|style)\b", text)) == 2
+    # The one address is a namespace.
+    assert set(re.findall(r"https?://[^\s\"'`]*", text)) == {"http://www.w3.org/2000/svg"}
+    for word in ("@import", "src=", "url(h", "innerHTML", "eval(", "document.write", "onclick="):
+        assert word not in text, word
+
+
+@pytest.fixture
+def begun(tmp_path):
+    """A command as a process, up to its URL."""
+    environment = {name: value for name, value in os.environ.items() if name != "XLA_FLAGS"}
+    environment |= {"PYTHONPATH": str(ROOT), "JAX_ENABLE_COMPILATION_CACHE": "false"}
+    process = subprocess.Popen(
+        [sys.executable, "-c", PROGRAM, "explore", str(SCENE), "--no-browser"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env=environment,
+        cwd=tmp_path,
+    )
+    with process:
+        try:
+            url = process.stdout.readline().strip()
+            assert process.stdout.readline() == "Ctrl-C ends it; d ln friction is being compiled\n"
+            yield process, url
+        finally:
+            process.kill()
+
+
+@pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_at_once(begun, tmp_path, which):
+    """While it serves, and compiles the other program."""
+    process, url = begun
+    host, port, token = re.fullmatch(r"http://(127\.0\.0\.1):(\d+)/(\S+)/", url).groups()
+    connection = http.client.HTTPConnection(host, int(port), timeout=60)
+    headers = {"Content-Type": "application/json", "Origin": f"http://{host}:{port}"}
+    connection.request("POST", f"/{token}/curves", json.dumps({"gamma": 0.6}), headers)
+    answer = connection.getresponse()
+    assert answer.status == 200 and len(json.loads(answer.read())["curves"]["friction"]) == 61
+    connection.request("POST", f"/{token}/curves", json.dumps({"file": "/etc/passwd"}), headers)
+    answer = connection.getresponse()
+    assert answer.status == 400 and answer.read().startswith(b"'file': is no slider; must be one of ")
+    connection.close()
+    begin = time.monotonic()
+    process.send_signal(which)
+    assert process.wait(30) == 128 + which
+    assert time.monotonic() - begin < 5
+    assert process.communicate() == ("", LOST) and os.listdir(tmp_path) == []
