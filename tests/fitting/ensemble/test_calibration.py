@@ -63,7 +63,7 @@ def test_refusals():
     for data, prior, words, options in (
         (PLAN, own, r"upper.material.E\[1\] has none: must be a Gaussian", {}),
         (bare, PRIOR, "have no errors: must have", {}),
-        (PLAN, PRIOR, "amplitude = None: must be given", {"discrepancy": fitting.Discrepancy()}),
+        (PLAN, PRIOR, "amplitude = None: must be given", {"discrepancy": fitting.Discrepancy(None)}),
     ):
         with pytest.raises(ValueError, match=words):
             fitting.calibration(SCENE, data, FREE, prior, 10, quadrature=FAST, **options)
