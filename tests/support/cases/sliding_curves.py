@@ -1,9 +1,10 @@
 """Friction of drawn scenes from boundary elements: what fits of the theory are held against.
 
 Twenty rubbers of one relaxation time a decade on twenty self-affine surfaces, q1/qr = 8 ... 64,
-H = 0.6 ... 1, A/A0 = 0.3 ... 20 % over most of the curve, at two pressures and twelve velocities over five
-decades. None of them is in notebooks/boundary_elements.csv. Four minutes of one core in all; what was
-computed is kept in a folder, and goes on where it was stopped.
+H = 0.6 ... 1, at twelve velocities over five decades and two pressures, A/A0 = 0.8 ... 8 % in the middle of
+the lower one. None of them is in notebooks/boundary_elements.csv, and the defaults of `fitting.Discrepancy`
+were chosen before they were drawn. Some five minutes of one core in all; what was computed is kept in a
+folder, and goes on where it was stopped.
 """
 
 import json
@@ -17,7 +18,13 @@ from rubberfric.analysis import boundary_element
 
 COUNT, TERMS = 20, 8
 # q1/q0, qr/q0, longest wavelengths a side, points a side, surfaces.
-GEOMETRIES = ((8, 1, 4, 256, 1), (16, 1, 2, 256, 1), (32, 1, 1, 256, 2), (16, 2, 2, 256, 1), (64, 1, 1, 512, 1))
+GEOMETRIES = (
+    (8, 1, 4, 256, 1),
+    (16, 1, 2, 256, 1),
+    (32, 1, 1, 256, 2),
+    (16, 2, 2, 256, 1),
+    (64, 1, 1, 512, 1),
+)
 
 
 def drawn_scene(number):
