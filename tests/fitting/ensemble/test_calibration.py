@@ -40,7 +40,7 @@ def test_a_fit_is_calibrated_and_knows_when_it_is_not():
 
 
 def test_against_a_linear_problem_in_closed_form():
-    """ln C = 2 ln h + ...: the posterior of ln h is the Gaussian of prior and data, and truths scatter as it."""
+    """ln C = 2 ln h + ...: the posterior of ln h is of prior and data, and truths scatter as it says."""
     q = np.geomspace(2e3, 2e4, 7)
     plan = fitting.SpectrumData(q, np.ones(7), relative=0.4)
     path = "lower.spectrum.h_rms"
