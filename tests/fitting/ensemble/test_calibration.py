@@ -75,6 +75,13 @@ def test_plot():
     random = np.random.default_rng(1).random((50, 2))
     ax = fitting.Calibration(("a", "b"), random, random, random, random, 0).plot()
     assert len(ax.lines) == 2
+    # Of many only what leaves the envelope is named.
+    many = np.random.default_rng(1).random((400, 9))
+    many[:, 3] **= 2
+    names = tuple("abcdefghi")
+    ax = fitting.Calibration(names, many, many, many, many, 0).plot()
+    assert len(ax.lines) == 9
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["99 % envelope", "d"]
 
 
 def test_refusals():
