@@ -47,7 +47,7 @@ def drawn_scene(number):
     low, high = 1e1, 1e9
     for _ in range(40):
         p = np.sqrt(low * high)
-        low, high = (p, high) if float(rf.solve(scene, v[6], p).area) < area else (low, p)
+        low, high = (p, high) if float(np.asarray(rf.solve(scene, v[6], p).area)) < area else (low, p)
     return scene, v, np.array([p, 5 * p])
 
 
