@@ -32,8 +32,8 @@
     fit = { file = "moduli.h5", body = "upper" }    # what another fit knows; and widen; or a list of such
 
     [discrepancy]                       # optional: the theory may be off, see `fitting.Discrepancy`
-    amplitude = 0.25                    # missing: estimated from the data
-    width = 4.6                         # and shared = 0.8
+    amplitude = 0.25                    # or "estimated", from the data; missing: 0.5
+    width = 4.6                         # and shared = 0.8; missing: a decade, 0.6
 
     [fit]                               # optional: method, starts, seed, loss, loss_width, decades,
     starts = 8                          # max_steps, tolerance, scale_errors as in `fitting.fit`
@@ -249,7 +249,10 @@ def _prior(path, key, value):
 
 def _discrepancy(path, content):
     toml.check_keys(path, "discrepancy", content, ("amplitude", "width", "shared"))
-    values = {n: _one(path, f"discrepancy.{n}", v) for n, v in content.items()}
+    # There is no None in TOML.
+    given = {n: v for n, v in content.items() if (n, v) != ("amplitude", "estimated")}
+    values = {n: _one(path, f"discrepancy.{n}", v) for n, v in given.items()}
+    values |= {n: None for n in content if n not in given}
     return _made(path, "discrepancy", Discrepancy, values)
 
 

@@ -82,5 +82,5 @@ def test_is_stored_executed_and_clean(path):
 
 
 def test_together_they_are_small():
-    assert len(NOTEBOOKS) == 6
+    assert len(NOTEBOOKS) == 7
     assert sum(os.path.getsize(path) for path in NOTEBOOKS) < ALL

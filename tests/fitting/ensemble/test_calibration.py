@@ -39,6 +39,27 @@ def test_a_fit_is_calibrated_and_knows_when_it_is_not():
     assert not narrow.inside().any() and narrow.report().count("NOT CALIBRATED") == 3
 
 
+def test_against_a_linear_problem_in_closed_form():
+    """ln C = 2 ln h + ...: the posterior of ln h is of prior and data, and truths scatter as it says."""
+    q = np.geomspace(2e3, 2e4, 7)
+    plan = fitting.SpectrumData(q, np.ones(7), relative=0.4)
+    path = "lower.spectrum.h_rms"
+    prior = {path: fitting.Gaussian(5e-4, 1e-4)}
+    found = fitting.calibration(SCENE, plan, {path: fitting.Positive()}, prior, 300)
+    deviation = 1 / np.sqrt(1 / 0.2**2 + 7 * (2 / 0.4) ** 2)
+    np.testing.assert_allclose(found.deviation, deviation, rtol=1e-6)
+    off = np.log(found.truth / found.values) / deviation
+    np.testing.assert_allclose(found.place, scipy.special.ndtr(off), rtol=1e-6)
+    # Of 300 the standard error of a mean is 0.06, of a standard deviation 0.04.
+    assert abs(off.mean()) < 0.2 and 0.87 < off.std() < 1.13
+    moved = np.log(found.truth / 5e-4) / 0.2
+    assert abs(moved.mean()) < 0.2 and 0.87 < moved.std() < 1.13
+    # Data and prior together, not the truth alone.
+    shrunk = np.log(found.values / 5e-4)
+    np.testing.assert_allclose(shrunk.std(), np.sqrt(0.2**2 - deviation**2), rtol=0.15)
+    assert found.failed == 0 and found.inside().all() and found.identified.all()
+
+
 def test_envelope_holds_uniform_samples():
     """Of 400 uniform samples it loses about one in a hundred."""
     random = np.random.default_rng(1)
@@ -54,6 +75,13 @@ def test_plot():
     random = np.random.default_rng(1).random((50, 2))
     ax = fitting.Calibration(("a", "b"), random, random, random, random, 0).plot()
     assert len(ax.lines) == 2
+    # Of many only what leaves the envelope is named.
+    many = np.random.default_rng(1).random((400, 9))
+    many[:, 3] **= 2
+    names = tuple("abcdefghi")
+    ax = fitting.Calibration(names, many, many, many, many, 0).plot()
+    assert len(ax.lines) == 9
+    assert [text.get_text() for text in ax.get_legend().get_texts()] == ["99 % envelope", "d"]
 
 
 def test_refusals():
@@ -63,7 +91,7 @@ def test_refusals():
     for data, prior, words, options in (
         (PLAN, own, r"upper.material.E\[1\] has none: must be a Gaussian", {}),
         (bare, PRIOR, "have no errors: must have", {}),
-        (PLAN, PRIOR, "amplitude = None: must be given", {"discrepancy": fitting.Discrepancy()}),
+        (PLAN, PRIOR, "amplitude = None: must be given", {"discrepancy": fitting.Discrepancy(None)}),
     ):
         with pytest.raises(ValueError, match=words):
             fitting.calibration(SCENE, data, FREE, prior, 10, quadrature=FAST, **options)

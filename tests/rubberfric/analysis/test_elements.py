@@ -138,6 +138,15 @@ def test_reversal():
     assert still.friction_of_heat == 0 and abs(still.friction) < 2e-3 and still.heat_beyond(1.0) == 0
 
 
+def test_a_surface_that_alternates_from_point_to_point_has_no_direction():
+    """Turned round it is the same one row on, so that nothing can pull either way."""
+    waves = np.random.default_rng(0).standard_normal(32)
+    heights = 0.02 * np.where(np.arange(32)[:, None] % 2, waves, -waves)
+    found = sliding_contact(heights, 1.0, MAXWELL, 0.02, 0.1)
+    assert found.converged and 0.1 < found.pixel_area < 0.9
+    assert abs(found.friction) < 1e-6 and abs(found.friction_of_heat) < 1e-12
+
+
 def test_both_forms_of_the_friction_agree():
     found = boundary_element(FINE, 0.02, 0.1, jax.random.key(1), grid=128, periods=2.0)
     np.testing.assert_allclose(found.friction, found.friction_of_heat, rtol=1e-2)
