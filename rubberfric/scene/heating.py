@@ -225,11 +225,15 @@ def _closed(heating, x, velocity, kind):
 
 
 def _chebyshev(coefficients, u):
-    """Clenshaw's sum."""
-    one = two = jnp.zeros_like(u)
-    for k in range(coefficients.shape[0] - 1, 0, -1):
-        one, two = coefficients[k] + 2 * u * one - two, one
-    return coefficients[0] + u * one - two
+    """Sum of Chebyshev polynomials, of which those at hand give twice as many: few operations to compile."""
+    count = coefficients.shape[0]
+    basis = jnp.stack([jnp.ones_like(u), u], -1)
+    while (last := basis.shape[-1] - 1) < count - 1:
+        # T_(m + k) = 2 T_m T_k - T_(m - k)
+        basis = jnp.concatenate(
+            [basis, 2 * basis[..., -1:] * basis[..., 1:] - basis[..., last - 1 :: -1]], -1
+        )
+    return basis[..., :count] @ coefficients
 
 
 @functools.cache

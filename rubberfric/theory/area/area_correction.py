@@ -12,6 +12,7 @@ the entries with the exact first and second derivatives (dG/dg = S). What is kep
 ln g itself, 60 at light loads, has no digits to spare in float32.
 """
 
+import functools
 import math
 from typing import NamedTuple
 
@@ -28,13 +29,12 @@ _PANELS, _ORDER, _ENTRIES = 60, 10, 513
 
 
 class CorrectionTable(NamedTuple):
-    """ln(G/g), which stays small, and its derivatives by ln g, at uniform ln g."""
+    """ln(G/g), which stays small, over uniform ln g: polynomials between the entries, lines beyond them."""
 
     start: jax.Array
     step: jax.Array
-    value: jax.Array
-    slope: jax.Array
-    curvature: jax.Array
+    cells: jax.Array  # of the share of a cell that lies before, (6, cells), ascending
+    slopes: jax.Array  # at both ends, per cell
 
 
 def correction_table(gamma: jax.Array) -> CorrectionTable:
@@ -62,39 +62,40 @@ def correction_table(gamma: jax.Array) -> CorrectionTable:
         inner = edges[panel][:, None] + reach * node
         return plain[panel] + (reach * jnp.exp(inner) / _energy(inner, gamma)[0]) @ weight
 
-    # From an error of 1e-2, squared each time; derivatives need the last two steps only.
-    value = jax.lax.stop_gradient(value)
-    for iteration in range(5):
-        if iteration == 3:
-            value = jax.lax.stop_gradient(value)
+    # From an error of 1e-2, squared each time, and so that of the derivatives.
+    def improved(_, value):
         here = plain_at(value)
-        value = value - (jnp.log(here) - target) * _energy(value, gamma)[0] * here / jnp.exp(value)
-    return CorrectionTable(start, step, *_derivatives(value, plain_at(value), gamma))
+        return value - (jnp.log(here) - target) * _energy(value, gamma)[0] * here / jnp.exp(value)
+
+    value = jax.lax.fori_loop(0, 5, improved, jax.lax.stop_gradient(value))
+    return CorrectionTable(start, step, *_quintic(step, *_derivatives(value, plain_at(value), gamma)))
 
 
 def correct_argument(table: CorrectionTable, x: jax.Array) -> jax.Array:
     """x = 1/(2 sqrt(G)) with S in G, from the plain x of any shape; both 27 at most."""
     log_plain = -2 * jnp.log(2 * x)
     position = (log_plain - table.start) / table.step
-    last = table.value.shape[0] - 2
-    index = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)).astype(int), 0, last)
+    count = table.cells.shape[1]
+    index = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)).astype(int), 0, count - 1)
     # Within the table; outside, G goes on as the power law it has become.
     t = jnp.clip(position - index, 0.0, 1.0)
-    h = table.step
-    f0, f1 = table.value[index], table.value[index + 1]
-    d0, d1 = h * table.slope[index], h * table.slope[index + 1]
-    c0, c1 = h * h * table.curvature[index], h * h * table.curvature[index + 1]
-    # Quintic Hermite in Taylor form about the left entry.
-    rise = f1 - f0 - d0 - 0.5 * c0
-    tilt = d1 - d0 - c0
-    bend = c1 - c0
+    columns = table.cells.at[:, index].get(mode="promise_in_bounds")
+    value = functools.reduce(lambda total, column: total * t + column, columns[::-1])
+    value = value + jnp.minimum(position, 0.0) * table.slopes[0]
+    value = value + jnp.maximum(position - count, 0.0) * table.slopes[1]
+    return x * jnp.exp(-0.5 * value)
+
+
+def _quintic(h, f, slope, curvature):
+    """Quintic Hermite polynomials in Taylor form about the left entries, and the slopes at the ends."""
+    d, c = h * slope, h * h * curvature
+    rise = f[1:] - f[:-1] - d[:-1] - 0.5 * c[:-1]
+    tilt = d[1:] - d[:-1] - c[:-1]
+    bend = c[1:] - c[:-1]
     a3 = 10 * rise - 4 * tilt + 0.5 * bend
     a4 = -15 * rise + 7 * tilt - bend
     a5 = 6 * rise - 3 * tilt + 0.5 * bend
-    value = f0 + t * (d0 + t * (0.5 * c0 + t * (a3 + t * (a4 + t * a5))))
-    value = value + jnp.minimum(position, 0.0) * h * table.slope[0]
-    value = value + jnp.maximum(position - (last + 1), 0.0) * h * table.slope[-1]
-    return x * jnp.exp(-0.5 * value)
+    return jnp.stack([f[:-1], d[:-1], 0.5 * c[:-1], a3, a4, a5]), d[np.array([0, -1])]
 
 
 def _energy(log_G, gamma):
