@@ -65,4 +65,6 @@ class Adhesion(PhysicalObject):
         if self.limit == "long" and self.range is None:
             raise ValueError("Adhesion.range is None: must be given, in m, for adhesion of long range")
         if self.limit == "short" and self.range is not None:
-            raise ValueError('Adhesion.range: adhesion of short range has none; must be None, or limit "long"')
+            raise ValueError(
+                'Adhesion.range: adhesion of short range has none; must be None, or limit "long"'
+            )

@@ -27,22 +27,30 @@ from jax.scipy.special import erf
 from rubberfric.base.fixed_point import implicit
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
-from rubberfric.theory.area.separations import LossTable, loss_factor, loss_table, spread
-from rubberfric.theory.partial_contact import TWO_OVER_ROOT_PI, contact_argument, contact_fraction, energy_factor
+from rubberfric.theory.area.separations import LossTable, loss_factor, spread
+from rubberfric.theory.partial_contact import (
+    TWO_OVER_ROOT_PI,
+    contact_argument,
+    contact_fraction,
+    energy_factor,
+)
 
 # Loads that are tried, by an even share of their logarithm, for where the first solution lies; nodes then.
-_LOADS, _FEW = 16, 8
+_LOADS, _FEW = 16, (8, 12)
 
-# Nodes of either integral for one of a contact panel.
-_NODES = 2
+# Nodes of the outer and of the inner integral for one of a contact panel.
+_OUTER, _INNER = 2, 3
 
 # G below which hardly an area has left contact (1 - P = 1e-14); 1/x^2 below which k is 0 to 1e-12.
 _FIRST, _CLOSEST = 0.0085, 1 / 28.0
 
+# Of the logarithm of the rise of g, up to where k has risen.
+_RISE = 4.0
+
 # How near q1 the outer nodes begin to be closer.
 _BEND = 0.2
 
-_MOST_STEPS = 40
+_MOST_STEPS = 60
 
 
 class Gaps(NamedTuple):
@@ -88,17 +96,19 @@ def attract(gaps: Gaps, order: int) -> Attraction:
     -------
     Attraction, of the least load if there are several; derivatives implicit
     """
+    count = _OUTER * order, _INNER * order
     axes = Gaps(0, 0, 0, 0, 0, None, None, None, None)
     still = jax.lax.stop_gradient(gaps)
     first, low, high, slope = jax.vmap(_bracket, (axes,))(still)
 
     def log_load(gaps, start, z):
-        nodes = _nodes(gaps, start, _NODES * order)
+        nodes = _nodes(gaps, start, count)
         return jnp.log1p(gaps.strength * _share(gaps, nodes, z))
 
     def searched(gaps, start, *bracket):
-        nodes = _nodes(gaps, start, _NODES * order)
-        return _root(lambda z: z - jnp.log1p(gaps.strength * _share(gaps, nodes, z)), start, *bracket)
+        nodes = _nodes(gaps, start, count)
+        top = jnp.log1p(gaps.strength)
+        return _root(lambda z: z - jnp.log1p(gaps.strength * _share(gaps, nodes, z)), start, *bracket, top)
 
     solution, converged = jax.vmap(searched, (axes, 0, 0, 0, 0))(still, first, low, high, slope)
 
@@ -127,26 +137,33 @@ def _bracket(gaps):
     return start, loads[jnp.maximum(after - 2, 0)], loads[jnp.minimum(after + 1, _LOADS - 1)], slope
 
 
-def _root(function, start, low, high, slope):
-    """Zero between two places by the secant method, else halving; and whether it was found."""
+def _root(function, start, low, high, slope, top):
+    """Zero between 0 and top, likely between low and high, by the secant method; and whether it was found."""
     tolerance = 1e-5 if start.dtype != jnp.float64 else 1e-11
+    no = jnp.zeros_like(start, bool)
 
     def step(progress):
-        k, z, low, high, before, value_before, slope, _ = progress
+        k, z, low, high, below, above, before, value_before, slope, _ = progress
         value = function(z)
-        found = jnp.abs(value) <= tolerance
-        low, high = jnp.where(value < 0, z, low), jnp.where(value < 0, high, z)
+        found, short = jnp.abs(value) <= tolerance, value < 0
+        # Where a bound is no bound the zero is beyond it.
+        high = jnp.where(short & (z >= high), top, jnp.where(short, high, z))
+        low = jnp.where(~short & (z <= low), 0.0, jnp.where(short, z, low))
+        below, above = below | short, above | ~short
         moved = z != before
         slope = jnp.where(moved, (value - value_before) / jnp.where(moved, z - before, 1.0), slope)
         further = z - value / jnp.where(slope > 0, slope, 1.0)
         inside = (slope > 0) & (further > low) & (further < high)
-        following = jnp.where(inside, further, 0.5 * (low + high))
-        return k + 1, jnp.where(found, z, following), low, high, z, value, slope, found
+        outside = jnp.where(
+            short, jnp.where(above, 0.5 * (z + high), high), jnp.where(below, 0.5 * (low + z), low)
+        )
+        following = jnp.where(inside, further, outside)
+        return k + 1, jnp.where(found, z, following), low, high, below, above, z, value, slope, found
 
     def going(progress):
         return (progress[0] < _MOST_STEPS) & ~progress[-1]
 
-    first = 0, start, low, high, start, jnp.zeros_like(start), slope, jnp.zeros_like(start, bool)
+    first = 0, start, low, high, no, no, start, jnp.zeros_like(start), slope, no
     found = jax.lax.while_loop(going, step, first)
     return found[1], found[-1]
 
@@ -170,8 +187,8 @@ def _share(gaps, nodes, z):
 
 
 def _nodes(gaps, z, count):
-    """`_Nodes` about the load z."""
-    node, weight = (typed(table, gaps.knots) for table in gauss(count))
+    """`_Nodes` about the load z, so many of the outer and of each inner integral."""
+    node, weight = (typed(table, gaps.knots) for table in gauss(count[0]))
     end, stiffness = gaps.knots[-1], gaps.stiffness * jnp.exp(-z)
     g_end = jnp.exp(end)
     begin = jnp.minimum(jnp.log(_FIRST) - 2 * jnp.log(stiffness), end)
@@ -189,11 +206,17 @@ def _nodes(gaps, z, count):
     some = most > 0
     least = jnp.log(jnp.where(some, least, 1.0))
     ratio = jnp.log(jnp.where(some, most, 1.0)) - least
-    log_rise = least[:, None] + ratio[:, None] * node
+    # k rises within the first e-folds, which have half of the nodes.
+    first = jnp.minimum(ratio, _RISE)
+    half, half_weight = (typed(table, ratio) for table in gauss(count[1] // 2))
+    parts = jnp.stack([first, ratio - first], -1)[..., None]
+    ahead = jnp.stack([0 * first, first], -1)[..., None] + parts * half
+    log_rise = least[:, None] + ahead.reshape(count[0], -1)
+    inner_weight = (parts * half_weight).reshape(count[0], -1)
     beyond = _between(gaps.knots, gaps.storage, slopes[0], jnp.log(g[:, None] + jnp.exp(log_rise)))
     smallest = jnp.finfo(g.dtype).tiny ** 0.5
     width = jnp.sqrt(jnp.maximum(heights, smallest))
-    return _Nodes(g, (end - begin) * stretch * weight, width, 0.5 * log_rise, ratio[:, None] * weight * beyond)
+    return _Nodes(g, (end - begin) * stretch * weight, width, 0.5 * log_rise, inner_weight * beyond)
 
 
 def _slopes(knots, values):
