@@ -11,7 +11,8 @@ solids without adhesion under the pressure
 P(u) is the share A of the area at u = 0, where the attraction is the same and is borne by the contact, and
 what leaves contact at each length scale as `rubberfric.theory.area.separations` has it:
 
-.. math:: p_\mathrm{ad} = \frac{\Delta\gamma}{r}\Big[A + \int (-dP)\, \langle e^{-u/r}\rangle_{u_1(q), h(q)}\Big]
+.. math:: p_\mathrm{ad} = \frac{\Delta\gamma}{r}\Big[A
+          + \int (-dP)\, \langle e^{-u/r}\rangle_{u_1(q), h(q)}\Big]
 
 p_ad grows with p_rep, from 0 or more to the work over the range. So there is a solution between sigma_0 and
 sigma_0 + the work over r, or several: the least is where contact without adhesion goes.
@@ -68,7 +69,7 @@ class Gaps(NamedTuple):
 
 
 class _Nodes(NamedTuple):
-    """Of the outer integral over ln g, (m,), and of the inner ones over the logarithm of the rise of g, (m, n)."""
+    """Of the outer integral over ln g, (m,), and of the inner ones over the logarithm of its rise, (m, n)."""
 
     g: jax.Array
     weight: jax.Array
@@ -119,7 +120,7 @@ def attract(gaps: Gaps, order: int) -> Attraction:
 
 
 def _bracket(gaps):
-    """About where the least solution lies, a load on either side of it, and the slope of what it is a zero of.
+    """About where the least solution lies, a load on either side of it, and the slope of the excess there.
 
     Loads are logarithms of p_rep over sigma_0.
     """

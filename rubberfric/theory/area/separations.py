@@ -1,8 +1,8 @@
 r"""Where contact is lost at each length scale, and how the separations spread about it.
 
 Seen at the wavevector q the solids touch over P(q), and the gaps that finer roughness opens there have the
-volume u_bar P. The area that leaves contact at q takes u1 of it [Yang & Persson, J. Phys.: Condens. Matter 20,
-215214 (2008), doi:10.1088/0953-8984/20/21/215214], with G(q) = 1/(4 X^2), P = erf X:
+volume u_bar P. The area that leaves contact at q takes u1 of it [Yang & Persson, J. Phys.: Condens. Matter
+20, 215214 (2008), doi:10.1088/0953-8984/20/21/215214], with G(q) = 1/(4 X^2), P = erf X:
 
 .. math:: u_1 = \frac{d[\bar u P]}{dP} = \frac{\pi}{2}\frac{scale}{\sigma_0} P\int_q^{q_1} k(x)\, dU,\qquad
           x = \frac{1}{2 P\sqrt{G(q') - G(q)}},\qquad U = \int d\ln q \sum_j q^3 C_j\,factor_j
@@ -11,7 +11,8 @@ volume u_bar P. The area that leaves contact at q takes u1 of it [Yang & Persson
 
 the derivative of the separation (A18) of the roughness beyond q under the pressure sigma_0 / P; s = S P.
 About u1 the separations of that area have the heights beyond q as Gaussian, reflected at contact
-[Almqvist, Campana, Prodanov & Persson, J. Mech. Phys. Solids 59, 2355 (2011), doi:10.1016/j.jmps.2011.08.004].
+[Almqvist, Campana, Prodanov & Persson, J. Mech. Phys. Solids 59, 2355 (2011),
+doi:10.1016/j.jmps.2011.08.004].
 """
 
 import functools
