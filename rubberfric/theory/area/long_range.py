@@ -98,7 +98,7 @@ def attract(gaps: Gaps, order: int) -> Attraction:
     Attraction, of the least load if there are several; derivatives implicit
     """
     count = _OUTER * order, _INNER * order
-    axes = Gaps(0, 0, 0, 0, 0, None, None, None, None)
+    axes = Gaps._make([0, 0, 0, 0, 0, None, None, None, None])
     still = jax.lax.stop_gradient(gaps)
     first, low, high, slope = jax.vmap(_bracket, (axes,))(still)
 
@@ -106,10 +106,14 @@ def attract(gaps: Gaps, order: int) -> Attraction:
         nodes = _nodes(gaps, start, count)
         return jnp.log1p(gaps.strength * _share(gaps, nodes, z))
 
-    def searched(gaps, start, *bracket):
+    def searched(gaps, start, low, high, slope):
         nodes = _nodes(gaps, start, count)
         top = jnp.log1p(gaps.strength)
-        return _root(lambda z: z - jnp.log1p(gaps.strength * _share(gaps, nodes, z)), start, *bracket, top)
+
+        def excess(z):
+            return z - jnp.log1p(gaps.strength * _share(gaps, nodes, z))
+
+        return _root(excess, start, low, high, slope, top)
 
     solution, converged = jax.vmap(searched, (axes, 0, 0, 0, 0))(still, first, low, high, slope)
 
