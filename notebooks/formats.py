@@ -35,7 +35,7 @@ PLACES = (
     ("Shifts with temperature", "shift", Shift),
     ("Vertical shifts", "vertical", VerticalShift),
 )
-OTHERS = ("shear", "heating", "softening", "thermal")
+OTHERS = ("shear", "heating", "softening", "adhesion", "correlation", "thermal")
 
 
 def document() -> str:

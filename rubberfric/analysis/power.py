@@ -15,7 +15,7 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import over_points
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.scene import Scene
+from rubberfric.scene.scene import Scene, detaches
 from rubberfric.scene.shear import shear_friction
 from rubberfric.theory.integrals import prepare, solved
 from rubberfric.theory.model import ADHESIVE_BLOCK, settled, warn_of_last_iterates
@@ -100,7 +100,7 @@ def _dissipated_power(scene, velocity, pressure, temperature, *, quadrature):
             results["shear"] = mu * pressure * velocity
         return results
 
-    size = BLOCK if scene.adhesion is None else ADHESIVE_BLOCK
+    size = ADHESIVE_BLOCK if detaches(scene) else BLOCK
     parts = over_points(powers, (velocity, pressure, temperature), size)
     converged = parts.pop("converged", None)
     total = parts["lower"] + parts["upper"] + parts["shear"]

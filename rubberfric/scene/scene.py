@@ -88,7 +88,7 @@ class Scene(PhysicalObject):
     softening : Softening or None
         E' and E'' of viscoelastic solids fall with the strain of each length scale; a body may have its own.
     adhesion : Adhesion or None
-        the solids gain a work of adhesion where they touch.
+        the solids gain a work of adhesion where they touch, of short range or of long.
     correlation : Correlation or None
         of the roughness of both solids, which are at rest.
 
@@ -112,7 +112,7 @@ class Scene(PhysicalObject):
             )
         warn_of_scene(self)
         parts = present(self)
-        _check_apart("adhesion", ("heating", "area_correction"), parts)
+        _check_apart("adhesion", ("heating", "area_correction") if detaches(self) else ("heating",), parts)
         self._check_correlation(parts)
         bodies = self.lower, self.upper
         if "softening" not in parts:
@@ -207,6 +207,11 @@ def softening_of(scene: Scene, body: Body) -> Softening | None:
 def relaxes(body: Body) -> bool:
     """Whether a body is viscoelastic: its material, or what that is a coating of."""
     return body.material.relaxes or (body.layer is not None and body.layer.relaxes)
+
+
+def detaches(scene: Scene) -> bool:
+    """Whether contact is pulled off at a stress: adhesion of short range."""
+    return scene.adhesion is not None and scene.adhesion.limit == "short"
 
 
 def dissipates(scene: Scene) -> bool:

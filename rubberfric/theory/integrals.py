@@ -178,6 +178,8 @@ def evaluate(
         found |= _integrated(contact, parts | {"area"} if sheared else parts)
         if contact.detached is not None:
             found["converged"] = contact.detached.converged
+        if contact.attracted is not None:
+            found["converged"] = contact.attracted.converged
         if temperatures is not None:
             found |= {"flash_temperature": temperatures.flash, "converged": temperatures.converged}
             surface = temperatures.surface

@@ -29,7 +29,15 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.numerics.settings import ROBUST, fitting_quadrature
 from rubberfric.scene.numerics.single_precision import check_single
 from rubberfric.scene.plausibility import warn_of_conditions
-from rubberfric.scene.scene import Scene, cast, check_background, result_dtype, shifts, takes_temperature
+from rubberfric.scene.scene import (
+    Scene,
+    cast,
+    check_background,
+    detaches,
+    result_dtype,
+    shifts,
+    takes_temperature,
+)
 from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.quantities import QUANTITIES, Solution, Values, iterated, iterates, needs_of
 
@@ -38,7 +46,7 @@ AT_REST: Rule = (
     lambda v: v == 0,
 )
 
-# Points evaluated at once; with adhesion each has a matrix of all its nodes.
+# Points evaluated at once; with adhesion of short range each has a matrix of all its nodes.
 BLOCK, ADHESIVE_BLOCK = 512, 8
 
 
@@ -189,7 +197,7 @@ def solve(
         of a heated scene "flash_temperature" (at the largest
         wavevector) and "converged": False where the temperatures are a last iterate, not a solution.
         Only these are computed. The contact shear needs no more than the area. With adhesion "converged"
-        says the same of the areas, and "separation" is not defined.
+        says the same of the areas, and "separation" is not defined if it is of short range.
 
     Returns
     -------
@@ -315,7 +323,7 @@ def check_kinds(scene: object, quadrature: object) -> None:
 def _solve(scene, velocity, pressure, temperature, *, quadrature, quantities):
     prepared = prepare(scene, quantities, quadrature)
     block = functools.partial(evaluate, prepared, quantities)
-    size = BLOCK if scene.adhesion is None else ADHESIVE_BLOCK
+    size = ADHESIVE_BLOCK if detaches(scene) else BLOCK
     return Solution(**over_points(block, (velocity, pressure, temperature), size))
 
 

@@ -22,6 +22,9 @@ from rubberfric.scene.adhesion import Adhesion
 from rubberfric.scene.correlation import Correlation
 from rubberfric.scene.pairs import PairTemperatures
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
+from rubberfric.theory.area.first_passage import from_nodes_on
+from rubberfric.theory.area.long_range import Attraction, Gaps, attract
+from rubberfric.theory.area.separations import loss_table
 from rubberfric.theory.area.short_range import Balance, Detachment, detach
 from rubberfric.theory.contributions import Contribution, Terms, total
 from rubberfric.theory.partial_contact import (
@@ -36,12 +39,13 @@ class Contact(NamedTuple):
     """What the roughness does at points; axes (panels, points, order) where there are three."""
 
     terms: list[Terms]  # of every contribution
-    stiffness: jax.Array  # modulus scale over pressure, (points,)
+    stiffness: jax.Array  # modulus scale over the pressure that the contact bears, (points,)
     panels: jax.Array  # g of every panel, (panels, points); of all together, (1, points), if not graded
     x: jax.Array | None  # 1 / (2 sqrt G), plain; None if the mesh is not graded
     gamma: jax.Array
     correction: CorrectionTable | None
-    detached: Detachment | None = None  # with adhesion
+    detached: Detachment | None = None  # with adhesion of short range
+    attracted: Attraction | None = None  # of long range
 
     def area(self, panels: jax.Array | None = None) -> jax.Array:
         """P after the first `panels` panels (None: after all, A/A0), (points,)."""
@@ -70,7 +74,10 @@ class Contact(NamedTuple):
             share = friction_weight(self.corrected(self.x), self.gamma)
         else:
             share = energy_factor(self.detached.area, self.gamma) * self.detached.area
-        weight = jnp.pi * self.stiffness[:, None] * share
+        stiffness = self.stiffness
+        if self.attracted is not None:  # friction is over the load alone
+            stiffness = stiffness * self.attracted.load
+        weight = jnp.pi * stiffness[:, None] * share
         return {j: weight * density for j, density in found.items()}
 
     def corrected(self, x: jax.Array) -> jax.Array:
@@ -118,7 +125,39 @@ class Roughness(NamedTuple):
         contact = Contact(found, stiffness, panels, x, self.gamma, self.correction)
         if self.adhesion is None:
             return contact
+        if self.adhesion.limit == "long":
+            return self._attracted(self.adhesion, contact, g, pressure)
         return contact._replace(detached=self._detached(self.adhesion, contact, pressure))
+
+    def _attracted(self, adhesion, contact, g, pressure):
+        """The contact without adhesion under the load and the attraction."""
+        end = jnp.sum(contact.panels, 0)
+        storage = total(terms.densities["storage"] for terms in contact.terms)
+        heights = 2 * jnp.pi * total(self.mesh.roughness) / self.mesh.q**2
+
+        def in_a_row(values, last):
+            panels, order = g.shape[0], g.shape[2]
+            values = jnp.broadcast_to(values, (panels, pressure.shape[0], order))
+            values = jnp.moveaxis(values, 1, 0).reshape(pressure.shape[0], -1)
+            return jnp.concatenate([values, jnp.broadcast_to(last, pressure.shape)[:, None]], -1)
+
+        # Where the roughness begins g may be too small for its logarithm.
+        knots = jnp.log(jnp.maximum(in_a_row(g, end), jnp.finfo(g.dtype).tiny))
+        gaps = Gaps(
+            knots=knots,
+            storage=in_a_row(from_nodes_on(storage), 0 * end),
+            heights=in_a_row(from_nodes_on(heights[:, None]), 0 * end),
+            stiffness=contact.stiffness,
+            strength=adhesion.work / (adhesion.range * pressure),
+            reach=adhesion.range,
+            gamma=self.gamma,
+            correction=self.correction,
+            lost=loss_table(self.gamma),
+        )
+        attracted = attract(gaps, self.mesh.q.shape[1])
+        stiffness = contact.stiffness / attracted.load
+        x = contact_argument(g, stiffness[:, None])
+        return contact._replace(stiffness=stiffness, x=x, attracted=attracted)
 
     def _detached(self, adhesion, contact, pressure):
         """`Detachment` of the contact without adhesion."""

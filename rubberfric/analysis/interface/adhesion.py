@@ -19,7 +19,7 @@ from jax.typing import ArrayLike
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.scene import Scene, rough_surfaces
+from rubberfric.scene.scene import Scene, detaches, rough_surfaces
 from rubberfric.theory.contributions import total
 from rubberfric.theory.integrals import prepare, solved
 from rubberfric.theory.model import ADHESIVE_BLOCK, checked, warn_of_last_iterates
@@ -192,7 +192,7 @@ def adhesion_profile(
 
     Raises
     ------
-    ValueError : as `contact_area`; a scene without adhesion or without roughness.
+    ValueError : as `contact_area`; a scene without roughness, or without adhesion of short range.
 
     Warns
     -----
@@ -236,7 +236,7 @@ def pull_off_force(
 
     Raises
     ------
-    ValueError : as `contact_area`; radius <= 0; a scene without adhesion.
+    ValueError : as `contact_area`; radius <= 0; a scene without adhesion of short range.
 
     Warns
     -----
@@ -257,9 +257,11 @@ def pull_off_force(
 
 
 def _check_adhesive(scene):
-    """The adhesion of a scene, or ValueError."""
+    """The adhesion of a scene, of short range, or ValueError."""
     if scene.adhesion is None:
         raise ValueError("scene.adhesion is None: must be an Adhesion")
+    if not detaches(scene):
+        raise ValueError('scene.adhesion.limit is "long": nothing is detached at a stress; must be "short"')
     return scene.adhesion
 
 

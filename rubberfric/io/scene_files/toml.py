@@ -41,7 +41,7 @@
     file = "softening.csv"
     ...
 
-    [adhesion]                          # optional: work, prefactor
+    [adhesion]                          # optional: work, prefactor; limit = "long" and range
 
     [correlation]                       # optional: coherence; at velocity 0 only
 

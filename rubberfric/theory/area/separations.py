@@ -1,0 +1,140 @@
+r"""Where contact is lost at each length scale, and how the separations spread about it.
+
+Seen at the wavevector q the solids touch over P(q), and the gaps that finer roughness opens there have the
+volume u_bar P. The area that leaves contact at q takes u1 of it [Yang & Persson, J. Phys.: Condens. Matter
+20, 215214 (2008), doi:10.1088/0953-8984/20/21/215214], with G(q) = 1/(4 X^2), P = erf X:
+
+.. math:: u_1 = \frac{d[\bar u P]}{dP} = \frac{\pi}{2}\frac{scale}{\sigma_0} P\int_q^{q_1} k(x)\, dU,\qquad
+          x = \frac{1}{2 P\sqrt{G(q') - G(q)}},\qquad U = \int d\ln q \sum_j q^3 C_j\,factor_j
+          \langle\mathrm{Re}F_j\rangle
+.. math:: k = x\Psi + x s' + c\,x^2\,(x s' - x\Psi),\qquad c = \frac{\sqrt\pi}{2}\frac{P^3}{X^3}e^{X^2}
+
+the derivative of the separation (A18) of the roughness beyond q under the pressure sigma_0 / P; s = S P.
+About u1 the separations of that area have the heights beyond q as Gaussian, reflected at contact
+[Almqvist, Campana, Prodanov & Persson, J. Mech. Phys. Solids 59, 2355 (2011),
+doi:10.1016/j.jmps.2011.08.004].
+"""
+
+import functools
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.special import erf, erfc
+from scipy import special
+
+from rubberfric.base.quadrature import gauss, typed
+from rubberfric.theory.partial_contact import TWO_OVER_ROOT_PI, contact_fraction, separation_weight
+
+# X beyond which no area is left that could leave contact (1 - P = 2e-17, float32: 1e-7) and c would overflow.
+_NOTHING_LOST = 6.0
+
+# Terms of the asymptotic series of erfcx beyond the border: 1e-15 there.
+_BORDER, _TERMS = 8.0, 14
+
+# Entries of the table of k, from x = 1e-6 to 5.4, where 1e-12 is left of it.
+_LOWEST, _STEP, _ENTRIES = -14.0, 0.01, 1570
+
+
+def loss_factor(X: jax.Array) -> jax.Array:
+    """The factor c of where contact is lost; 4/pi at light load, and held beyond X = 6."""
+    X = jnp.minimum(X, _NOTHING_LOST)
+    return 0.5 * math.sqrt(math.pi) * (contact_fraction(X) / X) ** 3 * jnp.exp(X * X)
+
+
+def loss_weight(x: jax.Array, c: jax.Array, gamma: jax.Array | float) -> jax.Array:
+    """The weight k(x) of where contact is lost; 0 at x = 27."""
+    P = erf(x)
+    slope = x * TWO_OVER_ROOT_PI * jnp.exp(-x * x) * (gamma + 3 * (1 - gamma) * P * P)
+    gap = separation_weight(x, gamma)
+    return gap + slope + c * x * x * (slope - gap)
+
+
+class LossTable(NamedTuple):
+    """The slope -dk / d ln x at uniform ln x: the part without c and what c multiplies, and their slopes."""
+
+    value: jax.Array  # (2, entries)
+    slope: jax.Array  # times the step
+
+    def __call__(self, log_x: jax.Array, c: jax.Array) -> jax.Array:
+        """The slope at x, 0 where x > 5.4; to 3e-8 of its largest value."""
+        place = jnp.clip((log_x - _LOWEST) / _STEP, 0.0, _ENTRIES - 1)
+        k = jnp.minimum(jax.lax.stop_gradient(place).astype(int), _ENTRIES - 2)
+        t = place - k
+
+        def part(i):
+            f0, d0, d1 = self.value[i][k], self.slope[i][k], self.slope[i][k + 1]
+            rise = self.value[i][k + 1] - f0
+            return f0 + t * (d0 + t * (3 * rise - 2 * d0 - d1 + t * (d0 + d1 - 2 * rise)))
+
+        return part(0) + c * part(1)
+
+
+def loss_table(gamma: jax.Array) -> LossTable:
+    """Table for one gamma in 0 ... 1."""
+    tables = typed(_loss_tables(), gamma)
+    return LossTable(*(tables[0] + gamma * (tables[1] - tables[0])))
+
+
+@functools.cache
+def _loss_tables():
+    """Values and slopes of both parts for gamma = 0 and 1, (2, 2, 2, entries)."""
+    log_x = _LOWEST + _STEP * np.arange(_ENTRIES)
+    x = np.exp(log_x)
+    node, weight = gauss(12)
+    found = []
+    for gamma in (0.0, 1.0):
+        one, two, three = _energy_slopes(x, gamma)
+        between = np.exp(log_x[:-1, None] + _STEP * node)
+        # Beyond the last entry nothing is left of it.
+        steps = _STEP * _energy_slopes(between, gamma)[0] @ weight
+        gap = x * np.append(np.cumsum(steps[::-1])[::-1], 0.0)
+        one, two, three = x * one, x**2 * two, x**3 * three
+        fall, turn = gap - one, 2 * two + three
+        without = -(gap + two), -(fall + turn)
+        times_c = -(4 * one + two - 3 * gap), -(4 * (one + two) + turn - 3 * fall)
+        times_c = x**2 * times_c[0], x**2 * (2 * times_c[0] + times_c[1])
+        found.append(np.stack([without, times_c], 1) * np.array([1.0, _STEP])[:, None, None])
+    return np.stack(found)
+
+
+def _energy_slopes(x, gamma):
+    """The first three derivatives of s."""
+    P, bell = special.erf(x), TWO_OVER_ROOT_PI * np.exp(-x * x)
+    one = bell * (gamma + 3 * (1 - gamma) * P**2)
+    two = -2 * x * one + 6 * (1 - gamma) * P * bell**2
+    return one, two, -2 * one - 2 * x * two + 6 * (1 - gamma) * bell**2 * (bell - 4 * x * P)
+
+
+def spread(separation: jax.Array, width: jax.Array, reach: jax.Array) -> jax.Array:
+    r"""Mean of exp(-u / reach) over a Gaussian about a separation, reflected at 0.
+
+    .. math:: \tfrac12 e^{-t^2/2}\big[\mathrm{erfcx}\tfrac{a - t}{\sqrt2}
+              + \mathrm{erfcx}\tfrac{a + t}{\sqrt2}\big],\qquad a = \frac{h}{r},\quad t = \frac{u}{h}
+
+    Parameters
+    ----------
+    separation, width : u >= 0 and h > 0 [m]
+    reach : r > 0 [m]
+    """
+    a, t = width / reach, separation / width
+    # Its square must stay a number in float32; the exponential is 0 long before.
+    bell = jnp.exp(-0.5 * jnp.minimum(t, 1e3) ** 2)
+    below = t < a
+    near = bell * scaled_erfc(jnp.where(below, a - t, 0.0) / math.sqrt(2))
+    # Elsewhere the two exponents are joined before they overflow.
+    joined = jnp.where(below, 0.0, a * (0.5 * a - t))
+    far = jnp.exp(joined) * erfc(jnp.where(below, 0.0, a - t) / math.sqrt(2))
+    return 0.5 * (jnp.where(below, near, far) + bell * scaled_erfc((a + t) / math.sqrt(2)))
+
+
+def scaled_erfc(z: jax.Array) -> jax.Array:
+    """The function erfcx, exp(z^2) erfc(z), of z >= 0."""
+    low = jnp.minimum(z, _BORDER)
+    high = jnp.maximum(z, _BORDER)
+    step, series = -0.5 / (high * high), jnp.ones_like(high)
+    for n in range(_TERMS, 0, -1):
+        series = 1 + (2 * n - 1) * step * series
+    return jnp.where(z < _BORDER, jnp.exp(low * low) * erfc(low), series / (math.sqrt(math.pi) * high))

@@ -1,0 +1,69 @@
+"""Adhesion of long range against boundary elements.
+
+One surface of 2 periods, q1/q0 = 16, qr/q0 = 2, 256^2 points, an elastic half-space, p_a = work/r exp(-u/r)
+with the work at which the attraction of the gaps without adhesion is the load. R = 2 / rms curvature in
+Tabor's parameter (R work^2 / E_r^2 r^3)^(1/3). A/A0 without and with adhesion, by elements and by the theory
+with S in G (without it areas are 8 to 29 % low, as they are without adhesion):
+
+===  =====  =====  =============  =============  ======  ===========================
+H    p/E h' Tabor  elements       theory         error   gaps of elements, this limit
+===  =====  =====  =============  =============  ======  ===========================
+0.8  0.02   0.1    .0446, .0961   .0449, .0971   +1 %
+0.8  0.06   0.1    .1295, .2486   .1306, .2525   +2 %
+0.8  0.2    0.1    .3780, .6316   .3767, .6240   -1 %
+0.5  0.02   0.1    .0441, .0940   .0449, .0971   +3 %
+0.5  0.06   0.1    .1270, .2486   .1306, .2521   +1 %
+0.5  0.2    0.1    .3786, .6378   .3767, .6236   -2 %
+0.8  0.02   0.3    .0446, .1058   .0449, .1259   +19 %   .1237
+0.8  0.06   0.3    .1295, .2676   .1306, .2922   +9 %    .2924
+0.8  0.2    0.3    .3780, .6448   .3767, .6420   -0 %    .6539
+0.5  0.02   0.3    .0441, .1032   .0449, .1262   +22 %
+0.5  0.06   0.3    .1270, .2692   .1306, .2913   +8 %
+0.5  0.2    0.3    .3786, .6496   .3767, .6398   -2 %
+===  =====  =====  =============  =============  ======  ===========================
+
+At Tabor 0.1 all are within 4 %. At 0.3 light loads miss 5 % by far, and not for the distribution of
+separations: the last column has p_ad from the gaps of elements without adhesion. There the attraction
+deforms the solids, which the limit leaves out. If what is in contact did not attract (p_ad from the gaps
+alone), areas at Tabor 0.1 were 10 to 28 % below those of the elements.
+"""
+
+import jax
+import numpy as np
+import pytest
+from support.oracles.adhesive_elements import adhesive_contact, slopes_of
+
+import rubberfric as rf
+from rubberfric.analysis.elements.realisation import random_surface
+
+MODULUS = 1e7
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("hurst", [0.8, 0.5])
+@pytest.mark.parametrize(
+    ("load", "tabor", "error"),
+    [(0.02, 0.1, 0.05), (0.06, 0.1, 0.05), (0.2, 0.1, 0.05), (0.02, 0.3, 0.25), (0.2, 0.3, 0.05)],
+)
+def test_areas_are_those_of_elements(hurst, load, tabor, error):
+    spectrum = rf.SelfAffine(q0=1e5, qr=2e5, q1=1.6e6, hurst=hurst, h_rms=1e-6)
+    heights, length = random_surface(spectrum, jax.random.key(0), grid=256, periods=2.0)
+    slope, curvature = slopes_of(heights, length)
+    pressure = load * MODULUS * slope
+    plain, gap, _ = adhesive_contact(heights, length, MODULUS, pressure)
+    work = 0.3 * pressure * 1e-6
+    for _ in range(40):
+        reach = (2 / curvature * (work / MODULUS) ** 2) ** (1 / 3) / tabor
+        work = 0.5 * work + 0.5 * pressure * reach / np.mean(np.exp(-gap / reach))
+    reach = (2 / curvature * (work / MODULUS) ** 2) ** (1 / 3) / tabor
+    area, _, found = adhesive_contact(heights, length, MODULUS, pressure, work, reach)
+    scene = rf.Scene(
+        rf.Body(rf.Rigid(), spectrum),
+        rf.Body(rf.Elastic(0.75 * MODULUS, 0.5)),
+        area_correction=True,
+        adhesion=rf.Adhesion(work, limit="long", range=reach),
+    )
+    assert found and area > 1.5 * plain
+    # At the same load over the slope of the spectrum, of which a surface has a few modes.
+    theory = float(rf.contact_area(scene, 0.0, load * MODULUS * float(rf.rms_slope(spectrum))))
+    assert theory == pytest.approx(area, rel=error)

@@ -1,0 +1,251 @@
+"""Adhesion of long range: the load of the contact against brute force over its separations."""
+
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy import special
+from scipy.optimize import brentq
+
+import rubberfric as rf
+from rubberfric.theory.area.separations import loss_table, loss_weight, scaled_erfc, spread
+
+Q0, Q1, HURST, H_RMS, YOUNG = 1e4, 1e6, 0.8, 2e-7, 1e7
+FINE = rf.SelfAffine(q0=Q0, qr=Q0, q1=Q1, hurst=HURST, h_rms=H_RMS)
+ROLLING = FINE.replace(qr=3e4)
+MODULUS = YOUNG / 0.75
+QUADRATURE = rf.Quadrature(order=8, panels=6, graded=3, ratio=6.0)
+AREA = ("area", "separation", "converged")
+
+
+def _scene(work=None, reach=None, spectrum=FINE, **options):
+    adhesion = None if work is None else rf.Adhesion(work, limit="long", range=reach)
+    return rf.Scene(
+        rf.Body(rf.Rigid(), spectrum), rf.Body(rf.Elastic(YOUNG, 0.5)), adhesion=adhesion, **options
+    )
+
+
+def _load_of(scene, area, velocity=0.0):
+    """The pressure at which contact without adhesion has this area."""
+    return brentq(lambda p: float(rf.contact_area(scene, velocity, p)) - area, 1e3, 1e7, xtol=1e-6)
+
+
+class _Theory:
+    """The distribution of separations at a load by sums over wavevectors, of a power law from q0 to q1."""
+
+    def __init__(self, pressure, gamma=0.5, count=3000):
+        power = 2 * (1 + HURST)
+        C0 = H_RMS**2 * HURST / (math.pi * Q0**2 * (1 - (Q1 / Q0) ** (-2 * HURST)))
+        t = np.linspace(0, 1, count + 1) ** 2 * math.log(Q1 / Q0)
+        self.q = Q0 * np.exp(t)
+        scale = math.pi / 4 * (MODULUS / pressure) ** 2 * C0 * Q0**power
+        self.G = scale * (self.q ** (4 - power) - Q0 ** (4 - power)) / (4 - power)
+        with np.errstate(divide="ignore"):
+            self.P = special.erf(0.5 / np.sqrt(self.G))
+        self.h2 = 2 * math.pi * C0 * Q0**power * (self.q ** (2 - power) - Q1 ** (2 - power)) / (power - 2)
+        # d^2q C K at the middle of every cell.
+        q = np.sqrt(self.q[1:] * self.q[:-1])
+        storage = 2 * math.pi * q**2 * C0 * (q / Q0) ** -power * q / 2 * MODULUS * np.diff(np.log(self.q))
+        G = scale * (q ** (4 - power) - Q0 ** (4 - power)) / (4 - power)
+        # Psi by the sum of its integral, with s' = erf'(gamma + 3 (1 - gamma) erf^2).
+        s = np.exp(np.linspace(-16, 3, 60001))
+        slope = 2 / math.sqrt(math.pi) * np.exp(-s * s) * (gamma + 3 * (1 - gamma) * special.erf(s) ** 2)
+        steps = 0.5 * (slope[1:] + slope[:-1]) * np.diff(np.log(s))
+        psi = np.append(np.cumsum(steps[::-1])[::-1], 0.0)
+        volume = []
+        for at, P in zip(self.G, self.P, strict=True):
+            rise = np.where(at < G, G - at, 1.0)
+            x = np.where(at < G, 0.5 / (P * np.sqrt(rise)), 20.0)
+            mean = np.interp(np.log(x), np.log(s), psi) * x * P / (2 * pressure)
+            volume.append(P * np.sum(np.where(at < G, mean, 0.0) * storage))
+        self.volume = np.array(volume)
+
+    def attraction(self, reach):
+        """Mean of exp(-u / r): of the gaps by their density on a grid."""
+        lost = -np.diff(self.P)
+        some = lost > 1e-13
+        u1 = np.diff(self.volume)[some] / np.diff(self.P)[some]
+        h = np.sqrt(0.5 * (self.h2[1:] + self.h2[:-1])[some])
+        # Over u / h about u1, both sides folded into u > 0.
+        z, step = np.linspace(-8.5, 8.5, 681, retstep=True)
+        u = np.abs(u1[:, None] + h[:, None] * z)
+        mean = np.exp(-u / reach) @ np.exp(-z * z / 2) * step / math.sqrt(2 * math.pi)
+        return self.P[-1] + np.sum(lost[some] * mean)
+
+
+@pytest.mark.parametrize(
+    ("pressure", "share", "reach"), [(1e5, 1.0, 1e-7), (1e5, 3.0, 1e-8), (1e4, 10.0, 3e-7), (1e6, 0.5, 3e-9)]
+)
+def test_the_load_agrees_with_brute_force(pressure, share, reach):
+    strength = share * pressure
+
+    def excess(load):
+        return load - pressure - strength * _Theory(load).attraction(reach)
+
+    load = brentq(excess, pressure, pressure + strength, rtol=1e-7)
+    found = rf.solve(_scene(strength * reach, reach), 0.0, pressure, quantities=AREA)
+    at = _Theory(load)
+    assert found.converged
+    assert float(found.area) == pytest.approx(at.P[-1], rel=3e-4)
+    assert float(found.separation) == pytest.approx(at.volume[0], rel=2e-3)
+    assert load > 1.1 * pressure
+
+
+def test_area_and_separation_are_those_without_adhesion_under_the_load():
+    """Which is that of both, and with S in G too."""
+    for options in ({}, {"area_correction": True}):
+        found = rf.solve(_scene(1e-2, 1e-7, **options), 0.0, 1e5, quantities=AREA)
+        plain = _scene(**options)
+        area = float(found.area)
+        load = _load_of(plain, area)
+        assert load > 1.2e5
+        assert float(found.separation) == pytest.approx(float(rf.separation(plain, 0.0, load)), rel=1e-8)
+
+
+def test_a_range_beyond_all_gaps_is_a_load():
+    pressure = np.array([1e3, 3e4, 1e5])
+    found = rf.solve(_scene(2e4 * 1e2, 1e2), 0.0, pressure, quantities=AREA)
+    pressed = rf.solve(_scene(), 0.0, pressure + 2e4, quantities=AREA[:2])
+    np.testing.assert_allclose(found.area, pressed.area, rtol=1e-7)
+    np.testing.assert_allclose(found.separation, pressed.separation, rtol=1e-7)
+
+
+def test_a_vanishing_work_is_contact_without_adhesion():
+    pressure = np.array([1e3, 1e5, 1e6])
+    for spectrum in (FINE, ROLLING):
+        found = rf.contact_area(_scene(1e-26, 1e-7, spectrum), 0.0, pressure)
+        plain = rf.contact_area(_scene(spectrum=spectrum), 0.0, pressure, quadrature=rf.Quadrature())
+        np.testing.assert_allclose(found, plain, rtol=1e-9)
+        same = rf.Quadrature()
+        found = rf.contact_area(_scene(1e-26, 1e-7, spectrum), 0.0, pressure, quadrature=same)
+        np.testing.assert_allclose(found, plain, rtol=1e-13)
+
+
+def test_nodes_are_enough():
+    """Twice as many change areas by 3e-5 at most, at very light load by 2e-3."""
+    cases = [(1e5, 1e-2, 1e-7), (1e3, 1e-3, 1e-8), (1e5, 1e-3, 1e-9), (1e2, 1e-4, 1e-7)]
+    for pressure, work, reach in cases:
+        scene = _scene(work, reach, ROLLING)
+        usual, fine = (
+            float(rf.contact_area(scene, 0.0, pressure, quadrature=rf.Quadrature(order=order)))
+            for order in (13, 26)
+        )
+        assert usual == pytest.approx(fine, rel=3e-5 if pressure > 1e2 else 2e-3)
+
+
+def test_attraction_enlarges_the_area_and_brings_the_solids_together():
+    works = [1e-6, 1e-4, 1e-3, 1e-2, 0.1, 10.0]
+    found = [
+        rf.solve(_scene(w, 1e-7), 0.0, [1e4, 1e5], quadrature=QUADRATURE, quantities=AREA) for w in works
+    ]
+    areas, gaps = (np.array([getattr(one, name) for one in found]) for name in ("area", "separation"))
+    assert np.all(np.diff(areas, axis=0) >= 0) and np.all(np.diff(gaps, axis=0) <= 0)
+    np.testing.assert_allclose(areas[-1], 1.0, atol=1e-12)
+    assert np.all([one.converged for one in found])
+
+
+@pytest.mark.parametrize(("share", "reach"), [(30.0, 1e-8), (300.0, 3e-9), (10.0, 1e-7)])
+def test_no_lesser_load_is_a_solution(share, reach):
+    """Below it the attraction is always more than what is missing."""
+    scene, pressure = _scene(share * 1e3 * reach, reach), 1e3
+    found = rf.solve(scene, 0.0, pressure, quantities=AREA)
+    area = float(found.area)
+    load = _load_of(_scene(), area)
+    for less in np.geomspace(pressure, 0.998 * load, 12):
+        assert less - pressure < share * pressure * _Theory(less, count=1000).attraction(reach)
+    assert found.converged
+
+
+def test_derivatives_are_those_of_the_values():
+    def area(parameters, quantity="area"):
+        work, reach, young, h_rms, pressure = jnp.exp(parameters)
+        scene = _scene(1.0, 1.0, ROLLING).replace(
+            {"adhesion.work": work, "adhesion.range": reach, "upper.material.young": young}
+        )
+        scene = scene.replace("lower.spectrum.h_rms", h_rms)
+        return getattr(
+            rf.solve(scene, 0.0, pressure, quadrature=rf.Quadrature(), quantities=(quantity,)), quantity
+        )
+
+    at = jnp.log(jnp.array([1e-2, 1e-7, 1e7, 2e-7, 1e5]))
+    for quantity in ("area", "separation"):
+        forward = jax.jacfwd(area)(at, quantity)
+        np.testing.assert_allclose(jax.jacrev(area)(at, quantity), forward, rtol=1e-9)
+        step = 1e-5 * np.eye(5)
+        differences = [(area(at + d, quantity) - area(at - d, quantity)) / 2e-5 for d in step]
+        np.testing.assert_allclose(forward, differences, rtol=1e-5)
+    # Whatever the units: lengths times l and pressures times p leave the area.
+    slopes = jax.jacfwd(area)(at)
+    assert float(slopes[0] + slopes[2] + slopes[4]) == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_values_and_derivatives_are_finite_at_extremes():
+    def values(work, reach, young, pressure):
+        scene = _scene(1.0, 1.0, ROLLING).replace(
+            {"adhesion.work": work, "adhesion.range": reach, "upper.material.young": young}
+        )
+        found = rf.solve(scene, 0.0, pressure, quadrature=QUADRATURE, quantities=AREA[:2])
+        return found.area, found.separation
+
+    cases = np.array(
+        [
+            (work, reach, young, pressure)
+            for work in (1e-6, 1e-2, 10.0)
+            for reach in (1e-10, 1e-7, 1e-3)
+            for young in (1e4, 1e7, 1e11)
+            for pressure in (1.0, 1e5, 1e9)
+        ]
+    ).T
+    found = jax.jit(jax.vmap(values))(*cases)
+    slopes = jax.jit(jax.vmap(jax.jacrev(values, (0, 1, 2, 3))))(*cases)
+    assert all(np.isfinite(x).all() for x in jax.tree.leaves((found, slopes)))
+    assert np.all((found[0] > 0) & (found[0] <= 1) & (found[1] >= 0))
+
+
+def test_friction_is_that_of_the_load_over_the_pressure():
+    tread = rf.Prony(3.6e6, [1e7], [1e-3])
+    shear = rf.ContactShear(tau_f0=1e6, c=0.0, v0=1.0)
+    plain = rf.Scene(rf.Body(rf.Rigid(), FINE), rf.Body(tread), shear=shear)
+    scene = plain.replace(adhesion=rf.Adhesion(0.05, limit="long", range=1e-7))
+    quantities = ("area", "viscoelastic_friction", "shear_friction")
+    found = rf.solve(scene, 1e-3, 1e4, quantities=quantities)
+    area = float(found.area)
+    load = _load_of(plain, area, 1e-3)
+    pressed = rf.solve(plain, 1e-3, load, quantities=quantities)
+    assert float(found.shear_friction) == pytest.approx(100 * area, rel=1e-12)
+    assert float(found.viscoelastic_friction) == pytest.approx(
+        float(pressed.viscoelastic_friction) * load / 1e4, rel=1e-8
+    )
+    power = rf.analysis.dissipated_power(scene, 1e-3, 1e4)
+    total = float(found.viscoelastic_friction + found.shear_friction) * 1e4 * 1e-3
+    assert float(power.total) == pytest.approx(total, rel=1e-9)
+
+
+def test_the_weights_of_where_contact_is_lost():
+    """Their table against derivatives of the formula; erfcx and the mean over Gaussians against scipy."""
+    log_x = np.random.default_rng(0).uniform(-12, 1.6, 300)
+    for gamma, c in ((0.5, 4 / math.pi), (0.0, 30.0), (1.0, 0.0)):
+        slope = jax.vmap(jax.grad(lambda t, c=c, gamma=gamma: -loss_weight(jnp.exp(t), c, gamma)))(log_x)
+        table = loss_table(jnp.asarray(gamma))(jnp.asarray(log_x), jnp.asarray(c))
+        np.testing.assert_allclose(table, slope, atol=3e-8 * float(np.abs(slope).max()) + 1e-10)
+    z = np.geomspace(1e-3, 1e9, 100)
+    np.testing.assert_allclose(scaled_erfc(jnp.asarray(z)), special.erfcx(z), rtol=1e-14)
+    for u, h, r in ((1.0, 0.5, 0.3), (0.2, 1.0, 3.0), (5.0, 0.01, 2.0), (1e-3, 1.0, 0.05), (40.0, 1.0, 5.0)):
+        grid, step = np.linspace(-12, 12, 2000001, retstep=True)
+        mean = np.sum(np.exp(-np.abs(u + h * grid) / r - grid**2 / 2)) * step / math.sqrt(2 * math.pi)
+        assert float(spread(*map(jnp.asarray, (u, h, r)))) == pytest.approx(mean, rel=1e-6)
+
+
+def test_wrong_ranges_are_refused():
+    with pytest.raises(ValueError, match=r"^Adhesion.range is None: must be given, in m"):
+        rf.Adhesion(0.05, limit="long")
+    with pytest.raises(ValueError, match=r"^Adhesion.range: adhesion of short range has none"):
+        rf.Adhesion(0.05, range=1e-8)
+    with pytest.raises(ValueError, match=r"range"):
+        rf.Adhesion(0.05, limit="long", range=-1.0)
+    assert "separation" in rf.quantities_of(_scene(1e-2, 1e-7))
+    with pytest.raises(ValueError, match=r'^scene.adhesion.limit is "long"'):
+        rf.analysis.pull_off_force(_scene(1e-2, 1e-7), 1e-2, 1e5)
