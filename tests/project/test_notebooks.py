@@ -3,20 +3,12 @@
 import base64
 import os
 import re
-import shutil
-import time
 
 import pytest
-from support.folders import ROOT
+from support.processes.notebooks import NOTEBOOKS, OF_FITS, run
 
-WHY = "notebooks need pip install 'rubberfric[notebooks]'"
-for name in ("matplotlib", "ipykernel", "numpyro"):
-    pytest.importorskip(name, reason=WHY)
-nbformat = pytest.importorskip("nbformat", reason=WHY)
-nbclient = pytest.importorskip("nbclient", reason=WHY)
+nbformat = pytest.importorskip("nbformat", reason="notebooks need pip install 'rubberfric[notebooks]'")
 
-NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
-SECONDS = 150  # for one notebook; on a quiet core each takes a small part of it
 LARGEST, ALL = 350_000, 1_350_000  # bytes
 MACHINE = re.compile(r"(?<![\w.])/(home|tmp|work|root|usr|opt)\b|site-packages|[A-Z]:\\\\Users")
 
@@ -41,24 +33,12 @@ def texts_of(notebook):
             yield from (str(data) for kind, data in output.get("data", {}).items() if "image" not in kind)
 
 
-@each
+@pytest.mark.parametrize(
+    "path", [path for path in NOTEBOOKS if path not in OF_FITS], ids=lambda path: path.stem
+)
 def test_runs_from_top_to_bottom(path, tmp_path, monkeypatch):
-    """In a copy of its folder beside the data, against this checkout, compiled as `conftest` has it."""
-    folder = tmp_path / "notebooks"
-    folder.mkdir()
-    shutil.copytree(ROOT / "data", tmp_path / "data")
-    monkeypatch.setenv("PYTHONPATH", str(ROOT))
-    monkeypatch.setenv("JUPYTER_CONFIG_DIR", str(tmp_path))
-    notebook = nbformat.read(path, as_version=4)
-    end = time.monotonic() + SECONDS
-    client = nbclient.NotebookClient(
-        notebook,
-        kernel_name="python3",
-        timeout_func=lambda _: max(1, int(end - time.monotonic())),
-        resources={"metadata": {"path": str(folder)}},
-    )
-    client.execute()
-    assert not [output for output in outputs_of(notebook) if output.output_type == "error"]
+    """Those of fits run in `tests/fitting/whole_fits`."""
+    run(path, tmp_path, monkeypatch)
 
 
 @each

@@ -1,0 +1,35 @@
+"""Notebooks run from top to bottom."""
+
+import shutil
+import time
+
+import pytest
+from support.folders import ROOT
+
+NOTEBOOKS = sorted((ROOT / "notebooks").glob("*.ipynb"))
+OF_FITS = [path for path in NOTEBOOKS if path.name[0] in "256"]
+SECONDS = 150  # for one notebook; on a quiet core each takes a part of it
+
+
+def run(path, folder, monkeypatch):
+    """In a copy of its folder beside the data, against this checkout, compiled as `conftest` has it."""
+    why = "notebooks need pip install 'rubberfric[notebooks]'"
+    for name in ("matplotlib", "ipykernel", "numpyro"):
+        pytest.importorskip(name, reason=why)
+    nbformat, nbclient = (pytest.importorskip(name, reason=why) for name in ("nbformat", "nbclient"))
+    notebooks = folder / "notebooks"
+    notebooks.mkdir()
+    shutil.copytree(ROOT / "data", folder / "data")
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.setenv("JUPYTER_CONFIG_DIR", str(folder))
+    notebook = nbformat.read(path, as_version=4)
+    end = time.monotonic() + SECONDS
+    client = nbclient.NotebookClient(
+        notebook,
+        kernel_name="python3",
+        timeout_func=lambda _: max(1, int(end - time.monotonic())),
+        resources={"metadata": {"path": str(notebooks)}},
+    )
+    client.execute()
+    outputs = [output for cell in notebook.cells for output in cell.get("outputs", ())]
+    assert outputs and not [output for output in outputs if output.output_type == "error"]
