@@ -123,10 +123,7 @@ class Calibration:
 
         Of more than eight only those that leave the envelope have a name and a colour.
         """
-        if ax is None:
-            from matplotlib.figure import Figure
-
-            ax = Figure(figsize=(6.0, 4.0), layout="constrained").subplots()
+        ax = style.one_axes(ax, (6.0, 4.0))
         at, share = self.distribution()
         low, high = self.envelope()
         ax.fill_between(at, low - at, high - at, color="0.85", label="99 % envelope")

@@ -13,7 +13,7 @@ import jax
 import numpy as np
 
 from rubberfric.base.checks import PLAUSIBLE_TEMPERATURE, UnitWarning, is_concrete
-from rubberfric.base.objects.physical import PhysicalObject, fields_of, leaves_of
+from rubberfric.base.objects.physical import PhysicalObject, leaves_of, parts_of
 
 # What a number in a unit may be instead.
 _QUESTIONS = {
@@ -32,7 +32,7 @@ _OFF = 'warnings.simplefilter("ignore", rubberfric.UnitWarning) silences this'
 
 def doubts_of_scene(scene: PhysicalObject) -> Iterator[str]:
     """What in an object is hardly in SI, a line each that begins with its key path."""
-    for key, part in _parts("", scene):
+    for key, part in parts_of(scene):
         for name, field in leaves_of(type(part)).items():
             values = getattr(part, name)
             if field.plausible is None or values is None:
@@ -68,15 +68,6 @@ def _warn(doubts, above):
     for text in doubts:
         warnings.warn(f"{text} {_OFF}", UnitWarning, stacklevel=above)
         return
-
-
-def _parts(key: str, part: PhysicalObject) -> Iterator[tuple[str, PhysicalObject]]:
-    """(key path, object) of an object and of everything in it."""
-    yield key, part
-    for name in fields_of(type(part)):
-        value = getattr(part, name)
-        if isinstance(value, PhysicalObject):
-            yield from _parts(f"{key}.{name}" if key else name, value)
 
 
 def _doubts(where, values, low, high, unit):

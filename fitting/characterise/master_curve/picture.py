@@ -38,11 +38,12 @@ def plot_master_curve(
     upper, lower = ax = style.several_axes(ax, ("moduli", "shifts"), (7.4, 7.0))
     log_a, stderr, reference = shifts
     celsius = np.asarray(rf.units.to_celsius(T))
+    named = [f"{round(one, 1) + 0:g} °C" for one in celsius]  # + 0: no minus before a zero
     for i, tone in enumerate(style.colours(T.size)):
         here = of_sweep == i
         marker = style.MARKERS[i % len(style.MARKERS)]
         look = {"color": tone, "marker": marker, "linestyle": "none", "markersize": 3.5}
-        upper.plot(data.omega[here], data.storage[here], label=f"{round(celsius[i], 1) + 0:g} °C", **look)
+        upper.plot(data.omega[here], data.storage[here], label=named[i], **look)
         upper.plot(data.omega[here], data.loss[here], markerfacecolor="white", **look)
         reach = 1.96 * stderr[i] / np.log(10)
         lower.errorbar(celsius[i], log_a[i] / np.log(10), reach, elinewidth=1, capsize=2, **look)
@@ -52,7 +53,7 @@ def plot_master_curve(
         lower.plot(rf.units.to_celsius(line), values, dashes, color="0.3", linewidth=1.2, label=name)
     upper.set_xscale("log")
     upper.set_yscale("log")
-    upper.set_xlabel(f"$a_T\\omega$ at {round(celsius[reference], 1) + 0:g} °C [rad/s]")
+    upper.set_xlabel(f"$a_T\\omega$ at {named[reference]} [rad/s]")
     upper.set_ylabel("modulus $E'$ (filled), $E''$ [Pa]")
     lower.set_xlabel("temperature [°C]")
     lower.set_ylabel("$\\log_{10} a_T$ [-]")

@@ -8,7 +8,7 @@ markers. Here the constructor checks and converts; rebuilding goes past it.
 import dataclasses
 import re
 import types
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Self, TypeVar, dataclass_transform
 
 import jax
@@ -163,6 +163,15 @@ def fields_of(cls: type[PhysicalObject]) -> Mapping[str, Meaning]:
 def leaves_of(cls: type[PhysicalObject]) -> dict[str, Leaf]:
     """Those of them that are numbers."""
     return {name: field for name, field in fields_of(cls).items() if isinstance(field, Leaf)}
+
+
+def parts_of(part: PhysicalObject, path: str = "") -> Iterator[tuple[str, PhysicalObject]]:
+    """(key path, object) of an object, whose own path is given, and of everything in it."""
+    yield path, part
+    for name in fields_of(type(part)):
+        value = getattr(part, name)
+        if isinstance(value, PhysicalObject):
+            yield from parts_of(value, f"{path}.{name}" if path else name)
 
 
 def unit_of(cls: type[PhysicalObject], name: str) -> str:

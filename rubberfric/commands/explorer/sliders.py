@@ -13,7 +13,7 @@ import numpy as np
 
 from rubberfric.base.checks import PLAUSIBLE_TEMPERATURE, closest, shown
 from rubberfric.base.objects.fields import Leaf
-from rubberfric.base.objects.physical import PhysicalObject, fields_of, leaves_of
+from rubberfric.base.objects.physical import PhysicalObject, leaves_of, parts_of
 from rubberfric.io.scene_files.conditions import Conditions, check_conditions
 from rubberfric.scene.scene import Scene
 
@@ -64,7 +64,7 @@ def sliders_of(scene: Scene, conditions: Conditions, axis: str = "velocity") -> 
     axis : which of the conditions the curves are over, and so has none
     """
     found = [one for one in _of_conditions(scene, conditions) if one.name != axis]
-    for path, part in _parts("", scene):
+    for path, part in parts_of(scene):
         found += [_within(one, _accepts(scene, one)) for one in _of_object(path, part)]
     return [one for one in found if one.low < one.high]
 
@@ -73,7 +73,7 @@ def with_cutoffs(scene: Scene) -> Scene:
     """The scene whose tables of roughness say where they end, so that it can be moved."""
     paths = [
         (f"{path}.q1", part)
-        for path, part in _parts("", scene)
+        for path, part in parts_of(scene)
         if "q1" in leaves_of(type(part)) and leaves_of(type(part))["q1"].optional
     ]
     changes = {path: float(part.q[-1]) for path, part in paths if part.q1 is None}  # pyright: ignore[reportAttributeAccessIssue]
@@ -160,15 +160,6 @@ def _middle(values: np.ndarray) -> tuple[float, float, float]:
     """The least of them, one in the middle, and the largest."""
     ordered = np.sort(values).tolist()
     return ordered[0], ordered[(len(ordered) - 1) // 2], ordered[-1]
-
-
-def _parts(path: str, part: PhysicalObject) -> Iterator[tuple[str, PhysicalObject]]:
-    """(key path, object) of an object and of everything in it."""
-    yield path, part
-    for name in fields_of(type(part)):
-        value = getattr(part, name)
-        if isinstance(value, PhysicalObject):
-            yield from _parts(f"{path}.{name}" if path else name, value)
 
 
 def _of_object(path: str, part: PhysicalObject) -> Iterator[Slider]:
