@@ -28,7 +28,7 @@ from jax.scipy.special import erf
 from rubberfric.base.fixed_point import implicit
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
-from rubberfric.theory.area.separations import LossTable, loss_factor, spread
+from rubberfric.theory.area.separations import LossTable, cubic, loss_factor, spread
 from rubberfric.theory.partial_contact import (
     TWO_OVER_ROOT_PI,
     contact_argument,
@@ -241,6 +241,4 @@ def _between(knots, values, slopes, at):
     step = knots[k + 1] - knots[k]
     some = step > 0
     t = jnp.clip((at - knots[k]) / jnp.where(some, step, 1.0), 0.0, 1.0)
-    rise = values[k + 1] - values[k]
-    d0, d1 = step * slopes[k], step * slopes[k + 1]
-    return values[k] + t * (d0 + t * (3 * rise - 2 * d0 - d1 + t * (d0 + d1 - 2 * rise)))
+    return cubic(t, values[k], values[k + 1], step * slopes[k], step * slopes[k + 1])

@@ -52,6 +52,12 @@ def loss_weight(x: jax.Array, c: jax.Array, gamma: jax.Array | float) -> jax.Arr
     return gap + slope + c * x * x * (slope - gap)
 
 
+def cubic(t: jax.Array, f0: jax.Array, f1: jax.Array, d0: jax.Array, d1: jax.Array) -> jax.Array:
+    """Cubic Hermite polynomial at a share t of a cell, of its values and of its slopes times its width."""
+    rise = f1 - f0
+    return f0 + t * (d0 + t * (3 * rise - 2 * d0 - d1 + t * (d0 + d1 - 2 * rise)))
+
+
 class LossTable(NamedTuple):
     """The slope -dk / d ln x at uniform ln x: the part without c and what c multiplies, and their slopes."""
 
@@ -65,9 +71,7 @@ class LossTable(NamedTuple):
         t = place - k
 
         def part(i):
-            f0, d0, d1 = self.value[i][k], self.slope[i][k], self.slope[i][k + 1]
-            rise = self.value[i][k + 1] - f0
-            return f0 + t * (d0 + t * (3 * rise - 2 * d0 - d1 + t * (d0 + d1 - 2 * rise)))
+            return cubic(t, self.value[i][k], self.value[i][k + 1], self.slope[i][k], self.slope[i][k + 1])
 
         return part(0) + c * part(1)
 
