@@ -1,5 +1,6 @@
 """Double precision for every test, and a bound on what compiled functions pile up."""
 
+import gc
 import itertools
 import os
 import signal
@@ -33,6 +34,8 @@ def pytest_configure(config):
 
     The slow sets and the benchmarks, of which nobody waits for the compiler, run what users run.
     """
+    # What tracing leaves lives long: each search of all of it for cycles costs a second, a tenth of the run.
+    gc.set_threshold(100_000, 50, 20)
     # Compiled programs of the commands that are tested are nobody's but this run's.
     os.environ["XDG_CACHE_HOME"] = CACHES.name
     os.environ.pop("JAX_COMPILATION_CACHE_DIR", None)
@@ -57,7 +60,7 @@ def few_memory_maps():
     segmentation fault beyond, as the full sets of gradients showed.
     """
     yield
-    if next(_tests) % 5 == 0 and MAPS.exists() and MAPS.read_bytes().count(b"\n") > 30_000:
+    if next(_tests) % 20 == 0 and MAPS.exists() and MAPS.read_bytes().count(b"\n") > 30_000:
         jax.clear_caches()
 
 

@@ -150,8 +150,8 @@ QUICK = ("one", "two", "static")
 QUANTITIES = ("area", "friction", "separation")
 
 
-def some(names):
-    return [name if name in QUICK else pytest.param(name, marks=pytest.mark.slow) for name in names]
+def some(names, quick=QUICK):
+    return [name if name in quick else pytest.param(name, marks=pytest.mark.slow) for name in names]
 
 
 def stiffer(scene, shift, b, a):
@@ -191,7 +191,7 @@ def test_scenes_with_scaled_moduli(name):
     np.testing.assert_allclose(cold, rf.friction(SCENES[name](wlf()), V, 3e5), rtol=1e-12)
 
 
-@pytest.mark.parametrize("name", some(SCENES))
+@pytest.mark.parametrize("name", some(SCENES, QUICK[::2]))
 def test_derivatives(name):
     """By the temperature and by all numbers of the shift, in both modes and by differences."""
     scene = SCENES[name](wlf(ENTROPIC))
