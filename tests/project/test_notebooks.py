@@ -33,9 +33,15 @@ def texts_of(notebook):
             yield from (str(data) for kind, data in output.get("data", {}).items() if "image" not in kind)
 
 
-@pytest.mark.parametrize(
-    "path", [path for path in NOTEBOOKS if path not in OF_FITS], ids=lambda path: path.stem
-)
+# The fourth measures every setting again and again, as `rubberfric accuracy` does: half a minute and more.
+OTHERS = [
+    pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * path.name.startswith("4"))
+    for path in NOTEBOOKS
+    if path not in OF_FITS
+]
+
+
+@pytest.mark.parametrize("path", OTHERS)
 def test_runs_from_top_to_bottom(path, tmp_path, monkeypatch):
     """Those of fits run in `tests/fitting/whole_fits`."""
     run(path, tmp_path, monkeypatch)
