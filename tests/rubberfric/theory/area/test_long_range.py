@@ -172,7 +172,7 @@ def test_derivatives_are_those_of_the_values():
             {"adhesion.work": work, "adhesion.range": reach, "upper.material.young": young}
         )
         scene = scene.replace("lower.spectrum.h_rms", h_rms)
-        at_points = rf.solve(scene, 0.0, pressure, quadrature=QUADRATURE, quantities=AREA[:2])
+        at_points = rf.solve(scene, 0.0, pressure, quadrature=rf.Quadrature(), quantities=AREA[:2])
         return jnp.stack([at_points.area, at_points.separation])
 
     at = jnp.log(jnp.array([1e-2, 1e-7, 1e7, 2e-7, 1e5]))
