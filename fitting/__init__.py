@@ -15,7 +15,8 @@ if TYPE_CHECKING:
     from fitting.characterise.spectrum_result import SpectrumFit
     from fitting.data.files import read, write
     from fitting.data.kinds import AreaData, FrictionData, ModulusData, SpectrumData
-    from fitting.ensemble.calibration import Calibration, calibration
+    from fitting.ensemble.calibration import calibration
+    from fitting.ensemble.calibration_result import Calibration
     from fitting.ensemble.comparison import Comparison, compare
     from fitting.ensemble.members import Members, bootstrap_members, multi_start, profile_members
     from fitting.ensemble.result import EnsembleResult
@@ -99,7 +100,8 @@ lazily(
         "fitting.characterise.spectrum_result": "SpectrumFit",
         "fitting.data.files": "read write",
         "fitting.data.kinds": "AreaData FrictionData ModulusData SpectrumData",
-        "fitting.ensemble.calibration": "Calibration calibration",
+        "fitting.ensemble.calibration": "calibration",
+        "fitting.ensemble.calibration_result": "Calibration",
         "fitting.ensemble.comparison": "Comparison compare",
         "fitting.ensemble.members": "Members bootstrap_members multi_start profile_members",
         "fitting.ensemble.result": "EnsembleResult",

@@ -143,7 +143,8 @@ def _jobs():
     parts = [
         "## Job files of `rubberfric-fit` (.toml)\n\n`scene` names a scene file, `[[data]]` a measurement"
         " each, `[free]` key paths in quotes with a rule each; `title`, `[prior]`, `[fit]` and, for"
-        " `rubberfric-fit design`, `[design]` may be there.",
+        " `rubberfric-fit design`, `[design]` may be there. `rubberfric-fit calibration JOB.toml` fits data"
+        " drawn from its priors, and says whether error bars hold what they say.",
         "### `[free]`\n\n" + _table(("rule", "keys"), rules),
     ]
     parts += [f"### {name}\n\n{', '.join(map(_code, keys))}." for name, keys in lists.items()]

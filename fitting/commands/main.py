@@ -34,16 +34,16 @@ def main(argv: Sequence[str] | None = None) -> int:
     from rubberfric.commands import ended
 
     given = sys.argv[1:] if argv is None else list(argv)
-    program = f"{PROGRAM} design" if given[:1] == ["design"] else PROGRAM
+    program = " ".join([PROGRAM, *given[:1]]) if given[:1] in (["design"], ["calibration"]) else PROGRAM
     return ended(program, lambda interrupts: _run(given, interrupts, argv is None), process=argv is None)
 
 
 def _run(given: Sequence[str], interrupts: Interrupts, process: bool) -> int:
     from rubberfric.commands import begin_jax, check_input, check_outputs, progress
 
-    designs = given[:1] == ["design"]
-    if designs:
-        arguments = _design_parser().parse_args(given[1:])
+    kind = given[0] if given[:1] in (["design"], ["calibration"]) else ""
+    if kind:
+        arguments = (_design_parser() if kind == "design" else _calibration_parser()).parse_args(given[1:])
         check_input(arguments.job, (".toml",))
         check_outputs(arguments, ".csv")
     else:
@@ -52,8 +52,10 @@ def _run(given: Sequence[str], interrupts: Interrupts, process: bool) -> int:
     with progress(arguments.verbose) as show:
         show("loading JAX")
         begin_jax(process=process, cache=not arguments.no_cache)
-        if designs:
+        if kind == "design":
             from fitting.commands.design import run
+        elif kind == "calibration":
+            from fitting.commands.calibration import run
         else:
             from fitting.commands.work import run
         return run(arguments, interrupts, show)
@@ -96,6 +98,29 @@ def _design_parser() -> Parser:
     return parser
 
 
+def _calibration_parser() -> Parser:
+    from rubberfric.commands import Parser, add_common
+
+    parser = Parser(
+        prog=f"{PROGRAM} calibration",
+        description="Fit data drawn from the priors of a job; say whether its error bars hold what they say.",
+    )
+    parser.add_argument(
+        "job", metavar="JOB", help="job file (.toml) with a Gaussian prior of all that is free"
+    )
+    parser.add_argument("--members", metavar="N", type=_count, default=1000, help="fits, 1000 if not given")
+    parser.add_argument(
+        "--on",
+        choices=("normal", "samples"),
+        default="normal",
+        help="hold the truths against error bars, or against draws from the posterior, which takes longer",
+    )
+    parser.add_argument("--plot", metavar="FILE.png", help="draw where the truths lie (.png, .pdf or .svg)")
+    parser.set_defaults(out=None)
+    add_common(parser)
+    return parser
+
+
 def _parser() -> Parser:
     from rubberfric.base import VERSION
     from rubberfric.commands import Parser, add_common, add_outputs
@@ -103,7 +128,8 @@ def _parser() -> Parser:
     parser = Parser(
         prog=PROGRAM,
         description="Fit parameters of a rubber friction scene to measurements; print values and errors.",
-        epilog="rubberfric-fit design JOB: fit, and choose the measurements to make next.",
+        epilog="rubberfric-fit design JOB: fit, and choose the measurements to make next."
+        " rubberfric-fit calibration JOB: whether error bars would hold what they say.",
     )
     parser.add_argument("--version", action="version", version=f"{PROGRAM} {VERSION}")
     parser.add_argument("job", metavar="JOB", help="job file (.toml): scene, data, what is free")

@@ -10,12 +10,15 @@ in the normal approximation of the fit's error bars, is then uniform between 0 a
 leaves with a given small probability anywhere [Säilynoja, Bürkner & Vehtari, Stat. Comput. 32 (2022) 32,
 arXiv:2103.10522].
 
-It is the normal approximation that is held against the truth: of wide priors, and of numbers that trade with
-each other along a curve, it can be off by a tenth or two of a standard deviation, which a thousand fits show.
+The normal approximation can be off by a tenth or two of a standard deviation, of wide priors and of numbers
+that trade with each other along a curve, which a thousand fits show. Against the posterior itself stand draws
+with weights (`fitting.uncertainty.posterior.importance`): the place of the truth among them is uniform where
+the fit's posterior is that of the data, however bent it is.
 """
 
 import dataclasses
 import functools
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 
 import jax
@@ -26,6 +29,7 @@ import scipy
 import rubberfric as rf
 from fitting.data.kinds import as_data_sets
 from fitting.data.measured import Measured
+from fitting.ensemble.calibration_result import Calibration
 from fitting.ensemble.members import NEAR, Members
 from fitting.ensemble.run import run_ensemble
 from fitting.parameters.constraints import Rule
@@ -34,109 +38,17 @@ from fitting.parameters.priors.gaussian import GaussianRows
 from fitting.parameters.priors.rows import Prior
 from fitting.solvers.iterate import succeeded
 from fitting.solvers.options import check_options
-from fitting.solvers.problem import make_problem
+from fitting.solvers.problem import Problem, Targets, make_problem
 from fitting.solvers.residuals import padded, predictions, residuals_and_jacobian
-from fitting.uncertainty.covariance import KNOWN
 from fitting.uncertainty.discrepancy import check_discrepancy, with_discrepancy
 from fitting.uncertainty.intervals import drawn_errors
-from rubberfric.plot import style
+from fitting.uncertainty.posterior.importance import guided, log_weights, places
+from fitting.uncertainty.posterior.weights import effective, tail_index
+from rubberfric.base import shown
 
-# Where the distributions are compared, and uniform samples that the envelope is made of.
-_POINTS, _SAMPLES = 100, 2000
-# Lines of a figure that can be told apart.
-_NAMED = 8
-
-
-@dataclasses.dataclass(frozen=True, eq=False, repr=False)
-class Calibration:
-    """Where truths lie among the error bars of their fits.
-
-    Attributes
-    ----------
-    names : of the free elements
-    truth, values : true and fitted, shape (members, size), of the fits that converged
-    place : u of the module's docstring, shape (members, size)
-    deviation : standard deviation of x, shape (members, size)
-    failed : fits that did not converge
-    """
-
-    names: tuple[str, ...]
-    truth: np.ndarray
-    values: np.ndarray
-    place: np.ndarray
-    deviation: np.ndarray
-    failed: int
-
-    @property
-    def identified(self) -> np.ndarray:
-        """Which elements the data, with the prior, determine to a factor e in most fits, shape (size,)."""
-        return np.median(self.deviation, 0) < KNOWN
-
-    def ranks(self, draws: int = 99) -> np.ndarray:
-        """Rank of the truth among so many draws of the posterior, 0 ... draws, shape (members, size)."""
-        return np.minimum((self.place * (draws + 1)).astype(int), draws)
-
-    def coverage(self, level: float = 0.95) -> np.ndarray:
-        """Share of the truths within the intervals of a level, shape (size,)."""
-        check_options(level=level)
-        return np.mean(np.abs(self.place - 0.5) < 0.5 * level, 0)
-
-    def distribution(self) -> tuple[np.ndarray, np.ndarray]:
-        """Points between 0 and 1, and the share of u below each of them, shape (points, size)."""
-        at = np.arange(1, _POINTS) / _POINTS
-        return at, np.mean(self.place[:, None] < at[:, None], 0)
-
-    def envelope(self, level: float = 0.99) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper shares at these points that a uniform u stays between, everywhere at once."""
-        check_options(level=level)
-        count, at = len(self.place), np.arange(1, _POINTS) / _POINTS
-        # Of uniform samples, how many are below every point: a multinomial, summed up.
-        parts = np.random.default_rng(0).multinomial(count, np.full(_POINTS, 1 / _POINTS), _SAMPLES)
-        below = np.cumsum(parts, 1)[:, :-1]
-        binomial = scipy.stats.binom(count, at)
-        tails = np.min(np.minimum(binomial.cdf(below), binomial.sf(below - 1)), 1)
-        tail = np.quantile(tails, 1 - level)
-        return scipy.stats.binom.ppf(tail, count, at) / count, scipy.stats.binom.isf(tail, count, at) / count
-
-    def inside(self, level: float = 0.99) -> np.ndarray:
-        """Which elements stay within the envelope, shape (size,)."""
-        low, high = self.envelope(level)
-        share = self.distribution()[1]
-        return np.all((share >= low[:, None]) & (share <= high[:, None]), 0)
-
-    def report(self) -> str:
-        """Text: a line a parameter."""
-        lines = [
-            f"{len(self.place)} fits, {self.failed} did not converge",
-            "parameter: share within 68 %, 95 %",
-        ]
-        columns = zip(
-            self.names, self.coverage(0.68), self.coverage(0.95), self.inside(), self.identified, strict=True
-        )
-        for name, middle, most, inside, known in columns:
-            remark = ("calibrated" if inside else "NOT CALIBRATED") + ", hardly identified" * (not known)
-            lines.append(f"{name}: {100 * middle:.1f} %, {100 * most:.1f} %: {remark}")
-        return "\n".join(lines) + "\n"
-
-    def plot(self, ax: style.Axes | None = None) -> style.Axes:
-        """Share of u below each point minus the expected one, a line a parameter, and the 99 % envelope.
-
-        Of more than eight only those that leave the envelope have a name and a colour.
-        """
-        ax = style.one_axes(ax, (6.0, 4.0))
-        at, share = self.distribution()
-        low, high = self.envelope()
-        ax.fill_between(at, low - at, high - at, color="0.85", label="99 % envelope")
-        shown = np.ones(len(self.names), bool) if len(self.names) <= _NAMED else ~self.inside()
-        if not shown.all():
-            ax.plot(at, share[:, ~shown] - at[:, None], color="0.55", linewidth=0.8)
-        named = np.flatnonzero(shown).tolist()
-        for k, look in zip(named, style.colours(len(named)), strict=True):
-            ax.plot(at, share[:, k] - at, color=look, label=self.names[k])
-        ax.set_xlabel("place of the truth in the posterior [-]")
-        ax.set_ylabel("share below, minus expected [-]")
-        ax.legend(fontsize="small")
-        return ax
+POSTERIORS = ("normal", "samples")
+# Draws of which a tail can be seen.
+_LEAST = 10
 
 
 def calibration(
@@ -147,6 +59,8 @@ def calibration(
     members: int = 1000,
     key: jax.Array | None = None,
     *,
+    on: str = "normal",
+    draws: int = 100,
     discrepancy: Discrepancy | None = None,
     quadrature: rf.Quadrature | None = None,
     callback: Callable[[int, int], object] | None = None,
@@ -160,8 +74,12 @@ def calibration(
     prior : of every free number a Gaussian; truths are drawn from it
     members : number of fits, each of its own truth and data; they start at the truth
     key : jax.random.key, or None for key(0)
+    on : "normal" or "samples"
+        what the truths are held against: the normal approximation that error bars are, or weighted draws from
+        the posterior, which cost `draws` evaluations of the residuals for each fit
+    draws : of each posterior
     discrepancy : as for `fitting.fit`, with an amplitude; the data are drawn with it
-    callback : as for `fitting.run_ensemble`
+    callback : as for `fitting.run_ensemble`; with "samples" called again from 0 while these are drawn
 
     Returns
     -------
@@ -170,8 +88,17 @@ def calibration(
     Raises
     ------
     ValueError : as `fitting.fit`, data without errors, or a free number without a Gaussian prior.
+
+    Warns
+    -----
+    RuntimeWarning
+        the draws of some fits say little of their posteriors; it names their rows, as does `doubtful`.
     """
-    check_options(count=members, key=key, prior=prior)
+    check_options(count=members, n=draws, key=key, prior=prior)
+    if draws < _LEAST:
+        raise ValueError(f"draws = {draws}: must be an integer >= {_LEAST}")
+    if on not in POSTERIORS:
+        raise ValueError(f"on = {shown(on)}: must be one of {', '.join(POSTERIORS)}")
     data = as_data_sets(data_plan)
     for one in data:
         if one.error is None:
@@ -182,36 +109,56 @@ def calibration(
         if discrepancy.amplitude is None:
             raise ValueError("discrepancy: amplitude = None: must be given, as data are drawn with it")
         problem = with_discrepancy(problem, [scene] * len(data), data, discrepancy)
-    drawn = _gaussian(problem)
+    key = jax.random.key(0) if key is None else key
+    x, targets = _twins(problem, members, key)
+    fits = Members("calibration", problem, x, targets, NEAR, NEAR.max_steps, np.full(members, -1))
+    found = run_ensemble(fits, callback=callback)
+    good = succeeded(found.status)
+    x, targets = x[good], targets._replace(measured=targets.measured[good])
+    whole = padded(problem, targets)
+    precision = _precisions(whole.structure, whole.numbers, whole.targets, jnp.asarray(found.x[good]))
+    covariance = np.linalg.inv(np.asarray(precision))
+    deviation = np.sqrt(np.diagonal(covariance, axis1=1, axis2=2))
+    normal = scipy.special.ndtr((x - found.x[good]) / deviation)
+    result = Calibration(
+        problem.names, problem.values(x), found.values[good], normal, deviation, int(np.sum(~good))
+    )
+    if on == "normal":
+        return result
+    random = np.random.default_rng(np.asarray(jax.random.key_data(jax.random.fold_in(key, 1))))
+    proposal = guided(problem, targets, found.x[good], covariance, draws, random)
+    rows = np.concatenate([proposal.draws(draws, random), x[:, None]], 1)
+    weight = log_weights(problem, targets, proposal, rows, callback)
+    result = dataclasses.replace(
+        result,
+        on=on,
+        normal=normal,
+        place=places(rows, weight, random),
+        draws=draws,
+        effective=effective(weight[:, :-1]),
+        tail=tail_index(weight[:, :-1]),
+    )
+    if doubts := result.doubts():
+        warnings.warn(f"calibration: {doubts}", RuntimeWarning, stacklevel=2)
+    return result
+
+
+def _twins(problem: Problem, members: int, key: jax.Array) -> tuple[np.ndarray, Targets]:
+    """Truths from the priors, shape (members, size), and the data that they make, with errors."""
+    pairs = zip(problem.structure.prior.terms, problem.numbers.prior, strict=True)
+    drawn = [(term.elements, *numbers) for term, numbers in pairs if isinstance(term, GaussianRows)]
     known = [i for elements, *_ in drawn for i in elements]
     bare = [name for i, name in enumerate(problem.names) if i not in known]
     if bare:
         raise ValueError(f"prior: {bare[0]} has none: must be a Gaussian, as truths are drawn from it")
-    draw_truth, draw_noise = jax.random.split(jax.random.key(0) if key is None else key)
+    draw_truth, draw_noise = jax.random.split(key)
     x = np.empty((members, len(known)))
     mean, sigma = (np.concatenate([np.asarray(one[k]) for one in drawn]) for k in (1, 2))
     x[:, known] = mean + sigma * np.asarray(jax.random.normal(draw_truth, (members, len(known))))
     of = padded(problem)
     model = np.asarray(_models(of.structure, of.numbers, jnp.asarray(x)))[:, of.data]
     targets = jax.tree.map(lambda a: np.asarray(a)[None], problem.targets)
-    targets = targets._replace(measured=model + drawn_errors(problem, members, draw_noise))
-    fits = Members("calibration", problem, x, targets, NEAR, NEAR.max_steps, np.full(members, -1))
-    found = run_ensemble(fits, callback=callback)
-    whole = padded(problem, targets)
-    precision = _precisions(whole.structure, whole.numbers, whole.targets, jnp.asarray(found.x))
-    deviation = np.sqrt(np.diagonal(np.linalg.inv(np.asarray(precision)), axis1=1, axis2=2))
-    good = succeeded(found.status)
-    place = scipy.special.ndtr((x - found.x) / deviation)
-    truth = problem.values(x)
-    return Calibration(
-        problem.names, truth[good], found.values[good], place[good], deviation[good], int(np.sum(~good))
-    )
-
-
-def _gaussian(problem):
-    """Elements of x, mean and sigma of every Gaussian prior."""
-    pairs = zip(problem.structure.prior.terms, problem.numbers.prior, strict=True)
-    return [(term.elements, *numbers) for term, numbers in pairs if isinstance(term, GaussianRows)]
+    return x, targets._replace(measured=model + drawn_errors(problem, members, draw_noise))
 
 
 @functools.partial(jax.jit, static_argnums=0)

@@ -17,6 +17,7 @@ from fitting.solvers.iterate import MESSAGES, succeeded
 from fitting.solvers.problem import make_problem
 from fitting.uncertainty.covariance import Direction, uncertainty
 from fitting.uncertainty.intervals import SolvedProblem
+from fitting.uncertainty.posterior.valleys import Valley, valleys
 from fitting.uncertainty.verdict import Verdict, verdict
 from rubberfric.base import closest
 
@@ -184,6 +185,11 @@ class FitRecord(SolvedProblem):
         """Whether the scene explains the data; see `fitting.uncertainty.verdict`."""
         loss, known = self.problem.structure.loss, self.uncertainty.parameters
         return verdict(self.data, self.residuals, known, self.estimated, loss)
+
+    @functools.cached_property
+    def valleys(self) -> tuple[Valley, ...]:
+        """Numbers that trade with each other closely, and whether their error bars hold along that."""
+        return valleys(self)
 
     @functools.cached_property
     def verdicts(self) -> dict[str, Verdict]:

@@ -78,7 +78,8 @@ def _verdict(result):
         )
     several = len(result.verdicts) > 1
     scenes = [f"  {name}: {one.text}" for name, one in result.verdicts.items() if several]
-    return [*rows[:2], *reasons, *scenes, *rows[2:]]
+    bent = [f"  {one.text}" for one in result.valleys if not one.holds] if result.success else []
+    return [*rows[:2], *reasons, *scenes, rows[2], *bent, *rows[3:]]
 
 
 def _fit(result):
