@@ -45,13 +45,16 @@ class Excitation(NamedTuple):
         if self.stiffness is None:
             assert self.varying is not None
             return self.varying.static(q, temperatures)
-        F, speed = self.stiffness, self._shifted(velocity, temperatures.strained)
+        F, log_shift = self.stiffness, self._log_shift(temperatures.strained)
         if isinstance(F, SoftenedInSeries):
             factors = (self._vertical(*x) for x in zip((self.shift, self.resting), temperatures, strict=True))
-            return F.means(_by_points(speed) * q[:, None], self.needs, *factors)
+            speed = _by_points(_shifted(velocity, log_shift))
+            return F.means(speed * q[:, None], self.needs, *factors)
         if self.varying is not None and temperatures.strained is not None:
+            speed = _shifted(velocity, log_shift)
             return self.varying.means(q, speed, temperatures, self.needs, self.harmonics)
-        means, factor = self._means(F, q, speed), self._vertical(self.shift, temperatures.strained)
+        means = self._means(F, q, velocity, log_shift)
+        factor = self._vertical(self.shift, temperatures.strained)
         if factor is None:
             return means
         square = factor * factor
@@ -60,8 +63,13 @@ class Excitation(NamedTuple):
             for kind, values in means.items()
         }
 
-    def _means(self, F, q, speed):
+    def _means(self, F, q, velocity, log_shift):
         """Means at v a_T."""
+        if isinstance(F, MeansTable):
+            harmonics = self._harmonics(lambda shares: shares[:, :, None])
+            log_shift = None if log_shift is None else _by_points(log_shift)
+            return F.means(q[:, None], velocity[:, None], log_shift, self.needs, self.split, harmonics)
+        speed = _shifted(velocity, log_shift)
         if F.by_node:
             # All nodes in one row, as the stiffness has them.
             speed = speed[:, None] if speed.ndim == 1 else jnp.swapaxes(speed, 0, 1).reshape(-1, q.size)
@@ -84,12 +92,16 @@ class Excitation(NamedTuple):
         cosine, sine = self.harmonics
         return arranged(cosine), arranged(sine)
 
-    def _shifted(self, velocity, temperature):
-        """v a_T [m/s]."""
-        if temperature is None or self.shift is None:
-            return velocity
-        factor = jnp.exp(self.shift.log_factor(temperature))
-        return velocity * factor if temperature.ndim == 1 else velocity[:, None] * factor
+    def _log_shift(self, temperature):
+        """ln a_T, None if it is 0."""
+        return None if temperature is None or self.shift is None else self.shift.log_factor(temperature)
+
+
+def _shifted(velocity, log_shift):
+    """v a_T [m/s]."""
+    if log_shift is None:
+        return velocity
+    return (velocity if log_shift.ndim == 1 else velocity[:, None]) * jnp.exp(log_shift)
 
 
 def _by_points(values):
