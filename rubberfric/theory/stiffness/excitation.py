@@ -109,7 +109,9 @@ def _by_points(values):
     return values[:, None] if values.ndim == 1 else values
 
 
-def excitation(pair: Pair, scale: jax.Array, q: jax.Array, needs: Needs) -> Excitation:
+def excitation(
+    pair: Pair, scale: jax.Array, q: jax.Array, needs: Needs, table: MeansTable | None = None
+) -> Excitation:
     """`Excitation` by roughness of wavevectors q.
 
     Parameters
@@ -118,6 +120,7 @@ def excitation(pair: Pair, scale: jax.Array, q: jax.Array, needs: Needs) -> Exci
     scale : modulus scale [Pa]
     q : [1/m], shape (panels, order)
     needs : Needs
+    table : of the means of its stiffness, where it is known
     """
     varying = VaryingSeries(pair, scale) if pair.varies else None
     shifts = pair.strained.material.shift, pair.rough.material.shift
@@ -126,7 +129,7 @@ def excitation(pair: Pair, scale: jax.Array, q: jax.Array, needs: Needs) -> Exci
     F, harmonics = relaxing_stiffness(pair, scale, q), _harmonic_shares(pair, q)
     split = pair.softens_apart
     if isinstance(F, Tabulated) and not F.by_node:
-        F = means_table(F, needs, split, harmonics)
+        F = means_table(F, needs, split, harmonics) if table is None else table
     return Excitation(F, varying, *shifts, harmonics, split, needs)
 
 

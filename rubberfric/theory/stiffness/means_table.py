@@ -187,7 +187,8 @@ def _passing(table, log_q, velocity, log_shift):
         sign = jnp.clip(velocity * jnp.exp(log_factor), -1.0, 1.0)
     shifted = jnp.maximum(shifted, least)
     log_qv = log_q + shifted
-    inside, lower = jnp.clip(log_qv, low, high), log_qv < low
+    lower, higher = log_qv < low, log_qv > high
+    inside = jnp.where(lower, low, jnp.where(higher, high, log_qv))
     if log_shift is not None and log_shift.ndim == log_qv.ndim:
         return _Passing(inside, lower, jnp.exp(-jnp.abs(log_qv - inside))), sign
     # Of q and of v apart, each a number wherever the other is.
@@ -197,7 +198,7 @@ def _passing(table, log_q, velocity, log_shift):
         of_speed = jnp.exp(jnp.minimum(sign * (shifted + middle - end), _LARGEST))
         return jnp.exp(sign * (log_q - middle)) * of_speed
 
-    above = jnp.where(log_qv > high, product(-1.0, high), 1.0)
+    above = jnp.where(higher, product(-1.0, high), 1.0)
     return _Passing(inside, lower, jnp.where(lower, product(1.0, low), above)), sign
 
 
