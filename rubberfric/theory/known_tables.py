@@ -68,7 +68,8 @@ def _made(known):
     return tables if any(table is not None for table in tables) else None
 
 
-@functools.partial(jax.jit, static_argnums=1)
+# It runs once: what is spent on compiling it is the time that counts.
+@functools.partial(jax.jit, static_argnums=1, compiler_options={"xla_backend_optimization_level": 0})
 def _build(scene, needs):
     scale = modulus_scale(scene)
     return tuple(_table(pair, scale, needs) for pair in pairs_of(scene))

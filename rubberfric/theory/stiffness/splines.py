@@ -77,9 +77,12 @@ def at(cells: jax.Array, position: jax.Array) -> jax.Array:
     index = jnp.floor(jax.lax.stop_gradient(position))
     t, index = position - index - 0.5, index.astype(int)
 
+    def taken(column):
+        return column.at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
+
     # One number after the other: gathered as rows they would be stored in between.
     def value(function):
-        columns = [column.at[index].get(mode="promise_in_bounds") for column in cells[:, function]]
+        columns = [taken(column) for column in cells[:, function]]
         return functools.reduce(lambda total, column: total * t + column, columns[::-1])
 
     # Fused with what is made of them, the look-ups are no vector operations any more: twice the time.
