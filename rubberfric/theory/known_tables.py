@@ -35,11 +35,12 @@ def known_tables(scene: Scene, quantities: tuple[str, ...], dtype: np.dtype) -> 
     materials = scene.lower.material, scene.upper.material
     if scene.heating is not None or not any(one.deforms and one.needs_quadrature for one in materials):
         return None
-    if not all(map(is_concrete, jax.tree.leaves(scene))):
+    needs = needs_of(scene, quantities)
+    if not needs.power or not all(map(is_concrete, jax.tree.leaves(scene))):
         return None
     # In a program that is being traced, too, now and not there.
     with jax.ensure_compile_time_eval():
-        return _made(_Known(scene, needs_of(scene, quantities), dtype))
+        return _made(_Known(scene, needs, dtype))
 
 
 class _Known:

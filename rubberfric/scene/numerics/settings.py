@@ -57,7 +57,7 @@ OTHER = Quadrature(order=12, panels=12, angular_order=15), 12.0
 # For one rough solid and tabulated moduli without steps, (setting, largest L): as many panels as the detail of
 # the moduli asks for (`Quadrature.resolving`), and so of lower order. Where Lambda is less than `GENTLE`.
 TABULATED = tuple(
-    (Quadrature(order=9, panels=panels, graded=8, ratio=3.2, angular_order=15), panels / 1.1)
+    (Quadrature(order=8, panels=panels, graded=8, ratio=3.2, angular_order=16), panels / 1.1)
     for panels in (5, 7, 9, 11, 13)
 )
 GENTLE = 8.0
