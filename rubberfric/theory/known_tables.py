@@ -1,7 +1,7 @@
 """Tables of angular means that outlive a call: those of tabulated moduli whose numbers are known.
 
-To build one takes as long as to look up fifty velocities. A plain call, and a function under `jit` that a scene
-is closed over in, find it made; where a number of a modulus is traced it is part of the program.
+To build one takes as long as to look up fifty velocities. A plain call, and a function under `jit` that a
+scene is closed over in, find it made; where a number of a modulus is traced it is part of the program.
 """
 
 import functools

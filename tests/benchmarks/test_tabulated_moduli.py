@@ -72,10 +72,10 @@ def test_curve_and_gradient():
     print()
     for call in dict.fromkeys(call for _, call in times):
         series, table = times["series", call], times["table", call]
-        print(f"{call:32s} series {1e3 * series:7.3f} ms, table {1e3 * table:7.3f} ms = {table / series:.2f} x")
+        print(f"{call:32s} series {1e3 * series:7.3f} ms, table {1e3 * table:7.3f} ms: {table / series:.2f}")
     for name in SCENES:
         slope, value = times[name, "gradient by all entries"], times[name, "an argument of jit"]
-        print(f"{name}: gradient = {slope / value:.2f} x the curve, both with the scene as an argument of jit")
+        print(f"{name}: gradient = {slope / value:.2f} x the curve, the scene an argument of jit in both")
     fine = rf.Quadrature(order=16, panels=24, graded=12, ratio=4.0, angular_order=20)
     scene = SCENES["table"]
     error = np.max(np.abs(curve(scene) / curve(scene, quadrature=fine) - 1))
@@ -113,7 +113,3 @@ def first_call(name, call):
 def test_first_calls(call):
     series, table = (min(first_call(name, call) for _ in range(3)) for name in SCENES)
     print(f"\nfirst call, {call}: series {series:.2f} s, table {table:.2f} s CPU = {table / series:.2f} x")
-
-
-def test_random_tables_at_the_setting_they_are_given():
-    """Noisy tables, smooth ones, of little loss and with steps, on roads of up to five decades."""

@@ -54,8 +54,8 @@ TRACED = {1: Quadrature(angular_order=12), 2: ROBUST}
 OTHER = Quadrature(order=12, panels=12, angular_order=15), 12.0
 
 
-# For one rough solid and tabulated moduli without steps, (setting, largest L): as many panels as the detail of
-# the moduli asks for (`Quadrature.resolving`), and so of lower order. Where Lambda is less than `GENTLE`.
+# For a tabulated modulus without steps on a rough rigid solid, (setting, largest L), where Lambda is at most
+# `GENTLE`: panels as its detail asks for (`Quadrature.resolving`), each so narrow that order 8 is enough.
 TABULATED = tuple(
     (Quadrature(order=8, panels=panels, graded=8, ratio=3.2, angular_order=16), panels / 1.1)
     for panels in (5, 7, 9, 11, 13)

@@ -82,7 +82,7 @@ def circle_weights(step: float, harmonics: int) -> tuple[Weights, Weights, Weigh
 
 
 def _powers(weights, step, first, parity, harmonics):
-    """Coefficients of e^-ps in the weights of entries from `first` on, p every other number from parity on."""
+    """Coefficients of e^-ps in the weights of entries from `first` on, p = parity, parity + 2, ..."""
     s = step * (first + np.arange(len(weights)))
     y = np.exp(-2 * s)
     # All powers of y weigh alike in the fit of the weights over their first power.

@@ -73,7 +73,7 @@ def splines(values: jax.Array) -> jax.Array:
 
 
 def at(cells: jax.Array, position: jax.Array) -> jax.Array:
-    """`splines` at positions within them, counted in cells from the first on, any shape; (functions, *shape)."""
+    """`splines` at positions within them, in cells from the first on, any shape; (functions, *shape)."""
     index = jnp.floor(jax.lax.stop_gradient(position))
     t, index = position - index - 0.5, index.astype(int)
 
