@@ -39,8 +39,8 @@ from rubberfric.scene.scene import (
     takes_temperature,
 )
 from rubberfric.theory.integrals import evaluate, prepare
-from rubberfric.theory.known_tables import known_tables
 from rubberfric.theory.quantities import QUANTITIES, Solution, Values, iterated, iterates, needs_of
+from rubberfric.theory.stiffness.excitation import known_tables
 
 AT_REST: Rule = (
     "must be 0: correlated roughness is of solids at rest, sliding it excites them at different frequencies",

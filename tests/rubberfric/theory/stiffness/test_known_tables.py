@@ -8,7 +8,8 @@ from support.counting.operations import primitives
 from support.scenes.common import RIGID, ROAD, TREAD, scene
 
 import rubberfric as rf
-from rubberfric.theory import known_tables
+from rubberfric.theory.stiffness import excitation
+from rubberfric.theory.stiffness.excitation import known_tables
 
 OMEGA = np.geomspace(1e-2, 1e9, 40)
 STORAGE, LOSS = 1e6 * OMEGA**0.2, 2e5 * OMEGA**0.22
@@ -28,7 +29,7 @@ ON_ROAD = scene((RIGID, ROAD), (rubber(),))
 
 
 def built():
-    return known_tables._made.cache_info().misses
+    return excitation._made.cache_info().misses
 
 
 def test_values_are_those_of_the_program():
@@ -70,12 +71,12 @@ def test_an_array_that_is_changed_in_place_is_another():
 def test_few_are_kept():
     for factor in np.linspace(1.0, 2.0, 9):
         friction(ON_ROAD.replace("upper.material.storage", factor * STORAGE))
-    assert known_tables._made.cache_info().currsize <= 4
+    assert excitation._made.cache_info().currsize <= 4
 
 
 @pytest.mark.parametrize("other", [scene((RIGID, ROAD), (TREAD,)), scene((RIGID,), (rubber(),))])
 def test_scenes_that_have_none(other):
-    assert known_tables.known_tables(other, ("friction",), np.dtype(float)) is None
+    assert known_tables(other, ("friction",), np.dtype(float)) is None
 
 
 def test_a_number_that_is_traced_has_none():
@@ -83,7 +84,7 @@ def test_a_number_that_is_traced_has_none():
 
     def look(storage):
         one = scene((RIGID, ROAD), (rubber(storage),))
-        found.append(known_tables.known_tables(one, ("friction",), np.dtype(float)))
+        found.append(known_tables(one, ("friction",), np.dtype(float)))
 
     jax.eval_shape(look, STORAGE)
     assert found == [None]
