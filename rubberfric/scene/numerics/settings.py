@@ -135,7 +135,7 @@ def _tabulated_gently(scene, pressure, margin):
     bodies = [body for body in (scene.lower, scene.upper) if body.material.deforms]
     if len(bodies) > 1 or type(bodies[0].material) is not TabulatedModulus or bodies[0].layer is not None:
         return False
-    if bodies[0].spectrum is not None or present(scene) - {"shear", "heating"}:
+    if bodies[0].spectrum is not None or present(scene) - {"shear"}:
         return False
     return _rise_of(bodies[0].material) + margin <= STEP and loads_of(scene, pressure)[1] + margin <= GENTLE
 

@@ -87,7 +87,12 @@ def means_table(F: Tabulated, needs: Needs, split: bool, harmonics: Harmonics | 
     moduli = material.storage_and_loss_on_grid(first - before, step, before + count + LEAD)
     parts = parts_of(F, *moduli)
     weights = _mixed_weights(circle_weights(step, count_of_harmonics), mix)
-    weights = Weights(*(_stack([one[kind.weights] for kind in kinds]) for one in zip(*weights, strict=True)))
+    of_kinds = [weights[kind.weights] for kind in kinds]
+    weights = Weights(
+        _stack([one.near for one in of_kinds]),
+        _stack([one.far for one in of_kinds]),
+        np.stack([one.parity for one in of_kinds]),
+    )
     begin = np.array([1.0 if material.loss_beyond == "fall" and kind.odd else 0.0 for kind in kinds])
     rows = circle_means(jnp.stack([kind.of(parts) for kind in kinds]), weights, step, begin, before)
     # Only the first of a kind has one sign.
