@@ -28,6 +28,7 @@ from rubberfric.scene.pairs import Pair, PairTemperatures
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Means
 from rubberfric.theory.stiffness.excitation import Excitation, excitation
+from rubberfric.theory.stiffness.means_table import MeansTable
 from rubberfric.theory.stiffness.series import factors_at, static_stiffness
 from rubberfric.theory.stiffness.tabulated_means import log_power
 
@@ -125,7 +126,9 @@ class DirectContribution(NamedTuple):
 Contribution = StaticContribution | InterpolatedContribution | LogarithmicContribution | DirectContribution
 
 
-def contribution(pair: Pair, mesh: Mesh, j: int, scale: jax.Array, needs: Needs) -> Contribution:
+def contribution(
+    pair: Pair, mesh: Mesh, j: int, scale: jax.Array, needs: Needs, table: MeansTable | None = None
+) -> Contribution:
     """What the roughness of a pair contributes.
 
     Parameters
@@ -135,6 +138,7 @@ def contribution(pair: Pair, mesh: Mesh, j: int, scale: jax.Array, needs: Needs)
     j : which of the spectra of the mesh it is
     scale : modulus scale [Pa]
     needs : Needs
+    table : see `excitation`
     """
     weights, between = mesh.roughness[j], None
     if pair.static:
@@ -148,7 +152,7 @@ def contribution(pair: Pair, mesh: Mesh, j: int, scale: jax.Array, needs: Needs)
         for kind in needs.kinds
         if kind != "power" and (kind != "transverse" or pair.harmonics)
     }
-    excited = excitation(pair, scale, mesh.q if pair.kinked else mesh.angular_q, needs)
+    excited = excitation(pair, scale, mesh.q if pair.kinked else mesh.angular_q, needs, table)
     if mesh.between is not None:
         between = factors_at(pair, mesh.between.q).of("power", mesh.between.roughness[j])
     if pair.steep:

@@ -28,6 +28,7 @@ from rubberfric.theory.area.area_correction import correction_table
 from rubberfric.theory.contributions import contribution, total
 from rubberfric.theory.partial_contact import separation_weight
 from rubberfric.theory.quantities import Needs, needs_of, parts_of
+from rubberfric.theory.stiffness.excitation import Tables
 from rubberfric.theory.stiffness.series import modulus_scale
 from rubberfric.theory.stress_fluctuation import Contact, Roughness
 from rubberfric.theory.temperatures.heat_balance import (
@@ -71,6 +72,7 @@ def prepare(
     *,
     pairs: Sequence[Pair] | None = None,
     borders: jax.Array | None = None,
+    tables: Tables | None = None,
 ) -> Prepared:
     """Mesh, spectra and series stiffness of a scene: all that no velocity, pressure or temperature changes.
 
@@ -81,12 +83,13 @@ def prepare(
     quadrature : Quadrature
     pairs : `pairs_of` the scene where they are known already, or with other power laws
     borders : see `build_mesh`; with borders G is known at every node, whatever the quantities
+    tables : `known_tables` of the scene and the quantities
     """
     needs = needs_of(scene, quantities)
     if not needs.power:
         return Prepared(needs, None, None, scene.shear)
     pairs = pairs_of(scene) if pairs is None else pairs
-    roughness, thermal = _rough(scene, pairs, quadrature, needs, borders), None
+    roughness, thermal = _rough(scene, pairs, quadrature, needs, borders, tables), None
     heating = scene.heating
     if heating is not None:
         coarse = None
@@ -96,7 +99,7 @@ def prepare(
     return Prepared(needs, roughness, thermal, scene.shear)
 
 
-def _rough(scene, pairs, quadrature, needs, borders=None):
+def _rough(scene, pairs, quadrature, needs, borders=None, tables=None):
     """`Roughness` of a scene."""
     details = [pair.detail for pair in pairs if pair.detail is not None]
     mesh = build_mesh(
@@ -111,9 +114,11 @@ def _rough(scene, pairs, quadrature, needs, borders=None):
         # At rest the stiffness is the same whichever surface it meets.
         mesh, pairs = mesh.joined(functools.partial(difference, scene.correlation)), pairs[:1]
     scale, gamma = modulus_scale(scene), jnp.asarray(scene.gamma)
+    tables = (None,) * len(pairs) if tables is None else tables[: len(pairs)]
+    given = zip(pairs, tables, strict=True)
     return Roughness(
         mesh,
-        tuple(contribution(pair, mesh, j, scale, needs) for j, pair in enumerate(pairs)),
+        tuple(contribution(pair, mesh, j, scale, needs, table) for j, (pair, table) in enumerate(given)),
         tuple(pair.side for pair in pairs),
         scale,
         gamma,

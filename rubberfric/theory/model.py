@@ -40,6 +40,7 @@ from rubberfric.scene.scene import (
 )
 from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.quantities import QUANTITIES, Solution, Values, iterated, iterates, needs_of
+from rubberfric.theory.stiffness.excitation import known_tables
 
 AT_REST: Rule = (
     "must be 0: correlated roughness is of solids at rest, sliding it excites them at different frequencies",
@@ -216,11 +217,13 @@ def solve(
     for name in quantities:
         if name not in Solution._fields:
             raise ValueError(f"quantities has {name!r}: must be out of {', '.join(Solution._fields)}")
+    given = scene
     scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
     check_heated(scene, quantities)
     if not iterates(scene) or "converged" in quantities:
-        return _solve(scene, *conditions, quadrature=quadrature, quantities=quantities)
-    solution = _solve(scene, *conditions, quadrature=quadrature, quantities=(*quantities, "converged"))
+        tables = known_tables(given, quantities, conditions[0].dtype)
+        return _solve(scene, *conditions, tables, quadrature=quadrature, quantities=quantities)
+    solution = _solve(scene, *conditions, None, quadrature=quadrature, quantities=(*quantities, "converged"))
     warn_of_last_iterates(scene, solution.converged, conditions)
     return solution._replace(converged=None)
 
@@ -320,8 +323,8 @@ def check_kinds(scene: object, quadrature: object) -> None:
 # Jitted so that a plain call compiles once for its structure instead of operation by
 # operation; inside a user's jit it is traced through.
 @functools.partial(jax.jit, static_argnames=("quadrature", "quantities"))
-def _solve(scene, velocity, pressure, temperature, *, quadrature, quantities):
-    prepared = prepare(scene, quantities, quadrature)
+def _solve(scene, velocity, pressure, temperature, tables, *, quadrature, quantities):
+    prepared = prepare(scene, quantities, quadrature, tables=tables)
     block = functools.partial(evaluate, prepared, quantities)
     size = ADHESIVE_BLOCK if detaches(scene) else BLOCK
     return Solution(**over_points(block, (velocity, pressure, temperature), size))

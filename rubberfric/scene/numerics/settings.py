@@ -22,6 +22,7 @@ from rubberfric.base.checks import POSITIVE, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.elastic import Elastic, Rigid
 from rubberfric.materials.prony import Prony
+from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.roughness.spectra import SelfAffine
 from rubberfric.roughness.tabulated import TabulatedSpectrum
 from rubberfric.scene.scene import Scene, present
@@ -53,6 +54,17 @@ TRACED = {1: Quadrature(angular_order=12), 2: ROBUST}
 OTHER = Quadrature(order=12, panels=12, angular_order=15), 12.0
 
 
+# For a tabulated modulus without steps on a rough rigid solid, (setting, largest L), where Lambda is at most
+# `GENTLE`: panels as its detail asks for (`Quadrature.resolving`), each so narrow that order 8 is enough.
+TABULATED = tuple(
+    (Quadrature(order=8, panels=panels, graded=8, ratio=3.2, angular_order=16), panels / 1.1)
+    for panels in (5, 7, 9, 11, 13)
+)
+GENTLE = 8.0
+# A step: moduli that rise by more than e^1.5 within three widths of what rounds them.
+STEP = 1.5
+
+
 class _TracedError(Exception):
     """A number is traced."""
 
@@ -70,8 +82,8 @@ def fitting_quadrature(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0
     -------
     Quadrature. One for ten decades at any load where `jit` or `vmap` traces a number of the scene or the
     pressure; a derivative outside `jit` has the setting of its value. The rules were measured for
-    half-spaces of `Rigid`, `Elastic` and `Prony` with `SelfAffine` roughness; other scenes have some
-    nodes more.
+    half-spaces of `Rigid`, `Elastic` and `Prony` with `SelfAffine` roughness, and of `TabulatedModulus` on a
+    rough rigid solid; other scenes have some nodes more.
 
     Raises
     ------
@@ -89,8 +101,8 @@ def fitting_quadrature(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0
     try:
         span = span_of(scene)
         if not plain or present(scene) - {"shear"}:
-            setting, longest = OTHER
-            return setting if span + margin <= longest else ROBUST
+            rules = (*TABULATED, OTHER) if _tabulated_gently(scene, pressure, margin) else (OTHER,)
+            return next((setting for setting, longest in rules if span + margin <= longest), ROBUST)
         flattest, steepest = loads_of(scene, pressure)
     except _TracedError:
         return TRACED[len(rough)] if plain else ROBUST
@@ -118,8 +130,28 @@ def span_of(scene: Scene) -> float:
     return math.log(max(ends) / min(ends)) + plateaus if ends else 0.0
 
 
+def _tabulated_gently(scene, pressure, margin):
+    """Whether `TABULATED` is for a scene."""
+    bodies = [body for body in (scene.lower, scene.upper) if body.material.deforms]
+    if len(bodies) > 1 or type(bodies[0].material) is not TabulatedModulus or bodies[0].layer is not None:
+        return False
+    if bodies[0].spectrum is not None or present(scene) - {"shear"}:
+        return False
+    return _rise_of(bodies[0].material) + margin <= STEP and loads_of(scene, pressure)[1] + margin <= GENTLE
+
+
+def _rise_of(material):
+    """Largest change of ln E' and ln E'' of a table within three widths of the rounding."""
+    x, largest = np.log(_array(material.omega)), 0.0
+    for y in (np.log(_array(material.storage)), np.log(_array(material.loss))):
+        for widths in (1, 2, 3):
+            after = np.interp(x + widths * material.smoothing, x, y)
+            largest = max(largest, float(np.max(np.abs(after - y))))
+    return largest
+
+
 def loads_of(scene: Scene, pressure: ArrayLike) -> tuple[float, float]:
-    """Least and largest Lambda of a scene of `SelfAffine` roughness on `Elastic` and `Prony` solids."""
+    """Least and largest Lambda of a scene of isotropic roughness on `Elastic`, `Prony`, tabulated solids."""
     steepest = 0.0
     for body in (scene.lower, scene.upper):
         spectrum = body.spectrum
@@ -128,6 +160,9 @@ def loads_of(scene: Scene, pressure: ArrayLike) -> tuple[float, float]:
             # Of h_rms the least that lies beyond q_r is that of H = 1: q0^2 sqrt(C0) is this or less.
             most = math.sqrt(math.pi * (2 - (q0 / qr) ** 2 - (qr / q1) ** 2))
             steepest = max(steepest, _number(spectrum.h_rms) * q0 * (q0 / qr) / most)
+        elif isinstance(spectrum, TabulatedSpectrum):
+            # At its beginning or later: that is more.
+            steepest = max(steepest, float(np.max(_array(spectrum.q) ** 2 * np.sqrt(_array(spectrum.C)))))
     moduli = [_glassy(body.material) for body in (scene.lower, scene.upper) if body.material.deforms]
     stress = steepest * min(moduli)
     if stress == 0:
@@ -141,6 +176,8 @@ def _glassy(material):
     """E_r at infinite frequency [Pa]."""
     if isinstance(material, Prony):
         modulus = _number(material.E_inf) + float(np.sum(_array(material.E)))
+    elif isinstance(material, TabulatedModulus):
+        modulus = float(np.max(_array(material.storage)))
     else:
         modulus = _number(material.young)
     return modulus / (1 - _number(material.poisson) ** 2)

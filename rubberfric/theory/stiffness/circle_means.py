@@ -30,19 +30,21 @@ LEAD = _POINTS // 2 - 1
 # How far down the circle is followed: e^-36 of it is left out.
 _DEPTH = 36.0
 
-# Beyond this s the weights are sums of a few powers of e^-s.
-_FAR = 1.6
+# Beyond this s the weights are sums of a few powers of e^-s; with harmonics the powers cancel before.
+_FAR, _FAR_OF_HARMONICS = 0.8, 1.6
 
 
 class Weights(NamedTuple):
     """Weights of means over the circle, a row for each; arrays of NumPy, or of jax where they are mixed."""
 
     near: np.ndarray | jax.Array  # of f(x - m step), m = -LEAD ... 2 block - 1, (rows, 2 block + LEAD)
-    far: np.ndarray | jax.Array  # coefficients of e^-s, e^-2s, ... of the weights from block + 1 on
+    far: np.ndarray | jax.Array  # coefficients of e^-ps, p = parity, parity + 2, ..., from block + 1 on
+    parity: np.ndarray  # 1 or 2
 
     def mixed(self, shares: jax.Array) -> "Weights":
         """One row: the first, and the others by their shares."""
-        return Weights(*((rows[0] + shares @ rows[1:])[None] for rows in self))
+        near, far = ((rows[0] + shares @ rows[1:])[None] for rows in self[:2])
+        return Weights(near, far, self.parity)
 
 
 def depth(step: float) -> int:
@@ -70,9 +72,9 @@ def circle_weights(step: float, harmonics: int) -> tuple[Weights, Weights, Weigh
         for row, kernel in zip(found, kernels, strict=True):
             for point, values in enumerate(np.einsum("co,cop->pc", kernel, basis)):
                 row[point : point + count] += values
-        block = lead_in(step)
+        block = lead_in(step, harmonics)
         far = [_powers(row[LEAD + block + 1 : count], step, block + 1, parity, harmonics) for row in found]
-        return Weights(found[:, : 2 * block + LEAD], np.array(far))
+        return Weights(found[:, : 2 * block + LEAD], np.array(far), np.array(parity))
 
     even = [np.ones_like(psi), *(harmonic(m, psi)[0] for m in range(1, harmonics + 1))]
     across = [np.zeros_like(psi), *(harmonic(m, psi)[1] for m in range(1, harmonics + 1))]
@@ -80,15 +82,14 @@ def circle_weights(step: float, harmonics: int) -> tuple[Weights, Weights, Weigh
 
 
 def _powers(weights, step, first, parity, harmonics):
-    """Coefficients of e^-s, e^-2s, ... in the weights of entries from `first` on: every other one."""
+    """Coefficients of e^-ps in the weights of entries from `first` on, p = parity, parity + 2, ..."""
     s = step * (first + np.arange(len(weights)))
     y = np.exp(-2 * s)
-    terms = 15 + harmonics // 3
-    # All powers of y = 0 ... e^-3 weigh alike in the fit of the weights over their first power.
-    fit = Chebyshev.fit(y, weights * np.exp(parity * s), terms - 1, domain=[0, y[0]])
-    found = np.zeros(2 * terms)
-    found[parity - 1 :: 2] = fit.convert(kind=Polynomial, domain=[-1, 1], window=[-1, 1]).coef
-    return found
+    # All powers of y weigh alike in the fit of the weights over their first power.
+    degree = 14 + harmonics // 3
+    fit = Chebyshev.fit(y, weights * np.exp(parity * s), degree, domain=[0, y[0]])
+    found = fit.convert(kind=Polynomial, domain=[-1, 1], window=[-1, 1]).coef
+    return np.pad(found, (0, degree + 1 - found.size))
 
 
 def harmonic(m: int, psi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -108,7 +109,9 @@ def _lagrange(share):
     return found
 
 
-def circle_means(values: jax.Array, weights: Weights, step: float, begin: np.ndarray) -> jax.Array:
+def circle_means(
+    values: jax.Array, weights: Weights, step: float, begin: np.ndarray, block: int
+) -> jax.Array:
     """Means of functions on a grid, (functions, entries), by rows of weights, (functions, rows, ...).
 
     Before the grid a function is a e^(rx) + b e^((r+2)x), r of `begin`: in a block more it is so within it.
@@ -119,15 +122,17 @@ def circle_means(values: jax.Array, weights: Weights, step: float, begin: np.nda
     weights : for each of them
     step : of the grid
     begin : r of every function, (functions,)
+    block : `lead_in` of the weights
 
     Returns
     -------
-    (functions, rows, entries - lead_in(step) - LEAD): of what lies behind the first block of the grid
+    (functions, rows, entries - block - LEAD): of what lies behind the first block of the grid
     """
     functions, count = values.shape
-    block = lead_in(step)
     blocks = -(-count // block)
-    before = _moments_before(values[:, 0], values[:, block], begin, weights.far.shape[2], step)
+    # Those of every function, (functions, terms).
+    power = weights.parity[:, None] + 2 * np.arange(weights.far.shape[2])
+    before = _moments_before(values[:, 0], values[:, block], begin, power, step, block)
     values = jnp.pad(values, ((0, 0), (0, blocks * block - count))).reshape(functions, blocks, block)
     # What is within the block before, exactly.
     i, j = np.arange(block)[:, None], np.arange(2 * block + LEAD)
@@ -137,31 +142,30 @@ def circle_means(values: jax.Array, weights: Weights, step: float, begin: np.nda
     near = numpy.where(inside, weights.near[:, :, np.where(inside, which, 0)], 0.0)
     found = jnp.einsum("fbj,frij->frbi", with_neighbours(values, block, LEAD), typed(near, values))
     # What is further off, as moments of the blocks.
-    power = np.arange(1, weights.far.shape[2] + 1)
-    moment = values @ typed(np.exp(-power * step * (block - np.arange(block)[:, None])), values)
+    rate = step * power[..., None]
+    moment = jnp.einsum("fbj,fpj->fpb", values, typed(np.exp(-rate * (block - np.arange(block))), values))
     away = np.arange(blocks)[:, None] - np.arange(blocks) - 1
-    passed = np.where(away > 0, np.exp(-power[:, None, None] * step * block * np.maximum(away, 0)), 0.0)
-    moment = jnp.einsum("pbc,fcp->fbp", typed(passed, values), moment)
-    since = np.exp(-power * step * block * np.arange(blocks)[:, None])
-    moment = moment + typed(since, values) * before[:, None]
-    spread = weights.far[..., None] * np.exp(-power[:, None] * step * np.arange(block))
-    found = found + jnp.einsum("fbp,frpi->frbi", moment, typed(spread, values))
+    passed = np.where(away > 0, np.exp(-rate[..., None] * block * np.maximum(away, 0)), 0.0)
+    moment = jnp.einsum("fpbc,fpc->fpb", typed(passed, values), moment)
+    moment = moment + before[..., None] * typed(np.exp(-rate * block * np.arange(blocks)), values)
+    spread = weights.far[..., None] * np.exp(-rate * np.arange(block))[:, None]
+    found = found + jnp.einsum("fpb,frpi->frbi", moment, typed(spread, values))
     return found.reshape(*found.shape[:2], -1)[..., block : count - LEAD]
 
 
-def lead_in(step: float) -> int:
+def lead_in(step: float, harmonics: int) -> int:
     """How many entries before the first mean its grid begins."""
-    return math.ceil(_FAR / step)
+    return math.ceil((_FAR_OF_HARMONICS if harmonics else _FAR) / step)
 
 
-def _moments_before(first, second, begin, count, step):
-    """Moments of what lies before the grid, by its values at the first entry and a block behind it."""
-    block, begin = lead_in(step), typed(begin, first)
+def _moments_before(first, second, begin, power, step, block):
+    """Moments of what lies before the grid, by its values at the first entry and `block` behind it."""
+    begin = typed(begin, first)
     growth = math.exp(2 * step * block)  # a NumPy scalar would widen float32
     upper = (second * jnp.exp(-step * block * begin) - first) / (growth - 1)
     found = 0.0
     for share, rate in ((first - upper, begin), (upper, begin + 2)):
-        ratio = jnp.exp(-step * (rate[:, None] + np.arange(1, count + 1)))
+        ratio = jnp.exp(-step * (rate[:, None] + power))
         found = found + share[:, None] * ratio / (1 - ratio)
     return found
 

@@ -1,19 +1,33 @@
-"""What roughness excites as it slides over a solid that relaxes: angular means of the stiffness."""
+"""What roughness excites as it slides over a solid that relaxes: angular means of the stiffness.
 
-from typing import NamedTuple
+To build a table of means takes as long as to look up fifty velocities. A plain call, and a function under
+`jit` that a scene is closed over in, find it made (`known_tables`); where a number of a modulus is traced it
+is part of the program.
+"""
+
+import functools
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 
+from rubberfric.base.checks import is_concrete
 from rubberfric.materials.shifts import Shift, log_vertical
-from rubberfric.scene.pairs import AT_REFERENCE, Pair, PairTemperatures
-from rubberfric.theory.quantities import Needs
+from rubberfric.scene.pairs import AT_REFERENCE, Pair, PairTemperatures, pairs_of
+from rubberfric.scene.scene import Scene, cast
+from rubberfric.theory.quantities import Needs, needs_of
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means, Relaxing
 from rubberfric.theory.stiffness.means_table import MeansTable, means_table
-from rubberfric.theory.stiffness.series import relaxing_stiffness
+from rubberfric.theory.stiffness.series import modulus_scale, relaxing_stiffness, tabulated_stiffness
 from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
 from rubberfric.theory.stiffness.tabulated_means import Tabulated
 from rubberfric.theory.stiffness.varying import VaryingSeries
+
+# How many scenes are remembered, of 0.4 MB for each kind of mean.
+_KEPT = 4
+
+Tables = tuple[MeansTable | None, ...]
 
 
 class Excitation(NamedTuple):
@@ -45,13 +59,16 @@ class Excitation(NamedTuple):
         if self.stiffness is None:
             assert self.varying is not None
             return self.varying.static(q, temperatures)
-        F, speed = self.stiffness, self._shifted(velocity, temperatures.strained)
+        F, log_shift = self.stiffness, self._log_shift(temperatures.strained)
         if isinstance(F, SoftenedInSeries):
             factors = (self._vertical(*x) for x in zip((self.shift, self.resting), temperatures, strict=True))
-            return F.means(_by_points(speed) * q[:, None], self.needs, *factors)
+            speed = _by_points(_shifted(velocity, log_shift))
+            return F.means(speed * q[:, None], self.needs, *factors)
         if self.varying is not None and temperatures.strained is not None:
+            speed = _shifted(velocity, log_shift)
             return self.varying.means(q, speed, temperatures, self.needs, self.harmonics)
-        means, factor = self._means(F, q, speed), self._vertical(self.shift, temperatures.strained)
+        means = self._means(F, q, velocity, log_shift)
+        factor = self._vertical(self.shift, temperatures.strained)
         if factor is None:
             return means
         square = factor * factor
@@ -60,8 +77,13 @@ class Excitation(NamedTuple):
             for kind, values in means.items()
         }
 
-    def _means(self, F, q, speed):
+    def _means(self, F, q, velocity, log_shift):
         """Means at v a_T."""
+        if isinstance(F, MeansTable):
+            harmonics = self._harmonics(lambda shares: shares[:, :, None])
+            log_shift = None if log_shift is None else _by_points(log_shift)
+            return F.means(q[:, None], velocity[:, None], log_shift, self.needs, self.split, harmonics)
+        speed = _shifted(velocity, log_shift)
         if F.by_node:
             # All nodes in one row, as the stiffness has them.
             speed = speed[:, None] if speed.ndim == 1 else jnp.swapaxes(speed, 0, 1).reshape(-1, q.size)
@@ -84,12 +106,16 @@ class Excitation(NamedTuple):
         cosine, sine = self.harmonics
         return arranged(cosine), arranged(sine)
 
-    def _shifted(self, velocity, temperature):
-        """v a_T [m/s]."""
-        if temperature is None or self.shift is None:
-            return velocity
-        factor = jnp.exp(self.shift.log_factor(temperature))
-        return velocity * factor if temperature.ndim == 1 else velocity[:, None] * factor
+    def _log_shift(self, temperature):
+        """ln a_T, None if it is 0."""
+        return None if temperature is None or self.shift is None else self.shift.log_factor(temperature)
+
+
+def _shifted(velocity, log_shift):
+    """v a_T [m/s]."""
+    if log_shift is None:
+        return velocity
+    return (velocity if log_shift.ndim == 1 else velocity[:, None]) * jnp.exp(log_shift)
 
 
 def _by_points(values):
@@ -97,7 +123,9 @@ def _by_points(values):
     return values[:, None] if values.ndim == 1 else values
 
 
-def excitation(pair: Pair, scale: jax.Array, q: jax.Array, needs: Needs) -> Excitation:
+def excitation(
+    pair: Pair, scale: jax.Array, q: jax.Array, needs: Needs, table: MeansTable | None = None
+) -> Excitation:
     """`Excitation` by roughness of wavevectors q.
 
     Parameters
@@ -106,6 +134,7 @@ def excitation(pair: Pair, scale: jax.Array, q: jax.Array, needs: Needs) -> Exci
     scale : modulus scale [Pa]
     q : [1/m], shape (panels, order)
     needs : Needs
+    table : of the means of its stiffness, where it is known
     """
     varying = VaryingSeries(pair, scale) if pair.varies else None
     shifts = pair.strained.material.shift, pair.rough.material.shift
@@ -114,7 +143,7 @@ def excitation(pair: Pair, scale: jax.Array, q: jax.Array, needs: Needs) -> Exci
     F, harmonics = relaxing_stiffness(pair, scale, q), _harmonic_shares(pair, q)
     split = pair.softens_apart
     if isinstance(F, Tabulated) and not F.by_node:
-        F = means_table(F, needs, split, harmonics)
+        F = means_table(F, needs, split, harmonics) if table is None else table
     return Excitation(F, varying, *shifts, harmonics, split, needs)
 
 
@@ -124,3 +153,61 @@ def _harmonic_shares(pair: Pair, q: jax.Array) -> Harmonics | None:
     Shape (harmonics,) each where they are the same at every wavevector, else (harmonics, *q.shape).
     """
     return pair.spectrum.harmonics_at(q) if pair.harmonics else None
+
+
+def known_tables(scene: Scene, quantities: tuple[str, ...], dtype: np.dtype) -> Tables | None:
+    """The table of every pair of a scene, None for those that have none; None if nothing is known.
+
+    Parameters
+    ----------
+    scene : Scene
+    quantities : fields of `Solution`
+    dtype : of the tables
+    """
+    materials = scene.lower.material, scene.upper.material
+    if scene.heating is not None or not any(one.deforms and one.needs_quadrature for one in materials):
+        return None
+    needs = needs_of(scene, quantities)
+    if not needs.power or not all(map(is_concrete, jax.tree.leaves(scene))):
+        return None
+    # In a program that is being traced, too, now and not there.
+    with jax.ensure_compile_time_eval():
+        return _made(_Known(scene, needs, dtype))
+
+
+class _Known:
+    """A scene, equal to another if their tables are: by numbers, as arrays may be changed in place."""
+
+    def __init__(self, scene: Scene, needs: Needs, dtype: np.dtype):
+        self.scene, self.needs, self.dtype = scene, needs, dtype
+        materials = [
+            (x.shape, x.tobytes())
+            for body in (scene.lower, scene.upper)
+            for x in (np.asarray(leaf, dtype) for leaf in jax.tree.leaves(body.material))
+        ]
+        self.key: Any = jax.tree.structure(scene), tuple(materials), needs, dtype
+
+    def __hash__(self) -> int:
+        return hash(self.key)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Known) and self.key == other.key
+
+
+@functools.lru_cache(maxsize=_KEPT)
+def _made(known):
+    tables = _build(cast(known.scene, known.dtype), known.needs)
+    del known.scene  # which may hold large roughness
+    return tables if any(table is not None for table in tables) else None
+
+
+# It runs once: what is spent on compiling it is the time that counts.
+@functools.partial(jax.jit, static_argnums=1, compiler_options={"xla_backend_optimization_level": 0})
+def _build(scene, needs):
+    scale = modulus_scale(scene)
+    return tuple(_table(pair, scale, needs) for pair in pairs_of(scene))
+
+
+def _table(pair: Pair, scale, needs):
+    F = tabulated_stiffness(pair, scale)
+    return None if F is None or pair.harmonics else means_table(F, needs, pair.softens_apart, None)

@@ -27,13 +27,16 @@ from rubberfric.theory.stiffness.tabulated_means import (
     constant_shares,
     kinds_of,
     log_range,
-    means_of_log,
+    of_direction,
     parts_of,
 )
 
 # How far the grid goes beyond the table of the modulus at either end, in ln(q v): there the
 # means are two powers of q v, and what is left of a third is e^-32 and e^-27.
 _BELOW, _ABOVE = 8.0, 9.0  # and the reach of a rounded knot
+
+# Logarithm of the largest factor by which q, or v, alone is beyond a table: more is beyond all q.
+_LARGEST = 60.0
 
 # Where the limits of the means are taken: beyond all of the table, and all of the circle within reach.
 _FAR = 40.0
@@ -51,19 +54,31 @@ class MeansTable(NamedTuple):
     by_node = False
 
     def means(
-        self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: Harmonics | None = None
+        self,
+        q: jax.Array,
+        velocity: jax.Array,
+        log_shift: jax.Array | None,
+        needs: Needs,
+        split: bool = False,
+        harmonics: Harmonics | None = None,
     ) -> Means:
-        """Means of F for roughness passing at q v; arguments as for the table, and `Relaxing.means`."""
-        return means_of_log(
-            self.material, qv, harmonics, lambda x: _by_table(self, x, needs, split, harmonics)
-        )
+        """Means of F for roughness of wavevectors q passing at a velocity.
+
+        Parameters
+        ----------
+        q, velocity : [1/m], [m/s], shapes that broadcast
+        log_shift : ln a_T, broadcastable with them; None: 0
+        needs, split, harmonics : as for the table, and `Relaxing.means`
+        """
+        passing, sign = _passing(self, jnp.log(q), velocity, log_shift)
+        return of_direction(_by_table(self, passing, needs, split, harmonics), sign, harmonics)
 
 
 def means_table(F: Tabulated, needs: Needs, split: bool, harmonics: Harmonics | None) -> MeansTable:
     """Table of the means of an F that depends on q v alone; arguments as of `Tabulated.means`."""
     material, (count_of_harmonics, mix) = F.material, constant_shares(harmonics)
     step, reach = material.detail / PER_DETAIL, REACH * material.detail
-    kinds, before = kinds_of(needs, split, material.loss_beyond), lead_in(step)
+    kinds, before = kinds_of(needs, split, material.loss_beyond), lead_in(step, count_of_harmonics)
     low, high = log_range(material)
     ends = jax.lax.stop_gradient(jnp.stack([low - _BELOW - reach, high + _ABOVE + reach]))
     # With what the splines hang on beside the ends, and the circle before and after.
@@ -72,9 +87,14 @@ def means_table(F: Tabulated, needs: Needs, split: bool, harmonics: Harmonics | 
     moduli = material.storage_and_loss_on_grid(first - before, step, before + count + LEAD)
     parts = parts_of(F, *moduli)
     weights = _mixed_weights(circle_weights(step, count_of_harmonics), mix)
-    weights = Weights(*(_stack([one[kind.weights] for kind in kinds]) for one in zip(*weights, strict=True)))
+    of_kinds = [weights[kind.weights] for kind in kinds]
+    weights = Weights(
+        _stack([one.near for one in of_kinds]),
+        _stack([one.far for one in of_kinds]),
+        np.stack([one.parity for one in of_kinds]),
+    )
     begin = np.array([1.0 if material.loss_beyond == "fall" and kind.odd else 0.0 for kind in kinds])
-    rows = circle_means(jnp.stack([kind.of(parts) for kind in kinds]), weights, step, begin)
+    rows = circle_means(jnp.stack([kind.of(parts) for kind in kinds]), weights, step, begin, before)
     # Only the first of a kind has one sign.
     positive = np.zeros(rows.shape[:2], bool)
     positive[:, 0] = [kind.positive for kind in kinds]
@@ -146,7 +166,48 @@ def _moments(harmonics, outside):
     return even, 2 / np.pi * np.hstack([one, [along] * 2]), 2 / np.pi * np.hstack([0 * one, [across] * 2])
 
 
-def _by_table(table, log_qv, needs, split, harmonics):
+class _Passing(NamedTuple):
+    """Where in a table the means are looked up, and how far beyond its ends that is."""
+
+    inside: jax.Array  # ln(q v), or the nearest end of the table
+    lower: jax.Array  # whether it is below the table
+    away: jax.Array  # e^-(distance from the table)
+
+
+def _passing(table, log_q, velocity, log_shift):
+    """`_Passing`, and the factor of what is odd in v.
+
+    No logarithm and no exponential of every q v: they would take longer than the splines.
+    """
+    low, high = table.ends
+    # So far below the table are all q, where |v a_T| is bounded: E is E(0) and E'' linear in omega, so v = 0
+    # keeps its derivative. If E'' does not vanish at v = 0+, only the sign is left.
+    least = jax.lax.stop_gradient(low - math.log(1e9) - jnp.max(log_q))
+    log_speed = jnp.log(jnp.maximum(jnp.abs(velocity), float(jnp.finfo(velocity.dtype).tiny)))
+    shifted = log_speed if log_shift is None else log_speed + log_shift
+    sign = jnp.sign(velocity)
+    if not table.material.loss_at_rest:
+        log_factor = -least if log_shift is None else log_shift - least
+        log_factor = jnp.minimum(log_factor, 0.85 * math.log(float(jnp.finfo(velocity.dtype).max)))
+        sign = jnp.clip(velocity * jnp.exp(log_factor), -1.0, 1.0)
+    shifted = jnp.maximum(shifted, least)
+    log_qv = log_q + shifted
+    lower, higher = log_qv < low, log_qv > high
+    inside = jnp.where(lower, low, jnp.where(higher, high, log_qv))
+    if log_shift is not None and log_shift.ndim == log_qv.ndim:
+        return _Passing(inside, lower, jnp.exp(-jnp.abs(log_qv - inside))), sign
+    # Of q and of v apart, each a number wherever the other is.
+    middle = jax.lax.stop_gradient(jnp.mean(log_q))
+
+    def product(sign, end):
+        of_speed = jnp.exp(jnp.minimum(sign * (shifted + middle - end), _LARGEST))
+        return jnp.exp(sign * (log_q - middle)) * of_speed
+
+    above = jnp.where(higher, product(-1.0, high), 1.0)
+    return _Passing(inside, lower, jnp.where(lower, product(1.0, low), above)), sign
+
+
+def _by_table(table, passing, needs, split, harmonics):
     r"""Means from a table: splines, beyond the ends the powers that the means follow.
 
     With x = ln(q v) and E'' that falls, the means are below the table even or odd in e^x,
@@ -157,9 +218,8 @@ def _by_table(table, log_qv, needs, split, harmonics):
     """
     outside, (count, mix) = table.material.loss_beyond, constant_shares(harmonics)
     step = table.material.detail / PER_DETAIL
-    inside = jnp.clip(log_qv, table.ends[0], table.ends[1])
+    inside, lower, away = passing
     rows = at(table.cells, inside * (1 / step) - table.first)
-    lower, away = log_qv < table.ends[0], jnp.exp(-jnp.abs(log_qv - inside))
     up = jnp.where(lower, 1.0, away)
 
     def part(value, limit, share):

@@ -98,6 +98,14 @@ def relaxing_stiffness(
     return Relaxing(*(series if spring is None else in_series(*series, spring)))
 
 
+def tabulated_stiffness(pair: Pair, scale: jax.Array) -> Tabulated | None:
+    """`relaxing_stiffness` if it is that of a modulus without a series and the same at every wavevector."""
+    if pair.detail is None or pair.by_wavevector or pair.softens_in_series:
+        return None
+    F = relaxing_stiffness(pair, scale, jnp.ones((1, 1), scale.dtype))
+    return F if isinstance(F, Tabulated) else None
+
+
 def static_stiffness(
     pair: Pair, scale: jax.Array, q: jax.Array, temperatures: PairTemperatures = AT_REFERENCE
 ) -> jax.Array:

@@ -59,7 +59,11 @@ def means_of_log(
     means : function of ln |q v|
     """
     log_qv, sign = log_frequency(material, qv)
-    found = means(log_qv)
+    return of_direction(means(log_qv), sign, harmonics)
+
+
+def of_direction(found: Means, sign: jax.Array, harmonics: Harmonics | None) -> Means:
+    """Means with their harmonics, which were apart if they vary with q; those odd in q v times `sign`."""
     if harmonics is not None and _vary(harmonics):
         cosine, sine = harmonics
         found = {

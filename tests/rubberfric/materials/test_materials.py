@@ -166,6 +166,7 @@ def test_means_follow_their_powers_beyond_the_table_of_means(outside):
     for spring in (None, F.spring):
         one = F._replace(spring=spring)
         known = one.means(jnp.exp(x)[None], needs, harmonics=harmonics)
-        found = means_table(one, needs, False, harmonics).means(jnp.exp(x)[None], needs, harmonics=harmonics)
+        table = means_table(one, needs, False, harmonics)
+        found = table.means(jnp.exp(x)[None], jnp.ones(1), None, needs, harmonics=harmonics)
         for kind in needs.kinds:
             np.testing.assert_allclose(found[kind][0], known[kind][0], rtol=3e-6, atol=small, err_msg=kind)

@@ -1,6 +1,7 @@
 """The setting that fits a scene: what it is chosen from, and that it is good to 1e-9."""
 
 import collections
+import functools
 import math
 
 import jax
@@ -8,15 +9,26 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from support.cases import sane
+from support.oracles.tables import random_table
 from support.scenes.common import RIGID, ROAD, SOFT, TREAD, WORN, scene
 
 import rubberfric as rf
 from rubberfric.analysis import fitting_quadrature
-from rubberfric.scene.numerics.settings import OTHER, ROBUST, RULES, TRACED, loads_of, span_of
+from rubberfric.scene.numerics.settings import (
+    GENTLE,
+    OTHER,
+    ROBUST,
+    RULES,
+    TABULATED,
+    TRACED,
+    loads_of,
+    span_of,
+)
 
 USUAL = scene((RIGID, ROAD), (TREAD,))
 TWO = scene((SOFT, WORN), (TREAD, ROAD))
 PRESSURE = 3e5
+TABLE = rf.TabulatedModulus([1.0, 1e3, 1e6], [1e6, 1e7, 1e8], [1e5, 1e6, 1e7])
 WIDE = RULES[1][-1][0]
 
 
@@ -59,9 +71,9 @@ def test_the_usual_scene_has_fewer_nodes_and_a_wide_or_traced_one_the_default():
 
 
 def test_parts_that_nothing_was_measured_for_have_more_nodes():
-    table = rf.TabulatedModulus([1.0, 1e3, 1e6], [1e6, 1e7, 1e8], [1e5, 1e6, 1e7])
     others = [
-        scene((RIGID, ROAD), (table,)),
+        scene((RIGID, ROAD), (TABLE, None, rf.Slab(1e-3))),
+        scene((RIGID, ROAD), (TABLE,), area_correction=True),
         scene((RIGID, ROAD), (TREAD, None, rf.Slab(1e-3))),
         scene((RIGID, ROAD), (TREAD,), area_correction=True),
         scene((RIGID, rf.TabulatedSpectrum([1e2, 1e3, 1e4], [1e-9, 1e-9, 1e-12])), (TREAD,)),
@@ -69,6 +81,63 @@ def test_parts_that_nothing_was_measured_for_have_more_nodes():
     assert {fitting_quadrature(one, PRESSURE) for one in others} == {OTHER[0]}
     anisotropic = scene((RIGID, rf.Anisotropic(ROAD, 0.5, 0.3)), (TREAD,))
     assert fitting_quadrature(anisotropic, PRESSURE) == ROBUST
+
+
+def test_tabulated_moduli_have_panels_by_the_range_of_the_roughness():
+    known = scene((RIGID, ROAD), (TABLE,))
+    panels = [
+        fitting_quadrature(known.replace("lower.spectrum.q1", q1), PRESSURE).panels for q1 in (2e3, 3e4, 5e5)
+    ]
+    assert panels == [7, 9, 13] and {one.order for one, _ in TABULATED} == {8}
+    step = [1e6, 1.05e6, 3e7, 3.1e7]
+    table = rf.TabulatedModulus([1.0, 1e3, 1.1e3, 1e6], step, step)
+    assert fitting_quadrature(scene((RIGID, ROAD), (table,)), PRESSURE) == OTHER[0]
+    assert fitting_quadrature(known, 1e-6 * PRESSURE) == OTHER[0]  # light load
+    seen = []
+    jax.eval_shape(jax.jit(lambda one: seen.append(fitting_quadrature(one, PRESSURE))), known)
+    assert seen == [ROBUST]
+
+
+def on_its_limits(seed, setting, longest):
+    """A random table of 120 entries on a road as long, under a load as light as a setting is for."""
+    rng = np.random.default_rng(seed)
+    x, storage, loss = random_table(seed)
+    material = rf.TabulatedModulus(np.exp(x), 1e7 * np.exp(storage), 1e7 * np.exp(loss))
+    plateau = 0.2 * longest * rng.uniform()
+    q0 = 10 ** rng.uniform(1.5, 3.5)
+    q1 = q0 * math.exp(0.999 * longest - plateau)
+    road = rf.SelfAffine(q0, q0 * math.exp(plateau), q1, rng.uniform(0.6, 1.0), 0.1 / q0)
+    one = scene((RIGID, road), (material,))
+    pressure = math.exp(loads_of(one, 1.0)[1] - 0.999 * GENTLE)
+    assert fitting_quadrature(one, pressure) in (setting, OTHER[0])  # that if it has steps
+    velocity = np.exp(np.quantile(x, np.linspace(0.05, 0.95, 8))) / q0 * math.exp(-0.5 * longest)
+    return one, velocity, pressure
+
+
+# Those of 120 entries, so that all have one program.
+SEEDS = [seed for seed in range(400) if (seed + seed // 4) % 4 == 2]
+
+
+@pytest.mark.parametrize("k", [pytest.param(k, marks=[pytest.mark.slow] * (k != 2)) for k in range(5)])
+def test_random_tables_are_good_to_1e_9(k):
+    """On the limits of every setting, of its own where a table has no steps."""
+
+    @functools.partial(jax.jit, static_argnums=3)
+    def values(one, velocity, pressure, quadrature):
+        return jnp.stack(rf.solve(one, velocity, pressure, quadrature=quadrature)[:3])
+
+    setting, longest = TABULATED[k]
+    fine = rf.Quadrature(order=16, panels=24, graded=12, ratio=4.0, angular_order=20)
+    count, worst = 0, 0.0
+    for seed in SEEDS if k != 2 else SEEDS[:12]:
+        *at, pressure = on_its_limits(seed, setting, longest)
+        if fitting_quadrature(at[0], pressure) != setting:
+            continue
+        exact = values(*at, pressure, fine)
+        error = jnp.where(exact[2] > 1e-12, jnp.abs(values(*at, pressure, setting) / exact - 1), 0.0)
+        count, worst = count + 1, max(worst, float(error.max()))
+    print(f"\n{count} tables to {worst:.1e} with {setting}")
+    assert count > 4 and worst < 1e-9
 
 
 def test_calls_are_made_with_the_setting_that_fits():

@@ -31,7 +31,7 @@ def stiffness(table, outside, spring):
 
 @jax.jit
 def means(F, x):
-    found = means_table(F, WANTED, False, None).means(jnp.exp(x), WANTED)
+    found = means_table(F, WANTED, False, None).means(jnp.exp(x), jnp.ones(1), None, WANTED)
     return jnp.stack([found[kind][0] for kind in WANTED.kinds])
 
 
@@ -117,6 +117,29 @@ def test_a_mean_depends_on_its_own_velocity_alone():
     together = means(F, x)
     alone = jnp.concatenate([means(F, x[k : k + 1]) for k in (0, 5, 12)], 1)
     np.testing.assert_allclose(alone, together[:, np.array([0, 5, 12])], rtol=1e-14)
+
+
+def test_a_shift_at_every_node_is_a_velocity():
+    """From far below the table to far above, and at rest, where the slope is finite."""
+    table = random_table(2)
+    q = jnp.geomspace(10.0, 1e5, 6).reshape(3, 1, 2)
+    v = jnp.array([-1e-3, 0.0, 1e-20, 1e-8, 1e-3, 10.0])[:, None]
+    log_shift = jnp.asarray(np.random.default_rng(0).uniform(-30, 30, (3, 6, 2)))
+
+    @jax.jit
+    def both(F, v):
+        one = means_table(F, WANTED, False, None)
+        shifted, moved = (
+            one.means(q, v, log_shift, WANTED),
+            one.means(q, v * jnp.exp(log_shift), None, WANTED),
+        )
+        slope = jax.grad(lambda v: jnp.sum(one.means(q, v, log_shift, WANTED)["dissipation"][0]))(v)
+        return shifted, moved, slope
+
+    shifted, moved, slope = both(stiffness(table, "fall", None), v)
+    for kind in WANTED.kinds:
+        np.testing.assert_allclose(shifted[kind][0], moved[kind][0], rtol=1e-12)
+    assert jnp.isfinite(slope).all()
 
 
 def test_no_seams():
