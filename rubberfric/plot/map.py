@@ -124,7 +124,7 @@ def _panels(conditions: Conditions, temperature: int | None, pressure: int | Non
     if _over_pressure(conditions, temperature):
         i = 0 if temperature is None else temperature
         rows, y = _axis(lambda x: np.log10(x / 1e6), p)
-        return [(rows, y, "" if T is None else f"{to_celsius(T[i]):.6g} °C", i)]
+        return [(rows, y, "" if T is None else f"{signed(to_celsius(T[i]))} °C", i)]
     assert T is not None  # as else the map is over the pressure
     chosen = range(p.size) if pressure is None else [pressure]
     if len(chosen) > _PANELS:

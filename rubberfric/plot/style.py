@@ -37,14 +37,20 @@ LOG_V = "$\\log_{10}(v\\;/\\;\\mathrm{m\\,s^{-1}})$"
 MARKERS = "os^DvPX<>p"
 # Markers along a line that has more points.
 _MARKERS_OF_A_LINE = 7
+# Where viridis ends, and how much darker it is there: every colour has 3.3 times the contrast to white that
+# white itself has, or more (3 is asked of lines by WCAG 2.1, 1.4.11), and lightness still rises.
+_LIGHTEST, _DARKENED = 0.85, 0.3
 
 
 def colours(count: int) -> np.ndarray:
-    """As many colours, dark to light: viridis without its yellow, of a few colours its darker half."""
+    """As many colours, dark to light: viridis without its yellow, its light half darkened; RGBA."""
     from matplotlib import colormaps
 
-    lightest = min(0.55 + 0.05 * count, 0.85)
-    return colormaps["viridis"](np.linspace(0.0, lightest, count) if count > 1 else [0.25])
+    lightest = min(0.55 + 0.05 * count, _LIGHTEST)
+    places = np.linspace(0.0, lightest, count) if count > 1 else np.array([0.25])
+    found = colormaps["viridis"](places)
+    found[:, :3] *= 1 - _DARKENED * ((places / _LIGHTEST) ** 2)[:, None]
+    return found
 
 
 def diverging() -> Colormap:
@@ -70,9 +76,9 @@ def looks(count: int, points: int) -> list[dict[str, Any]]:
     ]
 
 
-def signed(value: float) -> str:
+def signed(value: float, digits: int = 6) -> str:
     """A number as the axes write it, with a minus instead of a hyphen."""
-    return f"{value:g}".replace("-", "\u2212")
+    return f"{value:.{digits}g}".replace("-", "\u2212")
 
 
 def new_figure(size: tuple[float, float], title: str = "") -> Figure:
