@@ -4,13 +4,12 @@ import dataclasses
 from typing import NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from fitting.parameters.constraints import FOLLOWING, is_number
 from fitting.parameters.keypaths import find
 from fitting.parameters.priors.selection import Place
-from fitting.parameters.variables import Array, slopes, to_x
+from fitting.parameters.variables import Array, slopes_of, to_x
 
 
 @dataclasses.dataclass(frozen=True)
@@ -44,9 +43,7 @@ class Gaussian:
             raise ValueError(f"{place.where}: must be a free parameter: {known}")
         part = np.arange(*group.slot)
         at = _x_of_mean(place.where, group, self.mean, constants.low[part], constants.width[part])
-        x = np.zeros(variables.size)
-        x[part] = at
-        sigma = self.sigma / np.asarray(slopes(variables, constants, jnp.asarray(x)))[part]
+        sigma = self.sigma / slopes_of(group.kind, np.asarray(constants.width)[part], at)
         return [(GaussianRows(tuple(part.tolist())), (at, sigma))]
 
 
