@@ -1,7 +1,7 @@
 """What is known of a free parameter: a value and its error."""
 
 import dataclasses
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
@@ -32,7 +32,7 @@ class Gaussian:
         for name, rule in (("mean", ""), ("sigma", " > 0")):
             values = getattr(self, name)
             several = isinstance(values, np.ndarray | list | tuple) and np.ndim(values) == 1
-            each = tuple(values) if several else (values,)
+            each: tuple[Any, ...] = tuple(values) if several else (values,)
             if not each or not all(is_number(x) and (x > 0 or not rule) for x in each):
                 raise ValueError(f"Gaussian: {name} = {values!r}: must be a finite number{rule}")
             if several:

@@ -182,10 +182,10 @@ def design(
     old, new = base[None], information(rows[:1], base, index)
     spreads = [np.linalg.inv(m[0]) for m in (old, new)]
     before, after = (known.stretch * np.sqrt(np.diag(spread)) for spread in spreads)
-    first = None if target is None else target[:1]
     predicted = None
-    if isinstance(criterion, prediction):
-        predicted = tuple(float(np.sqrt(variance(one, first)[0])) for one in (old, new))
+    if isinstance(criterion, prediction) and target is not None:
+        errors = [float(np.sqrt(variance(one, target[:1])[0])) for one in (old, new)]
+        predicted = errors[0], errors[1]
     single = gain(rows, np.broadcast_to(base, (draws, *base.shape)), target)
     return Design(
         velocity=at[0][index],

@@ -47,7 +47,7 @@ function set(name, value, from) {
 }
 
 function unitOf(slider, value) {
-  if (slider.name === "temperature") return `K ${(value - 273.15).toFixed(0)} °C`;
+  if (slider.name === "temperature") return `K (${minus((value - 273.15).toFixed(0))} °C)`;
   if (slider.unit === "") return "×";
   return slider.unit === "-" ? "" : slider.unit.replace("^2", "²").replace("^3", "³");
 }
