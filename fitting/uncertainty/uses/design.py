@@ -157,7 +157,7 @@ def design(
     Errors are those of the model linearised at the scene: exact derivatives, but no better than the scene.
     Where it may be off, say by how much, as a `prior`, and what is lost is little. What is to be predicted
     should lie outside of what can be measured: inside, error bars fall with the number of measurements,
-    wherever they are (`tests/fitting/uncertainty/test_design_twins.py` has both in numbers).
+    wherever they are (`tests/fitting/uncertainty/uses/test_design_twins.py` has both in numbers).
     """
     known = known_of(source, free, prior, quadrature)
     at = _points(candidates)

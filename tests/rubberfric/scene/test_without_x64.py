@@ -1,6 +1,6 @@
 """The scenes of data in JAX's own setting, without double precision: finite, near float64, all of it float32.
 
-    python tests/whole_scenes/test_without_x64.py [SCENE ...]
+    python tests/rubberfric/scene/test_without_x64.py [SCENE ...]
 
 In the ordinary run one scene, in a process of its own; `.ci/versions single` tries all.
 """
@@ -18,7 +18,7 @@ import numpy as np
 import rubberfric as rf
 from rubberfric.io.files import read_computable
 
-DATA = Path(__file__).resolve().parents[2] / "data"
+DATA = Path(__file__).resolve().parents[3] / "data"
 # Heat and adhesion iterate on differences that single precision has few digits of.
 CLOSE, FEW_DIGITS = 2e-3, 3e-2
 

@@ -1,6 +1,6 @@
 """Twelve designed measurements beside forty log-uniform ones, over a hundred twins, from a start that is off.
 
-    python -m pytest -m slow -s tests/fitting/uncertainty/test_design_twins.py
+    python -m pytest -m slow -s tests/fitting/uncertainty/uses/test_design_twins.py
 
 A twin is the tread of data/twin_truth.toml with each of 18 numbers drawn anew; the design begins with a scene
 whose every number is off from the twin's by up to 30 %, error bars are those of the measurements at the twin
