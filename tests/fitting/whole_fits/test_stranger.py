@@ -16,6 +16,9 @@ import warnings
 import pytest
 from support.folders import DATA
 
+from fitting.commands.main import main as fit_main
+from rubberfric.commands.main import main as scene_main
+
 MOST = 10  # commands or cells
 
 SESSION = (
@@ -140,3 +143,12 @@ def test_every_mistake_is_answered_in_one_line():
         assert (said in answer) if said else answer == "", (cell, answer)
         assert len(re.findall(r"^ValueError: .*", answer, re.M)) <= 1
         assert not answer.startswith("ValueError") or "\n" not in answer, answer
+
+
+def test_a_scene_is_no_job_and_a_job_no_scene(call_main):
+    status, printed, complaint = call_main(fit_main, DATA / "tread_on_asphalt.toml")
+    assert (status, printed, complaint.count("\n")) == (2, "", 1)
+    assert "is a scene, which `rubberfric run` takes" in complaint
+    status, printed, complaint = call_main(scene_main, "run", DATA / "tread_on_asphalt_fit.toml")
+    assert (status, printed, complaint.count("\n")) == (2, "", 1)
+    assert "is a job of `rubberfric-fit`" in complaint
