@@ -13,6 +13,7 @@ import argparse
 import csv
 import itertools
 import time
+import warnings
 from pathlib import Path
 
 import jax
@@ -20,6 +21,7 @@ import numpy as np
 
 import rubberfric as rf
 from rubberfric.analysis import boundary_element
+from rubberfric.plot import style
 
 FOLDER = Path(__file__).resolve().parent
 TABLE, PAGE = FOLDER / "boundary_elements.csv", FOLDER / "boundary_elements.md"
@@ -304,37 +306,41 @@ def page(rows):
 def draw(rows, path):
     """Ratios of areas over the area, and of frictions over the velocity."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import FuncFormatter, LogLocator
 
     known = numbers(rows)
     figure = Figure(figsize=(13.0, 4.4), layout="constrained")
     axes = figure.subplots(1, 3)
-    for variant, colour, label in (("plain_0.5", "C1", "S outside G"), ("inside_0.5", "C0", "S in G")):
+    dark, light = style.colours(2)
+    marks = (("plain_0.5", light, "x", "$S$ outside $G$"), ("inside_0.5", dark, "o", "$S$ in $G$"))
+    for variant, colour, marker, label in marks:
         own, area = ratios(known, "area", variant)
-        axes[0].semilogx(area, own, ".", color=colour, alpha=0.5, label=label)
-    axes[0].set_xlabel("A/A0 of the theory")
-    axes[0].set_ylabel("area: theory over boundary elements")
-    axes[0].legend()
+        look = {"markersize": 3.5, "markerfacecolor": "none", "markeredgewidth": 0.8}
+        axes[0].semilogx(area, own, marker, color=colour, label=label, **look)
+    axes[0].set_xlabel("$A/A_0$ of the theory [-]")
+    axes[0].set_ylabel("area: theory over boundary elements [-]")
+    axes[0].legend(fontsize="small")
     for ax, relaxation in zip(axes[1:], ("narrow", "broad"), strict=True):
-        for load, marker in zip(LOADS, "vo^", strict=True):
+        # Loads beside each other, not on top of each other.
+        aside = dict(zip(LOADS, (0.86, 1.0, 1.16), strict=True))
+        for load, marker, colour in zip(LOADS, "vo^", style.colours(3), strict=True):
             own = [row for row in known if row["relaxation"] == relaxation and row["load"] == load]
-            v = [row["velocity"] for row in own]
-            ax.loglog(
-                v,
-                ratios(own, "friction", "inside_0.5")[0],
-                marker,
-                color="C0",
-                alpha=0.5,
-                label=f"load {load:g}",
-            )
-        ax.set_xlabel("v tau q1")
-        ax.set_title("one relaxation time" if relaxation == "narrow" else "one a decade")
-        ax.set_ylabel("friction: theory (S in G) over boundary elements")
-        ax.legend()
+            v = aside[load] * np.array([row["velocity"] for row in own])
+            look = {"color": colour, "markersize": 4.5, "markerfacecolor": "none", "markeredgewidth": 0.8}
+            found = ratios(own, "friction", "inside_0.5")[0]
+            ax.loglog(v, found, marker, label=f"load {load:g}", **look)
+        ax.set_xlabel("$v\\,\\tau\\,q_1$ [-]")
+        ax.set_title("one relaxation time" if relaxation == "narrow" else "one a decade", fontsize="medium")
+        ax.set_ylabel("friction: theory ($S$ in $G$)\nover boundary elements [-]")
+        ax.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        ax.yaxis.set_minor_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+        ax.yaxis.set_minor_locator(LogLocator(subs=(2, 3, 5, 7)))
+        ax.legend(fontsize="small")
     for ax in axes:
         ax.axhline(1.0, color="k", linewidth=1)
         ax.grid(alpha=0.3)
     path.parent.mkdir(exist_ok=True)
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=150)
 
 
 def main():
@@ -345,6 +351,7 @@ def main():
     parser.add_argument("--page", action="store_true", help="compute nothing")
     options = parser.parse_args()
     jax.config.update("jax_enable_x64", True)
+    warnings.simplefilter("ignore", rf.UnitWarning)  # the numbers have no units
     if not options.page and not compute(options.seconds):
         print(f"{len(read())} of {sum(1 for _ in cases())} cases")
         return

@@ -8,6 +8,7 @@ lines to the page.
 """
 
 import dataclasses
+import itertools
 import json
 import os
 import platform
@@ -28,6 +29,7 @@ import rubberfric as rf
 from rubberfric.analysis.maps import batches
 from rubberfric.analysis.maps import friction_map as maps
 from rubberfric.io.files import read_scene_file
+from rubberfric.plot import style
 from rubberfric.theory import model
 
 FOLDER = Path(__file__).resolve().parent
@@ -358,18 +360,19 @@ def _planning(store):
 def draw(store, path):
     """Time and memory over velocities, Prony terms and members, a colour for each device."""
     from matplotlib.figure import Figure
+    from matplotlib.ticker import NullFormatter
 
     figure = Figure(figsize=(13.0, 6.4), layout="constrained")
     axes = figure.subplots(2, 3)
-    for device, parts in store.items():
+    looks = zip(style.colours(len(store)), itertools.cycle(("o-", "s--", "^-.", "D:")), strict=False)
+    for (device, parts), (colour, look) in zip(store.items(), looks, strict=True):
         memories = {"velocities": "peak", "terms": "program", "members": "added"}
         for column, (part, memory_of) in enumerate(memories.items()):
             if part not in parts:
                 continue
             counts = np.array([count for (count,), _ in parts[part]])
             for ax, key in ((axes[0, column], "seconds"), (axes[1, column], memory_of)):
-                plot = ax.semilogx if key in ("peak", "added") else ax.loglog
-                plot(counts, [row[key] for _, row in parts[part]], "o-", label=device)
+                ax.loglog(counts, [row[key] for _, row in parts[part]], look, color=colour, label=device)
             seconds = np.array([row["seconds"] for _, row in parts[part]])
             ends = counts[[0, -1]]
             axes[0, column].loglog(ends, seconds[-1] * ends / ends[-1], "k:", linewidth=1, label="linear")
@@ -379,15 +382,18 @@ def draw(store, path):
     axes[1, 1].set_ylabel("memory of the program [MB]")
     axes[0, 2].set_ylabel("run time [s]")
     axes[1, 2].set_ylabel("memory added [MB]")
-    axes[1, 0].set_ylim(0, 1000)
+    axes[1, 0].set_ylim(100, 1000)
+    axes[1, 0].yaxis.set_minor_formatter(NullFormatter())
+    axes[1, 2].set_ylim(1, 10)
     for row in axes:
         row[0].set_xlabel("velocities")
         row[1].set_xlabel("Prony terms")
         row[2].set_xlabel("members of an ensemble")
         for ax in row:
             ax.grid(alpha=0.3)
-    if axes[0, 0].lines:
-        axes[0, 0].legend(fontsize="small")
+    named = {line.get_label(): line for ax in axes[0] for line in ax.lines}
+    if named:
+        figure.legend(named.values(), named, loc="outside upper center", ncols=len(named), fontsize="small")
     path.parent.mkdir(exist_ok=True)
     figure.savefig(path, dpi=120)
 

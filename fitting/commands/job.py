@@ -106,6 +106,11 @@ def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
     if path.suffix.lower() != ".toml":
         raise ValueError(f"{path}: suffix {path.suffix!r}: must be .toml")
     content = toml.read_toml(path)
+    if {"lower", "upper"} & set(content):
+        raise ValueError(
+            f"{path}: is a scene, which `rubberfric run` takes: must be a job,"
+            f' with scene = "{path.name}", data and free'
+        )
     several = "scenes" in content
     needed = ("scenes", "free") if several else ("scene", "data", "free")
     toml.check_keys(path, "", content, ("title", *needed, "prior", "discrepancy", "fit", "design"), needed)

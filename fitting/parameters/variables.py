@@ -143,6 +143,14 @@ def to_x(kind: str, low: np.ndarray, width: np.ndarray, values: np.ndarray) -> n
     return np.log(place / (1 - place)) if kind == "Bounded" else place
 
 
+def slopes_of(kind: str, width: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """d value / d x of elements of one kind at their x, on the host; see `slopes`."""
+    if kind == "Positive":
+        return np.exp(x)
+    part = 1 / (1 + np.exp(-np.abs(x)))
+    return width * part * (1 - part) if kind == "Bounded" else width * np.ones_like(x)
+
+
 def _follow(rules, groups, leaves, tree):
     """Groups with the slots of the tied ones filled in, and the ratios, or slopes, of those that follow."""
     by_path = {group.path: group for group in groups}

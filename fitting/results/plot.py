@@ -88,11 +88,11 @@ def plot_profile(profile: LikelihoodProfile, ax: style.Panels | None = None) -> 
     upper.set_ylabel("rise of chi-square [-]")
     if profile.parameters is not None and np.isfinite(profile.rise).any():
         best = profile.parameters[np.nanargmin(profile.rise)]
-        for name, values, at_best in zip(profile.names, profile.parameters.T, best, strict=True):
+        drawn = style.looks(len(profile.names), profile.values.size)
+        for name, values, at_best, look in zip(profile.names, profile.parameters.T, best, drawn, strict=True):
             if name != profile.name:
-                lower.plot(profile.values, values / at_best, ".-", label=name)
-        if len(profile.names) > 1:
-            lower.legend(fontsize="small")
+                lower.plot(profile.values, values / at_best, label=name, linewidth=1.2, **look)
+        style.legend(lower)
     lower.set_ylabel("others, by their best [-]")
     lower.set_xlabel(profile.name)
     if (profile.values > 0).all():
@@ -182,7 +182,7 @@ def _dress(quantity, points, upper, lower):
     if reach < 5:
         lower.set_yticks([-2, 0, 2])
     upper.set_ylabel(LABELS[quantity][1])
-    lower.set_ylabel("(data - fit)\n/ error [-]")
+    lower.set_ylabel("(data \u2212 fit)\n/ error [-]")
     lower.set_xlabel(LABELS[quantity][0])
     for axes in (upper, lower):
         axes.grid(alpha=0.3)

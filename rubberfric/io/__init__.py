@@ -12,6 +12,7 @@ from rubberfric.io.scene_files.hdf5 import read_object, write_object
 from rubberfric.io.tables.columns import COLUMNS
 from rubberfric.io.tables.reading import column_hint, read_columns, read_names, read_table
 from rubberfric.io.tables.titles import known_name, known_unit
+from rubberfric.io.tables.traces import read_traces
 from rubberfric.io.tables.writing import write_table
 
 __all__ = [
@@ -34,6 +35,7 @@ __all__ = [
     "read_prony",
     "read_quadrature",
     "read_table",
+    "read_traces",
     "save_result",
     "save_scene",
     "toml",

@@ -21,6 +21,7 @@ from rubberfric.plot.style import (
     one_axes,
     several_axes,
     shown_velocities,
+    signed,
     vector,
 )
 
@@ -168,7 +169,7 @@ def curve_labels(conditions: Conditions) -> dict[tuple[int, int], str]:
     """(index of temperature, index of pressure) -> text naming that curve's conditions."""
     temperatures = [None] if conditions.temperature is None else conditions.temperature
     return {
-        (i, j): f"{p / 1e6:.6g} MPa" + ("" if T is None else f", {to_celsius(T):.6g} °C")
+        (i, j): f"{p / 1e6:.6g} MPa" + ("" if T is None else f", {signed(to_celsius(T))} °C")
         for i, T in enumerate(temperatures)
         for j, p in enumerate(conditions.pressure)
     }

@@ -1,6 +1,7 @@
 """Pictures of friction maps. They need matplotlib: pip install 'rubberfric[plot]'."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -8,14 +9,26 @@ from rubberfric.base.checks import closest
 from rubberfric.base.units import to_celsius
 from rubberfric.io.results import QUANTITIES, Result, curves_of
 from rubberfric.io.scene_files.conditions import Conditions
-from rubberfric.plot.style import LOG_V, PANELS, Figure, Panels, new_figure, several_axes, signed
+from rubberfric.plot.style import (
+    LOG_V,
+    PANELS,
+    Figure,
+    Panels,
+    label_contours,
+    new_figure,
+    several_axes,
+    signed,
+)
 
 # Panels of a figure, and points drawn along an axis: a picture has no room for more.
 _PANELS = 4
 _DRAWN = 800
 
-# Relative difference that no colour shows.
-_ALIKE = 1e-3
+# Points up to which colours are interpolated, which takes long.
+_SHADED = 50_000
+
+# Difference that no colour shows: of the range of a linear scale, of the value of a logarithmic one.
+_ALIKE = 1e-2
 
 # Drawn over a logarithmic scale if it is > 0: it spans decades.
 _LOGARITHMIC = ("area",)
@@ -62,7 +75,7 @@ def plot_map(
     other = (f"{quantity.replace('_', ' ')} [{QUANTITIES[quantity].unit}]", 1.0, 0.0)
     label, scale, offset = PANELS.get(quantity, other)
     panels = _panels(result.conditions, temperature, pressure)
-    alike = _as_one(panels, result.conditions, [field])
+    alike = _as_one(panels, result.conditions, {quantity: field})
     if ax is None or len(ax) == len(alike):
         panels = alike
     names = [title or "the map" for _, _, title, _ in panels]
@@ -81,18 +94,23 @@ def plot_map(
 
 
 def figure_of_map(result: Result) -> Figure:
-    """A figure of all quantities of a map, a row of panels for each."""
-    names = [name for name, values in result.solution._asdict().items() if values is not None]
-    fields = [getattr(result.solution, name) for name in names]
-    columns = len(_as_one(_panels(result.conditions, None, None), result.conditions, fields))
-    figure = new_figure(_size(columns, len(names)), result.title)
-    axes = figure.subplots(len(names), columns, sharex=True, sharey=True, squeeze=False)
-    for name, row in zip(names, axes, strict=True):
-        plot_map(result, name, row)
-    for below in axes[1:].ravel():
-        below.set_title("")
-    for above in axes[:-1].ravel():
-        above.set_xlabel("")
+    """A figure of all quantities of a map, a row of panels for each; one where its panels would repeat."""
+    conditions = result.conditions
+    fields = {name: values for name, values in result.solution._asdict().items() if values is not None}
+    panels = _panels(conditions, None, None)
+    counts = [len(_as_one(panels, conditions, {name: fields[name]})) for name in fields]
+    figure = new_figure(_size(max(counts), len(fields)), result.title)
+    rows = figure.subfigures(len(fields), 1, squeeze=False)[:, 0]
+    shared = max(counts) == min(counts)
+    for i, (name, count, row) in enumerate(zip(fields, counts, rows, strict=True)):
+        axes = row.subplots(1, count, sharex=True, sharey=True, squeeze=False)[0]
+        plot_map(result, name, axes)
+        if shared and i > 0:
+            for below in axes:
+                below.set_title("")
+        if i < len(fields) - 1:
+            for above in axes:
+                above.set_xlabel("")
     return figure
 
 
@@ -124,7 +142,7 @@ def _panels(conditions: Conditions, temperature: int | None, pressure: int | Non
     if _over_pressure(conditions, temperature):
         i = 0 if temperature is None else temperature
         rows, y = _axis(lambda x: np.log10(x / 1e6), p)
-        return [(rows, y, "" if T is None else f"{to_celsius(T[i]):.6g} °C", i)]
+        return [(rows, y, "" if T is None else f"{signed(to_celsius(T[i]))} °C", i)]
     assert T is not None  # as else the map is over the pressure
     chosen = range(p.size) if pressure is None else [pressure]
     if len(chosen) > _PANELS:
@@ -133,13 +151,15 @@ def _panels(conditions: Conditions, temperature: int | None, pressure: int | Non
     return [(rows, y, f"{p[j] / 1e6:.4g} MPa", (slice(None), j)) for j in chosen]
 
 
-def _as_one(panels: list[tuple], conditions: Conditions, fields: list) -> list[tuple]:
+def _as_one(panels: list[tuple], conditions: Conditions, fields: dict[str, Any]) -> list[tuple]:
     """The panels, or one for all of them where nobody would see a difference."""
-    first = [np.asarray(field[panels[0][-1]]) for field in fields]
-    for *_, place in panels[1:]:
-        for values, field in zip(first, fields, strict=True):
-            if not np.allclose(np.asarray(field[place]), values, rtol=_ALIKE, atol=0.0):
-                return panels
+    for name, field in fields.items():
+        drawn = [np.asarray(field[place]) for *_, place in panels]
+        shown = np.concatenate([values.ravel() for values in drawn])
+        relative = name in _LOGARITHMIC and shown.min() > 0
+        rtol, atol = (_ALIKE, 0.0) if relative else (0.0, _ALIKE * np.ptp(shown))
+        if not all(np.allclose(values, drawn[0], rtol=rtol, atol=atol) for values in drawn[1:]):
+            return panels
     if len(panels) == 1:
         return panels
     low, high = conditions.pressure.min() / 1e6, conditions.pressure.max() / 1e6
@@ -168,15 +188,18 @@ def _draw(drawn, x, label, logarithmic):
     locator = MaxNLocator(7)
     if logarithmic:
         locator = LogLocator(subs=(1, 2, 5) if high < 1e3 * low else (1, 3))
+    # Cells that are large enough to be seen as stripes are shaded.
+    few = max(values.size for _, _, values in drawn) <= _SHADED
     # cividis: equal steps look equal, in grey and to the colour-blind as well.
-    look = {"cmap": "cividis", "norm": norm, "shading": "nearest", "rasterized": True}
+    look = {"cmap": "cividis", "norm": norm, "rasterized": True, "shading": "gouraud" if few else "nearest"}
     for axes, y, values in drawn:
         mesh = axes.pcolormesh(x, y, values, **look)
+        axes.grid(False)  # which a notebook may have switched on
         levels = [level for level in locator.tick_values(low, high) if values.min() < level < values.max()]
         if levels:
             colours = ["white" if norm(level) < 0.55 else "black" for level in levels]
             lines = axes.contour(x, y, values, levels, colors=colours, linewidths=0.7)
-            axes.clabel(lines, fontsize="x-small", fmt=signed)
+            label_contours(axes, lines)
     bar = drawn[0][0].figure.colorbar(mesh, ax=[axes for axes, _, _ in drawn])
     bar.set_label(label)
 

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.plot.style import LOG_V, Axes, diverging, one_axes, signed, vector
+from rubberfric.plot.style import LOG_V, Axes, diverging, label_contours, one_axes, vector
 
 _LABEL = "$\\partial \\ln \\mu \\;/\\; \\partial \\ln E_i$ [-]"
 
@@ -80,6 +80,7 @@ def _draw(axes: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, label: s
         "rasterized": True,
     }
     mesh = axes.pcolormesh(x, y, values, **look)
+    axes.grid(False)  # which a notebook may have switched on
     levels = MaxNLocator(9, symmetric=True).tick_values(-largest, largest)
     levels = [level for level in levels if values.min() < level < values.max()]
     if levels:
@@ -88,5 +89,5 @@ def _draw(axes: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, label: s
             "linewidths": [1.6 if level == 0 else 0.7 for level in levels],
         }
         lines = axes.contour(x, y, values, levels, colors="black", **style)
-        axes.clabel(lines, fontsize="x-small", fmt=signed)
+        label_contours(axes, lines)
     axes.figure.colorbar(mesh, ax=axes).set_label(label)

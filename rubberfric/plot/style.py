@@ -37,14 +37,22 @@ LOG_V = "$\\log_{10}(v\\;/\\;\\mathrm{m\\,s^{-1}})$"
 MARKERS = "os^DvPX<>p"
 # Markers along a line that has more points.
 _MARKERS_OF_A_LINE = 7
+# Labels of contours: how far from the middle they may be and how far apart, in widths of the axes.
+_INSIDE, _APART = 0.38, 0.09
+# Where viridis ends, and how much darker it is there: every colour has 3.3 times the contrast to white that
+# white itself has, or more (3 is asked of lines by WCAG 2.1, 1.4.11), and lightness still rises.
+_LIGHTEST, _DARKENED = 0.85, 0.3
 
 
 def colours(count: int) -> np.ndarray:
-    """As many colours, dark to light: viridis without its yellow, of a few colours its darker half."""
+    """As many colours, dark to light: viridis without its yellow, its light half darkened; RGBA."""
     from matplotlib import colormaps
 
-    lightest = min(0.55 + 0.05 * count, 0.85)
-    return colormaps["viridis"](np.linspace(0.0, lightest, count) if count > 1 else [0.25])
+    lightest = min(0.55 + 0.05 * count, _LIGHTEST)
+    places = np.linspace(0.0, lightest, count) if count > 1 else np.array([0.25])
+    found = colormaps["viridis"](places)
+    found[:, :3] *= 1 - _DARKENED * ((places / _LIGHTEST) ** 2)[:, None]
+    return found
 
 
 def diverging() -> Colormap:
@@ -70,9 +78,30 @@ def looks(count: int, points: int) -> list[dict[str, Any]]:
     ]
 
 
-def signed(value: float) -> str:
+def signed(value: float, digits: int = 6) -> str:
     """A number as the axes write it, with a minus instead of a hyphen."""
-    return f"{value:g}".replace("-", "\u2212")
+    return f"{value:.{digits}g}".replace("-", "\u2212")
+
+
+def label_contours(axes: Axes, lines: Any) -> None:
+    """Write the levels on contours, once each, where neither the frame nor another label cuts them."""
+    (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
+    size = np.array([x1 - x0, y1 - y0])
+    places: list[np.ndarray] = []
+    for path in lines.get_paths():
+        parts = (path.vertices - [x0, y0]) / size
+        parts = parts[(np.abs(parts - 0.5) < _INSIDE).all(1)]
+        if not parts.size:
+            continue
+        # As near to the middle as the others allow.
+        apart = np.min([np.hypot(*(parts - one).T) for one in places], 0) if places else np.ones(len(parts))
+        free = apart > _APART
+        if free.any():
+            middle = np.hypot(*(parts - 0.5).T)
+            places.append(parts[np.argmin(np.where(free, middle, np.inf))])
+    if places:
+        where = [tuple(place * size + [x0, y0]) for place in places]
+        axes.clabel(lines, fontsize="x-small", fmt=signed, manual=where)
 
 
 def new_figure(size: tuple[float, float], title: str = "") -> Figure:

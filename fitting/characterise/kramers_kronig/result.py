@@ -146,7 +146,7 @@ class KramersKronig:
         upper.set_ylabel("modulus $E'$, $E''$ [Pa]")
         style.legend(upper)
         value, reach = 100 * self.contradiction, 196 * self.stderr
-        for used, tone in ((self.counted, second), (~self.counted, "0.75")):
+        for used, tone in ((self.counted, second), (~self.counted, "0.6")):
             lower.errorbar(
                 self.omega[used], value[used], reach[used], fmt="s", color=tone, markersize=3.5, elinewidth=1
             )

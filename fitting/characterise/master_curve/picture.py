@@ -38,7 +38,7 @@ def plot_master_curve(
     upper, lower = ax = style.several_axes(ax, ("moduli", "shifts"), (7.4, 7.0))
     log_a, stderr, reference = shifts
     celsius = np.asarray(rf.units.to_celsius(T))
-    named = [f"{round(one, 1) + 0:g} °C" for one in celsius]  # + 0: no minus before a zero
+    named = [f"{style.signed(round(one, 1) + 0)} °C" for one in celsius]  # + 0: no minus before a zero
     for i, tone in enumerate(style.colours(T.size)):
         here = of_sweep == i
         marker = style.MARKERS[i % len(style.MARKERS)]

@@ -27,7 +27,7 @@ def reduced(data: ModulusData, shift: Shift | None) -> ModulusData:
     if shift is None:
         raise ValueError(
             f"data {data.label!r}: have a temperature, but no shift is given: must be WLF, Arrhenius or"
-            " TabulatedShift, or the data a master curve, without temperature"
+            " TabulatedShift, or the data a master curve: curve = fit_master_curve(data), then curve.data"
         )
     shift.check_temperature(data.temperature)
     T = data.temperature

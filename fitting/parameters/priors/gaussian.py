@@ -1,16 +1,15 @@
 """What is known of a free parameter: a value and its error."""
 
 import dataclasses
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from fitting.parameters.constraints import FOLLOWING, is_number
 from fitting.parameters.keypaths import find
 from fitting.parameters.priors.selection import Place
-from fitting.parameters.variables import Array, slopes, to_x
+from fitting.parameters.variables import Array, slopes_of, to_x
 
 
 @dataclasses.dataclass(frozen=True)
@@ -21,19 +20,23 @@ class Gaussian:
 
     Parameters
     ----------
-    mean, sigma : numbers in the parameter's unit
-        for all elements of the path. For a Positive parameter sigma / mean is the standard
-        deviation of its logarithm.
+    mean, sigma : in the parameter's unit, numbers for all elements of the path, or one for each element
+        For a Positive parameter sigma / mean is the standard deviation of its logarithm. Arrays are kept
+        as tuples.
     """
 
-    mean: float
-    sigma: float
+    mean: float | tuple[float, ...] | np.ndarray
+    sigma: float | tuple[float, ...] | np.ndarray
 
     def __post_init__(self) -> None:
-        if not is_number(self.mean):
-            raise ValueError(f"Gaussian: mean = {self.mean!r}: must be a finite number")
-        if not (is_number(self.sigma) and self.sigma > 0):
-            raise ValueError(f"Gaussian: sigma = {self.sigma!r}: must be a finite number > 0")
+        for name, rule in (("mean", ""), ("sigma", " > 0")):
+            values = getattr(self, name)
+            several = isinstance(values, np.ndarray | list | tuple) and np.ndim(values) == 1
+            each: tuple[Any, ...] = tuple(values) if several else (values,)
+            if not each or not all(is_number(x) and (x > 0 or not rule) for x in each):
+                raise ValueError(f"Gaussian: {name} = {values!r}: must be a finite number{rule}")
+            if several:
+                object.__setattr__(self, name, tuple(map(float, each)))
 
     def read(self, place: Place) -> list[tuple["GaussianRows", tuple[np.ndarray, np.ndarray]]]:
         """Structure and numbers; ValueError unless the key is a free parameter."""
@@ -43,10 +46,13 @@ class Gaussian:
             known = ", ".join(g.path for g in variables.own)
             raise ValueError(f"{place.where}: must be a free parameter: {known}")
         part = np.arange(*group.slot)
-        at = _x_of_mean(place.where, group, self.mean, constants.low[part], constants.width[part])
-        x = np.zeros(variables.size)
-        x[part] = at
-        sigma = self.sigma / np.asarray(slopes(variables, constants, jnp.asarray(x)))[part]
+        for name in ("mean", "sigma"):
+            size = np.size(getattr(self, name))
+            if size not in (1, part.size):
+                raise ValueError(f"{place.where}: {name} has {size} numbers: must have {part.size}, or one")
+        mean = np.broadcast_to(np.asarray(self.mean, float), part.shape)
+        at = _x_of_mean(place.where, group, mean, constants.low[part], constants.width[part])
+        sigma = np.asarray(self.sigma, float) / slopes_of(group.kind, np.asarray(constants.width)[part], at)
         return [(GaussianRows(tuple(part.tolist())), (at, sigma))]
 
 
@@ -73,9 +79,11 @@ class GaussianRows(NamedTuple):
 
 
 def _x_of_mean(where, group, mean, low, width):
-    """x at the mean of a group, one number for each of its elements."""
-    if group.kind == "Positive" and not mean > 0:
-        raise ValueError(f"{where}: mean = {mean:g}: must be > 0, for the parameter is Positive")
-    if group.kind == "Bounded" and not ((low < mean) & (mean < low + width)).all():
-        raise ValueError(f"{where}: mean = {mean:g}: must be inside the parameter's bounds")
-    return to_x(group.kind, low, width, np.full(low.shape, mean))
+    """x at the mean of every element of a group."""
+    if group.kind == "Positive" and not (mean > 0).all():
+        raise ValueError(f"{where}: mean = {mean.min():g}: must be > 0, for the parameter is Positive")
+    inside = (low < mean) & (mean < low + width)
+    if group.kind == "Bounded" and not inside.all():
+        bad = mean[np.argmin(inside)]
+        raise ValueError(f"{where}: mean = {bad:g}: must be inside the parameter's bounds")
+    return to_x(group.kind, low, width, mean)

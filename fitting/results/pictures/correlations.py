@@ -42,6 +42,7 @@ def plot_correlation(result: Any, ax: style.Axes | None = None) -> style.Axes:
     side = _AROUND + max(_CELL * min(len(names), 2 * _NUMBERS), 1.5)
     axes = style.one_axes(ax, (side + 0.8, side))
     mesh = axes.imshow(correlation, cmap=style.diverging(), vmin=-1, vmax=1, interpolation="nearest")
+    axes.grid(False)  # which a notebook may have switched on
     small = "small" if len(names) <= _NUMBERS else "x-small"
     axes.set_xticks(range(len(names)), names, rotation=90, fontsize=small)
     axes.set_yticks(range(len(names)), names, fontsize=small)

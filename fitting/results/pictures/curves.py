@@ -11,6 +11,7 @@ from fitting.solvers.evaluation import at_conditions, model_rows, residual_rows
 from fitting.solvers.problem import Block
 from fitting.solvers.residuals import forward, predictions
 from fitting.uncertainty.intervals import Band
+from rubberfric.plot import style
 
 # Conditions that get a line each; data at more of them are drawn set by set, without lines.
 CURVES = 10
@@ -107,7 +108,7 @@ def _text(key, several):
     if pressure != ABSENT:
         texts.append(f"{pressure / 1e6:.4g} MPa")
     if temperature != ABSENT:
-        texts.append(f"{round(temperature - 273.15, 2) + 0.0:g} °C")
+        texts.append(f"{style.signed(round(temperature - 273.15, 2) + 0.0)} °C")
     return ", ".join(texts)
 
 

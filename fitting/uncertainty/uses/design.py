@@ -12,13 +12,14 @@ from fitting.parameters.constraints import Rule
 from fitting.parameters.priors.rows import Prior
 from fitting.uncertainty.intervals import SolvedProblem
 from fitting.uncertainty.uses import picture
-from fitting.uncertainty.uses.exchange import criterion as value_of
-from fitting.uncertainty.uses.exchange import exchange, gain, information
+from fitting.uncertainty.uses.exchange import exchange, gain, information, variance
 from fitting.uncertainty.uses.known import Points, known_of
 from rubberfric.base import POSITIVE, StrPath, as_leaf, check_values, shown
 from rubberfric.io import write_table
 from rubberfric.plot import style
 
+# Draws about a scene that nothing was fitted to: it may be off by some ten per cent.
+DRAWS = 16
 # Relative error of a new measurement where nothing says it.
 ERROR = 0.05
 CRITERIA = ("D", "A")
@@ -26,7 +27,7 @@ CRITERIA = ("D", "A")
 
 @dataclasses.dataclass(frozen=True)
 class prediction:
-    """Criterion of a design: the mean variance of ln of a quantity predicted at conditions.
+    """Criterion of a design: the variance of ln of a quantity predicted at conditions, mean over them.
 
     Parameters
     ----------
@@ -53,7 +54,7 @@ class Design:
     predicted : (before, after) root mean square relative error of the prediction of the criterion, or None
     candidates : conditions of all, each of shape (candidates,)
     gain : of one measurement at each of them, shape (candidates,); of D in nats, of A and predictions the
-        part of the mean variance that goes
+        part of the variance that goes
     criterion : as a text
     rows : of every candidate at the first draw, in units of its error
     """
@@ -111,7 +112,7 @@ def design(
     relative: ArrayLike | None = None,
     quantity: str = "friction",
     prior: Mapping[str, Prior] | None = None,
-    draws: int = 1,
+    draws: int | None = None,
     reach: float = 0.3,
     key: jax.Array | None = None,
     already: Design | None = None,
@@ -134,7 +135,8 @@ def design(
         None: the mean of the relative errors of the fit's friction data; 5 % of a scene.
     quantity : "friction" or "area", what is measured
     prior : of a Scene: dict of key path -> Gaussian or Smooth
-    draws : over how many draws from what is known the criterion is averaged; 1: the fitted values alone
+    draws : over how many draws from what is known the criterion is averaged; 1: the values themselves alone
+        None: 16 about a scene, 1 of a fit. Of D, A and predictions logarithms are averaged.
     reach : a draw is moved by no more than this along a direction, 0.3 being 30 %
         what is not known at all would else be drawn from anywhere.
     key : jax.random.key of the draws, or None for key(0)
@@ -153,7 +155,9 @@ def design(
     Notes
     -----
     Errors are those of the model linearised at the scene: exact derivatives, but no better than the scene.
-    Design in batches: measure some, fit, design again; or take `draws=8`.
+    Where it may be off, say by how much, as a `prior`, and what is lost is little. What is to be predicted
+    should lie outside of what can be measured: inside, error bars fall with the number of measurements,
+    wherever they are (`tests/fitting/uncertainty/uses/test_design_twins.py` has both in numbers).
     """
     known = known_of(source, free, prior, quadrature)
     at = _points(candidates)
@@ -162,6 +166,7 @@ def design(
     price = _cost(cost, at)
     if isinstance(n, bool) or not isinstance(n, int | float) or not n >= price.min():
         raise ValueError(f"n = {shown(n)}: must be >= {price.min():g}, for one measurement at least")
+    draws = draws if draws is not None else 1 if isinstance(source, SolvedProblem) else DRAWS
     if not isinstance(draws, int) or draws < 1:
         raise ValueError(f"draws = {shown(draws)}: must be an integer >= 1")
     key = jax.random.key(0) if key is None else key
@@ -177,10 +182,10 @@ def design(
     old, new = base[None], information(rows[:1], base, index)
     spreads = [np.linalg.inv(m[0]) for m in (old, new)]
     before, after = (known.stretch * np.sqrt(np.diag(spread)) for spread in spreads)
-    first = None if target is None else target[:1]
     predicted = None
-    if isinstance(criterion, prediction):
-        predicted = (np.sqrt(-value_of(old, first)), np.sqrt(-value_of(new, first)))
+    if isinstance(criterion, prediction) and target is not None:
+        errors = [float(np.sqrt(variance(one, target[:1])[0])) for one in (old, new)]
+        predicted = errors[0], errors[1]
     single = gain(rows, np.broadcast_to(base, (draws, *base.shape)), target)
     return Design(
         velocity=at[0][index],
@@ -192,7 +197,7 @@ def design(
         after=after,
         predicted=predicted,
         candidates=at,
-        gain=single if target is None else single / -value_of(old, target),
+        gain=single if target is None else -np.expm1(-single),
         criterion=criterion if isinstance(criterion, str) else "prediction",
         rows=rows[0],
     )

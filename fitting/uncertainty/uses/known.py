@@ -83,6 +83,12 @@ def _value_and_slope(constants, x, at, *, variables, quantity, quadrature):
     return value_and_jacobian(lambda x: to_scene(variables, constants, x), x, at, quantity, quadrature)
 
 
+@functools.partial(jax.jit, static_argnames=("structure", "variables"))
+def _prior_slopes(numbers, constants, x, *, structure, variables):
+    """Derivatives of the rows of the priors, shape (rows, size)."""
+    return forward(lambda x: prior_residuals(structure, numbers, to_scene(variables, constants, x), x), x)[1]
+
+
 def known_of(
     source: SolvedProblem | rf.Scene,
     free: Mapping[str, Rule] | None,
@@ -105,8 +111,7 @@ def known_of(
     scene = with_starts(cast(source, result_dtype(source, 1.0)), free)
     variables, constants, x = free_parameters(scene, free)
     structure, numbers = read_priors(scene, variables, constants, prior)
-    _, rows = forward(
-        lambda x: prior_residuals(structure, numbers, to_scene(variables, constants, x), x), jnp.asarray(x)
-    )
-    information = np.eye(x.size) / OPEN**2 + np.asarray(rows).T @ np.asarray(rows)
+    static = {"structure": structure, "variables": variables}
+    rows = np.asarray(_prior_slopes(numbers, constants, jnp.asarray(x), **static))
+    information = np.eye(x.size) / OPEN**2 + rows.T @ rows
     return Known(variables, constants, quadrature or rf.Quadrature(), x, np.ones(x.size), information)

@@ -33,6 +33,8 @@ def plot_design(design: Any, ax: style.Panels | None = None) -> style.Panels:
     groups = [g for g in groups if _chosen(design, g, over_temperature).any()][:_PANELS]
     y = celsius if over_temperature else np.log10(p / 1e6)
     names = [_title(g, over_temperature) for g in groups]
+    if np.unique(p).size == 1 and not over_temperature:
+        names = [", ".join(filter(None, (_title(p[0], True), name))) for name in names]
     ax = style.several_axes(ax, names, (1.8 + 3.6 * len(names), 3.9), across=True)
     label = "gain of one measurement\n" + (
         "[nat]" if design.criterion == "D" else "[part of the variance, -]"
@@ -82,4 +84,4 @@ def _chosen(design, value, over_temperature):
 def _title(value, over_temperature):
     if over_temperature:
         return f"{value / 1e6:.4g} MPa"
-    return "" if np.isnan(value) else f"{rf.units.to_celsius(value):.4g} °C"
+    return "" if np.isnan(value) else f"{style.signed(rf.units.to_celsius(value), 4)} °C"

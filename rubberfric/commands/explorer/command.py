@@ -76,6 +76,7 @@ def routes(explorer: Explorer) -> dict[str, Callable[[Any], Answer]]:
     return {
         "start": lambda _: _json(_start(explorer)),
         "curves": with_values(lambda values: _json(explorer.curves(values))),
+        "drafts": with_values(lambda values: _json(explorer.curves(values, draft=True))),
         "sensitivities": with_values(sensitivities),
         "scene": with_values(lambda values: _download(scene_download(explorer, values))),
         "fit": with_values(lambda values: _download(fit_download(explorer, values))),
@@ -97,6 +98,7 @@ def _start(explorer: Explorer) -> dict[str, Any]:
         "beside": explorer.at[::BESIDE],
         "every": EVERY,
         "sensitive": explorer.sensitive,
+        "drafts": explorer.has_drafts,
         "omega": explorer.omega,
         "points": points,
         "command": COMMAND,

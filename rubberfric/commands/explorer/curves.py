@@ -1,10 +1,12 @@
 """The curves of a scene where the sliders are: one compiled program for all, another for sensitivities.
 
 The programs take the numbers of the scene as arguments: moving one compiles nothing. Their quadrature is the
-one for ten decades at any load, so that it need not change with them.
+one for ten decades at any load, so that it need not change with them. Where the curves take too long to
+follow a slider, as with adhesion, there is a third program with a coarser one, for drafts while it moves.
 """
 
 import math
+import time
 from collections.abc import Mapping
 from typing import Any
 
@@ -13,6 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.analysis.jacobian import value_and_jacobian
+from rubberfric.base.quadrature import Quadrature
 from rubberfric.commands.explorer.points import Measured, curves_of
 from rubberfric.commands.explorer.sliders import changes, moved, sliders_of, with_cutoffs
 from rubberfric.io.scene_files.conditions import Conditions, check_conditions
@@ -27,6 +30,10 @@ from rubberfric.theory.quantities import quantities_of
 POINTS, EVERY, BESIDE, FREQUENCIES = 61, 3, 2, 121
 # With adhesion a point takes a hundred times as long.
 ADHESIVE_POINTS = 13
+# Drafts are drawn where the curves take longer than this [s], by this quadrature: a tenth of the time. Areas
+# of adhesive scenes in data are 1 % off at most, and the page says by how much the last draft was.
+PATIENCE = 0.04
+DRAFT = Quadrature(order=8, panels=6, graded=4, ratio=6.0, angular_order=8)
 # How far pressures reach where the scene says one only, and frequencies beyond those of a material.
 _REACH, _BEYOND = 30.0, 100.0
 # Of a material that does not say any [rad/s].
@@ -65,8 +72,9 @@ class Explorer:
         rubs = dissipates(self.scene) or self.scene.shear is not None
         self.sensitive = "friction" if rubs else "area"
         self.omega = {name: _frequencies(part) for name, part in _materials(self.scene).items()}
-        self._curves = jax.jit(self._all_curves)
+        self._curves = jax.jit(self._all_curves, static_argnames="quadrature")
         self._slopes = jax.jit(self._all_slopes)
+        self.has_drafts = False  # known when the curves are compiled
         self.is_ready = False  # whether sensitivities are compiled
         self.failure = ""  # why they could not be
 
@@ -89,8 +97,8 @@ class Explorer:
         check_conditions("", at, scene)
         return scene
 
-    def curves(self, values: Values) -> dict[str, Any]:
-        """All that is drawn where the sliders are.
+    def curves(self, values: Values, draft: bool = False) -> dict[str, Any]:
+        """All that is drawn where the sliders are; a draft with the coarser quadrature.
 
         Returns
         -------
@@ -99,7 +107,9 @@ class Explorer:
         """
         scene = cast(self.moved(values), float)
         v, p, T = self.conditions_at(values)
-        curves, others, moduli, spectra = jax.device_get(self._curves(scene, v, p, T))
+        quadrature = DRAFT if draft else self.quadrature
+        found_all = self._curves(scene, v, p, T, quadrature=quadrature)
+        curves, others, moduli, spectra = jax.device_get(found_all)
         found: dict[str, Any] = {"curves": curves, "moduli": moduli, "spectra": spectra}
         if self.measured is not None:
             end = self._end - self.at.size
@@ -117,8 +127,14 @@ class Explorer:
         return {one.name: relative[:, i] for i, one in enumerate(self.sliders)}
 
     def compile(self) -> None:
-        """Compile the program of the curves."""
-        self.curves({one.name: one.start for one in self.sliders})
+        """Compile the program of the curves, and that of drafts if the first takes too long."""
+        start = {one.name: one.start for one in self.sliders}
+        self.curves(start)
+        begin = time.perf_counter()
+        self.curves(start)
+        if time.perf_counter() - begin > PATIENCE:
+            self.curves(start, draft=True)
+            self.has_drafts = True
 
     def compile_sensitivities(self) -> None:
         """Compile that of the sensitivities; what failed is kept, as it may happen in a thread."""
@@ -148,12 +164,12 @@ class Explorer:
         p, T = values.get("pressure", p), values.get("temperature")
         return all_of("velocity", v), all_of("pressure", p), None if T is None else all_of("temperature", T)
 
-    def _all_curves(self, scene, v, p, T):
+    def _all_curves(self, scene, v, p, T, quadrature):
         count = self.at.size
 
         def at(points, quantities):
             temperature = None if T is None else T[points]
-            options = {"quadrature": self.quadrature, "quantities": quantities}
+            options = {"quadrature": quadrature, "quantities": quantities}
             found = solve(scene, v[points], p[points], temperature, **options)
             return {name: getattr(found, name) for name in quantities}
 

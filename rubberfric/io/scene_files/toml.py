@@ -86,6 +86,8 @@ def read_scene_toml(path: StrPath, table: str = "run") -> SceneFile:
     """
     path = Path(path)
     content = read_toml(path)
+    if {"scene", "scenes"} & set(content) and "free" in content:
+        raise ValueError(f"{path}: is a job of `rubberfric-fit`: must be a scene, with lower and upper")
     check_keys(path, "", content, ("title", "plausible", *fields_of(Scene), *TABLES))
     title = content.pop("title", "")
     if not isinstance(title, str) or not title.isprintable():

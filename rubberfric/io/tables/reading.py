@@ -26,6 +26,7 @@ from rubberfric.io.tables.exports import Rows, Table, find_table, headless, pick
 from rubberfric.io.tables.moduli import missing, with_moduli
 from rubberfric.io.tables.text import read_text
 from rubberfric.io.tables.titles import SET_VALUES
+from rubberfric.io.tables.traces import read_traces
 
 
 def read_table(
@@ -159,9 +160,17 @@ def read_names(path: StrPath, columns: list[str] | None = None, generic: str = "
 
 
 def column_hint(path: StrPath) -> str:
-    """End of a message on unknown titles: what to say instead of them, filled in for the file."""
+    """End of a message on unknown titles: what reads the file, or what to say instead, filled in for it."""
+    try:
+        read_traces(path)
+    except ValueError:
+        pass
+    else:
+        return "; heights along lines: rubberfric.io.read_traces reads them"
     said = suggested_columns(read_text(path, exports=True))
     advice = 'or say what they are, "name [unit]" for each ?, "-" for one not read'
+    if '"strain [' in said:
+        return '; a strain sweep: rubberfric.io.read_table(path, ["strain", "E_stor", "E_loss"]) reads it'
     return f"; {advice}: {said}" if said else ""
 
 

@@ -11,7 +11,7 @@ from rubberfric.base.units import to_celsius
 from rubberfric.materials.material import Material, complex_modulus
 from rubberfric.materials.shifts import log_vertical
 from rubberfric.materials.tabulated_modulus import TabulatedModulus
-from rubberfric.plot.style import Axes, colours, legend, one_axes, vector
+from rubberfric.plot.style import Axes, colours, legend, one_axes, signed, vector
 
 _POINTS = 400
 # Points up to which each has room.
@@ -83,6 +83,8 @@ def plot_modulus(
             handles += place.plot(omega, np.where(line > 0, line, np.nan), **look)
     handles += _points(axes, right, table, "entries of the table", "white")
     handles += _points(axes, right, points, "measured", None)
+    if temperature is None and material.shift is not None:
+        temperature = float(material.shift.reference_temperature)
     _dress(axes, right, temperature)
     right.set_visible(bool(right.lines))
     legend(axes, handles, scale_right=bool(right.lines), inside="upper left")
@@ -179,7 +181,7 @@ def _dress(axes: Axes, right: Axes, temperature: float | None) -> None:
     axes.set_xlabel("angular frequency $\\omega$ [rad/s]")
     axes.set_ylabel("modulus $E'$, $E''$ [Pa]")
     if temperature is not None:
-        axes.set_title(f"{to_celsius(float(temperature)):.6g} °C", fontsize="medium")
+        axes.set_title(f"{signed(to_celsius(float(temperature)))} °C", fontsize="medium")
     right.set_ylabel("$\\tan\\delta = E''/E'$ [-]")
     right.set_ylim(bottom=0)
     axes.grid(alpha=0.3)

@@ -46,6 +46,15 @@ def test_gaussian_prior_of_a_positive_parameter_is_gaussian_in_its_logarithm():
     np.testing.assert_allclose(found, [np.log(3e6 / mean) / (sigma / mean)], rtol=1e-13)
 
 
+def test_one_mean_and_error_for_each_element_are_as_many_priors():
+    means, sigmas = 1.1 * MODULI, MODULI * [0.1, 0.2, 0.3, 0.4]
+    found = rows({E: Positive()}, {E: Gaussian(means, sigmas)})
+    np.testing.assert_allclose(found, np.log(1 / 1.1) / (sigmas / means), rtol=1e-12)
+    np.testing.assert_allclose(rows({E: Positive()}, {E: Gaussian(list(means), 1e6)})[0], found[0] * 50)
+    assert Gaussian(means, sigmas) == Gaussian(tuple(means), list(sigmas)) != Gaussian(means, 1.0)
+    assert len({Gaussian(means, 1.0), Gaussian(means, 1.0)}) == 1
+
+
 def test_gaussian_prior_of_a_bounded_parameter_is_gaussian_in_its_logit():
     low, high, mean, sigma = 0.3, 1.0, 0.7, 0.05
     free = {"lower.spectrum.hurst": Bounded(low, high)}
@@ -131,6 +140,7 @@ def test_smooth_and_gaussian_priors_side_by_side():
         ({E + "[1]": Gaussian(1e7, 1e6)}, f"must be a free parameter: {E}, gamma"),
         ({"upper.material.E_inf": Gaussian(1e7, 1e6)}, f"must be a free parameter: {E}, gamma"),
         ({E: Gaussian(-1e7, 1e6)}, "mean = -1e+07: must be > 0, for the parameter is Positive"),
+        ({E: Gaussian([1e7, 2e7], 1e6)}, "mean has 2 numbers: must have 4, or one"),
         ({"gamma": Gaussian(1.0, 0.1)}, "mean = 1: must be inside the parameter's bounds"),
         ({"gamma": Gaussian(7.0, 0.1)}, "mean = 7: must be inside the parameter's bounds"),
         ({E: 0.3}, f"prior['{E}'] = 0.3: must be Gaussian, Smooth, Sum or Correlated"),
@@ -163,11 +173,13 @@ def test_smooth_needs_a_free_series_of_three_different_times():
     ("make", "text"),
     [
         (lambda: Gaussian(np.nan, 1.0), "mean = nan: must be a finite number"),
+        (lambda: Gaussian([1.0, np.inf], 1.0), "must be a finite number"),
+        (lambda: Gaussian(1.0, [1.0, -1.0]), "must be a finite number > 0"),
+        (lambda: Gaussian([], 1.0), "must be a finite number"),
         (lambda: Gaussian("soft", 1.0), "mean = 'soft': must be a finite number"),
         (lambda: Gaussian(1.0, 0.0), "sigma = 0.0: must be a finite number > 0"),
         (lambda: Gaussian(1.0, -1.0), "must be a finite number > 0"),
         (lambda: Gaussian(1.0, np.inf), "must be a finite number > 0"),
-        (lambda: Gaussian(1.0, [1.0, 2.0]), "must be a finite number > 0"),
         (lambda: Smooth(0.0), "sigma = 0.0: must be a finite number > 0"),
         (lambda: Smooth(None), "must be a finite number > 0"),
     ],

@@ -303,6 +303,41 @@ def test_other_languages(tmp_path, encoding):
         np.testing.assert_allclose([data.q, data.C], [[1e5, 1e6], [1e-27, 1e-31]], rtol=1e-13)
 
 
+TRACES = "Weg [mm];Spur 1 [µm];Spur 2 [nm]\n0,00;-60,2;522\n0,01;-54,3;-520\n"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        TRACES,
+        TRACES.encode("utf-16"),
+        "Instrument\tS100\n\nx\ttrace 1\ttrace 2\nmm\tum\tnm\n0\t-60.2\t522\n0.01\t-54.3\t-520\n",
+        "# stylus\nx (m),a (m),b (m)\n0,-60.2e-6,522e-9\n1e-5,-54.3e-6,-520e-9\n",
+    ],
+)
+def test_traces_of_a_profilometer(tmp_path, text):
+    x, heights = rf.io.read_traces(put(tmp_path, text, "stylus.csv"))
+    np.testing.assert_allclose(x, [0, 1e-5], atol=1e-20)
+    np.testing.assert_allclose(heights, [[-60.2e-6, -54.3e-6], [522e-9, -520e-9]], rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        ("[µm]", "", "column 2 'Spur 1': unit 'Spur 1': must be one of m, mm, um, nm"),
+        ("[nm]", "[in]", "column 3 'Spur 2 [in]': unit 'in': must be one of m"),
+        ("-54,3", "x", "line 3: '0,01;x;-520': must be numbers"),
+        ("-54,3", "nan", "line 3: must be finite"),
+        (";-520", "", "line 3: has 2 fields: must have 3"),
+        ("Weg [mm];Spur 1 [µm];Spur 2 [nm]\n", "", "begins with numbers: must have titles"),
+        (TRACES, "a;b\n", "has no rows of two numbers"),
+    ],
+)
+def test_faulty_traces(tmp_path, old, new, message):
+    path = put(tmp_path, TRACES.replace(old, new))
+    assert message in refused(path, lambda: rf.io.read_traces(path))
+
+
 def test_unknown_titles_are_answered_with_columns_filled_in(tmp_path):
     text = "Speed / rpm;Reibwert;Kanal 3;Temperatur\n1/min;-;V;°C\n10;0,6;1,1;20\n20;0,7;1,2;20\n"
     path = put(tmp_path, text)

@@ -18,6 +18,7 @@ from rubberfric import plot
 from rubberfric.analysis.error_and_time.report import Accuracy
 from rubberfric.io.results import Result
 from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.plot.map import figure_of_map
 
 V = np.array([10.0, -1.0, 1e-3, 0.0, 1e-1])
 ROAD = rf.SelfAffine(100.0, 1000.0, 1e5, 0.8, 1e-4)
@@ -106,6 +107,26 @@ def test_panels_that_would_repeat_are_one():
     assert len(plot.plot_map(alike, ax=Figure().subplots(1, 3))) == 3
     other = alike._replace(solution=rf.Solution(friction=mu * np.array([1.0, 1.0, 1.01])[:, None]))
     assert len(plot.plot_map(other)) == 3
+
+
+def test_of_a_map_panels_that_repeat_are_one_and_labels_are_whole(tmp_path):
+    """Area at three pressures, friction that does not depend on it."""
+    v, p, T = np.logspace(-6, 2, 41), np.array([0.05e6, 0.15e6, 0.5e6]), np.linspace(243.15, 373.15, 27)
+    x = np.log10(v) - 0.1 * (T[:, None, None] - 273.15)
+    area = p[:, None] / 1e7 * 10 ** (-0.3 * np.log1p(np.exp(0.8 * x)))
+    mu = 0.1 + np.exp(-0.5 * (x - 2) ** 2) * (1 + 1e-3 * p[:, None] / 0.5e6)
+    result = RESULT._replace(
+        conditions=Conditions(v, p, T), solution=rf.Solution(area=area, friction=mu + 0 * area)
+    )
+    figure = figure_of_map(result)
+    panels = [one for one in figure.axes if one.get_ylabel() == "temperature [°C]" or one.get_title()]
+    assert [one.get_title() for one in panels][-1] == "0.05 … 0.5 MPa, all alike" and len(panels) == 4
+    figure.savefig(tmp_path / "map.png")
+    labels = [(one, text) for one in panels for text in one.texts]
+    assert len(labels) > 8
+    for axes, text in labels:
+        box, frame = text.get_window_extent(), axes.get_window_extent()
+        assert frame.x0 < box.x0 and box.x1 < frame.x1 and frame.y0 < box.y0 and box.y1 < frame.y1, text
 
 
 def test_any_picks_the_picture(tmp_path):

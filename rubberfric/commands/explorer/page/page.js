@@ -1,10 +1,12 @@
 "use strict";
 // Sliders to the left, plots to the right. While one answer is on its way no other is asked for: the next
-// question has the sliders where they are by then, and those in between are never asked.
+// question has the sliders where they are by then, and those in between are never asked. Of scenes that take long
+// a draft is asked for while a slider moves, and the curves themselves when it has come to rest.
 
 const ROOT = location.pathname, $ = (id) => document.getElementById(id);
-const state = { values: {}, start: null, first: null, shown: null, slopes: null, mark: 0, busy: false, wanted: false, idle: 0 };
+const state = { values: {}, start: null, first: null, shown: null, slopes: null, mark: 0, busy: false, wanted: false, idle: 0, moved: -Infinity, draft: null, off: null };
 const rows = {}, panels = {};
+const REST = 250; // after which a slider is at rest [ms]
 const DASHES = ["none", "6 2", "2 2"]; // of curves beside measured points
 
 async function post(route, body) {
@@ -45,7 +47,7 @@ function set(name, value, from) {
 }
 
 function unitOf(slider, value) {
-  if (slider.name === "temperature") return `K ${(value - 273.15).toFixed(0)} °C`;
+  if (slider.name === "temperature") return `K (${minus((value - 273.15).toFixed(0))} °C)`;
   if (slider.unit === "") return "×";
   return slider.unit === "-" ? "" : slider.unit.replace("^2", "²").replace("^3", "³");
 }
@@ -93,7 +95,10 @@ function makeSlider(slider) {
   row.append(name, range, box, unit, reset);
   host.appendChild(row);
   rows[slider.name] = { slider, range, box, unit, reset, row };
-  range.addEventListener("input", () => set(slider.name, toValue(slider, range.value / 1000), range));
+  range.addEventListener("input", () => {
+    state.moved = performance.now();
+    set(slider.name, toValue(slider, range.value / 1000), range);
+  });
   reset.addEventListener("click", () => set(slider.name, slider.start));
   box.addEventListener("change", () => {
     const value = Number(box.value.replace(",", "."));
@@ -121,25 +126,39 @@ async function ask() {
   state.busy = true;
   while (state.wanted) {
     state.wanted = false;
+    const draft = state.start.drafts && performance.now() - state.moved < REST;
     const begin = performance.now(), late = setTimeout(() => { $("status").textContent = "computing …"; }, 300);
     try {
-      const answer = await post("curves", away());
+      const values = away(), answer = await post(draft ? "drafts" : "curves", values);
       const found = await answer.json();
+      compare(values, found, draft);
       state.shown = found;
       state.first = state.first || found;
       complain("");
       drawCurves();
-      tell(performance.now() - begin, answer.headers.get("Server-Timing"));
+      tell(performance.now() - begin, answer.headers.get("Server-Timing"), draft);
     } catch (error) {
       complain(error.message);
     } finally {
       clearTimeout(late);
     }
     document.documentElement.dataset.answers = Number(document.documentElement.dataset.answers || 0) + 1;
+    document.documentElement.dataset.draft = draft ? "yes" : "no";
   }
   state.busy = false;
   clearTimeout(state.idle);
-  state.idle = setTimeout(askSlopes, 120);
+  const drafted = document.documentElement.dataset.draft === "yes";
+  state.idle = drafted ? setTimeout(ask, Math.max(0, state.moved + REST - performance.now())) : setTimeout(askSlopes, 120);
+}
+
+// How far the last draft was off, when the curves of the same numbers are there.
+function compare(values, found, draft) {
+  const key = JSON.stringify(values), name = state.start.sensitive;
+  if (draft) state.draft = { key, curve: found.curves[name] };
+  else if (state.draft && state.draft.key === key) {
+    const curve = found.curves[name], most = Math.max(...curve.map(Math.abs));
+    state.off = Math.max(...curve.map((value, i) => Math.abs(value - state.draft.curve[i]))) / most;
+  }
 }
 
 async function askSlopes() {
@@ -157,11 +176,15 @@ async function askSlopes() {
   }
 }
 
-function tell(spent, server) {
+function tell(spent, server, draft) {
   const inside = /dur=([\d.]+)/.exec(server || "");
   let text = `${spent.toFixed(0)} ms${inside ? `, of which ${Number(inside[1]).toFixed(0)} computing` : ""}`;
   const left = (state.shown.curves.converged || []).filter((x) => !x).length;
   if (left) text = `no solution at ${left} of ${state.start.at.length} points; ${text}`;
+  if (state.start.drafts) {
+    const off = state.off === null ? "" : `, last one ${(100 * state.off).toPrecision(2)} % off`;
+    text = `${draft ? `draft of few nodes${off}` : "at rest: all nodes"}; ${text}`;
+  }
   const misfit = state.shown.misfit;
   if (misfit !== undefined && misfit !== null) {
     const by = misfit < 0.3 ? `${(100 * misfit).toPrecision(2)} %` : `a factor of ${Math.exp(misfit).toPrecision(2)}`;

@@ -2,7 +2,7 @@
 // Plots as SVG: frame, ticks inside, logarithmic or linear axes, lines, markers, error bars, and bars.
 
 const SVG = "http://www.w3.org/2000/svg";
-const INK = "#111", START = "#9a9a9a";
+const INK = "#111", START = "#868686";
 // Dark to light, so that they differ in grey too; so do the markers.
 const COLOURS = ["#440154", "#3b528b", "#21908d", "#2f9e6e", "#5a9b1f", "#8a8a00"];
 const MARKERS = ["circle", "square", "triangle", "diamond", "down", "cross"];

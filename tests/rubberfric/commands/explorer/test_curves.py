@@ -131,7 +131,7 @@ def test_tables():
     np.testing.assert_allclose(found["curves"]["friction"], mu, rtol=1e-12)
 
 
-def test_curves_over_pressure_where_there_is_no_velocity():
+def test_curves_over_pressure_where_there_is_no_velocity(monkeypatch):
     body = rf.Body(rf.Rigid(), rf.SelfAffine(1e3, 1e4, 1e6, 0.8, 1e-6))
     scene = rf.Scene(body, rf.Body(rf.Elastic(1e7, 0.5)))
     conditions = Conditions(np.zeros(1), np.array([1e4, 1e6]), None)
@@ -143,6 +143,11 @@ def test_curves_over_pressure_where_there_is_no_velocity():
     expected = rf.contact_area(harder, 0.0, np.geomspace(1e4, 1e6, POINTS), quadrature=explorer.quadrature)
     np.testing.assert_allclose(explorer.curves(values)["curves"]["area"], expected, rtol=1e-12)
     assert_sensitivities(explorer, ["upper.material.young", "lower.spectrum.hurst"], values)
+    assert not explorer.has_drafts
+    monkeypatch.setattr("rubberfric.commands.explorer.curves.PATIENCE", 0.0)
+    explorer.compile()
+    draft = explorer.curves(values, draft=True)["curves"]["area"]
+    assert explorer.has_drafts and 0 < np.max(np.abs(draft / expected - 1)) < 1e-3
     # The stiffness enters as E h_rms / sigma alone.
     found = explorer.sensitivities(values)
     np.testing.assert_allclose(found["upper.material.young"], found["lower.spectrum.h_rms"], rtol=1e-9)

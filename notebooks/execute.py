@@ -1,0 +1,74 @@
+"""Run notebooks from top to bottom and store them as the project keeps them.
+
+    python notebooks/execute.py [1_first_contact.ipynb ...]    # all of them without a name
+
+Needs `pip install 'rubberfric[notebooks]'`. What is stored has stable names of cells (cell-01, cell-02, ...),
+no metadata of the machine or of the run, and pictures in a palette of 255 colours: a third of the bytes, and
+the same to the eye.
+"""
+
+import base64
+import io
+import sys
+from pathlib import Path
+
+import nbclient
+import nbformat
+from PIL import Image  # comes with matplotlib
+
+FOLDER = Path(__file__).resolve().parent
+COLOURS = 255
+
+
+def run(notebook, folder):
+    """Execute in place, in a kernel of its own that works in a folder."""
+    client = nbclient.NotebookClient(
+        notebook, timeout=600, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
+    )
+    client.execute()
+
+
+def tidy(notebook):
+    """What of a notebook is stored: see above."""
+    notebook.metadata = nbformat.from_dict(
+        {
+            "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
+            "language_info": {"name": "python"},
+        }
+    )
+    for i, cell in enumerate(notebook.cells, 1):
+        cell.id = f"cell-{i:02d}"
+        cell.metadata = nbformat.from_dict({})
+        for output in cell.get("outputs", ()):
+            if "metadata" in output:
+                output.metadata = nbformat.from_dict({})
+            data = output.get("data", {})
+            if "image/png" in data:
+                data["image/png"] = smaller(data["image/png"])
+                data["text/plain"] = "<figure>"
+
+
+def smaller(png):
+    """A picture, base64, in a palette."""
+    picture = Image.open(io.BytesIO(base64.b64decode(png)))
+    flat = Image.alpha_composite(Image.new("RGBA", picture.size, "white"), picture.convert("RGBA"))
+    stored = io.BytesIO()
+    # Without dithering: areas of one colour stay so.
+    flat.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE).save(
+        stored, "png", optimize=True, dpi=picture.info.get("dpi", (150, 150))
+    )
+    return base64.b64encode(stored.getvalue()).decode() + "\n"
+
+
+def main(names):
+    """Each in turn."""
+    for path in [FOLDER / name for name in names] or sorted(FOLDER.glob("*.ipynb")):
+        notebook = nbformat.read(path, as_version=4)
+        run(notebook, FOLDER)
+        tidy(notebook)
+        nbformat.write(notebook, path)
+        print(f"{path.name}: {path.stat().st_size / 1e3:.0f} kB")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,31 @@
+"""A real browser, headless."""
+
+import shutil
+
+import pytest
+
+BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+DRIVER = shutil.which("chromedriver")
+
+
+@pytest.fixture(scope="module")
+def browser(tmp_path_factory):
+    """Chromium, by selenium; tests are skipped where one of them is missing."""
+    for found, package in ((BROWSER, "chromium"), (DRIVER, "chromium-driver")):
+        if found is None:
+            pytest.skip(f"needs a browser: apt-get install {package}")
+    webdriver = pytest.importorskip("selenium.webdriver", reason="needs selenium: pip install selenium")
+    options = webdriver.ChromeOptions()
+    options.binary_location = BROWSER
+    # As root and in containers there is neither a sandbox nor much shared memory.
+    for flag in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"):
+        options.add_argument(flag)
+    options.add_argument("--window-size=1500,900")
+    folder = tmp_path_factory.mktemp("downloads")
+    options.add_experimental_option("prefs", {"download.default_directory": str(folder)})
+    options.set_capability("goog:loggingPrefs", {"browser": "ALL"})
+    # With the path given, nothing is looked for on the network.
+    driver = webdriver.Chrome(options=options, service=webdriver.ChromeService(DRIVER))
+    driver.downloads = folder
+    yield driver
+    driver.quit()
