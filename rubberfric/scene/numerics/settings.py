@@ -57,7 +57,7 @@ OTHER = Quadrature(order=12, panels=12, angular_order=15), 12.0
 # For a tabulated modulus without steps on a rough rigid solid, (setting, largest L), where Lambda is at most
 # `GENTLE`: panels as its detail asks for (`Quadrature.resolving`), each so narrow that order 8 is enough.
 TABULATED = tuple(
-    (Quadrature(order=8, panels=panels, graded=8, ratio=3.2, angular_order=16), panels / 1.1)
+    (Quadrature(order=8, panels=panels, graded=8, ratio=3.2, angular_order=16), panels / 1.25)
     for panels in (5, 7, 9, 11, 13)
 )
 GENTLE = 8.0
