@@ -189,9 +189,8 @@ def machine():
     """Device and versions, in words."""
     device = jax.devices()[0]
     cores = len(os.sched_getaffinity(0))
-    what = (
-        f"{platform.machine()} processor, {cores} core(s)" if device.platform == "cpu" else device.device_kind
-    )
+    processor = f"{platform.machine()} processor, {cores} core{'s' * (cores > 1)}"
+    what = processor if device.platform == "cpu" else device.device_kind
     return f"{what}, jax {version('jax')}"
 
 
