@@ -33,9 +33,9 @@ def texts_of(notebook):
             yield from (str(data) for kind, data in output.get("data", {}).items() if "image" not in kind)
 
 
-# The fourth measures every setting again and again, as `rubberfric accuracy` does: half a minute and more.
+# Half a minute and more: the fourth measures, as `rubberfric accuracy` does, the others solve many scenes.
 OTHERS = [
-    pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * path.name.startswith("4"))
+    pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * path.name.startswith(("3", "4", "7")))
     for path in NOTEBOOKS
     if path not in OF_FITS
 ]

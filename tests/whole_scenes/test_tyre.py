@@ -106,6 +106,7 @@ def test_a_hot_table_has_the_derivative_of_its_values(tables_alone, monkeypatch)
     np.testing.assert_allclose(slope, difference, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_a_hot_table_alone_in_a_curve_and_shuffled(tables_alone):
     curve = np.asarray(tables_alone(HOT_V, HOT_T))
     order = np.array([3, 0, 5, 1, 4, 2])

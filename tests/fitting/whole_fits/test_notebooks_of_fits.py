@@ -3,7 +3,12 @@
 import pytest
 from support.processes.notebooks import OF_FITS, run
 
+# The sixth draws samples of posteriors for half a minute.
+SHORT = [
+    pytest.param(path, id=path.stem, marks=[pytest.mark.slow] * path.name.startswith("6")) for path in OF_FITS
+]
 
-@pytest.mark.parametrize("path", OF_FITS, ids=lambda path: path.stem)
+
+@pytest.mark.parametrize("path", SHORT)
 def test_runs_from_top_to_bottom(path, tmp_path, monkeypatch):
     run(path, tmp_path, monkeypatch)

@@ -10,6 +10,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support.cases.stored import slow_if
 
 import rubberfric as rf
 from rubberfric.scene.heating import diffusion
@@ -326,7 +327,10 @@ def test_what_did_not_converge_is_named(monkeypatch, recwarn):
     assert not recwarn.list
 
 
-@pytest.mark.parametrize("name", ["profile", "dissipated_power", "contact_stiffness", "stress_distribution"])
+ANALYSES = ["profile", "dissipated_power", "contact_stiffness", "stress_distribution"]
+
+
+@pytest.mark.parametrize("name", slow_if(lambda name: name not in ANALYSES[:2], ANALYSES))
 def test_what_did_not_converge_is_named_by_the_analysis(name, monkeypatch, recwarn):
     """As if the second of three points had not converged."""
     scene, v = folded(), np.array([1e-9, 0.1, 1e-9])

@@ -50,7 +50,7 @@ def slow_if(test, found):
     """Parameters of a test, those whose names pass `test` in the slow set; `found`: by name, or names."""
     found = found if isinstance(found, dict) else {name: name for name in found}
     return [
-        pytest.param(value, id=name, marks=[pytest.mark.slow] * bool(test(name)))
+        pytest.param(value, id=str(name), marks=[pytest.mark.slow] * bool(test(name)))
         for name, value in found.items()
     ]
 

@@ -176,6 +176,7 @@ HEATED = rf.Scene(
 )
 
 
+@pytest.mark.slow
 def test_a_heated_map_says_where_it_did_not_converge(call_main, tmp_path, monkeypatch):
     """As bools in memory, on the way to the file and from the file; the command counts them."""
     names, path = ("friction", "converged"), tmp_path / "m.h5"

@@ -110,6 +110,7 @@ def test_area_and_separation_are_those_without_adhesion_under_the_load():
         assert float(found.separation) == pytest.approx(float(rf.separation(plain, 0.0, load)), rel=1e-8)
 
 
+@pytest.mark.slow
 def test_a_range_beyond_all_gaps_is_a_load():
     pressure = np.array([1e3, 3e4, 1e5])
     found = rf.solve(_scene(2e4 * 1e2, 1e2), 0.0, pressure, quantities=AREA)

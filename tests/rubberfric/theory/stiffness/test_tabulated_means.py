@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support.cases.stored import slow_if
 from support.oracles.tables import by_quadrature, contact, law, random_table
 
 import rubberfric as rf
@@ -53,7 +54,7 @@ def close(found, exact, outside, tolerance):
 OUTSIDE = ("fall", "hold", "none")
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", slow_if(lambda seed: seed % 3, range(20)))
 def test_means_of_random_tables(seed):
     table, outside = random_table(seed), OUTSIDE[seed // 4 % 3]
     x = velocities(table)
@@ -62,7 +63,7 @@ def test_means_of_random_tables(seed):
     assert close(means(stiffness(table, outside, None), x), by_quadrature(table, outside, x), outside, 1e-9)
 
 
-@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("seed", slow_if(lambda seed: seed % 2, range(4)))
 def test_means_in_series_with_a_spring(seed):
     """The same for all nodes, or another for every node."""
     table, outside = random_table(seed), OUTSIDE[seed % 3]
