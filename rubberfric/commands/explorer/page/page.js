@@ -148,7 +148,9 @@ async function ask() {
   state.busy = false;
   clearTimeout(state.idle);
   const drafted = document.documentElement.dataset.draft === "yes";
-  state.idle = drafted ? setTimeout(ask, Math.max(0, state.moved + REST - performance.now())) : setTimeout(askSlopes, 120);
+  // Timers may fire a little early, and a slider that is not at rest yet would have one more draft.
+  const rest = Math.max(0, state.moved + REST - performance.now()) + 10;
+  state.idle = drafted ? setTimeout(ask, rest) : setTimeout(askSlopes, 120);
 }
 
 // How far the last draft was off, when the curves of the same numbers are there.
