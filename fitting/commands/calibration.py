@@ -11,10 +11,9 @@ they say.
 import argparse
 from typing import Any
 
-import numpy as np
-
 import rubberfric as rf
 from fitting.commands.job import read_job
+from fitting.commands.refusals import about
 from fitting.ensemble.calibration import calibration
 from rubberfric.base import Progress
 from rubberfric.commands import Interrupts, complain, write_outputs
@@ -40,7 +39,7 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -
         interrupts.check()
 
     show("calibration: compiling")
-    try:
+    with about(arguments.job):
         found = calibration(
             job.scene,
             job.data,
@@ -51,10 +50,6 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -
             callback=callback,
             **options,
         )
-    except np.linalg.LinAlgError:  # a ValueError, but not one of the input
-        raise
-    except ValueError as error:
-        raise ValueError(f"{arguments.job}: {error}") from None
     failure = write_outputs(
         show,
         ("drawing", arguments.plot, lambda path: save_figure(path, found.plot())),

@@ -23,6 +23,7 @@ import numpy as np
 
 import rubberfric as rf
 from fitting.commands.job import read_job
+from fitting.commands.refusals import about
 from fitting.fit import fit
 from fitting.uncertainty.uses.design import Design, design, prediction
 from rubberfric.base import Progress, StrPath, shown
@@ -49,13 +50,15 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -
         show(f"step {step}, cost {cost:.6g}")
         interrupts.check()
 
-    result = fit(
-        job.scene, job.data, job.free, prior=job.prior, callback=callback, progress=show, **job.options
-    )
+    with about(arguments.job):
+        result = fit(
+            job.scene, job.data, job.free, prior=job.prior, callback=callback, progress=show, **job.options
+        )
     if not result.success:
         return complain(PROGRAM, result.message, 1)
     show("choosing measurements")
-    plan: Design = design(result, **options)
+    with about(arguments.job):
+        plan: Design = design(result, **options)
     failure = write_outputs(
         show,
         ("writing", arguments.out, plan.write),

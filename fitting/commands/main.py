@@ -34,16 +34,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     from rubberfric.commands import ended
 
     given = sys.argv[1:] if argv is None else list(argv)
-    program = " ".join([PROGRAM, *given[:1]]) if given[:1] in (["design"], ["calibration"]) else PROGRAM
+    program = f"{PROGRAM} {given[0]}" if given and given[0] in _SUB_COMMANDS else PROGRAM
     return ended(program, lambda interrupts: _run(given, interrupts, argv is None), process=argv is None)
 
 
 def _run(given: Sequence[str], interrupts: Interrupts, process: bool) -> int:
+    from importlib import import_module
+
     from rubberfric.commands import begin_jax, check_input, check_outputs, progress
 
-    kind = given[0] if given[:1] in (["design"], ["calibration"]) else ""
-    if kind:
-        arguments = (_design_parser() if kind == "design" else _calibration_parser()).parse_args(given[1:])
+    kind = given[0] if given and given[0] in _SUB_COMMANDS else "work"
+    if kind in _SUB_COMMANDS:
+        arguments = _SUB_COMMANDS[kind]().parse_args(given[1:])
         check_input(arguments.job, (".toml",))
         check_outputs(arguments, ".csv")
     else:
@@ -52,13 +54,7 @@ def _run(given: Sequence[str], interrupts: Interrupts, process: bool) -> int:
     with progress(arguments.verbose) as show:
         show("loading JAX")
         begin_jax(process=process, cache=not arguments.no_cache)
-        if kind == "design":
-            from fitting.commands.design import run
-        elif kind == "calibration":
-            from fitting.commands.calibration import run
-        else:
-            from fitting.commands.work import run
-        return run(arguments, interrupts, show)
+        return import_module(f"fitting.commands.{kind}").run(arguments, interrupts, show)
 
 
 def check_arguments(arguments: argparse.Namespace) -> None:
@@ -164,3 +160,5 @@ def _count(text: str) -> int:
 
 # Fits whose data would fill the memory of many machines.
 _MOST = 10**6
+# Parsers of sub-commands, whose work is in modules of their names.
+_SUB_COMMANDS = {"design": _design_parser, "calibration": _calibration_parser}

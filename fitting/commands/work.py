@@ -2,9 +2,8 @@
 
 import argparse
 
-import numpy as np
-
 from fitting.commands.job import Job, read_job
+from fitting.commands.refusals import about
 from fitting.ensemble.members import bootstrap_members
 from fitting.ensemble.result import EnsembleResult
 from fitting.ensemble.run import run_ensemble
@@ -77,14 +76,10 @@ def _fit(path: StrPath, job: Job, interrupts: Interrupts, show: Progress) -> Fit
         interrupts.hold()  # from now on there is something to report
         interrupts.check()
 
-    try:
+    with about(path):
         return fit(
             job.scene, job.data, job.free, prior=job.prior, callback=callback, progress=show, **job.options
         )
-    except np.linalg.LinAlgError:  # a ValueError, but not one of the input
-        raise
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
 
 
 def _profile(

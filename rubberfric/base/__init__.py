@@ -46,6 +46,7 @@ if TYPE_CHECKING:
         physical,
         unit_of,
     )
+    from rubberfric.base.process.cores import cores
     from rubberfric.base.process.release import VERSION
     from rubberfric.base.progress import Progress
 
@@ -74,6 +75,7 @@ __all__ = [
     "check_writable",
     "child",
     "closest",
+    "cores",
     "fields_of",
     "forget",
     "html",
@@ -103,6 +105,7 @@ lazily(
         "rubberfric.base.objects.physical": (
             "Kind PhysicalObject fields_of forget object_html physical unit_of"
         ),
+        "rubberfric.base.process.cores": "cores",
         "rubberfric.base.process.lazy": "lazily",
         "rubberfric.base.process.release": "VERSION",
         "rubberfric.base.progress": "Progress",

@@ -14,9 +14,9 @@ import numpy as np
 from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
 from rubberfric.base.process.compilation_cache import compilation_cache
+from rubberfric.base.process.cores import cores
 from rubberfric.base.process.release import VERSION
 from rubberfric.base.progress import Progress
-from rubberfric.commands.map import cores
 
 _PACKAGES = ("jax", "jaxlib", "numpy", "scipy", "h5py", "optax", "matplotlib")
 

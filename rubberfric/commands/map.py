@@ -2,13 +2,13 @@
 
 import argparse
 import math
-import os
 from collections.abc import Iterator
 
 import jax
 import numpy as np
 
 from rubberfric.analysis.maps.friction_map import DEFAULT_QUANTITIES, friction_map
+from rubberfric.base.process.cores import cores
 from rubberfric.base.progress import Progress
 from rubberfric.commands.arguments import write_outputs
 from rubberfric.commands.run import convergence_line
@@ -62,11 +62,6 @@ def make_devices(count: int | None) -> None:
         found = jax.local_device_count("cpu")
         if count not in (None, found):
             raise ValueError(f"--devices {count}: JAX has begun with {found}: must be that") from None
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def summary(result: Result) -> Iterator[str]:

@@ -26,7 +26,6 @@ another matter: as much as the weights are worth (`fitting.uncertainty.posterior
 """
 
 import functools
-import os
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
@@ -38,6 +37,7 @@ from fitting.solvers.problem import Problem, Targets
 from fitting.solvers.residuals import padded
 from fitting.uncertainty.density import density_at
 from fitting.uncertainty.posterior.weights import effective, relative
+from rubberfric.base import cores
 
 # Degrees of freedom of draws in few dimensions, where they cost little.
 _FEWEST = 4
@@ -146,9 +146,10 @@ def log_weights(
         given = jax.tree.map(lambda a: a[which // rows if len(a) == fits else 0 * which], of.targets)
         return np.asarray(_densities(of.structure, of.numbers, given, points[which]))[: count - first]
 
-    # The first call compiles. A program keeps one core busy, and lets go of Python's lock.
+    # The first call compiles. A program keeps one core busy, and lets go of Python's lock; an accelerator
+    # takes one call at a time.
     found = [density(0)]
-    with ThreadPoolExecutor(_cores()) as pool:
+    with ThreadPoolExecutor(cores() if jax.default_backend() == "cpu" else 1) as pool:
         try:
             for values in pool.map(density, range(_POINTS, count, _POINTS)):
                 found.append(values)
@@ -172,13 +173,6 @@ def places(x: np.ndarray, log_weight: np.ndarray, random: np.random.Generator) -
 def _some(targets, rows):
     """Targets of some fits."""
     return jax.tree.map(lambda a: a[rows] if len(a) > 1 else a, targets)
-
-
-def _cores():
-    """Processors of this process; an accelerator takes one call at a time."""
-    if jax.default_backend() != "cpu":
-        return 1
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @functools.partial(jax.jit, static_argnums=0)

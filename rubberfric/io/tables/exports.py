@@ -92,28 +92,39 @@ def headless(path: StrPath, text: str, titles: list[str]) -> Table:
     return Table(f"{path}: columns", list(titles), names, units, _checked(path, len(titles), rows))
 
 
-def suggested_columns(text: str) -> str:
-    """`columns=[...]` for a table that says its columns in names that are not known, as far as they are.
+def above_numbers(text: str) -> tuple[list[list[str]], list[str]] | None:
+    """Fields of the rows that name the columns of a text, and of its first row of numbers; None without one.
 
-    A "?" stands for a column to be named; "" where the text has no rows of numbers.
+    The last two rows above the numbers with as many fields: names and units, or fewer.
     """
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
     for separator in ("\t", ";", ",", None):
         rows = [split(line, separator) for line in lines]
         first = next((i for i, row in enumerate(rows) if len(row) > 1 and all(map(_is_number, row))), None)
-        if first is None:
-            continue
-        titles, *below = [row for row in rows[:first] if len(row) == len(rows[first])][-2:] or [rows[first]]
-        units = below[0] if below else [None] * len(titles)
-        said = []
-        for title, unit in zip(titles, units, strict=True):
-            name, own = known_name(title, "E")
-            column = COLUMNS.get(name or "")
-            unit = known_unit(own if own is not None else unit, name)
-            known = column is not None and unit in column.units
-            said.append(f"{name} [{unit}]" if known else f"{name} [?]" if column else "?")
-        return f"columns={json.dumps(said, ensure_ascii=False)}"
-    return ""
+        if first is not None:
+            return [row for row in rows[:first] if len(row) == len(rows[first])][-2:], rows[first]
+    return None
+
+
+def suggested_columns(text: str) -> str:
+    """`columns=[...]` for a table that says its columns in names that are not known, as far as they are.
+
+    A "?" stands for a column to be named; "" where the text has no rows of numbers.
+    """
+    found = above_numbers(text)
+    if found is None:
+        return ""
+    above, numbers = found
+    titles, *below = above or [numbers]
+    units = below[0] if below else [None] * len(titles)
+    said = []
+    for title, unit in zip(titles, units, strict=True):
+        name, own = known_name(title, "E")
+        column = COLUMNS.get(name or "")
+        unit = known_unit(own if own is not None else unit, name)
+        known = column is not None and unit in column.units
+        said.append(f"{name} [{unit}]" if known else f"{name} [?]" if column else "?")
+    return f"columns={json.dumps(said, ensure_ascii=False)}"
 
 
 def pick(export: Table, quantities: tuple[str, ...]) -> dict[str, tuple[int, str]]:

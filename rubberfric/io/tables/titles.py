@@ -146,9 +146,14 @@ def known_unit(unit: str | None, name: str | None) -> str:
     logarithm = _LOG_UNIT.fullmatch(unit)
     if unit in units:
         return unit
-    plain = " ".join((logarithm[1] if logarithm else unit).translate(_PLAIN).split())
+    plain = plain_unit(logarithm[1] if logarithm else unit)
     unit = _UNITS.get(plain, plain if plain in _KNOWN_UNITS else unit)
     return f"log10({unit})" if unit not in units and f"log10({unit})" in units else unit
+
+
+def plain_unit(unit: str) -> str:
+    """A unit with u for micro, digits and carets for exponents, single blanks."""
+    return " ".join(unit.translate(_PLAIN).split())
 
 
 def _known(text: str) -> str | None:

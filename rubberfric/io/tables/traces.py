@@ -17,11 +17,11 @@ import numpy as np
 
 from rubberfric.base.atomic import StrPath
 from rubberfric.base.checks import closest
-from rubberfric.io.tables.exports import headless, split
+from rubberfric.io.tables.exports import above_numbers, headless
 from rubberfric.io.tables.text import read_text
+from rubberfric.io.tables.titles import plain_unit
 
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
-_MICRO = str.maketrans("\u00b5\u03bc", "uu")
 _UNIT = re.compile(r".*[\[(]([^\[\]()]+)[\])]\s*")
 
 
@@ -43,7 +43,7 @@ def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
     """
     text = read_text(path, exports=True)
     lines = text.splitlines()
-    titles = _titles(path, lines)
+    titles = _titles(path, text)
     units = [_unit(path, i, fields) for i, fields in enumerate(zip(*titles, strict=True), start=1)]
     table = headless(path, text, ["-"] * len(units))
     values = np.empty((len(table.rows), len(units)))
@@ -58,35 +58,25 @@ def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
     return x, np.array(heights)
 
 
-def _titles(path, lines):
+def _titles(path, text):
     """The row of titles above the first row of numbers, and the one of units below it if there is one."""
-    for separator in ("\t", ";", ",", None):
-        rows = [split(one, separator) for one in lines if one.strip() and not one.lstrip().startswith("#")]
-        first = next((i for i, row in enumerate(rows) if len(row) > 1 and _numbers(row)), None)
-        if first is None:
-            continue
-        above = [row for row in rows[:first] if len(row) == len(rows[first])][-2:]
-        if not above:
-            raise ValueError(f"{path}: begins with numbers: must have titles with units of length, as x [mm]")
-        # Units in brackets need no row of their own, and what stands above them is a preamble.
-        return above[-1:] if all(map(_UNIT.fullmatch, above[-1])) else above
-    raise ValueError(f"{path}: has no rows of two numbers or more: must have positions and heights")
+    found = above_numbers(text)
+    if found is None:
+        raise ValueError(f"{path}: has no rows of two numbers or more: must have positions and heights")
+    above, _ = found
+    if not above:
+        raise ValueError(f"{path}: begins with numbers: must have titles with units of length, as x [mm]")
+    # Units in brackets need no row of their own, and what stands above them is a preamble.
+    return above[-1:] if all(map(_UNIT.fullmatch, above[-1])) else above
 
 
 def _unit(path, number, fields):
     """Unit of a column, of its title and what stands below."""
     bracket = _UNIT.fullmatch(fields[0])
     said = bracket[1] if bracket and len(fields) == 1 else fields[-1]
-    unit = said.strip().translate(_MICRO)
+    unit = plain_unit(said)
     if unit not in LENGTHS:
         raise ValueError(
             f"{path}: column {number} {fields[0]!r}: unit {said!r}: {closest(unit, tuple(LENGTHS))}"
         )
     return unit
-
-
-def _numbers(fields):
-    try:
-        return [float(field.replace(",", ".", 1)) for field in fields] != []
-    except ValueError:
-        return False

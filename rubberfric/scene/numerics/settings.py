@@ -100,8 +100,9 @@ def fitting_quadrature(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0
     plain = plain and all(type(spectrum) is SelfAffine for spectrum in rough)
     try:
         span = span_of(scene)
-        if not plain or present(scene) - {"shear"}:
-            rules = (*TABULATED, OTHER) if _tabulated_gently(scene, pressure, margin) else (OTHER,)
+        bare = not present(scene) - {"shear"}
+        if not (plain and bare):
+            rules = (*TABULATED, OTHER) if bare and _tabulated_gently(scene, pressure, margin) else (OTHER,)
             return next((setting for setting, longest in rules if span + margin <= longest), ROBUST)
         flattest, steepest = loads_of(scene, pressure)
     except _TracedError:
@@ -131,11 +132,11 @@ def span_of(scene: Scene) -> float:
 
 
 def _tabulated_gently(scene, pressure, margin):
-    """Whether `TABULATED` is for a scene."""
+    """Whether `TABULATED` is for a scene without optional parts."""
     bodies = [body for body in (scene.lower, scene.upper) if body.material.deforms]
     if len(bodies) > 1 or type(bodies[0].material) is not TabulatedModulus or bodies[0].layer is not None:
         return False
-    if bodies[0].spectrum is not None or present(scene) - {"shear"}:
+    if bodies[0].spectrum is not None:
         return False
     return _rise_of(bodies[0].material) + margin <= STEP and loads_of(scene, pressure)[1] + margin <= GENTLE
 
