@@ -50,6 +50,7 @@ class Accuracy(NamedTuple):
     points: int
     gradient_points: int  # points at which gradients are compared
     left_out: str = ""  # why single precision is
+    automatic: Quadrature | None = None  # what calls without a quadrature take
 
     @property
     def chosen(self) -> Row | None:
@@ -174,6 +175,11 @@ class Accuracy(NamedTuple):
         if values is None or values is not both:
             yield from self._choice("values", values, self.agreement.value)
         yield from self._choice("values and gradients", both, self.agreement.worst)
+        for row in self.rows:
+            if row.setting == self.automatic and row.dtype == "float64":
+                yield f"without a quadrature: {self._written(row)}"
+                errors = self.known(row)
+                yield f"  {self._times(row)}, errors {errors.value:.0e} and {errors.gradient:.0e} or less"
         textbook = [row for row in self.rows if row.method == "textbook"]
         if textbook and values is not None:
             last, size = textbook[-1], short_setting(textbook[-1].setting, ())
@@ -190,10 +196,15 @@ class Accuracy(NamedTuple):
         elif row is None:
             yield f"{aim}: no setting meets it"
         else:
-            assert row.gradient is not None  # as all but the textbook method have it
-            knobs = ", ".join(f"{knob}={getattr(row.setting, knob)}" for knob in self._varied())
-            yield f"{aim}: Quadrature({knobs}), {row.dtype}"
-            yield f"  {1e3 * row.forward:.3g} ms, with the gradient {1e3 * row.gradient:.3g} ms"
+            yield f"{aim}: {self._written(row)}, {row.dtype}"
+            yield f"  {self._times(row)}"
+
+    def _written(self, row: Row) -> str:
+        return f"Quadrature({', '.join(f'{knob}={getattr(row.setting, knob)}' for knob in self._varied())})"
+
+    def _times(self, row: Row) -> str:
+        assert row.gradient is not None  # as all but the textbook method have it
+        return f"{1e3 * row.forward:.3g} ms, with the gradient {1e3 * row.gradient:.3g} ms"
 
 
 def short_setting(setting: Quadrature | tuple[int, int], knobs: tuple[str, ...]) -> str:

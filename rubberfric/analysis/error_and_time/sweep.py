@@ -15,6 +15,7 @@ from rubberfric.analysis.error_and_time.settings import SETTINGS, check_error, n
 from rubberfric.analysis.error_and_time.textbook import covers
 from rubberfric.analysis.error_and_time.textbook import solve as textbook_solve
 from rubberfric.base.quadrature import Quadrature
+from rubberfric.scene.numerics.settings import fitting_quadrature
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.quantities import QUANTITIES
 
@@ -62,7 +63,7 @@ def accuracy(
     error : wanted relative error [-], 0 ... 1
     settings : sequence of Quadrature, or None
         None: those of `rubberfric.analysis.error_and_time.settings`, from a few nodes to far more than the
-        default has.
+        default has, and the one that calls without a quadrature take for this scene.
     textbook : sequence of (nodes in ln q, nodes in phi)
         sizes of the textbook method (`rubberfric.analysis.error_and_time.textbook`), which has no gradient;
         () for none, as for scenes that it does not cover: heated, softened or anisotropic ones.
@@ -87,7 +88,8 @@ def accuracy(
     check_error(error)
     tell = progress or (lambda _: None)
     case = reference.case_of(scene, velocity, pressure, temperature)
-    settings = SETTINGS if settings is None else tuple(settings)
+    automatic = fitting_quadrature(scene, pressure)
+    settings = with_automatic(scene, automatic) if settings is None else tuple(settings)
     _check(settings, textbook, repeats)
     tell("compiling the reference")
     exact = reference.reference(case)
@@ -124,7 +126,7 @@ def accuracy(
         for i, (row, _) in enumerate(measured)
     )
     count = case.conditions[0].size
-    return Accuracy(error, timed, exact.agreement, count, case.differentiated.size, left_out)
+    return Accuracy(error, timed, exact.agreement, count, case.differentiated.size, left_out, automatic)
 
 
 def in_float32(settings: Sequence[Quadrature], errors: Sequence[float]) -> list[Quadrature]:
@@ -189,6 +191,15 @@ def _textbook(case: reference.Case, exact: reference.Outcome, size: tuple[int, i
     outcome = reference.Outcome(np.stack([found[name] for name in QUANTITIES]))
     errors = reference.compare(outcome, exact, case)
     return Row("textbook", (size[0], size[1]), "float64", size[0] * size[1], errors), {"forward": forward}
+
+
+def with_automatic(scene: Scene, automatic: Quadrature) -> tuple[Quadrature, ...]:
+    """`SETTINGS` and one more, of increasing work."""
+    if automatic in SETTINGS:
+        return SETTINGS
+    work = node_count(scene, automatic)
+    place = sum(node_count(scene, setting) < work for setting in SETTINGS)
+    return (*SETTINGS[:place], automatic, *SETTINGS[place:])
 
 
 def _check(settings: Sequence[Quadrature], textbook: Sequence[tuple[int, int]], repeats: int) -> None:

@@ -34,6 +34,7 @@ from rubberfric.analysis.error_and_time.reference import (
 from rubberfric.analysis.error_and_time.reference import reference as reference_of
 from rubberfric.analysis.error_and_time.report import Accuracy, Row
 from rubberfric.analysis.error_and_time.settings import SETTINGS, node_count
+from rubberfric.analysis.error_and_time.sweep import with_automatic
 from rubberfric.commands import accuracy as accuracy_command
 from rubberfric.commands import main as command
 from rubberfric.commands.process.phases import progress
@@ -189,6 +190,20 @@ def test_errors_fall_along_the_ladder():
     assert nodes[0] < 50 and nodes[-1] > node_count(SCENE, rf.Quadrature())
     first, middle, last = (np.max(value_error(settings[i])) for i in (0, 3, 5))
     assert first > 1e-4 and middle < 1e-2 * first and last < 1e-2 * middle
+
+
+def test_the_setting_of_calls_without_one_has_its_row_and_its_line():
+    """Where it belongs among those of increasing work."""
+    automatic = rf.analysis.fitting_quadrature(SCENE, 1e5)
+    settings = with_automatic(SCENE, automatic)
+    assert automatic not in SETTINGS and set(settings) == {*SETTINGS, automatic}
+    assert np.all(np.diff([node_count(SCENE, setting) for setting in settings]) >= 0)
+    assert with_automatic(SCENE, SETTINGS[2]) == SETTINGS
+    assert found().automatic == rf.analysis.fitting_quadrature(*AT[::2])
+    row = Row("panels", automatic, "float64", 100, Errors(*3 * [1e-8], *3 * [1e-7]), 1e-3, 2e-3, 1.0, 2.0)
+    result = Accuracy(1e-9, (row,), Errors(*6 * [1e-12]), 1, 1, automatic=automatic)
+    _, said = result.report().split("without a quadrature: ")
+    assert said.endswith("  1 ms, with the gradient 2 ms, errors 1e-08 and 1e-07 or less")
 
 
 def test_for_error_keeps_its_word(monkeypatch):
