@@ -26,11 +26,9 @@ from numpy.typing import ArrayLike
 
 from fitting.data.kinds import KINDS, SpectrumData
 from fitting.data.measured import FORMAT, Measured
-from rubberfric.base import StrPath, as_path, closest, shown
+from rubberfric.base import TABLE_SUFFIXES, StrPath, as_path, closest, shown
 from rubberfric.io import COLUMNS, column_hint, hdf5, read_names, read_table
 from rubberfric.roughness import LINES, NORMALISATION_RULE, check_normalisation, spectrum_from
-
-TABLES = (".csv", ".txt", ".tsv", ".dat", ".xlsx")  # that are read
 
 
 def read(
@@ -89,10 +87,10 @@ def read(
             if "data" not in file:
                 raise ValueError("/data: is missing; must be a group")
             return read_group(file["data"], **given)
-    if suffix not in TABLES:
+    if suffix not in TABLE_SUFFIXES:
         sheet = "; save a sheet as .csv" if suffix in (".xls", ".ods") else ""
         sheet = "; it is a folder" if path.is_dir() else sheet
-        raise ValueError(f"{path}: suffix {path.suffix!r}: must be {', '.join(TABLES)} or .h5{sheet}")
+        raise ValueError(f"{path}: suffix {path.suffix!r}: must be {', '.join(TABLE_SUFFIXES)} or .h5{sheet}")
     cls = _kind(path, columns, poisson, kind)
     names = {name: about.column for name, about in cls.fields().items()}
     if cls is SpectrumData:

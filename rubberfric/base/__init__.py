@@ -5,6 +5,7 @@ from rubberfric.base.process.lazy import lazily
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
     from rubberfric.base.atomic import (
+        TABLE_SUFFIXES,
         StrPath,
         as_path,
         check_readable,
@@ -54,6 +55,7 @@ __all__ = [
     "FINITE",
     "NONNEGATIVE",
     "POSITIVE",
+    "TABLE_SUFFIXES",
     "VERSION",
     "KeyPath",
     "Kind",
@@ -96,7 +98,8 @@ lazily(
     __name__,
     {
         "rubberfric.base.atomic": (
-            "StrPath as_path check_readable check_suffix check_writable replacing write_durably"
+            "TABLE_SUFFIXES StrPath as_path check_readable check_suffix check_writable replacing"
+            " write_durably"
         ),
         "rubberfric.base.blocks": "recurring_length",
         "rubberfric.base.checks": "FINITE NONNEGATIVE POSITIVE as_leaf between check_values closest shown",

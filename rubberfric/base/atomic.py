@@ -10,6 +10,8 @@ from pathlib import Path
 StrPath = str | os.PathLike[str]
 
 # Bytes of a file that is read whole; what people measure has a hundredth of it.
+# Suffixes of the tables of measured data that are read.
+TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".xlsx")
 LARGEST = 2**26
 
 # What the system says of a disk that takes no more.

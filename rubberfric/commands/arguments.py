@@ -5,12 +5,10 @@ import importlib.util
 from collections.abc import Callable
 from typing import NoReturn
 
-from rubberfric.base.atomic import StrPath, check_readable, check_suffix, check_writable
+from rubberfric.base.atomic import TABLE_SUFFIXES, StrPath, check_readable, check_suffix, check_writable
 from rubberfric.base.process.release import VERSION
 
 SCENES = (".toml", ".h5")
-# Of measured points, as fits read them.
-TABLES = (".csv", ".txt", ".tsv", ".dat", ".xlsx")
 # What `rubberfric map` can compute: fields of `rubberfric.Solution`, which JAX stands before.
 MAPPED = (
     *("area", "friction", "separation", "viscoelastic_friction", "shear_friction", "transverse_friction"),
@@ -151,7 +149,7 @@ def check_arguments(arguments: argparse.Namespace) -> None:
         if arguments.port != 0 and not 1024 <= arguments.port < 2**16:
             raise ValueError(f"--port {arguments.port}: must be 1024 ... 65535, or 0 for any that is free")
         if arguments.data is not None:
-            check_input(arguments.data, TABLES)
+            check_input(arguments.data, TABLE_SUFFIXES)
         return
     check_outputs(arguments, ".csv" if arguments.command == "accuracy" else ".h5")
 

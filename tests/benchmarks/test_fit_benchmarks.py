@@ -178,24 +178,26 @@ def draw(path, errors):
     figure = Figure(figsize=(6.4, 4.0), layout="constrained")
     ax = figure.subplots()
     styles = ["o-", "s-", "^-", "D--", "v--", "x:"]
-    for style, (name, (seconds, error)) in zip(styles, errors.items(), strict=True):
+    looks = zip(styles, rf.plot.style.colours(len(styles)), errors.items(), strict=True)
+    for style, colour, (name, (seconds, error)) in looks:
         every = max(1, len(seconds) // 25)
         ax.loglog(
             np.maximum(seconds, 5e-3),
             np.maximum(error, 1e-6),
             style,
+            color=colour,
             label=name,
             markevery=every,
             markersize=4,
         )
     ax.axhline(1.0, color="0.6", linewidth=0.8)
-    ax.annotate("one standard error", (5e-3, 1.15), color="0.4", fontsize="small")
+    ax.annotate("one standard error", (0.2, 0.55), color="0.4", fontsize="small")
     ax.set_xlabel("seconds after compilation")
     ax.set_ylabel("distance from the minimum\n[standard errors]")
     ax.set_ylim(1e-6, None)
     ax.legend(fontsize="small")
     ax.grid(alpha=0.3)
-    figure.savefig(path, dpi=110)
+    figure.savefig(path, dpi=150)
 
 
 def test_numpy_model_is_the_same_model():

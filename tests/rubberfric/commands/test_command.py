@@ -279,6 +279,14 @@ def test_version_and_help(call):
     assert "--plot" in printed
 
 
+@pytest.mark.parametrize(
+    ("package", "command"), [("rubberfric",) * 2, ("fitting", "rubberfric-fit")]
+)
+def test_commands_run_without_their_scripts(package, command):
+    done = subprocess.run([sys.executable, "-m", package, "no.toml"], capture_output=True, text=True)
+    assert (done.returncode, done.stdout) == (2, "") and done.stderr.startswith(command)
+
+
 def test_command_needs_no_matplotlib_and_the_library_leaves_the_precision_alone(scene_file):
     """In a process of its own: conftest switches double precision on here."""
     program = f"""
