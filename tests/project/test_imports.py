@@ -24,7 +24,7 @@ FLOORS = {
     ),
 }
 ROOMS = 9  # of a folder
-NO_ROOMS = ("__init__.py", "__pycache__", "py.typed")
+NO_ROOMS = ("__init__.py", "__main__.py", "__pycache__", "py.typed")
 
 
 class Import(NamedTuple):
@@ -95,7 +95,8 @@ def floor(module: str) -> int:
 
 
 def rooms_without_a_floor(house: House) -> list[str]:
-    found = {room(module) for module in house.modules if "." in module}
+    doors = {f"{package}.__main__" for package in FLOORS}  # which begin a process, above all rooms
+    found = {room(module) for module in house.modules if "." in module} - doors
     return [f"{name}: has no place in the order" for name in sorted(found) if is_top(name)]
 
 

@@ -279,9 +279,7 @@ def test_version_and_help(call):
     assert "--plot" in printed
 
 
-@pytest.mark.parametrize(
-    ("package", "command"), [("rubberfric",) * 2, ("fitting", "rubberfric-fit")]
-)
+@pytest.mark.parametrize(("package", "command"), [("rubberfric",) * 2, ("fitting", "rubberfric-fit")])
 def test_commands_run_without_their_scripts(package, command):
     done = subprocess.run([sys.executable, "-m", package, "no.toml"], capture_output=True, text=True)
     assert (done.returncode, done.stdout) == (2, "") and done.stderr.startswith(command)
