@@ -41,9 +41,12 @@ class LazyPackage(ModuleType):
         return value
 
     def __setattr__(self, name: str, value: object) -> None:
-        """As of any module, but `fitting.fit` stays the function when the module of that name is imported."""
-        if not (name in self._places and isinstance(value, ModuleType)):
-            super().__setattr__(name, value)
+        """As of any module, but `fitting.fit` is the function once the module of that name is imported."""
+        if name in self._places and isinstance(value, ModuleType):
+            if value.__name__ != self._places[name]:
+                return
+            value = getattr(value, name)  # there for those, too, who look at what a module holds, as pdoc does
+        super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:
         """The public names only."""

@@ -31,7 +31,8 @@ def test_names_are_those_that_checkers_see(package):
 
 
 def test_a_function_is_not_hidden_by_the_module_of_its_name():
-    program = "import fitting.fit, fitting.data; from fitting.fit import fit; import fitting as f\n"
+    program = "import fitting.fit, fitting.data; import fitting as f; assert callable(vars(f)['fit'])\n"
+    program += "from fitting.fit import fit\n"
     program += "from fitting import fit as again\nassert f.fit is fit is again and callable(fit)\n"
     program += "import rubberfric as rf; assert rf.scene.Scene is rf.Scene and rf.theory.solve is rf.solve"
     subprocess.run([sys.executable, "-c", program], check=True, cwd=ROOT)
