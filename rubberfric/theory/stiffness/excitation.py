@@ -15,7 +15,7 @@ import numpy as np
 from rubberfric.base.checks import is_concrete
 from rubberfric.materials.shifts import Shift, log_vertical
 from rubberfric.scene.pairs import AT_REFERENCE, Pair, PairTemperatures, pairs_of
-from rubberfric.scene.scene import Scene, cast
+from rubberfric.scene.scene import Scene
 from rubberfric.theory.quantities import Needs, needs_of
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means, Relaxing
 from rubberfric.theory.stiffness.means_table import MeansTable, means_table
@@ -26,6 +26,8 @@ from rubberfric.theory.stiffness.varying import VaryingSeries
 
 # How many scenes are remembered, of 0.4 MB for each kind of mean.
 _KEPT = 4
+# And of how many kinds the programs that make tables are.
+_PROGRAMS = 16
 
 Tables = tuple[MeansTable | None, ...]
 
@@ -170,9 +172,7 @@ def known_tables(scene: Scene, quantities: tuple[str, ...], dtype: np.dtype) -> 
     needs = needs_of(scene, quantities)
     if not needs.power or not all(map(is_concrete, jax.tree.leaves(scene))):
         return None
-    # In a program that is being traced, too, now and not there.
-    with jax.ensure_compile_time_eval():
-        return _made(_Known(scene, needs, dtype))
+    return _made(_Known(scene, needs, dtype))
 
 
 class _Known:
@@ -196,9 +196,24 @@ class _Known:
 
 @functools.lru_cache(maxsize=_KEPT)
 def _made(known):
-    tables = _build(cast(known.scene, known.dtype), known.needs)
+    leaves, structure = jax.tree.flatten(known.scene)
     del known.scene  # which may hold large roughness
+    numbers = [np.asarray(leaf, known.dtype) for leaf in leaves]
+    tables = _program(structure, tuple(x.shape for x in numbers), known.dtype, known.needs)(
+        jax.tree.unflatten(structure, numbers)
+    )
     return tables if any(table is not None for table in tables) else None
+
+
+@functools.lru_cache(maxsize=_PROGRAMS)
+def _program(structure, shapes, dtype, needs):
+    """`_build` for scenes of a structure, compiled: it runs at once, in a program that is being traced, too.
+
+    So it does under `jax.ensure_compile_time_eval`, which compiles each operation on constants by itself: a
+    second more.
+    """
+    numbers = [jax.ShapeDtypeStruct(shape, dtype) for shape in shapes]
+    return _build.lower(jax.tree.unflatten(structure, numbers), needs).compile()
 
 
 # It runs once: what is spent on compiling it is the time that counts.
