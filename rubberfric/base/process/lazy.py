@@ -45,9 +45,7 @@ class LazyPackage(ModuleType):
         if name in self._places and isinstance(value, ModuleType):
             if value.__name__ != self._places[name]:
                 return
-            value = getattr(
-                value, name
-            )  # for who looks at what a module holds, as pdoc does
+            value = getattr(value, name)  # for who looks at what a module holds, as pdoc does
         super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:
