@@ -26,15 +26,15 @@ from rubberfric.roughness.moments import cumulative_moment
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio, log_shape
 from rubberfric.scene.pairs import Pair, PairTemperatures, pairs_of
 from rubberfric.scene.scene import Scene, check_without, result_dtype, rough_surfaces
-from rubberfric.theory.contributions import total
-from rubberfric.theory.integrals import Prepared, prepare, solved
-from rubberfric.theory.model import settled, warn_of_last_iterates
-from rubberfric.theory.partial_contact import (
+from rubberfric.theory.area.partial_contact import (
     contact_argument,
     contact_fraction,
     energy_factor,
     friction_weight,
 )
+from rubberfric.theory.arguments import settled, warn_of_last_iterates
+from rubberfric.theory.contributions import total
+from rubberfric.theory.integrals import Prepared, prepare, solved
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.excitation import excitation
 from rubberfric.theory.stiffness.series import factors_at, static_stiffness

@@ -17,8 +17,9 @@ from rubberfric.base.blocks import over_points
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene, detaches
 from rubberfric.scene.shear import shear_friction
+from rubberfric.theory.arguments import settled, warn_of_last_iterates
 from rubberfric.theory.integrals import prepare, solved
-from rubberfric.theory.model import ADHESIVE_BLOCK, settled, warn_of_last_iterates
+from rubberfric.theory.model import ADHESIVE_BLOCK
 
 BLOCK = 128  # points evaluated at once
 

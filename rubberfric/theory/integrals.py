@@ -25,8 +25,8 @@ from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import ContactShear, shear_friction
 from rubberfric.scene.softening import knots
 from rubberfric.theory.area.area_correction import correction_table
+from rubberfric.theory.area.partial_contact import separation_weight
 from rubberfric.theory.contributions import contribution, total
-from rubberfric.theory.partial_contact import separation_weight
 from rubberfric.theory.quantities import Needs, needs_of, parts_of
 from rubberfric.theory.stiffness.excitation import Tables
 from rubberfric.theory.stiffness.series import modulus_scale

@@ -24,15 +24,15 @@ from rubberfric.scene.pairs import PairTemperatures
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
 from rubberfric.theory.area.first_passage import from_nodes_on
 from rubberfric.theory.area.long_range import Attraction, Gaps, attract
-from rubberfric.theory.area.separations import loss_table
-from rubberfric.theory.area.short_range import Balance, Detachment, detach
-from rubberfric.theory.contributions import Contribution, Terms, total
-from rubberfric.theory.partial_contact import (
+from rubberfric.theory.area.partial_contact import (
     contact_argument,
     contact_fraction,
     energy_factor,
     friction_weight,
 )
+from rubberfric.theory.area.separations import loss_table
+from rubberfric.theory.area.short_range import Balance, Detachment, detach
+from rubberfric.theory.contributions import Contribution, Terms, total
 
 
 class Contact(NamedTuple):

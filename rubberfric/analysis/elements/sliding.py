@@ -24,7 +24,7 @@ from rubberfric.base.checks import FINITE, POSITIVE, check_values, shown
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.material import Material, plane_strain, series_modulus, series_of, stiffer
 from rubberfric.scene.scene import Scene, present
-from rubberfric.theory.model import checked
+from rubberfric.theory.arguments import checked
 
 
 class SlidingContact(NamedTuple):

@@ -20,9 +20,10 @@ from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene, detaches, rough_surfaces
+from rubberfric.theory.arguments import checked, warn_of_last_iterates
 from rubberfric.theory.contributions import total
 from rubberfric.theory.integrals import prepare, solved
-from rubberfric.theory.model import ADHESIVE_BLOCK, checked, warn_of_last_iterates
+from rubberfric.theory.model import ADHESIVE_BLOCK
 
 _DEFAULT = Quadrature()
 

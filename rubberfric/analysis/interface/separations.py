@@ -21,9 +21,9 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.spectra import log_shape
 from rubberfric.scene.pairs import PairTemperatures, pairs_of
 from rubberfric.scene.scene import Scene, check_without
+from rubberfric.theory.area.partial_contact import TWO_OVER_ROOT_PI, contact_argument, contact_fraction
+from rubberfric.theory.arguments import settled
 from rubberfric.theory.integrals import evaluate, prepare, solved
-from rubberfric.theory.model import settled
-from rubberfric.theory.partial_contact import TWO_OVER_ROOT_PI, contact_argument, contact_fraction
 
 # Wavevectors where none are named, and points evaluated at once: each is a mesh for every wavevector.
 COUNT, BLOCK = 100, 8

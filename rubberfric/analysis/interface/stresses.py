@@ -18,9 +18,9 @@ from rubberfric.base.checks import FINITE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.scene import Scene, check_without, rough_surfaces
+from rubberfric.theory.area.partial_contact import TWO_OVER_ROOT_PI, contact_fraction
+from rubberfric.theory.arguments import settled, warn_of_last_iterates
 from rubberfric.theory.integrals import prepare, solved
-from rubberfric.theory.model import settled, warn_of_last_iterates
-from rubberfric.theory.partial_contact import TWO_OVER_ROOT_PI, contact_fraction
 
 BLOCK = 64  # points evaluated at once
 

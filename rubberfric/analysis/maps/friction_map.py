@@ -25,7 +25,7 @@ from rubberfric.io.results import Interpolation, Result, result_shape
 from rubberfric.io.scene_files.conditions import Conditions, check_conditions
 from rubberfric.scene.numerics.settings import ROBUST, fitting_quadrature
 from rubberfric.scene.scene import Scene, result_dtype
-from rubberfric.theory.model import check_heated, check_kinds, checked
+from rubberfric.theory.arguments import check_heated, check_kinds, checked
 from rubberfric.theory.quantities import Solution
 
 # What a result file holds and `load_result` reads back, of arrays [temperature, pressure, velocity].

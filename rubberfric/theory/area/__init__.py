@@ -1,1 +1,1 @@
-"""How the area of contact departs from that of the plain theory: S in G, and adhesion."""
+"""The area of contact: how much of it there is at a stress, S in G, and adhesion."""

@@ -28,13 +28,13 @@ from jax.scipy.special import erf
 from rubberfric.base.fixed_point import implicit
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
-from rubberfric.theory.area.separations import LossTable, cubic, loss_factor, spread
-from rubberfric.theory.partial_contact import (
+from rubberfric.theory.area.partial_contact import (
     TWO_OVER_ROOT_PI,
     contact_argument,
     contact_fraction,
     energy_factor,
 )
+from rubberfric.theory.area.separations import LossTable, cubic, loss_factor, spread
 
 # Loads that are tried, by an even share of their logarithm, for where the first solution lies; nodes then.
 _LOADS, _FEW = 16, (8, 12)

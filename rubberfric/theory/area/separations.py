@@ -26,7 +26,7 @@ from jax.scipy.special import erf, erfc
 from scipy import special
 
 from rubberfric.base.quadrature import gauss, typed
-from rubberfric.theory.partial_contact import TWO_OVER_ROOT_PI, contact_fraction, separation_weight
+from rubberfric.theory.area.partial_contact import TWO_OVER_ROOT_PI, contact_fraction, separation_weight
 
 # X beyond which no area is left that could leave contact (1 - P = 2e-17, float32: 1e-7) and c would overflow.
 _NOTHING_LOST = 6.0

@@ -17,7 +17,7 @@ import jax.numpy as jnp
 
 from rubberfric.base.fixed_point import fixed_point, implicit
 from rubberfric.theory.area.first_passage import at_end, from_nodes_on, passage, root
-from rubberfric.theory.partial_contact import contact_fraction, energy_factor
+from rubberfric.theory.area.partial_contact import contact_fraction, energy_factor
 
 
 class Detachment(NamedTuple):

@@ -54,6 +54,6 @@ def test_ordinary_scenes_pass():
 def test_full_contact_is_no_more_than_one():
     """JAX's erf in float32 passes 1 where x is 3.7 ... 3.83."""
     x = jnp.linspace(3.6, 4.0, 4001, dtype=jnp.float32)
-    from rubberfric.theory.partial_contact import contact_fraction
+    from rubberfric.theory.area.partial_contact import contact_fraction
 
     assert np.max(contact_fraction(x)) == 1

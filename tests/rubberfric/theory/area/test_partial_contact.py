@@ -8,7 +8,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from rubberfric.theory.partial_contact import (
+from rubberfric.theory.area.partial_contact import (
     contact_argument,
     contact_fraction,
     energy_factor,

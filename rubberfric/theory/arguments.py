@@ -1,0 +1,136 @@
+"""What a call is given, checked and of one dtype, and what it says where its result is a last iterate."""
+
+import warnings
+from collections.abc import Iterable, Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+from rubberfric.base.checks import FINITE, POSITIVE, Rule, as_leaf, check_values, is_concrete
+from rubberfric.base.quadrature import Quadrature
+from rubberfric.scene.numerics.settings import ROBUST, fitting_quadrature
+from rubberfric.scene.numerics.single_precision import check_single
+from rubberfric.scene.plausibility import warn_of_conditions
+from rubberfric.scene.scene import (
+    Scene,
+    cast,
+    check_background,
+    result_dtype,
+    shifts,
+    takes_temperature,
+)
+from rubberfric.theory.quantities import Values, iterated, iterates, needs_of
+
+AT_REST: Rule = (
+    "must be 0: correlated roughness is of solids at rest, sliding it excites them at different frequencies",
+    lambda v: v == 0,
+)
+
+
+def settled(
+    scene: Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None,
+    quadrature: Quadrature | None,
+) -> tuple[Scene, tuple[jax.Array, jax.Array, jax.Array | None], Quadrature]:
+    """What `checked` returns, and the quadrature: if None that which fits."""
+    setting = ROBUST if quadrature is None else quadrature
+    ready, conditions = checked(scene, velocity, pressure, temperature, setting)
+    return ready, conditions, fitting_quadrature(scene, pressure) if quadrature is None else setting
+
+
+def checked(
+    scene: Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None,
+    quadrature: Quadrature,
+) -> tuple[Scene, tuple[jax.Array, jax.Array, jax.Array | None]]:
+    """Scene and conditions (velocity, pressure, temperature) as arrays of one dtype, or ValueError."""
+    check_kinds(scene, quadrature)
+    velocity = _condition("velocity", velocity, FINITE)
+    pressure = _condition("pressure", pressure, POSITIVE)
+    if scene.correlation is not None:
+        check_values("velocity", velocity, AT_REST)
+    if temperature is not None:
+        temperature = _condition("temperature", temperature, POSITIVE)
+        _check_temperature(scene, temperature)
+    else:
+        check_background(scene)
+
+    warn_of_conditions(velocity=velocity, pressure=pressure, temperature=temperature)
+    shapes = {"velocity": jnp.shape(velocity), "pressure": jnp.shape(pressure)}
+    if temperature is not None:
+        shapes["temperature"] = jnp.shape(temperature)
+    try:
+        jnp.broadcast_shapes(*shapes.values())
+    except ValueError:
+        shown = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+        raise ValueError(f"shapes differ ({shown}): must broadcast against each other") from None
+
+    dtype = result_dtype(scene, velocity, pressure, temperature)
+    scene, temperature = cast(scene, dtype), None if temperature is None else jnp.asarray(temperature, dtype)
+    if dtype == jnp.float32:
+        check_single(scene, temperature)
+    return scene, (jnp.asarray(velocity, dtype), jnp.asarray(pressure, dtype), temperature)
+
+
+def check_kinds(scene: object, quadrature: object) -> None:
+    """ValueError unless they are a Scene and a Quadrature."""
+    for name, value, cls in (("scene", scene, Scene), ("quadrature", quadrature, Quadrature)):
+        if not isinstance(value, cls):
+            raise ValueError(f"{name} is a {type(value).__name__}: must be a {cls.__name__}")
+
+
+def check_heated(scene: Scene, quantities: Iterable[str]) -> None:
+    """ValueError for quantities of heating although the scene has none, or not defined with adhesion."""
+    needs_of(scene, quantities)
+    absent = {"flash_temperature"} if iterates(scene) else {"flash_temperature", "converged"}
+    if scene.heating is None and absent & set(quantities):
+        raise ValueError("quantities has 'flash_temperature' or 'converged': the scene must have heating")
+
+
+# Of velocity, pressure and temperature.
+_UNITS = ("v", "m/s"), ("p", "Pa"), ("T", "K")
+
+
+def warn_of_last_iterates(
+    scene: Scene, converged: Values | None, conditions: Sequence[jax.Array | None]
+) -> None:
+    """RuntimeWarning naming the points at which the temperatures, or with adhesion areas, are no solution.
+
+    converged : of the broadcast shape of the conditions, None of a scene without heating; traced: no warning
+    """
+    if converged is None or not is_concrete(converged) or np.all(converged):
+        return
+    left = ~np.asarray(converged)
+    given = [(x, *unit) for x, unit in zip(conditions, _UNITS, strict=True) if x is not None]
+    columns = [
+        [f"{symbol} = {x:g} {unit}" for x in np.broadcast_to(np.asarray(values), left.shape)[left][:3]]
+        for values, symbol, unit in given
+    ]
+    named = [", ".join(point) for point in zip(*columns, strict=True)]
+    warnings.warn(
+        f"the {iterated(scene)} did not converge at {left.sum()} of {left.size} points, at {'; '.join(named)}"
+        f"{' and others' if left.sum() > len(named) else ''}: the values there are those of the last iterate",
+        RuntimeWarning,
+        stacklevel=3,
+    )
+
+
+def _condition(name, value, rule):
+    """A velocity, pressure or temperature as an array, its concrete values checked."""
+    if not isinstance(value, int | float):
+        value = as_leaf(name, value, np.ndim(value))
+    check_values(name, value, rule)
+    return value
+
+
+def _check_temperature(scene, temperature):
+    if not takes_temperature(scene):
+        raise ValueError("temperature is given, but nothing in the scene has a shift: must be None")
+    for shift in shifts(scene):
+        shift.check_temperature(temperature)
