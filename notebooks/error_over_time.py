@@ -52,7 +52,8 @@ def main(scenes=SCENES, folder=FOLDER, **options):
     (folder / "figures").mkdir(exist_ok=True)
     draw(folder / "figures" / "error_over_time.png", sweeps)
     seconds = time.perf_counter() - begin
-    (folder / "error_over_time.md").write_text("\n".join(page(sweeps, seconds)) + "\n", encoding="utf-8")
+    load = os.getloadavg()[2] if hasattr(os, "getloadavg") else 0.0
+    (folder / "error_over_time.md").write_text("\n".join(page(sweeps, seconds, load)) + "\n", encoding="utf-8")
     return sweeps
 
 
@@ -81,8 +82,8 @@ def draw(path, sweeps):
     figure.savefig(path, dpi=120)
 
 
-def page(sweeps, seconds):
-    """Lines of the Markdown page."""
+def page(sweeps, seconds, load=0.0):
+    """Lines of the Markdown page; `load` is the number of jobs that ran on the machine, this one included."""
     points = next(iter(sweeps.values())).points
     yield "# Error over run time"
     yield ""
@@ -93,11 +94,17 @@ def page(sweeps, seconds):
         f"{TEMPERATURE - 273.15:g} °C, and the gradient of their sum with respect to every number of the "
         "scene and the conditions. Errors are the largest of the three quantities over all velocities; of "
         "the gradients, the largest error of a relative sensitivity over the largest sensitivity "
-        "(`rubberfric/reference.py`). Times are given as how many times as long the textbook method takes in "
+        "(`rubberfric/analysis/error_and_time/reference.py`). Times are given as how many times as long the textbook method takes in "
         "the same run, in turns (NumPy, trapezoids of 200 ln q x 64 phi, values only); the last column is "
         "the time to compile the values and the gradient. *Automatic* is what a call takes that says no "
         "setting and whose scene is known (not traced by `jit` or `vmap`); `Quadrature()` is for any scene."
     )
+    if load > os.cpu_count() + 0.5:
+        yield ""
+        yield (
+            f"{load:.0f} jobs shared the {os.cpu_count()} cores: seconds are several times what they are on an "
+            "idle machine; the ratios were measured in turns."
+        )
     yield ""
     yield "![error over run time](figures/error_over_time.png)"
     for (name, what), found in sweeps.items():
