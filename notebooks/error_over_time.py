@@ -53,7 +53,9 @@ def main(scenes=SCENES, folder=FOLDER, **options):
     draw(folder / "figures" / "error_over_time.png", sweeps)
     seconds = time.perf_counter() - begin
     load = os.getloadavg()[2] if hasattr(os, "getloadavg") else 0.0
-    (folder / "error_over_time.md").write_text("\n".join(page(sweeps, seconds, load)) + "\n", encoding="utf-8")
+    (folder / "error_over_time.md").write_text(
+        "\n".join(page(sweeps, seconds, load)) + "\n", encoding="utf-8"
+    )
     return sweeps
 
 
@@ -94,16 +96,16 @@ def page(sweeps, seconds, load=0.0):
         f"{TEMPERATURE - 273.15:g} °C, and the gradient of their sum with respect to every number of the "
         "scene and the conditions. Errors are the largest of the three quantities over all velocities; of "
         "the gradients, the largest error of a relative sensitivity over the largest sensitivity "
-        "(`rubberfric/analysis/error_and_time/reference.py`). Times are given as how many times as long the textbook method takes in "
-        "the same run, in turns (NumPy, trapezoids of 200 ln q x 64 phi, values only); the last column is "
+        "(`rubberfric/analysis/error_and_time/reference.py`). Times are given as how many times as long the "
+        "textbook method takes in the same run, in turns (NumPy, trapezoids of 200 ln q x 64 phi, values only); the last column is "
         "the time to compile the values and the gradient. *Automatic* is what a call takes that says no "
         "setting and whose scene is known (not traced by `jit` or `vmap`); `Quadrature()` is for any scene."
     )
     if load > os.cpu_count() + 0.5:
         yield ""
         yield (
-            f"{load:.0f} jobs shared the {os.cpu_count()} cores: seconds are several times what they are on an "
-            "idle machine; the ratios were measured in turns."
+            f"{load:.0f} jobs shared the {os.cpu_count()} cores: seconds are several times what they are on "
+            "an idle machine; the ratios were measured in turns."
         )
     yield ""
     yield "![error over run time](figures/error_over_time.png)"
