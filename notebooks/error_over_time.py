@@ -93,13 +93,15 @@ def page(sweeps, seconds, load=0.0):
     yield ""
     yield (
         f"Area, friction and separation at {points} velocities, {PRESSURE / 1e6:g} MPa and "
-        f"{TEMPERATURE - 273.15:g} °C, and the gradient of their sum with respect to every number of the "
-        "scene and the conditions. Errors are the largest of the three quantities over all velocities; of "
-        "the gradients, the largest error of a relative sensitivity over the largest sensitivity "
-        "(`rubberfric/analysis/error_and_time/reference.py`). Times are given as how many times as long the "
-        "textbook method takes in the same run, in turns (NumPy, trapezoids of 200 ln q x 64 phi, values "
-        "only); the last column is the time to compile the values and the gradient. *Automatic* is what a call takes that says no "
-        "setting and whose scene is known (not traced by `jit` or `vmap`); `Quadrature()` is for any scene."
+        f"{TEMPERATURE - 273.15:g} °C, and the gradient of their sum with respect to every "
+        "number of the scene and the conditions. Errors are the largest of the three quantities over all "
+        "velocities; of the "
+        "gradients, the largest error of a relative sensitivity over the largest sensitivity "
+        "(`rubberfric/analysis/error_and_time/reference.py`). Times are given as how many times as long "
+        "the textbook method takes in the same run, in turns (NumPy, trapezoids of 200 ln q x 64 phi, "
+        "values only); the last column is the time to compile the values and the gradient. *Automatic* is "
+        "what a call takes that says no setting and whose scene is known (not traced by `jit` or `vmap`); "
+        "`Quadrature()` is for any scene."
     )
     if load > os.cpu_count() + 0.5:
         yield ""
