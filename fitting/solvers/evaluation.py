@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+import rubberfric as rf
 from fitting.parameters.scenes import by_name
 from fitting.parameters.variables import Array
 from fitting.solvers.problem import CURVES, Numbers, Problem, Structure
@@ -68,6 +69,15 @@ def _by_forward_mode(structure, numbers):
         or any(
             body.material.needs_quadrature for body in (scenes[block.scene].lower, scenes[block.scene].upper)
         )
+        for block in structure.blocks
+    )
+
+
+def takes_long(structure: Structure, numbers: Numbers) -> bool:
+    """Whether one evaluation takes as long as hundreds of others: where a scene is iterated for."""
+    scenes = by_name(jax.tree.unflatten(structure.variables.tree, numbers.constants.leaves))
+    return any(
+        block.quantity in CURVES and "converged" in rf.quantities_of(scenes[block.scene])
         for block in structure.blocks
     )
 
