@@ -22,7 +22,7 @@ from fitting.solvers.runs import BATCH, Callback, run
 from fitting.solvers.search import random_starts, search
 from fitting.uncertainty.covariance import linearised, uncertainty
 from fitting.uncertainty.discrepancy import check_discrepancy, likely, with_discrepancy
-from fitting.uncertainty.scatter import common_ratio, rescaled_errors
+from fitting.uncertainty.posterior.scatter import common_ratio, rescaled_errors
 
 # Fits, each weighted with the errors that the one before it estimated.
 ROUNDS = 2

@@ -15,10 +15,10 @@ import numpy as np
 
 from fitting.parameters.variables import Array
 from fitting.solvers.iterate import INTERRUPTED, OUT_OF_STEPS, RUNNING
+from fitting.solvers.methods.steps import advance, start
 from fitting.solvers.options import Solver
 from fitting.solvers.problem import Problem, Targets
 from fitting.solvers.residuals import padded
-from fitting.solvers.steps import advance, start
 
 BATCH = 4
 

@@ -36,8 +36,10 @@ _MUCH, _LITTLE = 0.75, 0.25
 # move is longer than it may be, and how often the last two are halved, in the logarithm.
 _SOFTEST, _SOFTER, _HALVINGS = 1e-16, 4.0, 2
 _INNER_STEPS, _INNER_TRIALS = 30, 12
-# Steps that fail one after the other, so near the minimum that noise must be what hides it.
-_HIDDEN = 2
+# A kink at the minimum, as the shift factors of a table make, or noise may hide the last of the way. So a fit
+# ends where as many evaluations together gained less than this part of what is of no account, and the linear
+# functions promise no more than so many times that.
+_EVALUATIONS, _GAINED, _PROMISED = 3, 0.1, 10.0
 
 
 class Known(NamedTuple):
@@ -47,13 +49,14 @@ class Known(NamedTuple):
     jacobian: np.ndarray  # (rows, size)
     bends: np.ndarray  # H, (rows, size, size)
     radius: np.ndarray  # of trust
-    failed: np.ndarray  # steps since the last that was taken
+    costs: np.ndarray  # before each of the last evaluations, the latest last
 
 
 def begun(x: np.ndarray, rows: np.ndarray, jacobian: np.ndarray) -> Iterate:
     """The iterate of a fit before its first step, from residuals (rows,) and Jacobian (rows, size) at x."""
     finite = np.isfinite(rows).all() and np.isfinite(jacobian).all()
-    known = Known(rows, jacobian, np.zeros((*jacobian.shape, x.size)), np.asarray(_FIRST), np.asarray(0, int))
+    bends, costs = np.zeros((*jacobian.shape, x.size)), np.full(_EVALUATIONS, np.inf)
+    known = Known(rows, jacobian, bends, np.asarray(_FIRST), costs)
     cost = 0.5 * np.sum(rows**2) if finite else np.asarray(np.nan)
     one = np.asarray(1)
     return Iterate(x, cost, np.asarray(RUNNING if finite else NOT_FINITE), one, one, known)
@@ -122,15 +125,15 @@ def taken(
     elif share < _LITTLE:
         radius = 0.5 * min(length, radius)
     bends = _bent(known, move, jacobian) if finite and length > 0 else known.bends
+    new = known._replace(bends=bends, radius=np.asarray(radius), costs=np.append(known.costs[1:], before))
     if accepted:
-        new = Known(rows, jacobian, bends, np.asarray(radius), np.asarray(0))
-    else:
-        new = known._replace(bends=bends, radius=np.asarray(radius), failed=known.failed + 1)
+        new = new._replace(rows=rows, jacobian=jacobian)
     lowest = min(cost, before)
     promised = _linear_promise(new, longest)
-    near = promised <= NEAR * max(lowest, 1.0)
-    # Noise hides the last of the way. Data that are met need not end there, their cost falls on to rounding.
-    hidden = near and lowest > 2 * NEAR and new.failed >= _HIDDEN
+    of_no_account = NEAR * max(lowest, 1.0)
+    near = promised <= _PROMISED * of_no_account
+    # Data that are met need not end there, their cost falls on to rounding.
+    hidden = near and lowest > 20 * NEAR and new.costs[0] - lowest <= _GAINED * of_no_account
     if lowest <= rounding:
         status = PERFECT
     elif promised <= tolerance * lowest + 0.02 * np.sqrt(rounding * lowest):

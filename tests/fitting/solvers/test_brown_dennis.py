@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from support.cases.least_squares import (
+from support.oracles.least_squares import (
     PROBLEMS,
     STALLING,
     bard,

@@ -1,6 +1,6 @@
 """Levenberg-Marquardt without friction: standard problems, robust losses against SciPy, and how it ends.
 
-The problems are those of `support.cases.least_squares`.
+The problems are those of `support.oracles.least_squares`.
 """
 
 import functools
@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import least_squares
-from support.cases.least_squares import (
+from support.oracles.least_squares import (
     PROBLEMS,
     STALLING,
     bard,
