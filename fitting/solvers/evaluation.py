@@ -49,7 +49,7 @@ def evaluate(
     x, rows, found = np.asarray(x), [], []
     name = "both" if slopes else "rows"
     if _by_forward_mode(structure, numbers):
-        name = "along"
+        name = "both" if takes_long(structure, numbers) else "along"
     for first in range(0, len(x), PLACES):
         here = x[first : first + PLACES]
         places = np.concatenate([here, np.repeat(here[-1:], PLACES - len(here), 0)])
@@ -62,7 +62,7 @@ def evaluate(
 
 
 def _by_forward_mode(structure, numbers):
-    """Whether all derivatives are taken forward, where values cost nothing more than without them."""
+    """Whether all derivatives are taken forward: one program serves with them and without."""
     scenes = by_name(jax.tree.unflatten(structure.variables.tree, numbers.constants.leaves))
     return all(
         block.quantity not in CURVES

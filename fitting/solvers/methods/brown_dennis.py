@@ -36,6 +36,8 @@ _MUCH, _LITTLE = 0.75, 0.25
 # move is longer than it may be, and how often the last two are halved, in the logarithm.
 _SOFTEST, _SOFTER, _HALVINGS = 1e-16, 4.0, 2
 _INNER_STEPS, _INNER_TRIALS = 30, 12
+# An eigenvalue over the largest that is 0, as of what does not move in a profile.
+_FLAT = 1e-13
 # A kink at the minimum, as the shift factors of a table make, or noise may hide the last of the way. So a fit
 # ends where as many evaluations together gained less than this part of what is of no account, and the linear
 # functions promise no more than so many times that.
@@ -173,11 +175,11 @@ def _least(known, damping, move):
         gradient, plain = jacobian.T @ rows + damping * move, jacobian.T @ jacobian + damping * one
         hessian = plain + np.tensordot(rows, known.bends, 1)
         values = np.linalg.eigvalsh(hessian)
-        if values[0] <= 1e-10 * np.abs(values).max():  # no minimum that way
+        if values[0] < -_FLAT * np.abs(values).max():  # no minimum that way
             hessian = plain
         largest = np.trace(plain)
         for _ in range(_INNER_TRIALS):
-            there = move - np.linalg.solve(hessian + max(extra, 1e-14 * largest) * one, gradient)
+            there = move - np.linalg.solve(hessian + max(extra, 2 * _FLAT * largest) * one, gradient)
             found = _at(known, there)
             lower = found[0] @ found[0] + damping * there @ there
             if lower < cost:
