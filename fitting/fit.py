@@ -20,8 +20,9 @@ from fitting.solvers.options import check_options, make_solver
 from fitting.solvers.problem import ASSUMED, make_problem
 from fitting.solvers.runs import BATCH, Callback, run
 from fitting.solvers.search import random_starts, search
-from fitting.uncertainty.covariance import uncertainty
+from fitting.uncertainty.covariance import linearised, uncertainty
 from fitting.uncertainty.discrepancy import check_discrepancy, likely, with_discrepancy
+from fitting.uncertainty.posterior.scatter import common_ratio, rescaled_errors
 
 # Fits, each weighted with the errors that the one before it estimated.
 ROUNDS = 2
@@ -103,8 +104,9 @@ def fit(
     Notes
     -----
     Data without errors are taken to have one relative error each, which is estimated from
-    their scatter about the fit (twice, the second fit weighted with the first estimate); the
-    report says so. Whether the scene explains the data is the result's `verdict`.
+    their scatter about the fit (twice, the second fit weighted with the first estimate, where that
+    can move the minimum: of several data sets, with priors or a robust loss); the report says so.
+    Whether the scene explains the data is the result's `verdict`.
     """
     began = time.perf_counter()
     check_options(method=method, starts=starts, key=key, prior=prior, callback=callback)
@@ -129,30 +131,39 @@ def fit(
     minima = _minima(problem, runs)
     end, evaluations = runs.row(best), np.array([runs.nfev.sum(), runs.njev.sum()])
     tell("compiling and computing the covariance")
-    known = uncertainty(problem, end.x)
+    model = linearised(problem, end.x)
+    known = uncertainty(problem, end.x, model)
     scales = [None if one.error is not None else ASSUMED for one in data]
     error_scale, rescaled = 1.0, scale_errors is True and None in scales
     to_estimate = ASSUMED in scales and scale_errors is not False
 
     def again(problem, x):
-        """The end of a fit that begins at x, what is known there, and its evaluations."""
+        """The end of a fit that begins at x, the model there, and its evaluations."""
         runs = run(solver, problem, x[None], None, max_steps, callback, min(BATCH, starts))
         end = runs.row(0)
-        return end, uncertainty(problem, end.x), np.array([runs.nfev[0], runs.njev[0]])
+        return end, linearised(problem, end.x), np.array([runs.nfev[0], runs.njev[0]])
 
     for _ in range(ROUNDS if to_estimate or rescaled else 0):
         if problem.targets.measured.size - known.parameters < 0.5 or not succeeded(end.status):
             break
-        problem, scales, factor = _estimated(problem, scales, known, end.x, rescaled, error_scale)
+        before = problem
+        problem, scales, factor = rescaled_errors(problem, scales, known, model, rescaled, error_scale)
         error_scale *= factor
+        ratio = common_ratio(before, problem)
+        if ratio is not None:
+            end = end._replace(cost=end.cost / ratio**2)
+            known = uncertainty(problem, end.x, model)
+            break
         tell("fitting again, with errors from the scatter")
-        end, known, spent = again(problem, end.x)
+        end, model, spent = again(problem, end.x)
+        known = uncertainty(problem, end.x, model)
         evaluations += spent
     if discrepancy is not None and discrepancy.amplitude is None:
         for _ in range(ROUNDS if succeeded(end.status) else 0):
             discrepancy = likely(problem, end.x, scenes, data, discrepancy)
             problem = with_discrepancy(problem, scenes, data, discrepancy)
-            end, known, spent = again(problem, end.x)
+            end, model, spent = again(problem, end.x)
+            known = uncertainty(problem, end.x, model)
             evaluations += spent
     return FitResult(
         scene_at_start=scene,
@@ -188,36 +199,6 @@ def _minima(problem, runs):
         else:
             found.append(Minimum(cost, 1, problem.values(runs.x[i])))
     return tuple(found)
-
-
-def _estimated(problem, scales, known, x, rescaled, error_scale):
-    """The problem with errors from the scatter about its fit, the scales of data without any, and a factor.
-
-    That factor is of all errors that were given, 1 unless they are to be rescaled.
-    """
-    rows = residual_rows(problem, x)
-    error, scales, factor = np.array(problem.targets.error), list(scales), 1.0
-    # Data without noise are met to rounding; they must not get an error of zero.
-    if rescaled:
-        pairs = zip(problem.order, scales, strict=True)
-        given = np.concatenate([where for where, scale in pairs if scale is None])
-        factor = max(_scatter(problem, known, rows[given]), 1e-10 / error_scale)
-        error[given] *= factor
-    for i, (scale, where) in enumerate(zip(scales, problem.order, strict=True)):
-        if scale is not None:
-            scales[i] = max(scale * _scatter(problem, known, rows[where]), 1e-10)
-            error[where] = scales[i]
-    return problem._replace(targets=problem.targets._replace(error=error)), scales, factor
-
-
-def _scatter(problem, known, rows):
-    """Standard deviation of residuals about the fit, in units of their errors."""
-    if problem.structure.loss == "linear":
-        scatter = np.sqrt(np.mean(rows**2))
-    else:
-        # Outliers, which a robust fit is asked to expect, must not widen all error bars.
-        scatter = 1.4826 * np.median(np.abs(rows))
-    return float(scatter / np.sqrt(1 - known.parameters / problem.targets.measured.size))
 
 
 def _not_finite(problem, data):

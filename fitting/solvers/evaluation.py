@@ -16,6 +16,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+import rubberfric as rf
 from fitting.parameters.scenes import by_name
 from fitting.parameters.variables import Array
 from fitting.solvers.problem import CURVES, Numbers, Problem, Structure
@@ -48,7 +49,7 @@ def evaluate(
     x, rows, found = np.asarray(x), [], []
     name = "both" if slopes else "rows"
     if _by_forward_mode(structure, numbers):
-        name = "along"
+        name = "both" if takes_long(structure, numbers) else "along"
     for first in range(0, len(x), PLACES):
         here = x[first : first + PLACES]
         places = np.concatenate([here, np.repeat(here[-1:], PLACES - len(here), 0)])
@@ -61,13 +62,22 @@ def evaluate(
 
 
 def _by_forward_mode(structure, numbers):
-    """Whether all derivatives are taken forward, where values cost nothing more than without them."""
+    """Whether all derivatives are taken forward: one program serves with them and without."""
     scenes = by_name(jax.tree.unflatten(structure.variables.tree, numbers.constants.leaves))
     return all(
         block.quantity not in CURVES
         or any(
             body.material.needs_quadrature for body in (scenes[block.scene].lower, scenes[block.scene].upper)
         )
+        for block in structure.blocks
+    )
+
+
+def takes_long(structure: Structure, numbers: Numbers) -> bool:
+    """Whether one evaluation takes as long as hundreds of others: where a scene is iterated for."""
+    scenes = by_name(jax.tree.unflatten(structure.variables.tree, numbers.constants.leaves))
+    return any(
+        block.quantity in CURVES and "converged" in rf.quantities_of(scenes[block.scene])
         for block in structure.blocks
     )
 

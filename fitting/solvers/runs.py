@@ -6,7 +6,6 @@ for the next. So what is compiled once serves a thousand fits, none waits for th
 that of the batch.
 """
 
-import functools
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -15,19 +14,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from fitting.parameters.variables import Array
-from fitting.solvers.evaluation import evaluate
-from fitting.solvers.iterate import INTERRUPTED, OUT_OF_STEPS, RUNNING, Iterate, begin
-from fitting.solvers.methods.levenberg_marquardt import PROBE, LevenbergMarquardt, bent, planned, taken
+from fitting.solvers.iterate import INTERRUPTED, OUT_OF_STEPS, RUNNING
+from fitting.solvers.methods.steps import advance, start
 from fitting.solvers.options import Solver
-from fitting.solvers.problem import Numbers, Problem, Structure, Targets
-from fitting.solvers.residuals import (
-    in_errors,
-    loss_of,
-    objective,
-    padded,
-    rounding,
-    slopes_in_errors,
-)
+from fitting.solvers.problem import Problem, Targets
+from fitting.solvers.residuals import padded
 
 BATCH = 4
 
@@ -46,102 +37,6 @@ class Runs(NamedTuple):
     def row(self, i: int) -> "Runs":
         """One fit's end, in the same fields."""
         return Runs(*(array[i] for array in self))
-
-
-@functools.partial(jax.jit, static_argnums=(0, 1))
-def _init(solver, structure, numbers, targets, x):
-    return jax.vmap(lambda targets, x: solver.init(objective(structure, numbers, targets), x))(targets, x)
-
-
-@functools.partial(jax.jit, static_argnums=(0, 1))
-def _step(solver, structure, numbers, targets, iterate):
-    return jax.vmap(lambda targets, iterate: solver.step(objective(structure, numbers, targets), iterate))(
-        targets, iterate
-    )
-
-
-@functools.partial(jax.jit, static_argnums=(0, 1))
-def _begun(solver, structure, numbers, targets, x, rows):
-    def one(targets, x, rows):
-        cost = loss_of(structure, numbers).cost(in_errors(structure, numbers, targets, rows))
-        return begin(cost, x, jnp.asarray(solver.damping, x.dtype))
-
-    return jax.vmap(one)(targets, x, rows)
-
-
-@functools.partial(jax.jit, static_argnums=0)
-def _planned(structure, numbers, targets, iterate, rows, slopes):
-    def one(targets, iterate, rows, slopes):
-        plain = in_errors(structure, numbers, targets, rows)
-        jacobian = slopes_in_errors(structure, numbers, targets, slopes)
-        plan = planned(plain, jacobian, iterate, loss_of(structure, numbers))
-        return plan, iterate.x + PROBE * plan.velocities
-
-    return jax.vmap(one)(targets, iterate, rows, slopes)
-
-
-@functools.partial(jax.jit, static_argnums=0)
-def _bent(structure, numbers, targets, iterate, plan, ahead):
-    def one(targets, iterate, plan, ahead):
-        moves = bent(plan, jax.vmap(lambda rows: in_errors(structure, numbers, targets, rows))(ahead))
-        return moves, iterate.x + moves
-
-    return jax.vmap(one)(targets, iterate, plan, ahead)
-
-
-@functools.partial(jax.jit, static_argnums=(0, 1))
-def _taken(solver, structure, numbers, targets, iterate, plan, moves, tried):
-    def one(targets, iterate, plan, moves, tried):
-        return taken(
-            plan,
-            moves,
-            jax.vmap(lambda rows: in_errors(structure, numbers, targets, rows))(tried),
-            iterate,
-            loss_of(structure, numbers),
-            tolerance=solver.tolerance,
-            rounding=rounding(structure, targets),
-        )
-
-    return jax.vmap(one)(targets, iterate, plan, moves, tried)
-
-
-def start(solver: Solver, structure: Structure, numbers: Numbers, targets: Targets, x: Array) -> Iterate:
-    """Iterates of several fits at their start vectors; arguments but the first three with a leading axis."""
-    if not isinstance(solver, LevenbergMarquardt):
-        return _init(solver, structure, numbers, targets, x)
-    rows, _ = evaluate(structure, numbers, x)
-    return _begun(solver, structure, numbers, targets, x, rows)
-
-
-def advance(
-    solver: Solver, structure: Structure, numbers: Numbers, targets: Targets, iterate: Iterate
-) -> Iterate:
-    """Iterates after one step each.
-
-    Of Levenberg-Marquardt the model is computed by one program, and what is done with it by others: the
-    model takes all of the time to compile.
-    """
-    if not isinstance(solver, LevenbergMarquardt):
-        return _step(solver, structure, numbers, targets, iterate)
-    running = np.flatnonzero(np.asarray(iterate.status) == RUNNING)
-    if running.size == 0:
-        return iterate
-
-    def of_running(x, slopes=False):
-        """Rows at x, shape (fits, ..., size); those of fits that are done are never looked at."""
-        x = np.asarray(x)
-        shape = x.shape[1:-1]
-        rows, derivatives = evaluate(structure, numbers, x[running].reshape(-1, x.shape[-1]), slopes)
-        filled = []
-        for part in (rows, derivatives):
-            part = part.reshape(running.size, *shape, *part.shape[1:])
-            filled.append(np.zeros((len(x), *part.shape[1:]), part.dtype))
-            filled[-1][running] = part
-        return filled
-
-    plan, ahead = _planned(structure, numbers, targets, iterate, *of_running(iterate.x, slopes=True))
-    moves, trials = _bent(structure, numbers, targets, iterate, plan, of_running(ahead)[0])
-    return _taken(solver, structure, numbers, targets, iterate, plan, moves, of_running(trials)[0])
 
 
 @jax.jit

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from fitting.parameters.variables import VANISHED, Variables, element_names, slopes
-from fitting.solvers.evaluation import evaluate, residual_rows
+from fitting.solvers.evaluation import evaluate
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import data_rows, in_errors, loss_of, padded, slopes_in_errors
 from fitting.uncertainty.directions import describe
@@ -63,22 +63,48 @@ class Uncertainty(NamedTuple):
     chisqr: float  # sum of squares of the data's residuals
 
 
-def weighted_rows(problem: Problem, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Residuals at x, the factors that the loss gives them, and their Jacobian with those of its own."""
+class Linearised(NamedTuple):
+    """What the model predicts at a solution, whatever the errors of the data are; all rows, as `padded`."""
+
+    at: np.ndarray  # at the solution, (rows,)
+    inside: np.ndarray  # where it is linearised, a little inside the bounds
+    slopes: np.ndarray  # its derivatives with respect to x there, (rows, size)
+
+
+def linearised(problem: Problem, x: np.ndarray) -> Linearised:
+    """The model of a problem at its solution x, shape (size,)."""
+    of, x = padded(problem), np.asarray(x)
+    _, inside, _ = _at_bounds(problem, x)
+    rows, slopes = (part[0] for part in evaluate(of.structure, of.numbers, inside[None], slopes=True))
+    same = np.array_equal(inside, x)
+    at = rows if same else evaluate(of.structure, of.numbers, x[None])[0][0]
+    return Linearised(at, rows, slopes)
+
+
+def data_residuals(problem: Problem, model: Linearised) -> np.ndarray:
+    """Residuals of the data at a solution, in units of their errors."""
     of = padded(problem)
-    rows, found = (part[0] for part in evaluate(of.structure, of.numbers, x[None], slopes=True))
-    rows = in_errors(of.structure, of.numbers, of.targets, rows)
-    slopes = slopes_in_errors(of.structure, of.numbers, of.targets, found)
+    rows = in_errors(of.structure, of.numbers, of.targets, jnp.asarray(model.at))
+    return of.kept(np.asarray(rows))[: data_rows(problem.structure)]
+
+
+def weighted_rows(problem: Problem, model: Linearised) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Residuals of a model, the factors that the loss gives them, and their Jacobian with its own."""
+    of = padded(problem)
+    # Not NumPy's: where the model is not finite, rows that were added divide infinity by infinity.
+    rows = in_errors(of.structure, of.numbers, of.targets, jnp.asarray(model.inside))
+    slopes = slopes_in_errors(of.structure, of.numbers, of.targets, jnp.asarray(model.slopes))
     of_rows, of_jacobian = loss_of(of.structure, of.numbers).factors(rows)
     plain, of_rows, jacobian = map(of.kept, (rows, of_rows, slopes * of_jacobian[:, None]))
     return plain, of_rows, jacobian
 
 
-def uncertainty(problem: Problem, x: np.ndarray) -> Uncertainty:
-    """Uncertainty of a problem's solution x, shape (size,)."""
+def uncertainty(problem: Problem, x: np.ndarray, model: Linearised | None = None) -> Uncertainty:
+    """Uncertainty of a problem's solution x, shape (size,); `model` of it where that is known already."""
     structure, numbers = problem.structure, problem.numbers
     withheld, inside, stretch = _at_bounds(problem, x)
-    plain, of_rows, jacobian = weighted_rows(problem, inside)
+    model = linearised(problem, x) if model is None else model
+    plain, of_rows, jacobian = weighted_rows(problem, model)
     count = data_rows(problem.structure)
     slope = slopes(problem.variables, numbers.constants, jnp.asarray(inside))
     influence = None if structure.loss == "linear" else plain * of_rows
@@ -87,7 +113,7 @@ def uncertainty(problem: Problem, x: np.ndarray) -> Uncertainty:
         jacobian * stretch,
         count,
         slope=stretch * np.asarray(slope),
-        chisqr=float(np.sum(residual_rows(problem, x)[:count] ** 2)),
+        chisqr=float(np.sum(data_residuals(problem, model) ** 2)),
         x=inside,
         stretch=stretch,
         withheld=withheld,

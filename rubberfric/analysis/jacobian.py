@@ -12,17 +12,21 @@ Forward mode alone costs an evaluation for every parameter.
 """
 
 from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
+from rubberfric.base.fixed_point import linear_fixed_point
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.model import solve
 from rubberfric.theory.quantities import iterates
+from rubberfric.theory.temperatures.heat_balance import feeds_back, heat_of
+from rubberfric.theory.temperatures.solution import preconditioner, solve_rises, temperatures_of
 
 # Points at once: each keeps the derivatives with respect to all that was prepared, about 0.2 MB.
 # On a processor they must stay in its cache: 32 at once take a third of the time that 256 take.
@@ -54,42 +58,23 @@ def value_and_jacobian(
     scene = scene_of(x)
     if any(body.material.needs_quadrature for body in (scene.lower, scene.upper)):
         # By reverse mode each point would keep derivatives with respect to the whole table of means.
-        return _forward(scene_of, x, conditions, quantity, quadrature)
+        heats_itself = scene.heating is not None and feeds_back(scene) and scene.adhesion is None
+        known = all(c is not None for c in conditions)
+        few = max(np.size(c) for c in conditions if c is not None) <= BLOCK
+        forward = _forward_heated if heats_itself and known and few else _forward
+        return forward(scene_of, x, conditions, quantity, quadrature)
     heated = ("converged",) if iterates(scene) else ()
     points = [jnp.asarray(c, x.dtype) for c in conditions if c is not None]
-    shape = {}  # of the tree of the prepared scene, and its leaves that are no arrays
-
-    def prepared(x):
-        """Arrays of the prepared scene, reals and integers; what is no array stays behind in `shape`."""
-        leaves, shape["tree"] = jax.tree_util.tree_flatten(prepare(scene_of(x), (quantity,), quadrature))
-        shape["kind"] = [_kind(leaf) for leaf in leaves]
-        shape["objects"] = [leaf for leaf in leaves if _kind(leaf) == "object"]
-        return (
-            [leaf for leaf in leaves if _kind(leaf) == "real"],
-            [leaf for leaf in leaves if _kind(leaf) == "integer"],
-        )
-
-    arrays, push, integers = jax.linearize(prepared, x, has_aux=True)
-    moving = _dependent(lambda x: prepared(x)[0], x)
-    tangents = jax.vmap(push)(jnp.eye(x.size, dtype=x.dtype))
-    tangents = [t.reshape(x.size, -1) for t, moves in zip(tangents, moving, strict=True) if moves]
+    ready = _linearised(lambda x: prepare(scene_of(x), (quantity,), quadrature), x)
+    tangents = [tangent.reshape(x.size, -1) for tangent in ready.tangents]
     tangents = jnp.concatenate([jnp.zeros((x.size, 0), x.dtype), *tangents], 1)
 
-    def at(chosen, point):
-        chosen = iter(chosen)
-        parts = {
-            "real": iter([next(chosen) if moves else a for a, moves in zip(arrays, moving, strict=True)]),
-            "integer": iter(integers),
-            "object": iter(shape["objects"]),
-        }
-        ready = jax.tree_util.tree_unflatten(shape["tree"], [next(parts[kind]) for kind in shape["kind"]])
-        found = evaluate(ready, (quantity, *heated), [c[None] for c in point])
+    def at(moving, point):
+        found = evaluate(ready.tree(moving), (quantity, *heated), [c[None] for c in point])
         return _or_nan(found[quantity], found.get("converged"))[0]
 
-    chosen = [a for a, moves in zip(arrays, moving, strict=True) if moves]
-
     def block(points):
-        values, slopes = jax.vmap(jax.value_and_grad(at), in_axes=(None, 0))(chosen, points)
+        values, slopes = jax.vmap(jax.value_and_grad(at), in_axes=(None, 0))(ready.moving, points)
         # One product of all: added up one by one, jax 0.12.0 on CPU reads uninitialised memory.
         slopes = [slope.reshape(values.size, -1) for slope in slopes]
         return values, jnp.concatenate([jnp.zeros((values.size, 0), x.dtype), *slopes], 1) @ tangents.T
@@ -116,6 +101,78 @@ def _forward(scene_of, x, conditions, quantity, quadrature):
 
     value, push = jax.linearize(values, x)
     return value, jax.lax.map(push, jnp.eye(x.size, dtype=x.dtype)).T
+
+
+def _forward_heated(scene_of, x, conditions, quantity, quadrature):
+    """The same of a scene whose friction heats it: heat and the quantity are one function, derived once.
+
+    Its temperatures y = f(y, x) move by dy = f_y dy + f_x dx, and the quantity with them.
+    """
+    ready = _linearised(lambda x: prepare(scene_of(x), (quantity,), quadrature), x)
+    shape = np.broadcast_shapes(*map(np.shape, conditions))
+    velocity, pressure, background = (jnp.broadcast_to(jnp.asarray(c, x.dtype), shape) for c in conditions)
+    points = velocity, pressure, background
+    prepared = ready.tree(ready.moving)
+    found = solve_rises(prepared.thermal, prepared.roughness, points)
+
+    def at(moving, rises):
+        here = ready.tree(moving)
+        thermal, roughness = here.thermal, here.roughness
+        hot = temperatures_of(thermal, roughness, rises, background, found.converged)
+        contact = roughness.contact(velocity, pressure, hot.inside)
+        left = heat_of(thermal, roughness, contact, points, hot.surface) - rises
+        return left, evaluate(here, (quantity,), points, (contact, hot))[quantity]
+
+    (_, values), push = jax.linearize(at, ready.moving, found.rises)
+    inverse = preconditioner(prepared.thermal, found)
+
+    def slope(tangents):
+        start, also = jnp.zeros_like(found.rises), jnp.zeros_like(values)
+        return linear_fixed_point(lambda rises: push(tangents, rises), start, also, inverse)
+
+    slopes = jax.lax.map(slope, ready.tangents)
+    return _or_nan(values, found.converged), _or_nan(slopes, found.converged).T
+
+
+class _Linearised(NamedTuple):
+    """A tree of arrays, and of what is none, that depends on x, and its derivatives."""
+
+    moving: list[jax.Array]  # leaves that depend on x
+    tangents: list[jax.Array]  # their derivatives, x first
+    tree: Callable[[list[jax.Array]], Any]  # the tree with others in their place
+
+
+def _linearised(function, x):
+    """`_Linearised` of a function of x."""
+    shape = {}  # of the tree, and its leaves that are no arrays
+
+    def leaves(x):
+        """Arrays, reals and integers; what is no array stays behind in `shape`."""
+        leaves, shape["tree"] = jax.tree_util.tree_flatten(function(x))
+        shape["kind"] = [_kind(leaf) for leaf in leaves]
+        shape["objects"] = [leaf for leaf in leaves if _kind(leaf) == "object"]
+        return (
+            [leaf for leaf in leaves if _kind(leaf) == "real"],
+            [leaf for leaf in leaves if _kind(leaf) == "integer"],
+        )
+
+    arrays, push, integers = jax.linearize(leaves, x, has_aux=True)
+    depends = _dependent(lambda x: leaves(x)[0], x)
+    tangents = jax.vmap(push)(jnp.eye(x.size, dtype=x.dtype))
+
+    def tree(moving):
+        moving = iter(moving)
+        parts = {
+            "real": iter([next(moving) if moves else a for a, moves in zip(arrays, depends, strict=True)]),
+            "integer": iter(integers),
+            "object": iter(shape["objects"]),
+        }
+        return jax.tree_util.tree_unflatten(shape["tree"], [next(parts[kind]) for kind in shape["kind"]])
+
+    def chosen(values):
+        return [a for a, moves in zip(values, depends, strict=True) if moves]
+
+    return _Linearised(chosen(arrays), chosen(tangents), tree)
 
 
 def _or_nan(values, converged):

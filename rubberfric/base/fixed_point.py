@@ -56,7 +56,7 @@ def fixed_point(
 
     Limits: residuals of 1e-9 of the largest element of a row (float32: 1e-5).
     """
-    return _iterate(lambda y: function(y) - y, start, _TOLERANCE, inverse)
+    return _iterate(lambda y: function(y) - y, start, _TOLERANCE, inverse)[:2]
 
 
 def implicit(
@@ -73,6 +73,28 @@ def implicit(
     return jax.lax.custom_root(lambda y: function(y) - y, solution, lambda _, y: y, solve)
 
 
+def linear_fixed_point(
+    residual: Callable[[jax.Array], tuple[jax.Array, jax.Array]],
+    start: jax.Array,
+    also: jax.Array,
+    inverse: Inverse | None = None,
+) -> jax.Array:
+    """What a function of dy says at the zero of a residual f' dy + df - dy; no derivatives.
+
+    As `implicit` gives derivatives, where f and what follows from it are one function, derived once.
+
+    Parameters
+    ----------
+    residual : linear function of dy, shape (points, n), to that residual and what follows, of shape (points,)
+    start : dy to begin with, shape (points, n)
+    also : zeros of what follows, shape (points,)
+    inverse : as of `fixed_point`
+    """
+    found = _iterate(residual, start, _LINEAR_TOLERANCE, inverse, also)[2]
+    assert found is not None
+    return found
+
+
 def _tangent_solve(inverse, linear, right):
     """Y of linear(y) = right, linear the derivative of f(y) - y."""
 
@@ -86,8 +108,11 @@ def _tangent_solve(inverse, linear, right):
     )
 
 
-def _iterate(residual, start, tolerance, inverse=None):
-    """Zero of a residual, and whether it was reached."""
+def _iterate(residual, start, tolerance, inverse=None, also=None):
+    """Zero of a residual, whether it was reached, and what else the residual says where a row ends.
+
+    also : zeros of that, shape (points,); None: nothing
+    """
     single = start.dtype != jnp.float64
     tolerance, smallest = (1e-5, 1e-5) if single else (tolerance, 1e-12)
     points, n = start.shape
@@ -96,8 +121,12 @@ def _iterate(residual, start, tolerance, inverse=None):
         return jnp.max(jnp.abs(z), -1) <= tolerance * jnp.max(jnp.abs(y), -1)
 
     def step(progress):
-        k, y, good, last, moves, changes, ended = progress
-        z = residual(y)
+        k, y, good, last, moves, changes, ended, also = progress
+        if also is None:
+            z = residual(y)
+        else:
+            z, found = residual(y)
+            also = jnp.where(ended, also, found)
         z = z if inverse is None else inverse(z)
         # Far from a solution a residual may be no number; then half the way back is tried.
         fine = jnp.all(jnp.isfinite(z), -1, keepdims=True)
@@ -126,12 +155,13 @@ def _iterate(residual, start, tolerance, inverse=None):
             moves,
             changes,
             ended | (reached(y, z) & fine[:, 0]),
+            also,
         )
 
     def going(progress):
-        return (progress[0] < _MOST_STEPS) & ~jnp.all(progress[-1])
+        return (progress[0] < _MOST_STEPS) & ~jnp.all(progress[-2])
 
     empty = jnp.zeros((_HISTORY, points, n), start.dtype)
-    progress = (0, start, start, start, empty, empty, jnp.zeros(points, bool))
-    _, y, *_, done = jax.lax.while_loop(going, step, progress)
-    return y, done
+    progress = (0, start, start, start, empty, empty, jnp.zeros(points, bool), also)
+    _, y, *_, done, also = jax.lax.while_loop(going, step, progress)
+    return y, done, also

@@ -225,15 +225,11 @@ def _closed(heating, x, velocity, kind):
 
 
 def _chebyshev(coefficients, u):
-    """Sum of Chebyshev polynomials, of which those at hand give twice as many: few operations to compile."""
-    count = coefficients.shape[0]
-    basis = jnp.stack([jnp.ones_like(u), u], -1)
-    while (last := basis.shape[-1] - 1) < count - 1:
-        # T_(m + k) = 2 T_m T_k - T_(m - k)
-        basis = jnp.concatenate(
-            [basis, 2 * basis[..., -1:] * basis[..., 1:] - basis[..., last - 1 :: -1]], -1
-        )
-    return basis[..., :count] @ coefficients
+    """Sum of Chebyshev polynomials by Clenshaw's recursion: one loop over the elements, quick to compile."""
+    twice, one, two = 2 * u, jnp.zeros_like(u), jnp.zeros_like(u)
+    for c in coefficients[:0:-1]:
+        one, two = twice * one - two + c, one
+    return u * one - two + coefficients[0]
 
 
 @functools.cache

@@ -29,6 +29,7 @@ from rubberfric.theory.area.partial_contact import separation_weight
 from rubberfric.theory.contributions import contribution, total
 from rubberfric.theory.quantities import Needs, needs_of, parts_of
 from rubberfric.theory.stiffness.excitation import Tables
+from rubberfric.theory.stiffness.means_table import MeansTable
 from rubberfric.theory.stiffness.series import modulus_scale
 from rubberfric.theory.stress_fluctuation import Contact, Roughness
 from rubberfric.theory.temperatures.heat_balance import (
@@ -94,13 +95,13 @@ def prepare(
     if heating is not None:
         coarse = None
         if feeds_back(scene):
-            coarse = _rough(scene, pairs, COARSE, needs_of(scene, ("flash_temperature",)))
+            coarse = _rough(scene, pairs, COARSE, needs_of(scene, ("flash_temperature",)), like=roughness)
         thermal = prepare_thermal(heating, scene, roughness, quadrature.heat, coarse, COARSE.heat)
     return Prepared(needs, roughness, thermal, scene.shear)
 
 
-def _rough(scene, pairs, quadrature, needs, borders=None, tables=None):
-    """`Roughness` of a scene."""
+def _rough(scene, pairs, quadrature, needs, borders=None, tables=None, like=None):
+    """`Roughness` of a scene; `like`: of the same scene on another mesh, whose tables serve it as well."""
     details = [pair.detail for pair in pairs if pair.detail is not None]
     mesh = build_mesh(
         [pair.law for pair in pairs],
@@ -114,7 +115,12 @@ def _rough(scene, pairs, quadrature, needs, borders=None, tables=None):
         # At rest the stiffness is the same whichever surface it meets.
         mesh, pairs = mesh.joined(functools.partial(difference, scene.correlation)), pairs[:1]
     scale, gamma = modulus_scale(scene), jnp.asarray(scene.gamma)
+    correction = None
+    if like is not None:
+        tables, correction = _tables_of(like, needs), like.correction
     tables = (None,) * len(pairs) if tables is None else tables[: len(pairs)]
+    if correction is None and scene.area_correction and needs.area:
+        correction = correction_table(gamma)
     given = zip(pairs, tables, strict=True)
     return Roughness(
         mesh,
@@ -122,9 +128,23 @@ def _rough(scene, pairs, quadrature, needs, borders=None, tables=None):
         tuple(pair.side for pair in pairs),
         scale,
         gamma,
-        correction_table(gamma) if scene.area_correction and needs.area else None,
+        correction,
         scene.adhesion,
         scene.correlation,
+    )
+
+
+def _tables_of(roughness, needs):
+    """Tables of the means of every contribution that has one, if they are those needed."""
+    found = [getattr(one, "excitation", None) for one in roughness.contributions]
+    return tuple(
+        one.stiffness
+        if one is not None
+        and isinstance(one.stiffness, MeansTable)
+        and one.harmonics is None
+        and one.needs.kinds == needs.kinds
+        else None
+        for one in found
     )
 
 
@@ -158,7 +178,10 @@ def solved(
 
 
 def evaluate(
-    prepared: Prepared, quantities: Iterable[str], points: Iterable[jax.Array]
+    prepared: Prepared,
+    quantities: Iterable[str],
+    points: Iterable[jax.Array],
+    known: tuple[Contact, Temperatures] | None = None,
 ) -> dict[str, jax.Array]:
     """Quantities at points.
 
@@ -167,6 +190,7 @@ def evaluate(
     prepared : Prepared for these quantities at least
     quantities : fields of `Solution`
     points : those of a `Points`
+    known : what `solved` returns for them, or None
 
     Returns
     -------
@@ -179,7 +203,7 @@ def evaluate(
     found = {} if temperature is None else {"flash_temperature": temperature}
     surface = temperature
     if prepared.integrated is not None:
-        contact, temperatures = solved(prepared, velocity, pressure, temperature)
+        contact, temperatures = known or solved(prepared, velocity, pressure, temperature)
         found |= _integrated(contact, parts | {"area"} if sheared else parts)
         if contact.detached is not None:
             found["converged"] = contact.detached.converged

@@ -5,6 +5,7 @@ at `POINTS` points.
 """
 
 import dataclasses
+import functools
 import json
 
 import jax
@@ -351,6 +352,22 @@ def test_fixed_point_and_its_derivatives():
     np.testing.assert_allclose(y, 0.9 * np.cos(1.3 * y), rtol=1e-10)
     sine = 0.9 * np.sin(1.3 * y[0, 0])
     np.testing.assert_allclose([forward, reverse], -sine * y[0, 0] / (1 + 1.3 * sine), rtol=1e-9)
+
+
+def test_what_follows_from_a_linear_fixed_point():
+    """Rows with an eigenvalue of -4, as of friction that rises with velocity, by a solution of the system."""
+    rng = np.random.default_rng(4)
+    f, b, c = 0.1 * rng.standard_normal((3, 6, 6)), rng.standard_normal((3, 6)), rng.standard_normal((3, 6))
+    f[:, 0, 0] = -4.0
+
+    def residual(y):
+        return jnp.einsum("pij,pj->pi", f, y) + b - y, jnp.sum(c * y, 1)
+
+    found = jax.jit(functools.partial(fixed_point.linear_fixed_point, residual))(
+        jnp.zeros((3, 6)), jnp.zeros(3)
+    )
+    wanted = [one @ np.linalg.solve(np.eye(6) - a, right) for a, right, one in zip(f, b, c, strict=True)]
+    np.testing.assert_allclose(found, wanted, rtol=1e-7)
 
 
 def test_a_row_alone_equals_itself_among_others():

@@ -27,10 +27,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from fitting.solvers.evaluation import residual_rows
 from fitting.solvers.losses import factors, rho
 from fitting.solvers.problem import Problem
-from fitting.uncertainty.covariance import OPEN, weighted_rows
+from fitting.uncertainty.covariance import OPEN, data_residuals, linearised, weighted_rows
 from fitting.uncertainty.intervals import SolvedProblem
 
 # Leverage above which a value alone determines a number, and what it is without the value says little.
@@ -108,8 +107,9 @@ def _left_out(solved):
     """Residuals, leverages, and ln p of every value without itself in units of its error."""
     problem, known = solved.problem, solved.uncertainty
     count = problem.targets.measured.size
-    r = residual_rows(problem, solved.x)[:count].astype(float)
-    _, _, jacobian = weighted_rows(problem, known.x)
+    model = linearised(problem, solved.x)
+    r = data_residuals(problem, model).astype(float)
+    _, _, jacobian = weighted_rows(problem, model)
     along = (jacobian[:count] * known.stretch) @ (known.directions * np.minimum(known.deviations, OPEN))
     h = np.clip(np.sum(along**2, axis=1), 0.0, 1 - _ROUNDING)
     if problem.numbers.whitening is not None:

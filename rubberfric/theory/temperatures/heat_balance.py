@@ -203,6 +203,19 @@ def heat_balance(
     return caused
 
 
+def heat_of(
+    thermal: Thermal, roughness: Roughness, contact: Contact, points: Points, surface: jax.Array
+) -> jax.Array:
+    """The rises that a contact at temperatures causes, (points, solids * unknowns) [K], as `heat_balance`.
+
+    surface : temperature of the contact shear [K], shape (points,)
+    """
+    velocity, pressure, _ = points
+    spread = _memories(thermal, thermal.diffusion, velocity)
+    found = _rises(thermal, roughness, spread, contact, (velocity, pressure, surface))
+    return found.reshape(velocity.shape[0], -1)
+
+
 def temperature_at(
     roughness: Roughness,
     contact: Contact,

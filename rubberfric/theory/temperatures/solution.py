@@ -2,9 +2,9 @@ r"""Temperatures of a heated scene: friction heats the solids, which softens the
 
 The branch of solutions is followed on a coarse mesh of the same scene (`branch`), whose derivative J then
 brings the temperatures on the scene's own mesh to their fixed point (`rubberfric.base.fixed_point`):
-with P the map from coarse rises to fine ones and R back,
+with P the map from coarse rises to fine ones, J = P' along a few functions of ln q, and R back to these,
 
-.. math:: (1 - F')^{-1} \approx 1 + J (1 - R J)^{-1} R,\qquad J = P'
+.. math:: (1 - F')^{-1} \approx 1 + J (1 - R J)^{-1} R
 
 Where that does not lead to a solution close by, near folds, the branch is followed on the scene's own mesh.
 """
@@ -18,11 +18,12 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.fixed_point import Inverse, fixed_point, implicit
-from rubberfric.base.quadrature import Quadrature
+from rubberfric.base.quadrature import Quadrature, typed
 from rubberfric.scene.heating import diffusivity
 from rubberfric.theory.stress_fluctuation import Roughness
 from rubberfric.theory.temperatures.branch import arrive, begin_at, path
 from rubberfric.theory.temperatures.heat_balance import (
+    Points,
     Temperatures,
     Thermal,
     heat_balance,
@@ -41,15 +42,17 @@ _COARSE_STEP, _FINE_STEP = 1e-4, 1e-10
 # How far a solution may be from where the branch on the coarse mesh is [K], times det(1 - R J),
 # which is small near folds.
 _CLOSE = 1.0
+# Along how many functions of ln q the derivative J is taken, for every solid.
+_HATS = 12
 # Step of the differences that J is made of [K].
 _STEP = 0.01
 
 
-class _Found(NamedTuple):
-    """Rises at points, and what is known of them."""
+class Rises(NamedTuple):
+    """Temperature rises at points, without derivatives, and what is known of them."""
 
-    rises: jax.Array
-    left: jax.Array  # of the Inverse
+    rises: jax.Array  # (points, unknowns) [K]
+    left: jax.Array  # of the `Inverse`
     converged: jax.Array  # whether they are the fixed point of the branch
 
 
@@ -63,9 +66,22 @@ def solve_temperatures(
         nothing = jnp.zeros((velocity.shape[0], _size(thermal, roughness)), velocity.dtype)
         rises, converged = heat(nothing), jnp.ones_like(velocity, bool)
     else:
-        found = _solution(*without_derivatives((thermal, roughness, points)))
-        inverse = Inverse(found.left, thermal.coarse.restriction)
+        found = solve_rises(thermal, roughness, points)
+        inverse = preconditioner(thermal, found)
         rises, converged = implicit(heat, found.rises, inverse), found.converged
+    return temperatures_of(thermal, roughness, rises, background, converged)
+
+
+def preconditioner(thermal: Thermal, found: Rises) -> Inverse:
+    """The `Inverse` that belongs to rises."""
+    assert thermal.coarse is not None
+    return Inverse(found.left, _hats(thermal, thermal.coarse)[0])
+
+
+def temperatures_of(
+    thermal: Thermal, roughness: Roughness, rises: jax.Array, background: jax.Array, converged: jax.Array
+) -> Temperatures:
+    """`Temperatures` from rises at the unknowns, shape (points, unknowns) [K]."""
     inside, flash = inner_temperatures(thermal, roughness.mesh, rises, background)
     surface = shear_temperature(thermal.heating, flash, background)
     return Temperatures(thermal, inside, flash, surface, converged)
@@ -76,10 +92,12 @@ def _size(thermal, roughness):
     return len(thermal.exciting) * (roughness.mesh.angular_q.size + 1)
 
 
-def _solution(thermal, roughness, points):
-    """`_Found` on the branch of the scene, without derivatives."""
+def solve_rises(thermal: Thermal, roughness: Roughness, points: Points) -> Rises:
+    """`Rises` on the branch of a scene that has a coarse one."""
+    thermal, roughness, points = without_derivatives((thermal, roughness, points))
     targets = jnp.log(jnp.maximum(jnp.abs(points[0]), _REST))
     coarse = thermal.coarse
+    assert coarse is not None
     places = _places(thermal, points, targets)
     residual = _residual(thermal, coarse.roughness, coarse.diffusion, points)
     found = _refined(thermal, roughness, points, *arrive(residual, places, targets, _COARSE_STEP))
@@ -174,19 +192,29 @@ def _places(thermal, points, targets):
 
 
 def _refined(thermal, roughness, points, guess, arrived):
-    """`_Found` from rises on the coarse mesh."""
+    """`Rises` from rises on the coarse mesh."""
     coarse = thermal.coarse
-    restrict = coarse.restriction
+    restrict, along, at = _hats(thermal, coarse)
     prolong = heat_balance(thermal, coarse.roughness, coarse.prolonged, points)
     # J by differences: it need not be exact.
-    basis = jnp.eye(guess.shape[1], dtype=guess.dtype)
-    moved = jax.vmap(lambda step: prolong(guess + _STEP * step))(jnp.vstack([0 * basis[:1], basis]))
-    rises, J = moved[0], jnp.moveaxis(moved[1:] - moved[0], 0, -1) / _STEP  # points, fine, coarse
-    matrix = basis - jnp.einsum("cf,pfd->pcd", restrict, J)
+    steps = typed(np.vstack([0 * along[:1], along]), guess)
+    moved = jax.vmap(lambda step: prolong(guess + _STEP * step))(steps)
+    rises, J = moved[0], jnp.moveaxis(moved[1:] - moved[0], 0, -1) / _STEP  # points, fine, hats
+    matrix = jnp.eye(len(along), dtype=guess.dtype) - jnp.einsum("cf,pfd->pcd", restrict, J)
     left = jnp.einsum("pfc,pcd->pfd", J, jnp.linalg.inv(matrix))
-    start = rises + jnp.einsum("pfc,pc->pf", left, rises @ restrict.T - guess)
+    start = rises + jnp.einsum("pfc,pc->pf", left, rises @ restrict.T - guess[:, at])
     heat = heat_balance(thermal, roughness, thermal.diffusion, points)
     found, reached = fixed_point(heat, start, Inverse(left, restrict))
     close = _CLOSE * jnp.clip(jnp.linalg.det(matrix), 0.0, 1.0)
     near = jnp.max(jnp.abs(found - start), -1) <= close
-    return _Found(found, left, arrived & reached & near)
+    return Rises(found, left, arrived & reached & near)
+
+
+def _hats(thermal, coarse):
+    """Restriction to some of the coarse unknowns, linear functions between them, (some, all), and which."""
+    solids = len(thermal.exciting)
+    size = _size(thermal, coarse.roughness) // solids
+    some = np.unique(np.linspace(0, size - 1, min(size, _HATS)).round().astype(int))
+    hats = np.stack([np.interp(np.arange(size), some, row) for row in np.eye(some.size)])
+    at = (size * np.arange(solids)[:, None] + some).reshape(-1)
+    return coarse.restriction[at], np.kron(np.eye(solids), hats), at

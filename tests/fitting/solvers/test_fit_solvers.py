@@ -18,6 +18,7 @@ from fitting import Bounded, Free, FrictionData, ModulusData, Positive, Smooth, 
 from fitting.parameters.variables import to_values
 from fitting.solvers.iterate import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, PERFECT
 from fitting.solvers.losses import WIDTHS
+from fitting.solvers.methods import steps
 from fitting.solvers.methods.first_order import LBFGS, Adam
 from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import make_problem
@@ -69,6 +70,28 @@ def master(loss="linear"):
 
 def with_data(problem, measured):
     return problem._replace(targets=problem.targets._replace(measured=np.log(measured)))
+
+
+def test_spared_evaluations_reach_the_same_minima(monkeypatch):
+    """As where a model takes long: side by side, one evaluation with derivatives for every step."""
+    problem = master()
+    starts = problem.start + 0.4 * np.random.default_rng(2).standard_normal((6, problem.start.size))
+    usual = run(LM, problem, starts)
+    monkeypatch.setattr(steps, "takes_long", lambda *_: True)
+    spared = run(LM, problem, starts)
+    np.testing.assert_array_equal(spared.status, CONVERGED)
+    np.testing.assert_allclose(spared.cost, usual.cost, rtol=1e-8)
+    np.testing.assert_allclose(spared.x, usual.x, atol=1e-4)
+    np.testing.assert_array_equal(spared.nfev, spared.njev)
+    assert np.all(2 * spared.nfev <= usual.nfev), (spared.nfev, usual.nfev)
+    held = problem.targets._replace(moving=np.array([1.0, 0.0, 1.0, 1.0, 1.0]))
+    end = run(LM, problem._replace(targets=held), starts[:1]).row(0)
+    assert end.status == CONVERGED and end.x[1] == starts[0, 1] and end.nfev <= spared.nfev[0] + 2
+    alone = run(LM, problem, starts[3:4]).row(0)
+    assert alone.nfev == spared.nfev[3]
+    np.testing.assert_allclose(alone.x, spared.x[3], rtol=1e-10)
+    # Robust losses have steps of their own.
+    assert run(LM, master("cauchy"), master("cauchy").start[None]).nfev[0] > 4
 
 
 def best(problem, starts, solver=LM):

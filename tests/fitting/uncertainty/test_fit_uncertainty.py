@@ -152,6 +152,26 @@ def test_an_unknown_error_is_estimated_from_the_scatter():
     np.testing.assert_allclose(np.log(high / low), 2 * t * deviation, rtol=1e-6)
 
 
+def test_one_unknown_error_takes_no_second_fit():
+    """All errors scale alike: the minimum stays, and cost and bars are those of a fit with the estimate."""
+    data = modulus_data(noise=0.05, given=False)
+    assumed = fit(SCENE, data, BOTH, scale_errors=False)
+    result = fit(SCENE, data, BOTH)
+    assert (result.nfev, result.njev) == (assumed.nfev, assumed.njev)
+    np.testing.assert_array_equal(result.x, assumed.x)
+    values = np.split(data.measured, 2)
+    given = fit(SCENE, ModulusData(OMEGA, *values, relative=result.estimated[0]), BOTH)
+    assert result.cost == pytest.approx(given.cost, rel=1e-8)
+    np.testing.assert_allclose(result.values, given.values, rtol=1e-6)
+    np.testing.assert_allclose(result.stderr, given.stderr, rtol=1e-6)
+    # A prior does not scale with them, nor do two data sets with errors of their own.
+    known = {E_INF: Gaussian(3e6, 3e4)}
+    again = fit(SCENE, data, BOTH, prior=known)
+    assert again.njev > fit(SCENE, data, BOTH, prior=known, scale_errors=False).njev
+    fine = modulus_data(noise=0.01, seed=1, given=False)
+    assert fit(SCENE, [data, fine], BOTH).njev > fit(SCENE, [data, fine], BOTH, scale_errors=False).njev
+
+
 def test_two_sets_of_unknown_errors_are_told_apart():
     fine = modulus_data(noise=0.01, seed=1, omega=np.logspace(-1, 7, 60), given=False)
     coarse = modulus_data(noise=0.08, seed=2, omega=np.logspace(-1, 7, 70), given=False)

@@ -17,6 +17,10 @@ TABLE = rf.TabulatedModulus(
 )
 WORN = rf.SelfAffine(150.0, 2000.0, 5e4, 0.7, 5e-5)
 PLATE = rf.TabulatedSpectrum(np.logspace(2, 5, 6), np.geomspace(1e-12, 1e-20, 6))
+STIFF_TABLE = rf.TabulatedModulus(
+    np.logspace(-2, 7, 12), np.geomspace(1e7, 2e9, 12), np.geomspace(1e6, 2e8, 12), shift=WLF
+)
+HOT = rf.Heating(1.2e3, 1.6e3, 0.2, 2e-3, 0.2)
 SCENES = {
     "smooth rubber": rf.Scene(rf.Body(RIGID, ROAD), rf.Body(TREAD)),
     "sheared": rf.Scene(rf.Body(RIGID, ROAD), rf.Body(TREAD), shear=SHEAR),
@@ -51,6 +55,12 @@ def arguments(scene, count):
     return scene_of, jnp.zeros(sum(leaf.size for leaf in leaves)), conditions
 
 
+HEATED = {
+    "table": rf.Scene(
+        rf.Body(RIGID, PLATE), rf.Body(TABLE), 0.6, area_correction=True, shear=SHEAR, heating=HOT
+    ),
+    "two tables": rf.Scene(rf.Body(STIFF_TABLE, PLATE), rf.Body(TABLE, WORN), heating=HOT),
+}
 ORDINARY = {("sheared", "friction")}
 CASES = [
     pytest.param(name, quantity, marks=() if (name, quantity) in ORDINARY else pytest.mark.slow)
@@ -77,6 +87,27 @@ def test_equals_forward_mode(name, quantity):
     scale = np.abs(expected).max(1, keepdims=True) + np.abs(np.asarray(values))[:, None]
     assert np.max(np.abs(jacobian - expected) / scale) < 1e-12
     assert np.any(expected != 0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", HEATED)
+def test_of_a_heated_table_equals_that_of_the_solver(name):
+    """Along two directions of all numbers; temperatures are iterated, and so are their derivatives."""
+    of_leaves, leaves, conditions = arguments(HEATED[name], 4)
+    directions = 0.3 * np.random.default_rng(5).standard_normal((2, leaves.size))
+
+    def scene_of(x):
+        return of_leaves(leaves + x @ directions)
+
+    def plain(x):
+        return rf.solve(scene_of(x), *conditions, quadrature=COARSE, quantities=("friction",)).friction
+
+    x = jnp.zeros(2)
+    values, jacobian = compiled(scene_of, x, conditions, "friction")
+    value, push = jax.jit(lambda x: jax.jvp(plain, (x,), (jnp.array([1.0, -0.5]),)))(x)
+    np.testing.assert_allclose(values, value, rtol=1e-11)
+    np.testing.assert_allclose(jacobian @ jnp.array([1.0, -0.5]), push, rtol=1e-7)
+    assert np.all(np.abs(push) > 1e-3 * value)
 
 
 @pytest.mark.slow

@@ -1,0 +1,203 @@
+r"""Least squares with few evaluations: residuals as quadratic functions, whose curvature secants tell.
+
+.. math:: r(x + d) \approx r + J d + \tfrac12 d^T H d,\qquad H_+ d = J_+ - J
+
+H of every residual changes by the least symmetric matrix that a new Jacobian asks for [Brown & Dennis, New
+computational algorithms for minimizing a sum of squares of nonlinear functions, Yale University report 71-6
+(1971); Powell's symmetric Broyden update]. The next move minimises the sum of squares of these functions
+within a radius of trust, which costs nothing beside a model that takes longer than all that is done with it.
+Where residuals stay large at the minimum, Gauss-Newton steps shrink by a constant factor only; these end as
+Newton's do, and a step that failed tells how residuals bend where the next one goes.
+
+NumPy, one fit at a time. All memory is that of H: (rows, size, size).
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.solvers.iterate import (
+    CONVERGED,
+    NEAR,
+    NOT_FINITE,
+    PERFECT,
+    PRECISE,
+    RUNNING,
+    STALLED,
+    Iterate,
+)
+from fitting.solvers.methods.levenberg_marquardt import LONGEST
+
+# Radius of trust at the begin, in x, where a Positive parameter moves by a factor e; and where a fit stalls.
+_FIRST, _LAST = 1.0, 1e-9
+# Part of the promised gain that a radius is trusted for, or not.
+_MUCH, _LITTLE = 0.75, 0.25
+# Least damping of the inner problem over the largest singular value squared, what it is divided by until the
+# move is longer than it may be, and how often the last two are halved, in the logarithm.
+_SOFTEST, _SOFTER, _HALVINGS = 1e-16, 4.0, 2
+_INNER_STEPS, _INNER_TRIALS = 30, 12
+# An eigenvalue over the largest that is 0, as of what does not move in a profile.
+_FLAT = 1e-13
+# A kink at the minimum, as the shift factors of a table make, or noise may hide the last of the way. So a fit
+# ends where as many evaluations together gained less than this part of what is of no account, and the linear
+# functions promise no more than so many times that.
+_EVALUATIONS, _GAINED, _PROMISED = 3, 0.1, 10.0
+
+
+class Known(NamedTuple):
+    """What a fit keeps from one step to the next; arrays, for one fit or with an axis of several before."""
+
+    rows: np.ndarray  # residuals at x, (rows,)
+    jacobian: np.ndarray  # (rows, size)
+    bends: np.ndarray  # H, (rows, size, size)
+    radius: np.ndarray  # of trust
+    costs: np.ndarray  # before each of the last evaluations, the latest last
+
+
+def begun(x: np.ndarray, rows: np.ndarray, jacobian: np.ndarray) -> Iterate:
+    """The iterate of a fit before its first step, from residuals (rows,) and Jacobian (rows, size) at x."""
+    finite = np.isfinite(rows).all() and np.isfinite(jacobian).all()
+    bends, costs = np.zeros((*jacobian.shape, x.size)), np.full(_EVALUATIONS, np.inf)
+    known = Known(rows, jacobian, bends, np.asarray(_FIRST), costs)
+    cost = 0.5 * np.sum(rows**2) if finite else np.asarray(np.nan)
+    one = np.asarray(1)
+    return Iterate(x, cost, np.asarray(RUNNING if finite else NOT_FINITE), one, one, known)
+
+
+def proposed(iterate: Iterate, longest: float = LONGEST) -> np.ndarray:
+    """The next move, shape (size,): at most `longest` in any x."""
+    known = iterate.own
+    largest = np.linalg.norm(known.jacobian, 2) ** 2
+
+    def within(move):
+        return np.linalg.norm(move) <= known.radius and np.max(np.abs(move)) <= longest
+
+    move = nothing = np.zeros(known.jacobian.shape[1])
+    if not largest > 0:  # nothing to gain, and no step
+        return nothing
+    free = _least(known, _SOFTEST * largest, nothing)
+    if within(free):
+        return free
+    # So stiff that the linear functions' move is half as long as it may be.
+    stiff = 2 * np.linalg.norm(known.jacobian.T @ known.rows) / min(float(known.radius), longest)
+    further = _least(known, stiff, nothing)
+    while not within(further):
+        stiff *= _SOFTER**2
+        further = _least(known, stiff, nothing)
+    soft, move = stiff / _SOFTER, further
+    while within(further := _least(known, soft, move)) and soft > _SOFTEST * largest:
+        stiff, move, soft = soft, further, soft / _SOFTER
+    for _ in range(_HALVINGS):
+        between = np.sqrt(stiff * soft)
+        if within(further := _least(known, between, move)):
+            stiff, move = between, further
+        else:
+            soft = between
+    return move
+
+
+def taken(
+    iterate: Iterate,
+    move: np.ndarray,
+    rows: np.ndarray,
+    jacobian: np.ndarray,
+    *,
+    tolerance: float = 1e-9,
+    rounding: float = 0.0,
+    longest: float = LONGEST,
+) -> Iterate:
+    """The iterate after a move.
+
+    Parameters
+    ----------
+    iterate, move : before it
+    rows, jacobian : where it leads
+    tolerance : done when the linear model promises a lower cost by less than this part of it
+    rounding : cost below which the residuals are met perfectly
+    longest : as of `proposed`
+    """
+    known, before = iterate.own, float(iterate.cost)
+    finite = bool(np.isfinite(rows).all() and np.isfinite(jacobian).all())
+    cost = 0.5 * float(np.sum(rows**2)) if finite else np.inf
+    length, accepted = float(np.linalg.norm(move)), cost < before
+    share = (before - cost) / max(_promise(known, move), np.finfo(float).tiny)
+    radius = float(known.radius)
+    if share > _MUCH:
+        radius = max(radius, 2 * length)
+    elif share < _LITTLE:
+        radius = 0.5 * min(length, radius)
+    bends = _bent(known, move, jacobian) if finite and length > 0 else known.bends
+    new = known._replace(bends=bends, radius=np.asarray(radius), costs=np.append(known.costs[1:], before))
+    if accepted:
+        new = new._replace(rows=rows, jacobian=jacobian)
+    lowest = min(cost, before)
+    promised = _linear_promise(new, longest)
+    of_no_account = NEAR * max(lowest, 1.0)
+    near = promised <= _PROMISED * of_no_account
+    # Data that are met need not end there, their cost falls on to rounding.
+    hidden = near and lowest > 20 * NEAR and new.costs[0] - lowest <= _GAINED * of_no_account
+    if lowest <= rounding:
+        status = PERFECT
+    elif promised <= tolerance * lowest + 0.02 * np.sqrt(rounding * lowest):
+        status = CONVERGED
+    elif hidden or radius < _LAST:
+        status = PRECISE if near else STALLED
+    else:
+        status = RUNNING
+    x = iterate.x + move.astype(iterate.x.dtype) if accepted else iterate.x
+    return Iterate(x, np.asarray(lowest), np.asarray(status), iterate.nfev + 1, iterate.njev + 1, new)
+
+
+def _at(known, move):
+    """Residuals and Jacobian of the quadratic functions."""
+    bent = known.bends @ move
+    return known.rows + known.jacobian @ move + 0.5 * bent @ move, known.jacobian + bent
+
+
+def _promise(known, move):
+    """What the quadratic functions promise of a move."""
+    return 0.5 * float(np.sum(known.rows**2) - np.sum(_at(known, move)[0] ** 2))
+
+
+def _linear_promise(known, longest):
+    """What the linear functions promise, but for directions so flat that it would take a longer step."""
+    U, s, _ = np.linalg.svd(known.jacobian, full_matrices=False)
+    along = np.abs(U.T @ known.rows)
+    return float(np.sum(np.minimum(0.5 * along**2, along * s * longest)))
+
+
+def _least(known, damping, move):
+    """The minimum of the quadratic functions' squares and damping d^2, by damped Newton steps from a move."""
+    one = np.eye(move.size)
+    (rows, jacobian), extra = _at(known, move), 0.0
+    cost = rows @ rows + damping * move @ move
+    for _ in range(_INNER_STEPS):
+        gradient, plain = jacobian.T @ rows + damping * move, jacobian.T @ jacobian + damping * one
+        hessian = plain + np.tensordot(rows, known.bends, 1)
+        values = np.linalg.eigvalsh(hessian)
+        if values[0] < -_FLAT * np.abs(values).max():  # no minimum that way
+            hessian = plain
+        largest = np.trace(plain)
+        for _ in range(_INNER_TRIALS):
+            there = move - np.linalg.solve(hessian + max(extra, 2 * _FLAT * largest) * one, gradient)
+            found = _at(known, there)
+            lower = found[0] @ found[0] + damping * there @ there
+            if lower < cost:
+                break
+            extra = max(10 * extra, 1e-6 * largest)
+        else:
+            return move
+        gain = cost - lower
+        move, (rows, jacobian), cost, extra = there, found, lower, 0.1 * extra
+        if gain <= 1e-14 * cost:
+            return move
+    return move
+
+
+def _bent(known, move, jacobian):
+    """H after a move that led to a Jacobian."""
+    unit, length = move / np.linalg.norm(move), np.linalg.norm(move)
+    left = (jacobian - known.jacobian) / length - known.bends @ unit
+    both = left[:, :, None] * unit
+    along = (left @ unit)[:, None, None] * np.outer(unit, unit)
+    return known.bends + both + np.swapaxes(both, 1, 2) - along

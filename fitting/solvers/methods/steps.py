@@ -1,0 +1,171 @@
+"""Steps of several fits side by side: their beginning and the next, of every method.
+
+Of least squares the model is computed by one program, and what is done with it by others, as the model takes
+all of the time to compile. Where it takes long to compute as well, as that of a heated scene does, every
+evaluation has derivatives and is one step (`fitting.solvers.methods.brown_dennis`); else a step of
+Levenberg-Marquardt is four.
+"""
+
+import functools
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from fitting.parameters.variables import Array
+from fitting.solvers.evaluation import evaluate, takes_long
+from fitting.solvers.iterate import RUNNING, Iterate, begin
+from fitting.solvers.methods import brown_dennis
+from fitting.solvers.methods.levenberg_marquardt import PROBE, LevenbergMarquardt, bent, planned, taken
+from fitting.solvers.options import Solver
+from fitting.solvers.problem import Numbers, Structure, Targets
+from fitting.solvers.residuals import (
+    in_errors,
+    loss_of,
+    objective,
+    rounding,
+    slopes_in_errors,
+)
+
+# Numbers of the curvature of all residuals: beyond, to keep it takes longer than to compute the model.
+_MOST_BENDS = 1_000_000
+
+
+@functools.partial(jax.jit, static_argnums=(0, 1))
+def _init(solver, structure, numbers, targets, x):
+    return jax.vmap(lambda targets, x: solver.init(objective(structure, numbers, targets), x))(targets, x)
+
+
+@functools.partial(jax.jit, static_argnums=(0, 1))
+def _step(solver, structure, numbers, targets, iterate):
+    return jax.vmap(lambda targets, iterate: solver.step(objective(structure, numbers, targets), iterate))(
+        targets, iterate
+    )
+
+
+@functools.partial(jax.jit, static_argnums=(0, 1))
+def _begun(solver, structure, numbers, targets, x, rows):
+    def one(targets, x, rows):
+        cost = loss_of(structure, numbers).cost(in_errors(structure, numbers, targets, rows))
+        return begin(cost, x, jnp.asarray(solver.damping, x.dtype))
+
+    return jax.vmap(one)(targets, x, rows)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _planned(structure, numbers, targets, iterate, rows, slopes):
+    def one(targets, iterate, rows, slopes):
+        plain = in_errors(structure, numbers, targets, rows)
+        jacobian = slopes_in_errors(structure, numbers, targets, slopes)
+        plan = planned(plain, jacobian, iterate, loss_of(structure, numbers))
+        return plan, iterate.x + PROBE * plan.velocities
+
+    return jax.vmap(one)(targets, iterate, rows, slopes)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _bent(structure, numbers, targets, iterate, plan, ahead):
+    def one(targets, iterate, plan, ahead):
+        moves = bent(plan, jax.vmap(lambda rows: in_errors(structure, numbers, targets, rows))(ahead))
+        return moves, iterate.x + moves
+
+    return jax.vmap(one)(targets, iterate, plan, ahead)
+
+
+@functools.partial(jax.jit, static_argnums=(0, 1))
+def _taken(solver, structure, numbers, targets, iterate, plan, moves, tried):
+    def one(targets, iterate, plan, moves, tried):
+        return taken(
+            plan,
+            moves,
+            jax.vmap(lambda rows: in_errors(structure, numbers, targets, rows))(tried),
+            iterate,
+            loss_of(structure, numbers),
+            tolerance=solver.tolerance,
+            rounding=rounding(structure, targets),
+        )
+
+    return jax.vmap(one)(targets, iterate, plan, moves, tried)
+
+
+def start(solver: Solver, structure: Structure, numbers: Numbers, targets: Targets, x: Array) -> Iterate:
+    """Iterates of several fits at their start vectors; arguments but the first three with a leading axis."""
+    if not isinstance(solver, LevenbergMarquardt):
+        return _init(solver, structure, numbers, targets, x)
+    if _sparing(structure, numbers, targets, x):
+        found = _weighed(structure, numbers, targets, *evaluate(structure, numbers, x, slopes=True))
+        each = zip(np.asarray(x), *map(np.asarray, found[:2]), strict=True)
+        return _side_by_side([brown_dennis.begun(*one) for one in each])
+    rows, _ = evaluate(structure, numbers, x)
+    return _begun(solver, structure, numbers, targets, x, rows)
+
+
+def advance(
+    solver: Solver, structure: Structure, numbers: Numbers, targets: Targets, iterate: Iterate
+) -> Iterate:
+    """Iterates after one step each."""
+    if not isinstance(solver, LevenbergMarquardt):
+        return _step(solver, structure, numbers, targets, iterate)
+    running = np.flatnonzero(np.asarray(iterate.status) == RUNNING)
+    if running.size == 0:
+        return iterate
+    if _sparing(structure, numbers, targets, iterate.x):
+        return _moved(solver, structure, numbers, targets, iterate, running)
+
+    def of_running(x, slopes=False):
+        """Rows at x, shape (fits, ..., size); those of fits that are done are never looked at."""
+        x = np.asarray(x)
+        shape = x.shape[1:-1]
+        rows, derivatives = evaluate(structure, numbers, x[running].reshape(-1, x.shape[-1]), slopes)
+        shapes = [part.reshape(running.size, *shape, *part.shape[1:]) for part in (rows, derivatives)]
+        return [_filled(part, running, len(x)) for part in shapes]
+
+    plan, ahead = _planned(structure, numbers, targets, iterate, *of_running(iterate.x, slopes=True))
+    moves, trials = _bent(structure, numbers, targets, iterate, plan, of_running(ahead)[0])
+    return _taken(solver, structure, numbers, targets, iterate, plan, moves, of_running(trials)[0])
+
+
+def _sparing(structure, numbers, targets, x):
+    """Whether evaluations are to be spared: the model takes long, and residuals may bend."""
+    size = np.shape(x)[-1]
+    few = np.shape(targets.measured)[-1] * size**2 <= _MOST_BENDS
+    return few and structure.loss == "linear" and takes_long(structure, numbers)
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _weighed(structure, numbers, targets, rows, slopes):
+    def one(targets, rows, slopes):
+        plain = in_errors(structure, numbers, targets, rows)
+        return plain, slopes_in_errors(structure, numbers, targets, slopes), rounding(structure, targets)
+
+    return jax.vmap(one)(targets, rows, slopes)
+
+
+def _moved(solver, structure, numbers, targets, iterate, running):
+    """Iterates after one evaluation each, of fits whose evaluations are spared."""
+    each = [jax.tree.map(lambda a, i=i: np.asarray(a)[i], iterate) for i in range(len(iterate.status))]
+    moves = {i: brown_dennis.proposed(each[i]) for i in running}
+    x = np.stack([one.x for one in each])
+    for i, move in moves.items():
+        x[i] += move.astype(x.dtype)
+    found = evaluate(structure, numbers, x[running], slopes=True)
+    rows, slopes = (_filled(part, running, len(x)) for part in found)
+    rows, slopes, least = map(np.asarray, _weighed(structure, numbers, targets, rows, slopes))
+    for i, move in moves.items():
+        each[i] = brown_dennis.taken(
+            each[i], move, rows[i], slopes[i], tolerance=solver.tolerance, rounding=float(least[i])
+        )
+    return _side_by_side(each)
+
+
+def _filled(part, which, count):
+    """Arrays of some fits among those of all, zeros elsewhere."""
+    whole = np.zeros((count, *part.shape[1:]), part.dtype)
+    whole[which] = part
+    return whole
+
+
+def _side_by_side(iterates: list[Iterate]) -> Any:
+    """One iterate with an axis of fits."""
+    return jax.tree.map(lambda *a: np.stack(a), *iterates)
