@@ -48,7 +48,7 @@ AT_REST: Rule = (
 )
 
 # Points evaluated at once; with adhesion of short range each has a matrix of all its nodes.
-BLOCK, ADHESIVE_BLOCK = 512, 8
+BLOCK, ADHESIVE_BLOCK = 512, 64
 
 
 def contact_area(

@@ -29,9 +29,8 @@ def _elastic(work=None, young=1e7, **options):
 def _at_nodes(boundary, end=4.0, order=12):
     """t at the nodes, and A there."""
     edges = np.concatenate([[0.0], end * 2.0 ** np.arange(-10, 1)])
-    t = (edges[:-1, None] + np.diff(edges)[:, None] * gauss(order)[0])[:, None]
-    x = jnp.asarray(np.minimum(0.5 / np.sqrt(t), 27.0))
-    return t, jax.jit(passage)(x, jnp.asarray(boundary(t) ** 2))
+    t = (edges[:-1, None] + np.diff(edges)[:, None] * gauss(order)[0])[..., None]
+    return t, jax.jit(passage)(jnp.asarray(t), jnp.asarray(boundary(t) ** 2))
 
 
 def _passed(boundary):
@@ -97,8 +96,9 @@ def test_a_vanishing_work_is_contact_without_adhesion():
     pressure = np.array([1e3, 1e5, 1e6])
     fine = rf.Quadrature()
     plain = rf.contact_area(_elastic(), 0.0, pressure, quadrature=fine)
-    found = rf.contact_area(_elastic(1e-12), 0.0, pressure, quadrature=fine)
-    np.testing.assert_allclose(found, plain, rtol=1e-12)
+    # The area that it saves from the finest roughness is in proportion to the work, 1e-9 of all at 1e-12.
+    found = rf.contact_area(_elastic(1e-18), 0.0, pressure, quadrature=fine)
+    np.testing.assert_allclose(found, plain, rtol=1e-13)
 
 
 def test_adhesion_enlarges_the_area_up_to_full_contact():
