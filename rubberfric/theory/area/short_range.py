@@ -32,6 +32,9 @@ from rubberfric.theory.partial_contact import contact_argument, contact_fraction
 # Panels of a point, besides those between kinks, and their nodes.
 PANELS, ORDER = 5, 12
 
+# Of the iteration: second derivatives are the worse for what it leaves.
+_TOLERANCE = 1e-11
+
 # 1 / (2 sqrt t) where nothing is absorbed.
 _BEFORE_ALL = 27.0
 
@@ -178,9 +181,8 @@ def detach(mesh: Mesh, plain: Plain, adhesion: Adhesion, gamma: jax.Array) -> De
     energies = _up_to(partial), _up_to(plain.energy)
     balance = _balance(mesh, plain, adhesion, gamma, energies, jnp.sum(partial, (0, 2)))
     still = jax.lax.stop_gradient(balance)
-    solution, converged = fixed_point(still, still.start())
-    # Once more, for second derivatives are the worse for what a tolerance leaves.
-    ratio, whole = balance.parts(implicit(balance, still(solution)))
+    solution, converged = fixed_point(still, still.start(), tolerance=_TOLERANCE)
+    ratio, whole = balance.parts(implicit(balance, solution))
     at = balance.nodes(whole)
     final, work, _ = balance.energies(ratio, whole, at)
     # At the nodes of the mesh.
