@@ -47,7 +47,7 @@ AT_REST: Rule = (
     lambda v: v == 0,
 )
 
-# Points evaluated at once; with adhesion of short range each has a matrix of all its nodes.
+# Points evaluated at once; with adhesion of short range each has a matrix of its nodes.
 BLOCK, ADHESIVE_BLOCK = 512, 64
 
 

@@ -3,12 +3,12 @@ r"""Panels of every point of its own, over the wavevectors at which its contact 
 The mesh of the roughness (`rubberfric.roughness.mesh`) serves all loads, and most of its panels are where
 only one load in many needs them. A point needs some seventy nodes of its own: from where roughness first
 takes contact away, or from where the detachment stress begins, with borders at the kinks of the spectra.
-With l = ln(q/q0) from the first wavevector (`log_q`), l_0 where the panels begin and y the coordinate of a
-panel
+With l = ln(q/q0) from the first wavevector (`log_q`), l_0 where the detachment stress begins and y the
+coordinate of a panel
 
 .. math:: l = l_0 + (l_1 - l_0)\, y^2,\qquad l = l_0 + (l_k - l_0) \Big(\frac{l_{k+1} - l_0}{l_k - l_0}\Big)^y
 
-of the first and the others: what begins as the square root of l - l_0 is smooth in y.
+of the one that begins at l_0 and the others: what begins as the square root of l - l_0 is smooth in y.
 """
 
 from typing import NamedTuple
@@ -21,8 +21,8 @@ from rubberfric.base.quadrature import gauss, legendre_transform, typed
 from rubberfric.roughness.mesh import Mesh
 
 # Panels are even in ln g over the first and log_q over the second number, but for this power of their order:
-# closer where the detachment stress begins. Of those tried the least error with five panels.
-_RISE, _SPAN, _CLOSER = 3.0, 1.2, 1.8
+# closer where the detachment stress begins. Of those tried the least error with six panels.
+_RISE, _SPAN, _CLOSER = 5.0, 1.2, 1.5
 
 
 class Table(NamedTuple):
@@ -109,6 +109,7 @@ def _share(value, low, high):
 class Panels(NamedTuple):
     """Own panels of points."""
 
+    origin: jax.Array  # l_0, (points,)
     borders: jax.Array  # log_q, rising, (panels + 1, points)
     log_q: jax.Array  # of the nodes, (panels, order, points)
     weight: jax.Array  # of an integral over log_q
@@ -118,8 +119,8 @@ class Panels(NamedTuple):
         order, point = values.shape[1], np.arange(log_q.shape[1])
         panel = jnp.sum(self.borders[1:-1, None] <= log_q, 0)
         left, right = (self.borders.at[k, point].get(mode="promise_in_bounds") for k in (panel, panel + 1))
-        low, high = left - self.borders[0], right - self.borders[0]
-        rise = jnp.clip(log_q - self.borders[0], low, high)
+        low, high = left - self.origin, right - self.origin
+        rise = jnp.clip(log_q - self.origin, low, high)
         apart = (low > 0) & (high > low)
         ratio = jnp.log(jnp.where(apart, high / jnp.where(apart, low, 1.0), 2.0))
         later = jnp.log(jnp.where(apart, rise / jnp.where(apart, low, 1.0), 1.0)) / ratio
@@ -130,12 +131,15 @@ class Panels(NamedTuple):
         return jnp.sum(chosen * _legendre(y, order), -1)
 
 
-def panels_from(begin: jax.Array, table: Table, log_g: jax.Array, count: int, order: int) -> Panels:
+def panels_from(
+    begin: jax.Array, origin: jax.Array, table: Table, log_g: jax.Array, count: int, order: int
+) -> Panels:
     """Panels from a first log_q on.
 
     Parameters
     ----------
-    begin : l_0, (points,)
+    begin : where they begin, (points,)
+    origin : l_0, there or before
     table : Table
     log_g : ln g at the positions of the table, (nodes, points)
     count : panels, to which those between kinks are added
@@ -143,7 +147,7 @@ def panels_from(begin: jax.Array, table: Table, log_g: jax.Array, count: int, or
 
     Returns
     -------
-    Panels; those whose kinks lie before l_0 are without width
+    Panels; those whose kinks lie before are without width
     """
     end, points = table.borders[-1], begin.shape[0]
     # Between kinks it does not matter where the borders are: they carry no derivatives.
@@ -160,10 +164,10 @@ def panels_from(begin: jax.Array, table: Table, log_g: jax.Array, count: int, or
     inner = jnp.where(inner > begin, jnp.where(inner < end, inner, end), begin)
     borders = jnp.concatenate([begin[None], jnp.sort(inner, 0), jnp.broadcast_to(end, (1, points))])
     node, weight = (typed(one, begin)[:, None] for one in gauss(order))
-    rise = borders - begin
+    rise = borders - origin
     low, high = rise[:-1, None], rise[1:, None]
     apart = (low > 0) & (high > low)
     ratio = jnp.log(jnp.where(apart, high / jnp.where(apart, low, 1.0), 1.0))
     later, begins = low * jnp.exp(ratio * node), ~(low > 0)
-    nodes = begin + jnp.where(begins, high * node**2, later)
-    return Panels(borders, nodes, jnp.where(begins, 2 * high * node, ratio * later) * weight)
+    nodes = origin + jnp.where(begins, high * node**2, later)
+    return Panels(origin, borders, nodes, jnp.where(begins, 2 * high * node, ratio * later) * weight)

@@ -30,10 +30,10 @@ from rubberfric.theory.area.own_panels import Panels, Table, inverse, panels_fro
 from rubberfric.theory.partial_contact import contact_argument, contact_fraction, energy_factor
 
 # Panels of a point, besides those between kinks, and their nodes.
-PANELS, ORDER = 5, 12
+PANELS, ORDER = 6, 12
 
 # Of the iteration: second derivatives are the worse for what it leaves.
-_TOLERANCE = 1e-11
+_TOLERANCE = 1e-12
 
 # 1 / (2 sqrt t) where nothing is absorbed.
 _BEFORE_ALL = 27.0
@@ -111,8 +111,8 @@ class Balance(NamedTuple):
 
     def nodes(self, whole: jax.Array) -> _Nodes:
         """The panels that belong to gamma_eff of all roughness."""
-        begin = self._begin(whole)
-        panels = panels_from(begin, self.table, self.log_g, PANELS, ORDER)
+        begin, origin = self._begin(whole)
+        panels = panels_from(begin, origin, self.table, self.log_g, PANELS, ORDER)
         shape = panels.log_q.shape
         found = self.table(panels.log_q.reshape(-1, shape[-1]), (0, 1, 2))
         g, energy, roughness, stretch = (values.reshape(shape) for values in found)
@@ -131,7 +131,7 @@ class Balance(NamedTuple):
         )
 
     def _begin(self, whole):
-        """Where the panels begin: before it nothing is absorbed, or sigma_a = 0."""
+        """Where the panels begin: before, nothing is absorbed or sigma_a = 0; where sigma_a does, or q0."""
         end, position = self.table.borders[-1], self.table.position
         # sigma_a grows with q: before, it is no less than at q0.
         root_t = (1 + root(self.pull * self.modulus * whole)) / (2 * NOTHING * self.stiffness)
@@ -147,7 +147,8 @@ class Balance(NamedTuple):
             further = place - (upto - wanted) * _over(stretch, slope)
             place = jnp.where(further < 2 * place, further, 2 * place)
             place = jnp.where(place > 0, jnp.where(place < end, place, end), 0.0)
-        return jnp.where((whole < 0) & (place > idle), place, idle)
+        begin = jnp.where((whole < 0) & (place > idle), place, idle)
+        return begin, jnp.where(whole < 0, jnp.where(place > idle, begin, place), 0.0)
 
     def energies(
         self, ratio: jax.Array, whole: jax.Array, at: _Nodes
@@ -182,7 +183,7 @@ def detach(mesh: Mesh, plain: Plain, adhesion: Adhesion, gamma: jax.Array) -> De
     balance = _balance(mesh, plain, adhesion, gamma, energies, jnp.sum(partial, (0, 2)))
     still = jax.lax.stop_gradient(balance)
     solution, converged = fixed_point(still, still.start(), tolerance=_TOLERANCE)
-    ratio, whole = balance.parts(implicit(balance, solution))
+    ratio, whole = balance.parts(implicit(balance, still(solution)))
     at = balance.nodes(whole)
     final, work, _ = balance.energies(ratio, whole, at)
     # At the nodes of the mesh.

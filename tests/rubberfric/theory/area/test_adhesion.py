@@ -166,7 +166,7 @@ def test_panels_and_nodes_are_enough(monkeypatch):
 
     usual = areas()
     for module, name, count in (
-        (short_range, "PANELS", 9),
+        (short_range, "PANELS", 10),
         (short_range, "ORDER", 14),
         (first_passage, "_AT_REST", 26),
         (first_passage, "_IN_LAST", 14),
