@@ -40,7 +40,10 @@ class Inverse(NamedTuple):
 
 
 def fixed_point(
-    function: Callable[[jax.Array], jax.Array], start: jax.Array, inverse: Inverse | None = None
+    function: Callable[[jax.Array], jax.Array],
+    start: jax.Array,
+    inverse: Inverse | None = None,
+    tolerance: float = _TOLERANCE,
 ) -> tuple[jax.Array, jax.Array]:
     """Fixed point next to a start value, and whether it was reached; no derivatives.
 
@@ -49,14 +52,15 @@ def fixed_point(
     function : from an array of shape (points, n) to one of that shape; rows do not mix
     start : shape (points, n)
     inverse : Inverse of 1 - f' near the start, or None
+    tolerance : residual over the largest element of a row at which a step is the last (float32: 1e-5)
 
     Returns
     -------
     (y, reached), shapes (points, n) and (points,). A row does not depend on the others.
 
-    Limits: residuals of 1e-9 of the largest element of a row (float32: 1e-5).
+    Limits: residuals are a hundredth of the tolerance (float32: 1e-5).
     """
-    return _iterate(lambda y: function(y) - y, start, _TOLERANCE, inverse)[:2]
+    return _iterate(lambda y: function(y) - y, start, tolerance, inverse)[:2]
 
 
 def implicit(

@@ -48,7 +48,11 @@ class Mesh(NamedTuple):
     between: Between | None  # if graded
     panel: jax.Array  # the angular panel that serves each contact panel, (contact panels,)
     interpolate: jax.Array  # from angular to contact nodes, (contact panels, order, angular_order)
-    last: jax.Array  # largest wavevector of the roughness [1/m]
+    first: jax.Array  # wavevectors that the roughness begins and ends at [1/m]
+    last: jax.Array
+    borders: jax.Array  # ln(q / first) at the borders of the contact panels, rising
+    origin: jax.Array  # that at which the roughness of each began, (contact panels,) or ()
+    kinks: tuple[jax.Array, ...]  # that of the ends and kinks of every spectrum
     panels_below: jax.Array | None  # how many contact panels lie below each border that was asked for
 
     def serving(self, values: jax.Array) -> jax.Array:
@@ -168,7 +172,11 @@ def build_mesh(
         between=between,
         panel=panel,
         interpolate=_interpolation(nodes, *serving),
+        first=first,
         last=jnp.exp(start + last),
+        borders=t,
+        origin=origin,
+        kinks=tuple(kinks),
         panels_below=None if borders is None else rank[-borders.shape[0] :],
     )
 

@@ -28,8 +28,8 @@ from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.quantities import QUANTITIES, Solution, iterates
 from rubberfric.theory.stiffness.excitation import known_tables
 
-# Points evaluated at once; with adhesion of short range each has a matrix of all its nodes.
-BLOCK, ADHESIVE_BLOCK = 512, 8
+# Points evaluated at once; with adhesion of short range each has a matrix of its nodes.
+BLOCK, ADHESIVE_BLOCK = 512, 64
 
 
 def contact_area(

@@ -31,7 +31,7 @@ from rubberfric.theory.area.partial_contact import (
     friction_weight,
 )
 from rubberfric.theory.area.separations import loss_table
-from rubberfric.theory.area.short_range import Balance, Detachment, detach
+from rubberfric.theory.area.short_range import Detachment, Plain, detach
 from rubberfric.theory.contributions import Contribution, Terms, total
 
 
@@ -127,7 +127,7 @@ class Roughness(NamedTuple):
             return contact
         if self.adhesion.limit == "long":
             return self._attracted(self.adhesion, contact, g, pressure)
-        return contact._replace(detached=self._detached(self.adhesion, contact, pressure))
+        return contact._replace(detached=self._detached(self.adhesion, contact, g, pressure))
 
     def _attracted(self, adhesion, contact, g, pressure):
         """The contact without adhesion under the load and the attraction."""
@@ -159,24 +159,18 @@ class Roughness(NamedTuple):
         x = contact_argument(g, stiffness[:, None])
         return contact._replace(stiffness=stiffness, x=x, attracted=attracted)
 
-    def _detached(self, adhesion, contact, pressure):
+    def _detached(self, adhesion, contact, g, pressure):
         """`Detachment` of the contact without adhesion."""
         storage = total(terms.densities["storage"] for terms in contact.terms)
-        roughness = total(self.mesh.roughness)[:, None]
-        # E_r over its unit, of both spectra the mean; in a gap between them there is nothing to detach.
-        rough = roughness > 0
-        modulus = jnp.where(rough, self.mesh.q[:, None] * storage / jnp.where(rough, roughness, 1.0), 0.0)
-        reach = self.mesh.q[:, None] / pressure[:, None]
-        balance = Balance(
-            x=contact.x,
-            last=contact_argument(jnp.sum(contact.panels, 0), contact.stiffness),
+        plain = Plain(
+            g=g,
+            end=jnp.sum(contact.panels, 0),
             energy=jnp.pi / 2 * self.scale * storage,
-            pull=adhesion.prefactor * contact.stiffness[:, None] * modulus * reach,
-            # The true area is larger by half the square of the rms slope, 2 pi int q^4 C d ln q.
-            work=adhesion.work * (1 + jnp.pi * jnp.sum(roughness)),
-            gamma=self.gamma,
+            roughness=2 * jnp.pi * total(self.mesh.roughness)[:, None],
+            stiffness=contact.stiffness,
+            pressure=pressure,
         )
-        return detach(balance, pressure)
+        return detach(self.mesh, plain, adhesion, self.gamma)
 
 
 def _sum_before(panels):

@@ -6,6 +6,7 @@ A friction curve of 50 velocities and its gradient with respect to every number 
 with the same curve without the part; errors against a finer quadrature.
 """
 
+import time
 from dataclasses import replace
 
 import jax
@@ -66,6 +67,37 @@ PARTS = {
         None,
     ),
 }
+
+
+GROUND = rf.SelfAffine(q0=1e4, qr=3e4, q1=1e6, hurst=0.8, h_rms=2e-7)
+# Areas of rubber-like solids on ground steel, whose adhesion matters: scene, velocities, pressures.
+STICKING = {
+    "rubber, over velocity": (on(GROUND), np.logspace(-8, -4, 50), 1e5),
+    "elastic solid, over pressure": (on(GROUND, rf.Elastic(1e7, 0.5)), 0.0, np.geomspace(1e4, 1e6, 50)),
+}
+ADHESION = {"short": rf.Adhesion(2e-3), "long": rf.Adhesion(1e-2, limit="long", range=1e-7)}
+
+
+@pytest.mark.parametrize("limit", ADHESION)
+@pytest.mark.parametrize("name", STICKING)
+def test_area_with_adhesion(name, limit):
+    """Jitted, the least of many calls."""
+    without, velocity, pressure = STICKING[name]
+    area = jax.jit(lambda scene: rf.contact_area(scene, velocity, pressure))
+    gradient = jax.jit(jax.grad(lambda scene: jnp.sum(rf.contact_area(scene, velocity, pressure))))
+    scene = replace(without, adhesion=ADHESION[limit])
+    calls = {"without": (area, without), "with": (area, scene), "gradient": (gradient, scene)}
+    times = dict.fromkeys(calls, np.inf)
+    for _ in range(16):
+        for call, (function, given) in calls.items():
+            for _ in range(4):
+                begin = time.perf_counter()
+                jax.block_until_ready(function(given))
+                times[call] = min(times[call], time.perf_counter() - begin)
+    print(
+        f"\n{limit:5s} range, {name:28s} {1e3 * times['with']:8.2f} ms = "
+        f"{times['with'] / times['without']:6.1f} x without, gradient {1e3 * times['gradient']:8.2f} ms"
+    )
 
 
 @pytest.mark.parametrize("name", PARTS)

@@ -7,24 +7,18 @@ t = G(q) and b = sigma_a / sigma_0,
 .. math:: \frac{\partial P}{\partial t} = \frac{\partial^2 P}{\partial s^2},\qquad
           P(s, 0) = \delta(s - 1),\qquad P(-b(t), t) = 0,\qquad A(t) = \int_{-b}^\infty P\,ds
 
-A line through -b(t) that has risen to it with the slope m, and the share of paths that never cross such a
-line [Bachelier; Levy], seen from a distance d below the end of it a time D before,
+Paths that end below -b(t) have been absorbed, and by symmetry as many as would end above their reflection
+(the renewal equation) [Fortet, J. Math. Pures Appl. 22 (1943) 177]:
 
-.. math:: u(d, D) = \tfrac12\mathrm{erfc}\frac{-d}{2\sqrt D}
-          - \tfrac12 e^{-m (d - m D)}\,\mathrm{erfc}\frac{d - 2 m D}{2\sqrt D}
-
-solve the backward equation and are 1 for all s > -b(t) at the end. So whatever m is,
-
-.. math:: A(t) = u(1 + b(t), t) + \int_0^t dA(\tau)\, u(b(t) - b(\tau), t - \tau)
+.. math:: A(t) = \mathrm{erf}\frac{1 + b(t)}{2\sqrt t}
+          + \int_0^t dA(\tau)\,\mathrm{erf}\frac{b(t) - b(\tau)}{2\sqrt{t - \tau}}
 
 a Volterra equation of the second kind, whose kernel goes as sqrt(t - tau) at its end and needs no derivative
-of b; with m = 0 it is the renewal equation [Fortet, J. Math. Pures Appl. 22 (1943) 177]. It vanishes for a
-constant boundary, where the first term is all there is. The steepest line that the boundary never
-crosses leaves the least to be subtracted.
+of b. It vanishes for a constant boundary, where the first term is all there is.
 """
 
 import functools
-import itertools
+import math
 from typing import NamedTuple
 
 import jax
@@ -32,14 +26,22 @@ import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import erf
 from numpy.polynomial import legendre
+from scipy import special
 
-from rubberfric.base.quadrature import gauss, legendre_transform, typed
+from rubberfric.base.quadrature import chebyshev_fit, gauss, legendre_transform, typed
+from rubberfric.theory.area.own_panels import root
+from rubberfric.theory.area.partial_contact import TWO_OVER_ROOT_PI
 
-# Parts of a panel before the one that an integral ends in, closer towards the end, where it may still go
-# as the square root of the distance; nodes of each part, and of the panel where an integral ends.
-_PARTS, _IN_A_PART, _IN_LAST = (0.0, 0.6, 0.9, 0.98, 1.0), 6, 10
+# Nodes of the panel where an integral ends, and of one before it.
+_IN_LAST, _BEFORE = 8, 10
 
-_NOTHING = 5.0  # (1 + b) / (2 sqrt t) beyond which nothing is absorbed
+# Nodes over the density where b begins, how far it reaches, and x below which much was absorbed before.
+_AT_REST, _FAR, _MANY = 16, 4.3, 2.3
+
+# (1 + b) / (2 sqrt t) beyond which nothing is absorbed: erfc(5) = 2e-12.
+NOTHING = 5.0
+
+_DEGREE, _END = 16, 5.2  # of the exponent of erfc, to 1e-10 of erf, and where it ends
 
 
 class _Rule(NamedTuple):
@@ -49,109 +51,140 @@ class _Rule(NamedTuple):
     differences: np.ndarray  # slope times weight, the same shape
 
 
-def passage(x: jax.Array, square: jax.Array) -> jax.Array:
+def passage(t: jax.Array, square: jax.Array, x: jax.Array | None = None) -> jax.Array:
     """A at the nodes, panel after panel.
 
     Parameters
     ----------
-    x : 1 / (2 sqrt t) at the nodes, falling, (panels, points, order), as of `Contact.x`
+    t : at the Gauss nodes, rising, (panels, order, points)
+        Panels may be without width.
     square : b^2 there, of the same shape; where it is negative b = 0
         The square, for it is smooth where b begins.
+    x : 1 / (2 sqrt t) where the first panel begins, (points,), of those where b = 0 up to there; elsewhere
+        5 or more, or None: nothing was absorbed until then
 
     Returns
     -------
     array, the same shape
 
-    Limits: where t is below 1e-3 nothing is absorbed, and x may stop at 27.
-    """
-    before, last = (jax.tree.map(lambda table: typed(table, x), rule) for rule in _rules(x.shape[-1]))
-    square = _without_rises(x, square)
-    b = root(square)
-    t = 0.25 / (x * x)
-    # Of the panels before: t and b at the nodes of the rule, (panels, points, nodes).
-    earlier, height = (jnp.einsum("kpj,mj->kpm", values, before.values) for values in (t, square))
-    height = root(height)
-    # Of the panel itself: (panels, points, node, nodes before it).
-    own, own_height = (jnp.einsum("kpj,imj->kpim", values, last.values) for values in (t, square))
-    own_height = root(own_height)
-    panels, order = x.shape[0], x.shape[-1]
-
-    def following(change, k):
-        now, here, passed = t[k], b[k], np.arange(panels)[:, None, None, None] < k
-        time = jnp.where(passed, now[None, :, :, None] - earlier[:, :, None], 0.0)
-        rise = here[None, :, :, None] - height[:, :, None]
-        own_time, own_rise = now[..., None] - own[k], here[..., None] - own_height[k]
-        slope = jnp.minimum(_least(rise, time, (0, 3)), _least(own_rise, own_time, -1))
-        # Any slope will do; before anything is absorbed it would be one of rounding.
-        sloped = (slope > 0) & jnp.isfinite(slope) & ((1 + here) * x[k] < _NOTHING)
-        slope = jnp.where(sloped, slope, 0.0)
-        within = _survival(own_rise, own_time, slope[..., None])
-        within = jnp.einsum("pim,imj->pij", within, last.differences)
-        kernel = _survival(rise, time, slope[None, :, :, None])
-        right = _survival(1 + here, now, slope) + jnp.einsum("lpim,lpm->pi", kernel, change)
-        area = jnp.linalg.solve(jnp.eye(order, dtype=x.dtype) - within, right[..., None])[..., 0]
-        return change.at[k].set(area @ before.differences.T), area
-
-    nothing = jnp.zeros((panels, x.shape[1], before.values.shape[0]), x.dtype)
-    return jax.lax.scan(following, nothing, np.arange(panels))[1]
-
-
-def _least(rise, time, axes):
-    """The least slope of the boundary from any time before to now; infinite if there is none."""
-    some = time > 0
-    return jnp.min(jnp.where(some, rise / jnp.where(some, time, 1.0), jnp.inf), axes)
-
-
-def _survival(rise, time, slope):
-    """Share of paths that never cross a line which rises by slope times time to its end, `rise` below 0.
-
-    0 where no time passes: between nodes of panels without width, where nothing is absorbed.
-    """
-    some = time > 0
-    root_time = jnp.sqrt(jnp.where(some, time, 1.0))
-    c = 0.5 * slope * root_time
-    a = 0.5 * rise / root_time - c
-    # (1 + erf(a + c)) / 2 - e^(-4 a c) (1 - erf(a - c)) / 2, of which little is left where a is small.
-    exponent = a * c
-    crossed = jnp.expm1(-4 * jnp.where(exponent > 0, exponent, 0.0))  # below 0 by rounding only
-    share = 0.5 * (erf(a + c) + (1 + crossed) * erf(a - c) - crossed)
-    return jnp.where(some, share, 0.0)
-
-
-def root(square: jax.Array) -> jax.Array:
-    """The square root of what is positive, else 0; with derivative 0 at 0."""
-    positive = square > 0
-    return jnp.where(positive, jnp.sqrt(jnp.where(positive, square, 1.0)), 0.0)
-
-
-def _without_rises(x, square):
-    """The square of the boundary, held where nothing is absorbed until something is again.
-
-    At most erfc(5) = 1e-12 of all paths are beyond it there. It may have any value above that: rising
+    Limits: b is held where erfc((1 + b) / (2 sqrt t)) = 2e-12. It may have any value above that: rising
     steeply, the kernel would be one, and the equation say that A is A.
     """
-    panels, points, order = x.shape
+    panels, order = t.shape[:2]
+    earlier, last = (jax.tree.map(lambda table: typed(table, t), rule) for rule in _rules(order))
+    b = _boundary(t, square)
+    early, own = jnp.einsum("mj,kjp->kmp", earlier.values, t), jnp.einsum("imj,kjp->kimp", last.values, t)
+    early_b = _boundary(early, jnp.einsum("mj,kjp->kmp", earlier.values, square))
+    own_b = _boundary(own, jnp.einsum("imj,kjp->kimp", last.values, square))
+    within = jnp.einsum(
+        "kimp,imj->kijp", _kernel(b[:, :, None] - own_b, t[:, :, None] - own), last.differences
+    )
+    right = erf((1 + b) * 0.5 / jnp.sqrt(t)) if x is None else _from_rest(t, b, x)
+    later, sooner = np.tril_indices(panels, -1)
+    rise = b[later][:, :, None] - early_b[sooner][:, None]
+    kernel = _kernel(rise, t[later][:, :, None] - early[sooner][:, None])
+    inverse = _inverse(within)
+    found, changes = [], []
+    for k in range(panels):
+        wanted = right[k]
+        for pair in np.flatnonzero(later == k):
+            wanted = wanted + jnp.sum(kernel[pair] * changes[sooner[pair]], 1)
+        found.append(jnp.sum(inverse[k] * wanted, 1))
+        changes.append(jnp.einsum("mj,jp->mp", earlier.differences, found[-1]))
+    return jnp.stack(found)
 
-    def in_a_row(values):
-        return jnp.moveaxis(values, 1, 0).reshape(points, -1)
 
-    lowest, square = in_a_row(jnp.maximum(_NOTHING / x - 1, 0.0) ** 2), in_a_row(square)
-    count = square.shape[1]
-    idle = square > lowest
-    following = jax.lax.cummin(jnp.where(idle, count - 1, np.arange(count)), axis=1, reverse=True)
-    held = jnp.take_along_axis(square, following, 1)
-    held = jnp.where(jnp.take_along_axis(idle, following, 1), lowest[:, -1:], held)
-    square = jnp.where(idle, jnp.maximum(held, lowest), square)
-    return jnp.moveaxis(square.reshape(points, panels, order), 0, 1)
+def _from_rest(t, b, x):
+    r"""Paths that end above -b less those that end below it, of those not absorbed at b = 0 before x.
+
+    Of their density there, with t_x = 1 / (4 x^2),
+
+    .. math:: \mathrm{erf}\,x - \frac1{\sqrt\pi}\int_0^\infty dz\,
+              \big[e^{-(z - x)^2} - e^{-(z + x)^2}\big]\,
+              \mathrm{erfc}\frac{2\sqrt{t_x}\,z + b}{2\sqrt{t - t_x}}
+
+    or where few were absorbed of all paths and those few, as in the equation of A.
+    """
+    time = t - 0.25 / (x * x)
+    some = time > 0
+    spread = 0.5 / jnp.sqrt(jnp.where(some, time, 1.0))
+    steep, shift = spread / x, spread * b
+    node, weight = (typed(one, t)[:, None] for one in gauss(_AT_REST))
+    # Of the density: a Gaussian of less width, for what ends far above is 0.
+    width = 1 / jnp.sqrt(1 + steep * steep)
+    reach = (width * (_FAR + x * width))[:, :, None]
+    z = reach * node
+    share = reach * weight * (jnp.exp(-((z - x) ** 2)) - jnp.exp(-((z + x) ** 2))) / math.sqrt(math.pi)
+    # Of those before, by ln t.
+    many = x < _MANY
+    longest = jnp.maximum(2 * jnp.log(NOTHING / jnp.maximum(x, _MANY)), 0.0)
+    early = jnp.maximum(x, _MANY) * jnp.exp(0.5 * longest * node**3)
+    change = -0.5 * TWO_OVER_ROOT_PI * longest * early * jnp.exp(-early * early) * 3 * node**2 * weight
+    early = b[:, :, None] * 0.5 / jnp.sqrt(jnp.where(some, t, 1.0)[:, :, None] - 0.25 / (early * early))
+    argument = jnp.where(many, steep[:, :, None] * z + shift[:, :, None], early)
+    missing = jnp.sum(jnp.where(many, share, change) * _missing(argument), 2)
+    whole = jnp.where(many, erf(x), erf((1 + b) * 0.5 / jnp.sqrt(t)) + jnp.sum(change, 0))
+    return jnp.where(some, whole - missing, erf(x))
+
+
+def _inverse(matrix):
+    """Of 1 - matrix, many small matrices (panels, n, n, points), nearly triangular: no pivots."""
+    n = matrix.shape[1]
+    unit = np.eye(n, dtype=matrix.dtype)
+
+    def eliminate(rows, here):
+        one, column = here[:, None, None], here[None, :, None]
+        row = jnp.sum(jnp.where(one, rows, 0.0), 1, keepdims=True)
+        factor = jnp.sum(jnp.where(column, rows, 0.0), 2, keepdims=True)
+        pivot = jnp.sum(jnp.where(column, row, 0.0), 2, keepdims=True)
+        row, factor = (jnp.where(column, 1.0, row) / pivot, jnp.where(one, 0.0, factor))
+        kept = jnp.where(column, 0.0, rows)
+        return jnp.where(one, row, kept - factor * row), None
+
+    return jax.lax.scan(eliminate, unit[..., None] - matrix, np.eye(n, dtype=bool))[0]
+
+
+def _boundary(t, square):
+    return jnp.minimum(root(square), jnp.maximum(2 * NOTHING * jnp.sqrt(t) - 1, 0.0))
+
+
+def _kernel(rise, time):
+    """Erf of the rise over the spread of the stresses; 0 where no time passes, in panels without width."""
+    some = time > 0
+    z = 0.5 * rise / jnp.sqrt(jnp.where(some, time, 1.0))
+    return jnp.where(some, jnp.copysign(1 - _missing(jnp.abs(z)), z), 0.0)
+
+
+@jax.custom_jvp
+def _missing(z):
+    """The function erfc(z) of z >= 0, to 1e-10 of 1 - erfc; 2e-13 beyond 5.2."""
+    low = jnp.minimum(z, _END)
+    u, exponent = low * (2 / _END) - 1, 0.0
+    for coefficient in _exponent()[::-1]:
+        exponent = exponent * u + coefficient
+    return jnp.exp(-low * exponent)
+
+
+@_missing.defjvp
+def _missing_jvp(primals, tangents):
+    (z,) = primals
+    return _missing(z), -TWO_OVER_ROOT_PI * jnp.exp(-z * z) * tangents[0]
+
+
+@functools.cache
+def _exponent():
+    """Coefficients of -ln erfc(z) / z, which is smooth: a quarter of the cost of erf."""
+    coefficients = chebyshev_fit(lambda z: -np.log(special.erfc(z)) / z, 0.0, _END, _DEGREE)
+    return tuple(map(float, coefficients))
 
 
 def at_end(values: jax.Array) -> jax.Array:
     """Values at the right border of the last panel, (points,), of those at the nodes."""
-    return values[-1] @ typed(_basis(values.shape[-1], np.ones(1))[0], values)
+    return jnp.tensordot(typed(_basis(values.shape[1], np.ones(1))[0], values), values[-1], 1)
 
 
 def from_nodes_on(values: jax.Array) -> jax.Array:
-    """Integrals from every node to the end, of terms of the whole one at the nodes; same shapes."""
+    """Integrals from nodes (panels, points, order) to the end, of terms of the whole one."""
     within = jnp.einsum("kpj,ij->kpi", values, typed(_rest(values.shape[-1]), values))
     panels = jnp.sum(values, -1)
     after = typed(_is_before(values.shape[0]).T, values) @ panels
@@ -166,21 +199,20 @@ def _is_before(count):
 @functools.cache
 def _rules(order):
     """Integrals over a whole panel, and over one up to each of its nodes."""
-    node, weight = gauss(_IN_A_PART)
-    parts = list(itertools.pairwise(_PARTS))
-    whole = np.concatenate([low + (high - low) * node for low, high in parts])
-    weights = np.concatenate([(high - low) * weight for low, high in parts])
+    # sqrt(t - tau) with t a little beyond the panel is smooth in v, 1 - v^3.
+    node, weight = gauss(_BEFORE)
+    whole = _rule(order, 1 - node**3, 3 * node**2 * weight)
     # Up to z: z (1 - u^2), in which sqrt(z - y) is smooth.
     node, weight = gauss(_IN_LAST)
     up_to = gauss(order)[0][:, None]
-    return _rule(order, whole, weights), _rule(order, up_to * (1 - node**2), up_to * 2 * node * weight)
+    return whole, _rule(order, up_to * (1 - node**2), up_to * 2 * node * weight)
 
 
 def _rule(order, y, weight):
     return _Rule(_basis(order, y), _basis(order, y, 1) * weight[..., None])
 
 
-def _basis(order, y, derivative=0):
+def _basis(order: int, y: np.ndarray, derivative: int = 0) -> np.ndarray:
     """Lagrange polynomials of the Gauss nodes at y, or their derivatives; (*y.shape, order)."""
     polynomials = np.eye(order)
     if derivative:

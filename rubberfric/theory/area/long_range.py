@@ -107,7 +107,7 @@ def attract(gaps: Gaps, order: int) -> Attraction:
         return jnp.log1p(gaps.strength * _share(gaps, nodes, z))
 
     def searched(gaps, start, low, high, slope):
-        nodes = _nodes(gaps, start, count)
+        nodes = jax.lax.optimization_barrier(_nodes(gaps, start, count))
         top = jnp.log1p(gaps.strength)
 
         def excess(z):

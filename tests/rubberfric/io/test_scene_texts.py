@@ -43,6 +43,20 @@ def test_kinds_that_they_have_not(tmp_path):
     assert read_computable(tmp_path / "scene.toml")[2] == 'a "b" \\ c'
 
 
+@pytest.mark.parametrize(
+    "adhesion",
+    [rf.Adhesion(0.0123, 0.7), rf.Adhesion(3e-3, limit="long", range=1.7e-9)],
+    ids=["short", "long"],
+)
+def test_adhesion_of_either_limit_in_toml_and_hdf5(adhesion, tmp_path):
+    spectrum = rf.SelfAffine(1e5, 1e6, 1e8, 0.8, 2e-9)
+    scene = rf.Scene(rf.Body(rf.Rigid(), spectrum), rf.Body(rf.Elastic(2e6, 0.5)), adhesion=adhesion)
+    rf.save_scene(tmp_path / "scene.h5", scene)
+    for found in (read_back(tmp_path, scene, AT)[0], rf.load_scene(tmp_path / "scene.h5")):
+        same(found, scene)
+        assert found.adhesion.limit == adhesion.limit
+
+
 def test_what_is_hardly_in_si_is_accepted_again(tmp_path):
     spectrum = rf.SelfAffine(1e2, 1e3, 1e4, 0.8, 1e-4)
     with pytest.warns(rf.UnitWarning):

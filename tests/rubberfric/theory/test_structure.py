@@ -11,9 +11,11 @@ from support.counting.operations import costly, equations, per_point, primitives
 from support.scenes.common import RIGID, ROAD, TREAD, WORN, scene
 
 import rubberfric as rf
+from rubberfric.theory import stress_fluctuation
 
 VELOCITY = jnp.logspace(-6, 1, 50)
 QUADRATURE = rf.Quadrature()
+OWN = rf.Quadrature(order=5, panels=3, graded=1)  # that no other test has: traced anew
 TERMS = 3
 ANGULAR = QUADRATURE.panels * QUADRATURE.angular_order  # nodes where the stiffness is evaluated
 
@@ -99,6 +101,25 @@ def test_what_a_scene_lacks_adds_nothing_to_a_point():
     warm = scene((shifted,), (RIGID, ROAD))
     assert added(warm, "friction") == plain
     assert costly(added(warm, "friction", 300.0)) - costly(plain) <= 4
+
+
+def test_without_adhesion_nothing_of_it_is_traced(monkeypatch):
+    """Neither its fixed points nor the energy that they need."""
+
+    def refuse(*_):
+        raise AssertionError("adhesion is traced")
+
+    rubber = scene((TREAD,), (RIGID, ROAD))
+    for adhesion in (rf.Adhesion(0.05), rf.Adhesion(0.05, limit="long", range=1e-9)):
+        with monkeypatch.context() as patched:
+            patched.setattr(stress_fluctuation, "detach", refuse)
+            patched.setattr(stress_fluctuation, "attract", refuse)
+            names = primitives(lambda s, v: rf.solve(s, v, 1e5, quadrature=OWN), rubber, VELOCITY)
+            assert "while" not in names
+            with pytest.raises(AssertionError, match="adhesion is traced"):
+                rf.contact_area(rubber.replace(adhesion=adhesion), 1e-3, 1e5, quadrature=OWN)
+    area = added(rubber, "area")
+    assert area["erf"] == 1 and area["multiply-add"] == ANGULAR
 
 
 def test_shear_alone_needs_the_area_only():
