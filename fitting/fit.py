@@ -138,10 +138,12 @@ def fit(
     to_estimate = ASSUMED in scales and scale_errors is not False
 
     def again(problem, x):
-        """The end of a fit that begins at x, the model there, and its evaluations."""
+        """The end of a fit that begins at x, the model and what is known there, and its evaluations."""
         runs = run(solver, problem, x[None], None, max_steps, callback, min(BATCH, starts))
         end = runs.row(0)
-        return end, linearised(problem, end.x), np.array([runs.nfev[0], runs.njev[0]])
+        model = linearised(problem, end.x)
+        known = uncertainty(problem, end.x, model)
+        return end, model, known, np.array([runs.nfev[0], runs.njev[0]])
 
     for _ in range(ROUNDS if to_estimate or rescaled else 0):
         if problem.targets.measured.size - known.parameters < 0.5 or not succeeded(end.status):
@@ -155,15 +157,13 @@ def fit(
             known = uncertainty(problem, end.x, model)
             break
         tell("fitting again, with errors from the scatter")
-        end, model, spent = again(problem, end.x)
-        known = uncertainty(problem, end.x, model)
+        end, model, known, spent = again(problem, end.x)
         evaluations += spent
     if discrepancy is not None and discrepancy.amplitude is None:
         for _ in range(ROUNDS if succeeded(end.status) else 0):
             discrepancy = likely(problem, end.x, scenes, data, discrepancy)
             problem = with_discrepancy(problem, scenes, data, discrepancy)
-            end, model, spent = again(problem, end.x)
-            known = uncertainty(problem, end.x, model)
+            end, _, known, spent = again(problem, end.x)
             evaluations += spent
     return FitResult(
         scene_at_start=scene,

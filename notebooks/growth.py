@@ -28,6 +28,7 @@ import fitting
 import rubberfric as rf
 from rubberfric.analysis.maps import batches
 from rubberfric.analysis.maps import friction_map as maps
+from rubberfric.base import cores
 from rubberfric.io.files import read_scene_file
 from rubberfric.plot import style
 from rubberfric.theory import model
@@ -188,8 +189,8 @@ def best(function, repeats=3):
 def machine():
     """Device and versions, in words."""
     device = jax.devices()[0]
-    cores = len(os.sched_getaffinity(0))
-    processor = f"{platform.machine()} processor, {cores} core{'s' * (cores > 1)}"
+    count = cores()
+    processor = f"{platform.machine()} processor, {count} core{'s' * (count > 1)}"
     what = processor if device.platform == "cpu" else device.device_kind
     return f"{what}, jax {version('jax')}"
 
@@ -409,7 +410,7 @@ if __name__ == "__main__":
     jax.config.update("jax_enable_x64", True)
     if sys.argv[1:2] == ["--call"]:
         if jax.config.jax_platforms in (None, "", "cpu"):
-            jax.config.update("jax_num_cpu_devices", len(os.sched_getaffinity(0)))
+            jax.config.update("jax_num_cpu_devices", cores())
         json.dump(globals()[sys.argv[2]](*json.loads(sys.argv[3])), sys.stdout)
     else:
         main(sys.argv[1:] or PARTS)

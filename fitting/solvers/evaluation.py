@@ -63,7 +63,7 @@ def evaluate(
 
 def _by_forward_mode(structure, numbers):
     """Whether all derivatives are taken forward: one program serves with them and without."""
-    scenes = by_name(jax.tree.unflatten(structure.variables.tree, numbers.constants.leaves))
+    scenes = _scenes(structure, numbers)
     return all(
         block.quantity not in CURVES
         or any(
@@ -75,11 +75,16 @@ def _by_forward_mode(structure, numbers):
 
 def takes_long(structure: Structure, numbers: Numbers) -> bool:
     """Whether one evaluation takes as long as hundreds of others: where a scene is iterated for."""
-    scenes = by_name(jax.tree.unflatten(structure.variables.tree, numbers.constants.leaves))
+    scenes = _scenes(structure, numbers)
     return any(
         block.quantity in CURVES and "converged" in rf.quantities_of(scenes[block.scene])
         for block in structure.blocks
     )
+
+
+def _scenes(structure, numbers):
+    """The scenes of a fit at its start, by name."""
+    return by_name(jax.tree.unflatten(structure.variables.tree, numbers.constants.leaves))
 
 
 @functools.cache

@@ -15,10 +15,12 @@ import sys
 import pytest
 from support.folders import PYTHONPATH, ROOT
 
+from rubberfric.base import cores
+
 pytestmark = pytest.mark.benchmark
 
 PROGRAM = ROOT / "tests" / "support" / "ensembles" / "ensemble_twin.py"
-CORES = len(os.sched_getaffinity(0))
+CORES = cores()
 MEMBERS = int(os.environ.get("MEMBERS", 256))
 LARGEST = int(os.environ.get("LARGEST", 1000))
 LOOP = 16  # single fits that are enough to know their rate

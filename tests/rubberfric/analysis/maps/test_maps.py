@@ -30,6 +30,7 @@ from support.scenes.maps import (
 import rubberfric as rf
 from rubberfric.analysis.maps import batches
 from rubberfric.analysis.maps import friction_map as maps
+from rubberfric.base import cores
 from rubberfric.base.progress import Progress
 from rubberfric.commands import main as command
 from rubberfric.io.files import read_computable
@@ -266,7 +267,7 @@ def test_points_per_second_of_a_million(tmp_path):
     ):
         points, seconds, used, error = large_map(path, streamed, 1000, 500, **setting)
         print(
-            f"\n{label}: {points} points in {seconds:.1f} s on {len(os.sched_getaffinity(0))} core(s), "
+            f"\n{label}: {points} points in {seconds:.1f} s on {cores()} core(s), "
             f"{points / seconds:.3g} points/s, {used:.2f} GiB at most, error {error:.1e}"
         )
         assert used < 2.0

@@ -166,7 +166,8 @@ def test_no_lesser_load_is_a_solution(share, reach):
     assert found.converged
 
 
-def test_derivatives_are_those_of_the_values():
+@pytest.mark.parametrize("mode", [jax.jacrev, pytest.param(jax.jacfwd, marks=pytest.mark.slow)])
+def test_derivatives_are_those_of_the_values(mode):
     def found(parameters):
         work, reach, young, h_rms, pressure = jnp.exp(parameters)
         scene = _scene(1.0, 1.0, ROLLING).replace(
@@ -177,13 +178,12 @@ def test_derivatives_are_those_of_the_values():
         return jnp.stack([at_points.area, at_points.separation])
 
     at = jnp.log(jnp.array([1e-2, 1e-7, 1e7, 2e-7, 1e5]))
-    forward, reverse = (jax.jit(slopes(found))(at) for slopes in (jax.jacfwd, jax.jacrev))
-    np.testing.assert_allclose(reverse, forward, rtol=1e-9)
+    slopes = jax.jit(mode(found))(at)
     steps = 1e-5 * jnp.concatenate([jnp.eye(5), -jnp.eye(5)])
     above, below = jnp.split(jax.jit(jax.vmap(found))(at + steps), 2)
-    np.testing.assert_allclose(forward, (above - below).T / 2e-5, rtol=1e-5)
+    np.testing.assert_allclose(slopes, (above - below).T / 2e-5, rtol=1e-5)
     # Whatever the units: lengths times l and pressures times p leave the area.
-    assert float(forward[0, jnp.array([0, 2, 4])].sum()) == pytest.approx(0.0, abs=1e-6)
+    assert float(slopes[0, jnp.array([0, 2, 4])].sum()) == pytest.approx(0.0, abs=1e-6)
 
 
 @pytest.mark.slow
