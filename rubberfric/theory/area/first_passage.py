@@ -83,15 +83,20 @@ def passage(t: jax.Array, square: jax.Array, x: jax.Array | None = None) -> jax.
     later, sooner = np.tril_indices(panels, -1)
     rise = b[later][:, :, None] - early_b[sooner][:, None]
     kernel = _kernel(rise, t[later][:, :, None] - early[sooner][:, None])
-    inverse = _inverse(within)
-    found, changes = [], []
-    for k in range(panels):
-        wanted = right[k]
-        for pair in np.flatnonzero(later == k):
-            wanted = wanted + jnp.sum(kernel[pair] * changes[sooner[pair]], 1)
-        found.append(jnp.sum(inverse[k] * wanted, 1))
-        changes.append(jnp.einsum("mj,jp->mp", earlier.differences, found[-1]))
-    return jnp.stack(found)
+    # Panel after panel; those that come later count nothing.
+    of_pair = np.full((panels, panels), later.size)
+    of_pair[later, sooner] = np.arange(later.size)
+    kernel = jnp.concatenate([kernel, jnp.zeros_like(kernel[:1])])[of_pair]
+
+    def next_panel(changes, given):
+        k, kernel, right, inverse = given
+        wanted = right + jnp.sum(kernel * changes[:, None], (0, 2))
+        area = jnp.sum(inverse * wanted, 1)
+        change = jnp.einsum("mj,jp->mp", earlier.differences, area)
+        return changes.at[k].set(change), area
+
+    given = np.arange(panels), kernel, right, _inverse(within)
+    return jax.lax.scan(next_panel, jnp.zeros_like(early), given)[1]
 
 
 def _from_rest(t, b, x):

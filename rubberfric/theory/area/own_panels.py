@@ -11,79 +11,95 @@ coordinate of a panel
 of the one that begins at l_0 and the others: what begins as the square root of l - l_0 is smooth in y.
 """
 
+import functools
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.polynomial import chebyshev
 
-from rubberfric.base.quadrature import gauss, legendre_transform, typed
+from rubberfric.base.quadrature import gauss, typed
 from rubberfric.roughness.mesh import Mesh
 
 # Panels are even in ln g over the first and log_q over the second number, but for this power of their order:
 # closer where the detachment stress begins. Of those tried the least error with six panels.
 _RISE, _SPAN, _CLOSER = 5.0, 1.2, 1.5
 
+_ENDS = np.array([-1, 0])[:, None, None]  # of the cell before a node
+
 
 class Table(NamedTuple):
-    """Functions of log_q by their Legendre coefficients in every panel of the mesh of the roughness."""
+    """Functions of log_q by their Chebyshev coefficients in every panel of the mesh of the roughness."""
 
     borders: jax.Array  # log_q at the borders, (panels + 1,)
-    origin: jax.Array  # where the roughness of a panel began, (panels,)
+    maps: jax.Array  # of the coordinate of each panel, (panels, 4): `_maps`
     kinks: jax.Array  # log_q of the kinks of the spectra between the first and the last wavevector
     position: jax.Array  # log_q at the nodes and at the end, in a row, without derivatives
-    coefficients: tuple[jax.Array, ...]  # of each function, (panels, points or 1, order)
+    coefficients: jax.Array  # (panels, points, functions, order)
 
-    def __call__(self, log_q: jax.Array, which: tuple[int, ...]) -> list[jax.Array]:
-        """Functions at log_q, (nodes, points), and last of the list dl / d coordinate of a panel."""
+    def __call__(self, log_q: jax.Array, which: slice) -> tuple[jax.Array, jax.Array]:
+        """Functions at log_q (nodes, points), (functions, nodes, points), and dl / d coordinate there."""
         panel = jnp.sum(self.borders[1:-1, None, None] <= log_q, 0)
-        ends = self.borders[:-1], self.borders[1:], self.origin
-        y, stretch = _coordinate(log_q, *(values.at[panel].get(mode="promise_in_bounds") for values in ends))
-        basis = _legendre(y, self.coefficients[0].shape[-1])
-        found = []
-        for coefficients in (self.coefficients[k] for k in which):
-            point = np.arange(log_q.shape[1]) if coefficients.shape[1] > 1 else 0
-            found.append(jnp.sum(coefficients.at[panel, point].get(mode="promise_in_bounds") * basis, -1))
-        return [*found, stretch]
+        y, stretch = _coordinate(log_q, self.maps.at[panel].get(mode="promise_in_bounds"))
+        chosen = self.coefficients[:, :, which]
+        chosen = chosen.at[panel, np.arange(log_q.shape[1])].get(mode="promise_in_bounds")
+        found = jnp.sum(chosen * _chebyshev(y, chosen.shape[-1])[:, :, None], -1)
+        return jnp.moveaxis(found, -1, 0), stretch
 
 
-def table(mesh: Mesh, values: tuple[jax.Array, ...]) -> Table:
+def table(mesh: Mesh, values: list[jax.Array]) -> Table:
     """`Table` of values at the nodes of a mesh, (panels, points or 1, order)."""
-    transform = typed(legendre_transform(mesh.q.shape[1]).T, mesh.q)
+    stacked = jnp.stack(jnp.broadcast_arrays(*values), 2)
     position = jnp.append(jnp.log(mesh.q / mesh.first).reshape(-1), mesh.borders[-1])
     return Table(
         mesh.borders,
-        jnp.broadcast_to(mesh.origin, mesh.borders.shape[0] - 1),
+        _maps(mesh.borders, mesh.origin),
         jnp.sort(jnp.concatenate(mesh.kinks))[1:-1],
         jax.lax.stop_gradient(position),
-        tuple(one @ transform for one in values),
+        stacked @ typed(_transform(mesh.q.shape[1]).T, mesh.q),
     )
 
 
-def _legendre(y, order):
-    """Legendre polynomials below an order, at y in [0, 1]; (*y.shape, order)."""
+@functools.cache
+def _transform(order):
+    """Matrix from values at the Gauss nodes to Chebyshev coefficients."""
+    return np.linalg.inv(chebyshev.chebvander(2 * gauss(order)[0] - 1, order - 1))
+
+
+def _chebyshev(y, order):
+    """Chebyshev polynomials below an order, at y in [0, 1]; (*y.shape, order).
+
+    T_(k+j) = 2 T_k T_j - T_(k-j): half of them from the other half, in few operations.
+    """
     x = 2 * y - 1
-    basis = [jnp.ones_like(x), x]
-    for n in range(1, order - 1):
-        basis.append(((2 * n + 1) * x * basis[n] - n * basis[n - 1]) / (n + 1))
-    return jnp.stack(basis, -1)
+    basis = jnp.stack([jnp.ones_like(x), x], -1)
+    while (k := basis.shape[-1] - 1) < order - 1:
+        further = 2 * basis[..., k:] * basis[..., 1:] - basis[..., k - 1 :: -1]
+        basis = jnp.concatenate([basis, further], -1)
+    return basis[..., :order]
 
 
-def _coordinate(log_q, left, right, origin):
-    """The inverse of the map of the nodes of a mesh, and dl / d coordinate."""
-    fixed_left, fixed_right = jax.lax.stop_gradient((left, right))
-    width, span = right - left, fixed_right - origin
+def _maps(borders, origin):
+    """Where panels begin, 1 / width, width, and the root of how far from the origin they begin over end."""
+    left, width = borders[:-1], jnp.diff(borders)
+    fixed, span, origin = jax.lax.stop_gradient((left, borders[1:] - origin, origin))
     # A panel without width has only one place.
-    share = jnp.where(width > 0, (log_q - left) / jnp.where(width > 0, width, 1.0), 0.0)
-    share = jnp.clip(share, 0.0, 1.0)
-    ratio = jnp.maximum(fixed_left - origin, 0.0) / jnp.where(span > 0, span, 1.0)
-    fourth = root(root(share))
-    bend = root(ratio + (1 - ratio) * share)
-    ratio = jnp.sqrt(ratio)
-    first, sum_of_both = fixed_left <= origin, ratio + bend
-    later = share * (1 + ratio) / jnp.where(sum_of_both > 0, sum_of_both, 1.0)
-    stretch = jnp.where(first, 4 * fourth**3, 2 * bend / (1 + ratio))
-    return jnp.where(first, fourth, later), width * stretch
+    rate = jnp.where(width > 0, 1 / jnp.where(width > 0, width, 1.0), 0.0)
+    start = root((fixed - origin) / jnp.where(span > 0, span, 1.0))
+    return jnp.stack([left, rate, width, start], -1)
+
+
+def _coordinate(log_q, maps):
+    """The inverse of the map of the nodes of a mesh, and dl / d coordinate."""
+    left, rate, width, start = jnp.moveaxis(maps, -1, 0)
+    share = jnp.clip((log_q - left) * rate, 0.0, 1.0)
+    bend = root(start * start + (1 - start * start) * share)
+    # In the panel at the origin, start = 0, by the fourth root.
+    both, first = start + bend, root(bend)
+    later = share * (1 + start) / jnp.where(both > 0, both, 1.0)
+    stretch = jnp.where(start > 0, 2 * bend / (1 + start), 4 * first**3)
+    return jnp.where(start > 0, later, first), width * stretch
 
 
 def root(square: jax.Array) -> jax.Array:
@@ -93,17 +109,21 @@ def root(square: jax.Array) -> jax.Array:
 
 
 def inverse(position: jax.Array, values: jax.Array, wanted: jax.Array) -> jax.Array:
-    """Where rising values at positions, (nodes, points), reach wanted ones, (n, points); linear between."""
-    after = jnp.clip(jnp.sum(values[:, None] <= wanted, 0), 1, position.shape[0] - 1)
-    point = np.arange(values.shape[1])
-    low, high = (values.at[k, point].get(mode="promise_in_bounds") for k in (after - 1, after))
-    share = _share(wanted, low, high)
-    return position[after - 1] + share * (position[after] - position[after - 1])
+    """Where rising values at positions, both (nodes, points), reach wanted ones, (n, points); linear between.
+
+    Without derivatives: what is found begins a search, or is as good as another place.
+    """
+    position, values, wanted = jax.lax.stop_gradient((position, values, wanted))
+    cell = jnp.clip(jnp.sum(values[:, None] <= wanted, 0), 1, values.shape[0] - 1) + _ENDS
+    at = cell, np.arange(values.shape[1])
+    (low, high), ends = (each.at[at].get(mode="promise_in_bounds") for each in (values, position))
+    return _between(wanted, low, high, *ends)
 
 
-def _share(value, low, high):
+def _between(value, low, high, at_low, at_high):
     rise = high - low
-    return jnp.clip(jnp.where(rise > 0, (value - low) / jnp.where(rise > 0, rise, 1.0), 0.0), 0.0, 1.0)
+    share = jnp.where(rise > 0, (value - low) / jnp.where(rise > 0, rise, 1.0), 0.0)
+    return at_low + jnp.clip(share, 0.0, 1.0) * (at_high - at_low)
 
 
 class Panels(NamedTuple):
@@ -126,9 +146,9 @@ class Panels(NamedTuple):
         later = jnp.log(jnp.where(apart, rise / jnp.where(apart, low, 1.0), 1.0)) / ratio
         first = root(jnp.where(high > 0, rise / jnp.where(high > 0, high, 1.0), 0.0))
         y = jnp.where(low > 0, later, first)
-        coefficients = jnp.einsum("ij,kjp->kpi", typed(legendre_transform(order), values), values)
+        coefficients = jnp.einsum("ij,kjp->kpi", typed(_transform(order), values), values)
         chosen = coefficients.at[panel, point].get(mode="promise_in_bounds")
-        return jnp.sum(chosen * _legendre(y, order), -1)
+        return jnp.sum(chosen * _chebyshev(y, order), -1)
 
 
 def panels_from(
@@ -152,14 +172,12 @@ def panels_from(
     end, points = table.borders[-1], begin.shape[0]
     # Between kinks it does not matter where the borders are: they carry no derivatives.
     measure = jax.lax.stop_gradient(log_g / _RISE + table.position[:, None] / _SPAN)
-    after = jnp.clip(jnp.sum(table.position[:, None] <= begin, 0), 1, table.position.shape[0] - 1)
-    low, high = measure[after - 1, np.arange(points)], measure[after, np.arange(points)]
-    share = _share(jax.lax.stop_gradient(begin), table.position[after - 1], table.position[after])
-    first = low + share * (high - low)
+    position = jnp.broadcast_to(table.position[:, None], measure.shape)
+    first = inverse(measure, position, begin[None])[0]
     shares = typed((np.arange(1, count) / count) ** _CLOSER, begin)[:, None]
-    even = inverse(table.position, measure, first + (measure[-1] - first) * shares)
+    even = inverse(position, measure, first + (measure[-1] - first) * shares)
     kinks = jnp.broadcast_to(table.kinks[:, None], (table.kinks.shape[0], points))
-    inner = jnp.concatenate([jax.lax.stop_gradient(even), kinks])
+    inner = jnp.concatenate([even, kinks])
     # Selected, not clipped: a clip would give half the derivative to a border at an end.
     inner = jnp.where(inner > begin, jnp.where(inner < end, inner, end), begin)
     borders = jnp.concatenate([begin[None], jnp.sort(inner, 0), jnp.broadcast_to(end, (1, points))])

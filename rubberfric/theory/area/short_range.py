@@ -35,6 +35,9 @@ PANELS, ORDER = 6, 12
 # Of the iteration: second derivatives are the worse for what it leaves.
 _TOLERANCE = 1e-12
 
+# Functions of the table that say where sigma_a begins: energy, g, energy of A = P up to q.
+_RISE = slice(1, 4)
+
 # 1 / (2 sqrt t) where nothing is absorbed.
 _BEFORE_ALL = 27.0
 
@@ -76,7 +79,7 @@ class _Nodes(NamedTuple):
 class Balance(NamedTuple):
     """What the fixed point depends on; arrays (points,) and of numbers."""
 
-    # Of g, energy and roughness by the coordinate of a panel, and energies up to q of A = P and of A = 1.
+    # Of roughness and energy by the coordinate of a panel, g, and energies up to q of A = P and of A = 1.
     table: Table
     log_g: jax.Array  # at the positions of the table, (nodes, points)
     energy: jax.Array  # of contact without adhesion up to there [J/m^2], (nodes, points)
@@ -114,11 +117,13 @@ class Balance(NamedTuple):
         begin, origin = self._begin(whole)
         panels = panels_from(begin, origin, self.table, self.log_g, PANELS, ORDER)
         shape = panels.log_q.shape
-        found = self.table(panels.log_q.reshape(-1, shape[-1]), (0, 1, 2))
-        g, energy, roughness, stretch = (values.reshape(shape) for values in found)
+        places = jnp.concatenate([begin[None], panels.log_q.reshape(-1, shape[-1])])
+        found, stretch = self.table(places, slice(None))
+        g_begin, plain, full = found[2:, 0]
+        roughness, energy, g = found[:3, 1:].reshape(-1, *shape)
+        stretch = stretch[1:].reshape(shape)
         x = contact_argument(jnp.maximum(g, 0.0), self.stiffness)
         some = stretch > 0
-        g_begin, plain, full, _ = (values[0] for values in self.table(begin[None], (0, 3, 4)))
         x_begin = contact_argument(jnp.maximum(g_begin, 0.0), self.stiffness)
         return _Nodes(
             panels,
@@ -132,22 +137,27 @@ class Balance(NamedTuple):
 
     def _begin(self, whole):
         """Where the panels begin: before, nothing is absorbed or sigma_a = 0; where sigma_a does, or q0."""
-        end, position = self.table.borders[-1], self.table.position
+        end = self.table.borders[-1]
         # sigma_a grows with q: before, it is no less than at q0.
         root_t = (1 + root(self.pull * self.modulus * whole)) / (2 * NOTHING * self.stiffness)
-        idle = jax.lax.stop_gradient(inverse(position, self.log_g, 2 * jnp.log(root_t)[None])[0])
+        position = jnp.broadcast_to(self.table.position[:, None], self.energy.shape)
+        idle = inverse(position, self.log_g, 2 * jnp.log(root_t)[None])[0]
         wanted = jnp.maximum(-whole, 0.0)
-        place = inverse(position, self.energy, wanted[None])[0]
-        for _ in range(2):
-            # Newton's method from between two nodes; the derivatives are those of the last step.
+
+        def newton(place, _):
+            # From between two nodes; the derivatives are those of the last step.
             place = jax.lax.stop_gradient(place)
-            g, energy, upto, stretch = (values[0] for values in self.table(place[None], (0, 1, 3)))
+            (energy, g, upto), stretch = (values[..., 0, :] for values in self.table(place[None], _RISE))
             area = contact_fraction(contact_argument(jnp.maximum(g, 0.0), self.stiffness))
             slope = energy * energy_factor(area, self.gamma) * area
             further = place - (upto - wanted) * _over(stretch, slope)
             place = jnp.where(further < 2 * place, further, 2 * place)
-            place = jnp.where(place > 0, jnp.where(place < end, place, end), 0.0)
+            return jnp.where(place > 0, jnp.where(place < end, place, end), 0.0), None
+
+        place = jax.lax.scan(newton, inverse(position, self.energy, wanted[None])[0], None, 2)[0]
         begin = jnp.where((whole < 0) & (place > idle), place, idle)
+        # In full contact it is the end, and moves with it.
+        begin = jnp.where(begin < end, begin, end)
         return begin, jnp.where(whole < 0, jnp.where(place > idle, begin, place), 0.0)
 
     def energies(
@@ -183,7 +193,7 @@ def detach(mesh: Mesh, plain: Plain, adhesion: Adhesion, gamma: jax.Array) -> De
     balance = _balance(mesh, plain, adhesion, gamma, energies, jnp.sum(partial, (0, 2)))
     still = jax.lax.stop_gradient(balance)
     solution, converged = fixed_point(still, still.start(), tolerance=_TOLERANCE)
-    ratio, whole = balance.parts(implicit(balance, still(solution)))
+    ratio, whole = balance.parts(implicit(balance, solution))
     at = balance.nodes(whole)
     final, work, _ = balance.energies(ratio, whole, at)
     # At the nodes of the mesh.
@@ -213,7 +223,7 @@ def _balance(mesh, plain, adhesion, gamma, energies, stored):
         end = jnp.broadcast_to(end, (1, points))
         return jnp.concatenate([jnp.moveaxis(values, 2, 1).reshape(-1, points), end])
 
-    values = plain.g, plain.energy / weight, plain.roughness / weight, *energies
+    values = [plain.roughness / weight, plain.energy / weight, plain.g, *energies]
     # The true area is larger by half the square of the rms slope.
     work = adhesion.work * (1 + 0.5 * jnp.sum(plain.roughness))
     # Where the roughness begins g may be too small for its logarithm.

@@ -14,6 +14,7 @@ from scipy.stats import norm
 
 import rubberfric as rf
 from rubberfric.analysis import adhesion_profile, full_contact_energy, pull_off_force
+from rubberfric.analysis.jacobian import value_and_jacobian
 from rubberfric.base.quadrature import gauss
 from rubberfric.theory.area import first_passage, short_range
 from rubberfric.theory.area.first_passage import at_end, passage
@@ -215,6 +216,26 @@ def test_derivatives_are_those_of_the_values():
     for function in (area, left):
         slope = (function(1e-4) - function(-1e-4)) / 2e-4
         assert float(jax.grad(function)(0.0)) == pytest.approx(float(slope), rel=1e-5, abs=1e-8)
+
+
+@pytest.mark.slow
+def test_full_contact_does_not_feel_the_wavevectors():
+    """In both modes, and of what is prepared once for many points: no panel has a width."""
+    pressures = np.array([1e3, 1e4])
+
+    def scene_of(q0):
+        return _elastic(5e-2, 2e6).replace("lower.spectrum.q0", q0[0])
+
+    def area(q0):
+        return rf.contact_area(scene_of(q0), 0.0, pressures, quadrature=QUADRATURE)
+
+    q0 = jnp.array([1e4])
+    zeros = np.zeros(pressures.size)
+    conditions = zeros, pressures, None
+    values, jacobian = value_and_jacobian(scene_of, q0, conditions, "area", QUADRATURE)
+    np.testing.assert_allclose(values, 1, atol=1e-10)
+    for slopes in (jacobian, jax.jacfwd(area)(q0), jax.jacrev(area)(q0)):
+        np.testing.assert_allclose(q0 * slopes, zeros[:, None], atol=1e-9)
 
 
 def test_friction_and_shear_follow_the_area():
