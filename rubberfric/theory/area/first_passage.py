@@ -119,7 +119,9 @@ def _from_rest(t, b, x):
     width = 1 / jnp.sqrt(1 + steep * steep)
     reach = (width * (_FAR + x * width))[:, :, None]
     z = reach * node
-    share = reach * weight * (jnp.exp(-((z - x) ** 2)) - jnp.exp(-((z + x) ** 2))) / math.sqrt(math.pi)
+    # As a product: at light loads x is small, and of the difference of two Gaussians little would be left.
+    density = -jnp.exp(-((z - x) ** 2)) * jnp.expm1(-4 * x * z)
+    share = reach * weight * density / math.sqrt(math.pi)
     # Of those before, by ln t.
     many = x < _MANY
     longest = jnp.maximum(2 * jnp.log(NOTHING / jnp.maximum(x, _MANY)), 0.0)
