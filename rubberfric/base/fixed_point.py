@@ -64,7 +64,10 @@ def fixed_point(
 
 
 def implicit(
-    function: Callable[[jax.Array], jax.Array], solution: jax.Array, inverse: Inverse | None = None
+    function: Callable[[jax.Array], jax.Array],
+    solution: jax.Array,
+    inverse: Inverse | None = None,
+    tolerance: float = _LINEAR_TOLERANCE,
 ) -> jax.Array:
     """A known fixed point, with the derivatives that follow from it: (1 - f') dy = df.
 
@@ -72,8 +75,9 @@ def implicit(
     ----------
     function, inverse : as of `fixed_point`; `inverse` and what it was made from carry no derivatives
     solution : shape (points, n), without derivatives; where it is no fixed point, nor are they
+    tolerance : of the linear system, as of `fixed_point`
     """
-    solve = functools.partial(_tangent_solve, inverse)
+    solve = functools.partial(_tangent_solve, inverse, tolerance)
     return jax.lax.custom_root(lambda y: function(y) - y, solution, lambda _, y: y, solve)
 
 
@@ -99,12 +103,12 @@ def linear_fixed_point(
     return found
 
 
-def _tangent_solve(inverse, linear, right):
+def _tangent_solve(inverse, tolerance, linear, right):
     """Y of linear(y) = right, linear the derivative of f(y) - y."""
 
     def solve(inverse, product, right):
         start = jnp.zeros_like(right)
-        return _iterate(lambda y: product(y) - right, start, _LINEAR_TOLERANCE, inverse)[0]
+        return _iterate(lambda y: product(y) - right, start, tolerance, inverse)[0]
 
     back = None if inverse is None else inverse.transposed
     return jax.lax.custom_linear_solve(

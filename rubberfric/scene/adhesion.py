@@ -44,8 +44,8 @@ class Adhesion(PhysicalObject):
     Limits: E_r is that of the moduli at the frequencies of sliding, at rest the relaxed one; no energy is
     lost in the rubber by the opening of cracks. Contact shear acts on the area that adheres, and the
     viscoelastic friction is eq. (A17) with S P of that area. The mean separation is not defined; not together
-    with heating or with S in G. Areas are those of the equations to 1e-8, next to a jump, or where hardly any
-    of the work is left, to 1e-5.
+    with heating or with S in G. Areas are those of the equations to 1e-8; where solids are about to jump into
+    contact, or hardly any of the work is left, to 3e-5, and derivatives to 2e-4.
 
     Long range: area, separation, and S P of the viscoelastic friction are those without adhesion under the
     pressure p_rep; both parts of the friction are over sigma_0 alone. The exponential law has the work as its

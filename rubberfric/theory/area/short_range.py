@@ -21,6 +21,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
+from rubberfric.base.bracketed import bracketed
 from rubberfric.base.fixed_point import fixed_point, implicit
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.roughness.mesh import Mesh
@@ -32,8 +33,8 @@ from rubberfric.theory.area.partial_contact import contact_argument, contact_fra
 # Panels of a point, besides those between kinks, and their nodes.
 PANELS, ORDER = 6, 12
 
-# Of the iteration: second derivatives are the worse for what it leaves.
-_TOLERANCE = 1e-12
+# Of the iteration, for second derivatives are the worse for what it leaves, and of their linear systems.
+_TOLERANCE, _LINEAR_TOLERANCE = 1e-12, 1e-11
 
 # Functions of the table that say where sigma_a begins: energy, g, energy of A = P up to q.
 _RISE = slice(1, 4)
@@ -77,7 +78,7 @@ class _Nodes(NamedTuple):
 
 
 class Balance(NamedTuple):
-    """What the fixed point depends on; arrays (points,) and of numbers."""
+    """The function of which the contact is a fixed point; arrays (points,) and of numbers."""
 
     # Of roughness and energy by the coordinate of a panel, g, and energies up to q of A = P and of A = 1.
     table: Table
@@ -95,22 +96,26 @@ class Balance(NamedTuple):
         """Contact without adhesion."""
         count = (PANELS + self.table.kinks.shape[0]) * ORDER
         whole = (self.work * self.last - self.energy[-1]) / self.unit
-        return jnp.concatenate([jnp.ones((whole.shape[0], count), whole.dtype), whole[:, None]], 1)
+        return jnp.concatenate([jnp.repeat(self.last[:, None], count, 1), whole[:, None]], 1)
 
     def __call__(self, state: jax.Array) -> jax.Array:
-        """Areas over those without adhesion, gamma_eff of all roughness over the unit, from themselves."""
+        """A over that without adhesion, times A(q1) without, and gamma_eff of all over the unit.
+
+        So they are of one size at light loads as well: residuals are measured by the largest.
+        """
         ratio, whole = self.parts(state)
         at = jax.lax.optimization_barrier(self.nodes(whole))
         # Beyond what can be a solution lies nothing that an iteration should come back from.
         ratio = jnp.where(ratio < 0.9, 0.9, ratio)
         ratio = jnp.where(ratio * at.plain > 1.1, 1.1 / at.plain, ratio)
         _, work, whole = self.energies(ratio, whole, at)
-        found = passage(at.t, at.pull * work / (ratio * at.plain), at.x) / at.plain
+        found = passage(at.t, at.pull * work / (ratio * at.plain), at.x) / at.plain * self.last
         return jnp.concatenate([found.reshape(-1, found.shape[-1]), (whole / self.unit)[None]]).T
 
     def parts(self, state: jax.Array) -> tuple[jax.Array, jax.Array]:
         """Areas over those without adhesion, and gamma_eff of all roughness."""
-        return state[:, :-1].T.reshape(-1, ORDER, state.shape[0]), state[:, -1] * self.unit
+        ratio = state[:, :-1].T.reshape(-1, ORDER, state.shape[0]) / self.last
+        return ratio, state[:, -1] * self.unit
 
     def nodes(self, whole: jax.Array) -> _Nodes:
         """The panels that belong to gamma_eff of all roughness."""
@@ -192,8 +197,12 @@ def detach(mesh: Mesh, plain: Plain, adhesion: Adhesion, gamma: jax.Array) -> De
     energies = _up_to(partial), _up_to(plain.energy)
     balance = _balance(mesh, plain, adhesion, gamma, energies, jnp.sum(partial, (0, 2)))
     still = jax.lax.stop_gradient(balance)
-    solution, converged = fixed_point(still, still.start(), tolerance=_TOLERANCE)
-    ratio, whole = balance.parts(implicit(balance, solution))
+    start = still.start()
+    solution, converged = fixed_point(still, start, tolerance=_TOLERANCE)
+    # Where solids nearly jump into contact the areas hang on the one number too steeply for that.
+    again = jnp.where(converged[:, None], solution, start)
+    solution, converged = bracketed(still, again, converged, _TOLERANCE)
+    ratio, whole = balance.parts(implicit(balance, solution, tolerance=_LINEAR_TOLERANCE))
     at = balance.nodes(whole)
     final, work, _ = balance.energies(ratio, whole, at)
     # At the nodes of the mesh.
