@@ -92,7 +92,7 @@ def log_frequency(material: Material, omega: jax.Array) -> tuple[jax.Array, jax.
 
 
 def far_below(material: Material) -> jax.Array | float:
-    """How far below the frequencies of a material it is at rest, in ln omega: there E'' is 1e-9 of E' or less.
+    """How far below the frequencies of a material it is at rest: there E'' is 1e-9 of E' or less [ln omega].
 
     A table may begin where E'' is 1e14 of E'.
     """
