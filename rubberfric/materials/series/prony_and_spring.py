@@ -102,7 +102,8 @@ def _one_spring(rest, weight, spring, log_rate, tau):
 def _as_one(weight, log_rate, tau):
     """Logarithms of the rates, and the times, equal ones moving as the mean of their terms.
 
-    So each has its share of the derivative of the term that they are. Measured from each other they would
+    So each has its share of the derivative of the term that they are, to all orders of the moduli and the
+    first of the times: second derivatives lack what pulls them apart. Measured from each other they would
     have it as a difference of numbers that are k/f times as large, 1e19 for a film on rubber.
     """
     same = log_rate == log_rate[:, None]
