@@ -5,7 +5,7 @@ an example, so that a failure shrinks to the simplest scene of its structure.
 
 Checked on every scene: finite values and derivatives with respect to every leaf, velocity,
 pressure and temperature; 0 <= A/A0 <= 1, u_bar >= 0, mu >= 0 for v > 0; A/A0 and u_bar even and
-mu odd in v; A/A0 growing with the load; forward and reverse mode alike. Checked on some:
+mu odd in v; A/A0 growing with the load as fast as it must; forward and reverse mode alike. Checked on some:
 jit, vmap and plain calls alike. Checked on every structure: the dtype.
 
 More, and structures drawn at random: python -m pytest -m slow tests/whole_scenes/test_random_scenes.py
