@@ -107,7 +107,8 @@ def _as_one(weight, log_rate, tau):
     have it as a difference of numbers that are k/f times as large, 1e19 for a film on rubber.
     """
     same = log_rate == log_rate[:, None]
-    share = weight / jnp.sum(jnp.where(same, weight, 0.0), -1)
+    # Weights of 1e-30 have no square in float32.
+    share = quotient(weight, jnp.sum(jnp.where(same, weight, 0.0), -1))
     still = jax.lax.stop_gradient(log_rate)
     moved = jnp.sum(jnp.where(same, share * (log_rate - still), 0.0), -1)
     return still + moved, jax.lax.stop_gradient(tau) * jnp.exp(-moved)
