@@ -386,6 +386,9 @@ def test_dtype_is_kept(structure, dtype):
 def test_single_precision(structure):
     """Finite and in bounds within `SINGLE`; float32's erf falls by 4 eps where it nears 1."""
     for call in drawn(structure, 1000, SINGLE, np.float32):
+        bodies = call[0].lower, call[0].upper
+        if all(body.material.deforms and body.material.is_liquid() for body in bodies):
+            continue  # two liquids: refused in single precision
         values, _, reverse = everything(call, 1.5 * call[2], None)
         check_values(call, 1.5 * call[2], np.asarray(values), np.finfo(np.float32).eps)
         assert not not_finite(reverse)
