@@ -56,8 +56,8 @@ class TabulatedModulus(Material):
         by 1e-2 between 0.1 and straight lines, that of smooth ones by 1e-3.
 
     Errors: the angular means are good to 1e-9 of this law, unless a modulus steps by more than a
-    factor e^(3 d) or so within d. A concrete table of more than 26 decades raises ValueError; under jit
-    its friction is nan.
+    factor e^(3 d) or so within d, or E'' of "none" ends where it is more than 100 E'. A concrete table of
+    more than 26 decades raises ValueError; under jit its friction is nan.
     """
 
     file_kind: ClassVar[str] = "tabulated"

@@ -5,7 +5,7 @@ an example, so that a failure shrinks to the simplest scene of its structure.
 
 Checked on every scene: finite values and derivatives with respect to every leaf, velocity,
 pressure and temperature; 0 <= A/A0 <= 1, u_bar >= 0, mu >= 0 for v > 0; A/A0 and u_bar even and
-mu odd in v; A/A0 growing with the load; forward and reverse mode alike. Checked on some:
+mu odd in v; A/A0 growing with the load as fast as it must; forward and reverse mode alike. Checked on some:
 jit, vmap and plain calls alike. Checked on every structure: the dtype.
 
 More, and structures drawn at random: python -m pytest -m slow tests/whole_scenes/test_random_scenes.py
@@ -15,6 +15,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+import scipy.special
 from hypothesis import Phase, given, settings
 from support.cases.stored import paths, quantities
 from support.scenes.strategies import (
@@ -57,8 +58,7 @@ BOTH_MODES = (ROUGH_ROAD, ON_ELASTIC)
 EPS = np.finfo(float).eps
 # Of forward less reverse mode, for all leaves but the wavevectors and for these: the contact
 # begins within t = ln(q/q0) ~ 1e-10 at light loads, and a derivative with respect to where t = 0
-# is, d/dt ~ 1/t, has the rounding of t in it. Of equal times in series with a stiff spring each has
-# a derivative whose rounding is 1e-16 of spring over solid.
+# is, d/dt ~ 1/t, has the rounding of t in it.
 TOLERANCE = np.array([[1e-6], [1e-5]])
 # What area, friction and separation count from: a separation underflows, ~ e^(-x^2), in full
 # contact, and zero weights stand for 1e-30 of the solid, which may relax.
@@ -79,18 +79,39 @@ fewer = settings(many, max_examples=500)
 WAVEVECTORS = ("q", "q0", "qr", "q1")
 
 
+def own_size(name, x, body, first):
+    """Of a change of a leaf that is about its own size; zeros count as 1, of a layer's stiffness."""
+    size = np.where(x != 0, x, 1.0)
+    layer = None if body is None else body.layer
+    if layer is None or layer.base != "bonded" or name not in ("poisson", "E", "E_inf", "young"):
+        return size
+    # A film sees Poisson's ratio once 1 - 2 nu exceeds (q d)^2: d ln Sbar / d nu is 1 over the two, 1e18 of
+    # films 1e-9 wavelengths thick, and 1e-16 of that is rounding. A modulus it makes Sbar times as stiff.
+    if name == "poisson":
+        return np.minimum(size, 1 - 2 * x + (first * layer.thickness) ** 2)
+    stiffening = np.asarray(layer.stiffening(body.material.poisson, jnp.asarray(first)))
+    return np.where(x != 0, x, 1 / np.maximum(stiffening, 1.0))
+
+
+def first_of(spectrum):
+    """The first wavevector of a spectrum."""
+    return float(spectrum.q[0] if isinstance(spectrum, rf.TabulatedSpectrum) else spectrum.q0)
+
+
 def directions(call):
     """How fast every leaf moves along two directions: all but the wavevectors, and the wavevectors.
 
-    Each at about its own size, zeros at 1.
+    Each at about its own size.
     """
     rng = np.random.default_rng(0)
+    scene = call[0]
+    bodies = scene.lower, scene.upper
+    first = min(first_of(body.spectrum) for body in bodies if body.spectrum is not None)
 
     def velocities(path, x):
         name = getattr(path[-1], "name", None)
-        # Terms of equal tau in series with a spring 1e20 times as stiff: each alone has a derivative
-        # of rounding, 1e-16 of that ratio. Their sum has not, so all tau move together.
-        size = (1.0 if name == "tau" else rng.uniform(0.5, 1.5, np.shape(x))) * np.where(x != 0, x, 1.0)
+        body = getattr(scene, path[1].name) if len(path) > 2 and path[1].name in ("lower", "upper") else None
+        size = rng.uniform(0.5, 1.5, np.shape(x)) * own_size(name, x, body, first)
         one = name in WAVEVECTORS
         return np.stack([size * (not one), size * one]).astype(x.dtype)
 
@@ -145,10 +166,39 @@ def scaling_error(call, values, reverse):
     return np.abs(total), scale + np.abs(values[:, 0]) + FLOOR
 
 
-def tolerance(scene):
+def tolerance(scene, area):
+    """Of Euler's identities, (4, 1)."""
     materials = scene.lower.material, scene.upper.material
-    tabulated = any(isinstance(material, rf.TabulatedModulus) for material in materials)
-    return TABULATED_TOLERANCE if tabulated else SCALING_TOLERANCE
+    tables = [material for material in materials if isinstance(material, rf.TabulatedModulus)]
+    found = (TABULATED_TOLERANCE if tables else SCALING_TOLERANCE).copy()
+    # An order of 13 integrates e^(Lx) over a panel to L^26 of a constant, which is 6e-3 for L = 23.
+    found[1] *= max([1.0, *(steepness(body.spectrum) / 23 for body in (scene.lower, scene.upper))]) ** 26
+    # Where the second roughness begins has the rounding of its distance from the first; the contact of
+    # light loads begins within A^2 of there, where G = 1, if G grows as ln q does.
+    found[1] += EPS * apart(scene) / max(area, 1e-150) ** 2
+    # E'' that ends falls by a factor as large as tan(delta) within 0.1 of ln omega, and F'' is a peak there
+    # whose width is 0.1 / sqrt(2 ln tan(delta)): steps of 0.1/6 resolve it up to 100.
+    if any(one.outside == "none" and np.max(one.loss) > 100 * np.min(one.storage) for one in tables):
+        found[2] = np.inf
+    # Differences of rates that are equal but for 1e-6 have lost that much of their digits.
+    for material in materials:
+        if isinstance(material, rf.Prony):
+            gaps = np.diff(np.sort(np.log(material.tau)))
+            found[2] += 16 * EPS / min([1.0, *gaps[gaps > 0]])
+    return found
+
+
+def steepness(spectrum):
+    """e-folds of q^4 C between neighbouring entries, the most."""
+    if not isinstance(spectrum, rf.TabulatedSpectrum):
+        return 0.0
+    return float(np.max(np.abs(np.diff(np.log(spectrum.C) + 4 * np.log(spectrum.q)))))
+
+
+def apart(scene):
+    """ln of the first wavevector of one roughness over that of the other."""
+    begins = [first_of(body.spectrum) for body in (scene.lower, scene.upper) if body.spectrum is not None]
+    return abs(np.log(begins[-1] / begins[0]))
 
 
 def has_zero_moduli(scene):
@@ -162,7 +212,32 @@ def as_numbers(call, dtype=float):
     return jax.tree.map(lambda x: np.asarray(x, dtype), call)
 
 
-def check_values(values, velocity, eps):
+def rounding_of_area(scene, area, eps):
+    """Of A/A0, relative: an erf, and with S in G a polynomial in ln g besides.
+
+    That logarithm and where it lies in the table are rounded by eps |ln g|, of which half is in ln G (the
+    slopes of ln(G/g) are -1/2 ... 0) and half of that in x. At light loads A ~ G^-1/2 and g ~ G^2 at most.
+    """
+    if not scene.area_correction:
+        return 4 * eps
+    return (4 + 4 * np.log(1 / max(area, np.finfo(float).tiny)) + 4) * eps
+
+
+def least_growth(scene, area, log_ratio, eps):
+    """By which ln(A/A0) has grown to `area` at least as the pressure did by `log_ratio`.
+
+    d ln P / d ln x = 2 x e^(-x^2) / (sqrt(pi) P) falls with x = p / (2 p sqrt G), and with S in G
+    1/2 <= d ln x / d ln p <= 1, for d ln S / d ln G >= -1.
+    """
+    x = scipy.special.erfinv(min(area * (1 + 4 * eps), 1.0))
+    if not np.isfinite(x) or x == 0:
+        return 0.0
+    slope = 2 / np.sqrt(np.pi) * x * np.exp(-x * x) / scipy.special.erf(x)
+    return (0.5 if scene.area_correction else 1.0) * slope * log_ratio
+
+
+def check_values(call, heavier, values, eps):
+    velocity, pressure = call[1:3]
     area, friction, separation = values
     assert np.isfinite(values).all()
     assert (area >= 0).all() and (area <= 1).all()
@@ -172,7 +247,12 @@ def check_values(values, velocity, eps):
         assert (friction == 0).all()
     assert friction[1] == -friction[0]
     assert (area[1], separation[1]) == (area[0], separation[0])
-    assert area[2] >= area[0] * (1 - 4 * eps)
+    if area[0] > 0:
+        # Loads that differ by 1e-15 say nothing but rounding.
+        log_ratio = np.log1p(float((heavier - pressure) / pressure))
+        rounding = rounding_of_area(call[0], area[0], eps)
+        growth = np.log1p(float((area[2] - area[0]) / area[0]))
+        assert growth >= (1 - 4 * EPS) * least_growth(call[0], float(area[2]), log_ratio, eps) - rounding
 
 
 def not_finite(slopes):
@@ -198,13 +278,14 @@ def forward_less_reverse(values, forward, reverse, directions):
 def check(call, heavier, both_modes):
     call = as_numbers(call)
     along = directions(call) if both_modes else None
-    values, forward, reverse = jax.tree.map(np.asarray, everything(call, call[2] * (1 + heavier), along))
-    check_values(values, call[1], EPS)
+    heavier = call[2] * (1 + heavier)
+    values, forward, reverse = jax.tree.map(np.asarray, everything(call, heavier, along))
+    check_values(call, heavier, values, EPS)
     assert not not_finite(reverse)
     error, scale = scaling_error(call, values, reverse)
     # What stands for a zero modulus does not scale with it: no identity for stress then.
     begin = 1 if has_zero_moduli(call[0]) else 0
-    assert (error <= tolerance(call[0]) * scale)[begin:].all()
+    assert (error <= tolerance(call[0], values[0, 0]) * scale)[begin:].all()
     if both_modes:
         assert np.isfinite(forward).all()
         difference, scale = forward_less_reverse(values, forward, reverse, along)
@@ -305,8 +386,11 @@ def test_dtype_is_kept(structure, dtype):
 def test_single_precision(structure):
     """Finite and in bounds within `SINGLE`; float32's erf falls by 4 eps where it nears 1."""
     for call in drawn(structure, 1000, SINGLE, np.float32):
+        bodies = call[0].lower, call[0].upper
+        if all(body.material.deforms and body.material.is_liquid() for body in bodies):
+            continue  # two liquids: refused in single precision
         values, _, reverse = everything(call, 1.5 * call[2], None)
-        check_values(np.asarray(values), call[1], np.finfo(np.float32).eps)
+        check_values(call, 1.5 * call[2], np.asarray(values), np.finfo(np.float32).eps)
         assert not not_finite(reverse)
 
 

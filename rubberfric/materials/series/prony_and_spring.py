@@ -38,7 +38,6 @@ class _Rates(NamedTuple):
     """All rates l_j as a root (rows) sees them, in units of m = max(l_j, own)."""
 
     at_anchor: jax.Array  # whether l_j is the rate that the root is measured from
-    ahead: jax.Array  # ln(l_j / own) of another rate at the anchor, 0 but for its derivative
     below: jax.Array  # own / m
     above: jax.Array  # l_j / m
     apart: jax.Array  # (l_j - anchor own) / m, all its digits kept
@@ -84,11 +83,11 @@ def _one_spring(rest, weight, spring, log_rate, tau):
     share, spring = quotient(spring, floored), floored
     # In units of the stiffer of the two: of a spring of 1e-30 no reciprocal must be squared.
     rest, weight, spring = rest / unit, weight / unit, spring / unit
+    log_rate, tau = _as_one(weight, log_rate, tau)
     roots = _roots(rest, weight, spring, log_rate)
     rates = _seen_from(roots, log_rate)
     size, relative = jnp.abs(roots.distance), roots.anchor + roots.distance
-    split = rates.ahead + 2 * quotient(rates.ahead, roots.distance[:, None])
-    own = jnp.sum(jnp.where(rates.at_anchor, weight * (1 + split), 0.0), -1)
+    own = jnp.sum(jnp.where(rates.at_anchor, weight, 0.0), -1)
     others = weight * rates.below * rates.above / _gap(rates, roots) ** 2
     others = jnp.sum(jnp.where(rates.at_anchor, 0.0, others), -1)
     # F_i own distance^2 = own + distance^2 others: by parts, since neither square is in float32.
@@ -98,6 +97,21 @@ def _one_spring(rest, weight, spring, log_rate, tau):
     soft, hard = jnp.minimum(spring, rest), jnp.maximum(spring, rest)
     unit = unit * share
     return unit * (soft / (1 + soft / hard)), unit * new_weight, tau[roots.pole] / relative
+
+
+def _as_one(weight, log_rate, tau):
+    """Logarithms of the rates, and the times, equal ones moving as the mean of their terms.
+
+    So each has its share of the derivative of the term that they are, to all orders of the moduli and the
+    first of the times: second derivatives lack what pulls them apart. Measured from each other they would
+    have it as a difference of numbers that are k/f times as large, 1e19 for a film on rubber.
+    """
+    same = log_rate == log_rate[:, None]
+    # Weights of 1e-30 have no square in float32.
+    share = quotient(weight, jnp.sum(jnp.where(same, weight, 0.0), -1))
+    still = jax.lax.stop_gradient(log_rate)
+    moved = jnp.sum(jnp.where(same, share * (log_rate - still), 0.0), -1)
+    return still + moved, jax.lax.stop_gradient(tau) * jnp.exp(-moved)
 
 
 @jax.custom_jvp
@@ -122,12 +136,9 @@ def _seen_from(roots, log_rate):
     anchored = roots.anchor[:, None] > 0
     ahead = log_rate - log_rate[roots.pole][:, None]
     at_anchor = anchored & (ahead == 0)
-    # Equal times have a derivative each; the anchor's own would be 0 to rounding only.
-    tied = at_anchor & (jnp.arange(log_rate.shape[0]) != roots.pole[:, None])
     above = jnp.exp(jnp.minimum(ahead, 0.0))
     return _Rates(
         at_anchor,
-        jnp.where(tied, ahead, 0.0),
         jnp.exp(-jnp.maximum(ahead, 0.0)),
         above,
         jnp.where(anchored, jnp.sign(ahead) * -jnp.expm1(-jnp.abs(ahead)), above),
@@ -142,8 +153,7 @@ def _gap(rates, roots):
 def _balance(rest, weight, spring, rates, roots):
     """k + f(-l'), shape (roots,), times the distance from a rate: finite where a root meets its anchor."""
     relative = roots.anchor + roots.distance
-    split = quotient(rates.ahead, roots.distance[:, None])
-    own = jnp.sum(jnp.where(rates.at_anchor, weight * (1 + split), 0.0), -1)
+    own = jnp.sum(jnp.where(rates.at_anchor, weight, 0.0), -1)
     others = jnp.sum(jnp.where(rates.at_anchor, 0.0, weight * rates.below / _gap(rates, roots)), -1)
     away = jnp.where(roots.anchor > 0, roots.distance, 1.0)
     return away * (spring + rest - relative * others) + relative * own

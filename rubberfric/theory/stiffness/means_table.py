@@ -25,6 +25,7 @@ from rubberfric.theory.stiffness.tabulated_means import (
     PER_DETAIL,
     Tabulated,
     constant_shares,
+    far_below,
     kinds_of,
     log_range,
     of_direction,
@@ -182,7 +183,7 @@ def _passing(table, log_q, velocity, log_shift):
     low, high = table.ends
     # So far below the table are all q, where |v a_T| is bounded: E is E(0) and E'' linear in omega, so v = 0
     # keeps its derivative. If E'' does not vanish at v = 0+, only the sign is left.
-    least = jax.lax.stop_gradient(low - math.log(1e9) - jnp.max(log_q))
+    least = jax.lax.stop_gradient(low - far_below(table.material) - jnp.max(log_q))
     log_speed = jnp.log(jnp.maximum(jnp.abs(velocity), float(jnp.finfo(velocity.dtype).tiny)))
     shifted = log_speed if log_shift is None else log_speed + log_shift
     sign = jnp.sign(velocity)
@@ -250,5 +251,8 @@ def _by_table(table, passing, needs, split, harmonics):
         for i in range(begin, size):
             row = k * size + i
             value = rows[row] ** 2 if kind.positive and i == 0 else rows[row]
+            if kind.name == "dissipation" and outside == "none" and mix is None and i == 0:
+                # A spline swings about 0, by 1e-60 of its highest value, where E'' has gone.
+                value = jnp.where(value < 0, 0.0, value)
             means[kind.name] += (rule(value, table.limits[row]),)
     return means

@@ -24,6 +24,9 @@ from rubberfric.theory.stiffness.splines import BESIDE, MARGIN, at, splines
 # Steps of the grid in the finest detail of E over ln omega, and of the integral of a node.
 PER_DETAIL, _PER_DETAIL_OF_A_NODE = 6, 2
 
+# ln E''/E' at the first entry of a table, of which `far_below` takes account.
+_MOST_EXCESS = 40.0
+
 
 class Tabulated(NamedTuple):
     """F = f k / (f + k) with f(omega) the scaled E_r and a spring k, its means taken at every node."""
@@ -80,12 +83,25 @@ def log_frequency(material: Material, omega: jax.Array) -> tuple[jax.Array, jax.
     Far below, E is E(0) and E'' linear in omega: so v = 0 keeps its derivative. If E'' does not vanish at
     v = 0+, only the sign is left.
     """
-    floor = log_range(material)[0] - math.log(1e9)
-    tiny = float(jnp.finfo(omega.dtype).tiny)
+    floor = log_range(material)[0] - far_below(material)
+    tiny, largest = (float(x) for x in (jnp.finfo(omega.dtype).tiny, jnp.finfo(omega.dtype).max))
     log_omega = jnp.maximum(jnp.log(jnp.maximum(jnp.abs(omega), tiny)), floor)
     return log_omega, jnp.sign(omega) if material.loss_at_rest else jnp.clip(
-        omega * jnp.exp(-floor), -1.0, 1.0
+        omega * jnp.exp(jnp.minimum(-floor, 0.85 * math.log(largest))), -1.0, 1.0
     )
+
+
+def far_below(material: Material) -> jax.Array | float:
+    """How far below the frequencies of a material it is at rest: there E'' is 1e-9 of E' or less [ln omega].
+
+    A table may begin where E'' is 1e14 of E'.
+    """
+    if material.loss_beyond != "fall":
+        return math.log(1e9)
+    storage, loss = material.storage_and_loss(log_range(material)[0])
+    excess = jnp.log(jnp.where(loss > storage, loss, 1.0)) - jnp.log(jnp.where(loss > storage, storage, 1.0))
+    # Where E(0) = 0 nothing is small beside it.
+    return math.log(1e9) + jax.lax.stop_gradient(jnp.clip(excess, 0.0, _MOST_EXCESS))
 
 
 def log_range(material: Material) -> jax.Array:

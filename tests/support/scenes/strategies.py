@@ -186,7 +186,8 @@ def _shift(draw, kind, temperature):
         return rf.Arrhenius(draw(decades(-3.0, 3.0)), T_ref)
     low, high = min(temperature, T_ref), max(temperature, T_ref)
     below, above = draw(_vector(st.one_of(st.just(0.0), decades(-3.0, 3.0)), 2))
-    ends = [low / (1 + below), high + above + 1e-3]
+    # Entries that float32 tells apart.
+    ends = [low / (1 + below), high + above + max(1e-3, 1e-5 * high)]
     T = np.array([ends[0], *(ends[0] + (ends[1] - ends[0]) * np.linspace(0, 1, ENTRIES)[1:-1]), ends[1]])
     return rf.TabulatedShift(T, np.array(draw(_vector(decades(-12.0, 12.0), ENTRIES))), T_ref)
 

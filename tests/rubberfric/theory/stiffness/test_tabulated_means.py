@@ -112,6 +112,35 @@ def test_forward_and_reverse_mode_are_alike():
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12 * np.abs(one).max())
 
 
+def test_at_rest_a_loss_is_nothing_however_large():
+    """E'' is 3e13 of E' where the table begins: 1e-9 of that is not nothing beside E'."""
+    table = np.log(
+        [[1e-20, 2e-20, 2.00002e-15, 4e-15], [3.2, 13.0, 1.0e5, 6.0e5], [9.2e13, 5.5e13, 1.8e14, 3.6e14]]
+    )
+    F = stiffness(table, "fall", None)
+    for one in (means_table(F, WANTED, False, None), F._replace(scale=jnp.ones(3))):
+        q = jnp.array([1.0, 3.0, 9.0])
+        at_rest = (q, jnp.zeros(1), None) if one is not F and hasattr(one, "cells") else (0 * q[None],)
+        found = one.means(*at_rest, WANTED)
+        np.testing.assert_allclose(jnp.ravel(found["power"][0]), 3.2**2, rtol=1e-7)
+        np.testing.assert_allclose(jnp.ravel(found["storage"][0]), 3.2, rtol=1e-7)
+        assert not found["dissipation"][0].any()
+
+
+def test_the_dissipation_of_a_loss_that_ends_is_not_negative():
+    """Far below the table a spline through what has underflown from it swings."""
+    table = np.log(
+        [
+            [1.0955e-6, 1.1171e-6, 4.4342e-6, 4.4785e-6],
+            [2.532e6, 4.771e6, 7.774e6, 5.818e6],
+            [4.259e3, 3.053e3, 2.829e3, 1.468e3],
+        ]
+    )
+    x = table[0, 0] - np.linspace(0, 9, 2000)
+    _, dissipation, _ = means(stiffness(table, "none", None), x)
+    assert (dissipation >= 0).all()
+
+
 def test_a_mean_depends_on_its_own_velocity_alone():
     table = random_table(3)
     x, F = velocities(table), stiffness(table, "fall", None)
