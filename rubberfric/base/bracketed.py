@@ -17,8 +17,8 @@ import jax.numpy as jnp
 
 _MOST_STEPS = 1000
 
-# What x may still change while w is held, over the tolerance.
-_SETTLED = 0.1
+# What x may still change while w is held, over the tolerance; after so many steps that is its rounding.
+_SETTLED, _HELD = 0.1, 40
 
 
 def bracketed(
@@ -43,15 +43,15 @@ def bracketed(
     ones = jnp.ones_like(start[:, -1])
 
     def step(progress):
-        k, y, low, high, side, reached = progress
+        k, y, low, high, side, held, reached = progress
         found, w = function(y), y[:, -1]
         least = tolerance * jnp.max(jnp.abs(y), -1)
         change = jnp.max(jnp.abs(found - y)[:, :-1], -1)
         left = found[:, -1] - w
         (low, at_low), (high, at_high) = low, high
         # Only then is the sign of R known, for R may hang steeply on x.
-        settled = change <= _SETTLED * least
-        ends = settled & (jnp.abs(left) <= least)
+        settled = (change <= _SETTLED * least) | (held >= _HELD)
+        ends = settled & (jnp.maximum(jnp.abs(left), change) <= least)
         above, below = settled & (left > 0), settled & ~(left > 0)
         # An end that stays once more counts half.
         share = jnp.where(side == jnp.sign(left), 0.5, 1.0)
@@ -65,11 +65,11 @@ def bracketed(
         between = jnp.where((between > low) & (between < high), between, middle)
         following = found.at[:, -1].set(jnp.where(settled, between, w))
         y = jnp.where((reached | ends)[:, None], y, following)
-        return k + 1, y, (low, at_low), (high, at_high), side, reached | ends
+        return k + 1, y, (low, at_low), (high, at_high), side, jnp.where(settled, 0, held + 1), reached | ends
 
     def going(progress):
         return (progress[0] < _MOST_STEPS) & ~jnp.all(progress[-1])
 
-    progress = 0, start, (-ones, ones), (ones, -ones), 0 * ones, solved
+    progress = 0, start, (-ones, ones), (ones, -ones), 0 * ones, 0 * ones, solved
     _, y, *_, reached = jax.lax.while_loop(going, step, progress)
     return y, reached

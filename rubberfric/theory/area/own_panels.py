@@ -26,8 +26,6 @@ from rubberfric.roughness.mesh import Mesh
 # closer where the detachment stress begins. Of those tried the least error with six panels.
 _RISE, _SPAN, _CLOSER = 5.0, 1.2, 1.5
 
-_ENDS = np.array([-1, 0])[:, None, None]  # of the cell before a node
-
 
 class Table(NamedTuple):
     """Functions of log_q by their Chebyshev coefficients in every panel of the mesh of the roughness."""
@@ -114,8 +112,8 @@ def inverse(position: jax.Array, values: jax.Array, wanted: jax.Array) -> jax.Ar
     Without derivatives: what is found begins a search, or is as good as another place.
     """
     position, values, wanted = jax.lax.stop_gradient((position, values, wanted))
-    cell = jnp.clip(jnp.sum(values[:, None] <= wanted, 0), 1, values.shape[0] - 1) + _ENDS
-    at = cell, np.arange(values.shape[1])
+    after = jnp.clip(jnp.sum(values[:, None] <= wanted, 0), 1, values.shape[0] - 1)
+    at = jnp.stack([after - 1, after]), np.arange(values.shape[1])
     (low, high), ends = (each.at[at].get(mode="promise_in_bounds") for each in (values, position))
     return _between(wanted, low, high, *ends)
 
