@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.fixed_point import linear_fixed_point
+from rubberfric.base.fixed_points.anderson import linear_fixed_point
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.integrals import evaluate, prepare

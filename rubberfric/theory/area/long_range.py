@@ -25,7 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import erf
 
-from rubberfric.base.fixed_point import implicit
+from rubberfric.base.fixed_points.anderson import implicit
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
 from rubberfric.theory.area.partial_contact import (

@@ -21,8 +21,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from rubberfric.base.bracketed import bracketed
-from rubberfric.base.fixed_point import fixed_point, implicit
+from rubberfric.base.fixed_points.anderson import fixed_point, implicit
+from rubberfric.base.fixed_points.bracketed import bracketed
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.roughness.mesh import Mesh
 from rubberfric.scene.adhesion import Adhesion

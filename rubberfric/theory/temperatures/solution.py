@@ -1,7 +1,7 @@
 r"""Temperatures of a heated scene: friction heats the solids, which softens them, which changes friction.
 
 The branch of solutions is followed on a coarse mesh of the same scene (`branch`), whose derivative J then
-brings the temperatures on the scene's own mesh to their fixed point (`rubberfric.base.fixed_point`):
+brings the temperatures on the scene's own mesh to their fixed point (`rubberfric.base.fixed_points`):
 with P the map from coarse rises to fine ones, J = P' along a few functions of ln q, and R back to these,
 
 .. math:: (1 - F')^{-1} \approx 1 + J (1 - R J)^{-1} R
@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.base.fixed_point import Inverse, fixed_point, implicit
+from rubberfric.base.fixed_points.anderson import Inverse, fixed_point, implicit
 from rubberfric.base.quadrature import Quadrature, typed
 from rubberfric.scene.heating import diffusivity
 from rubberfric.theory.stress_fluctuation import Roughness

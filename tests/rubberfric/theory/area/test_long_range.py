@@ -166,7 +166,8 @@ def test_no_lesser_load_is_a_solution(share, reach):
     assert found.converged
 
 
-@pytest.mark.parametrize("mode", [jax.jacrev, pytest.param(jax.jacfwd, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("mode", [jax.jacrev, jax.jacfwd])
 def test_derivatives_are_those_of_the_values(mode):
     def found(parameters):
         work, reach, young, h_rms, pressure = jnp.exp(parameters)

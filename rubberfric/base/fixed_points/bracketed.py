@@ -6,8 +6,8 @@ by itself, as where every element depends on those before it alone; then the sig
 .. math:: R(w) = f_w(x(w), w) - w,\qquad R(-1) \ge 0 \ge R(1)
 
 says on which side of w the solution is. The next w is that of regula falsi, with half the value of an end
-that stays (Illinois) [Dowell & Jarratt, BIT 11 (1971) 168]. Slower than `rubberfric.base.fixed_point` where
-that works, but it ends wherever R is continuous, however steep.
+that stays (Illinois) [Dowell & Jarratt, BIT 11 (1971) 168]. Slower than
+`rubberfric.base.fixed_points.anderson` where that works, but it ends wherever R is continuous, however steep.
 """
 
 from collections.abc import Callable

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.base.bracketed import bracketed
+from rubberfric.base.fixed_points.bracketed import bracketed
 
 SLOPE = 1e2
 
