@@ -43,7 +43,7 @@ def fixed_point(
     function: Callable[[jax.Array], jax.Array],
     start: jax.Array,
     inverse: Inverse | None = None,
-    tolerance: float = _TOLERANCE,
+    tolerance: float | None = None,
 ) -> tuple[jax.Array, jax.Array]:
     """Fixed point next to a start value, and whether it was reached; no derivatives.
 
@@ -52,7 +52,8 @@ def fixed_point(
     function : from an array of shape (points, n) to one of that shape; rows do not mix
     start : shape (points, n)
     inverse : Inverse of 1 - f' near the start, or None
-    tolerance : residual over the largest element of a row at which a step is the last (float32: 1e-5)
+    tolerance : residual over the largest element of a row at which a step is the last; None: 1e-7
+        (float32: 1e-5)
 
     Returns
     -------
@@ -60,14 +61,15 @@ def fixed_point(
 
     Limits: residuals are a hundredth of the tolerance (float32: 1e-5).
     """
-    return _iterate(lambda y: function(y) - y, start, tolerance, inverse)[:2]
+    goal = _TOLERANCE if tolerance is None else tolerance
+    return _iterate(lambda y: function(y) - y, start, goal, inverse)[:2]
 
 
 def implicit(
     function: Callable[[jax.Array], jax.Array],
     solution: jax.Array,
     inverse: Inverse | None = None,
-    tolerance: float = _LINEAR_TOLERANCE,
+    tolerance: float | None = None,
 ) -> jax.Array:
     """A known fixed point, with the derivatives that follow from it: (1 - f') dy = df.
 
@@ -75,9 +77,10 @@ def implicit(
     ----------
     function, inverse : as of `fixed_point`; `inverse` and what it was made from carry no derivatives
     solution : shape (points, n), without derivatives; where it is no fixed point, nor are they
-    tolerance : of the linear system, as of `fixed_point`
+    tolerance : of the linear system, as of `fixed_point`; None: 1e-9
     """
-    solve = functools.partial(_tangent_solve, inverse, tolerance)
+    goal = _LINEAR_TOLERANCE if tolerance is None else tolerance
+    solve = functools.partial(_tangent_solve, inverse, goal)
     return jax.lax.custom_root(lambda y: function(y) - y, solution, lambda _, y: y, solve)
 
 
