@@ -363,9 +363,7 @@ def test_what_follows_from_a_linear_fixed_point():
     def residual(y):
         return jnp.einsum("pij,pj->pi", f, y) + b - y, jnp.sum(c * y, 1)
 
-    found = jax.jit(functools.partial(anderson.linear_fixed_point, residual))(
-        jnp.zeros((3, 6)), jnp.zeros(3)
-    )
+    found = jax.jit(functools.partial(anderson.linear_fixed_point, residual))(jnp.zeros((3, 6)), jnp.zeros(3))
     wanted = [one @ np.linalg.solve(np.eye(6) - a, right) for a, right, one in zip(f, b, c, strict=True)]
     np.testing.assert_allclose(found, wanted, rtol=1e-7)
 
@@ -400,9 +398,7 @@ def test_a_point_alone_equals_itself_in_a_curve(name):
 
 def test_what_did_not_converge_says_so(monkeypatch):
     monkeypatch.setattr(anderson, "_MOST_STEPS", 3)
-    y, converged = anderson.fixed_point(
-        lambda y: jnp.array([[0.0], [1.0]]) * jnp.cos(y), jnp.zeros((2, 5))
-    )
+    y, converged = anderson.fixed_point(lambda y: jnp.array([[0.0], [1.0]]) * jnp.cos(y), jnp.zeros((2, 5)))
     assert converged.tolist() == [True, False] and np.isfinite(y).all()
 
 
