@@ -114,14 +114,10 @@ def inverse(position: jax.Array, values: jax.Array, wanted: jax.Array) -> jax.Ar
     position, values, wanted = jax.lax.stop_gradient((position, values, wanted))
     after = jnp.clip(jnp.sum(values[:, None] <= wanted, 0), 1, values.shape[0] - 1)
     at = jnp.stack([after - 1, after]), np.arange(values.shape[1])
-    (low, high), ends = (each.at[at].get(mode="promise_in_bounds") for each in (values, position))
-    return _between(wanted, low, high, *ends)
-
-
-def _between(value, low, high, at_low, at_high):
+    (low, high), (begin, end) = (each.at[at].get(mode="promise_in_bounds") for each in (values, position))
     rise = high - low
-    share = jnp.where(rise > 0, (value - low) / jnp.where(rise > 0, rise, 1.0), 0.0)
-    return at_low + jnp.clip(share, 0.0, 1.0) * (at_high - at_low)
+    share = jnp.where(rise > 0, (wanted - low) / jnp.where(rise > 0, rise, 1.0), 0.0)
+    return begin + jnp.clip(share, 0.0, 1.0) * (end - begin)
 
 
 class Panels(NamedTuple):
