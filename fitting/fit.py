@@ -121,7 +121,6 @@ def fit(
     solver = make_solver(method, tolerance, max_steps)
     tell = progress or (lambda _: None)
     tell(f"compiling a fit of {problem.variables.size} numbers to {problem.targets.measured.size} values")
-    key = jax.random.key(0) if key is None else key
     x = random_starts(problem.variables, problem.start, key, starts, decades)
     runs = search(solver, problem, x, max_steps, callback)
     # argmin would take a NaN for the least.

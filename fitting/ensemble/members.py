@@ -139,7 +139,6 @@ def multi_start(
     problem = make_problem(scene, data, free, prior, loss, loss_width, quadrature, of)
     size = problem.variables.size
     if isinstance(starts, int):
-        key = jax.random.key(0) if key is None else key
         x = np.asarray(random_starts(problem.variables, problem.start, key, starts, decades))
     else:
         x = np.array(starts, problem.start.dtype)

@@ -21,12 +21,14 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 
 from fitting.parameters.constraints import FOLLOWING, RULES, RmsSlope, Rule, Tied
 from fitting.parameters.cutoffs import cutoff_of
 from fitting.parameters.keypaths import find, leaf_names
 from fitting.parameters.scenes import Scenes, paths_of
 from fitting.parameters.starts import common_values, start_values, value_range
+from rubberfric.base import as_array
 
 # A Positive element that fell by more than this factor was driven towards zero.
 VANISHED = 1e6
@@ -147,8 +149,8 @@ def slopes_of(kind: str, width: np.ndarray, x: np.ndarray) -> np.ndarray:
     """d value / d x of elements of one kind at their x, on the host; see `slopes`."""
     if kind == "Positive":
         return np.exp(x)
-    part = 1 / (1 + np.exp(-np.abs(x)))
-    return width * part * (1 - part) if kind == "Bounded" else width * np.ones_like(x)
+    far = np.exp(-np.abs(x))
+    return width * far / (1 + far) ** 2 if kind == "Bounded" else width * np.ones_like(x)
 
 
 def _follow(rules, groups, leaves, tree):
@@ -185,19 +187,22 @@ def _follow(rules, groups, leaves, tree):
     return done, ratios
 
 
-def to_values(variables: Variables, constants: Constants, x: Array) -> jax.Array:
-    """Values of the free elements at x, shape (size,)."""
-    parts = []
+def to_values(variables: Variables, constants: Constants, x: Array) -> Array:
+    """Values of the free elements at x, shape (..., size); on the host if x is, which compiles nothing."""
+    known, parts = isinstance(x, np.ndarray), []
+    low, width = map(np.asarray if known else jnp.asarray, (constants.low, constants.width))
     for group in variables.own:
         part = slice(*group.slot)
-        low, width, here = constants.low[part], constants.width[part], x[part]
+        here = x[..., part]
         if group.kind == "Positive":
-            parts.append(jnp.exp(here))
+            with np.errstate(over="ignore"):  # inf, as XLA has it: the model is not finite there
+                parts.append(np.exp(here) if known else jnp.exp(here))
         elif group.kind == "Bounded":
-            parts.append(low + width * jax.nn.sigmoid(here))
+            place = scipy.special.expit(here) if known else jax.nn.sigmoid(here)
+            parts.append(low[part] + width[part] * place)
         else:
-            parts.append(width * here)
-    return jnp.concatenate(parts)
+            parts.append(width[part] * here)
+    return np.concatenate(parts, -1) if known else jnp.concatenate(parts, -1)
 
 
 def to_scene(variables: Variables, constants: Constants, x: Array) -> Any:
@@ -210,22 +215,30 @@ def to_scene(variables: Variables, constants: Constants, x: Array) -> Any:
             continue
         here = values[slice(*group.slot)]
         if group.kind == "Tied":
-            here = next(ratios) * here
-        leaf = jnp.asarray(leaves[group.leaf], values.dtype)
+            ratio = next(ratios)
+            here = (np.asarray(ratio) if isinstance(here, np.ndarray) else ratio) * here
+        before, elements = leaves[group.leaf], np.array(group.elements)
         if group.elements is None:
-            leaves[group.leaf] = here[0]
-        elif group.elements == tuple(range(leaf.shape[0])):
-            leaves[group.leaf] = here
-        else:
-            leaves[group.leaf] = leaf.at[np.array(group.elements)].set(here)
+            here = here[0]
+        elif group.elements != tuple(range(before.shape[0])):
+            if isinstance(here, np.ndarray):
+                here, some = np.array(before, here.dtype), here
+                here[elements] = some
+            else:
+                here = jnp.asarray(before, here.dtype).at[elements].set(here)
+        leaves[group.leaf] = as_array(here)
     for group, slope in cut:  # from all the others
         leaves[group.leaf] = cutoff_of(jax.tree.unflatten(variables.tree, leaves), group.path, slope)
     return jax.tree.unflatten(variables.tree, leaves)
 
 
-def slopes(variables: Variables, constants: Constants, x: jax.Array) -> jax.Array:
-    """d value / d x of every free element."""
-    return jax.jvp(lambda x: to_values(variables, constants, x), (x,), (jnp.ones_like(x),))[1]
+def slopes(variables: Variables, constants: Constants, x: np.ndarray) -> np.ndarray:
+    """d value / d x of every free element, on the host."""
+    width = np.asarray(constants.width)
+    parts = [slice(*group.slot) for group in variables.own]
+    return np.concatenate(
+        [slopes_of(group.kind, width[p], x[p]) for group, p in zip(variables.own, parts, strict=True)]
+    )
 
 
 def element_names(variables: Variables) -> list[str]:

@@ -8,7 +8,6 @@ no time to compile, is apart (`fitting.solvers.methods.levenberg_marquardt`).
 """
 
 import functools
-import os
 from collections.abc import Callable
 from typing import Any
 
@@ -20,15 +19,13 @@ import rubberfric as rf
 from fitting.parameters.scenes import by_name
 from fitting.parameters.variables import Array
 from fitting.solvers.problem import CURVES, Numbers, Problem, Structure
-from fitting.solvers.residuals import in_errors, padded, rows_and_slopes, rows_of
+from fitting.solvers.residuals import in_errors, padded, rows_and_slopes, rows_of, slopes_in_errors
+from rubberfric.base import quick_options
 
 # x in one call of a program.
 PLACES = 8
 # Calls of a program that take less time than to compile another.
 CALLS = 100
-# XLA's newer way to write loops for processors takes twice the time to compile, and is no faster here; nor
-# are more than the first of LLVM's optimisations.
-_QUICK = {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level": 1}
 
 
 def evaluate(
@@ -90,22 +87,11 @@ def _scenes(structure, numbers):
 @functools.cache
 def _programs() -> dict[str, Callable[..., Any]]:
     """Compiled functions of (structure, numbers, x, how many of x, along how many directions)."""
-    options = _options()
+    options = quick_options()
     return {
         kind.__name__: jax.jit(_at_places(kind), static_argnums=0, compiler_options=options)
         for kind in (rows, both, along)
     }
-
-
-def _options():
-    """Options of the compiler; None where it does not know them, or a user has set some."""
-    if jax.default_backend() != "cpu" or "XLA_FLAGS" in os.environ:
-        return None
-    try:
-        jax.jit(lambda: jnp.zeros(()), compiler_options=_QUICK)()
-    except (ValueError, RuntimeError):
-        return None
-    return _QUICK
 
 
 def rows(structure: Structure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
@@ -156,9 +142,12 @@ def _at_places(kind):
 def residual_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
     """Residuals of the data, then of the priors, in units of their errors."""
     of = padded(problem)
-    # Not NumPy's: where the model is not finite, rows that were added divide infinity by infinity.
-    rows = jnp.asarray(_rows_at(of, x))
-    return of.kept(np.asarray(in_errors(of.structure, of.numbers, of.targets, rows)))
+    return of.kept(np.asarray(errors_of_rows(of.structure, of.numbers, of.targets, _rows_at(of, x))))
+
+
+# Not NumPy's: where the model is not finite, rows that were added divide infinity by infinity.
+errors_of_rows = jax.jit(in_errors, static_argnums=0)
+errors_of_slopes = jax.jit(slopes_in_errors, static_argnums=0)
 
 
 def model_rows(problem: Problem, x: np.ndarray) -> np.ndarray:

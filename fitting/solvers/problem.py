@@ -8,7 +8,6 @@ numbers: a second fit of the same kind, a bootstrap or a profile compiles nothin
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-import jax
 import numpy as np
 
 import rubberfric as rf
@@ -102,9 +101,7 @@ class Problem(NamedTuple):
 
     def values(self, x: Array) -> np.ndarray:
         """Values of the free elements at x; both of shape (..., size)."""
-        x = np.asarray(x)
-        one = jax.vmap(lambda x: to_values(self.variables, self.numbers.constants, x))
-        return np.asarray(one(x.reshape(-1, x.shape[-1]))).reshape(x.shape)
+        return np.asarray(to_values(self.variables, self.numbers.constants, np.asarray(x)))
 
     def scene(self, x: Array) -> Any:
         """The scene, or the scenes by their names, with the free elements at x, shape (size,)."""

@@ -84,7 +84,7 @@ def run(
     ends = Runs(starts.copy(), np.full(fits, np.inf), *(np.full(fits, RUNNING, int) for _ in range(3)))
 
     def loaded(at):
-        return jax.tree.map(lambda a: jnp.asarray(a[at]), (targets, starts))
+        return jax.tree.map(lambda a: np.asarray(a[at]), (targets, starts))
 
     def keep(iterate, which, status=None):
         values = [np.asarray(getattr(iterate, name)) for name in Runs._fields]

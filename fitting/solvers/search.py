@@ -26,16 +26,17 @@ SMOOTHING = (30.0, 10.0, 3.0, 1.0, 0.3, 0.0)  # standard errors for a factor e b
 
 
 def random_starts(
-    variables: Variables, x: Array, key: jax.Array, count: int, decades: float = 1.0
-) -> jax.Array:
+    variables: Variables, x: Array, key: jax.Array | None, count: int, decades: float = 1.0
+) -> Array:
     """`count` start vectors: x itself, then random ones, shape (count, size).
 
     Positive elements are drawn from within `decades` of x, evenly in the logarithm;
-    Bounded ones from the middle 98 % between their bounds; Free ones from x +- their scale.
+    Bounded ones from the middle 98 % between their bounds; Free ones from x +- their scale. The key is
+    jax.random.key(0) if None.
     """
-    x = jnp.asarray(x)
     if count == 1:
         return x[None]
+    x, key = jnp.asarray(x), jax.random.key(0) if key is None else key
     draws = jax.random.uniform(key, (count, variables.size), x.dtype, minval=-1.0, maxval=1.0)
     starts = []
     for group in variables.own:
@@ -62,7 +63,8 @@ def search(
     spent = np.zeros((2, len(starts)), int)
     x = starts = np.asarray(starts)
     for times in (1.0,) if problem.structure.loss == "linear" else (WIDE, 1.0):
-        stage = problem._replace(numbers=problem.numbers._replace(width=times * problem.numbers.width))
+        width = problem.numbers.width if times == 1.0 else times * problem.numbers.width
+        stage = problem._replace(numbers=problem.numbers._replace(width=width))
         runs = run(solver, stage, x, None, max_steps, callback)
         spent += np.stack([runs.nfev, runs.njev])
         escaped = _escaped(problem, runs.x, starts).any(1)

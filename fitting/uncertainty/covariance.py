@@ -13,13 +13,14 @@ For robust losses the covariance is the sandwich A^-1 B A^-1 of M-estimators, A 
 the curvature of the loss, B from the squared slopes.
 """
 
+import functools
 from typing import NamedTuple
 
-import jax.numpy as jnp
+import jax
 import numpy as np
 
 from fitting.parameters.variables import VANISHED, Variables, element_names, slopes
-from fitting.solvers.evaluation import evaluate
+from fitting.solvers.evaluation import errors_of_rows, evaluate
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import data_rows, in_errors, loss_of, padded, slopes_in_errors
 from fitting.uncertainty.directions import describe
@@ -84,19 +85,24 @@ def linearised(problem: Problem, x: np.ndarray) -> Linearised:
 def data_residuals(problem: Problem, model: Linearised) -> np.ndarray:
     """Residuals of the data at a solution, in units of their errors."""
     of = padded(problem)
-    rows = in_errors(of.structure, of.numbers, of.targets, jnp.asarray(model.at))
+    rows = errors_of_rows(of.structure, of.numbers, of.targets, model.at)
     return of.kept(np.asarray(rows))[: data_rows(problem.structure)]
 
 
 def weighted_rows(problem: Problem, model: Linearised) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Residuals of a model, the factors that the loss gives them, and their Jacobian with its own."""
     of = padded(problem)
-    # Not NumPy's: where the model is not finite, rows that were added divide infinity by infinity.
-    rows = in_errors(of.structure, of.numbers, of.targets, jnp.asarray(model.inside))
-    slopes = slopes_in_errors(of.structure, of.numbers, of.targets, jnp.asarray(model.slopes))
-    of_rows, of_jacobian = loss_of(of.structure, of.numbers).factors(rows)
-    plain, of_rows, jacobian = map(of.kept, (rows, of_rows, slopes * of_jacobian[:, None]))
+    found = _weighted(of.structure, of.numbers, of.targets, model.inside, model.slopes)
+    plain, of_rows, jacobian = map(of.kept, map(np.asarray, found))
     return plain, of_rows, jacobian
+
+
+@functools.partial(jax.jit, static_argnums=0)
+def _weighted(structure, numbers, targets, rows, slopes):
+    """As `weighted_rows`, of padded rows; one program."""
+    rows = in_errors(structure, numbers, targets, rows)
+    of_rows, of_jacobian = loss_of(structure, numbers).factors(rows)
+    return rows, of_rows, slopes_in_errors(structure, numbers, targets, slopes) * of_jacobian[:, None]
 
 
 def uncertainty(problem: Problem, x: np.ndarray, model: Linearised | None = None) -> Uncertainty:
@@ -106,13 +112,13 @@ def uncertainty(problem: Problem, x: np.ndarray, model: Linearised | None = None
     model = linearised(problem, x) if model is None else model
     plain, of_rows, jacobian = weighted_rows(problem, model)
     count = data_rows(problem.structure)
-    slope = slopes(problem.variables, numbers.constants, jnp.asarray(inside))
+    slope = slopes(problem.variables, numbers.constants, inside)
     influence = None if structure.loss == "linear" else plain * of_rows
     return from_jacobian(
         problem.variables,
         jacobian * stretch,
         count,
-        slope=stretch * np.asarray(slope),
+        slope=stretch * slope,
         chisqr=float(np.sum(data_residuals(problem, model) ** 2)),
         x=inside,
         stretch=stretch,

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
         FINITE,
         NONNEGATIVE,
         POSITIVE,
+        as_array,
         as_leaf,
         between,
         check_values,
@@ -47,6 +48,7 @@ if TYPE_CHECKING:
         physical,
         unit_of,
     )
+    from rubberfric.base.process.compiler import quick_options
     from rubberfric.base.process.cores import cores
     from rubberfric.base.process.release import VERSION
     from rubberfric.base.progress import Progress
@@ -68,6 +70,7 @@ __all__ = [
     "Static",
     "StrPath",
     "Vector",
+    "as_array",
     "as_leaf",
     "as_path",
     "between",
@@ -86,6 +89,7 @@ __all__ = [
     "object_html",
     "parse_key_path",
     "physical",
+    "quick_options",
     "recurring_length",
     "replacing",
     "shown",
@@ -102,12 +106,15 @@ lazily(
             " write_durably"
         ),
         "rubberfric.base.blocks": "recurring_length",
-        "rubberfric.base.checks": "FINITE NONNEGATIVE POSITIVE as_leaf between check_values closest shown",
+        "rubberfric.base.checks": (
+            "FINITE NONNEGATIVE POSITIVE as_array as_leaf between check_values closest shown"
+        ),
         "rubberfric.base.objects.fields": "Leaf Matrix Number OptionalNumber Static Vector child leaf static",
         "rubberfric.base.objects.key_paths": "KeyPath parse_key_path",
         "rubberfric.base.objects.physical": (
             "Kind PhysicalObject fields_of forget object_html physical unit_of"
         ),
+        "rubberfric.base.process.compiler": "quick_options",
         "rubberfric.base.process.cores": "cores",
         "rubberfric.base.process.lazy": "lazily",
         "rubberfric.base.process.release": "VERSION",

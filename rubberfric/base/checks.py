@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
+from jax.typing import ArrayLike
 
 # A rule for numbers: text for the error message, test on a NumPy array.
 Rule: TypeAlias = tuple[str, Callable[[np.ndarray], Any]]
@@ -86,7 +87,15 @@ def as_leaf(name: str, value: Any, ndim: int) -> jax.Array:
     if array.ndim != ndim:
         kind = ("a scalar", "one-dimensional", "two-dimensional")[ndim]
         raise ValueError(f"{name} has shape {array.shape}: must be {kind}")
-    return jnp.asarray(array)
+    return as_array(array)
+
+
+def as_array(value: ArrayLike, dtype: str | type | np.dtype | None = None) -> jax.Array:
+    """What jnp.asarray(value, dtype) is, for which JAX compiles a copy at every new shape, 10 ms each."""
+    if isinstance(value, jax.Array):
+        return jnp.asarray(value, dtype)
+    # Of a copy: JAX keeps the memory of an array it is given, which a user may write to later.
+    return jax.device_put(np.array(value, dtype))
 
 
 def check_lengths(owner: str, **vectors: jax.Array) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 
 from rubberfric.analysis.elements.expected import theory_error
 from rubberfric.analysis.extrapolation import friction_outside_table, tabulated_solids
+from rubberfric.base.process.compiler import quick_options
 from rubberfric.base.progress import Progress
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.base.units import to_celsius
@@ -57,7 +58,13 @@ def compute(scene: Scene, conditions: Conditions, quadrature: Quadrature | None 
     FloatingPointError if one of them is not finite.
     """
     quantities = quantities_of(scene)
-    solution = solve(scene, *conditions.grid(), quadrature=quadrature, quantities=quantities)
+    solution = solve(
+        scene,
+        *conditions.grid(),
+        quadrature=quadrature,
+        quantities=quantities,
+        compiler_options=quick_options(),
+    )
     shape = result_shape(conditions)
     found = {name: np.broadcast_to(np.asarray(getattr(solution, name)), shape) for name in quantities}
     for name, values in found.items():

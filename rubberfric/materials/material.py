@@ -95,7 +95,11 @@ class Material(Kind):
     def frequency_range(self) -> tuple[jax.Array, jax.Array] | None:
         """Lowest and highest omega of what E does [rad/s]; None if it is a constant."""
         times = self.relaxation_times()
-        return None if times is None or times.size == 0 else (1 / jnp.max(times), 1 / jnp.min(times))
+        if times is None or times.size == 0:
+            return None
+        # Known numbers by NumPy, for which nothing is compiled.
+        times = np.asarray(times) if is_concrete(times) else times
+        return 1 / times.max(), 1 / times.min()
 
     def relaxation_times(self) -> jax.Array | None:
         """The times of the series as they were given [s], shape (n,); None without a series."""

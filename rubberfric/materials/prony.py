@@ -66,6 +66,10 @@ class Prony(Coatable):
         unit = plane_strain(self) / scale
         return Series(self.E_inf * unit, self.E * unit, self.tau)
 
+    def relaxation_times(self) -> jax.Array:
+        """The times of the series as they were given [s], shape (n,)."""
+        return self.tau
+
     def static_modulus(self) -> jax.Array:
         """E(omega = 0) [Pa]."""
         return self.E_inf
@@ -152,7 +156,7 @@ def _check_terms(kind, name, rest, weight, tau):
         raise ValueError(f"{kind}.{name} is empty: must have at least 1 term (use Elastic for none)")
     if is_concrete(rest) and is_concrete(weight):
         rule = (f"with all {name} = 0 the solid has no stiffness; must be > 0 then", lambda x: x > 0)
-        check_values(f"{kind}.{name}_inf", rest + jnp.sum(weight), rule)
+        check_values(f"{kind}.{name}_inf", rest + np.sum(np.asarray(weight)), rule)
 
 
 def _doubts_of_terms(name, rest, weight):

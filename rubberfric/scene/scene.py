@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.base.checks import between
+from rubberfric.base.checks import as_array, between
 from rubberfric.base.objects.fields import Number, child, leaf, static
 from rubberfric.base.objects.physical import PhysicalObject, physical
 from rubberfric.materials.material import Material
@@ -228,4 +228,4 @@ def result_dtype(*values: Any) -> jnp.dtype:
 
 def cast(tree: _Tree, dtype: str | type | np.dtype) -> _Tree:
     """All leaves as strongly typed arrays of one dtype."""
-    return jax.tree_util.tree_map(lambda x: jnp.asarray(x, dtype), tree)
+    return jax.tree_util.tree_map(lambda x: as_array(x, dtype), tree)

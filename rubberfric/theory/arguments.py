@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.checks import FINITE, POSITIVE, Rule, as_leaf, check_values, is_concrete
+from rubberfric.base.checks import FINITE, POSITIVE, Rule, as_array, as_leaf, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.numerics.settings import ROBUST, fitting_quadrature
 from rubberfric.scene.numerics.single_precision import check_single
@@ -72,10 +72,10 @@ def checked(
         raise ValueError(f"shapes differ ({shown}): must broadcast against each other") from None
 
     dtype = result_dtype(scene, velocity, pressure, temperature)
-    scene, temperature = cast(scene, dtype), None if temperature is None else jnp.asarray(temperature, dtype)
+    scene, temperature = cast(scene, dtype), None if temperature is None else as_array(temperature, dtype)
     if dtype == jnp.float32:
         check_single(scene, temperature)
-    return scene, (jnp.asarray(velocity, dtype), jnp.asarray(pressure, dtype), temperature)
+    return scene, (as_array(velocity, dtype), as_array(pressure, dtype), temperature)
 
 
 def check_kinds(scene: object, quadrature: object) -> None:

@@ -15,7 +15,7 @@ change K_j.
 """
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import jax
 from jax.typing import ArrayLike
@@ -164,6 +164,7 @@ def solve(
     *,
     quadrature: Quadrature | None = None,
     quantities: str | Sequence[str] = QUANTITIES,
+    compiler_options: Mapping[str, bool | int | float | str] | None = None,
 ) -> Solution:
     """Several quantities at once, sharing the stiffness and G(q).
 
@@ -180,6 +181,8 @@ def solve(
         wavevector) and "converged": False where the temperatures are a last iterate, not a solution.
         Only these are computed. The contact shear needs no more than the area. With adhesion "converged"
         says the same of the areas, and "separation" is not defined if it is of short range.
+    compiler_options : of XLA, as jax.jit has them, or None
+        Not within a transformation. What is compiled so is not kept for another call of the process.
 
     Returns
     -------
@@ -203,16 +206,21 @@ def solve(
     check_heated(scene, quantities)
     if not iterates(scene) or "converged" in quantities:
         tables = known_tables(given, quantities, conditions[0].dtype)
-        return _solve(scene, *conditions, tables, quadrature=quadrature, quantities=quantities)
-    solution = _solve(scene, *conditions, None, quadrature=quadrature, quantities=(*quantities, "converged"))
+        return _solved(compiler_options, scene, *conditions, tables, quadrature, quantities)
+    solution = _solved(compiler_options, scene, *conditions, None, quadrature, (*quantities, "converged"))
     warn_of_last_iterates(scene, solution.converged, conditions)
     return solution._replace(converged=None)
+
+
+def _solved(options, *given):
+    """`_solve`, compiled with options."""
+    return _solve(*given) if options is None else _solve.lower(*given).compile(dict(options))(*given[:-2])
 
 
 # Jitted so that a plain call compiles once for its structure instead of operation by
 # operation; inside a user's jit it is traced through.
 @functools.partial(jax.jit, static_argnames=("quadrature", "quantities"))
-def _solve(scene, velocity, pressure, temperature, tables, *, quadrature, quantities):
+def _solve(scene, velocity, pressure, temperature, tables, quadrature, quantities):
     prepared = prepare(scene, quantities, quadrature, tables=tables)
     block = functools.partial(evaluate, prepared, quantities)
     size = ADHESIVE_BLOCK if detaches(scene) else BLOCK

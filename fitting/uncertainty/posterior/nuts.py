@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 
 import jax
 import numpy as np
-import scipy.stats
+import scipy
 
 from fitting.solvers.problem import Numbers, Structure, Targets
 from fitting.solvers.residuals import padded

@@ -8,11 +8,10 @@ does at the ends of the interval [Bates & Watts, Nonlinear Regression Analysis a
 
 from typing import NamedTuple
 
-import jax.numpy as jnp
 import numpy as np
 
-from fitting.solvers.evaluation import evaluate
-from fitting.solvers.residuals import in_errors, padded, slopes_in_errors
+from fitting.solvers.evaluation import errors_of_rows, errors_of_slopes, evaluate
+from fitting.solvers.residuals import padded
 from fitting.uncertainty.intervals import SolvedProblem
 
 # Correlation of two numbers above which their bars are looked at, level of these, and how many pairs are.
@@ -101,9 +100,9 @@ def _refitted(solved, x, held):
     step = np.zeros_like(x)
     for _ in range(_STEPS + 1):
         found = evaluate(of.structure, of.numbers, x.astype(solved.problem.start.dtype), slopes=True)
-        # One by one, as the fit has them: nothing is compiled.
-        rows = np.array([in_errors(of.structure, of.numbers, of.targets, jnp.asarray(r)) for r in found[0]])
-        slopes = [slopes_in_errors(of.structure, of.numbers, of.targets, jnp.asarray(s)) for s in found[1]]
+        # One by one, as error bars have them: nothing is compiled.
+        rows = np.array([errors_of_rows(of.structure, of.numbers, of.targets, r) for r in found[0]])
+        slopes = [errors_of_slopes(of.structure, of.numbers, of.targets, s) for s in found[1]]
         here = 0.5 * np.sum(rows**2, 1)
         better = here < cost  # False where not finite
         done = np.all(here > cost - _LITTLE)

@@ -24,9 +24,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jax.scipy.special import erf
 from numpy.polynomial import legendre
-from scipy import special
 
 from rubberfric.base.quadrature import chebyshev_fit, gauss, legendre_transform, typed
 from rubberfric.theory.area.own_panels import root
@@ -181,7 +181,7 @@ def _missing_jvp(primals, tangents):
 @functools.cache
 def _exponent():
     """Coefficients of -ln erfc(z) / z, which is smooth: a quarter of the cost of erf."""
-    coefficients = chebyshev_fit(lambda z: -np.log(special.erfc(z)) / z, 0.0, _END, _DEGREE)
+    coefficients = chebyshev_fit(lambda z: -np.log(scipy.special.erfc(z)) / z, 0.0, _END, _DEGREE)
     return tuple(map(float, coefficients))
 
 

@@ -22,8 +22,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 from jax.scipy.special import erf, erfc
-from scipy import special
 
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.theory.area.partial_contact import TWO_OVER_ROOT_PI, contact_fraction, separation_weight
@@ -106,7 +106,7 @@ def _loss_tables():
 
 def _energy_slopes(x, gamma):
     """The first three derivatives of s."""
-    P, bell = special.erf(x), TWO_OVER_ROOT_PI * np.exp(-x * x)
+    P, bell = scipy.special.erf(x), TWO_OVER_ROOT_PI * np.exp(-x * x)
     one = bell * (gamma + 3 * (1 - gamma) * P**2)
     two = -2 * x * one + 6 * (1 - gamma) * P * bell**2
     return one, two, -2 * one - 2 * x * two + 6 * (1 - gamma) * bell**2 * (bell - 4 * x * P)

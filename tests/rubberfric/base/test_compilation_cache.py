@@ -26,7 +26,7 @@ scene = rf.Scene(road, rf.Body(rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3])))
 quadrature = rf.Quadrature(order=4, panels=2, graded=1, ratio=6.0)
 def mu(scene):
     return rf.friction(scene, np.array([1e-3, 1.0]), 1e5, quadrature=quadrature).sum()
-found = jax.jit(jax.value_and_grad(mu))(scene)
+found = jax.jit(mu)(scene), jax.jit(jax.grad(mu))(scene)
 print(folder, sum(hits), *(np.asarray(leaf).tobytes().hex() for leaf in jax.tree.leaves(found)))
 """
 
