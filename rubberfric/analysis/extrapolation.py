@@ -1,5 +1,7 @@
 """How far a friction rests on the extrapolation of tabulated moduli."""
 
+from collections.abc import Mapping
+
 import jax
 import jax.numpy as jnp
 from jax.typing import ArrayLike
@@ -23,6 +25,7 @@ def friction_outside_table(
     temperature: ArrayLike | None = None,
     *,
     quadrature: Quadrature | None = None,
+    compiler_options: Mapping[str, bool | int | float | str] | None = None,
 ) -> jax.Array:
     r"""Share of the viscoelastic friction that comes from frequencies outside the tabulated moduli.
 
@@ -37,6 +40,7 @@ def friction_outside_table(
     ----------
     scene : Scene with at least one TabulatedModulus
     velocity, pressure, temperature, quadrature : as for `friction`
+    compiler_options : as for `solve`
 
     Returns
     -------
@@ -52,7 +56,10 @@ def friction_outside_table(
     cut = scene.replace({f"{solid}.material.outside": "none" for solid in tabulated})
     conditions = (velocity, pressure, temperature)
     part = "viscoelastic_friction"
-    whole, inside = (
-        getattr(solve(s, *conditions, quadrature=quadrature, quantities=(part,)), part) for s in (scene, cut)
-    )
+    options = {"quadrature": quadrature, "quantities": (part,), "compiler_options": compiler_options}
+    return _share_beyond(*(getattr(solve(s, *conditions, **options), part) for s in (scene, cut)))
+
+
+@jax.jit
+def _share_beyond(whole, inside):
     return jnp.where(whole != 0, 1 - inside / jnp.where(whole != 0, whole, 1.0), 0.0)

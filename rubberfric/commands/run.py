@@ -104,7 +104,8 @@ def extrapolation_line(result: Result) -> str:
     """How far the friction rests on extrapolated moduli; "" if no modulus is tabulated."""
     if not tabulated_solids(result.scene):
         return ""
-    share = np.max(np.abs(friction_outside_table(result.scene, *result.conditions.grid())))
+    beyond = friction_outside_table(result.scene, *result.conditions.grid(), compiler_options=quick_options())
+    share = np.max(np.abs(np.asarray(beyond)))
     mu = "mu" if result.scene.shear is None else "the viscoelastic mu"
     return f"at most {100 * share:.2g} % of {mu} comes from frequencies outside the tabulated moduli"
 

@@ -80,7 +80,8 @@ class TabulatedModulus(Material):
         if not 0.02 <= self.smoothing <= 1:
             raise ValueError(f"TabulatedModulus.smoothing = {self.smoothing!r}: must be 0.02 to 1")
         if is_concrete(self.omega):
-            decades = math.log10(float(self.omega[-1])) - math.log10(float(self.omega[0]))
+            ends = np.asarray(self.omega)[[0, -1]]
+            decades = math.log10(ends[1]) - math.log10(ends[0])
             if decades > LONGEST / math.log(10):
                 raise ValueError(f"TabulatedModulus.omega spans {decades:.0f} decades: must be at most 26")
 

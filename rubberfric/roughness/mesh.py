@@ -108,8 +108,8 @@ def build_mesh(
     width, uniform = _uniform_borders(followed, exponents, quadrature.panels)
     if not moving:  # and not with the first wavevector either, from which t counts
         uniform = uniform - (start - jax.lax.stop_gradient(start))
-    t = [uniform, *kinks]
-    t += [
+    fixed, graded_ones = [uniform], []
+    fixed += [
         jnp.minimum(_rolloff(law, kink) + _BEYOND_ROLLOFF, end)[None]
         for law, kink in zip(laws, followed, strict=True)
         if law.exponent.size > 1
@@ -118,10 +118,11 @@ def build_mesh(
         fractions = typed(quadrature.ratio ** (-2.0 * np.arange(1, quadrature.graded + 1)), end)
         # These hang on the beginning and move with it: fixed, the innermost panel, 1e-10
         # wide, would stretch with q0, and its quadrature error with it.
-        t += [
-            jnp.minimum(kink[0] + width(begin[0]) * fractions, end)
-            for kink, begin in zip(kinks, followed, strict=True)
-        ]
+        grades = [width(begin[0]) * fractions for begin in followed]
+        graded_ones = [jnp.minimum(kink[0] + grade, end) for kink, grade in zip(kinks, grades, strict=True)]
+        if quadrature.graded and not moving:
+            fixed = [_among_graded(border, kinks, grades) for border in fixed]
+    t = [fixed[0], *kinks, *fixed[1:], *graded_ones]
     if borders is not None:
         # Selected, not clipped: a clip would give half the derivative to a border at an end.
         distance = log_ratio(jnp.where(borders >= first, borders, first), first)
@@ -179,6 +180,18 @@ def build_mesh(
         kinks=tuple(kinks),
         panels_below=None if borders is None else rank[-borders.shape[0] :],
     )
+
+
+def _among_graded(border, kinks, grades):
+    """Fixed borders, but those that lie among the graded ones of a beginning, which move with it.
+
+    They do by chance, an ulp from where a second roughness begins: a panel between the two that grew from
+    no width would have nodes before and after it at which the contact is another by then.
+    """
+    for kink, grade in zip(kinks, grades, strict=True):
+        distance = jax.lax.stop_gradient(border - kink[0])
+        border = jnp.where(jnp.abs(distance) < grade[0], kink[0] + distance, border)
+    return border
 
 
 def _rolloff(law, kink):

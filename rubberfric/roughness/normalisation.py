@@ -30,6 +30,7 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.checks import (
     POSITIVE,
+    as_array,
     as_leaf,
     between,
     check_increasing,
@@ -85,7 +86,7 @@ def spectrum_from(
     """
     if np.ma.is_masked(values) or np.ma.is_masked(q):
         raise ValueError("q or values: has masked entries: must have none; leave them out, q[~values.mask]")
-    return jnp.asarray(values) / _factor(normalisation, q, hurst)
+    return as_array(values) / _factor(normalisation, q, hurst)
 
 
 def spectrum_as(normalisation: str, q: ArrayLike, C: ArrayLike, hurst: ArrayLike | None = None) -> jax.Array:

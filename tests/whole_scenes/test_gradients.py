@@ -22,6 +22,8 @@ from support.cases.stored import (
     reverse,
 )
 
+import rubberfric as rf
+
 SCENES = reference("forward_cases") | reference("edge_cases")
 OPTIONS = reference("option_cases")
 DERIVATIVES = {f"{name}-by-oracle": case for name, case in reference("derivative_cases").items()}
@@ -212,3 +214,18 @@ def test_equal_to_the_oracle(name):
         expected = np.array([expected[quantity] for quantity in QUANTITIES])
         error = np.abs(slope - expected)
         assert (error <= 1e-6 * (np.abs(Q) + floor + np.abs(expected))).all(), (parameter, error)
+
+
+def test_a_roughness_that_begins_at_a_border_of_the_others():
+    """An ulp from the middle of the range; the contact is lost within A^2 = 1e-12 of it: by differences."""
+    road = rf.SelfAffine(1e6, 1e6, 3e6, 0.8, 1e-7)
+    tread = rf.Prony(1.0, [1.0, 1.0, 1e3], [1.0, 1.0, 1.0])
+
+    @jax.jit
+    def friction(q0):
+        rough = rf.SelfAffine(q0, 2828427.1247461904, 4e6, 0.8, 1.0)
+        return rf.friction(rf.Scene(rf.Body(tread, road), rf.Body(rf.Elastic(1e3, 0.5), rough)), 1.0, 1e3)
+
+    slope = 2e6 * float(jax.jit(jax.grad(friction))(2e6))
+    difference = (friction(2e6 * (1 + 1e-5)) - friction(2e6 * (1 - 1e-5))) / 2e-5
+    assert slope == pytest.approx(float(difference), rel=1e-7)

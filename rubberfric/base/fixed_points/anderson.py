@@ -77,7 +77,7 @@ def implicit(
     ----------
     function, inverse : as of `fixed_point`; `inverse` and what it was made from carry no derivatives
     solution : shape (points, n), without derivatives; where it is no fixed point, nor are they
-    tolerance : of the linear system, as of `fixed_point`; None: 1e-9
+    tolerance : of the linear system, as of `fixed_point`; None: 1e-9; of one number each it is exact
     """
     goal = _LINEAR_TOLERANCE if tolerance is None else tolerance
     solve = functools.partial(_tangent_solve, inverse, goal)
@@ -110,6 +110,8 @@ def _tangent_solve(inverse, tolerance, linear, right):
     """Y of linear(y) = right, linear the derivative of f(y) - y."""
 
     def solve(inverse, product, right):
+        if right.shape[-1] == 1:  # of one number each it is a division
+            return right / product(jnp.ones_like(right))
         start = jnp.zeros_like(right)
         return _iterate(lambda y: product(y) - right, start, tolerance, inverse)[0]
 

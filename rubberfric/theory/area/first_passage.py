@@ -76,9 +76,7 @@ def passage(t: jax.Array, square: jax.Array, x: jax.Array | None = None) -> jax.
     early, own = jnp.einsum("mj,kjp->kmp", earlier.values, t), jnp.einsum("imj,kjp->kimp", last.values, t)
     early_b = _boundary(early, jnp.einsum("mj,kjp->kmp", earlier.values, square))
     own_b = _boundary(own, jnp.einsum("imj,kjp->kimp", last.values, square))
-    within = jnp.einsum(
-        "kimp,imj->kijp", _kernel(b[:, :, None] - own_b, t[:, :, None] - own), last.differences
-    )
+    within = _kernel(b[:, :, None] - own_b, t[:, :, None] - own)
     right = erf((1 + b) * 0.5 / jnp.sqrt(t)) if x is None else _from_rest(t, b, x)
     later, sooner = np.tril_indices(panels, -1)
     rise = b[later][:, :, None] - early_b[sooner][:, None]
@@ -89,14 +87,36 @@ def passage(t: jax.Array, square: jax.Array, x: jax.Array | None = None) -> jax.
     kernel = jnp.concatenate([kernel, jnp.zeros_like(kernel[:1])])[of_pair]
 
     def next_panel(changes, given):
-        k, kernel, right, inverse = given
+        k, kernel, within, right, inverse = given
         wanted = right + jnp.sum(kernel * changes[:, None], (0, 2))
-        area = jnp.sum(inverse * wanted, 1)
-        change = jnp.einsum("mj,jp->mp", earlier.differences, area)
+
+        # Derivatives of the kernel meet differences of A, which are small where A hardly changes; in those of
+        # the matrix they would meet the differences of any function, and lose three digits.
+        def left(area):
+            return area - jnp.sum(within * _differences(last.differences, area), 1)
+
+        def solve(inverse, product, right):
+            found = jnp.sum(inverse * right, 1)
+            # The inverse is of that matrix, and has lost them.
+            return found + jnp.sum(inverse * (right - product(found)), 1)
+
+        area = jax.lax.custom_linear_solve(
+            left,
+            wanted,
+            functools.partial(solve, inverse),
+            functools.partial(solve, jnp.swapaxes(inverse, 0, 1)),
+        )
+        change = _differences(earlier.differences, area)
         return changes.at[k].set(change), area
 
-    given = np.arange(panels), kernel, right, _inverse(within)
+    matrix = jnp.einsum("kimp,imj->kijp", jax.lax.stop_gradient(within), last.differences)
+    given = np.arange(panels), kernel, within, right, _inverse(matrix)
     return jax.lax.scan(next_panel, jnp.zeros_like(early), given)[1]
+
+
+def _differences(table, area):
+    """Of A by a `_Rule`; of what it is more than its first value, for those of a constant are rounding."""
+    return jnp.einsum("...mj,jp->...mp", table, area - area[:1])
 
 
 def _from_rest(t, b, x):

@@ -74,6 +74,7 @@ class _Nodes(NamedTuple):
     energy: jax.Array  # of full contact, terms of its integral [J/m^2]
     pull: jax.Array  # (sigma_a / sigma_0)^2 over gamma_eff [m^2/J]
     begun: jax.Array  # energy of the roughness before the panels [J/m^2], (points,)
+    first: jax.Array  # gamma_eff A where the panels begin, 0 where it is sigma_a that does [J/m^2], (points,)
     x: jax.Array  # where the panels begin with sigma_a, (points,)
 
 
@@ -108,7 +109,7 @@ class Balance(NamedTuple):
         # Beyond what can be a solution lies nothing that an iteration should come back from.
         ratio = jnp.where(ratio < 0.9, 0.9, ratio)
         ratio = jnp.where(ratio * at.plain > 1.1, 1.1 / at.plain, ratio)
-        _, work, whole = self.energies(ratio, whole, at)
+        _, work, whole = self.energies(ratio, at)
         found = passage(at.t, at.pull * work / (ratio * at.plain), at.x) / at.plain * self.last
         return jnp.concatenate([found.reshape(-1, found.shape[-1]), (whole / self.unit)[None]]).T
 
@@ -130,13 +131,15 @@ class Balance(NamedTuple):
         x = contact_argument(jnp.maximum(g, 0.0), self.stiffness)
         some = stretch > 0
         x_begin = contact_argument(jnp.maximum(g_begin, 0.0), self.stiffness)
+        begun = jnp.where(whole < 0, plain, full)
         return _Nodes(
             panels,
             t=0.25 / (x * x),
             plain=contact_fraction(x),
             energy=jnp.where(some, energy / jnp.where(some, stretch, 1.0), 0.0) * panels.weight,
             pull=self.pull * jnp.exp(2 * panels.log_q) * _over(energy, roughness),
-            begun=jnp.where(whole < 0, plain, full),
+            begun=begun,
+            first=jnp.where((whole < 0) & (begin == origin), 0.0, whole + begun),
             x=jnp.where(whole < 0, x_begin, _BEFORE_ALL),
         )
 
@@ -165,17 +168,16 @@ class Balance(NamedTuple):
         begin = jnp.where(begin < end, begin, end)
         return begin, jnp.where(whole < 0, jnp.where(place > idle, begin, place), 0.0)
 
-    def energies(
-        self, ratio: jax.Array, whole: jax.Array, at: _Nodes
-    ) -> tuple[jax.Array, jax.Array, jax.Array]:
+    def energies(self, ratio: jax.Array, at: _Nodes) -> tuple[jax.Array, jax.Array, jax.Array]:
         """A(q1), gamma_eff A at the nodes, and gamma_eff of all roughness from the other end."""
         # A ratio near one is extrapolated, not an area that falls by decades.
         final = jnp.minimum(at_end(ratio) * self.last, 1.0)
         area = ratio * at.plain
         terms = at.energy * energy_factor(area, self.gamma) * area
-        beyond = jnp.moveaxis(from_nodes_on(jnp.moveaxis(terms, 2, 1)), 1, 2)
-        stored = jnp.sum(terms, (0, 1))
-        return final, whole + at.begun + (stored - beyond), self.work * final - stored - at.begun
+        # From the side where sigma_a begins, whose root is the worse for what a difference leaves.
+        backwards = jnp.moveaxis(terms, 2, 1)[::-1, :, ::-1]
+        since = jnp.moveaxis(from_nodes_on(backwards)[::-1, :, ::-1], 1, 2)
+        return final, at.first + since, self.work * final - jnp.sum(terms, (0, 1)) - at.begun
 
 
 def detach(mesh: Mesh, plain: Plain, adhesion: Adhesion, gamma: jax.Array) -> Detachment:
@@ -204,7 +206,7 @@ def detach(mesh: Mesh, plain: Plain, adhesion: Adhesion, gamma: jax.Array) -> De
     solution, converged = bracketed(still, again, converged, _TOLERANCE)
     ratio, whole = balance.parts(implicit(balance, solution, tolerance=_LINEAR_TOLERANCE))
     at = balance.nodes(whole)
-    final, work, _ = balance.energies(ratio, whole, at)
+    final, work, _ = balance.energies(ratio, at)
     # At the nodes of the mesh.
     log_q = jnp.log(mesh.q / mesh.first)
     rows = jnp.broadcast_to(log_q.reshape(-1, 1), (log_q.size, whole.shape[0]))

@@ -13,6 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.checks import is_concrete
+from rubberfric.base.process.compiler import quick_options
 from rubberfric.materials.shifts import Shift, log_vertical
 from rubberfric.scene.pairs import AT_REFERENCE, Pair, PairTemperatures, pairs_of
 from rubberfric.scene.scene import Scene
@@ -213,11 +214,12 @@ def _program(structure, shapes, dtype, needs):
     second more.
     """
     numbers = [jax.ShapeDtypeStruct(shape, dtype) for shape in shapes]
-    return _build.lower(jax.tree.unflatten(structure, numbers), needs).compile()
+    # It runs once: what is spent on compiling it is the time that counts.
+    options = (quick_options() or {}) | {"xla_backend_optimization_level": 0}
+    return _build.lower(jax.tree.unflatten(structure, numbers), needs).compile(options)
 
 
-# It runs once: what is spent on compiling it is the time that counts.
-@functools.partial(jax.jit, static_argnums=1, compiler_options={"xla_backend_optimization_level": 0})
+@functools.partial(jax.jit, static_argnums=1)
 def _build(scene, needs):
     scale = modulus_scale(scene)
     return tuple(_table(pair, scale, needs) for pair in pairs_of(scene))

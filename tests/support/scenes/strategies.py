@@ -161,6 +161,8 @@ def _table(draw, outside, shift, ranges):
         value * np.exp(np.clip(curve, -100, 100)) * noise
         for value, curve, noise in zip(level, curves, scatter, strict=True)
     )
+    if outside == "none":  # where E'' ends it falls by a factor as large as tan(delta), resolved up to 100
+        loss = np.minimum(loss, 100 * storage)
     return rf.TabulatedModulus(omega, storage, loss, draw(POISSON), shift, outside)
 
 
