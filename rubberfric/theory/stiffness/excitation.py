@@ -215,7 +215,7 @@ def _program(structure, shapes, dtype, needs):
     """
     numbers = [jax.ShapeDtypeStruct(shape, dtype) for shape in shapes]
     # It runs once: what is spent on compiling it is the time that counts.
-    options = (quick_options() or {}) | {"xla_backend_optimization_level": 0}
+    options: dict[str, Any] = {**(quick_options() or {}), "xla_backend_optimization_level": 0}
     return _build.lower(jax.tree.unflatten(structure, numbers), needs).compile(options)
 
 
