@@ -18,7 +18,7 @@ from fitting.solvers.options import check_options
 from fitting.uncertainty.density import FLAT
 from fitting.uncertainty.intervals import Band
 from fitting.uncertainty.posterior.nuts import Progress, diagnosed, run_chains
-from rubberfric.base import StrPath, html
+from rubberfric.base import StrPath, html, quick_jit
 from rubberfric.io import hdf5
 
 # Draws can be relied on below this R-hat and above this effective number for each chain [Vehtari, Gelman,
@@ -145,7 +145,7 @@ class Samples:
             quadrature = problem.structure.quadrature
             return getattr(rf.solve(found, *at, quadrature=quadrature, quantities=(quantity,)), quantity)
 
-        curves = np.asarray(jax.jit(lambda x: jax.lax.map(predicted, x))(jnp.asarray(x)))
+        curves = np.asarray(quick_jit()(lambda x: jax.lax.map(predicted, x))(jnp.asarray(x)))
         low, value, high = np.quantile(curves, (0.5 - 0.5 * level, 0.5, 0.5 + 0.5 * level), axis=0)
         return Band(value, low, high)
 

@@ -20,7 +20,7 @@ from fitting.parameters.scenes import by_name
 from fitting.parameters.variables import Array
 from fitting.solvers.problem import CURVES, Numbers, Problem, Structure
 from fitting.solvers.residuals import in_errors, padded, rows_and_slopes, rows_of, slopes_in_errors
-from rubberfric.base import quick_options
+from rubberfric.base import quick_jit, quick_options
 
 # x in one call of a program.
 PLACES = 8
@@ -146,8 +146,8 @@ def residual_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
 
 
 # Not NumPy's: where the model is not finite, rows that were added divide infinity by infinity.
-errors_of_rows = jax.jit(in_errors, static_argnums=0)
-errors_of_slopes = jax.jit(slopes_in_errors, static_argnums=0)
+errors_of_rows = quick_jit(static_argnums=(0,))(in_errors)
+errors_of_slopes = quick_jit(static_argnums=(0,))(slopes_in_errors)
 
 
 def model_rows(problem: Problem, x: np.ndarray) -> np.ndarray:

@@ -13,10 +13,8 @@ For robust losses the covariance is the sandwich A^-1 B A^-1 of M-estimators, A 
 the curvature of the loss, B from the squared slopes.
 """
 
-import functools
 from typing import NamedTuple
 
-import jax
 import numpy as np
 
 from fitting.parameters.variables import VANISHED, Variables, element_names, slopes
@@ -24,6 +22,7 @@ from fitting.solvers.evaluation import errors_of_rows, evaluate
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import data_rows, in_errors, loss_of, padded, slopes_in_errors
 from fitting.uncertainty.directions import describe
+from rubberfric.base import quick_jit
 
 # Deviation in x beyond which nothing is called known: a factor e, or a bounded parameter's
 # whole middle range.
@@ -97,7 +96,7 @@ def weighted_rows(problem: Problem, model: Linearised) -> tuple[np.ndarray, np.n
     return plain, of_rows, jacobian
 
 
-@functools.partial(jax.jit, static_argnums=0)
+@quick_jit(static_argnums=(0,))
 def _weighted(structure, numbers, targets, rows, slopes):
     """As `weighted_rows`, of padded rows; one program."""
     rows = in_errors(structure, numbers, targets, rows)

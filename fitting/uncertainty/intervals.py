@@ -25,6 +25,7 @@ from fitting.solvers.problem import CURVES, Problem, Targets
 from fitting.solvers.residuals import forward
 from fitting.solvers.runs import Callback, run
 from fitting.uncertainty.covariance import OPEN, Uncertainty
+from rubberfric.base import quick_jit
 
 
 class LikelihoodProfile(NamedTuple):
@@ -166,7 +167,7 @@ class SolvedProblem:
         if quantity in CURVES:
             found = at_conditions(self.problem, (quantity, None, scene or ""), columns, x)
         if found is None:
-            value, slope = map(np.asarray, jax.jit(lambda x: forward(predicted, x))(x))
+            value, slope = map(np.asarray, quick_jit()(lambda x: forward(predicted, x))(x))
         else:
             value, slope = (part.reshape((*shape, *part.shape[1:])) for part in found)
         return self.widened(value, slope, level)

@@ -48,7 +48,7 @@ if TYPE_CHECKING:
         physical,
         unit_of,
     )
-    from rubberfric.base.process.compiler import quick_options
+    from rubberfric.base.process.compiler import quick_jit, quick_options
     from rubberfric.base.process.cores import cores
     from rubberfric.base.process.release import VERSION
     from rubberfric.base.progress import Progress
@@ -89,6 +89,7 @@ __all__ = [
     "object_html",
     "parse_key_path",
     "physical",
+    "quick_jit",
     "quick_options",
     "recurring_length",
     "replacing",
@@ -114,7 +115,7 @@ lazily(
         "rubberfric.base.objects.physical": (
             "Kind PhysicalObject fields_of forget object_html physical unit_of"
         ),
-        "rubberfric.base.process.compiler": "quick_options",
+        "rubberfric.base.process.compiler": "quick_jit quick_options",
         "rubberfric.base.process.cores": "cores",
         "rubberfric.base.process.lazy": "lazily",
         "rubberfric.base.process.release": "VERSION",

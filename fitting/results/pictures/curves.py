@@ -2,7 +2,6 @@
 
 from typing import NamedTuple
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 
@@ -11,6 +10,7 @@ from fitting.solvers.evaluation import at_conditions, model_rows, residual_rows
 from fitting.solvers.problem import Block
 from fitting.solvers.residuals import forward, predictions
 from fitting.uncertainty.intervals import Band
+from rubberfric.base import quick_jit
 from rubberfric.plot import style
 
 # Conditions that get a line each; data at more of them are drawn set by set, without lines.
@@ -158,5 +158,5 @@ def _compiled(result, block, columns, x):
     """The same by a program of its own."""
     structure = result.problem.structure._replace(blocks=(block,))
     numbers = result.problem.numbers._replace(conditions=(columns,))
-    found = jax.jit(lambda x: forward(lambda x: predictions(structure, numbers, x)[0], x))(jnp.asarray(x))
+    found = quick_jit()(lambda x: forward(lambda x: predictions(structure, numbers, x)[0], x))(jnp.asarray(x))
     return tuple(map(np.asarray, found))

@@ -27,6 +27,7 @@ from fitting.solvers.residuals import (
     rounding,
     slopes_in_errors,
 )
+from rubberfric.base import quick_jit
 
 # Numbers of the curvature of all residuals: beyond, to keep it takes longer than to compute the model.
 _MOST_BENDS = 1_000_000
@@ -44,7 +45,7 @@ def _step(solver, structure, numbers, targets, iterate):
     )
 
 
-@functools.partial(jax.jit, static_argnums=(0, 1))
+@quick_jit(static_argnums=(0, 1))
 def _begun(solver, structure, numbers, targets, x, rows):
     def one(targets, x, rows):
         cost = loss_of(structure, numbers).cost(in_errors(structure, numbers, targets, rows))
@@ -53,7 +54,7 @@ def _begun(solver, structure, numbers, targets, x, rows):
     return jax.vmap(one)(targets, x, rows)
 
 
-@functools.partial(jax.jit, static_argnums=0)
+@quick_jit(static_argnums=(0,))
 def _planned(structure, numbers, targets, iterate, rows, slopes):
     def one(targets, iterate, rows, slopes):
         plain = in_errors(structure, numbers, targets, rows)
@@ -64,7 +65,7 @@ def _planned(structure, numbers, targets, iterate, rows, slopes):
     return jax.vmap(one)(targets, iterate, rows, slopes)
 
 
-@functools.partial(jax.jit, static_argnums=0)
+@quick_jit(static_argnums=(0,))
 def _bent(structure, numbers, targets, iterate, plan, ahead):
     def one(targets, iterate, plan, ahead):
         moves = bent(plan, jax.vmap(lambda rows: in_errors(structure, numbers, targets, rows))(ahead))
@@ -73,7 +74,7 @@ def _bent(structure, numbers, targets, iterate, plan, ahead):
     return jax.vmap(one)(targets, iterate, plan, ahead)
 
 
-@functools.partial(jax.jit, static_argnums=(0, 1))
+@quick_jit(static_argnums=(0, 1))
 def _taken(solver, structure, numbers, targets, iterate, plan, moves, tried):
     def one(targets, iterate, plan, moves, tried):
         return taken(
@@ -133,7 +134,7 @@ def _sparing(structure, numbers, targets, x):
     return few and structure.loss == "linear" and takes_long(structure, numbers)
 
 
-@functools.partial(jax.jit, static_argnums=0)
+@quick_jit(static_argnums=(0,))
 def _weighed(structure, numbers, targets, rows, slopes):
     def one(targets, rows, slopes):
         plain = in_errors(structure, numbers, targets, rows)

@@ -6,7 +6,6 @@ will have, and in the variables x of a fit (`fitting.parameters.variables`):
 .. math:: a_i = \frac{1}{\epsilon_i} \frac{\partial \ln Q(v_i, p_i, T_i)}{\partial x}
 """
 
-import functools
 from collections.abc import Mapping
 from typing import NamedTuple
 
@@ -23,7 +22,7 @@ from fitting.solvers.residuals import forward
 from fitting.uncertainty.covariance import OPEN
 from fitting.uncertainty.intervals import SolvedProblem
 from rubberfric.analysis import value_and_jacobian
-from rubberfric.base import recurring_length
+from rubberfric.base import quick_jit, recurring_length
 from rubberfric.scene import cast, result_dtype
 
 Points = tuple[np.ndarray, np.ndarray, np.ndarray | None]  # velocity, pressure, temperature
@@ -78,12 +77,12 @@ class Known(NamedTuple):
         return slope * self.stretch
 
 
-@functools.partial(jax.jit, static_argnames=("variables", "quantity", "quadrature"))
+@quick_jit(static_argnames=("variables", "quantity", "quadrature"))
 def _value_and_slope(constants, x, at, *, variables, quantity, quadrature):
     return value_and_jacobian(lambda x: to_scene(variables, constants, x), x, at, quantity, quadrature)
 
 
-@functools.partial(jax.jit, static_argnames=("structure", "variables"))
+@quick_jit(static_argnames=("structure", "variables"))
 def _prior_slopes(numbers, constants, x, *, structure, variables):
     """Derivatives of the rows of the priors, shape (rows, size)."""
     return forward(lambda x: prior_residuals(structure, numbers, to_scene(variables, constants, x), x), x)[1]
