@@ -22,6 +22,7 @@ from rubberfric.analysis.maps.interpolation import (
     difference,
     interpolant,
 )
+from rubberfric.base.process.compiler import quick_jit
 from rubberfric.io.results import Interpolation, result_shape
 from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.scene.pairs import pairs_of
@@ -102,6 +103,16 @@ def _log_shift(scene, temperature):
     """ln a_T at every temperature, (temperatures,); None if something else changes with it."""
     if temperature is None or temperature.size == 1:
         return np.zeros(1)
+    found = _log_factors(scene, temperature)
+    if found is None:
+        return None
+    one, *others = map(np.asarray, found or [np.zeros(temperature.size)])
+    return one if all(np.array_equal(other, one) for other in others) else None
+
+
+@quick_jit()
+def _log_factors(scene, temperature):
+    """The same of every pair that sliding excites; one program."""
     found = []
     for pair in pairs_of(scene):
         if pair.static:
@@ -109,12 +120,8 @@ def _log_shift(scene, temperature):
         shift = pair.strained.material.shift
         if pair.varies or (shift is not None and shift.vertical is not None):
             return None
-        found.append(
-            np.zeros(temperature.size) if shift is None else np.asarray(shift.log_factor(temperature))
-        )
-    if not found:
-        return np.zeros(temperature.size)
-    return found[0] if all(np.array_equal(other, found[0]) for other in found) else None
+        found.append(jnp.zeros(temperature.shape) if shift is None else shift.log_factor(temperature))
+    return found
 
 
 def whole(found: Curve, conditions: Conditions) -> Quantities:
