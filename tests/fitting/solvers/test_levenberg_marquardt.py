@@ -48,7 +48,7 @@ STEPS = {
     beale: 12,
     brown_dennis: 80,
     freudenstein_roth: 40,
-    jennrich_sampson: 30,
+    jennrich_sampson: 35,  # the last ones, at the rounding of its cost, hang on the compiler's options
     bard: 12,
     kowalik_osborne: 20,
     meyer: 60,
@@ -185,4 +185,5 @@ def test_vmap_is_a_loop():
     together = jax.jit(jax.vmap(two))(starts)
     for i, x in enumerate(starts):
         for a, b in zip(jax.tree.leaves(jax.jit(two)(x)), jax.tree.leaves(together), strict=True):
-            np.testing.assert_allclose(a, b[i], rtol=1e-10)
+            # A cost of 1e-5 is what is left of numbers of size 1 to 100.
+            np.testing.assert_allclose(a, b[i], rtol=1e-10, atol=1e-14)

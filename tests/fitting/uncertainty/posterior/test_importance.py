@@ -34,7 +34,8 @@ def test_of_a_linear_problem_weights_make_the_normal_posterior():
     np.testing.assert_allclose(np.abs(x[0, :, 0] - fit.x[0]), deviation * np.abs(z), rtol=1e-6, atol=1e-12)
     expected = 2.5 * np.log1p(0.5 * z**2 / 4) - 0.5 * z**2
     off = weight[0] - expected
-    assert np.ptp(off[expected > -100]) < 1e-8
+    # The fit ends 1e-7 of its deviation or less from the minimum, and draws lie up to 14 away.
+    assert np.ptp(off[expected > -100]) < 1e-5
     own = np.exp(weight[0] - weight.max())
     own /= own.sum()
     moved = (x[0, :, 0] - fit.x[0]) / deviation
