@@ -22,7 +22,8 @@ def quick_options() -> dict[str, bool | int] | None:
     if jax.default_backend() != "cpu" or "XLA_FLAGS" in os.environ:
         return None
     try:
-        jax.jit(lambda: jnp.zeros(()), compiler_options=_QUICK)()
+        # Compiled ahead of time: what asks may be traced, and a jitted call would become a part of that.
+        jax.jit(lambda: jnp.zeros(())).lower().compile(_QUICK)
     except (ValueError, RuntimeError):
         return None
     return dict(_QUICK)
