@@ -189,20 +189,19 @@ def _follow(rules, groups, leaves, tree):
 
 def to_values(variables: Variables, constants: Constants, x: Array) -> Array:
     """Values of the free elements at x, shape (..., size); on the host if x is, which compiles nothing."""
-    known, parts = isinstance(x, np.ndarray), []
-    low, width = map(np.asarray if known else jnp.asarray, (constants.low, constants.width))
+    xp, sigmoid = (np, scipy.special.expit) if isinstance(x, np.ndarray) else (jnp, jax.nn.sigmoid)
+    low, width, parts = xp.asarray(constants.low), xp.asarray(constants.width), []
     for group in variables.own:
         part = slice(*group.slot)
         here = x[..., part]
         if group.kind == "Positive":
             with np.errstate(over="ignore"):  # inf, as XLA has it: the model is not finite there
-                parts.append(np.exp(here) if known else jnp.exp(here))
+                parts.append(xp.exp(here))
         elif group.kind == "Bounded":
-            place = scipy.special.expit(here) if known else jax.nn.sigmoid(here)
-            parts.append(low[part] + width[part] * place)
+            parts.append(low[part] + width[part] * sigmoid(here))
         else:
             parts.append(width[part] * here)
-    return np.concatenate(parts, -1) if known else jnp.concatenate(parts, -1)
+    return xp.concatenate(parts, -1)
 
 
 def to_scene(variables: Variables, constants: Constants, x: Array) -> Any:

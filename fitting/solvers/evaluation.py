@@ -8,7 +8,6 @@ no time to compile, is apart (`fitting.solvers.methods.levenberg_marquardt`).
 """
 
 import functools
-from collections.abc import Callable
 from typing import Any
 
 import jax
@@ -20,7 +19,7 @@ from fitting.parameters.scenes import by_name
 from fitting.parameters.variables import Array
 from fitting.solvers.problem import CURVES, Numbers, Problem, Structure
 from fitting.solvers.residuals import in_errors, padded, rows_and_slopes, rows_of, slopes_in_errors
-from rubberfric.base import quick_jit, quick_options
+from rubberfric.base import quick_jit
 
 # x in one call of a program.
 PLACES = 8
@@ -50,7 +49,7 @@ def evaluate(
     for first in range(0, len(x), PLACES):
         here = x[first : first + PLACES]
         places = np.concatenate([here, np.repeat(here[-1:], PLACES - len(here), 0)])
-        values, derivatives = _programs()[name](
+        values, derivatives = _PROGRAMS[name](
             structure, numbers, places, len(here), x.shape[1] if slopes else 0
         )
         rows.append(np.asarray(values)[: len(here)])
@@ -82,16 +81,6 @@ def takes_long(structure: Structure, numbers: Numbers) -> bool:
 def _scenes(structure, numbers):
     """The scenes of a fit at its start, by name."""
     return by_name(jax.tree.unflatten(structure.variables.tree, numbers.constants.leaves))
-
-
-@functools.cache
-def _programs() -> dict[str, Callable[..., Any]]:
-    """Compiled functions of (structure, numbers, x, how many of x, along how many directions)."""
-    options = quick_options()
-    return {
-        kind.__name__: jax.jit(_at_places(kind), static_argnums=0, compiler_options=options)
-        for kind in (rows, both, along)
-    }
 
 
 def rows(structure: Structure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
@@ -137,6 +126,10 @@ def _at_places(kind):
 
     evaluated.__name__ = f"evaluated_{kind.__name__}"
     return evaluated
+
+
+# Compiled functions of (structure, numbers, x, how many of x, along how many directions).
+_PROGRAMS = {kind.__name__: quick_jit(static_argnums=(0,))(_at_places(kind)) for kind in (rows, both, along)}
 
 
 def residual_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
