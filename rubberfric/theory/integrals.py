@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.roughness.mesh import build_mesh
+from rubberfric.roughness.mesh.radial_mesh import build_mesh
 from rubberfric.scene.correlation import difference
 from rubberfric.scene.pairs import Pair, PairTemperatures, pairs_of
 from rubberfric.scene.scene import Scene

@@ -8,7 +8,7 @@ from jax.typing import ArrayLike
 
 from rubberfric.analysis.error_and_time import reference
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.roughness.mesh import build_mesh
+from rubberfric.roughness.mesh.radial_mesh import build_mesh
 from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.scene import Scene
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from rubberfric.base.quadrature import gauss, typed
-from rubberfric.roughness.mesh import Mesh
+from rubberfric.roughness.mesh.radial_mesh import Mesh
 
 # Panels are even in ln g over the first and log_q over the second number, but for this power of their order:
 # closer where the detachment stress begins. Of those tried the least error with six panels.

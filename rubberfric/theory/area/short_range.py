@@ -24,7 +24,7 @@ import jax.numpy as jnp
 from rubberfric.base.fixed_points.anderson import fixed_point, implicit
 from rubberfric.base.fixed_points.bracketed import bracketed
 from rubberfric.base.quadrature import gauss, typed
-from rubberfric.roughness.mesh import Mesh
+from rubberfric.roughness.mesh.radial_mesh import Mesh
 from rubberfric.scene.adhesion import Adhesion
 from rubberfric.theory.area.first_passage import NOTHING, at_end, from_nodes_on, passage
 from rubberfric.theory.area.own_panels import Panels, Table, inverse, panels_from, root, table

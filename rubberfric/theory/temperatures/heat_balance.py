@@ -15,7 +15,7 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.materials.shifts import Shift
-from rubberfric.roughness.mesh import Mesh
+from rubberfric.roughness.mesh.radial_mesh import Mesh
 from rubberfric.scene.heating import (
     Diffusion,
     Heating,

@@ -10,7 +10,7 @@ from support.cases.stored import as_arrays
 
 import rubberfric as rf
 from rubberfric.base.quadrature import gauss
-from rubberfric.roughness.mesh import build_mesh
+from rubberfric.roughness.mesh.radial_mesh import build_mesh
 from rubberfric.roughness.moments import cumulative_moment
 
 ROAD = rf.SelfAffine(100.0, 1e3, 3.1e4, 0.8, 5e-4)

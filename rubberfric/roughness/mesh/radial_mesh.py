@@ -4,31 +4,22 @@ Two kinds of nodes. The angular integrals of the stiffness are analytic in ln q,
 singularity nearer than i pi/2, whatever the spectra do: they are evaluated at a few
 *angular nodes* and interpolated. The spectra have kinks, and the contact factors P, S,
 Psi fall within ln(q/q0) ~ 1e-18 ... 1 of the wavevector where roughness begins: they are
-evaluated at *contact nodes*, on panels with borders at every kink (the borders move with
-q0, q_r and q1, so gradients are right) and graded towards every beginning, with the map
-t ~ s^2 that removes the t^(-1/2) there. C is exact at the contact nodes: a table with
+evaluated at *contact nodes*, on panels between `rubberfric.roughness.mesh.borders`, with
+the map t ~ s^2 that removes the t^(-1/2) there. C is exact at the contact nodes: a table with
 many knots costs no evaluation of the stiffness.
 
 Nothing here depends on velocity or pressure: one mesh serves all points of a call.
 """
 
-import functools
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-import numpy as np
 
 from rubberfric.base.quadrature import Quadrature, gauss, legendre_transform, nodes_between, typed
-from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio
-
-# Beyond the end of a plateau sqrt(G) has a branch point a quarter of an e-fold below it, so near that no
-# number of equal panels is enough: a border of a contact panel so far beyond it is.
-_BEYOND_ROLLOFF = 0.6
-
-# What the exponent of q^2 C adds to a piece's share of the panels.
-_STEEPNESS = 0.5
+from rubberfric.roughness.mesh.borders import place_borders
+from rubberfric.roughness.spectra import BrokenPowerLaw
 
 
 class Between(NamedTuple):
@@ -95,69 +86,23 @@ def build_mesh(
         Where integrands are smooth between kinks of the roughness it does not matter where the others
         are. Flash temperatures have kinks: those of a shift factor from a table.
     """
-    begins = jnp.stack([law.q[0] for law in laws])
-    leader = jnp.argmin(jax.lax.stop_gradient(begins))
-    first = begins[leader]
-    start = jnp.log(first)
-    kinks = [_from_first(law.q, first, leader == j) for j, law in enumerate(laws)]
-    fixed_kinks = jax.lax.stop_gradient(kinks)
-    end = functools.reduce(jnp.maximum, [kink[-1] for kink in fixed_kinks])
-    followed, exponents = kinks, [law.exponent for law in laws]
-    if not moving:
-        followed, exponents = jax.lax.stop_gradient((followed, exponents))
-    width, uniform = _uniform_borders(followed, exponents, quadrature.panels)
-    if not moving:  # and not with the first wavevector either, from which t counts
-        uniform = uniform - (start - jax.lax.stop_gradient(start))
-    fixed, graded_ones = [uniform], []
-    fixed += [
-        jnp.minimum(_rolloff(law, kink) + _BEYOND_ROLLOFF, end)[None]
-        for law, kink in zip(laws, followed, strict=True)
-        if law.exponent.size > 1
-    ]
-    if graded:
-        fractions = typed(quadrature.ratio ** (-2.0 * np.arange(1, quadrature.graded + 1)), end)
-        # These hang on the beginning and move with it: fixed, the innermost panel, 1e-10
-        # wide, would stretch with q0, and its quadrature error with it.
-        grades = [width(begin[0]) * fractions for begin in followed]
-        graded_ones = [jnp.minimum(kink[0] + grade, end) for kink, grade in zip(kinks, grades, strict=True)]
-        if quadrature.graded and not moving:
-            fixed = [_among_graded(border, kinks, grades) for border in fixed]
-    t = [fixed[0], *kinks, *fixed[1:], *graded_ones]
-    if borders is not None:
-        # Selected, not clipped: a clip would give half the derivative to a border at an end.
-        distance = log_ratio(jnp.where(borders >= first, borders, first), first)
-        t.append(jnp.where(distance <= end, distance, end))
-    t = jnp.concatenate(t)
-    rank = _ranks(jax.lax.stop_gradient(t))
-    t = jnp.sort(t)
+    panels = place_borders(laws, quadrature, graded, borders, moving)
+    t, edges, start = panels.t, panels.edges, panels.start
     left, right = t[:-1], t[1:]
-
-    # Rank in the sorted list, not comparison of values, says what lies inside what:
-    # borders that coincide (two spectra with equal q1) keep their one-sided derivatives.
-    def passed(begin, count):
-        return jnp.sum(rank[begin : begin + count] <= np.arange(t.shape[0] - 1)[:, None], -1)
-
-    panel = passed(0, uniform.shape[0])
-    begins = uniform.shape[0] + np.cumsum([0] + [kink.shape[0] for kink in kinks])
-    pieces = [passed(int(begin), kink.shape[0]) - 1 for begin, kink in zip(begins, kinks, strict=False)]
-    origin = _origin(fixed_kinks, pieces)
-    # The outer angular nodes move with the ends of the roughness: fixed, the contact nodes there
-    # would move along the interpolant, whose slope is 1e3 times less accurate than its values.
-    begin = functools.reduce(jnp.minimum, [kink[0] for kink in kinks])
-    last = functools.reduce(jnp.maximum, [kink[-1] for kink in kinks])
-    edges = jnp.concatenate([begin[None], uniform, last[None]])
+    origin = _origin(jax.lax.stop_gradient(panels.kinks), panels.pieces)
 
     def at(coordinate):
         """t, dt / d coordinate and q^4 C_j at the same coordinates in [0, 1] of every panel."""
         relative, stretch = _node_map(left, right, origin, coordinate)
         nodes = left[:, None] + (right - left)[:, None] * relative
-        spectra = zip(laws, kinks, pieces, strict=True)
+        spectra = zip(laws, panels.kinks, panels.pieces, strict=True)
         roughness = tuple(_roughness(*one, nodes, start) for one in spectra)
         return nodes, (right - left)[:, None] * stretch, roughness
 
     node, weight = (typed(table, t) for table in gauss(quadrature.order))
     nodes, measure, roughness = at(node)
-    between, serving = None, (edges[panel], edges[panel + 1], quadrature.angular_order)
+    serving = edges[panels.panel], edges[panels.panel + 1], quadrature.angular_order
+    between = None
     if graded:
         inner, inner_measure, inner_roughness = at(typed(nodes_between(quadrature.order), t))
         between = Between(
@@ -171,86 +116,15 @@ def build_mesh(
         q=jnp.exp(start + nodes),
         roughness=tuple(values * (measure * weight) for values in roughness),
         between=between,
-        panel=panel,
+        panel=panels.panel,
         interpolate=_interpolation(nodes, *serving),
-        first=first,
-        last=jnp.exp(start + last),
+        first=panels.first,
+        last=jnp.exp(start + edges[-1]),
         borders=t,
         origin=origin,
-        kinks=tuple(kinks),
-        panels_below=None if borders is None else rank[-borders.shape[0] :],
+        kinks=panels.kinks,
+        panels_below=panels.panels_below,
     )
-
-
-def _among_graded(border, kinks, grades):
-    """Fixed borders, but those that lie among the graded ones of a beginning, which move with it.
-
-    They do by chance, an ulp from where a second roughness begins: a panel between the two that grew from
-    no width would have nodes before and after it at which the contact is another by then.
-    """
-    for kink, grade in zip(kinks, grades, strict=True):
-        distance = jax.lax.stop_gradient(border - kink[0])
-        border = jnp.where(jnp.abs(distance) < grade[0], kink[0] + distance, border)
-    return border
-
-
-def _rolloff(law, kink):
-    """Where the exponent of a law falls most."""
-    return kink[1:-1][jnp.argmin(jnp.diff(jax.lax.stop_gradient(law.exponent)))]
-
-
-def _from_first(q, first, leads):
-    """ln(q / first) of the wavevectors of a law, which `leads` if its first is that of all.
-
-    Then that one is 0 whatever moves. Written as a difference of two that move alike, it would
-    leave their rounding, times 1 over the innermost panel's width of 1e-14, in reverse mode.
-    """
-    t = log_ratio(q, first)
-    return jnp.concatenate([jnp.where(leads, 0.0, t[:1]), t[1:]])
-
-
-def _ranks(values):
-    """Position of every value in the sorted list, equal ones in the order given."""
-    index = np.arange(values.shape[0])
-    before = (values < values[:, None]) | ((values == values[:, None]) & (index < index[:, None]))
-    return jnp.sum(before, -1)
-
-
-def _uniform_borders(kinks, exponents, panels):
-    """Borders that share out the range, closer where the roughness rises steeply.
-
-    On the plateau G ~ q^4, so that P may switch within a quarter of e-fold: there a
-    piece counts 1 + 1/2 of its exponent of q^2 C (2 on the plateau), elsewhere 1.
-
-    Returns
-    -------
-    width : function, width of one share that begins at t
-    uniform : the borders between `panels` equal shares, shape (panels - 1,)
-    """
-    slopes = [_STEEPNESS * jnp.clip(exponent, 0.0, 2.0) for exponent in exponents]
-
-    def share(t):
-        steep = [_ramps(t, kink, slope) for kink, slope in zip(kinks, slopes, strict=True)]
-        return t + functools.reduce(jnp.add, steep)
-
-    knots = kinks[0] if len(kinks) == 1 else jnp.sort(jnp.concatenate(kinks))
-    shares = share(knots)
-    rise = jnp.diff(shares)
-    back = jnp.diff(knots) / jnp.where(rise > 0, rise, 1.0)
-    step = shares[-1] / panels
-
-    def width(begin):
-        return _ramps(jnp.minimum(share(begin) + step, shares[-1]), shares, back) - begin
-
-    return width, _ramps(step * np.arange(1, panels), shares, back)
-
-
-def _ramps(t, knots, slopes):
-    """Continuous piecewise linear function, 0 at the first knot, with given slopes.
-
-    A sum over pieces: for the few knots of a spectrum quicker than a search.
-    """
-    return jnp.sum(slopes * jnp.clip(t[..., None] - knots[:-1], 0.0, jnp.diff(knots)), -1)
 
 
 def _origin(kinks, pieces):
