@@ -18,7 +18,7 @@ from rubberfric.io.results import QUANTITIES
 from rubberfric.io.tables.columns import COLUMNS
 from rubberfric.io.tables.titles import spellings, unit_spellings
 from rubberfric.materials.material import Material
-from rubberfric.materials.shifts import Shift, VerticalShift
+from rubberfric.materials.shifts.laws import Shift, VerticalShift
 from rubberfric.materials.slab import Layer
 from rubberfric.roughness.spectra import Spectrum
 from rubberfric.scene.scene import Body, Scene

@@ -1,20 +1,6 @@
-r"""A layer bonded to a deformable half-space, both of them elastic or relaxing.
+r"""A layer bonded to a deformable half-space, both of them elastic or relaxing."""
 
-The reduced stiffness E_r Sbar of the two is, over E_r1 of the layer's own half-space and with
-rho = mu_1/mu_0, x = q d, a = 3 - 4 nu_1, b = 3 - 4 nu_0,
-
-.. math:: \bar S = \frac{N_0\rho^2 + N_1\rho + N_2}{D_0\rho^2 + D_1\rho + D_2}
-          = \alpha + \frac{R_1\rho + R_2}{D_0\rho^2 + D_1\rho + D_2}
-          = \alpha + \sum_{k=1,2} \frac{w_k \cdot w_k r_k/\rho}{w_k + w_k r_k/\rho}
-
-with -r_k the roots of D: the layer's own stiffness as a free plate, in parallel with two pairs of
-layer and base in series. So a solid of relaxing parts stays a Prony series at every q. N and D
-hold for plane strain, from the matching of displacements and stresses of layer and base; R_1,
-R_2 and the discriminant are rewritten here as sums in which nothing cancels (as N_1 - alpha D_1
-they would keep no digit for thick layers, nor the roots if both solids are incompressible).
-"""
-
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import jax
 import jax.numpy as jnp
@@ -24,8 +10,8 @@ from rubberfric.base.checks import POSITIVE, either
 from rubberfric.base.objects.fields import Number, child, leaf
 from rubberfric.base.objects.physical import kinds, physical
 from rubberfric.materials.material import Coatable, Material, Series, poisson_of, series_of, stiffer
-from rubberfric.materials.series.prony_and_prony import two_in_series
-from rubberfric.materials.slab import Layer, sinh_minus_linear
+from rubberfric.materials.series.layer_and_base import Bonded, coated_series, coated_spring
+from rubberfric.materials.slab import Layer
 
 
 @physical
@@ -59,6 +45,10 @@ class Coating(Layer):
         """The shift that the base moves with."""
         return material.shift if self.shift is None and self.base.relaxes else self.shift
 
+    def _bonded(self, material):
+        """The two solids but for their moduli."""
+        return Bonded(self.thickness, poisson_of(material), self.base.poisson)
+
     def check_material(self, material: Material) -> None:
         """ValueError unless a coating can be of this material."""
         if not isinstance(material, Coatable):
@@ -75,12 +65,12 @@ class Coating(Layer):
             stiffer(solid.static_reduced() / scale, shift, temperature)
             for solid, shift in ((material, material.shift), (self.base, self._base_shift(material)))
         )
-        return coated_spring(self, poisson_of(material), layer, base, q)
+        return coated_spring(self._bonded(material), layer, base, q)
 
     def glassy_stiffening(self, material: Material, q: jax.Array) -> jax.Array:
         """Sbar [-] at q [1/m], any shape, where both solids are glassy."""
         layer, base = material.glassy_reduced(), self.base.glassy_reduced()
-        return coated_spring(self, poisson_of(material), layer, base, q) / layer
+        return coated_spring(self._bonded(material), layer, base, q) / layer
 
     def reduced_series(
         self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
@@ -100,202 +90,4 @@ class Coating(Layer):
                 if material.shift is not None:
                     factor = factor - material.shift.log_factor(temperature)
                 base = base._replace(tau=jnp.exp(factor) * base.tau)
-        return coated_series(self, poisson_of(material), layer, base, q)
-
-
-class _Rational(NamedTuple):
-    """Sbar = free + (R1 rho + R2) / (D0 rho^2 + D1 rho + D2); all but `free` times e^(-2x)."""
-
-    free: jax.Array  # alpha, the layer alone
-    R1: jax.Array
-    R2: jax.Array
-    D0: jax.Array
-    D1: jax.Array
-    D2: jax.Array
-
-
-class _Parts(NamedTuple):
-    """e^(-2x) times 1, cosh 2x - 1, sinh 2x, cosh 2x and sinh 2x + 2x; and 2x itself."""
-
-    one: jax.Array
-    cosh1: jax.Array
-    sinh: jax.Array
-    cosh: jax.Array
-    sum: jax.Array
-    X: jax.Array
-
-
-def _parts(layer, q):
-    x = q * layer.thickness
-    # Every correction to 1 is below e^-2x (2x)^2 there, and R^2 e^-4x still above 0.
-    x = jnp.minimum(x, 40.0 if x.dtype == jnp.float64 else 20.0)
-    one, rise = jnp.exp(-2 * x), -jnp.expm1(-2 * x)
-    cosh1, sinh = 0.5 * rise**2, 0.5 * rise * (1 + one)
-    return _Parts(one, cosh1, sinh, cosh1 + one, sinh + 2 * x * one, 2 * x), x
-
-
-def _rational(layer, alpha, beta, q):
-    """`_Rational` of q; alpha = a - 1, beta = b - 1 are 0 if incompressible, without cancellation."""
-    (one, cosh1, sinh, cosh, both, X), x = _parts(layer, q)
-    half = jnp.exp(-x)
-    # 2 (sinh x - x)(sinh x + x) / (sinh 2x + 2x)
-    plus = 0.5 * -jnp.expm1(-2 * x) + x * half
-    free = 2 * sinh_minus_linear(0.5 * x, half) * plus / both
-    square = 0.5 * X * X
-    R1 = (
-        2 * (2 + alpha + beta) * (cosh1 + X * sinh + square * cosh)
-        + alpha * beta * (cosh1 * (1 + X + square) + sinh * (X + square) + square * one)
-        + beta * (X * X * sinh + 2 * X * cosh1)
-    )
-    R2 = (2 + alpha) * (2 * X * cosh + sinh * (2 + alpha + X * X) + alpha * X * one)
-    D0 = 2 * (1 + beta) * both
-    D1 = 2 * (2 + alpha + beta) * cosh + alpha * beta - 2 * X * beta * one
-    D2 = 2 * ((1 + alpha) * sinh_minus_linear(x, one) + alpha * X * one)
-    scale = one / both
-    return _Rational(free, scale * R1, scale * R2, D0, D1, D2)
-
-
-def _discriminant(layer, alpha, beta, q):
-    """(D1^2 - 4 D0 D2) e^(-4x), a square of what is small if both solids are incompressible, and a rest."""
-    (one, _, sinh, cosh, _, X), _ = _parts(layer, q)
-    # D1 itself without its share of X sinh: alpha beta e^2x + 2 alpha cosh 2x + 2 beta (cosh 2x - 2x)
-    split = alpha * beta + 2 * alpha * cosh + 2 * beta * (cosh - X * one)
-    remainder = (
-        16 * (1 + X * X) * one
-        + 16 * beta * ((1 + X * X) * one - X * cosh)
-        + 16 * alpha * (one - X * sinh)
-        + alpha * beta * (12 * one - 4 * one**3 - 16 * X * sinh)
-    )
-    return split**2 + one * remainder
-
-
-def _skew(layer, alpha, beta, q):
-    """(D1 R1 - 2 D0 R2)(sinh 2x + 2x) e^(-4x), by powers of alpha and beta: none of e^4x cancels.
-
-    Here o, c, s are e^(-2x) times 1, cosh 2x - 1, sinh 2x.
-    """
-    (o, c, s, cosh, _, X), _ = _parts(layer, q)
-    X2, X3 = X * X, X * X * X
-    falling = -16 * o * c + 8 * X * s * (c - 2 * o) + 4 * X2 * (c * c - 2 * o * o)
-    last = -4 * o * c + 4 * X * s * (c - o) + 2 * X2 * (c * c + 2 * o * c - o * o)
-    none = (
-        -8 * o * (2 * c + X2 * (o + 2 * c) + 2 * X * s + X3 * s),
-        -16 * o * (c + X * s)
-        - 8 * X2 * o * (o + 2 * c)
-        - 8 * X3 * o * s
-        - 4 * X3 * o * cosh
-        + 4 * X2 * s * (c - o)
-        + 8 * X * c * c,
-        4 * c * cosh
-        + 4 * X * s * cosh
-        + 2 * X2 * (o * o + c * c)
-        + 2 * X2 * s * (c - o)
-        - 2 * X3 * o * (cosh + s)
-        + 4 * X * c * c,
-    )
-    first = (
-        falling - 4 * X3 * o * s,
-        falling + 12 * X * c * cosh + 4 * c * s + 2 * X2 * s * (o + 3 * c) - 2 * X3 * o * (cosh + 2 * s),
-        4 * c * cosh
-        + 6 * X * c * cosh
-        + 2 * c * s
-        + 2 * X * s * (2 * o + 3 * c)
-        + X2 * (2 * o * o + 4 * o * c + 3 * c * c)
-        + X2 * s * (o + 3 * c)
-        - X3 * o * (cosh + s),
-    )
-    second = (
-        last,
-        last + 6 * X * o * c + 4 * X * c * c + 2 * c * s + 2 * X2 * s * cosh,
-        0.5 * X2 * o * o
-        + (X + X2) * o * s
-        + (1 + 3 * X + 2 * X2) * o * c
-        + (1 + 2 * X + X2) * c * s
-        + (1 + 2 * X + X2) * c * c,
-    )
-    in_beta = [p[0] + beta * (p[1] + beta * p[2]) for p in (none, first, second)]
-    return in_beta[0] + alpha * (in_beta[1] + alpha * in_beta[2])
-
-
-def _numbers(coating, layer):
-    """alpha = 2 - 4 nu_1, beta = 2 - 4 nu_0, and mu_0/mu_1 over E_r0/E_r1."""
-    base = coating.base.poisson
-    return 2 * (1 - 2 * layer), 2 * (1 - 2 * base), (1 - base) / (1 - layer)
-
-
-def coated_spring(
-    coating: Coating, poisson: jax.Array, layer: jax.Array, base: jax.Array, q: jax.Array
-) -> jax.Array:
-    """E_r1 Sbar of a coated body whose two solids do not relax.
-
-    Parameters
-    ----------
-    coating : Coating
-    poisson : nu_1 of the layer [-]
-    layer, base : E_r of the layer's and of the base's material, >= 0, of one unit
-    q : wavevector [1/m], any shape
-
-    Returns
-    -------
-    array of the shape of q, of the unit of layer and base. E_r1 for q d -> infinity, E_r0 for
-    q d -> 0; a bonded Slab for E_r0 -> infinity.
-    """
-    alpha, beta, ratio = _numbers(coating, poisson)
-    free, R1, R2, D0, D1, D2 = _rational(coating, alpha, beta, q)
-    base = base * ratio
-    largest = jax.lax.stop_gradient(jnp.maximum(layer, base))
-    largest = jnp.where(largest > 0, largest, 1.0)  # two liquids at rest: 0
-    one, two = layer / largest, base / largest
-    bottom = D0 * one * one + D1 * one * two + D2 * two * two
-    shared = two * (R1 * one + R2 * two) / jnp.where(bottom > 0, bottom, 1.0)
-    return layer * (free + shared)
-
-
-def coated_series(coating: Coating, poisson: jax.Array, layer: Series, base: Series, q: jax.Array) -> Series:
-    """E_r1 Sbar of a coated body as a Prony series at every q.
-
-    Parameters
-    ----------
-    coating : Coating
-    poisson : nu_1 of the layer [-]
-    layer, base : (rest, weight, tau) of E_r of both materials, shapes (), (n,), (n,), n >= 0
-    q : wavevectors [1/m], shape (nodes,)
-
-    Returns
-    -------
-    Series : rest, weight, tau of the shapes (nodes,), (nodes, terms), (nodes, terms)
-    """
-    free, size, of_layer, of_base = _in_series(coating, poisson, q)
-    rest, weight, tau = _times(layer, free)
-    # Both pairs in one go, which is half to compile.
-    pairs = two_in_series(_times(layer, of_layer.reshape(-1)), _times(base, jnp.tile(of_base, 2)))
-    pairs = _times(pairs, size.reshape(-1))
-    rests, weights, times = (x.reshape(2, q.size, *x.shape[1:]) for x in pairs)
-    return Series(
-        rest + rests.sum(0),
-        jnp.concatenate([weight, *weights], -1),
-        jnp.concatenate([jnp.broadcast_to(tau, weight.shape), *times], -1),
-    )
-
-
-def _times(series, factor):
-    rest, weight, tau = series
-    return factor * rest, factor[:, None] * weight, tau
-
-
-def _in_series(coating, poisson, q):
-    """What multiplies layer and base: alpha, and of both pairs the size, E_r1 and E_r0.
-
-    w_k E_r1 and (1 - nu_0)/(1 - nu_1) w_k r_k E_r0 have a factor in common, the size, which may round
-    to 0: without it their quotient remains.
-    """
-    alpha, beta, ratio = _numbers(coating, poisson)
-    free, R1, _, D0, D1, D2 = _rational(coating, alpha, beta, q)
-    root = jnp.sqrt(_discriminant(coating, alpha, beta, q))
-    parts, _ = _parts(coating, q)
-    skew = parts.one / parts.sum * _skew(coating, alpha, beta, q) / root
-    # Rounding may leave one below 0 where the other is far larger.
-    size = jnp.maximum(jnp.stack([R1 + skew, R1 - skew]), 0.0)
-    # D2 in the layer's factor alone: of a thin incompressible layer it is x^3, and its derivative x.
-    of_layer = jnp.stack([1 / (D1 + root), (D1 + root) / (4 * D0 * D2)])
-    return free, size, of_layer, ratio / (2 * D0)
+        return coated_series(self._bonded(material), layer, base, q)

@@ -29,7 +29,7 @@ from rubberfric.materials.material import (
     series_modulus,
 )
 from rubberfric.materials.series.prony_and_spring import in_series
-from rubberfric.materials.shifts import Shift
+from rubberfric.materials.shifts.laws import Shift
 
 
 @physical

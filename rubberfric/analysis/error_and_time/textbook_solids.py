@@ -1,7 +1,7 @@
 """Solids and roughness of the textbook method: numbers of a scene, and no formula of the library.
 
 Series and layers are of [Scaraggi & Persson, arXiv:1506.06955, eqs. (A6), (A8), (A10)], coatings as
-`rubberfric.materials.coating` says, E(omega), shifts and spectra as their classes.
+`rubberfric.materials.series.layer_and_base` says, E(omega), shifts and spectra as their classes.
 """
 
 import math
@@ -13,15 +13,8 @@ from rubberfric.materials.coating import Coating
 from rubberfric.materials.elastic import Elastic, Rigid
 from rubberfric.materials.material import Material
 from rubberfric.materials.prony import Prony, PronyShear
-from rubberfric.materials.shifts import (
-    WLF,
-    Arrhenius,
-    Entropic,
-    Shift,
-    TabulatedShift,
-    TabulatedVertical,
-    VerticalShift,
-)
+from rubberfric.materials.shifts.laws import WLF, Arrhenius, Entropic, Shift, VerticalShift
+from rubberfric.materials.shifts.tables import TabulatedShift, TabulatedVertical
 from rubberfric.materials.slab import Slab
 from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.roughness.spectra import SelfAffine, Spectrum

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from rubberfric.io.prony_cards.series import Format, Material, Series, Units, from_relative, number, text_of
-from rubberfric.materials.shifts import WLF
+from rubberfric.materials.shifts.laws import WLF
 
 
 def read(text: str, units: Units, poisson: float | None, shift: bool) -> Material:

@@ -13,7 +13,7 @@ from rubberfric.io.prony_cards.openradioss import OPENRADIOSS
 from rubberfric.io.prony_cards.pyvisco import PYVISCO
 from rubberfric.io.prony_cards.series import STRESS, TEMPERATURE, Material, Units, series_of
 from rubberfric.io.tables.text import read_text
-from rubberfric.materials.shifts import WLF
+from rubberfric.materials.shifts.laws import WLF
 
 FORMATS = {
     "abaqus": ABAQUS,

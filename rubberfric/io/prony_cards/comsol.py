@@ -24,7 +24,7 @@ from rubberfric.io.prony_cards.series import (
     text_of,
 )
 from rubberfric.materials.prony import PronyShear
-from rubberfric.materials.shifts import WLF
+from rubberfric.materials.shifts.laws import WLF
 
 _CONSTANT = re.compile(r"^% (\w+) = (\S+) (\S+)", re.M)
 

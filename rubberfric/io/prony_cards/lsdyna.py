@@ -25,7 +25,7 @@ from rubberfric.io.prony_cards.series import (
     text_of,
 )
 from rubberfric.materials.prony import PronyShear
-from rubberfric.materials.shifts import WLF
+from rubberfric.materials.shifts.laws import WLF
 
 MOST_TERMS = 18
 _SIGN = r"^\s*\*MAT_(GENERAL_VISCOELASTIC|0?76)"

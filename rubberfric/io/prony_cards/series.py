@@ -18,7 +18,7 @@ import numpy as np
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values, shown
 from rubberfric.base.units import ZERO_CELSIUS, bulk_from_young, shear_from_young, young_from_shear
 from rubberfric.materials.prony import Prony, PronyShear
-from rubberfric.materials.shifts import WLF
+from rubberfric.materials.shifts.laws import WLF
 
 STRESS = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9}
 TEMPERATURE = {"K": 0.0, "C": ZERO_CELSIUS}

@@ -10,7 +10,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.checks import is_concrete
-from rubberfric.materials.shifts import largest_log_factor
+from rubberfric.materials.shifts.laws import largest_log_factor
 from rubberfric.scene.scene import Scene, relaxes
 
 # Sbar^2 must not overflow.

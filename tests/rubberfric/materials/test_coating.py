@@ -12,8 +12,8 @@ from support.cases.stored import QUANTITIES, as_arrays, quantities, scene
 from support.oracles import oracle
 
 import rubberfric as rf
-from rubberfric.materials.coating import coated_series, coated_spring
 from rubberfric.materials.material import Series
+from rubberfric.materials.series.layer_and_base import Bonded, coated_series, coated_spring
 from rubberfric.scene.scene import dissipates, relaxes
 
 POISSON = [0.0, 0.3, 0.4999999, 0.5]
@@ -42,11 +42,16 @@ def body_of(d, nu1, nu0, mu1, mu0):
     return jax.tree.unflatten(jax.tree.structure(made), leaves)
 
 
+def bonded(body):
+    """Of a coated body."""
+    return Bonded(body.layer.thickness, body.material.poisson, body.layer.base.poisson)
+
+
 def of_springs(*numbers):
     """Sbar at q = 1 of two solids that do not relax."""
     body = body_of(*numbers)
     layer, base = 2 * numbers[3] / (1 - numbers[1]), 2 * numbers[4] / (1 - numbers[2])
-    return coated_spring(body.layer, body.material.poisson, layer, base, jnp.ones(())) / layer
+    return coated_spring(bonded(body), layer, base, jnp.ones(())) / layer
 
 
 def of_series(*numbers):
@@ -54,7 +59,7 @@ def of_series(*numbers):
     body, term = body_of(*numbers), (jnp.zeros(1), jnp.ones(1))
     layer, base = 2 * numbers[3] / (1 - numbers[1]), 2 * numbers[4] / (1 - numbers[2])
     solids = (Series(layer, *term), Series(base, *term))
-    return coated_series(body.layer, body.material.poisson, *solids, jnp.ones(1))[0][0] / layer
+    return coated_series(bonded(body), *solids, jnp.ones(1))[0][0] / layer
 
 
 def evaluated(function, points):
@@ -134,7 +139,7 @@ def test_limits():
     def spring(thickness, base, factor=1.0):
         body = rf.Body(layer, None, rf.Coating(thickness, base))
         springs = (m.reduced_series(1.0)[0] for m in (layer, base))
-        return coated_spring(body.layer, layer.poisson, *springs, q) * factor
+        return coated_spring(bonded(body), *springs, q) * factor
 
     own = layer.reduced_series(1.0)[0]
     soft = rf.Elastic(3e5, 0.2)
@@ -145,12 +150,10 @@ def test_limits():
     np.testing.assert_allclose(spring(0.3, rf.Elastic(1e25, 0.1)), own * slab, rtol=1e-12)
     # A liquid below leaves the free plate, a liquid on top nothing.
     body = rf.Body(layer, None, rf.Coating(0.3, soft))
-    free = coated_spring(body.layer, layer.poisson, own, 0.0, q)
-    np.testing.assert_allclose(
-        free, coated_spring(body.layer, layer.poisson, own, 1e-30 * own, q), rtol=1e-12
-    )
-    assert (coated_spring(body.layer, layer.poisson, 0.0, own, q) == 0).all()
-    assert (coated_spring(body.layer, layer.poisson, 0.0, 0.0, q) == 0).all()
+    free = coated_spring(bonded(body), own, 0.0, q)
+    np.testing.assert_allclose(free, coated_spring(bonded(body), own, 1e-30 * own, q), rtol=1e-12)
+    assert (coated_spring(bonded(body), 0.0, own, q) == 0).all()
+    assert (coated_spring(bonded(body), 0.0, 0.0, q) == 0).all()
 
 
 RUBBER = rf.Prony(3.6e6, [1e9, 1e8, 2e7, 5e6, 1e6], [1e-8, 1e-6, 1e-4, 1e-2, 1.0])
@@ -171,7 +174,7 @@ LIQUID = rf.Prony(0.0, [1e7, 1e5], [1e-5, 1.0], 0.45)
 def test_prony_series_is_the_complex_factor(layer, base):
     q = np.logspace(0, 6, 13)
     body = rf.Body(layer, None, rf.Coating(1e-3, base))
-    made = jax.jit(lambda body, *solids: coated_series(body.layer, body.material.poisson, *solids, q))
+    made = jax.jit(lambda body, *solids: coated_series(bonded(body), *solids, q))
     series = made(body, layer.reduced_series(1e6), base.reduced_series(1e6))
     rest, weight, tau = map(np.asarray, series)
     assert (rest >= 0).all() and (weight >= 0).all() and (tau > 0).all()

@@ -1,0 +1,1 @@
+"""Time-temperature superposition: laws of shift factors, and tables of them."""
