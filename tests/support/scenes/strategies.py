@@ -118,6 +118,10 @@ def decades(low, high):
     return st.floats(low, high).map(lambda exponent: 10.0**exponent)
 
 
+# Of ln(q^4 C) over ln q: a hundred waves of one length have a peak as steep. Steeper ones: see the limits of
+# `rubberfric.TabulatedSpectrum`.
+STEEPEST = 300.0
+
 POISSON = st.one_of(st.sampled_from((0.5, 0.0)), st.floats(0.0, 0.5))
 GAMMA = st.one_of(st.sampled_from((0.5, 0.0, 1.0)), st.floats(0.0, 1.0))
 HURST = st.one_of(st.sampled_from((0.8, 0.0, 1e-9, 1.0)), st.floats(0.0, 1.0))
@@ -201,11 +205,14 @@ def _spectrum(draw, kind, ranges, ends):
     if ends and draw(st.booleans()):
         q0 = draw(st.sampled_from(ends))
     if kind == "table":
-        q = q0 * np.cumprod([1.0, *(1 + np.array(draw(_vector(decades(-3.0, 3.0), ENTRIES - 1))))])
-        # ln(q^4 C) may rise and fall by 10 decades between two entries.
-        heights = draw(_vector(st.floats(-10.0, 10.0), ENTRIES))
+        gaps = np.log1p(draw(_vector(decades(-3.0, 3.0), ENTRIES - 1)))
+        q = q0 * np.exp(np.cumsum([0.0, *gaps]))
+        # ln(q^4 C) may rise and fall by 10 decades between two entries, but for its slope.
+        steps, most = np.diff(draw(_vector(st.floats(-23.0, 23.0), ENTRIES))), STEEPEST * gaps
+        steps = np.clip(steps, -most, most)
         height = draw(decades(*ranges.height)) * q0
-        return rf.TabulatedSpectrum(q, np.maximum(height**2 * 10 ** np.array(heights) / q**4, ranges.least_C))
+        C = height**2 * np.exp(np.cumsum([0.0, *steps])) / q**4
+        return rf.TabulatedSpectrum(q, np.maximum(C, ranges.least_C))
     q1 = q0 * (1 + draw(decades(*ranges.width)))
     if ends and ends[1] > q0 and draw(st.booleans()):
         q1 = ends[1]
