@@ -488,6 +488,10 @@ def test_random_starts_are_decided_by_their_key():
     np.testing.assert_array_equal(one, two)
     assert np.all(one[1:] != other[1:])
     assert len({tuple(row) for row in np.asarray(one).tolist()}) == 4
+    for count in (1, 2):
+        fewer = random_starts(layout, x, jax.random.key(1), count)
+        assert fewer.shape == (count, x.size)
+        np.testing.assert_array_equal(fewer[0], x)
 
 
 def test_every_order_of_freeing_gives_the_same_scene():

@@ -242,6 +242,16 @@ def test_faulty_exports(tmp_path, old, new, message):
     assert message in refused(path, lambda: read(path))
 
 
+def test_a_falling_export_is_turned_and_one_with_equal_entries_refused(tmp_path):
+    falling = "f [Hz];E' [MPa];E'' [MPa]\n3;7;3\n2;6;2\n1;5;1\n"
+    table = read_table(put(tmp_path, falling), ["omega", "E_stor", "E_loss"])
+    np.testing.assert_allclose(table["omega"], TWO_PI * np.array([1.0, 2.0, 3.0]), rtol=1e-14)
+    np.testing.assert_array_equal(table["E_stor"], [5e6, 6e6, 7e6])
+    path = put(tmp_path, falling.replace("\n2;", "\n3;"))
+    message = refused(path, lambda: read_table(path, ["omega", "E_stor", "E_loss"]))
+    assert "line 3: f [Hz] = 3 after 3: must increase strictly" in message
+
+
 def test_names_without_units(tmp_path):
     path = put(tmp_path, "f;E';E''\n1;5;1\n2;6;2\n")
     assert "has names but no units: must have them in the row below" in refused(path, lambda: read(path))
