@@ -114,6 +114,21 @@ def test_rows_are_derivatives(designed):
     np.testing.assert_array_equal(designed.velocity, v[designed.index])
 
 
+def test_gain_is_the_part_of_the_variance_that_one_measurement_takes():
+    """The variance of the wanted predictions, from the inverse of the information with it and without."""
+    numbers = {"n": 1, "prior": PRIOR, "draws": 1, "quadrature": QUICK}
+    found = fitting.design(TRUTH, FREE, candidates=CANDIDATES, criterion=WANTED, **numbers)
+    wanted = fitting.design(TRUTH, FREE, candidates=([0.3, 1.0, 3.0], 3e5, 303.15), **numbers).rows
+    base = np.eye(6) / 100**2
+    base[0, 0] += (3e6 / 1e6) ** 2  # of the prior
+
+    def variance(information):
+        return np.trace(wanted @ np.linalg.inv(information) @ wanted.T)
+
+    part = [1 - variance(base + np.outer(row, row)) / variance(base) for row in found.rows]
+    np.testing.assert_allclose(found.gain, part, rtol=1e-6, atol=1e-9)
+
+
 def off(rng, size=0.3):
     """The truth with every free number off by 30 %, up or down."""
     moved = TRUTH
