@@ -47,7 +47,7 @@ class Coating(Layer):
 
     def _bonded(self, material):
         """The two solids but for their moduli."""
-        return Bonded(self.thickness, poisson_of(material), self.base.poisson)
+        return Bonded(self.thickness, poisson_of(material), poisson_of(self.base))
 
     def check_material(self, material: Material) -> None:
         """ValueError unless a coating can be of this material."""

@@ -106,7 +106,9 @@ def kinds():
         forget(cls)
 
 
-@pytest.fixture(scope="module", params=list(MATERIALS))
+@pytest.fixture(
+    scope="module", params=[pytest.param("FractionalZener", marks=pytest.mark.slow), "HavriliakNegami"]
+)
 def scene(request, kinds):
     material = kinds[request.param](**MATERIALS[request.param], shift=kinds["VogelFulcher"](**SHIFT))
     return rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(material))
@@ -234,6 +236,7 @@ def test_fit(scene):
     assert "K" in result.report()
 
 
+@pytest.mark.slow
 def test_in_a_coating(kinds):
     """The kind that is a Prony series, on an elastic base and under one."""
     zener = kinds["FractionalZener"](**MATERIALS["FractionalZener"])

@@ -152,7 +152,7 @@ CASES = {name: (given, *ANSWERS[name]) for name, given in EXAMPLES.items() if na
     )
     for name, embed in IN_SCENES.items()
 }
-LONG = ("Body", "Scene", "Heating", "TabulatedAnisotropic", "Adhesion")
+LONG = ("Body", "Scene", "Heating", "SelfAffine", "TabulatedAnisotropic", "Adhesion")
 LONG += ("Anisotropic", "Coating", "Correlation", "Softening", "TabulatedSpectrum", "TabulatedModulus")
 PARAMETERS = slow_if(lambda name: name in LONG or name.endswith("in a scene"), {name: name for name in CASES})
 

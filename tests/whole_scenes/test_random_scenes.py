@@ -297,7 +297,7 @@ HEAVIER = decades(-15.0, 6.0)
 
 
 def settings_of(structure):
-    return settings(ordinary, max_examples=60 if "table-" in str(structure) else 310)
+    return settings(ordinary, max_examples=60 if "table-" in str(structure) else 150)
 
 
 def examples(structure, how, both_modes):

@@ -131,6 +131,7 @@ def test_one_vectorised_program_changes_rounding_at_most(members, whole):
     np.testing.assert_allclose(batch.x, whole.x, rtol=1e-9)
 
 
+@pytest.mark.slow
 def test_devices_do_not_change_a_bit(tmp_path, whole):
     """Seventeen members on three devices of two each."""
     finished(start("modulus", tmp_path / "out.npz", devices=3))
@@ -277,7 +278,7 @@ def test_the_state_of_every_solver_is_kept(tmp_path, method):
     assert_same(resumed, fitting.run_ensemble(members))
 
 
-@pytest.mark.parametrize("kills", [3, pytest.param(50, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("kills", [1, pytest.param(50, marks=pytest.mark.slow)])
 def test_kills_lose_nothing_but_the_steps_since_the_checkpoint(tmp_path, whole, kills):
     """Killed with no chance to clean up, at random moments from the first line it prints on."""
     path, out = tmp_path / "run.h5", tmp_path / "out.npz"

@@ -82,6 +82,7 @@ def test_the_band_of_a_linear_problem_is_the_fits(linear, samples):
     np.testing.assert_allclose(found.high - found.low, expected.high - expected.low, rtol=0.25)
 
 
+@pytest.mark.slow
 def test_a_bent_posterior_is_that_of_quadrature():
     """Few data with large errors, limits of a sum, a robust loss: quantiles from a grid of the density."""
     data = ModulusData([1e-1, 3e3], [2.5e6, 1.4e7], [2e3, 6e6], relative=0.8)

@@ -25,7 +25,8 @@ from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.plot.save import plot_result
 
 SCENE_FILES = sorted(path for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
-LONG = {"tabulated_tread", "softened_tread_on_asphalt", "coated_base"}  # to compile
+# To compile.
+LONG = {"tabulated_tread", "softened_tread_on_asphalt", "heated_tread_on_asphalt", "coated_base"}
 PRONY = '{ kind = "prony", E_inf = 1e6, E = [1e8], tau = [1e-5], shift = SHIFT }'
 WLF = '{ kind = "wlf", C1 = 8.0, C2 = 100.0, T_ref = 293.15 }'
 SCENE = f"""

@@ -102,7 +102,8 @@ def test_a_signal_while_jax_is_imported(tmp_path, which, package):
 
 
 @pytest.mark.parametrize(
-    ("which", "after"), [(signal.SIGINT, 0.2), (signal.SIGINT, 0.7), (signal.SIGTERM, 0.5)]
+    ("which", "after"),
+    [(signal.SIGINT, 0.2), pytest.param(signal.SIGINT, 0.7, marks=pytest.mark.slow), (signal.SIGTERM, 0.5)],
 )
 def test_a_signal_while_a_map_compiles(tmp_path, which, after):
     """JAX's compiler, left by an exception, goes on in threads, with which the interpreter crashed."""

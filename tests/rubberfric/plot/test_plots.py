@@ -410,6 +410,7 @@ def test_single_precision_and_a_spectrum_below_its_smallest_number():
     assert 0 < line.get_ydata()[-1] < 1e-46
 
 
+@pytest.mark.slow
 def test_a_notebook_shows_a_figure_before_pyplot_has_made_one():
     script = """
 from IPython.core.interactiveshell import InteractiveShell

@@ -182,6 +182,7 @@ def test_profile_ends_at_the_cut():
     assert float(found.q[-1]) == CUTS["both"][1]
 
 
+@pytest.mark.slow
 def test_joined_and_resampled():
     """A cut table joins and resamples as one that ends there."""
     upper = rf.SelfAffine(1e4, 1e4, 1e7, 0.8, 1e-6)

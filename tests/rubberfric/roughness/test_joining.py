@@ -25,7 +25,7 @@ def cut(spectrum, low, high, per_decade=20):
     )
 
 
-@pytest.mark.parametrize("method", ["crossover", "mean"])
+@pytest.mark.parametrize("method", [pytest.param("crossover", marks=pytest.mark.slow), "mean"])
 def test_pieces_of_one_surface_join_to_it(method):
     first, second = cut(ROAD, 100.0, 3e4), cut(ROAD, 5e3, 1e6)
     found = rf.roughness.join_spectra(first, second, method=method)

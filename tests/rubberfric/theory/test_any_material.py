@@ -79,7 +79,7 @@ SCENES = {
     "softened on elastic": lambda solid: scene((GLASS, ROAD), (solid,), softening=SOFTENING),
     "heated": lambda solid: scene((STEEL, ROAD), (solid,), heating=HEATING),
 }
-ORDINARY = ("rigid road", "slab on elastic", "softened on elastic")
+ORDINARY = ("rigid road", "softened on elastic")
 V = np.array([1e-4, 0.3, 20.0])
 
 

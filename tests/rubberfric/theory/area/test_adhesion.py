@@ -104,6 +104,7 @@ def test_a_vanishing_work_is_contact_without_adhesion():
     np.testing.assert_allclose(found, plain, rtol=1e-13)
 
 
+@pytest.mark.slow
 def test_adhesion_enlarges_the_area_up_to_full_contact():
     works = [1e-6, 1e-4, 1e-3, 1e-2, 0.1, 10.0]
     found = [rf.solve(_elastic(w), 0.0, [1e4, 1e5], quadrature=QUADRATURE, quantities=AREA) for w in works]
@@ -114,6 +115,7 @@ def test_adhesion_enlarges_the_area_up_to_full_contact():
     assert np.all([one.converged for one in found])
 
 
+@pytest.mark.slow
 def test_full_contact_has_the_work_of_adhesion_less_the_elastic_energy():
     scene = _elastic(1.0)
     true_area = 1 + 0.5 * float(rf.rms_slope(FINE)) ** 2
@@ -186,6 +188,7 @@ def test_panels_and_nodes_are_enough(monkeypatch):
     assert np.median(np.abs(usual / fine - 1)) < 1e-8
 
 
+@pytest.mark.slow
 def test_contact_that_spreads_by_itself_is_found_at_every_load():
     """More with more load, and a finite area however light it is; less work, and none is left of it."""
     pressures = np.geomspace(1e-3, 1e6, 19)

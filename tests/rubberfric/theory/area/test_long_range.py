@@ -143,6 +143,7 @@ def test_nodes_are_enough():
         assert usual == pytest.approx(fine, rel=3e-5 if pressure > 1e2 else 2e-3)
 
 
+@pytest.mark.slow
 def test_attraction_enlarges_the_area_and_brings_the_solids_together():
     works = [1e-6, 1e-4, 1e-3, 1e-2, 0.1, 10.0]
     found = [
@@ -211,6 +212,7 @@ def test_values_and_derivatives_are_finite_at_extremes():
     assert np.all((found[0] > 0) & (found[0] <= 1) & (found[1] >= 0))
 
 
+@pytest.mark.slow
 def test_friction_is_that_of_the_load_over_the_pressure():
     tread = rf.Prony(3.6e6, [1e7], [1e-3])
     shear = rf.ContactShear(tau_f0=1e6, c=0.0, v0=1.0)
@@ -230,6 +232,7 @@ def test_friction_is_that_of_the_load_over_the_pressure():
     assert float(power.total) == pytest.approx(total, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_the_weights_of_where_contact_is_lost():
     """Their table against derivatives of the formula; erfcx and the mean over Gaussians against scipy."""
     log_x = np.random.default_rng(0).uniform(-12, 1.6, 300)

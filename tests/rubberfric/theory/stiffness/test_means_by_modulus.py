@@ -49,7 +49,9 @@ def exact_means(qv, spring, outside):
 
 
 @pytest.mark.parametrize(
-    ("spring", "outside"), [(None, "fall"), (None, "hold"), (None, "none"), (0.3, "fall")], ids=str
+    ("spring", "outside"),
+    [pytest.param(None, "fall", marks=pytest.mark.slow), (None, "hold"), (None, "none"), (0.3, "fall")],
+    ids=str,
 )
 def test_means_of_a_table(spring, outside):
     """Every mean by its own integral, and by the table over ln(q v), at the middle and both ends."""
