@@ -188,6 +188,12 @@ def complex_modulus(material: Material, omega: ArrayLike, temperature: ArrayLike
     check_kind("material", material, Material, rigid)
     if not isinstance(omega, int | float):
         omega = as_leaf("omega", omega, np.ndim(omega))
+    return _modulus(material, omega, temperature)
+
+
+# One program, instead of one for every operation.
+@jax.jit
+def _modulus(material, omega, temperature):
     omega = jnp.asarray(omega, jnp.result_type(omega, float))
     if temperature is not None and material.shift is not None:
         omega = omega * jnp.exp(material.shift.log_factor(temperature))

@@ -6,6 +6,7 @@ r"""Moments of a roughness spectrum up to a wavevector: heights, slopes, and whe
 A spectrum is a broken power law, so both a moment and its inverse are closed piece by piece.
 """
 
+import functools
 import math
 from typing import Literal
 
@@ -16,7 +17,7 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.checks import POSITIVE, check_values, is_concrete, shown
 from rubberfric.base.objects.physical import check_kind
-from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum, log_ratio, mean_growth, power_law_of
+from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum, log_ratio, mean_growth
 
 # Of a bracket of ln q, and after them; two for exact second derivatives.
 _HALVINGS, _NEWTON_STEPS = 60, 2
@@ -70,7 +71,13 @@ def moment(spectrum: Spectrum, order: float) -> jax.Array:
 
     order 0: h_rms^2 [m^2]; 2: mean square slope [-]; 4: mean square curvature [1/m^2].
     """
-    return cumulative_moment(power_law_of(spectrum), order, jnp.inf)
+    check_kind("spectrum", spectrum, Spectrum)
+    return _moment(spectrum, order)
+
+
+@functools.partial(jax.jit, static_argnames="order")
+def _moment(spectrum, order):
+    return cumulative_moment(spectrum.power_law(), order, jnp.inf)
 
 
 def rms_height(spectrum: Spectrum, q: ArrayLike | None = None) -> jax.Array:
@@ -105,11 +112,16 @@ def rms_slope(spectrum: Spectrum, q: ArrayLike | None = None) -> jax.Array:
 
 
 def _root_moment(spectrum, order, q):
-    law = power_law_of(spectrum)
-    distance = jnp.inf
+    check_kind("spectrum", spectrum, Spectrum)
     if q is not None:
         check_values("q", q, POSITIVE)
-        q = jnp.asarray(q)
+    return _root(spectrum, order, q)
+
+
+@functools.partial(jax.jit, static_argnames="order")
+def _root(spectrum, order, q):
+    law, distance = spectrum.power_law(), jnp.inf
+    if q is not None:
         # Below, ln q may be -inf, with a derivative that 0 does not silence.
         distance = log_ratio(jnp.where(q >= law.q[0], q, law.q[0]), law.q[0])
     # The height stays out of the root: that of height^2 has no derivative at a smooth surface.
@@ -160,18 +172,37 @@ def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C",
     if keep not in ("C", "h_rms"):
         raise ValueError(f'keep = {shown(keep)}: must be "C" or "h_rms"')
     if keep == "h_rms" and spectrum.endless:
-        return _cutoff_at_height(spectrum, jnp.asarray(rms_slope))
-    law = spectrum.uncut_law()
-    piece, beyond, reachable = _where_reached(law, jnp.asarray(rms_slope), spectrum.endless)
+        found, reachable = _cutoff_at_height(spectrum, jnp.asarray(rms_slope))
+        if is_concrete(reachable) and not np.all(reachable):
+            wrong = float(np.asarray(rms_slope)[~np.asarray(reachable)].flat[0])
+            raise ValueError(
+                f"rms_slope = {wrong!r}: no cut-off on the power law has it at the height of the spectrum;"
+                " must be larger than that of the plateau, and the surface rough"
+            )
+        return found
+    found, reachable = _cutoff_below(spectrum, rms_slope)
     if is_concrete(reachable) and not np.all(reachable):
+        law = spectrum.uncut_law()
         has = float(spectrum.height_scale() * jnp.sqrt(cumulative_moment(unscaled(law), 2, jnp.inf)))
         wrong = float(np.asarray(rms_slope)[~np.asarray(reachable)].flat[0])
         raise ValueError(f"rms_slope = {wrong!r}: must be at most {has:.6g}, the slope of the whole spectrum")
-    return jnp.where(reachable, jnp.asarray(law.q)[piece] * jnp.exp(beyond), jnp.inf)
+    return found
 
 
+@jax.jit
+def _cutoff_below(spectrum, slope):
+    """Where C has the slope, infinite where it never has, and whether it has."""
+    law = spectrum.uncut_law()
+    piece, beyond, reachable = _where_reached(law, slope, spectrum.endless)
+    return jnp.where(reachable, law.q[piece] * jnp.exp(beyond), jnp.inf), reachable
+
+
+@jax.jit
 def _cutoff_at_height(spectrum, slope):
-    r"""The end of the last piece with which m_2 / m_0 is slope^2 / height^2, which grows with it."""
+    r"""The end of the last piece with which m_2 / m_0 is slope^2 / height^2, which grows with it.
+
+    And whether there is one; infinite where not.
+    """
     law = unscaled(spectrum.uncut_law())
     width = log_ratio(law.q[1:], law.q[:-1])
     last = np.arange(width.shape[0]) == width.shape[0] - 1
@@ -206,13 +237,7 @@ def _cutoff_at_height(spectrum, slope):
         return t, reachable
 
     t, reachable = (x.reshape(slope.shape) for x in jax.vmap(solved)(target.ravel()))
-    if is_concrete(reachable) and not np.all(reachable):
-        wrong = float(np.asarray(slope)[~np.asarray(reachable)].flat[0])
-        raise ValueError(
-            f"rms_slope = {wrong!r}: no cut-off on the power law has it at the height of the spectrum;"
-            " must be larger than that of the plateau, and the surface rough"
-        )
-    return jnp.where(reachable, law.q[-2] * jnp.exp(t), jnp.inf)
+    return jnp.where(reachable, law.q[-2] * jnp.exp(t), jnp.inf), reachable
 
 
 def _where_reached(law, slope, endless):

@@ -38,8 +38,9 @@ from rubberfric.base.checks import (
     check_values,
     shown,
 )
+from rubberfric.base.objects.physical import check_kind
 from rubberfric.base.quadrature import gauss, typed
-from rubberfric.roughness.spectra import Spectrum, log_ratio, mean_growth, power_law_of
+from rubberfric.roughness.spectra import Spectrum, log_ratio, mean_growth
 
 # What C is multiplied by, for a line after the self-affine factor.
 NORMALISATIONS = {"C": 1.0, "C_iso": 4 * math.pi**2, "C_1D": 1.0, "C_1D_surfacetopography": 2 * math.pi}
@@ -146,8 +147,13 @@ def line_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
     Differentiable in the spectrum and in q, except where C jumps (its ends): C_1D has the slope of
     a square root there.
     """
-    law = power_law_of(spectrum)
-    q = _positive("q", q)
+    check_kind("spectrum", spectrum, Spectrum)
+    return _line_spectrum(spectrum, _positive("q", q))
+
+
+@jax.jit
+def _line_spectrum(spectrum, q):
+    law = spectrum.power_law()
     pieces = (law.q[:-1], law.q[1:], law.log_value[:-1], law.exponent, jnp.ones_like(law.exponent))
     return 2 * law.height2 * _abel(q, *pieces)
 

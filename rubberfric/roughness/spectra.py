@@ -11,7 +11,6 @@ model needs no other knowledge of it, and C itself, which underflows float32 in 
 (1e-39 m^4 at q = 1e9 1/m), is never formed.
 """
 
-import dataclasses
 from typing import ClassVar, NamedTuple
 
 import jax
@@ -148,11 +147,18 @@ class SelfAffine(Spectrum):
 
     def cut(self, q1: jax.Array) -> "SelfAffine":
         """The same plateau C0, q0 and H up to q1; qr = q1 if that lies on the plateau."""
-        qr = jnp.minimum(self.qr, q1)
-        unit = SelfAffine(self.q0, qr, q1, self.hurst, 1.0)
-        # h^2 = qr^2 C0 / e^(log plateau), with the same C0: which itself may underflow.
-        growth = 0.5 * (log_plateau(self) - log_plateau(unit))
-        return dataclasses.replace(unit, h_rms=self.h_rms * (qr / self.qr) * jnp.exp(growth))
+        qr, h_rms = _when_cut(self, q1)
+        return SelfAffine(self.q0, qr, q1, self.hurst, h_rms)
+
+
+@jax.jit
+def _when_cut(spectrum, q1):
+    """qr and h_rms of a self-affine spectrum with another q1 and the same plateau C0."""
+    qr = jnp.minimum(spectrum.qr, q1)
+    unit = SelfAffine(spectrum.q0, qr, q1, spectrum.hurst, 1.0)
+    # h^2 = qr^2 C0 / e^(log plateau), with the same C0: which itself may underflow.
+    growth = 0.5 * (log_plateau(spectrum) - log_plateau(unit))
+    return qr, spectrum.h_rms * (qr / spectrum.qr) * jnp.exp(growth)
 
 
 def _check_order(q0, qr, q1):
@@ -177,8 +183,14 @@ def log_ratio(q: jax.Array | np.ndarray, start: jax.Array | np.ndarray) -> jax.A
 
 def power_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
     """C(q) [m^4] at q [1/m], zero outside the spectrum's range; for plots and moments."""
-    law = power_law_of(spectrum)
-    q = jnp.asarray(q)
+    check_kind("spectrum", spectrum, Spectrum)
+    return _power_spectrum(spectrum, q)
+
+
+# Jitted, as others that are called by themselves: one program instead of one for every operation.
+@jax.jit
+def _power_spectrum(spectrum, q):
+    law = spectrum.power_law()
     inside = (q >= law.q[0]) & (q <= law.q[-1])
     return jnp.where(inside, law.height2 * jnp.exp(log_shape(law, q)), 0.0)
 
