@@ -192,15 +192,21 @@ def areal_spectrum(q: ArrayLike, C_1D: ArrayLike, at: ArrayLike | None = None) -
     for name, value in (("q", q), ("C_1D", C_1D)):
         check_values(name, value, POSITIVE)
     check_increasing("q", q)
+    found, end = _areal(q, C_1D, q if at is None else _positive("at", at))
+    check_values("slope of C_1D at its end", end, ("must be < 0", lambda x: x < 0))
+    return found
+
+
+@jax.jit
+def _areal(q, C_1D, at):
+    """C, and the slope at the end of C_1D, of which a falling one is asked."""
     log = jnp.log(C_1D)
     slope = jnp.diff(log) / log_ratio(q[1:], q[:-1])
-    check_values("slope of C_1D at its end", slope[-1], ("must be < 0", lambda x: x < 0))
-    at = q if at is None else _positive("at", at)
     # The last piece a second time, from the last entry on; its end is nowhere.
     last = slope[-1:]
     slope = jnp.concatenate([slope, last])
     end = jnp.concatenate([q[1:], jnp.full_like(last, jnp.inf)])
-    return _abel(at, q, end, log, slope, -slope) / math.pi
+    return _abel(at, q, end, log, slope, -slope) / math.pi, last[0]
 
 
 def _positive(name, value):

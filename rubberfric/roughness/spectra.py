@@ -173,6 +173,12 @@ def _check_order(q0, qr, q1):
 def power_law_of(spectrum: Spectrum) -> BrokenPowerLaw:
     """Its `power_law`; ValueError if it is no spectrum."""
     check_kind("spectrum", spectrum, Spectrum)
+    return _power_law(spectrum)
+
+
+# Jitted, as others that are called by themselves: one program instead of one for every operation.
+@jax.jit
+def _power_law(spectrum):
     return spectrum.power_law()
 
 
@@ -187,7 +193,6 @@ def power_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
     return _power_spectrum(spectrum, q)
 
 
-# Jitted, as others that are called by themselves: one program instead of one for every operation.
 @jax.jit
 def _power_spectrum(spectrum, q):
     law = spectrum.power_law()
@@ -195,6 +200,7 @@ def _power_spectrum(spectrum, q):
     return jnp.where(inside, law.height2 * jnp.exp(log_shape(law, q)), 0.0)
 
 
+@jax.jit
 def log_power_spectrum(law: BrokenPowerLaw, q: jax.Array | np.ndarray) -> jax.Array:
     """ln C at q, its first and last piece continued beyond the ends; for fits of C."""
     return jnp.log(law.height2) + log_shape(law, q)

@@ -7,8 +7,6 @@ import re
 import pytest
 from support.processes.notebooks import NOTEBOOKS, OF_FITS, run
 
-nbformat = pytest.importorskip("nbformat", reason="notebooks need pip install 'rubberfric[notebooks]'")
-
 LARGEST, ALL = 350_000, 1_350_000  # bytes
 MACHINE = re.compile(r"(?<![\w.])/(home|tmp|work|root|usr|opt)\b|site-packages|[A-Z]:\\\\Users")
 
@@ -49,6 +47,8 @@ def test_runs_from_top_to_bottom(path, tmp_path, monkeypatch):
 
 @each
 def test_is_stored_executed_and_clean(path):
+    # Imported here: it takes seconds, of every process that collects this test.
+    nbformat = pytest.importorskip("nbformat", reason="notebooks need pip install 'rubberfric[notebooks]'")
     notebook = nbformat.read(path, as_version=4)
     nbformat.validate(notebook)
     assert path.stat().st_size < LARGEST

@@ -9,7 +9,7 @@ from jax.typing import ArrayLike
 
 from rubberfric.plot.style import Axes, Line2D, colours, legend, one_axes, vector
 from rubberfric.roughness.moments import rms_slope
-from rubberfric.roughness.spectra import Spectrum, log_power_spectrum
+from rubberfric.roughness.spectra import Spectrum, log_power_spectrum, power_law_of
 from rubberfric.roughness.tabulated import TabulatedSpectrum
 
 _POINTS = 200
@@ -108,15 +108,15 @@ def _curve(label: str, spectrum: Any, q: np.ndarray | None) -> _Curve:
 def _line(label: str, spectrum: Spectrum, q: np.ndarray | None) -> _Curve:
     if not spectrum.height_scale() > 0:
         raise ValueError(f"{label} is smooth: must be rough, for log C")
-    kinks = np.unique(np.asarray(spectrum.power_law().q, float))  # those cut off are one
+    kinks = np.unique(np.asarray(power_law_of(spectrum).q, float))  # those cut off are one
     formula = spectrum.entries() is None
     if q is None:
         q = np.union1d(np.geomspace(kinks[0], kinks[-1], _POINTS)[1:-1], kinks)
     q = q[(q >= kinks[0]) & (q <= kinks[-1])]
     if q.size == 0:
         raise ValueError(f"{label}: no q lies within {kinks[0]:g} ... {kinks[-1]:g} 1/m; one must at least")
-    C, slope = _values(spectrum, q)
-    at_kinks = _values(spectrum, kinks)[0]
+    C, slope = _values(spectrum, np.concatenate([q, kinks]))  # together, for one program
+    C, slope, at_kinks = C[: q.size], slope[: q.size], C[q.size :]
     rolls_off = formula and kinks.size == 3
     places = {"q0": 0, "qr": 1, "q1": 2} if rolls_off else {"q0": 0, "q1": -1}
     named = {name: (kinks[i], at_kinks[i]) for name, i in places.items()}

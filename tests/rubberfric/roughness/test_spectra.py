@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
+from support.counting.compilations import compilations
 from support.scenes.examples import EXAMPLES
 
 import rubberfric as rf
@@ -186,3 +187,24 @@ def test_what_spectra_answer():
     for function in (rf.rms_slope, rf.roughness.harmonics_left_out, rf.with_cutoff):
         with pytest.raises(ValueError, match=r"^spectrum is a Slab: must be SelfAffine, .* or Tabulated"):
             function(rf.Slab(1.0))
+
+
+@pytest.mark.parametrize(
+    "call",
+    [
+        rf.power_spectrum,
+        rf.rms_slope,
+        rf.roughness.line_spectrum,
+        lambda road, _: rf.with_cutoff(road, 1.3),
+        lambda road, _: rf.roughness.cutoff(road, 1.3, keep="h_rms"),
+        lambda road, q: rf.roughness.resample(road, q[5:15]),
+        lambda _, q: rf.roughness.areal_spectrum(q, 1e-6 * q**-2.5),
+        lambda _, q: rf.complex_modulus(rf.Prony(1e6, [1e8, 1e7], [1e-6, 1e-4]), q),
+    ],
+)
+def test_a_call_by_itself_compiles_few_programs(call):
+    """One for every operation would be dozens, and seconds before a first picture."""
+    road, q = rf.SelfAffine(100.0, 1000.0, 1e5, 0.8, 3e-4), np.geomspace(50.0, 2e5, 20)
+    with compilations() as compiled:
+        jax.block_until_ready(jax.tree.leaves(call(road, q)))
+    assert 0 < len(compiled) <= 3, compiled
