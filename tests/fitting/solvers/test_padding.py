@@ -118,6 +118,7 @@ def on_table(knots, temperatures):
     return scene, fitting.FrictionData(v, mu, pressure=2e5, temperature=303.0, relative=0.02)
 
 
+@pytest.mark.slow
 def test_other_tables_compile_nothing():
     """A road of 14 entries and a shift of 5, then of 13 and 7; each is found again."""
     first, second = on_table(14, 5), on_table(13, 7)

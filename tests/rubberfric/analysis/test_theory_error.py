@@ -42,6 +42,7 @@ def test_ranges_are_those_of_the_table(script, rows):
             np.testing.assert_allclose(found, [area[0], area[2], friction[0], friction[2]], atol=0.006)
 
 
+@pytest.mark.slow
 def test_the_table_can_be_made_again(script, rows):
     """The theory of three cases, and the boundary elements of one."""
     known = script.numbers(rows)

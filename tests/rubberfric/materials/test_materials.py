@@ -153,7 +153,9 @@ def test_a_table_on_a_liquid_at_rest():
     assert all(np.isfinite(x).all() for x in jax.tree.leaves(slopes))
 
 
-@pytest.mark.parametrize("outside", [pytest.param("fall", marks=pytest.mark.slow), "hold", "none"])
+@pytest.mark.parametrize(
+    "outside", [*(pytest.param(x, marks=pytest.mark.slow) for x in ("fall", "hold")), "none"]
+)
 def test_means_follow_their_powers_beyond_the_table_of_means(outside):
     """At q v of e^-30 ... e^40 beside the ends, against the angular integral at q v itself."""
     needs = Needs(power=True, dissipation=True, storage=True, transverse=True)

@@ -291,7 +291,8 @@ def slope_at_height(spectrum, slope):
     return [*both, jax.hessian(back, 1)(spectrum, slope)]
 
 
-@pytest.mark.parametrize("name", [pytest.param("road", marks=pytest.mark.slow), "H = 0"])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["road", "H = 0"])
 def test_derivatives_of_the_cutoff_at_a_height(name):
     """The slope there is the one asked for, whatever the rest: its derivatives are 1 and 0."""
     spectrum, slope = OBJECTS[name], 2.3 * float(slope_of(OBJECTS[name]))

@@ -150,6 +150,7 @@ def log_uniform(rng, count):
     return 10.0 ** rng.uniform(-5, -1, count), np.full(count, 2e5), rng.choice(T, count)
 
 
+@pytest.mark.slow
 def test_twelve_are_worth_forty(designed):
     """By the information at the truth, also where the design is of a scene that is off."""
     rng = np.random.default_rng(1)

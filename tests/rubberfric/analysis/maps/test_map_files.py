@@ -130,6 +130,7 @@ def shares(tmp_path, ranks, port=None):
     return [output for output, _ in ends]
 
 
+@pytest.mark.slow
 def test_two_processes_of_two_devices_equal_one(tmp_path):
     """Of a number of points that the devices do not divide.
 

@@ -198,6 +198,7 @@ def test_contact_that_spreads_by_itself_is_found_at_every_load():
     assert found.converged.all() and (np.diff(found.area) > -1e-9).all() and found.area[0] < 1e-6
 
 
+@pytest.mark.slow
 def test_stiff_roughness_has_no_adhesion_at_large_scales():
     scene = _elastic(0.05, young=1e10)
     assert float(pull_off_force(scene, 1e-2, 1e5, quadrature=QUADRATURE)) == 0

@@ -50,7 +50,12 @@ def exact_means(qv, spring, outside):
 
 @pytest.mark.parametrize(
     ("spring", "outside"),
-    [pytest.param(None, "fall", marks=pytest.mark.slow), (None, "hold"), (None, "none"), (0.3, "fall")],
+    [
+        pytest.param(None, "fall", marks=pytest.mark.slow),
+        pytest.param(None, "hold", marks=pytest.mark.slow),
+        (None, "none"),
+        (0.3, "fall"),
+    ],
     ids=str,
 )
 def test_means_of_a_table(spring, outside):
