@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
+from support.cases.stored import slow_if
 from support.oracles.oracle import shift_factor, table_modulus
 
 import rubberfric as rf
@@ -153,9 +154,7 @@ def test_a_table_on_a_liquid_at_rest():
     assert all(np.isfinite(x).all() for x in jax.tree.leaves(slopes))
 
 
-@pytest.mark.parametrize(
-    "outside", [*(pytest.param(x, marks=pytest.mark.slow) for x in ("fall", "hold")), "none"]
-)
+@pytest.mark.parametrize("outside", slow_if(lambda outside: outside != "none", ["fall", "hold", "none"]))
 def test_means_follow_their_powers_beyond_the_table_of_means(outside):
     """At q v of e^-30 ... e^40 beside the ends, against the angular integral at q v itself."""
     needs = Needs(power=True, dissipation=True, storage=True, transverse=True)
