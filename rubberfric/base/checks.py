@@ -98,6 +98,11 @@ def as_array(value: ArrayLike, dtype: str | type | np.dtype | None = None) -> ja
     return jax.device_put(np.array(value, dtype))
 
 
+def no_list(value: ArrayLike | None) -> Any:
+    """A list as an array, for a jitted function takes it for many; others as they are, with their type."""
+    return jnp.asarray(value) if isinstance(value, list | tuple) else value
+
+
 def check_lengths(owner: str, **vectors: jax.Array) -> None:
     """Raise ValueError unless all vectors of one object have the same length."""
     lengths = {name: vector.shape[0] for name, vector in vectors.items()}

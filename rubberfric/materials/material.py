@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.checks import as_leaf, between, is_concrete
+from rubberfric.base.checks import as_leaf, between, is_concrete, no_list
 from rubberfric.base.objects.physical import Kind, check_kind, kinds
 from rubberfric.materials.shifts.laws import Shift, log_vertical
 
@@ -188,7 +188,7 @@ def complex_modulus(material: Material, omega: ArrayLike, temperature: ArrayLike
     check_kind("material", material, Material, rigid)
     if not isinstance(omega, int | float):
         omega = as_leaf("omega", omega, np.ndim(omega))
-    return _modulus(material, omega, temperature)
+    return _modulus(material, omega, no_list(temperature))
 
 
 # One program, instead of one for every operation.

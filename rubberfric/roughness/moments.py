@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.checks import POSITIVE, check_values, is_concrete, shown
+from rubberfric.base.checks import POSITIVE, check_values, is_concrete, no_list, shown
 from rubberfric.base.objects.physical import check_kind
 from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum, log_ratio, mean_growth
 
@@ -115,7 +115,7 @@ def _root_moment(spectrum, order, q):
     check_kind("spectrum", spectrum, Spectrum)
     if q is not None:
         check_values("q", q, POSITIVE)
-    return _root(spectrum, order, q)
+    return _root(spectrum, order, no_list(q))
 
 
 @functools.partial(jax.jit, static_argnames="order")
@@ -180,7 +180,7 @@ def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C",
                 " must be larger than that of the plateau, and the surface rough"
             )
         return found
-    found, reachable = _cutoff_below(spectrum, rms_slope)
+    found, reachable = _cutoff_below(spectrum, no_list(rms_slope))
     if is_concrete(reachable) and not np.all(reachable):
         law = spectrum.uncut_law()
         has = float(spectrum.height_scale() * jnp.sqrt(cumulative_moment(unscaled(law), 2, jnp.inf)))

@@ -24,6 +24,7 @@ from rubberfric.base.checks import (
     between,
     either,
     is_concrete,
+    no_list,
 )
 from rubberfric.base.objects.fields import Number, leaf
 from rubberfric.base.objects.physical import Kind, check_kind, kinds, physical
@@ -190,7 +191,7 @@ def log_ratio(q: jax.Array | np.ndarray, start: jax.Array | np.ndarray) -> jax.A
 def power_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
     """C(q) [m^4] at q [1/m], zero outside the spectrum's range; for plots and moments."""
     check_kind("spectrum", spectrum, Spectrum)
-    return _power_spectrum(spectrum, q)
+    return _power_spectrum(spectrum, no_list(q))
 
 
 @jax.jit

@@ -208,3 +208,26 @@ def test_a_call_by_itself_compiles_few_programs(call):
     with compilations() as compiled:
         jax.block_until_ready(jax.tree.leaves(call(road, q)))
     assert 0 < len(compiled) <= 3, compiled
+
+
+def test_lists_and_single_precision_are_taken():
+    road = rf.SelfAffine(100.0, 1000.0, 1e5, 0.8, 3e-4)
+    rubber = rf.Prony(1e6, [1e8], [1e-5], 0.5, rf.WLF(8.0, 99.0, 293.0))
+    q, slopes, T = [200, 3000], [1.2, 1.3], [290.0, 300.0]
+    for call, given in (
+        (lambda x: rf.power_spectrum(road, x), q),
+        (lambda x: rf.rms_slope(road, x), q),
+        (lambda x: rf.roughness.line_spectrum(road, x), q),
+        (lambda x: rf.roughness.cutoff(road, x), slopes),
+        (lambda x: rf.roughness.cutoff(road, x, keep="h_rms"), slopes),
+        (lambda x: rf.complex_modulus(rubber, [1.0, 10.0], x), T),
+    ):
+        np.testing.assert_array_equal(call(given), call(np.array(given)))
+        np.testing.assert_allclose(call(given)[-1], np.ravel(call(given[-1]))[-1], rtol=1e-14)
+    single = jax.tree.map(np.float32, road)
+    of_single = (
+        rf.rms_slope(single),
+        rf.roughness.cutoff(single, 1.3),
+        rf.power_spectrum(single, np.float32(200)),
+    )
+    assert all(found.dtype == np.float32 for found in of_single)
