@@ -98,6 +98,14 @@ def as_array(value: ArrayLike, dtype: str | type | np.dtype | None = None) -> ja
     return jax.device_put(np.array(value, dtype))
 
 
+def as_argument(value: ArrayLike, dtype: str | type | np.dtype) -> Any:
+    """An array of a dtype for a jitted function: that takes NumPy's at once, where `as_array` takes 30 us."""
+    if not isinstance(value, jax.Array):
+        return np.array(value, dtype)
+    # What it is already takes jnp.asarray 10 us.
+    return value if value.dtype == dtype and not value.weak_type else jnp.asarray(value, dtype)
+
+
 def no_list(value: ArrayLike | None) -> Any:
     """A list as an array, for a jitted function takes it for many; others as they are, with their type."""
     return jnp.asarray(value) if isinstance(value, list | tuple) else value

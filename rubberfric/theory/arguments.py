@@ -8,14 +8,13 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.checks import FINITE, POSITIVE, Rule, as_array, as_leaf, check_values, is_concrete
+from rubberfric.base.checks import FINITE, POSITIVE, Rule, as_argument, as_leaf, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.numerics.settings import ROBUST, fitting_quadrature
 from rubberfric.scene.numerics.single_precision import check_single
 from rubberfric.scene.plausibility import warn_of_conditions
 from rubberfric.scene.scene import (
     Scene,
-    cast,
     check_background,
     result_dtype,
     shifts,
@@ -72,10 +71,13 @@ def checked(
         raise ValueError(f"shapes differ ({shown}): must broadcast against each other") from None
 
     dtype = result_dtype(scene, velocity, pressure, temperature)
-    scene, temperature = cast(scene, dtype), None if temperature is None else as_array(temperature, dtype)
+    # Of None nothing becomes: it has no leaves.
+    scene, conditions = jax.tree.map(
+        lambda x: as_argument(x, dtype), (scene, (velocity, pressure, temperature))
+    )
     if dtype == jnp.float32:
-        check_single(scene, temperature)
-    return scene, (as_array(velocity, dtype), as_array(pressure, dtype), temperature)
+        check_single(scene, conditions[2])
+    return scene, conditions
 
 
 def check_kinds(scene: object, quadrature: object) -> None:
