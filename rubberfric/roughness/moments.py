@@ -171,20 +171,17 @@ def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C",
     check_values("rms_slope", rms_slope, POSITIVE)
     if keep not in ("C", "h_rms"):
         raise ValueError(f'keep = {shown(keep)}: must be "C" or "h_rms"')
-    if keep == "h_rms" and spectrum.endless:
-        found, reachable = _cutoff_at_height(spectrum, jnp.asarray(rms_slope))
-        if is_concrete(reachable) and not np.all(reachable):
-            wrong = float(np.asarray(rms_slope)[~np.asarray(reachable)].flat[0])
+    at_height = keep == "h_rms" and spectrum.endless
+    found, reachable = (_cutoff_at_height if at_height else _cutoff_below)(spectrum, no_list(rms_slope))
+    if is_concrete(reachable) and not np.all(reachable):
+        wrong = float(np.asarray(rms_slope)[~np.asarray(reachable)].flat[0])
+        if at_height:
             raise ValueError(
                 f"rms_slope = {wrong!r}: no cut-off on the power law has it at the height of the spectrum;"
                 " must be larger than that of the plateau, and the surface rough"
             )
-        return found
-    found, reachable = _cutoff_below(spectrum, no_list(rms_slope))
-    if is_concrete(reachable) and not np.all(reachable):
-        law = spectrum.uncut_law()
-        has = float(spectrum.height_scale() * jnp.sqrt(cumulative_moment(unscaled(law), 2, jnp.inf)))
-        wrong = float(np.asarray(rms_slope)[~np.asarray(reachable)].flat[0])
+        whole = cumulative_moment(unscaled(spectrum.uncut_law()), 2, jnp.inf)
+        has = float(spectrum.height_scale() * jnp.sqrt(whole))
         raise ValueError(f"rms_slope = {wrong!r}: must be at most {has:.6g}, the slope of the whole spectrum")
     return found
 
@@ -236,7 +233,7 @@ def _cutoff_at_height(spectrum, slope):
             t = jnp.where(reachable, t - value / jnp.where(reachable, rate, 1.0), 0.0)
         return t, reachable
 
-    t, reachable = (x.reshape(slope.shape) for x in jax.vmap(solved)(target.ravel()))
+    t, reachable = (x.reshape(jnp.shape(slope)) for x in jax.vmap(solved)(target.ravel()))
     return jnp.where(reachable, law.q[-2] * jnp.exp(t), jnp.inf), reachable
 
 

@@ -29,8 +29,8 @@ class TabulatedSpectrum(Spectrum):
         of the table. Numbers like the others: another cut-off compiles nothing, and may be fitted.
 
     Limits: traced, neither is checked; one beyond the table continues its first or last piece. Where q^4 C
-    rises by more than a million between two entries the separation is good to 1e-4, to 1e-2 if they are
-    within 1 % of each other; more panels of a `Quadrature` mend it.
+    rises by more than a million between two entries the separation is good to 1e-4, to 2 % if they are
+    within 2 % of each other, and in full contact, below 1e-20 / q0, to no digit; more panels mend it.
     """
 
     file_kind: ClassVar[str] = "tabulated"
