@@ -1,6 +1,7 @@
 """Rules for numbers, and the wording of errors: what was wrong, where, and what it must be."""
 
 import difflib
+import functools
 from collections.abc import Callable, Collection
 from typing import Any, TypeAlias
 
@@ -98,12 +99,25 @@ def as_array(value: ArrayLike, dtype: str | type | np.dtype | None = None) -> ja
     return jax.device_put(np.array(value, dtype))
 
 
-def as_argument(value: ArrayLike, dtype: str | type | np.dtype) -> Any:
-    """An array of a dtype for a jitted function: that takes NumPy's at once, where `as_array` takes 30 us."""
-    if not isinstance(value, jax.Array):
-        return np.array(value, dtype)
-    # What it is already takes jnp.asarray 10 us.
-    return value if value.dtype == dtype and not value.weak_type else jnp.asarray(value, dtype)
+def as_arguments(tree: Any, dtype: str | type | np.dtype) -> Any:
+    """A tree of one dtype, for a jitted function: NumPy's go at once, where `as_array` takes 30 us each.
+
+    What is differentiated is converted as one operation: JAX takes a third of a millisecond for each.
+    """
+    leaves, structure = jax.tree.flatten(tree)
+    others = {
+        i: x for i, x in enumerate(leaves) if isinstance(x, jax.Array) and (x.dtype != dtype or x.weak_type)
+    }
+    converted = _converted(others, np.dtype(dtype)) if others else {}
+    return structure.unflatten(
+        converted[i] if i in converted else x if isinstance(x, jax.Array) else np.array(x, dtype)
+        for i, x in enumerate(leaves)
+    )
+
+
+@functools.partial(jax.jit, static_argnums=1)
+def _converted(values, dtype):
+    return jax.tree.map(lambda x: jnp.asarray(x, dtype), values)
 
 
 def no_list(value: ArrayLike | None) -> Any:

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.checks import FINITE, POSITIVE, Rule, as_argument, as_leaf, check_values, is_concrete
+from rubberfric.base.checks import FINITE, POSITIVE, Rule, as_arguments, as_leaf, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.numerics.settings import ROBUST, fitting_quadrature
 from rubberfric.scene.numerics.single_precision import check_single
@@ -72,9 +72,7 @@ def checked(
 
     dtype = result_dtype(scene, velocity, pressure, temperature)
     # Of None nothing becomes: it has no leaves.
-    scene, conditions = jax.tree.map(
-        lambda x: as_argument(x, dtype), (scene, (velocity, pressure, temperature))
-    )
+    scene, conditions = as_arguments((scene, (velocity, pressure, temperature)), dtype)
     if dtype == jnp.float32:
         check_single(scene, conditions[2])
     return scene, conditions

@@ -150,7 +150,11 @@ def test_calls_are_made_with_the_setting_that_fits():
     def by_pressure(pressure, quadrature=None):
         return rf.friction(USUAL, 1.0, pressure, quadrature=quadrature)
 
+    def by_scene(scene, quadrature=None):
+        return rf.friction(scene, 1.0, PRESSURE, quadrature=quadrature)
+
     assert jax.grad(by_pressure)(PRESSURE) == jax.grad(by_pressure)(PRESSURE, fits)
+    jax.tree.map(np.testing.assert_array_equal, jax.grad(by_scene)(USUAL), jax.grad(by_scene)(USUAL, fits))
     assert rf.friction_map(USUAL, 1.0, PRESSURE).quadrature == fits
 
 
