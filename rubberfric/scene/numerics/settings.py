@@ -47,6 +47,8 @@ RULES = {
         (Quadrature(order=14, panels=28, graded=12, ratio=4.5, angular_order=14), *_ALL),
     ),
 }
+# Of one rough solid with heating: temperatures want more panels, and are solved to 1e-8 in strong feedback.
+HEATED = ((Quadrature(order=13, panels=8, graded=8, ratio=4.5, angular_order=13), 8.2, -1.0, 8.0),)
 # Where nothing else was measured, and where a number is traced.
 ROBUST = Quadrature()
 TRACED = {1: Quadrature(angular_order=12), 2: ROBUST}
@@ -82,8 +84,8 @@ def fitting_quadrature(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0
     -------
     Quadrature. One for ten decades at any load where `jit` or `vmap` traces a number of the scene or the
     pressure; a derivative outside `jit` has the setting of its value. The rules were measured for
-    half-spaces of `Rigid`, `Elastic` and `Prony` with `SelfAffine` roughness, and of `TabulatedModulus` on a
-    rough rigid solid; other scenes have some nodes more.
+    half-spaces of `Rigid`, `Elastic` and `Prony` with `SelfAffine` roughness, heated ones of three decades
+    among them, and of `TabulatedModulus` on a rough rigid solid; other scenes have some nodes more.
 
     Raises
     ------
@@ -102,18 +104,17 @@ def fitting_quadrature(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0
     scene, pressure = _without_tangents((scene, pressure))
     try:
         span = span_of(scene)
-        bare = not present(scene) - {"shear"}
-        if not (plain and bare):
-            rules = (*TABULATED, OTHER) if bare and _tabulated_gently(scene, pressure, margin) else (OTHER,)
-            return next((setting for setting, longest in rules if span + margin <= longest), ROBUST)
-        flattest, steepest = loads_of(scene, pressure)
+        parts = present(scene)
+        bare = parts <= {"shear"}
+        if plain and (bare or (len(rough) == 1 and parts <= {"shear", "heating"})):
+            flattest, steepest = loads_of(scene, pressure)
+            for setting, longest, least, largest in RULES[len(rough)] if bare else HEATED:
+                if span + margin <= longest and least <= flattest - margin and steepest + margin <= largest:
+                    return setting
+        rules = (*TABULATED, OTHER) if bare and _tabulated_gently(scene, pressure, margin) else (OTHER,)
+        return next((setting for setting, longest in rules if span + margin <= longest), ROBUST)
     except _TracedError:
         return TRACED[len(rough)] if plain else ROBUST
-    limits = RULES[len(rough)]
-    for setting, longest, least, largest in limits:
-        if span + margin <= longest and least <= flattest - margin and steepest + margin <= largest:
-            return setting
-    return limits[-1][0]
 
 
 def span_of(scene: Scene) -> float:

@@ -16,7 +16,7 @@ from fitting.solvers.iterate import CONVERGED, PERFECT
 from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import make_problem
 from fitting.solvers.runs import run
-from fitting.uncertainty.covariance import uncertainty
+from fitting.uncertainty.covariance import OPEN, uncertainty
 from fitting.uncertainty.intervals import quantile
 
 TAU = np.array([1e-5, 1e-3, 1e-1])
@@ -340,6 +340,10 @@ def test_a_number_that_no_data_see_at_all():
     assert result.withheld == {"gamma": "not identified, see direction 1"}
     assert result.values[-1] == pytest.approx(0.5, abs=1e-12)  # left where it was
     every_gap_is_explained(result)
+    # What is open is as wide whatever the loss.
+    robust = fit(SCENE, modulus_data(), BOTH | {"gamma": Bounded(0.1, 1.0)}, loss="soft_l1")
+    for one in (result, robust):
+        assert one.uncertainty.spread[-1, -1] == pytest.approx(OPEN**2, rel=1e-12)
 
 
 @pytest.mark.slow

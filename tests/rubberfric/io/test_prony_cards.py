@@ -279,6 +279,10 @@ def test_cards_of_others(tmp_path):
     same(rf.io.read_prony(path, unit_stress="MPa"), expected, 1e-13)
     path.write_text(LSDYNA.replace("      2.0,", "2.0,10.0").replace("1   1.2E-9", "1 1.200E-9"))
     same(rf.io.read_prony(path, unit_stress="MPa"), rf.PronyShear(1e6, [2e6], [0.1], 2e9), 1e-13)
+    touching = path.read_text().replace("       1.0       0.0", "1.00000000-0.0000000")
+    assert touching != path.read_text()
+    path.write_text(touching)
+    same(rf.io.read_prony(path, unit_stress="MPa"), rf.PronyShear(1e6, [2e6], [0.1], 2e9), 1e-13)
 
 
 def test_cards_in_a_scene_file(tmp_path):
@@ -343,6 +347,10 @@ def test_refused_to_write(arguments, message, tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+# Of another law, and nothing follows the count of terms.
+RADIOSS = "/MAT/LAW1/1\nrubber\n1.2e-9\n0.5\n/VISC/PRONY/1\n"
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -360,6 +368,11 @@ def test_refused_to_write(arguments, message, tmp_path):
         (ANSYS.replace("MP,EX", "MP,EY"), "has no MP,EX: must be there"),
         (LSDYNA.replace("      2.0,", "2.0,1.0,5.0"), "term 2: has KI = 5: must have none"),
         (LSDYNA.replace("      2.0,", ""), "has no term with a rate: must have one at least"),
+        (RADIOSS, "has no whole /MAT: must be there"),
+        (
+            RADIOSS.replace("/LAW1/", "/LAW42/").replace("0.5", "0.5\n10.\n\n2.\n"),
+            "has no whole /VISC/PRONY: must be",
+        ),
         ("i,tau_i,alpha_i,E_0\n-,s,-,psi\n1,1,0.5,1\n", "column E_0: unit 'psi': must be"),
     ],
 )

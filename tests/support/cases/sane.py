@@ -4,11 +4,14 @@ Ranges of 0.1 ... 10 decades with plateaus of any part of them, loads of 1 ... 1
 solids, whose spectra lie within ten decades; all numbers spread evenly in their logarithms.
 """
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 import rubberfric as rf
+from rubberfric.scene.numerics.settings import HEATED, loads_of, span_of
 
 KINDS = ("road", "elastic", "pair")
 POINTS = 6  # velocities and loads of a scene
@@ -28,13 +31,31 @@ def draw(kind, count, seed):
     return scenes, velocity, pressure
 
 
-def errors(scenes, velocity, pressure, quadrature, exact=None):
+def draw_heated(kind, count, seed):
+    """As `draw`, of a road or an elastic solid with contact shear, and temperatures (count, POINTS).
+
+    Of three decades and loads as `fitting_quadrature` has settings of their own for.
+    """
+    rng = np.random.default_rng(seed)
+    scenes, pressure = [], []
+    while len(scenes) < count:
+        one, load = _heated(kind, rng), 10 ** (rng.uniform(3, 8) + rng.uniform(-0.5, 0.5, POINTS))
+        (longest, least, largest), loads = HEATED[-1][1:], loads_of(one, load)
+        if span_of(one) <= longest and least <= loads[0] and loads[1] <= largest:
+            scenes.append(one)
+            pressure.append(load)
+    reference = np.array([one.upper.material.shift.T_ref for one in scenes])
+    temperature = reference[:, None] + rng.uniform(5, 80, (count, POINTS))
+    return scenes, 10 ** rng.uniform(-4, 2, (count, POINTS)), np.array(pressure), temperature
+
+
+def errors(scenes, velocity, pressure, quadrature, exact=None, temperature=None):
     """Relative errors (scenes, points) against the tight setting, or those values (scenes, 3, points).
 
     Of the separation what is below 1e-6 of the roughness counts as zero: in full contact it is 1e-100 of it.
     """
-    found = values(scenes, velocity, pressure, quadrature)
-    exact = values(scenes, velocity, pressure, TIGHT) if exact is None else exact
+    found = values(scenes, velocity, pressure, quadrature, temperature)
+    exact = values(scenes, velocity, pressure, TIGHT, temperature) if exact is None else exact
     scale = np.abs(exact)
     rough = [(scene.lower.spectrum, scene.upper.spectrum) for scene in scenes]
     heights = [np.hypot(*(0.0 if one is None else one.h_rms for one in both)) for both in rough]
@@ -42,18 +63,24 @@ def errors(scenes, velocity, pressure, quadrature, exact=None):
     return np.max(np.abs(found - exact) / scale, 1)
 
 
-def values(scenes, velocity, pressure, quadrature):
-    """Area, friction and separation, (scenes, 3, points)."""
+def values(scenes, velocity, pressure, quadrature, temperature=None):
+    """Area, friction and separation, (scenes, 3, points); NaN where temperatures are not a solution."""
     count = len(scenes)
     padded = -(-count // 64) * 64  # sizes that recur
     index = np.minimum(np.arange(padded), count - 1)
     stacked = jax.tree.map(lambda *x: np.stack(x)[index], *scenes)
-    return np.asarray(_values((stacked, velocity[index], pressure[index]), quadrature))[:count]
+    at = velocity, pressure, *(() if temperature is None else (temperature,))
+    return np.asarray(_values((stacked, *(x[index] for x in at)), quadrature))[:count]
 
 
 def _values(calls, quadrature):
+    names = "area", "friction", "separation"
+
     def one(call):
-        return jnp.stack(rf.solve(*call, quadrature=quadrature)[:3])
+        if call[0].heating is None:
+            return jnp.stack(rf.solve(*call, quadrature=quadrature, quantities=names)[:3])
+        found = rf.solve(*call, quadrature=quadrature, quantities=(*names, "converged"))
+        return jnp.where(found.converged, jnp.stack(found[:3]), jnp.nan)
 
     return jax.jit(lambda calls: jax.lax.map(one, calls, batch_size=_CHUNK))(calls)
 
@@ -65,6 +92,19 @@ def _scene(kind, rng):
     if kind == "elastic":
         return rf.Scene(rf.Body(rf.Elastic(10 ** rng.uniform(6, 11), 0.3), one), rf.Body(_rubber(rng)))
     return rf.Scene(rf.Body(_rubber(rng), one), rf.Body(_rubber(rng), _spectrum(rng, one)))
+
+
+def _heated(kind, rng):
+    one = _scene(kind, rng)
+    shift = rf.WLF(rng.uniform(6, 20), rng.uniform(40, 200), rng.uniform(240, 320))
+    heating = rf.Heating(*10 ** rng.uniform([2.9, 2.7, -1, -4], [3.5, 3.3, 0.5, -1.5]))
+    shear = rf.ContactShear(10 ** rng.uniform(5, 7.5), rng.uniform(0.1, 0.5), 10 ** rng.uniform(-6, 0), shift)
+    return dataclasses.replace(
+        one,
+        upper=rf.Body(one.upper.material.replace(shift=shift)),
+        heating=heating,
+        shear=shear if kind == "elastic" else None,
+    )
 
 
 def _spectrum(rng, other=None):
