@@ -48,7 +48,7 @@ RULES = {
     ),
 }
 # Of one rough solid with heating: temperatures want more panels, and are solved to 1e-8 in strong feedback.
-HEATED = ((Quadrature(order=13, panels=8, graded=8, ratio=4.5, angular_order=13), 8.2, -1.0, 8.0),)
+HEATED = ((Quadrature(order=13, panels=8, graded=6, ratio=5.0, angular_order=12), 8.2, -1.0, 8.0),)
 # Where nothing else was measured, and where a number is traced.
 ROBUST = Quadrature()
 TRACED = {1: Quadrature(angular_order=12), 2: ROBUST}
