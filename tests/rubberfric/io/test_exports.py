@@ -252,6 +252,12 @@ def test_a_falling_export_is_turned_and_one_with_equal_entries_refused(tmp_path)
     assert "line 3: f [Hz] = 3 after 3: must increase strictly" in message
 
 
+@pytest.mark.parametrize("ends", [";", ";;;"])
+def test_rows_that_end_with_separators_are_as_without(tmp_path, ends):
+    plain, path = read(put(tmp_path, GOOD)), put(tmp_path, GOOD.replace("5;1", f"5;1{ends}"))
+    np.testing.assert_array_equal(read(path).storage, plain.storage)
+
+
 def test_names_without_units(tmp_path):
     path = put(tmp_path, "f;E';E''\n1;5;1\n2;6;2\n")
     assert "has names but no units: must have them in the row below" in refused(path, lambda: read(path))
