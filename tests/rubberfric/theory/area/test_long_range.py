@@ -232,14 +232,18 @@ def test_friction_is_that_of_the_load_over_the_pressure():
     assert float(power.total) == pytest.approx(total, rel=1e-9)
 
 
-@pytest.mark.slow
-def test_the_weights_of_where_contact_is_lost():
-    """Their table against derivatives of the formula; erfcx and the mean over Gaussians against scipy."""
+def test_the_table_of_where_contact_is_lost():
+    """Against derivatives of the formula."""
     log_x = np.random.default_rng(0).uniform(-12, 1.6, 300)
     for gamma, c in ((0.5, 4 / math.pi), (0.0, 30.0), (1.0, 0.0)):
         slope = jax.vmap(jax.grad(lambda t, c=c, gamma=gamma: -loss_weight(jnp.exp(t), c, gamma)))(log_x)
         table = loss_table(jnp.asarray(gamma))(jnp.asarray(log_x), jnp.asarray(c))
         np.testing.assert_allclose(table, slope, atol=3e-8 * float(np.abs(slope).max()) + 1e-10)
+
+
+@pytest.mark.slow
+def test_the_weights_of_the_separations():
+    """erfcx and the mean over Gaussians, against scipy and a sum."""
     z = np.geomspace(1e-3, 1e9, 100)
     np.testing.assert_allclose(scaled_erfc(jnp.asarray(z)), special.erfcx(z), rtol=1e-14)
     for u, h, r in ((1.0, 0.5, 0.3), (0.2, 1.0, 3.0), (5.0, 0.01, 2.0), (1e-3, 1.0, 0.05), (40.0, 1.0, 5.0)):
