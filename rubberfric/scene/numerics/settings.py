@@ -7,7 +7,7 @@ Two numbers say how many nodes meet 1e-9: the range of the roughness in e-folds,
           \Lambda = \max_j \ln\frac{E_r\,q_{0j}^2 \sqrt{C_{0j}}}{\sigma_0}
 
 with the glassy modulus of the softer solid: P falls from 1 within :math:`\ln(q/q_0) \sim e^{-2\Lambda}`. The
-limits below are where errors of thousands of random scenes stay under 3e-10:
+limits below are where errors of thousands of random scenes stay under 4e-10:
 `tests/benchmarks/test_settings_table.py` prints the table that they are read from, and
 `tests/rubberfric/scene/test_settings.py` tries them on other scenes.
 """
