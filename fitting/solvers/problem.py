@@ -236,6 +236,7 @@ def _fitting(scene, data):
     pressures = [np.min(one.pressure) for one in data if hasattr(one, "pressure")]
     lowest = min(pressures, default=1.0)
     settings = [
-        rf.analysis.fitting_quadrature(one, lowest, margin=_MARGIN) for one in by_name(scene).values()
+        rf.analysis.fitting_quadrature(one, lowest, margin=_MARGIN, separation=False)
+        for one in by_name(scene).values()
     ]
     return max(settings, key=lambda one: (one.panels, one.order, one.graded))

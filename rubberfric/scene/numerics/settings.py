@@ -47,6 +47,14 @@ RULES = {
         (Quadrature(order=14, panels=28, graded=12, ratio=4.5, angular_order=14), *_ALL),
     ),
 }
+# Of area and friction of one rough solid alone: near full contact it is the separation, a millionth of the
+# roughness there, that wants more panels.
+WITHOUT_SEPARATION = (
+    (Quadrature(order=13, panels=4, graded=6, ratio=5.0, angular_order=12), 5.0, -math.inf, 8.0),
+    (Quadrature(order=13, panels=7, graded=6, ratio=5.0, angular_order=12), 9.0, -math.inf, 8.0),
+    (Quadrature(order=13, panels=8, graded=6, ratio=5.0, angular_order=12), 10.5, -math.inf, 8.0),
+    (Quadrature(order=13, panels=12, graded=8, ratio=4.5, angular_order=13), 14.0, -math.inf, 14.0),
+)
 # Of one rough solid with heating: temperatures want more panels, and are solved to 1e-8 in strong feedback.
 HEATED = ((Quadrature(order=13, panels=8, graded=6, ratio=5.0, angular_order=12), 8.2, -1.0, 8.0),)
 # Where nothing else was measured, and where a number is traced.
@@ -71,7 +79,9 @@ class _TracedError(Exception):
     """A number is traced."""
 
 
-def fitting_quadrature(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0) -> Quadrature:
+def fitting_quadrature(
+    scene: Scene, pressure: ArrayLike, *, margin: float = 0.0, separation: bool = True
+) -> Quadrature:
     """The setting of least work, out of a handful, that is good to 1e-9 for a scene.
 
     Parameters
@@ -79,6 +89,7 @@ def fitting_quadrature(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0
     scene : Scene
     pressure : [Pa], any shape
     margin : how much further the wavevectors may move apart and the moduli grow, in e-folds
+    separation : False: only area and friction must be good to 1e-9, as in fits
 
     Returns
     -------
@@ -109,7 +120,10 @@ def fitting_quadrature(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0
         bare = parts <= {"shear"}
         if plain and (bare or (len(rough) == 1 and parts <= {"shear", "heating"})):
             flattest, steepest = loads_of(scene, pressure)
-            for setting, longest, least, largest in RULES[len(rough)] if bare else HEATED:
+            rules = RULES[len(rough)] if bare else HEATED
+            if bare and len(rough) == 1 and not separation:
+                rules = (*WITHOUT_SEPARATION, *rules)
+            for setting, longest, least, largest in rules:
                 if span + margin <= longest and least <= flattest - margin and steepest + margin <= largest:
                     return setting
         rules = (*TABULATED, OTHER) if bare and _tabulated_gently(scene, pressure, margin) else (OTHER,)

@@ -22,6 +22,7 @@ from rubberfric.scene.numerics.settings import (
     RULES,
     TABULATED,
     TRACED,
+    WITHOUT_SEPARATION,
     loads_of,
     span_of,
 )
@@ -176,12 +177,33 @@ def test_wrong_arguments_are_one_line(arguments, message):
         fitting_quadrature(*arguments)
 
 
-def chosen(scenes, pressure):
+def chosen(scenes, pressure, **options):
     """Positions of the scenes by the setting that they have."""
     found = collections.defaultdict(list)
     for i, one in enumerate(scenes):
-        found[fitting_quadrature(one, pressure[i])].append(i)
+        found[fitting_quadrature(one, pressure[i], **options)].append(i)
     return {setting: np.array(positions) for setting, positions in found.items()}
+
+
+def area_and_friction(scenes, velocity, pressure, setting, exact):
+    """Largest relative error of the two."""
+    found, exact = sane.values(scenes, velocity, pressure, setting)[:, :2], exact[:, :2]
+    assert (found[exact == 0] == 0).all()
+    return np.max(np.abs(found - exact) / np.where(exact == 0, 1.0, np.abs(exact)))
+
+
+def test_area_and_friction_alone_have_fewer_panels():
+    """Each setting of theirs on random scenes within its limits, full contact among them."""
+    scenes, velocity, pressure = sane.draw("road", 480, seed=40)
+    exact = sane.values(scenes, velocity, pressure, sane.TIGHT)
+    found = chosen(scenes, pressure, separation=False)
+    for setting, *_ in WITHOUT_SEPARATION:
+        at = found[setting]
+        here = [scenes[i] for i in at]
+        assert at.size > 4
+        assert area_and_friction(here, velocity[at], pressure[at], setting, exact[at]) < 1e-9
+        assert min(loads_of(one, pressure[i])[0] for one, i in zip(here, at, strict=True)) < -1
+    assert fitting_quadrature(TWO, PRESSURE, separation=False) == fitting_quadrature(TWO, PRESSURE)
 
 
 @pytest.mark.slow
@@ -196,6 +218,10 @@ def test_random_scenes_are_good_to_1e_9(kind, count):
         worst[at] = found.max(1)
         print(f"\n{kind}: {at.size / count:6.1%} to {worst[at].max():.1e} with {setting}")
     assert (worst < 1e-9).all()
+    for setting, at in chosen(scenes, pressure, separation=False).items():
+        error = area_and_friction([scenes[i] for i in at], velocity[at], pressure[at], setting, exact[at])
+        print(f"\n{kind}, area and friction: {at.size / count:6.1%} to {error:.1e} with {setting}")
+        assert error < 1e-9
     traced = TRACED[2 if kind == "pair" else 1]
     error = sane.errors(scenes, velocity, pressure, traced, exact).max(1)
     print(f"\n{kind}: all to {error.max():.1e} with {traced}")
