@@ -189,30 +189,36 @@ def _follow(rules, groups, leaves, tree):
 
 def to_values(variables: Variables, constants: Constants, x: Array) -> Array:
     """Values of the free elements at x, shape (..., size); on the host if x is, which compiles nothing."""
+    xp = np if isinstance(x, np.ndarray) else jnp
+    return xp.concatenate(list(_by_slot(variables, constants, x).values()), -1)
+
+
+def _by_slot(variables, constants, x) -> dict[tuple[int, int], Array]:
+    """The same in pieces: what is made of one depends on nothing else in x, which derivatives use."""
     xp, sigmoid = (np, scipy.special.expit) if isinstance(x, np.ndarray) else (jnp, jax.nn.sigmoid)
-    low, width, parts = xp.asarray(constants.low), xp.asarray(constants.width), []
+    low, width, parts = xp.asarray(constants.low), xp.asarray(constants.width), {}
     for group in variables.own:
         part = slice(*group.slot)
         here = x[..., part]
         if group.kind == "Positive":
             with np.errstate(over="ignore"):  # inf, as XLA has it: the model is not finite there
-                parts.append(xp.exp(here))
+                parts[group.slot] = xp.exp(here)
         elif group.kind == "Bounded":
-            parts.append(low[part] + width[part] * sigmoid(here))
+            parts[group.slot] = low[part] + width[part] * sigmoid(here)
         else:
-            parts.append(width[part] * here)
-    return xp.concatenate(parts, -1)
+            parts[group.slot] = width[part] * here
+    return parts
 
 
 def to_scene(variables: Variables, constants: Constants, x: Array) -> Any:
     """The scene, or the scenes by their names, with the free elements at x; every other leaf as it was."""
-    values = to_values(variables, constants, x)
+    values = _by_slot(variables, constants, x)
     leaves, ratios, cut = list(constants.leaves), iter(constants.ratios), []
     for group in variables.groups:
         if group.kind == "RmsSlope":
             cut.append((group, next(ratios)[0]))
             continue
-        here = values[slice(*group.slot)]
+        here = values[group.slot]
         if group.kind == "Tied":
             ratio = next(ratios)
             here = (np.asarray(ratio) if isinstance(here, np.ndarray) else ratio) * here

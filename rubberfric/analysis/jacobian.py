@@ -11,7 +11,7 @@ whatever the number of parameters, and the second by forward mode, once for all 
 Forward mode alone costs an evaluation for every parameter.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import jax
@@ -31,6 +31,9 @@ from rubberfric.theory.temperatures.solution import preconditioner, solve_rises,
 # Points at once: each keeps the derivatives with respect to all that was prepared, about 0.2 MB.
 # On a processor they must stay in its cache: 32 at once take a third of the time that 256 take.
 BLOCK, CACHED = 256, 32
+
+# Numbers of an array of which it costs nothing to derive them by parameters that do not move them.
+_SMALL = 100
 
 
 def value_and_jacobian(
@@ -66,8 +69,7 @@ def value_and_jacobian(
     heated = ("converged",) if iterates(scene) else ()
     points = [jnp.asarray(c, x.dtype) for c in conditions if c is not None]
     ready = _linearised(lambda x: prepare(scene_of(x), (quantity,), quadrature), x)
-    tangents = [tangent.reshape(x.size, -1) for tangent in ready.tangents]
-    tangents = jnp.concatenate([jnp.zeros((x.size, 0), x.dtype), *tangents], 1)
+    groups = [(*group, _side_by_side(ready.tangents(group[1]), group[0])) for group in ready.groups()]
 
     def at(moving, point):
         found = evaluate(ready.tree(moving), (quantity, *heated), [c[None] for c in point])
@@ -75,9 +77,13 @@ def value_and_jacobian(
 
     def block(points):
         values, slopes = jax.vmap(jax.value_and_grad(at), in_axes=(None, 0))(ready.moving, points)
-        # One product of all: added up one by one, jax 0.12.0 on CPU reads uninitialised memory.
-        slopes = [slope.reshape(values.size, -1) for slope in slopes]
-        return values, jnp.concatenate([jnp.zeros((values.size, 0), x.dtype), *slopes], 1) @ tangents.T
+        # One product of many: added up one by one, jax 0.12.0 on CPU reads uninitialised memory.
+        by_group = [_side_by_side(slopes, which) @ tangents.T for which, _, tangents in groups]
+        found = jnp.zeros((values.size, x.size), x.dtype)
+        if by_group:
+            columns = np.concatenate([columns for _, columns, _ in groups])
+            found = found.at[:, columns].add(jnp.concatenate(by_group, 1))
+        return values, found
 
     count = points[0].size
     blocks = -(-count // (CACHED if jax.default_backend() == "cpu" else BLOCK))
@@ -130,7 +136,7 @@ def _forward_heated(scene_of, x, conditions, quantity, quadrature):
         start, also = jnp.zeros_like(found.rises), jnp.zeros_like(values)
         return linear_fixed_point(lambda rises: push(tangents, rises), start, also, inverse)
 
-    slopes = jax.lax.map(slope, ready.tangents)
+    slopes = jax.lax.map(slope, ready.tangents())
     return _or_nan(values, found.converged), _or_nan(slopes, found.converged).T
 
 
@@ -138,8 +144,29 @@ class _Linearised(NamedTuple):
     """A tree of arrays, and of what is none, that depends on x, and its derivatives."""
 
     moving: list[jax.Array]  # leaves that depend on x
-    tangents: list[jax.Array]  # their derivatives, x first
+    parameters: list[frozenset[int]]  # on which elements of x each of them may depend
     tree: Callable[[list[jax.Array]], Any]  # the tree with others in their place
+    push: Callable[[jax.Array], list[jax.Array]]  # their derivatives along a direction in x
+    size: int  # of x
+
+    def tangents(self, columns: Sequence[int] | None = None) -> list[jax.Array]:
+        """Derivatives of the leaves by elements of x, these first; by all of them where none are given."""
+        seeds = np.eye(self.size, dtype=self.moving[0].dtype if self.moving else None)
+        return jax.vmap(self.push)(jnp.asarray(seeds if columns is None else seeds[np.asarray(columns)]))
+
+    def groups(self) -> list[tuple[list[int], list[int]]]:
+        """Leaves that are best derived together, and the elements of x that move any of them.
+
+        The meshes of a scene are nearly all of its numbers, and few parameters move them.
+        """
+        groups = []
+        for i, (leaf, own) in enumerate(zip(self.moving, self.parameters, strict=True)):
+            small = leaf.size < _SMALL
+            together = [g for g in groups if g[0] == small and (small or g[2] & own)]
+            which = sorted(sum((g[1] for g in together), [i]))
+            groups = [g for g in groups if g not in together]
+            groups.append((small, which, own.union(*(g[2] for g in together))))
+        return [(which, sorted(columns)) for _, which, columns in groups]
 
 
 def _linearised(function, x):
@@ -157,22 +184,28 @@ def _linearised(function, x):
         )
 
     arrays, push, integers = jax.linearize(leaves, x, has_aux=True)
-    depends = _dependent(lambda x: leaves(x)[0], x)
-    tangents = jax.vmap(push)(jnp.eye(x.size, dtype=x.dtype))
+    parameters = _parameters(lambda x: leaves(x)[0], x)
 
     def tree(moving):
         moving = iter(moving)
         parts = {
-            "real": iter([next(moving) if moves else a for a, moves in zip(arrays, depends, strict=True)]),
+            "real": iter([next(moving) if own else a for a, own in zip(arrays, parameters, strict=True)]),
             "integer": iter(integers),
             "object": iter(shape["objects"]),
         }
         return jax.tree_util.tree_unflatten(shape["tree"], [next(parts[kind]) for kind in shape["kind"]])
 
     def chosen(values):
-        return [a for a, moves in zip(values, depends, strict=True) if moves]
+        return [a for a, own in zip(values, parameters, strict=True) if own]
 
-    return _Linearised(chosen(arrays), chosen(tangents), tree)
+    return _Linearised(
+        chosen(arrays), chosen(parameters), tree, lambda direction: chosen(push(direction)), x.size
+    )
+
+
+def _side_by_side(arrays, which):
+    """Some of several arrays with the same first axis, one number after the other along the second."""
+    return jnp.concatenate([arrays[i].reshape(arrays[i].shape[0], -1) for i in which], 1)
 
 
 def _or_nan(values, converged):
@@ -183,18 +216,36 @@ def _or_nan(values, converged):
 def _kind(leaf):
     if not isinstance(leaf, jax.Array):
         return "object"
-    return "real" if jnp.issubdtype(leaf.dtype, jnp.floating) else "integer"
+    return "real" if _is_real(leaf) else "integer"
 
 
-def _dependent(function, x):
-    """Which of the arrays that a function returns depend on x at all."""
+def _is_real(array):
+    return jnp.issubdtype(array.dtype, jnp.floating)
+
+
+def _parameters(function, x):
+    """On which elements of x each of the arrays that a function returns may depend, frozensets.
+
+    An operation on several arrays is taken to mix all that they depend on. A piece of x is the elements that
+    it was sliced from.
+    """
     jaxpr = jax.make_jaxpr(function)(x).jaxpr
-    live = set(jaxpr.invars)
+    (whole,) = jaxpr.invars
+    found = {whole: frozenset(range(x.size))}
 
-    def alive(variables):
-        return any(not hasattr(v, "val") and v in live for v in variables)
+    def of(variables):
+        known = [found.get(v, frozenset()) for v in variables if not hasattr(v, "val")]
+        return frozenset().union(*known)
 
     for equation in jaxpr.eqns:
-        if alive(equation.invars):
-            live.update(equation.outvars)
-    return np.array([alive([variable]) for variable in jaxpr.outvars])
+        own = of(equation.invars)
+        if equation.primitive.name == "slice" and equation.invars[0] is whole:
+            first, last, steps = (
+                equation.params[name] for name in ("start_indices", "limit_indices", "strides")
+            )
+            own = frozenset(range(first[0], last[0], steps[0] if steps else 1))
+        elif equation.primitive.name == "stop_gradient":
+            own = frozenset()
+        for variable in equation.outvars:
+            found[variable] = own if _is_real(variable.aval) else frozenset()
+    return [of([variable]) for variable in jaxpr.outvars]

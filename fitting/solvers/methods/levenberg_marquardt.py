@@ -4,9 +4,9 @@ r"""Levenberg-Marquardt: nonlinear least squares by damped Gauss-Newton steps.
 
 with geodesic acceleration [Transtrum & Sethna, arXiv:1201.5885], which halves the number
 of steps in the curved valleys of relaxation spectra. One singular value decomposition of the
-Jacobian serves two dampings, which are tried side by side: residuals cost a small part of the
-Jacobian, and the better of them is taken. Directions that the data do not see (s = 0) are
-left where they are.
+Jacobian serves two dampings. The stiffer is tried where the softer brings less than `ENOUGH` of what the
+linear model promises, and the better of them is taken: residuals cost a small part of the Jacobian.
+Directions that the data do not see (s = 0) are left where they are.
 """
 
 import dataclasses
@@ -22,6 +22,7 @@ from fitting.solvers.losses import SQUARES, Loss, Objective, Residuals, Residual
 
 TRIALS = (0.1, 3.0)  # times the damping of the last step
 SOFTEST, STIFFEST = 1e-30, 1e9  # damping over the largest singular value squared
+ENOUGH = 0.9  # of the promised decrease of the cost, for a step to be taken without another trial
 PROBE = 0.1  # part of a step at which its curvature is measured
 LONGEST = 3.0  # of a step in any x of a fit: a factor 20 in a Positive parameter
 
@@ -84,9 +85,28 @@ def step(
     """
     x = jnp.asarray(iterate.x)
     plan = planned(*residuals_and_jacobian(x), iterate, loss, longest)
-    moves = bent(plan, jax.vmap(lambda move: residuals(x + PROBE * move))(plan.velocities))
-    tried = jax.vmap(lambda move: residuals(x + move))(moves)
-    return taken(plan, moves, tried, iterate, loss, tolerance=tolerance, rounding=rounding, longest=longest)
+
+    def evaluated(state):
+        """One evaluation more: ahead along a velocity, and then where the move that it bends to leads."""
+        count, moves, rows, _ = state
+        i, ahead = count // 2, count % 2 == 0
+        move = jnp.where(ahead, PROBE * plan.velocities[i], bent(plan, i, rows[i]))
+        moves, rows = moves.at[i].set(move), rows.at[i].set(residuals(x + move))
+        return count + 1, moves, rows, brings_enough(plan, rows[0], iterate, loss)
+
+    def needed(state):
+        count, _, _, enough = state
+        return (count < 2) | ((count < 4) & ~enough)
+
+    # A loop, so that the model is compiled once for all of them.
+    rows = jnp.zeros((len(TRIALS), *plan.plain.shape), plan.plain.dtype)
+    begun = jnp.asarray(0), jnp.zeros_like(plan.velocities), rows, jnp.asarray(False)
+    count, moves, rows, _ = jax.lax.while_loop(needed, evaluated, begun)
+    enough = count == 2
+    moves, rows = (jnp.where(enough, a[:1], a) for a in (moves, rows))
+    return taken(
+        plan, moves, rows, enough, iterate, loss, tolerance=tolerance, rounding=rounding, longest=longest
+    )
 
 
 class Plan(NamedTuple):
@@ -126,22 +146,32 @@ def planned(
     return Plan(plain, factor, jacobian, U, s, V, along, dampings, gains, velocities, finite)
 
 
-def bent(plan: Plan, ahead: jax.Array) -> jax.Array:
-    """The moves of both dampings, from the residuals at PROBE times the velocities, shape (2, rows)."""
-    _, factor, jacobian, U, _, V, _, _, gains, velocities, _ = plan
-    # How the residuals bend along the steps, from their values a little way along.
-    bends = 2 / PROBE * (factor * (ahead - plan.plain) / PROBE - velocities @ jacobian.T)
-    accelerations = -0.5 * (gains * (bends @ U)) @ V
+def bent(plan: Plan, i: int | jax.Array, ahead: jax.Array) -> jax.Array:
+    """The move of damping i, from the residuals at PROBE times its velocity, shape (rows,)."""
+    velocity = plan.velocities[i]
+    # How the residuals bend along the step, from their values a little way along.
+    bends = 2 / PROBE * (plan.factor * (ahead - plan.plain) / PROBE - plan.jacobian @ velocity)
+    acceleration = -0.5 * (plan.gains[i] * (bends @ plan.U)) @ plan.V
     # Beyond half the step the expansion means nothing; inf * 0 where the model breaks down.
-    half = 0.5 * jnp.max(jnp.abs(velocities), 1, keepdims=True)
-    accelerations = jnp.where(jnp.isfinite(accelerations), accelerations, 0.0)
-    return velocities + accelerations * _limited(accelerations, half)
+    half = 0.5 * jnp.max(jnp.abs(velocity), keepdims=True)
+    acceleration = jnp.where(jnp.isfinite(acceleration), acceleration, 0.0)
+    return velocity + acceleration * _limited(acceleration, half)
+
+
+def brings_enough(plan: Plan, tried: jax.Array, iterate: Iterate, loss: Loss = SQUARES) -> jax.Array:
+    """Whether the softer step, which leads to these residuals, makes a trial of the other needless."""
+    # (|r|^2 - |r + J v|^2) / 2 for the velocity before it was limited: of one that was, the other damping
+    # may make more, and steps would be as short for ever.
+    moved = plan.s * plan.gains[0]
+    promised = jnp.sum(moved * (1 - 0.5 * moved) * plan.along**2)
+    return jnp.asarray(iterate.cost) - loss.cost(tried) >= ENOUGH * promised
 
 
 def taken(
     plan: Plan,
     moves: jax.Array,
     tried: jax.Array,
+    enough: ArrayLike,
     iterate: Iterate,
     loss: Loss = SQUARES,
     *,
@@ -149,7 +179,10 @@ def taken(
     rounding: ArrayLike = 0.0,
     longest: float = LONGEST,
 ) -> Iterate:
-    """The iterate after the better of the moves, from the residuals that they lead to, shape (2, rows)."""
+    """The iterate after the better of the moves, from the residuals that they lead to, shape (2, rows).
+
+    Where the first was `enough` the second is the same, and was no evaluation.
+    """
     x, damping = jnp.asarray(iterate.x), iterate.own
     costs = jax.vmap(loss.cost)(tried)
     costs = jnp.where(jnp.isfinite(costs), costs, jnp.inf)
@@ -171,7 +204,7 @@ def taken(
         jnp.where(accepted, x + moves[best], x),
         jnp.where(accepted, cost, iterate.cost),
         ended(plan.finite, lowest <= rounding, done, stalled, near),
-        iterate.nfev + 2 * len(TRIALS),
+        iterate.nfev + jnp.where(enough, 2, 4),
         iterate.njev + 1,
         jnp.where(accepted, plan.dampings[best], jnp.minimum(damping * 1e4, STIFFEST)),
     )
@@ -180,5 +213,5 @@ def taken(
 
 def _limited(moves, longest):
     """Factors <= 1 that keep every element of every move below `longest`."""
-    length = jnp.max(jnp.abs(moves), 1, keepdims=True)
+    length = jnp.max(jnp.abs(moves), -1, keepdims=True)
     return jnp.minimum(1.0, longest / jnp.where(length > 0, length, 1.0))

@@ -3,7 +3,7 @@
 Of least squares the model is computed by one program, and what is done with it by others, as the model takes
 all of the time to compile. Where it takes long to compute as well, as that of a heated scene does, every
 evaluation has derivatives and is one step (`fitting.solvers.methods.brown_dennis`); else a step of
-Levenberg-Marquardt is four.
+Levenberg-Marquardt is up to four.
 """
 
 import functools
@@ -17,7 +17,14 @@ from fitting.parameters.variables import Array
 from fitting.solvers.evaluation import evaluate, takes_long
 from fitting.solvers.iterate import RUNNING, Iterate, begin
 from fitting.solvers.methods import brown_dennis
-from fitting.solvers.methods.levenberg_marquardt import PROBE, LevenbergMarquardt, bent, planned, taken
+from fitting.solvers.methods.levenberg_marquardt import (
+    PROBE,
+    LevenbergMarquardt,
+    bent,
+    brings_enough,
+    planned,
+    taken,
+)
 from fitting.solvers.options import Solver
 from fitting.solvers.problem import Numbers, Structure, Targets
 from fitting.solvers.residuals import (
@@ -66,28 +73,38 @@ def _planned(structure, numbers, targets, iterate, rows, slopes):
 
 
 @quick_jit(static_argnums=(0,))
-def _bent(structure, numbers, targets, iterate, plan, ahead):
+def _bent(structure, numbers, targets, iterate, plan, i, ahead):
     def one(targets, iterate, plan, ahead):
-        moves = bent(plan, jax.vmap(lambda rows: in_errors(structure, numbers, targets, rows))(ahead))
-        return moves, iterate.x + moves
+        move = bent(plan, i, in_errors(structure, numbers, targets, ahead))
+        return move, iterate.x + move
 
     return jax.vmap(one)(targets, iterate, plan, ahead)
 
 
+@quick_jit(static_argnums=(0,))
+def _enough(structure, numbers, targets, iterate, plan, tried):
+    def one(targets, iterate, plan, tried):
+        rows = in_errors(structure, numbers, targets, tried)
+        return brings_enough(plan, rows, iterate, loss_of(structure, numbers))
+
+    return jax.vmap(one)(targets, iterate, plan, tried)
+
+
 @quick_jit(static_argnums=(0, 1))
-def _taken(solver, structure, numbers, targets, iterate, plan, moves, tried):
-    def one(targets, iterate, plan, moves, tried):
+def _taken(solver, structure, numbers, targets, iterate, plan, moves, tried, enough):
+    def one(targets, iterate, plan, moves, tried, enough):
         return taken(
             plan,
             moves,
             jax.vmap(lambda rows: in_errors(structure, numbers, targets, rows))(tried),
+            enough,
             iterate,
             loss_of(structure, numbers),
             tolerance=solver.tolerance,
             rounding=rounding(structure, targets),
         )
 
-    return jax.vmap(one)(targets, iterate, plan, moves, tried)
+    return jax.vmap(one)(targets, iterate, plan, moves, tried, enough)
 
 
 def start(solver: Solver, structure: Structure, numbers: Numbers, targets: Targets, x: Array) -> Iterate:
@@ -114,17 +131,26 @@ def advance(
     if _sparing(structure, numbers, targets, iterate.x):
         return _moved(solver, structure, numbers, targets, iterate, running)
 
-    def of_running(x, slopes=False):
-        """Rows at x, shape (fits, ..., size); those of fits that are done are never looked at."""
-        x = np.asarray(x)
-        shape = x.shape[1:-1]
-        rows, derivatives = evaluate(structure, numbers, x[running].reshape(-1, x.shape[-1]), slopes)
-        shapes = [part.reshape(running.size, *shape, *part.shape[1:]) for part in (rows, derivatives)]
-        return [_filled(part, running, len(x)) for part in shapes]
+    def rows_at(x, which, slopes=False):
+        """Rows at x, shape (fits, size), of some fits; those of the others are never looked at."""
+        found = evaluate(structure, numbers, np.asarray(x)[which], slopes)
+        return [_filled(part, which, len(x)) for part in found]
 
-    plan, ahead = _planned(structure, numbers, targets, iterate, *of_running(iterate.x, slopes=True))
-    moves, trials = _bent(structure, numbers, targets, iterate, plan, of_running(ahead)[0])
-    return _taken(solver, structure, numbers, targets, iterate, plan, moves, of_running(trials)[0])
+    def trial(i, which):
+        """The move of damping i, and the rows that it leads to."""
+        known = structure, numbers, targets, iterate, plan, i
+        move, there = _bent(*known, rows_at(ahead[:, i], which)[0])
+        return np.asarray(move), rows_at(there, which)[0]
+
+    plan, ahead = _planned(structure, numbers, targets, iterate, *rows_at(iterate.x, running, slopes=True))
+    first = second = trial(0, running)
+    enough = np.asarray(_enough(structure, numbers, targets, iterate, plan, first[1]))
+    again = running[~enough[running]]
+    if again.size:
+        pairs = zip(first, trial(1, again), strict=True)
+        second = tuple(np.where(enough[:, None], one, other) for one, other in pairs)
+    moves, tried = (np.stack(pair, 1) for pair in zip(first, second, strict=True))
+    return _taken(solver, structure, numbers, targets, iterate, plan, moves, tried, enough)
 
 
 def _sparing(structure, numbers, targets, x):

@@ -83,7 +83,7 @@ def test_standard_problems(residuals):
     assert end.njev <= STEPS[residuals]
     assert end.status == (PRECISE if residuals in STALLING else CONVERGED if squares else PERFECT)
     assert 2 * float(end.cost) == pytest.approx(squares, rel=1e-9, abs=1e-25)
-    assert end.nfev == 1 + 4 * end.njev
+    assert 1 + 2 * end.njev <= end.nfev <= 1 + 4 * end.njev
 
 
 @pytest.mark.parametrize("loss", WIDTHS)
