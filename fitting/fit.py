@@ -17,7 +17,7 @@ from fitting.results.result import FitResult
 from fitting.solvers.evaluation import residual_rows
 from fitting.solvers.iterate import NEAR, succeeded
 from fitting.solvers.options import check_options, make_solver
-from fitting.solvers.problem import ASSUMED, make_problem
+from fitting.solvers.problem import ASSUMED, finer, make_problem
 from fitting.solvers.runs import BATCH, Callback, run
 from fitting.solvers.search import random_starts, search
 from fitting.uncertainty.covariance import linearised, uncertainty
@@ -75,7 +75,9 @@ def fit(
         None: the width at which Gaussian data lose 5 % of their weight (`fitting.solvers.losses`).
     decades : random starts of Positive parameters lie within a factor 10^decades
     max_steps, tolerance : of the method; None: its own
-    quadrature : Quadrature of the forward model, or None for the default
+    quadrature : Quadrature of the forward model
+        None: the one that fits the scene at the start; if the scene at the end needs a finer one, the
+        fit goes on with that.
     scale_errors : "auto", True or False
         whether the size of errors is taken from the scatter about the fit; bars, bands and densities
         follow. "auto": where none were given; those given stand, and where the scene does not explain
@@ -129,6 +131,14 @@ def fit(
         raise FloatingPointError(_not_finite(problem, data))
     minima = _minima(problem, runs)
     end, evaluations = runs.row(best), np.array([runs.nfev.sum(), runs.njev.sum()])
+    while quadrature is None and succeeded(end.status):
+        resolved = finer(problem, end.x, data)
+        if resolved is None:
+            break
+        tell("fitting on, with the quadrature that the scene at the end of the fit needs")
+        problem = resolved
+        end, spent = _from(solver, problem, end.x, max_steps, callback, starts)
+        evaluations += spent
     tell("compiling and computing the covariance")
     model = linearised(problem, end.x)
     known = uncertainty(problem, end.x, model)
@@ -138,11 +148,9 @@ def fit(
 
     def again(problem, x):
         """The end of a fit that begins at x, the model and what is known there, and its evaluations."""
-        runs = run(solver, problem, x[None], None, max_steps, callback, min(BATCH, starts))
-        end = runs.row(0)
+        end, spent = _from(solver, problem, x, max_steps, callback, starts)
         model = linearised(problem, end.x)
-        known = uncertainty(problem, end.x, model)
-        return end, model, known, np.array([runs.nfev[0], runs.njev[0]])
+        return end, model, uncertainty(problem, end.x, model), spent
 
     for _ in range(ROUNDS if to_estimate or rescaled else 0):
         if problem.targets.measured.size - known.parameters < 0.5 or not succeeded(end.status):
@@ -184,6 +192,13 @@ def fit(
         discrepancy=discrepancy,
         seconds=time.perf_counter() - began,
     )
+
+
+def _from(solver, problem, x, max_steps, callback, starts):
+    """The end of a fit that begins at x, and its evaluations."""
+    # As many places as before: another number would be another program.
+    end = run(solver, problem, x[None], None, max_steps, callback, min(BATCH, starts)).row(0)
+    return end, np.array([end.nfev, end.njev])
 
 
 def _minima(problem, runs):

@@ -45,8 +45,10 @@ class Block(NamedTuple):
     scene: str = ""  # of several, which
 
 
-# How much further than at the start the wavevectors of a fit may move apart and its moduli grow, in e-folds.
-_MARGIN = 2.0
+# How much further than at the start the wavevectors of a fit may move apart and its moduli grow, in e-folds,
+# for which it chooses its quadrature; and how much beyond that one's limits it may end. Errors grow by two to
+# three in an e-fold there.
+_MARGIN, _BEYOND = 0.5, 1.0
 
 
 class Structure(NamedTuple):
@@ -231,12 +233,25 @@ def _check_temperature(data, shifts):
             raise ValueError(f"data {data.label!r}: {error}") from None
 
 
-def _fitting(scene, data):
-    """The quadrature that fits the scene at the start, and those that a fit may come by."""
+def finer(problem: Problem, x: Array, data: Sequence[Measured]) -> Problem | None:
+    """The problem with the quadrature that its scene at x needs; None if it has that, or one of more nodes."""
+    needed = _fitting(problem.scene(x), data, -_BEYOND)
+    structure = problem.structure
+    if _work(needed) <= _work(structure.quadrature):
+        return None
+    return problem._replace(structure=structure._replace(quadrature=needed))
+
+
+def _fitting(scene, data, margin=_MARGIN):
+    """The quadrature that fits the scene, or scenes, and those that a fit may come by."""
     pressures = [np.min(one.pressure) for one in data if hasattr(one, "pressure")]
     lowest = min(pressures, default=1.0)
     settings = [
-        rf.analysis.fitting_quadrature(one, lowest, margin=_MARGIN, separation=False)
+        rf.analysis.fitting_quadrature(one, lowest, margin=margin, separation=False)
         for one in by_name(scene).values()
     ]
-    return max(settings, key=lambda one: (one.panels, one.order, one.graded))
+    return max(settings, key=_work)
+
+
+def _work(quadrature):
+    return quadrature.panels, quadrature.order, quadrature.graded

@@ -171,3 +171,25 @@ def test_starts_far_off_reach_the_same_minimum():
     reached = runs.cost < runs.cost.min() * (1 + 1e-6)
     print(f"\n{reached.sum()} of 100 reach cost {runs.cost.min():.6f} in {np.median(runs.njev):.0f} steps")
     assert np.all(np.isfinite(runs.cost)) and reached.mean() >= 0.95
+
+
+def test_a_fit_that_leaves_the_limits_of_its_quadrature_goes_on_with_a_finer_one():
+    """Roughness to 10 nm, from a guess that ends at 50 um: as with nodes enough from the beginning."""
+    rubber = rf.Prony(2e6, [2e7, 1e8], [1e-6, 1e-3])
+
+    def scene(q1, h_rms):
+        road = rf.SelfAffine(100.0, 1000.0, q1, 0.8, h_rms)
+        return rf.Scene(rf.Body(rf.Rigid(), road), rf.Body(rubber))
+
+    v, told = np.logspace(-6, 1, 15), []
+    truth = scene(1e8, 1e-4)
+    data = fitting.FrictionData(v, rf.friction(truth, v, 1e5), pressure=1e5, relative=0.01)
+    free = {"lower.spectrum.q1": fitting.Positive(), "lower.spectrum.h_rms": fitting.Positive()}
+    result = fitting.fit(scene(2e4, 2e-4), data, free, progress=told.append)
+    ended, lowest = result.problem.structure.quadrature, np.min(data.pressure)
+    assert ended.panels >= rf.analysis.fitting_quadrature(truth, lowest, margin=-1.0, separation=False).panels
+    start = rf.analysis.fitting_quadrature(scene(2e4, 2e-4), lowest, margin=0.5, separation=False)
+    assert start.panels < ended.panels and sum("needs" in one for one in told) == 1
+    np.testing.assert_allclose(result.values, [1e8, 1e-4], rtol=1e-6)
+    given = fitting.fit(scene(2e4, 2e-4), data, free, quadrature=start)
+    assert given.problem.structure.quadrature == start
