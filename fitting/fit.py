@@ -131,13 +131,8 @@ def fit(
         raise FloatingPointError(_not_finite(problem, data))
     minima = _minima(problem, runs)
     end, evaluations = runs.row(best), np.array([runs.nfev.sum(), runs.njev.sum()])
-    while quadrature is None and succeeded(end.status):
-        resolved = finer(problem, end.x, data)
-        if resolved is None:
-            break
-        tell("fitting on, with the quadrature that the scene at the end of the fit needs")
-        problem = resolved
-        end, spent = _from(solver, problem, end.x, max_steps, callback, starts)
+    if quadrature is None:
+        problem, end, spent = _resolved(solver, problem, end, data, max_steps, callback, starts, tell)
         evaluations += spent
     tell("compiling and computing the covariance")
     model = linearised(problem, end.x)
@@ -199,6 +194,17 @@ def _from(solver, problem, x, max_steps, callback, starts):
     # As many places as before: another number would be another program.
     end = run(solver, problem, x[None], None, max_steps, callback, min(BATCH, starts)).row(0)
     return end, np.array([end.nfev, end.njev])
+
+
+def _resolved(solver, problem, end, data, max_steps, callback, starts, tell):
+    """The fit gone on with, until its quadrature is the one that the scene at its end needs."""
+    evaluations = np.zeros(2, int)
+    while succeeded(end.status) and (with_more := finer(problem, end.x, data)) is not None:
+        tell("fitting on, with the quadrature that the scene at the end of the fit needs")
+        problem = with_more
+        end, spent = _from(solver, problem, end.x, max_steps, callback, starts)
+        evaluations += spent
+    return problem, end, evaluations
 
 
 def _minima(problem, runs):

@@ -234,7 +234,7 @@ def _check_temperature(data, shifts):
 
 
 def finer(problem: Problem, x: Array, data: Sequence[Measured]) -> Problem | None:
-    """The problem with the quadrature that its scene at x needs; None if it has that, or one of more nodes."""
+    """The problem with the quadrature that its scene at x needs; None if it has that or more nodes."""
     needed = _fitting(problem.scene(x), data, -_BEYOND)
     structure = problem.structure
     if _work(needed) <= _work(structure.quadrature):

@@ -101,12 +101,8 @@ def step(
     # A loop, so that the model is compiled once for all of them.
     rows = jnp.zeros((len(TRIALS), *plan.plain.shape), plan.plain.dtype)
     begun = jnp.asarray(0), jnp.zeros_like(plan.velocities), rows, jnp.asarray(False)
-    count, moves, rows, _ = jax.lax.while_loop(needed, evaluated, begun)
-    enough = count == 2
-    moves, rows = (jnp.where(enough, a[:1], a) for a in (moves, rows))
-    return taken(
-        plan, moves, rows, enough, iterate, loss, tolerance=tolerance, rounding=rounding, longest=longest
-    )
+    _, moves, rows, _ = jax.lax.while_loop(needed, evaluated, begun)
+    return taken(plan, moves, rows, iterate, loss, tolerance=tolerance, rounding=rounding, longest=longest)
 
 
 class Plan(NamedTuple):
@@ -171,7 +167,6 @@ def taken(
     plan: Plan,
     moves: jax.Array,
     tried: jax.Array,
-    enough: ArrayLike,
     iterate: Iterate,
     loss: Loss = SQUARES,
     *,
@@ -181,11 +176,13 @@ def taken(
 ) -> Iterate:
     """The iterate after the better of the moves, from the residuals that they lead to, shape (2, rows).
 
-    Where the first was `enough` the second is the same, and was no evaluation.
+    Where the first `brings_enough` the second is whatever it is, and was no evaluation.
     """
     x, damping = jnp.asarray(iterate.x), iterate.own
+    enough = brings_enough(plan, tried[0], iterate, loss)
     costs = jax.vmap(loss.cost)(tried)
-    costs = jnp.where(jnp.isfinite(costs), costs, jnp.inf)
+    known = jnp.isfinite(costs) & jnp.stack([jnp.asarray(True), ~enough])
+    costs = jnp.where(known, costs, jnp.inf)
     best = jnp.argmin(costs)
     cost, accepted = costs[best], costs[best] < iterate.cost
     lowest = jnp.minimum(cost, iterate.cost)

@@ -81,30 +81,15 @@ def _bent(structure, numbers, targets, iterate, plan, i, ahead):
     return jax.vmap(one)(targets, iterate, plan, ahead)
 
 
-@quick_jit(static_argnums=(0,))
-def _enough(structure, numbers, targets, iterate, plan, tried):
-    def one(targets, iterate, plan, tried):
-        rows = in_errors(structure, numbers, targets, tried)
-        return brings_enough(plan, rows, iterate, loss_of(structure, numbers))
-
-    return jax.vmap(one)(targets, iterate, plan, tried)
-
-
 @quick_jit(static_argnums=(0, 1))
-def _taken(solver, structure, numbers, targets, iterate, plan, moves, tried, enough):
-    def one(targets, iterate, plan, moves, tried, enough):
-        return taken(
-            plan,
-            moves,
-            jax.vmap(lambda rows: in_errors(structure, numbers, targets, rows))(tried),
-            enough,
-            iterate,
-            loss_of(structure, numbers),
-            tolerance=solver.tolerance,
-            rounding=rounding(structure, targets),
-        )
+def _taken(solver, structure, numbers, targets, iterate, plan, moves, tried):
+    def one(targets, iterate, plan, moves, tried):
+        rows = jax.vmap(lambda rows: in_errors(structure, numbers, targets, rows))(tried)
+        limits = {"tolerance": solver.tolerance, "rounding": rounding(structure, targets)}
+        loss = loss_of(structure, numbers)
+        return taken(plan, moves, rows, iterate, loss, **limits), brings_enough(plan, rows[0], iterate, loss)
 
-    return jax.vmap(one)(targets, iterate, plan, moves, tried, enough)
+    return jax.vmap(one)(targets, iterate, plan, moves, tried)
 
 
 def start(solver: Solver, structure: Structure, numbers: Numbers, targets: Targets, x: Array) -> Iterate:
@@ -143,14 +128,16 @@ def advance(
         return np.asarray(move), rows_at(there, which)[0]
 
     plan, ahead = _planned(structure, numbers, targets, iterate, *rows_at(iterate.x, running, slopes=True))
-    first = second = trial(0, running)
-    enough = np.asarray(_enough(structure, numbers, targets, iterate, plan, first[1]))
-    again = running[~enough[running]]
-    if again.size:
-        pairs = zip(first, trial(1, again), strict=True)
-        second = tuple(np.where(enough[:, None], one, other) for one, other in pairs)
-    moves, tried = (np.stack(pair, 1) for pair in zip(first, second, strict=True))
-    return _taken(solver, structure, numbers, targets, iterate, plan, moves, tried, enough)
+    ahead = np.asarray(ahead)  # a part of which is no program
+    first = trial(0, running)
+
+    def after(second):
+        both = (np.stack(pair, 1) for pair in zip(first, second, strict=True))
+        return _taken(solver, structure, numbers, targets, iterate, plan, *both)
+
+    found, enough = after(first)
+    again = running[~np.asarray(enough)[running]]
+    return found if again.size == 0 else after(trial(1, again))[0]
 
 
 def _sparing(structure, numbers, targets, x):
