@@ -34,11 +34,14 @@ def settled(
     pressure: ArrayLike,
     temperature: ArrayLike | None,
     quadrature: Quadrature | None,
+    separation: bool = True,
 ) -> tuple[Scene, tuple[jax.Array, jax.Array, jax.Array | None], Quadrature]:
-    """What `checked` returns, and the quadrature: if None that which fits."""
+    """What `checked` returns, and the quadrature: if None that which fits, also for the separation or not."""
     setting = ROBUST if quadrature is None else quadrature
     ready, conditions = checked(scene, velocity, pressure, temperature, setting)
-    return ready, conditions, fitting_quadrature(scene, pressure) if quadrature is None else setting
+    if quadrature is None:
+        setting = fitting_quadrature(scene, pressure, separation=separation)
+    return ready, conditions, setting
 
 
 def checked(

@@ -202,7 +202,8 @@ def solve(
         if name not in Solution._fields:
             raise ValueError(f"quantities has {name!r}: must be out of {', '.join(Solution._fields)}")
     given = scene
-    scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
+    separated = "separation" in quantities
+    scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature, separated)
     check_heated(scene, quantities)
     if not iterates(scene) or "converged" in quantities:
         tables = known_tables(given, quantities, conditions[0].dtype)

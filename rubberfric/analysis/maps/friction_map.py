@@ -104,7 +104,9 @@ def friction_map(
     """
     quantities = _check(scene, quantities, ROBUST if quadrature is None else quadrature, block)
     conditions, dtype = _conditions(scene, velocity, pressure, temperature)
-    quadrature = quadrature or fitting_quadrature(scene, conditions.pressure)
+    if quadrature is None:
+        separated = "separation" in quantities
+        quadrature = fitting_quadrature(scene, conditions.pressure, separation=separated)
     # All of them are checked; one of each is enough for what is left to check, without a copy.
     ready, _ = checked(
         scene, conditions.velocity[0], conditions.pressure[0], conditions.temperature, quadrature

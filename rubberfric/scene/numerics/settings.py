@@ -47,14 +47,24 @@ RULES = {
         (Quadrature(order=14, panels=28, graded=12, ratio=4.5, angular_order=14), *_ALL),
     ),
 }
-# Of area and friction of one rough solid alone: near full contact it is the separation, a millionth of the
-# roughness there, that wants more panels.
-WITHOUT_SEPARATION = (
-    (Quadrature(order=13, panels=4, graded=6, ratio=5.0, angular_order=12), 5.0, -math.inf, 8.0),
-    (Quadrature(order=13, panels=7, graded=6, ratio=5.0, angular_order=12), 9.0, -math.inf, 8.0),
-    (Quadrature(order=13, panels=8, graded=6, ratio=5.0, angular_order=12), 10.5, -math.inf, 8.0),
-    (Quadrature(order=13, panels=12, graded=8, ratio=4.5, angular_order=13), 14.0, -math.inf, 14.0),
-)
+# Of area and friction alone: near full contact it is the separation, a millionth of the roughness there, that
+# wants more panels.
+WITHOUT_SEPARATION = {
+    1: (
+        (Quadrature(order=13, panels=4, graded=6, ratio=5.0, angular_order=12), 5.0, -math.inf, 8.0),
+        (Quadrature(order=13, panels=6, graded=6, ratio=5.0, angular_order=12), 8.2, 1.0, 8.0),
+        (Quadrature(order=13, panels=7, graded=6, ratio=5.0, angular_order=12), 9.0, -math.inf, 8.0),
+        (Quadrature(order=13, panels=8, graded=6, ratio=5.0, angular_order=12), 10.5, -math.inf, 8.0),
+        (Quadrature(order=13, panels=12, graded=8, ratio=4.5, angular_order=13), 14.0, -math.inf, 14.0),
+    ),
+    2: (
+        (Quadrature(order=13, panels=6, graded=6, ratio=5.0, angular_order=12), 8.0, -math.inf, 8.0),
+        (Quadrature(order=13, panels=8, graded=6, ratio=5.0, angular_order=12), 10.5, -math.inf, 8.0),
+        (Quadrature(order=14, panels=8, graded=8, ratio=4.5, angular_order=12), 10.0, -math.inf, 14.0),
+        (Quadrature(order=13, panels=10, graded=6, ratio=5.0, angular_order=12), 12.5, -math.inf, 8.0),
+        (Quadrature(order=14, panels=10, graded=8, ratio=4.5, angular_order=13), 12.5, -math.inf, 14.0),
+    ),
+}
 # Of one rough solid with heating: temperatures want more panels, and are solved to 1e-8 in strong feedback.
 HEATED = ((Quadrature(order=13, panels=8, graded=6, ratio=5.0, angular_order=12), 8.2, -1.0, 8.0),)
 # Where nothing else was measured, and where a number is traced.
@@ -89,7 +99,7 @@ def fitting_quadrature(
     scene : Scene
     pressure : [Pa], any shape
     margin : how much further the wavevectors may move apart and the moduli grow, in e-folds
-    separation : False: only area and friction must be good to 1e-9, as in fits
+    separation : False: only area and friction must be good to 1e-9, as where nothing else is asked for
 
     Returns
     -------
@@ -121,8 +131,8 @@ def fitting_quadrature(
         if plain and (bare or (len(rough) == 1 and parts <= {"shear", "heating"})):
             flattest, steepest = loads_of(scene, pressure)
             rules = RULES[len(rough)] if bare else HEATED
-            if bare and len(rough) == 1 and not separation:
-                rules = (*WITHOUT_SEPARATION, *rules)
+            if bare and not separation:
+                rules = (*WITHOUT_SEPARATION[len(rough)], *rules)
             for setting, longest, least, largest in rules:
                 if span + margin <= longest and least <= flattest - margin and steepest + margin <= largest:
                     return setting
