@@ -20,7 +20,7 @@ from rubberfric.materials.tabulated_modulus import LONGEST, REACH
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means
 from rubberfric.theory.stiffness.circle_means import LEAD, Weights, circle_means, circle_weights, lead_in
-from rubberfric.theory.stiffness.splines import BESIDE, MARGIN, at, splines
+from rubberfric.theory.stiffness.splines import BEFORE, BESIDE, MARGIN, at, splines
 from rubberfric.theory.stiffness.tabulated_means import (
     PER_DETAIL,
     Tabulated,
@@ -83,7 +83,7 @@ def means_table(F: Tabulated, needs: Needs, split: bool, harmonics: Harmonics | 
     low, high = log_range(material)
     ends = jax.lax.stop_gradient(jnp.stack([low - _BELOW - reach, high + _ABOVE + reach]))
     # With what the splines hang on beside the ends, and the circle before and after.
-    first = jnp.floor(ends[0] / step) - BESIDE - MARGIN
+    first = jnp.floor(ends[0] / step) - BEFORE
     count = math.ceil((LONGEST + _BELOW + _ABOVE + 2 * reach) / step) + 12 + 2 * MARGIN
     moduli = material.storage_and_loss_on_grid(first - before, step, before + count + LEAD)
     parts = parts_of(F, *moduli)

@@ -17,6 +17,8 @@ from rubberfric.base.quadrature import typed
 _DEGREE = 9
 BESIDE = _DEGREE // 2
 MARGIN = 16
+# Entries before the cell of the lowest position: one more, for rounding may find that just before its cell.
+BEFORE = BESIDE + MARGIN + 1
 
 
 @functools.cache

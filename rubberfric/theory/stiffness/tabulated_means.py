@@ -19,7 +19,7 @@ from rubberfric.materials.tabulated_modulus import LONGEST, REACH
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means
 from rubberfric.theory.stiffness.circle_means import circle_rule, harmonic
-from rubberfric.theory.stiffness.splines import BESIDE, MARGIN, at, splines
+from rubberfric.theory.stiffness.splines import BEFORE, BESIDE, MARGIN, at, splines
 
 # Steps of the grid in the finest detail of E over ln omega, and of the integral of a node.
 PER_DETAIL, _PER_DETAIL_OF_A_NODE = 6, 2
@@ -235,7 +235,7 @@ def moduli_on_grid(material: Material) -> Moduli:
     step, reach = material.detail / PER_DETAIL, REACH * material.detail
     low, high = log_range(material)
     ends = jax.lax.stop_gradient(jnp.stack([low - reach, high + reach]))
-    first = jnp.floor(ends[0] / step) - BESIDE - MARGIN
+    first = jnp.floor(ends[0] / step) - BEFORE
     count = math.ceil((LONGEST + 2 * reach) / step) + 12 + 2 * MARGIN
     logarithms = log_power(jnp.stack(material.storage_and_loss_on_grid(first, step, count)))
     logarithms = jnp.where(high - low <= LONGEST, logarithms, jnp.nan)

@@ -181,6 +181,19 @@ def test_no_seams():
     assert np.abs(np.diff(curvature)).max() < 0.2 * np.abs(curvature).max()
 
 
+@pytest.mark.parametrize("of", [means, means_by_node])
+def test_where_a_table_begins_on_the_grid_does_not_matter(of):
+    """Beyond its ends as well: an end that rounding takes for the cell before the first was a step off."""
+    # Where a product and a sum are rounded once, as XLA does by default.
+    of = jax.jit(of.__wrapped__, compiler_options={"xla_backend_optimization_level": 3})
+    x, *logarithms = random_table(0)
+    at, step = velocities((x, *logarithms)), 0.1 / 6
+    moved = np.concatenate([np.arange(40), np.arange(40) + 0.5]) * step
+    moved = np.concatenate([moved, np.nextafter(moved, 1e3), [0.123]])
+    rows = [of(stiffness((x + by, *logarithms), "fall", jnp.asarray(2.0)), at + by) for by in moved]
+    np.testing.assert_allclose(rows, np.broadcast_to(rows[-1], np.shape(rows)), rtol=1e-10)
+
+
 @pytest.mark.parametrize("width", [0.05, 0.4])
 def test_another_width(width):
     table = random_table(0)
