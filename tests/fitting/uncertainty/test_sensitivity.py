@@ -16,7 +16,7 @@ from support.scenes.fits import FAST
 
 import rubberfric as rf
 from fitting import sensitivity, sensitivity_names
-from rubberfric.analysis.jacobian import BLOCK
+from rubberfric.analysis.derivatives.jacobian import BLOCK
 
 ORACLE = reference("derivative_cases")
 

@@ -7,7 +7,7 @@ import pytest
 from support.scenes.common import RIGID, ROAD, SHEAR, WLF
 
 import rubberfric as rf
-from rubberfric.analysis.jacobian import BLOCK, value_and_jacobian
+from rubberfric.analysis.derivatives.jacobian import BLOCK, value_and_jacobian
 from rubberfric.scene.scene import cast
 
 COARSE = rf.Quadrature(order=6, panels=4, graded=3, angular_order=6)

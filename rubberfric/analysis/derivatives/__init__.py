@@ -1,0 +1,1 @@
+"""Derivatives of a quantity at many points by a few parameters."""
