@@ -24,6 +24,7 @@ from fitting.solvers.problem import make_problem
 from rubberfric.analysis.derivatives import jacobian
 from rubberfric.analysis.derivatives.jacobian import value_and_jacobian
 from rubberfric.base.fixed_points import anderson
+from rubberfric.theory.temperatures import branch
 
 NAMES = ("area", "viscoelastic_friction", "shear_friction", "friction", "separation", "flash_temperature")
 POINTS = 8
@@ -406,6 +407,8 @@ def test_what_did_not_converge_says_so(monkeypatch):
 @pytest.mark.parametrize("steps", [1, 2])
 def test_scenes_that_did_not_converge_are_finite(monkeypatch, steps):
     monkeypatch.setattr(anderson, "_MOST_STEPS", steps)
+    # Else the branch is followed on the scene's own mesh.
+    monkeypatch.setattr(branch, "_MOST_EVALUATIONS", steps)
     # A setting of its own is compiled anew.
     values = found(SHEARED, quadrature=rf.Quadrature(heat=160 + steps), v=[0.0, 1e-4, 1.0, 10.0])
     assert not values["converged"][1:4].any()

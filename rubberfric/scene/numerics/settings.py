@@ -74,13 +74,21 @@ TRACED = {1: Quadrature(angular_order=12), 2: ROBUST}
 OTHER = Quadrature(order=12, panels=12, angular_order=15), 12.0
 
 
-# For a tabulated modulus without steps on a rough rigid solid, (setting, largest L), where Lambda is at most
-# `GENTLE`: panels as its detail asks for (`Quadrature.resolving`), each so narrow that order 8 is enough.
+# For a tabulated modulus without steps on a rough rigid solid, in that form: panels as its detail asks for
+# (`Quadrature.resolving`), each so narrow that order 8 is enough.
 TABULATED = tuple(
-    (Quadrature(order=8, panels=panels, graded=8, ratio=3.2, angular_order=16), panels / 1.25)
-    for panels in (5, 7, 9, 11, 13)
+    (Quadrature(order=8, panels=panels, graded=8, ratio=ratio, angular_order=16), longest, -math.inf, largest)
+    for panels, ratio, longest, largest in (
+        (5, 3.2, 4.0, 8.0),
+        (7, 3.2, 5.6, 8.0),
+        (9, 3.2, 7.2, 8.0),
+        (11, 3.2, 8.8, 10.5),
+        (13, 3.2, 12.5, 10.5),
+        (17, 4.0, 15.0, 12.5),
+    )
 )
-GENTLE = 8.0
+# With heating the last alone. Temperatures leave one of a hundred scenes 1e-8 off, with more nodes too.
+HEATED_TABLES = TABULATED[-1:]
 # A step: moduli that rise by more than e^1.5 within three widths of what rounds them.
 STEP = 1.5
 
@@ -107,7 +115,8 @@ def fitting_quadrature(
     pressure (two rough solids with plateaus of nine decades each are 1e-7 off with it: give `quadrature`
     there); a derivative outside `jit` has the setting of its value. The rules were measured for
     half-spaces of `Rigid`, `Elastic` and `Prony` with `SelfAffine` roughness, heated ones of three decades
-    among them, and of `TabulatedModulus` on a rough rigid solid; other scenes have some nodes more.
+    among them, and of `TabulatedModulus` on a rough rigid solid, also heated and with the area correction;
+    other scenes have some nodes more.
 
     Raises
     ------
@@ -125,21 +134,28 @@ def fitting_quadrature(
     # So numbers that are differentiated outside `jit` are known. At once: each alone takes a quarter of a ms.
     scene, pressure = _without_tangents((scene, pressure))
     try:
-        span = span_of(scene)
-        parts = present(scene)
-        bare = parts <= {"shear"}
-        if plain and (bare or (len(rough) == 1 and parts <= {"shear", "heating"})):
+        span, rules = span_of(scene), _rules_of(scene, len(rough), plain, separation, margin)
+        if rules:
             flattest, steepest = loads_of(scene, pressure)
-            rules = RULES[len(rough)] if bare else HEATED
-            if bare and not separation:
-                rules = (*WITHOUT_SEPARATION[len(rough)], *rules)
             for setting, longest, least, largest in rules:
                 if span + margin <= longest and least <= flattest - margin and steepest + margin <= largest:
                     return setting
-        rules = (*TABULATED, OTHER) if bare and _tabulated_gently(scene, pressure, margin) else (OTHER,)
-        return next((setting for setting, longest in rules if span + margin <= longest), ROBUST)
+        return OTHER[0] if span + margin <= OTHER[1] else ROBUST
     except _TracedError:
         return TRACED[len(rough)] if plain else ROBUST
+
+
+def _rules_of(scene, rough, plain, separation, margin):
+    """Settings and their limits that were measured for scenes of these parts, of increasing work."""
+    parts = present(scene)
+    bare = parts <= {"shear"}
+    if plain and bare:
+        return RULES[rough] if separation else (*WITHOUT_SEPARATION[rough], *RULES[rough])
+    if plain and rough == 1 and parts <= {"shear", "heating"}:
+        return HEATED
+    if parts <= {"shear", "area_correction", "heating"} and _tabulated_smoothly(scene, margin):
+        return HEATED_TABLES if "heating" in parts else TABULATED
+    return ()
 
 
 def span_of(scene: Scene) -> float:
@@ -159,14 +175,14 @@ def span_of(scene: Scene) -> float:
     return math.log(max(ends) / min(ends)) + plateaus if ends else 0.0
 
 
-def _tabulated_gently(scene, pressure, margin):
-    """Whether `TABULATED` is for a scene without optional parts."""
+def _tabulated_smoothly(scene, margin):
+    """Whether the solids are those that `TABULATED` is for."""
     bodies = [body for body in (scene.lower, scene.upper) if body.material.deforms]
     if len(bodies) > 1 or type(bodies[0].material) is not TabulatedModulus or bodies[0].layer is not None:
         return False
     if bodies[0].spectrum is not None:
         return False
-    return _rise_of(bodies[0].material) + margin <= STEP and loads_of(scene, pressure)[1] + margin <= GENTLE
+    return _rise_of(bodies[0].material) + margin <= STEP
 
 
 def _rise_of(material):
