@@ -124,7 +124,7 @@ def test_weights():
     C = measured()
     C[::2] *= 3.0
     relative = np.where(np.arange(Q.size) % 2, 0.01, 100.0)
-    found = fit_spectrum((Q, C), relative=np.minimum(relative, 3.0))
+    found = fit_spectrum(SpectrumData(Q, C, relative=np.minimum(relative, 3.0), check_units=False))
     np.testing.assert_allclose(leaves(found.spectrum), leaves(TRUTH), rtol=1e-3)
     found = fit_spectrum(SpectrumData(Q, measured(), sigma=0.1 * measured()))
     np.testing.assert_allclose(leaves(found.spectrum), leaves(TRUTH), rtol=1e-6)

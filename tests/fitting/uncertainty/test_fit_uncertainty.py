@@ -299,7 +299,7 @@ def test_friction_at_light_load_cannot_tell_gamma_from_the_height_of_the_roughne
     up, height = direction.loadings
     assert up * height < 0 and abs(up) > 0.1 and abs(height) > 0.1
     assert "gamma" in direction.text and "lower.spectrum.h_rms * λ" in direction.text
-    assert "add a measured spectrum, or hold gamma or the cut-off" in direction.text
+    assert "add a measured spectrum or an area curve, or hold gamma or the cut-off" in direction.text
     assert set(result.withheld) == set(free)
     every_gap_is_explained(result)
 
