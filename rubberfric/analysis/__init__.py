@@ -21,8 +21,8 @@ if TYPE_CHECKING:
         adhesion_matters,
         adhesion_profile,
         full_contact_energy,
-        pull_off_force,
     )
+    from rubberfric.analysis.interface.pull_off import pull_off_force
     from rubberfric.analysis.interface.separations import SeparationProfile, separation_profile
     from rubberfric.analysis.interface.stresses import contact_stiffness, stress_distribution
     from rubberfric.analysis.maps.friction_map import FrictionMap, friction_map
@@ -74,9 +74,9 @@ lazily(
         "rubberfric.analysis.error_and_time.sweep": "accuracy",
         "rubberfric.analysis.extrapolation": "friction_outside_table",
         "rubberfric.analysis.interface.adhesion": (
-            "AdhesionProfile AdhesionVerdict adhesion_matters adhesion_profile full_contact_energy "
-            "pull_off_force"
+            "AdhesionProfile AdhesionVerdict adhesion_matters adhesion_profile full_contact_energy"
         ),
+        "rubberfric.analysis.interface.pull_off": "pull_off_force",
         "rubberfric.analysis.interface.separations": "SeparationProfile separation_profile",
         "rubberfric.analysis.interface.stresses": "contact_stiffness stress_distribution",
         "rubberfric.analysis.maps.friction_map": "FrictionMap friction_map",

@@ -181,7 +181,7 @@ def evaluate(
     prepared: Prepared,
     quantities: Iterable[str],
     points: Iterable[jax.Array],
-    known: tuple[Contact, Temperatures] | None = None,
+    known: tuple[Contact, Temperatures | None] | None = None,
 ) -> dict[str, jax.Array]:
     """Quantities at points.
 

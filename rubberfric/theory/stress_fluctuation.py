@@ -23,7 +23,7 @@ from rubberfric.scene.correlation import Correlation
 from rubberfric.scene.pairs import PairTemperatures
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
 from rubberfric.theory.area.first_passage import from_nodes_on
-from rubberfric.theory.area.long_range import Attraction, Gaps, attract
+from rubberfric.theory.area.long_range import Attraction, Gaps, attract, attraction
 from rubberfric.theory.area.partial_contact import (
     contact_argument,
     contact_fraction,
@@ -108,6 +108,29 @@ class Roughness(NamedTuple):
         temperatures : for each contribution those of its two solids [K]: None, (points,), or
             (angular panels, points, angular order)
         """
+        contact, g = self._without_adhesion(velocity, pressure, temperatures)
+        if g is None or self.adhesion is None:
+            return contact
+        if self.adhesion.limit == "short":
+            return contact._replace(detached=self._detached(self.adhesion, contact, g, pressure))
+        attracted = attract(self._gaps(self.adhesion, contact, g, pressure), self.mesh.q.shape[1])
+        stiffness = contact.stiffness / attracted.load
+        x = contact_argument(g, stiffness[:, None])
+        return contact._replace(stiffness=stiffness, x=x, attracted=attracted)
+
+    def attraction(
+        self, velocity: jax.Array, pressure: jax.Array, temperatures: Sequence[PairTemperatures]
+    ) -> tuple[Contact, jax.Array]:
+        """`Contact` of a scene with adhesion of long range as without it, and the attraction in it.
+
+        That is over the work over the range, shape (points,); arguments as of `contact`.
+        """
+        contact, g = self._without_adhesion(velocity, pressure, temperatures)
+        assert g is not None and self.adhesion is not None
+        return contact, attraction(self._gaps(self.adhesion, contact, g, pressure), self.mesh.q.shape[1])
+
+    def _without_adhesion(self, velocity, pressure, temperatures):
+        """`Contact`, and g at the nodes where it is known there, else None."""
         found = [
             one.terms(self.mesh, velocity, T) for one, T in zip(self.contributions, temperatures, strict=True)
         ]
@@ -118,19 +141,14 @@ class Roughness(NamedTuple):
         if not within:
             # Contributions have panels of their own where nothing but the whole integral is needed.
             whole = jnp.pi / 4 * total(jnp.sum(terms.panels, 0, keepdims=True) for terms in found)
-            return Contact(found, stiffness, whole, None, self.gamma, self.correction)
+            return Contact(found, stiffness, whole, None, self.gamma, self.correction), None
         panels = jnp.pi / 4 * total(terms.panels for terms in found)
         g = _sum_before(panels)[..., None] + jnp.pi / 4 * total(within)
         x = contact_argument(g, stiffness[:, None])
-        contact = Contact(found, stiffness, panels, x, self.gamma, self.correction)
-        if self.adhesion is None:
-            return contact
-        if self.adhesion.limit == "long":
-            return self._attracted(self.adhesion, contact, g, pressure)
-        return contact._replace(detached=self._detached(self.adhesion, contact, g, pressure))
+        return Contact(found, stiffness, panels, x, self.gamma, self.correction), g
 
-    def _attracted(self, adhesion, contact, g, pressure):
-        """The contact without adhesion under the load and the attraction."""
+    def _gaps(self, adhesion, contact, g, pressure):
+        """`Gaps` of the contact without adhesion."""
         end = jnp.sum(contact.panels, 0)
         storage = total(terms.densities["storage"] for terms in contact.terms)
         heights = 2 * jnp.pi * total(self.mesh.roughness) / self.mesh.q**2
@@ -143,7 +161,7 @@ class Roughness(NamedTuple):
 
         # Where the roughness begins g may be too small for its logarithm.
         knots = jnp.log(jnp.maximum(in_a_row(g, end), jnp.finfo(g.dtype).tiny))
-        gaps = Gaps(
+        return Gaps(
             knots=knots,
             storage=in_a_row(from_nodes_on(storage), 0 * end),
             heights=in_a_row(from_nodes_on(heights[:, None]), 0 * end),
@@ -154,10 +172,6 @@ class Roughness(NamedTuple):
             correction=self.correction,
             lost=loss_table(self.gamma),
         )
-        attracted = attract(gaps, self.mesh.q.shape[1])
-        stiffness = contact.stiffness / attracted.load
-        x = contact_argument(g, stiffness[:, None])
-        return contact._replace(stiffness=stiffness, x=x, attracted=attracted)
 
     def _detached(self, adhesion, contact, g, pressure):
         """`Detachment` of the contact without adhesion."""

@@ -1,4 +1,4 @@
-r"""Adhesion: whether it matters, what is left of it at each length scale, and the force on a sphere.
+r"""Adhesion: whether it matters, and what is left of it at each length scale.
 
 .. math:: \frac{U_\mathrm{el}}{A_0} = \frac12\int d^2q \sum_j C_j\,\mathrm{Re}K_j
           \qquad\Big[= \frac{\pi}{2} E_r\int dq\, q^2 C(q) \text{ of one elastic half-space}\Big]
@@ -203,58 +203,10 @@ def adhesion_profile(
     if not rough_surfaces(scene):
         raise ValueError("scene: nothing in it is rough; lower.spectrum or upper.spectrum must be given")
     scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
-    q, found = _detached(scene, *conditions, quadrature=quadrature)
+    q, found = detached(scene, *conditions, quadrature=quadrature)
     warn_of_last_iterates(scene, found["converged"], conditions)
     fields = {name: found[name] for name in ("area", "work", "stress")}
     return AdhesionProfile(q=q, magnification=q / q[0], **fields)
-
-
-def pull_off_force(
-    scene: Scene,
-    radius: ArrayLike,
-    pressure: ArrayLike,
-    temperature: ArrayLike | None = None,
-    *,
-    quadrature: Quadrature = _DEFAULT,
-) -> jax.Array:
-    r"""Force that separates a rough sphere from a plane, both at rest.
-
-    .. math:: F = \frac{3\pi}{2} R\,\gamma_\mathrm{eff}
-
-    [Johnson, Kendall and Roberts, Proc. R. Soc. A 324, 301 (1971), with gamma_eff of all the roughness:
-    Persson, Eur. Phys. J. E 8, 385 (2002)]
-
-    Parameters
-    ----------
-    scene : Scene with adhesion
-    radius : R [m], > 0, a number
-    pressure, temperature : at which contact was made, array_like, broadcastable [Pa], [K]
-    quadrature : Quadrature, static
-
-    Returns
-    -------
-    array, broadcast shape [N], >= 0; 0 where the elastic energy outweighs the work of adhesion.
-
-    Raises
-    ------
-    ValueError : as `contact_area`; radius <= 0; a scene without adhesion of short range.
-
-    Warns
-    -----
-    RuntimeWarning : where the areas are not a solution.
-    """
-    adhesion = _check_adhesive(scene)
-    radius = as_leaf("radius", radius, 0)
-    check_values("radius", radius, POSITIVE)
-    scene, conditions = checked(scene, 0.0, pressure, temperature, quadrature)
-    if not rough_surfaces(scene):
-        shapes = [jnp.shape(x) for x in conditions if x is not None]
-        work = jnp.broadcast_to(jnp.asarray(adhesion.work), jnp.broadcast_shapes(*shapes))
-    else:
-        _, found = _detached(scene, *conditions, quadrature=quadrature)
-        warn_of_last_iterates(scene, found["converged"], conditions)
-        work = found["whole"]
-    return 1.5 * jnp.pi * radius * work
 
 
 def _check_adhesive(scene):
@@ -267,16 +219,23 @@ def _check_adhesive(scene):
 
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
-def _detached(scene, velocity, pressure, temperature, *, quadrature):
+def detached(
+    scene: Scene,
+    velocity: jax.Array,
+    pressure: jax.Array,
+    temperature: jax.Array | None,
+    *,
+    quadrature: Quadrature,
+) -> tuple[jax.Array, dict[str, jax.Array]]:
     """Wavevectors, and fields of `Detachment`, nodes last and in a row."""
     prepared = prepare(scene, ("area",), quadrature)
 
-    def detached(points):
+    def of_points(points):
         found = solved(prepared, *points)[0].detached
         assert found is not None  # the scene has adhesion
         fields = {name: getattr(found, name) for name in ("area", "work", "stress")}
         rows = {name: jnp.moveaxis(x, 1, 0).reshape(x.shape[1], -1) for name, x in fields.items()}
         return rows | {"whole": found.whole, "converged": found.converged}
 
-    found = over_points(detached, (velocity, pressure, temperature), ADHESIVE_BLOCK)
+    found = over_points(of_points, (velocity, pressure, temperature), ADHESIVE_BLOCK)
     return prepared.roughness.mesh.q.reshape(-1), found

@@ -123,6 +123,18 @@ def attract(gaps: Gaps, order: int) -> Attraction:
     return Attraction(jnp.exp(implicit(balance, solution[:, None])[:, 0]), converged)
 
 
+def attraction(gaps: Gaps, order: int) -> jax.Array:
+    """The attraction over that of full contact, <e^-u/r>, of contact that bears sigma_0 alone, (points,)."""
+    count = _OUTER * order, _INNER * order
+    axes = Gaps._make([0, 0, 0, 0, 0, None, None, None, None])
+
+    def share(gaps):
+        none = jnp.zeros_like(gaps.stiffness)
+        return _share(gaps, _nodes(gaps, none, count), none)
+
+    return jax.vmap(share, (axes,))(gaps)
+
+
 def _bracket(gaps):
     """About where the least solution lies, a load on either side of it, and the slope of the excess there.
 

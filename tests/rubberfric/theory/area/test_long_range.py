@@ -7,6 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy import special
+from scipy.interpolate import make_interp_spline
 from scipy.optimize import brentq
 
 import rubberfric as rf
@@ -261,4 +262,49 @@ def test_wrong_ranges_are_refused():
         rf.Adhesion(0.05, limit="long", range=-1.0)
     assert "separation" in rf.quantities_of(_scene(1e-2, 1e-7))
     with pytest.raises(ValueError, match=r'^scene.adhesion.limit is "long"'):
-        rf.analysis.pull_off_force(_scene(1e-2, 1e-7), 1e-2, 1e5)
+        rf.analysis.adhesion_profile(_scene(1e-2, 1e-7), 0.0, 1e5)
+
+
+def _work_left(work, reach, spectrum=FINE):
+    """Of the pull-off force, in shares of the work."""
+    force = rf.analysis.pull_off_force(_scene(work, reach, spectrum), 1e-2, 1e5)
+    return float(force) / (2 * math.pi * 1e-2 * work)
+
+
+@pytest.mark.parametrize(("work", "reach"), [(1e-3, 1e-7), (1e-2, 3e-8)])
+def test_the_work_of_separation_agrees_with_brute_force(work, reach):
+    """Attraction less elastic energy at loads one by one, and the largest of it."""
+    log_load = math.log(work / reach) + np.linspace(-12, 2, 57)
+    states = [_Theory(load, count=800) for load in np.exp(log_load)]
+    gaps = make_interp_spline(log_load, [one.volume[0] for one in states])
+    share = make_interp_spline(log_load, [one.attraction(reach) for one in states])
+    at, step = np.linspace(log_load[0], log_load[-1], 20001, retstep=True)
+    rate = -gaps.derivative()(at) * np.exp(at)
+    stored = rate[0] + step * np.append(0.0, np.cumsum(0.5 * (rate[1:] + rate[:-1])))
+    assert _work_left(work, reach) == pytest.approx(np.max(work * share(at) - stored) / work, rel=2e-4)
+
+
+def test_limits_of_the_work_of_separation():
+    """Smooth solids have all of it, stiff ones nothing; full contact is one of the states."""
+    assert _work_left(1e-2, 1e-7, FINE.replace(h_rms=1e-13)) == pytest.approx(1.0, abs=1e-9)
+    assert _work_left(1e-4, 1e-9) == 0
+    for work in (4e-3, 1e-2, 1.0):
+        left = _work_left(work, 1e-7)
+        full = 1 - float(rf.analysis.full_contact_energy(_scene(work, 1e-7))) / work
+        assert full - 2e-6 <= left < 1  # near full contact <e^-u/r> is 1e-6 off
+    # Of a range beyond all gaps what separates them is the range alone.
+    assert _work_left(1e-2, 1e-3) == pytest.approx(1.0, abs=1e-3)
+
+
+@pytest.mark.slow
+def test_derivatives_of_the_pull_off_force():
+    def force(x):
+        spectrum = FINE.replace(h_rms=H_RMS * jnp.exp(x[1]))
+        return jnp.log(rf.analysis.pull_off_force(_scene(1e-3 * jnp.exp(x[0]), 1e-7, spectrum), 1e-2, 1e5))
+
+    force, x = jax.jit(force), np.zeros(2)
+    forward, reverse = jax.jacfwd(force)(x), jax.jacrev(force)(x)
+    h = 1e-4 * np.eye(2)
+    differences = [float(force(x + step) - force(x - step)) / 2e-4 for step in h]
+    np.testing.assert_allclose(forward, reverse, rtol=1e-9)
+    np.testing.assert_allclose(forward, differences, rtol=1e-5)
