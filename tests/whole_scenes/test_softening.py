@@ -115,7 +115,7 @@ def test_means_have_the_derivatives_of_the_quadrature():
 
 
 def softened(name):
-    return pairs_of(scene(CASES[name]))[0].softened
+    return pairs_of(scene(CASES[name]))[0].softenings[0]
 
 
 @pytest.mark.slow
