@@ -297,6 +297,12 @@ def test_limits_of_the_work_of_separation():
 
 
 @pytest.mark.slow
+def test_a_work_beyond_all_others_has_a_derivative():
+    slope = jax.grad(lambda work: rf.analysis.pull_off_force(_scene(work, 1e-7), 1e-2, 1e5))(1e6)
+    assert float(slope) == pytest.approx(2 * math.pi * 1e-2, rel=1e-9)
+
+
+@pytest.mark.slow
 def test_derivatives_of_the_pull_off_force():
     def force(x):
         spectrum = FINE.replace(h_rms=H_RMS * jnp.exp(x[1]))
