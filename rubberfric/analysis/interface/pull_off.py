@@ -182,8 +182,8 @@ def _of_light_loads(state, slopes, light):
     """W where the best load is less than the light one: that at which m <e^-u/r> of the work is u0 p."""
     u0, gain = -slopes.separation[0], slopes.gained[0]
     m = gain / state.gained[0]
-    # Where attraction goes as the load, m = 1, none is; nor where all gaps are within reach: m is rounding, and
-    # its logarithm no number.
+    # Where attraction goes as the load, m = 1, none is; nor where all gaps are within reach: m is rounding,
+    # and its logarithm no number.
     some = (m > 0) & (m < _AS_THE_LOAD) & (u0 * jnp.exp(light) >= gain)
     m, u0, gain = (jnp.where(some, x, 0.5) for x in (m, u0, gain))
     back = (light + jnp.log(u0) - jnp.log(gain)) / (1 - m)
