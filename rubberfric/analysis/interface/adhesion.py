@@ -19,7 +19,8 @@ from jax.typing import ArrayLike
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.scene import Scene, detaches, rough_surfaces
+from rubberfric.scene.adhesion import Adhesion
+from rubberfric.scene.scene import Scene, rough_surfaces
 from rubberfric.theory.arguments import checked, warn_of_last_iterates
 from rubberfric.theory.contributions import total
 from rubberfric.theory.integrals import prepare, solved
@@ -199,7 +200,8 @@ def adhesion_profile(
     -----
     RuntimeWarning : where the areas are not a solution.
     """
-    _check_adhesive(scene)
+    if adhesion_of(scene).limit == "long":
+        raise ValueError('scene.adhesion.limit is "long": nothing is detached at a stress; must be "short"')
     if not rough_surfaces(scene):
         raise ValueError("scene: nothing in it is rough; lower.spectrum or upper.spectrum must be given")
     scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
@@ -209,12 +211,10 @@ def adhesion_profile(
     return AdhesionProfile(q=q, magnification=q / q[0], **fields)
 
 
-def _check_adhesive(scene):
-    """The adhesion of a scene, of short range, or ValueError."""
+def adhesion_of(scene: Scene) -> Adhesion:
+    """The adhesion of a scene, or ValueError."""
     if scene.adhesion is None:
         raise ValueError("scene.adhesion is None: must be an Adhesion")
-    if not detaches(scene):
-        raise ValueError('scene.adhesion.limit is "long": nothing is detached at a stress; must be "short"')
     return scene.adhesion
 
 

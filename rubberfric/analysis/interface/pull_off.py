@@ -23,7 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.analysis.interface.adhesion import detached
+from rubberfric.analysis.interface.adhesion import adhesion_of, detached
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature, gauss, typed
@@ -89,9 +89,7 @@ def pull_off_force(
     Limits: of long range W is up to 14 % below that of boundary elements at Tabor 0.1, 6 to 60 % at 0.3, the
     more the less of the work is left (tests/rubberfric/theory/area/test_adhesive_elements.py).
     """
-    adhesion = scene.adhesion
-    if adhesion is None:
-        raise ValueError("scene.adhesion is None: must be an Adhesion")
+    adhesion = adhesion_of(scene)
     radius = as_leaf("radius", radius, 0)
     check_values("radius", radius, POSITIVE)
     scene, conditions = checked(scene, 0.0, pressure, temperature, quadrature)

@@ -68,6 +68,10 @@ class Gaps(NamedTuple):
     lost: LossTable
 
 
+# Axes of points.
+_POINTS = Gaps._make([0, 0, 0, 0, 0, None, None, None, None])
+
+
 class _Nodes(NamedTuple):
     """Of the outer integral over ln g, (m,), and of the inner ones over the logarithm of its rise, (m, n)."""
 
@@ -97,10 +101,9 @@ def attract(gaps: Gaps, order: int) -> Attraction:
     -------
     Attraction, of the least load if there are several; derivatives implicit
     """
-    count = _OUTER * order, _INNER * order
-    axes = Gaps._make([0, 0, 0, 0, 0, None, None, None, None])
+    count = _counts(order)
     still = jax.lax.stop_gradient(gaps)
-    first, low, high, slope = jax.vmap(_bracket, (axes,))(still)
+    first, low, high, slope = jax.vmap(_bracket, (_POINTS,))(still)
 
     def log_load(gaps, start, z):
         nodes = _nodes(gaps, start, count)
@@ -115,24 +118,26 @@ def attract(gaps: Gaps, order: int) -> Attraction:
 
         return _root(excess, start, low, high, slope, top)
 
-    solution, converged = jax.vmap(searched, (axes, 0, 0, 0, 0))(still, first, low, high, slope)
+    solution, converged = jax.vmap(searched, (_POINTS, 0, 0, 0, 0))(still, first, low, high, slope)
 
     def balance(z):
-        return jax.vmap(log_load, (axes, 0, 0))(gaps, first, z[:, 0])[:, None]
+        return jax.vmap(log_load, (_POINTS, 0, 0))(gaps, first, z[:, 0])[:, None]
 
     return Attraction(jnp.exp(implicit(balance, solution[:, None])[:, 0]), converged)
 
 
 def attraction(gaps: Gaps, order: int) -> jax.Array:
     """The attraction over that of full contact, <e^-u/r>, of contact that bears sigma_0 alone, (points,)."""
-    count = _OUTER * order, _INNER * order
-    axes = Gaps._make([0, 0, 0, 0, 0, None, None, None, None])
 
     def share(gaps):
         none = jnp.zeros_like(gaps.stiffness)
-        return _share(gaps, _nodes(gaps, none, count), none)
+        return _share(gaps, _nodes(gaps, none, _counts(order)), none)
 
-    return jax.vmap(share, (axes,))(gaps)
+    return jax.vmap(share, (_POINTS,))(gaps)
+
+
+def _counts(order):
+    return _OUTER * order, _INNER * order
 
 
 def _bracket(gaps):
