@@ -132,6 +132,8 @@ def planned(
     # LAPACK may not return from a matrix with NaN in it.
     jacobian = jnp.where(finite, jacobian, 0.0)
     U, s, V = jnp.linalg.svd(jacobian, full_matrices=False)
+    # Of a number that may not move, whose column is 0, rounding leaves 1e-17 there, and a step 1e-11.
+    V = V * jnp.any(jacobian != 0, 0)
     along = U.T @ rows
     dampings = jnp.clip(damping * np.asarray(TRIALS, dtype), SOFTEST, STIFFEST)
     # s = 0 throughout: nothing to gain, and no step.
