@@ -1,7 +1,12 @@
 r"""Adhesion: solids that gain a work of adhesion where they touch, in the two limits of its range.
 
-Where the attraction reaches less far than the solids deform, cracks of detached area open at a stress that
-follows from fracture mechanics [Persson, Eur. Phys. J. E 8, 385 (2002), doi:10.1140/epje/i2002-10025-1],
+Where the attraction reaches less far than the solids deform, it holds the area that a higher load p_1 would
+make, at the least energy [Ciavarella, J. Mech. Phys. Solids 114, 209 (2018), doi:10.1016/j.jmps.2018.02.011],
+
+.. math:: p_1 = \sigma_0 + \sqrt{2\,\Delta\gamma\, A'(p_1) / u''(p_1)}
+
+or, after fracture mechanics at every length scale, cracks of detached area open at a stress [Persson, Eur.
+Phys. J. E 8, 385 (2002), doi:10.1140/epje/i2002-10025-1],
 
 .. math:: \sigma_a(q)^2 = c\, E_r(q)\, q\, \gamma_\mathrm{eff}(q)
 
@@ -21,6 +26,8 @@ from rubberfric.base.checks import POSITIVE, between
 from rubberfric.base.objects.fields import Number, OptionalNumber, leaf, static
 from rubberfric.base.objects.physical import PhysicalObject, physical
 
+PREFACTOR = 4 / math.pi  # [Persson 2002]
+
 
 @physical
 class Adhesion(PhysicalObject):
@@ -29,40 +36,50 @@ class Adhesion(PhysicalObject):
     Parameters
     ----------
     work : of adhesion per area of contact [J/m^2], > 0; 0.05 for rubber on most clean solids
-    prefactor : c of the detachment stress [-], 4/pi [Persson 2002]; 0.4 to 1.3 by the geometry of the cracks;
-        of short range only
+    prefactor : c of the detachment stress [-]; None: 4/pi [Persson 2002]; 0.4 to 1.3 by the geometry of the
+        cracks; of the criterion "stress" alone
     limit : "short" or "long" (static)
     range : r of the attraction [m], > 0; of long range only. Van der Waals forces reach some 0.3 nm,
         electrostatic ones micrometres.
+    criterion : of short range, what contact is held by, "energy" or "stress" (static)
 
-    Short range: full contact follows from the same equations, and so does contact without adhesion where the
-    elastic energy outweighs the work. `rubberfric.analysis.adhesion_matters` says beforehand whether it is
-    worth its cost. The iteration begins at contact without adhesion. Near a load or a work at which the
+    `rubberfric.analysis.adhesion_matters` says beforehand whether it is worth its cost. In friction contact
+    shear acts on the area that adheres, and the viscoelastic part is eq. (A17) with S P of that area, or of
+    p_1; both are over sigma_0 alone.
+
+    Short range, by energy: the areas of boundary elements at Tabor 3 within 15 % where less than a third of
+    the area touches (with S in G; 25 to 30 % too small without it, as areas without adhesion are), up to 30 %
+    too small near full contact, for elements jump into it sooner. Of several solutions it is the least, where
+    approaching solids come to rest; pulled apart again they hold up to twice as much. Where no load is large
+    enough contact is full. Derivatives are those of the solution, without bounds next to a jump.
+
+    By stress: 25 to 75 % too small against the same elements, whatever c, for the elastic energy that the
+    load has stored is taken from what adhesion may hold: of use to compare with what others computed by it.
+    The iteration begins at contact without adhesion. Near a load or a work at which the
     contact jumps into full contact it may end at either state, or at none: then it warns (`solve`:
-    "converged").
-
-    Limits: E_r is that of the moduli at the frequencies of sliding, at rest the relaxed one; no energy is
-    lost in the rubber by the opening of cracks. Contact shear acts on the area that adheres, and the
-    viscoelastic friction is eq. (A17) with S P of that area. The mean separation is not defined; not together
-    with heating or with S in G. Areas are those of the equations to 1e-8; where solids are about to jump into
-    contact, or hardly any of the work is left, to 3e-5, and derivatives to 2e-4.
+    "converged"). The mean separation is not defined; not together with S in G. Areas are those of the
+    equations to 1e-8; where solids are about to jump into contact, or hardly any of the work is left, to
+    3e-5, and derivatives to 2e-4.
 
     Long range: area, separation, and S P of the viscoelastic friction are those without adhesion under the
-    pressure p_rep; both parts of the friction are over sigma_0 alone. The exponential law has the work as its
+    pressure p_rep. The exponential law has the work as its
     integral, is the one of boundary elements too, and its mean over Gaussian separations is closed. It acts
     on the area of contact as well, which bears it: exact where r is far more than all gaps, p_rep = sigma_0 +
     work / r. Of several solutions it is the least, where approaching solids come to rest: they jump into
-    closer contact where that one ends, and there derivatives grow without bounds. Not together with heating.
+    closer contact where that one ends, and there derivatives grow without bounds. Against boundary elements
+    areas are good to 4 % at Tabor 0.1 (with S in G); at 0.3 they are up to 22 % too large at light load, for
+    the attraction deforms the solids.
 
-    Against boundary elements areas are good to 4 % at Tabor 0.1 (with S in G); at 0.3 they are up to 22 % too
-    large at light load, for the attraction deforms the solids
-    (tests/rubberfric/theory/area/test_adhesive_elements.py).
+    Limits: E_r is that of the moduli at the frequencies of sliding, at rest the relaxed one; no energy is
+    lost in the rubber by the opening of cracks. Not together with heating. The tables of boundary elements
+    are in tests/rubberfric/theory/area/test_adhesive_elements.py.
     """
 
     work: Number = leaf(POSITIVE, unit="J/m^2", plausible=(1e-9, 1e3))
-    prefactor: Number = leaf(between(1e-3, 1e3), unit="-", default=4 / math.pi)
+    prefactor: OptionalNumber = leaf(between(1e-3, 1e3), unit="-", default=None)
     limit: Literal["short", "long"] = static(default="short")
     range: OptionalNumber = leaf(POSITIVE, unit="m", plausible=(1e-11, 1e-3), default=None)
+    criterion: Literal["energy", "stress"] = static(default="energy")
 
     def _check(self):
         if self.limit == "long" and self.range is None:
@@ -71,3 +88,16 @@ class Adhesion(PhysicalObject):
             raise ValueError(
                 'Adhesion.range: adhesion of short range has none; must be None, or limit "long"'
             )
+        if self.limit == "long" and self.criterion == "stress":
+            raise ValueError(
+                'Adhesion.criterion is "stress": of short range only; must be "energy", or limit "short"'
+            )
+        if self.prefactor is not None and not self.by_stress:
+            raise ValueError(
+                'Adhesion.prefactor: of the detachment stress alone; must be None, or criterion "stress"'
+            )
+
+    @property
+    def by_stress(self) -> bool:
+        """Whether contact is pulled off at a stress."""
+        return self.limit == "short" and self.criterion == "stress"

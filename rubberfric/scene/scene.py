@@ -210,8 +210,8 @@ def relaxes(body: Body) -> bool:
 
 
 def detaches(scene: Scene) -> bool:
-    """Whether contact is pulled off at a stress: adhesion of short range."""
-    return scene.adhesion is not None and scene.adhesion.limit == "short"
+    """Whether contact is pulled off at a stress."""
+    return scene.adhesion is not None and scene.adhesion.by_stress
 
 
 def dissipates(scene: Scene) -> bool:

@@ -207,8 +207,8 @@ def evaluate(
         found |= _integrated(contact, parts | {"area"} if sheared else parts)
         if contact.detached is not None:
             found["converged"] = contact.detached.converged
-        if contact.attracted is not None:
-            found["converged"] = contact.attracted.converged
+        if contact.pressed is not None:
+            found["converged"] = contact.pressed.converged
         if temperatures is not None:
             found |= {"flash_temperature": temperatures.flash, "converged": temperatures.converged}
             surface = temperatures.surface
@@ -235,6 +235,8 @@ def _integrated(contact, parts):
         density = total(terms.densities["storage"] for terms in contact.terms)
         weight = separation_weight(contact.x, contact.gamma)
         found["separation"] = jnp.pi / 2 * contact.stiffness * jnp.sum(weight * density, (0, 2))
+        if contact.pressed is not None and contact.pressed.lift is not None:
+            found["separation"] = found["separation"] + contact.pressed.lift
     return found
 
 

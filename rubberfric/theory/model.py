@@ -180,7 +180,7 @@ def solve(
         of a heated scene "flash_temperature" (at the largest
         wavevector) and "converged": False where the temperatures are a last iterate, not a solution.
         Only these are computed. The contact shear needs no more than the area. With adhesion "converged"
-        says the same of the areas, and "separation" is not defined if it is of short range.
+        says the same of the areas, and "separation" is not defined if it is by stress.
     compiler_options : of XLA, as jax.jit has them, or None
         Not within a transformation. What is compiled so is not kept for another call of the process.
 

@@ -76,7 +76,7 @@ def parts_of(quantities: Iterable[str]) -> set[str]:
 def needs_of(scene: Scene, quantities: Iterable[str]) -> Needs:
     """What quantities need of a scene; nothing is integrated for those that are constant in it.
 
-    ValueError for the separation of a scene with adhesion of short range.
+    ValueError for the separation of a scene with adhesion of the criterion "stress".
     """
     needs = Needs()
     if "separation" in quantities and detaches(scene):

@@ -22,9 +22,11 @@ from rubberfric.scene.adhesion import Adhesion
 from rubberfric.scene.correlation import Correlation
 from rubberfric.scene.pairs import PairTemperatures
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
+from rubberfric.theory.area.constant_area import Unloading, hold, work_of_separation
 from rubberfric.theory.area.first_passage import from_nodes_on
-from rubberfric.theory.area.long_range import Attraction, Gaps, attract, attraction
+from rubberfric.theory.area.long_range import Gaps, attract, attraction
 from rubberfric.theory.area.partial_contact import (
+    Pressed,
     contact_argument,
     contact_fraction,
     energy_factor,
@@ -44,8 +46,8 @@ class Contact(NamedTuple):
     x: jax.Array | None  # 1 / (2 sqrt G), plain; None if the mesh is not graded
     gamma: jax.Array
     correction: CorrectionTable | None
-    detached: Detachment | None = None  # with adhesion of short range
-    attracted: Attraction | None = None  # of long range
+    detached: Detachment | None = None  # with adhesion of short range, by its stress
+    pressed: Pressed | None = None  # by its energy, or of long range
 
     def area(self, panels: jax.Array | None = None) -> jax.Array:
         """P after the first `panels` panels (None: after all, A/A0), (points,)."""
@@ -75,8 +77,8 @@ class Contact(NamedTuple):
         else:
             share = energy_factor(self.detached.area, self.gamma) * self.detached.area
         stiffness = self.stiffness
-        if self.attracted is not None:  # friction is over the load alone
-            stiffness = stiffness * self.attracted.load
+        if self.pressed is not None:  # friction is over the load alone
+            stiffness = stiffness * self.pressed.load
         weight = jnp.pi * stiffness[:, None] * share
         return {j: weight * density for j, density in found.items()}
 
@@ -111,12 +113,15 @@ class Roughness(NamedTuple):
         contact, g = self._without_adhesion(velocity, pressure, temperatures)
         if g is None or self.adhesion is None:
             return contact
-        if self.adhesion.limit == "short":
+        if self.adhesion.by_stress:
             return contact._replace(detached=self._detached(self.adhesion, contact, g, pressure))
-        attracted = attract(self._gaps(self.adhesion, contact, g, pressure), self.mesh.q.shape[1])
-        stiffness = contact.stiffness / attracted.load
+        if self.adhesion.limit == "short":
+            pressed = hold(self._unloading(self.adhesion, contact, pressure))
+        else:
+            pressed = attract(self._gaps(self.adhesion, contact, g, pressure), self.mesh.q.shape[1])
+        stiffness = contact.stiffness / pressed.load
         x = contact_argument(g, stiffness[:, None])
-        return contact._replace(stiffness=stiffness, x=x, attracted=attracted)
+        return contact._replace(stiffness=stiffness, x=x, pressed=pressed)
 
     def attraction(
         self, velocity: jax.Array, pressure: jax.Array, temperatures: Sequence[PairTemperatures]
@@ -128,6 +133,14 @@ class Roughness(NamedTuple):
         contact, g = self._without_adhesion(velocity, pressure, temperatures)
         assert g is not None and self.adhesion is not None
         return contact, attraction(self._gaps(self.adhesion, contact, g, pressure), self.mesh.q.shape[1])
+
+    def work_of_separation(
+        self, velocity: jax.Array, pressure: jax.Array, temperatures: Sequence[PairTemperatures]
+    ) -> jax.Array:
+        """What separates the solids from where adhesion holds them by its energy [J/m^2], as of `contact`."""
+        contact, _ = self._without_adhesion(velocity, pressure, temperatures)
+        assert self.adhesion is not None
+        return pressure * work_of_separation(self._unloading(self.adhesion, contact, pressure))
 
     def _without_adhesion(self, velocity, pressure, temperatures):
         """`Contact`, and g at the nodes where it is known there, else None."""
@@ -154,10 +167,8 @@ class Roughness(NamedTuple):
         heights = 2 * jnp.pi * total(self.mesh.roughness) / self.mesh.q**2
 
         def in_a_row(values, last):
-            panels, order = g.shape[0], g.shape[2]
-            values = jnp.broadcast_to(values, (panels, pressure.shape[0], order))
-            values = jnp.moveaxis(values, 1, 0).reshape(pressure.shape[0], -1)
-            return jnp.concatenate([values, jnp.broadcast_to(last, pressure.shape)[:, None]], -1)
+            last = jnp.broadcast_to(last, pressure.shape)[:, None]
+            return jnp.concatenate([_in_a_row(values, pressure, g.shape), last], -1)
 
         # Where the roughness begins g may be too small for its logarithm.
         knots = jnp.log(jnp.maximum(in_a_row(g, end), jnp.finfo(g.dtype).tiny))
@@ -171,6 +182,19 @@ class Roughness(NamedTuple):
             gamma=self.gamma,
             correction=self.correction,
             lost=loss_table(self.gamma),
+        )
+
+    def _unloading(self, adhesion, contact, pressure):
+        """`Unloading` of the contact without adhesion."""
+        storage = total(terms.densities["storage"] for terms in contact.terms)
+        return Unloading(
+            x=_in_a_row(contact.x, pressure),
+            storage=_in_a_row(storage, pressure, contact.x.shape),
+            end=contact_argument(jnp.sum(contact.panels, 0), contact.stiffness),
+            stiffness=contact.stiffness,
+            gain=2 * adhesion.work / pressure,
+            gamma=self.gamma,
+            correction=self.correction,
         )
 
     def _detached(self, adhesion, contact, g, pressure):
@@ -190,3 +214,10 @@ class Roughness(NamedTuple):
 def _sum_before(panels):
     """Sum over the panels before each one, without subtracting: a panel 1e20 times larger loses nothing."""
     return np.tril(np.ones((panels.shape[0],) * 2, panels.dtype), -1) @ panels
+
+
+def _in_a_row(values, pressure, shape=None):
+    """Values at the nodes, of each point in a row; for values of all points, the shape of the nodes."""
+    panels, _, order = values.shape if shape is None else shape
+    values = jnp.broadcast_to(values, (panels, pressure.shape[0], order))
+    return jnp.moveaxis(values, 1, 0).reshape(pressure.shape[0], -1)

@@ -75,7 +75,11 @@ STICKING = {
     "rubber, over velocity": (on(GROUND), np.logspace(-8, -4, 50), 1e5),
     "elastic solid, over pressure": (on(GROUND, rf.Elastic(1e7, 0.5)), 0.0, np.geomspace(1e4, 1e6, 50)),
 }
-ADHESION = {"short": rf.Adhesion(2e-3), "long": rf.Adhesion(1e-2, limit="long", range=1e-7)}
+ADHESION = {
+    "energy": rf.Adhesion(2e-3),
+    "stress": rf.Adhesion(2e-3, criterion="stress"),
+    "long": rf.Adhesion(1e-2, limit="long", range=1e-7),
+}
 
 
 @pytest.mark.parametrize("limit", ADHESION)

@@ -184,7 +184,7 @@ def adhesion_profile(
 
     Parameters
     ----------
-    scene : Scene with adhesion and roughness
+    scene : Scene with roughness, and adhesion of the criterion "stress"
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
     quadrature : Quadrature, static
 
@@ -194,14 +194,16 @@ def adhesion_profile(
 
     Raises
     ------
-    ValueError : as `contact_area`; a scene without roughness, or without adhesion of short range.
+    ValueError : as `contact_area`; a scene without roughness, or without adhesion by stress.
 
     Warns
     -----
     RuntimeWarning : where the areas are not a solution.
     """
-    if adhesion_of(scene).limit == "long":
-        raise ValueError('scene.adhesion.limit is "long": nothing is detached at a stress; must be "short"')
+    if not adhesion_of(scene).by_stress:
+        raise ValueError(
+            'scene.adhesion: nothing is detached at a stress; must be of limit "short" and criterion "stress"'
+        )
     if not rough_surfaces(scene):
         raise ValueError("scene: nothing in it is rough; lower.spectrum or upper.spectrum must be given")
     scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)

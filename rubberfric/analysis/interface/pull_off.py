@@ -1,6 +1,7 @@
 r"""The force that separates a rough sphere from a plane, in both limits of the range of attraction.
 
-Of short range it is that of Johnson, Kendall and Roberts with what the roughness leaves of the work. Of
+Of short range it is that of Johnson, Kendall and Roberts with what the roughness leaves of the work: W of
+`rubberfric.theory.area.constant_area`, or gamma_eff of all the roughness. Of
 long range the sphere keeps its shape, and Derjaguin's approximation has the force from the work that
 separates flat rough solids from where they rest under no load,
 
@@ -35,7 +36,7 @@ from rubberfric.theory.integrals import evaluate, prepare
 
 _DEFAULT = Quadrature()
 
-BLOCK = 4  # points at once, each of some hundred loads
+BLOCK, WORK_BLOCK = 4, 64  # points at once, of long range each of some hundred loads
 
 # x = 1 / (2 sqrt G) of light loads: beyond it the laws above are good to x^2. m from which on the attraction
 # goes as the load.
@@ -59,10 +60,11 @@ def pull_off_force(
 ) -> jax.Array:
     r"""Force that separates a rough sphere from a plane, both at rest.
 
-    .. math:: F = \tfrac{3\pi}{2} R\,\gamma_\mathrm{eff}\quad\text{(short range)},\qquad
+    .. math:: F = \tfrac{3\pi}{2} R\,W\quad\text{(short range)},\qquad
               F = 2\pi R\, W\quad\text{(long range)}
 
-    [Johnson, Kendall and Roberts, Proc. R. Soc. A 324, 301 (1971), with gamma_eff of all the roughness:
+    [Johnson, Kendall and Roberts, Proc. R. Soc. A 324, 301 (1971), with W of
+    `rubberfric.theory.area.constant_area`, of the criterion "stress" with gamma_eff of all the roughness:
     Persson, Eur. Phys. J. E 8, 385 (2002); Derjaguin, Muller and Toporov, J. Colloid Interface Sci. 53, 314
     (1975), with W as the module has it]
 
@@ -70,7 +72,7 @@ def pull_off_force(
     ----------
     scene : Scene with adhesion
     radius : R [m], > 0, a number
-    pressure, temperature : at which contact was made, array_like, broadcastable [Pa], [K]; of long range
+    pressure, temperature : at which contact was made, array_like, broadcastable [Pa], [K]; but by stress
         what was pressed together comes apart the same way, whatever the pressure
     quadrature : Quadrature, static
 
@@ -84,7 +86,7 @@ def pull_off_force(
 
     Warns
     -----
-    RuntimeWarning : where the areas of short range are not a solution.
+    RuntimeWarning : where the areas by stress are not a solution.
 
     Limits: of long range W is up to 14 % below that of boundary elements at Tabor 0.1, 6 to 60 % at 0.3, the
     more the less of the work is left (tests/rubberfric/theory/area/test_adhesive_elements.py).
@@ -93,7 +95,7 @@ def pull_off_force(
     radius = as_leaf("radius", radius, 0)
     check_values("radius", radius, POSITIVE)
     scene, conditions = checked(scene, 0.0, pressure, temperature, quadrature)
-    factor = 1.5 if detaches(scene) else 2.0
+    factor = 1.5 if adhesion.limit == "short" else 2.0
     if not rough_surfaces(scene):
         shapes = [jnp.shape(x) for x in conditions if x is not None]
         work = jnp.broadcast_to(jnp.asarray(adhesion.work), jnp.broadcast_shapes(*shapes))
@@ -101,9 +103,25 @@ def pull_off_force(
         _, found = detached(scene, *conditions, quadrature=quadrature)
         warn_of_last_iterates(scene, found["converged"], conditions)
         work = found["whole"]
+    elif adhesion.limit == "short":
+        work = _work_by_energy(scene, *conditions, quadrature=quadrature)
     else:
         work = _work_of_separation(scene, *conditions, quadrature=quadrature)
     return factor * jnp.pi * radius * work
+
+
+@functools.partial(jax.jit, static_argnames=("quadrature",))
+def _work_by_energy(scene, velocity, pressure, temperature, *, quadrature):
+    """W of short range [J/m^2]."""
+    prepared = prepare(scene, ("area",), quadrature)
+
+    def of_points(points):
+        velocity, pressure, *temperature = points
+        warm = temperature[0] if temperature else None
+        both = [PairTemperatures(warm, warm)] * len(prepared.roughness.contributions)
+        return prepared.roughness.work_of_separation(velocity, pressure, both)
+
+    return over_points(of_points, (velocity, pressure, temperature), WORK_BLOCK)
 
 
 class _State(NamedTuple):

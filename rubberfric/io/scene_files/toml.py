@@ -41,7 +41,7 @@
     file = "softening.csv"
     ...
 
-    [adhesion]                          # optional: work, prefactor; limit = "long" and range
+    [adhesion]                          # optional: work; limit = "long" and range; criterion = "stress"
 
     [correlation]                       # optional: coherence; at velocity 0 only
 

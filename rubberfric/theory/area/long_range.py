@@ -26,10 +26,12 @@ import numpy as np
 from jax.scipy.special import erf
 
 from rubberfric.base.fixed_points.anderson import implicit
+from rubberfric.base.fixed_points.secant import zero
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
 from rubberfric.theory.area.partial_contact import (
     TWO_OVER_ROOT_PI,
+    Pressed,
     contact_argument,
     contact_fraction,
     energy_factor,
@@ -50,8 +52,6 @@ _RISE = 4.0
 
 # How near q1 the outer nodes begin to be closer.
 _BEND = 0.2
-
-_MOST_STEPS = 60
 
 
 class Gaps(NamedTuple):
@@ -82,14 +82,7 @@ class _Nodes(NamedTuple):
     storage: jax.Array  # U beyond, times the weight
 
 
-class Attraction(NamedTuple):
-    """Contact with adhesion of long range, (points,)."""
-
-    load: jax.Array  # p_rep over sigma_0
-    converged: jax.Array
-
-
-def attract(gaps: Gaps, order: int) -> Attraction:
+def attract(gaps: Gaps, order: int) -> Pressed:
     """Solve for the load that the contact bears.
 
     Parameters
@@ -99,7 +92,7 @@ def attract(gaps: Gaps, order: int) -> Attraction:
 
     Returns
     -------
-    Attraction, of the least load if there are several; derivatives implicit
+    Pressed, of the least load if there are several; derivatives implicit
     """
     count = _counts(order)
     still = jax.lax.stop_gradient(gaps)
@@ -116,14 +109,14 @@ def attract(gaps: Gaps, order: int) -> Attraction:
         def excess(z):
             return z - jnp.log1p(gaps.strength * _share(gaps, nodes, z))
 
-        return _root(excess, start, low, high, slope, top)
+        return zero(excess, start, low, high, slope, top)
 
     solution, converged = jax.vmap(searched, (_POINTS, 0, 0, 0, 0))(still, first, low, high, slope)
 
     def balance(z):
         return jax.vmap(log_load, (_POINTS, 0, 0))(gaps, first, z[:, 0])[:, None]
 
-    return Attraction(jnp.exp(implicit(balance, solution[:, None])[:, 0]), converged)
+    return Pressed(jnp.exp(implicit(balance, solution[:, None])[:, 0]), converged)
 
 
 def attraction(gaps: Gaps, order: int) -> jax.Array:
@@ -145,7 +138,7 @@ def _bracket(gaps):
 
     Loads are logarithms of p_rep over sigma_0.
     """
-    loads = jnp.log1p(gaps.strength) * np.linspace(0.0, 1.0, _LOADS)
+    loads = jnp.log1p(gaps.strength) * typed(np.linspace(0.0, 1.0, _LOADS), gaps.strength)
     nodes = _nodes(gaps, jnp.zeros_like(gaps.strength), _FEW)
     excess = loads - jnp.log1p(gaps.strength * jax.vmap(lambda z: _share(gaps, nodes, z))(loads))
     # The last is one: no attraction is stronger than that of contact.
@@ -157,37 +150,6 @@ def _bracket(gaps):
     slope = jnp.where(step > 0, rise / jnp.where(step > 0, step, 1.0), 1.0)
     # Of so few nodes it may lie next to it.
     return start, loads[jnp.maximum(after - 2, 0)], loads[jnp.minimum(after + 1, _LOADS - 1)], slope
-
-
-def _root(function, start, low, high, slope, top):
-    """Zero between 0 and top, likely between low and high, by the secant method; and whether it was found."""
-    tolerance = 1e-5 if start.dtype != jnp.float64 else 1e-11
-    no = jnp.zeros_like(start, bool)
-
-    def step(progress):
-        k, z, low, high, below, above, before, value_before, slope, _ = progress
-        value = function(z)
-        found, short = jnp.abs(value) <= tolerance, value < 0
-        # Where a bound is no bound the zero is beyond it.
-        high = jnp.where(short & (z >= high), top, jnp.where(short, high, z))
-        low = jnp.where(~short & (z <= low), 0.0, jnp.where(short, z, low))
-        below, above = below | short, above | ~short
-        moved = z != before
-        slope = jnp.where(moved, (value - value_before) / jnp.where(moved, z - before, 1.0), slope)
-        further = z - value / jnp.where(slope > 0, slope, 1.0)
-        inside = (slope > 0) & (further > low) & (further < high)
-        outside = jnp.where(
-            short, jnp.where(above, 0.5 * (z + high), high), jnp.where(below, 0.5 * (low + z), low)
-        )
-        following = jnp.where(inside, further, outside)
-        return k + 1, jnp.where(found, z, following), low, high, below, above, z, value, slope, found
-
-    def going(progress):
-        return (progress[0] < _MOST_STEPS) & ~progress[-1]
-
-    first = 0, start, low, high, no, no, start, jnp.zeros_like(start), slope, no
-    found = jax.lax.while_loop(going, step, first)
-    return found[1], found[-1]
 
 
 def _share(gaps, nodes, z):

@@ -10,6 +10,7 @@ At wavevector q everything depends on load and roughness through
 import functools
 import itertools
 import math
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -20,6 +21,14 @@ from rubberfric.base.quadrature import chebyshev_fit, gauss, typed
 
 TWO_OVER_ROOT_PI = 2 / math.sqrt(math.pi)
 EULER = 0.57721566490153286
+
+
+class Pressed(NamedTuple):
+    """Contact that adhesion presses together as a load would, (points,)."""
+
+    load: jax.Array  # that makes it without adhesion, over sigma_0
+    converged: jax.Array
+    lift: jax.Array | None = None  # how much the solids are further apart than under that load [m]
 
 
 def _largest(dtype):

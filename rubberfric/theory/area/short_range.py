@@ -25,7 +25,7 @@ from rubberfric.base.fixed_points.anderson import fixed_point, implicit
 from rubberfric.base.fixed_points.bracketed import bracketed
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.roughness.mesh.radial_mesh import Mesh
-from rubberfric.scene.adhesion import Adhesion
+from rubberfric.scene.adhesion import PREFACTOR, Adhesion
 from rubberfric.theory.area.first_passage import NOTHING, at_end, from_nodes_on, passage
 from rubberfric.theory.area.own_panels import Panels, Table, inverse, panels_from, root, table
 from rubberfric.theory.area.partial_contact import contact_argument, contact_fraction, energy_factor
@@ -240,7 +240,8 @@ def _balance(mesh, plain, adhesion, gamma, energies, stored):
     # Where the roughness begins g may be too small for its logarithm.
     row = jnp.log(jnp.maximum(in_a_row(plain.g, plain.end), jnp.finfo(mesh.q.dtype).tiny))
     # E_r, of both spectra the mean, is 4 q energy / roughness.
-    pull = 4 * adhesion.prefactor * (mesh.first / plain.pressure) ** 2
+    prefactor = PREFACTOR if adhesion.prefactor is None else adhesion.prefactor
+    pull = 4 * prefactor * (mesh.first / plain.pressure) ** 2
     P = contact_fraction(contact_argument(plain.end, plain.stiffness))
     return Balance(
         table=table(mesh, values),

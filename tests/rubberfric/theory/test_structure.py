@@ -110,10 +110,15 @@ def test_without_adhesion_nothing_of_it_is_traced(monkeypatch):
         raise AssertionError("adhesion is traced")
 
     rubber = scene((TREAD,), (RIGID, ROAD))
-    for adhesion in (rf.Adhesion(0.05), rf.Adhesion(0.05, limit="long", range=1e-9)):
+    kinds = {
+        "hold": rf.Adhesion(0.05),
+        "detach": rf.Adhesion(0.05, criterion="stress"),
+        "attract": rf.Adhesion(0.05, limit="long", range=1e-9),
+    }
+    for adhesion in kinds.values():
         with monkeypatch.context() as patched:
-            patched.setattr(stress_fluctuation, "detach", refuse)
-            patched.setattr(stress_fluctuation, "attract", refuse)
+            for function in kinds:
+                patched.setattr(stress_fluctuation, function, refuse)
             names = primitives(lambda s, v: rf.solve(s, v, 1e5, quadrature=OWN), rubber, VELOCITY)
             assert "while" not in names
             with pytest.raises(AssertionError, match="adhesion is traced"):

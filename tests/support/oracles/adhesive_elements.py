@@ -16,7 +16,16 @@ import scipy.fft
 
 
 def adhesive_contact(
-    heights, length, modulus, pressure, work=0.0, reach=1.0, *, together=False, tolerance=1e-4, most_steps=6000
+    heights,
+    length,
+    modulus,
+    pressure,
+    work=0.0,
+    reach=1.0,
+    *,
+    together=False,
+    tolerance=1e-4,
+    most_steps=6000,
 ):
     """Share of the area in contact, gaps, and whether they were found.
 
@@ -40,19 +49,19 @@ def adhesive_contact(
         pull = work / reach * np.exp(-gap / reach)
         force = -(stress + pressure + pull)
         force = np.where((gap > 0) | (force > 0), force, 0.0)
-        square = np.vdot(force, force)
-        found = math.sqrt(square) <= tolerance * max(np.linalg.norm(stress), pressure * len(heights))
+        square = _dot(force, force)
+        found = math.sqrt(square) <= tolerance * max(math.sqrt(_dot(stress, stress)), pressure * len(heights))
         if found:
             break
-        share = 0.0 if before is None else max(0.0, square - np.vdot(force, before)) / np.vdot(before, before)
+        share = 0.0 if before is None else max(0.0, square - _dot(force, before)) / _dot(before, before)
         direction = np.where(force != 0, force + share * direction, 0.0)
-        if np.vdot(force, direction) <= 0:
+        if _dot(force, direction) <= 0:
             direction = force
         turned = elastic(direction)
-        stiff = np.vdot(direction, turned)
-        soft = np.vdot(direction * pull, direction) / reach
+        stiff = _dot(direction, turned)
+        soft = _dot(direction * pull, direction) / reach
         # Along it the energy may be no parabola with a minimum.
-        step = np.vdot(force, direction) / (stiff - soft if soft < 0.9 * stiff else stiff)
+        step = _dot(force, direction) / (stiff - soft if soft < 0.9 * stiff else stiff)
         for _ in range(40):
             moved = gap + step * direction
             touching = moved < 0
@@ -83,6 +92,11 @@ def slopes_of(heights, length):
     square = _wavevectors(len(heights), length, whole=True) ** 2
     power = np.abs(scipy.fft.fft2(np.asarray(heights)) / np.size(heights)) ** 2
     return math.sqrt(np.sum(square * power)), math.sqrt(np.sum(square**2 * power))
+
+
+def _dot(one, two):
+    """Without the threads of a BLAS, which wait for each other where processes share the cores."""
+    return float(np.sum(one * two))
 
 
 def _wavevectors(n, length, whole=False):

@@ -25,7 +25,7 @@ AREA = ("area", "converged")
 
 
 def _elastic(work=None, young=1e7, **options):
-    adhesion = None if work is None else rf.Adhesion(work)
+    adhesion = None if work is None else rf.Adhesion(work, criterion="stress")
     return rf.Scene(rf.Body(rf.Rigid(), FINE), rf.Body(rf.Elastic(young, 0.5)), adhesion=adhesion, **options)
 
 
@@ -166,7 +166,7 @@ def test_panels_and_nodes_are_enough(monkeypatch):
 
     def areas():
         jax.clear_caches()
-        scenes = [replace(scene, adhesion=rf.Adhesion(work)) for scene, work in cases]
+        scenes = [replace(scene, adhesion=rf.Adhesion(work, criterion="stress")) for scene, work in cases]
         at = {"quadrature": rf.Quadrature(angular_order=8)}
         return np.array([rf.contact_area(scene, 0.0, [1e1, 1e4, 1e5, 4e5], **at) for scene in scenes])
 
@@ -261,7 +261,7 @@ def test_friction_and_shear_follow_the_area():
     quantities = ("area", "viscoelastic_friction", "shear_friction")
     plain, sticking = (
         rf.solve(one, 1e-3, 1e4, quadrature=QUADRATURE, quantities=quantities)
-        for one in (scene, scene.replace(adhesion=rf.Adhesion(0.05)))
+        for one in (scene, scene.replace(adhesion=rf.Adhesion(0.05, criterion="stress")))
     )
     assert float(sticking.shear_friction) == pytest.approx(100 * float(sticking.area), rel=1e-12)
     assert sticking.area > 1.1 * plain.area

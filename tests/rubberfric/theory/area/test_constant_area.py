@@ -1,0 +1,214 @@
+"""Adhesion of short range by its energy: contact that is held while the load falls."""
+
+import functools
+import itertools
+import math
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+import rubberfric as rf
+
+ROUGH = rf.SelfAffine(q0=1e5, qr=2e5, q1=1.6e6, hurst=0.8, h_rms=1e-6)
+WIDE = rf.SelfAffine(q0=1e4, qr=3e4, q1=1e8, hurst=0.6, h_rms=2e-7)
+TREAD = rf.Prony(3.6e6, [1e7, 4e7], [1e-3, 1e-5])
+FULL = float(
+    rf.analysis.full_contact_energy(rf.Scene(rf.Body(rf.Rigid(), ROUGH), rf.Body(rf.Elastic(1e7, 0.5))))
+)
+
+
+def _scene(work=None, spectrum=ROUGH, material=None, **options):
+    adhesion = None if work is None else rf.Adhesion(work)
+    solid = rf.Body(rf.Elastic(1e7, 0.5) if material is None else material)
+    return rf.Scene(rf.Body(rf.Rigid(), spectrum), solid, adhesion=adhesion, **options)
+
+
+FULL, FULL_WIDE = (
+    float(rf.analysis.full_contact_energy(_scene(spectrum=spectrum))) for spectrum in (ROUGH, WIDE)
+)
+
+
+def _held(scene, work, pressure, velocity=0.0):
+    """Load without adhesion by the formula, from derivatives of the area and the separation without it."""
+    plain = scene.replace(adhesion=None)
+
+    def load_for(p):
+        area = jax.grad(lambda p: rf.contact_area(plain, velocity, p))(p)
+        bend = jax.grad(jax.grad(lambda p: rf.separation(plain, velocity, p)))(p)
+        return float(p - pressure - jnp.sqrt(2 * work * area / bend))
+
+    tried = pressure * np.geomspace(1.0, 1e3, 200)
+    after = next(i for i, p in enumerate(tried) if load_for(p) > 0)
+    return brentq(load_for, tried[after - 1], tried[after], rtol=1e-13)
+
+
+@pytest.mark.parametrize("corrected", [False, True])
+@pytest.mark.parametrize(("share", "load"), [(0.03, 3e4), (0.2, 1e5), (0.3, 4e5)])
+def test_area_separation_and_friction_are_those_of_the_load_that_the_formula_has(corrected, share, load):
+    shear = rf.ContactShear(tau_f0=1e6, c=0.0, v0=1.0)
+    scene = _scene(share * FULL, material=TREAD, area_correction=corrected, shear=shear)
+    velocity = 1e-4
+    found = rf.solve(scene, velocity, load, quantities=rf.quantities_of(scene))
+    held = _held(scene, share * FULL, load, velocity)
+    plain = scene.replace(adhesion=None)
+    assert bool(found.converged) and held > 1.1 * load
+    assert float(found.area) == pytest.approx(float(rf.contact_area(plain, velocity, held)), rel=1e-9)
+    compliance = -jax.grad(lambda p: rf.separation(plain, velocity, p))(held)
+    gap = float(rf.separation(plain, velocity, held) + compliance * (held - load))
+    assert float(found.separation) == pytest.approx(gap, rel=1e-9)
+    pressed = rf.solve(plain, velocity, held, quantities=("viscoelastic_friction",))
+    wanted = float(pressed.viscoelastic_friction) * held / load
+    assert float(found.viscoelastic_friction) == pytest.approx(wanted, rel=1e-9)
+    assert float(found.shear_friction) == pytest.approx(1e6 / load * float(found.area), rel=1e-12)
+
+
+def test_what_the_load_does_is_stored_or_comes_of_adhesion():
+    """-p du = dU - work dA, U by a sum over the separations without adhesion."""
+    work = 0.2 * FULL
+    scene, plain = _scene(work), _scene()
+    pressure = 1e5 * np.geomspace(0.9, 1.1, 21)
+
+    def state(p):
+        found = rf.solve(scene, 0.0, p)
+        held = np.array([_held(scene, work, one) for one in p])
+        compliance = -jax.vmap(jax.grad(lambda p: rf.separation(plain, 0.0, p)))(jnp.asarray(held))
+        node, weight = np.polynomial.legendre.leggauss(12)
+        stored = []
+        for low, high in itertools.pairwise(held):
+            at = 0.5 * (low + high) + 0.5 * (high - low) * node
+            slopes = jax.vmap(jax.grad(lambda p: rf.separation(plain, 0.0, p)))(jnp.asarray(at))
+            stored.append(-0.5 * (high - low) * np.sum(weight * at * np.asarray(slopes)))
+        stored = np.append(0.0, np.cumsum(stored)) - 0.5 * np.asarray(compliance) * (held**2 - p**2)
+        return np.asarray(found.area), np.asarray(found.separation), stored
+
+    area, gap, stored = state(pressure)
+    # Simpson's rule over all of the loads.
+    done = -pressure * np.gradient(gap, pressure, edge_order=2)
+    weights = np.tile([2.0, 4.0], 10)
+    weights = np.append(weights, 1.0)
+    weights[0] = 1.0
+    log_step = math.log(pressure[1] / pressure[0])
+    total = np.sum(weights * done * pressure) * log_step / 3
+    change = (stored[-1] - stored[0]) - work * (area[-1] - area[0])
+    assert total == pytest.approx(change, rel=2e-4)
+
+
+def test_light_loads_have_an_area_that_is_larger_by_one_share():
+    """A = kappa p and u = - u0 ln p, so that p_1 = p / (1 - share)."""
+    plain, work, p = _scene(), 0.1 * FULL, 1e-3
+    area = float(rf.contact_area(plain, 0.0, p))
+    u0 = -p * float(jax.grad(lambda p: rf.separation(plain, 0.0, p))(p))
+    share = math.sqrt(2 * work * area / p / u0)
+    found = float(rf.contact_area(_scene(work), 0.0, p))
+    assert 0.2 < share < 1 and found == pytest.approx(area / (1 - share), rel=1e-6)
+    # From a share of 1 on nothing holds the solids apart.
+    sticky = rf.contact_area(_scene(1.5 * work / share**2), 0.0, np.array([1e-3, 1.0, 1e3]))
+    np.testing.assert_allclose(sticky, sticky[0], rtol=0.01)
+    assert sticky[0] > 0.1
+
+
+@pytest.mark.parametrize("corrected", [False, True])
+def test_a_vanishing_work_is_contact_without_adhesion(corrected):
+    pressure, fine = np.array([1e-3, 1e3, 1e5, 1e6, 1e8]), rf.Quadrature()
+    for quantity in (rf.contact_area, rf.separation):
+        plain = quantity(_scene(area_correction=corrected), 0.0, pressure, quadrature=fine)
+        found = quantity(_scene(1e-30, area_correction=corrected), 0.0, pressure, quadrature=fine)
+        # The share goes as the root of the work, 1e-15.
+        np.testing.assert_allclose(found, plain, rtol=3e-13)
+
+
+def test_the_pull_off_force_is_that_of_the_least_energy():
+    """A smooth sphere has that of Johnson, Kendall and Roberts; stiff roughness leaves nothing of it."""
+    force = rf.analysis.pull_off_force
+    smooth = rf.Scene(rf.Body(rf.Rigid()), rf.Body(rf.Elastic(1e7, 0.5)), adhesion=rf.Adhesion(0.05))
+    assert float(force(smooth, 1e-2, 1e5)) == pytest.approx(1.5 * math.pi * 1e-2 * 0.05, rel=1e-14)
+    assert float(force(_scene(0.1 * FULL), 1e-2, 1e5)) == 0
+    # Full contact is what holds most where the work is far more than its energy.
+    whole = float(force(_scene(10 * FULL), 1e-2, 1e5))
+    assert whole == pytest.approx(1.5 * math.pi * 1e-2 * 9 * FULL, rel=1e-9)
+
+
+@pytest.mark.parametrize("share", [1.1, 1.5, 3.0])
+def test_the_work_of_separation_is_the_largest_of_all_loads(share):
+    plain, work = _scene(), share * FULL
+    load = np.geomspace(1e-3, 3e8, 4001)
+    area = np.asarray(rf.contact_area(plain, 0.0, load))
+    slope = np.asarray(jax.vmap(jax.grad(lambda p: rf.separation(plain, 0.0, p)))(jnp.asarray(load)))
+    step = math.log(load[1] / load[0])
+    done = -(load**2) * slope
+    stored = step * np.concatenate([[0.0], np.cumsum(0.5 * (done[1:] + done[:-1]))]) + done[0]
+    left = np.max(work * area - stored + 0.5 * done)
+    scene = _scene(work)
+    found = float(rf.analysis.pull_off_force(scene, 1.0, 1e5)) / (1.5 * math.pi)
+    assert left > 0 and found == pytest.approx(left, rel=1e-4)
+    # Nothing is lost or gained between no load and the load that pulls them off: W is where it comes to rest.
+    slope = jax.grad(lambda s: rf.analysis.pull_off_force(s, 1.0, 1e5))(scene).adhesion.work
+    near = [float(rf.analysis.pull_off_force(_scene(work * (1 + d)), 1.0, 1e5)) for d in (-1e-4, 1e-4)]
+    assert float(slope) == pytest.approx((near[1] - near[0]) / (2e-4 * work), rel=1e-5)
+
+
+@pytest.mark.parametrize("material", [None, TREAD], ids=["elastic", "rubber"])
+def test_derivatives_are_those_of_the_values(material):
+    scene = _scene(0.05 * FULL_WIDE, WIDE, material, area_correction=True)
+
+    def values(factors):
+        one = scene.replace(
+            adhesion=rf.Adhesion(scene.adhesion.work * factors[0]),
+            lower=scene.lower.replace(
+                spectrum=rf.SelfAffine(1e4, 3e4, 1e8, 0.6 * factors[1], 2e-7 * factors[2])
+            ),
+            gamma=0.5 * factors[3],
+        )
+        found = rf.solve(one, 1e-4, 1e5 * factors[4], quadrature=rf.Quadrature())
+        return jnp.stack([found.area, found.separation * 1e6])
+
+    at, jitted = jnp.ones(5), jax.jit(values)
+    forward, reverse = jax.jacfwd(values)(at), jax.jacrev(values)(at)
+    np.testing.assert_allclose(forward, reverse, rtol=1e-9, atol=1e-12)
+    step = 1e-5
+    for k in range(at.size):
+        moved = at.at[k].add(step), at.at[k].add(-step)
+        np.testing.assert_allclose(
+            forward[:, k], (jitted(moved[0]) - jitted(moved[1])) / (2 * step), rtol=1e-6, atol=1e-8
+        )
+
+
+def test_values_and_derivatives_are_finite_at_extremes():
+    def values(work, young, pressure):
+        scene = _scene(work, WIDE, rf.Elastic(young, 0.5))
+        return tuple(rf.solve(scene, 0.0, pressure)[:3:2])
+
+    cases = np.array(
+        [
+            (work, young, pressure)
+            for work in (1e-6, 1e-3, 10.0)
+            for young in (1e4, 1e7, 1e11)
+            for pressure in (1e-3, 1.0, 1e5, 1e10)
+        ]
+    ).T
+    found = jax.jit(jax.vmap(values))(*cases)
+    slopes = jax.jit(jax.vmap(jax.jacrev(values, (0, 1, 2))))(*cases)
+    assert all(np.isfinite(x).all() for x in jax.tree.leaves((found, slopes)))
+    assert np.all((found[0] > 0) & (found[0] <= 1) & (found[1] >= 0))
+    for work, pressure in ((1e-6, 1.0), (1e-3, 1e5), (10.0, 1e5)):
+        scene = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), _scene(work, WIDE))
+        area = functools.partial(rf.contact_area, velocity=np.float32(0), pressure=np.float32(pressure))
+        single, slope = jax.value_and_grad(area)(scene)
+        assert single.dtype == jnp.float32 and all(np.isfinite(x).all() for x in jax.tree.leaves(slope))
+        assert float(single) == pytest.approx(float(area(_scene(work, WIDE))), rel=3e-4)
+
+
+def test_a_point_depends_on_itself_alone():
+    scene = _scene(0.05 * FULL_WIDE, WIDE)
+    pressure = np.geomspace(1e2, 1e7, 40)
+    together = np.asarray(rf.contact_area(scene, 0.0, pressure))
+    shuffled = np.random.default_rng(0).permutation(40)
+    np.testing.assert_allclose(
+        rf.contact_area(scene, 0.0, pressure[shuffled]), together[shuffled], rtol=1e-12
+    )
+    alone = [float(rf.contact_area(scene, 0.0, p)) for p in pressure[::8]]
+    np.testing.assert_allclose(alone, together[::8], rtol=1e-9)
+    assert np.all(np.diff(together) >= 0)
