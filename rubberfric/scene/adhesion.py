@@ -52,7 +52,8 @@ class Adhesion(PhysicalObject):
     31 % too small where more than half does, for elements fall into contact sooner; all with S in G, without
     it they are as much smaller as without adhesion. Of several solutions it is the least, where approaching
     solids come to rest; pulled apart again they hold up to three times as much. Where no load is large enough
-    contact is full. Derivatives are those of the solution, without bounds next to a jump.
+    contact is full. Derivatives are those of the solution, without bounds next to a jump, and 0 where contact
+    is full: a fit of the work begins with little of it.
 
     By stress: 34 to 67 % too small against the same elements, whatever c, for the elastic energy that the
     load has stored is taken from what adhesion may hold: of use to compare with what others computed by it.

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+import fitting
 import rubberfric as rf
 
 ROUGH = rf.SelfAffine(q0=1e5, qr=2e5, q1=1.6e6, hurst=0.8, h_rms=1e-6)
@@ -212,3 +213,26 @@ def test_a_point_depends_on_itself_alone():
     alone = [float(rf.contact_area(scene, 0.0, p)) for p in pressure[::8]]
     np.testing.assert_allclose(alone, together[::8], rtol=1e-9)
     assert np.all(np.diff(together) >= 0)
+
+
+@pytest.mark.slow
+def test_a_fit_finds_the_work_of_adhesion_across_jumps():
+    """From friction that is contact shear, of which some points are in full contact and some are not."""
+    ground = rf.SelfAffine(q0=1e4, qr=3e4, q1=1e6, hurst=0.8, h_rms=2e-7)
+
+    def scene(work, tau):
+        shear = rf.ContactShear(tau, 0.1, 1e-3)
+        return _scene(work, ground, TREAD, area_correction=True, shear=shear)
+
+    velocity, pressure = (x.ravel() for x in np.meshgrid(np.geomspace(1e-5, 0.1, 8), [1e4, 3e4, 6e4]))
+    truth = scene(5e-4, 5e4)
+    area = np.asarray(rf.contact_area(truth, velocity, pressure))
+    assert np.any(area == 1) and np.any(area < 0.3)
+    friction = np.asarray(rf.friction(truth, velocity, pressure))
+    noise = 0.02 * friction * np.random.default_rng(0).standard_normal(friction.size)
+    data = fitting.FrictionData(velocity, friction + noise, 0.02 * friction, pressure)
+    free = {"adhesion.work": fitting.Positive(), "shear.tau_f0": fitting.Positive()}
+    found = fitting.fit(scene(1e-4, 3e4), data, free)
+    assert found.success
+    for name, value in (("adhesion.work", 5e-4), ("shear.tau_f0", 5e4)):
+        assert abs(found[name].value - value) < 3 * found[name].stderr < 0.1 * value
