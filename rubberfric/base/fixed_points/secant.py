@@ -1,6 +1,7 @@
-"""The zero of a function of one number by the secant method, within a bracket that may be wrong."""
+"""The first zero of a function of one number: by trying, then by secants within a bracket that may fail."""
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -8,31 +9,62 @@ import jax.numpy as jnp
 _MOST_STEPS = 60
 
 
-def zero(
-    function: Callable[[jax.Array], jax.Array],
-    start: jax.Array,
-    low: jax.Array,
-    high: jax.Array,
-    slope: jax.Array,
-    top: jax.Array,
-) -> tuple[jax.Array, jax.Array]:
-    """Zero of a rising function between 0 and top, and whether it was found; no derivatives.
+class Near(NamedTuple):
+    """About where a zero lies."""
+
+    start: jax.Array
+    low: jax.Array  # between these two, likely
+    high: jax.Array
+    slope: jax.Array  # of the function there, or about that
+
+
+def first(function: Callable[[jax.Array], jax.Array], top: jax.Array, tried: int) -> Near:
+    """About the first zero of a function between 0 and top: even steps are tried until it is passed.
 
     Parameters
     ----------
-    function : of a number, below 0 at 0 and not at top
-    start : where to begin
-    low, high : between which the zero is likely to be
-    slope : of the function at the start, or about that
+    function : of a number, below 0 at 0
+    top : end of the range, which is returned if the function is below 0 throughout
+    tried : how many places, both ends among them
+    """
+    step = top / (tried - 1)
+
+    def going(progress):
+        k, _, high = progress
+        return (k < tried - 1) & (high <= 0) & (top > 0)
+
+    def further(progress):
+        k, _, low = progress
+        return k + 1, low, function(step * (k + 1))
+
+    begin = function(jnp.zeros_like(top))
+    k, low, high = jax.lax.while_loop(going, further, (0, begin, begin))
+    none, rise = high <= 0, high - low
+    share = jnp.where(rise > 0, -low / jnp.where(rise > 0, rise, 1.0), 0.5)
+    slope = jnp.where(rise > 0, rise / jnp.where(step > 0, step, 1.0), 1.0)
+    start = step * (k - 1 + jnp.clip(share, 0.0, 1.0))
+    return Near(*(jnp.where(none, top, x) for x in (start, step * (k - 1), step * k)), slope)
+
+
+def zero(
+    function: Callable[[jax.Array], jax.Array], near: Near, top: jax.Array
+) -> tuple[jax.Array, jax.Array, Near]:
+    """Zero of a function between 0 and top, whether it was found, and what is known about it; no derivatives.
+
+    Parameters
+    ----------
+    function : of a number, below 0 at 0; where it is below 0 at top that is what is returned, as not found
+    near : where to begin
     top : end of the range
 
     Limits: the function is 1e-11 there (float32: 1e-5).
     """
+    start, low, high, slope = near
     tolerance = 1e-5 if start.dtype != jnp.float64 else 1e-11
     no = jnp.zeros_like(start, bool)
 
     def step(progress):
-        k, z, low, high, below, above, before, value_before, slope, _ = progress
+        k, z, low, high, below, above, before, value_before, slope, *_ = progress
         value = function(z)
         found, short = jnp.abs(value) <= tolerance, value < 0
         # Where a bound is no bound the zero is beyond it.
@@ -47,11 +79,13 @@ def zero(
             short, jnp.where(above, 0.5 * (z + high), high), jnp.where(below, 0.5 * (low + z), low)
         )
         following = jnp.where(inside, further, outside)
-        return k + 1, jnp.where(found, z, following), low, high, below, above, z, value, slope, found
+        done = found | (short & (z >= top))
+        following = jnp.where(done, z, following)
+        return k + 1, following, low, high, below, above, z, value, slope, found, done
 
     def going(progress):
         return (progress[0] < _MOST_STEPS) & ~progress[-1]
 
-    first = 0, start, low, high, no, no, start, jnp.zeros_like(start), slope, no
-    found = jax.lax.while_loop(going, step, first)
-    return found[1], found[-1]
+    begin = 0, start, low, high, no, no, start, jnp.zeros_like(start), slope, no, no
+    _, z, *_, slope, found, _ = jax.lax.while_loop(going, step, begin)
+    return z, found, Near(z, near.low, near.high, slope)

@@ -34,7 +34,7 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.base.fixed_points.anderson import implicit
-from rubberfric.base.fixed_points.secant import zero
+from rubberfric.base.fixed_points.secant import first, zero
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
 from rubberfric.theory.area.partial_contact import (
     TWO_OVER_ROOT_PI,
@@ -43,8 +43,9 @@ from rubberfric.theory.area.partial_contact import (
     energy_factor,
 )
 
-# Loads that are tried, by an even share of their logarithm, for where the first solution lies.
-_LOADS = 24
+# Loads that are tried, by an even share of their logarithm, for where the first solution lies, and nodes in
+# one there.
+_LOADS, _LUMP = 24, 24
 
 # x of all the roughness where nothing is left to come into contact: 1 - P = 1e-29.
 _FULL = 8.0
@@ -100,25 +101,27 @@ def _solved(point):
     Loads are logarithms of p_1 over sigma_0.
     """
     top = jnp.maximum(jnp.log(_FULL / point.end), 0.0)
-    step = top / (_LOADS - 1)
+    lumped = _lumped(point)
+    near = first(lambda z: _excess(lumped, z), top, _LOADS)
+    near = zero(lambda z: _excess(lumped, z), near, top)[2]
+    found, converged, _ = zero(lambda z: _excess(point, z), near, top)
+    full = ~converged & (found >= top)
+    return found, full, converged | full
 
-    def going(progress):
-        k, _, high = progress
-        return (k < _LOADS - 1) & (high <= 0) & (top > 0)
 
-    def further(progress):
-        k, _, low = progress
-        return k + 1, low, _excess(point, step * (k + 1))
+def _lumped(point):
+    """Neighbouring nodes as two, of the same mean and variance of x.
 
-    first = _excess(point, jnp.zeros_like(top))
-    k, low, high = jax.lax.while_loop(going, further, (0, first, first))
-    full, rise = high <= 0, high - low
-    share = jnp.where(rise > 0, -low / jnp.where(rise > 0, rise, 1.0), 0.5)
-    slope = jnp.where(rise > 0, rise / jnp.where(step > 0, step, 1.0), 1.0)
-    start = step * (k - 1 + jnp.clip(share, 0.0, 1.0))
-    start, low, high = (jnp.where(full, top, x) for x in (start, step * (k - 1), step * k))
-    found, converged = zero(lambda z: jnp.where(full, 0.0, _excess(point, z)), start, low, high, slope, top)
-    return found, full, converged
+    What is hardly in contact goes as x, and what is nearly in full contact as exp(-x^2).
+    """
+    missing = -point.x.shape[-1] % _LUMP
+    x, storage = (jnp.pad(row, (0, missing)).reshape(-1, _LUMP) for row in (point.x, point.storage))
+    total = jnp.sum(storage, -1, keepdims=True)
+    share = storage / jnp.where(total > 0, total, 1.0)
+    mean = jnp.sum(share * x, -1, keepdims=True)
+    width = jnp.sqrt(jnp.sum(share * (x - mean) ** 2, -1, keepdims=True))
+    both = jnp.concatenate([mean - width, mean + width], -1)
+    return point._replace(x=jnp.maximum(both, 0.0).ravel(), storage=jnp.repeat(0.5 * total, 2))
 
 
 def _excess(point, z):

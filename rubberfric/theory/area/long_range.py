@@ -26,7 +26,7 @@ import numpy as np
 from jax.scipy.special import erf
 
 from rubberfric.base.fixed_points.anderson import implicit
-from rubberfric.base.fixed_points.secant import zero
+from rubberfric.base.fixed_points.secant import Near, zero
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
 from rubberfric.theory.area.partial_contact import (
@@ -96,25 +96,24 @@ def attract(gaps: Gaps, order: int) -> Pressed:
     """
     count = _counts(order)
     still = jax.lax.stop_gradient(gaps)
-    first, low, high, slope = jax.vmap(_bracket, (_POINTS,))(still)
+    near = jax.vmap(_bracket, (_POINTS,))(still)
 
-    def log_load(gaps, start, z):
-        nodes = _nodes(gaps, start, count)
+    def log_load(gaps, about, z):
+        nodes = _nodes(gaps, about, count)
         return jnp.log1p(gaps.strength * _share(gaps, nodes, z))
 
-    def searched(gaps, start, low, high, slope):
-        nodes = jax.lax.optimization_barrier(_nodes(gaps, start, count))
-        top = jnp.log1p(gaps.strength)
+    def searched(gaps, near):
+        nodes = jax.lax.optimization_barrier(_nodes(gaps, near.start, count))
 
         def excess(z):
             return z - jnp.log1p(gaps.strength * _share(gaps, nodes, z))
 
-        return zero(excess, start, low, high, slope, top)
+        return zero(excess, near, jnp.log1p(gaps.strength))[:2]
 
-    solution, converged = jax.vmap(searched, (_POINTS, 0, 0, 0, 0))(still, first, low, high, slope)
+    solution, converged = jax.vmap(searched, (_POINTS, 0))(still, near)
 
     def balance(z):
-        return jax.vmap(log_load, (_POINTS, 0, 0))(gaps, first, z[:, 0])[:, None]
+        return jax.vmap(log_load, (_POINTS, 0, 0))(gaps, near.start, z[:, 0])[:, None]
 
     return Pressed(jnp.exp(implicit(balance, solution[:, None])[:, 0]), converged)
 
@@ -134,7 +133,7 @@ def _counts(order):
 
 
 def _bracket(gaps):
-    """About where the least solution lies, a load on either side of it, and the slope of the excess there.
+    """`Near` the least solution.
 
     Loads are logarithms of p_rep over sigma_0.
     """
@@ -149,7 +148,7 @@ def _bracket(gaps):
     start = loads[after - 1] + jnp.clip(share, 0.0, 1.0) * step
     slope = jnp.where(step > 0, rise / jnp.where(step > 0, step, 1.0), 1.0)
     # Of so few nodes it may lie next to it.
-    return start, loads[jnp.maximum(after - 2, 0)], loads[jnp.minimum(after + 1, _LOADS - 1)], slope
+    return Near(start, loads[jnp.maximum(after - 2, 0)], loads[jnp.minimum(after + 1, _LOADS - 1)], slope)
 
 
 def _share(gaps, nodes, z):
