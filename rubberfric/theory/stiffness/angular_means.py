@@ -20,6 +20,7 @@ s = i omega = 1/tau_i: with a_i = q v tau_i and r_i = sqrt(1 + a_i^2),
 One square root and one division for each node, term and velocity: no angular grid.
 """
 
+import functools
 from typing import NamedTuple
 
 import jax
@@ -89,28 +90,51 @@ def _closed_form(F, qv, needs):
 
 
 def _with_harmonics(F, qv, needs, harmonics, means):
-    """The closed forms with their harmonics added, summed by Horner's scheme for each node and term."""
-    if F.by_node:
-        a, weight, at_rates = (x.T[:, None, :] for x in (F.tau, F.weight, _at_own_rates(F)))
-        a = a * qv
-    else:
-        front = (slice(None), *(None,) * qv.ndim)
-        a, weight, at_rates = F.tau[front] * qv, F.weight[front], _at_own_rates(F)[front]
-    _, sine, r, _ = _relaxation_parts(a)
+    """The closed forms with their harmonics added."""
+    weights = dict.fromkeys(needs.kinds, F.weight)
+    if needs.power:
+        weights["power"] = 2 * F.weight * _at_own_rates(F)
+    front = (slice(None), *(None,) * qv.ndim)
+    tau, weights = jax.tree.map(lambda x: x.T[:, None, :] if F.by_node else x[front], (F.tau, weights))
+    sums = _sums_of_harmonics(qv, tau, weights, harmonics)
+    return {kind: (means[kind][0] + value if kind in means else value,) for kind, value in sums.items()}
+
+
+@jax.custom_jvp
+def _sums_of_harmonics(qv, tau, weights, harmonics):
+    """What the harmonics add to the means; terms along the first axis of tau and of the weights."""
+    return {kind: jnp.sum(x, 0) for kind, x in _terms_of_harmonics(qv, tau, weights, harmonics).items()}
+
+
+@_sums_of_harmonics.defjvp
+def _sums_of_harmonics_jvp(primals, tangents):
+    qv, tau, weights, harmonics = primals
+
+    # Term by term, and again for the gradient: arrays of terms x points would be stored by the dozen.
+    @functools.partial(jax.checkpoint, prevent_cse=False)
+    def add(sums, term):
+        (tau, weights), (tau_dot, weights_dot) = term
+        at, along = (qv, tau, weights, harmonics), (tangents[0], tau_dot, weights_dot, tangents[3])
+        return jax.tree.map(jnp.add, sums, jax.jvp(_terms_of_harmonics, at, along)[1]), None
+
+    sums = _sums_of_harmonics(*primals)
+    terms = (tau, weights), tuple(tangents[1:3])
+    return sums, jax.lax.scan(add, jax.tree.map(jnp.zeros_like, sums), terms)[0]
+
+
+def _terms_of_harmonics(qv, tau, weights, harmonics):
+    """Terms of the first harmonic, and what the others make of them by Horner's scheme."""
+    _, sine, r, _ = _relaxation_parts(tau * qv)
     quotient = sine * r  # a / (1 + r), at most 1
     ratio = quotient**2
-    cosines = _series(harmonics[0], -ratio)
-    # Terms of the first harmonic, and what the others make of them.
+    along, across = (_series(shares, -ratio) for shares in harmonics)
     first = {
-        "power": 2 * weight * at_rates * (ratio / r),
-        "dissipation": weight * (sine / (1 + r)),
-        "storage": weight * (ratio / r),
+        "power": ratio / r * along,
+        "dissipation": sine / (1 + r) * along,
+        "storage": ratio / r * along,
+        "transverse": quotient / (1 + r) * across,
     }
-    mixed = {kind: (mean + jnp.sum(first[kind] * cosines, 0),) for kind, (mean,) in means.items()}
-    if needs.transverse:
-        sines = _series(harmonics[1], -ratio)
-        mixed["transverse"] = (jnp.sum(weight * (quotient / (1 + r)) * sines, 0),)
-    return mixed
+    return {kind: weight * first[kind] for kind, weight in weights.items()}
 
 
 @jax.custom_jvp
