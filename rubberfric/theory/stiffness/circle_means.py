@@ -171,12 +171,12 @@ def _moments_before(first, second, begin, power, step, block):
 
 
 @functools.lru_cache(maxsize=64)
-def circle_rule(step: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def circle_rule(step: float, growth: float = 15.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """(s, psi, weight) of the trapezoidal rule over t for the mean over the circle, host arrays.
 
-    The step grows with t, as what lies far down the circle counts less.
+    The step grows with t, as what lies far down the circle counts less: with the square root of
+    1 + (t / growth)^2.
     """
-    growth = 15.0
     u = np.arange(0.0, growth * math.asinh(28.0 / growth), step)
     t = growth * np.sinh(u / growth)
     weight = np.cosh(u / growth) / np.cosh(t)
