@@ -8,6 +8,9 @@ import jax.numpy as jnp
 
 _MOST_STEPS = 60
 
+# Slope from which on a secant is trusted for the last step without another look.
+_STEEP = 0.1
+
 
 class Near(NamedTuple):
     """About where a zero lies."""
@@ -66,7 +69,7 @@ def zero(
     def step(progress):
         k, z, low, high, below, above, before, value_before, slope, *_ = progress
         value = function(z)
-        found, short = jnp.abs(value) <= tolerance, value < 0
+        here, short = jnp.abs(value) <= tolerance, value < 0
         # Where a bound is no bound the zero is beyond it.
         high = jnp.where(short & (z >= high), top, jnp.where(short, high, z))
         low = jnp.where(~short & (z <= low), 0.0, jnp.where(short, z, low))
@@ -79,9 +82,11 @@ def zero(
             short, jnp.where(above, 0.5 * (z + high), high), jnp.where(below, 0.5 * (low + z), low)
         )
         following = jnp.where(inside, further, outside)
-        done = found | (short & (z >= top))
-        following = jnp.where(done, z, following)
-        return k + 1, following, low, high, below, above, z, value, slope, found, done
+        # A secant leaves the product of the last two errors, times a curvature over the slope.
+        there = moved & inside & (slope > _STEEP) & (jnp.abs((further - z) * (z - before)) <= 0.1 * tolerance)
+        following = jnp.where(here | (short & (z >= top)), z, following)
+        found = here | there
+        return k + 1, following, low, high, below, above, z, value, slope, found, found | (short & (z >= top))
 
     def going(progress):
         return (progress[0] < _MOST_STEPS) & ~progress[-1]
