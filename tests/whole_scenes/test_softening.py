@@ -19,6 +19,7 @@ from rubberfric.scene.scene import present
 from rubberfric.scene.softening import knots, softening_factors, strain
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Relaxing
+from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
 
 NAMES = [name for name in CASES if name.startswith("soft-")]
 # One compilation serves the first six.
@@ -109,6 +110,54 @@ def test_means_have_the_derivatives_of_the_quadrature():
             exact = np.array([by_quadrature(*moved, x) for x in qv]).T.imag / step
             found = getattr(forward, field)[..., i] * getattr(given, field)[i]
             assert (np.abs(found - exact) <= 1e-13 * means + 1e-11 * np.abs(exact)).all()
+
+
+def in_series_by_quadrature(storage_factor, loss_factor, spring, rest, weight, tau, qv):
+    """<|F|^2>, <cos Im F>, <Re F> of a softened solid in series with a spring, analytic in every number."""
+    node, share = np.polynomial.legendre.leggauss(20)
+    y = np.arange(0.0, 60.0, 0.5)[:, None] + 0.25 * (1 + node)
+    psi = 0.5 * np.pi * np.exp(-y)
+    measure = 0.25 * share * psi * (2 / np.pi)
+    s = qv * np.sin(psi)[..., None] * tau
+    real = storage_factor * (rest + np.sum(weight * s * (s / (1 + s * s)), -1))
+    imaginary = loss_factor * np.sum(weight * s / (1 + s * s), -1)
+    size = (real + spring) ** 2 + imaginary**2
+    parts = (
+        spring**2 * (real**2 + imaginary**2) / size,
+        np.sin(psi) * spring**2 * imaginary / size,
+        spring * (real**2 + imaginary**2 + spring * real) / size,
+    )
+    return [np.sum(measure * part) for part in parts]
+
+
+def test_means_in_series_have_the_values_and_derivatives_of_the_quadrature():
+    """By every factor, term and q v; forward = reverse = the integrals' own, taken by complex steps."""
+    at = (0.7, 0.4, 3.0, 0.5, *np.array([[1.0, 2.0, 5.0, 20.0], [1e2, 1.0, 1e-2, 1e-4]]), 7.0)
+
+    def means(numbers):
+        *factors, rest, weight, tau, qv = numbers
+        factors = (jnp.full((1, 2), x) for x in factors)
+        F = SoftenedInSeries(Relaxing(rest, weight, tau), *factors)
+        # A second node at rest: what is 0 there must not spoil the sum.
+        found = F.means(
+            jnp.stack([qv, 0.0 * qv])[None, None], Needs(power=True, dissipation=True, storage=True)
+        )
+        return jnp.stack([found[kind][0][0, 0, 0] for kind in ("power", "dissipation", "storage")])
+
+    numbers = tuple(jnp.asarray(x) for x in at)
+    exact_means = np.array(in_series_by_quadrature(*at))
+    np.testing.assert_allclose(means(numbers), exact_means, rtol=1e-11)
+    forward, reverse = (jax.jit(d(means))(numbers) for d in (jax.jacfwd, jax.jacrev))
+    step = 1e-100
+    for k, (one, other) in enumerate(zip(forward, reverse, strict=True)):
+        np.testing.assert_allclose(one, other, rtol=1e-11)
+        for i in np.ndindex(np.shape(at[k])):
+            moved = [np.array(x, complex) for x in at]
+            moved[k][i] += 1j * step
+            exact = np.array(in_series_by_quadrature(*moved)).imag / step
+            # What a term far off does is a share of the means, which have the digits.
+            error = np.abs(np.asarray(at[k])[i] * (one[(slice(None), *i)] - exact))
+            assert (error <= 1e-11 * exact_means).all()
 
 
 # Strain and its knots.
