@@ -110,6 +110,45 @@ def test_mixed_harmonics_are_the_sum():
     np.testing.assert_allclose(np.moveaxis(found, 0, -1), means, rtol=1e-10, atol=1e-13)
 
 
+def of_terms(rest, weight, tau, qv, cosine, sine):
+    """The four means with their harmonics by Gauss panels, analytic in every number."""
+    node, share = np.polynomial.legendre.leggauss(24)
+    y = np.arange(0.0, 60.0, 0.25)[:, None] + 0.125 * (1 + node)
+    psi = 0.5 * np.pi * np.exp(-y)
+    measure = 0.125 * share * psi * (2 / np.pi)
+    s = qv * np.sin(psi)[..., None] * tau
+    real, imaginary = rest + np.sum(weight * s * s / (1 + s * s), -1), np.sum(weight * s / (1 + s * s), -1)
+    order = np.arange(1, len(cosine) + 1)
+    even = 1 + np.sum(cosine * (-1) ** order * np.cos(2 * order * psi[..., None]), -1)
+    odd = np.sum(-sine * (-1) ** order * np.sin(2 * order * psi[..., None]), -1)
+    square = real**2 + imaginary**2
+    parts = even * square, even * np.sin(psi) * imaginary, even * real, odd * np.cos(psi) * imaginary
+    return np.array([np.sum(measure * part) for part in parts])
+
+
+def test_means_with_harmonics_have_the_derivatives_of_the_quadrature():
+    """By every term, share and q v; forward = reverse = the integrals' own, taken by complex steps."""
+    shares = np.array([[0.5, -0.2, 0.1], [0.3, 0.2, -0.4]])
+    at = (0.5, np.array([1.0, 5.0, 20.0]), np.array([1.0, 1e-1, 1e-2]), 7.0, *shares)
+
+    def means(numbers):
+        rest, weight, tau, qv, cosine, sine = numbers
+        needs = Needs(power=True, dissipation=True, storage=True, transverse=True)
+        found = Relaxing(rest, weight, tau).means(qv[None], needs, harmonics=(cosine, sine))
+        return jnp.stack([found[kind][0][0] for kind in needs.kinds])
+
+    numbers, exact = as_arrays(at), of_terms(*at)
+    np.testing.assert_allclose(means(numbers), exact, rtol=1e-12)
+    forward, reverse = (jax.jit(d(means))(numbers) for d in (jax.jacfwd, jax.jacrev))
+    for k, (one, other) in enumerate(zip(forward, reverse, strict=True)):
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-13)
+        for i in np.ndindex(np.shape(at[k])):
+            moved = [np.array(x, complex) for x in at]
+            moved[k][i] += 1e-100j
+            slope = of_terms(*moved).imag / 1e-100
+            np.testing.assert_allclose(one[(slice(None), *i)], slope, rtol=1e-10, atol=1e-12)
+
+
 # Harmonics of the roughness.
 
 
