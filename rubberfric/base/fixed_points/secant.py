@@ -46,7 +46,8 @@ def first(function: Callable[[jax.Array], jax.Array], top: jax.Array, tried: int
     share = jnp.where(rise > 0, -low / jnp.where(rise > 0, rise, 1.0), 0.5)
     slope = jnp.where(rise > 0, rise / jnp.where(step > 0, step, 1.0), 1.0)
     start = step * (k - 1 + jnp.clip(share, 0.0, 1.0))
-    return Near(*(jnp.where(none, top, x) for x in (start, step * (k - 1), step * k)), slope)
+    start, low, high = (jnp.where(none, top, x) for x in (start, step * (k - 1), step * k))
+    return Near(start, low, high, slope)
 
 
 def zero(
