@@ -151,11 +151,13 @@ def test_friction_minimum_is_that_of_scipy_and_optimistix():
     x = problem.start + np.array([1.0, -1.0, 1.0, -1.0, -1.0])
     ours = best(problem, x)
     scipys = least_squares(lambda x: np.asarray(plain(x)), x, lambda x: np.asarray(both(x)[1]), xtol=1e-14)
+    # Where costs differ by rounding alone it may not stop by itself: what it has reached is compared.
     theirs = optimistix.least_squares(
         lambda x, _: plain(x),
         optimistix.LevenbergMarquardt(rtol=1e-10, atol=1e-10),
         jnp.asarray(x),
-        max_steps=5000,
+        max_steps=500,
+        throw=False,
     ).value
     optimistix_cost = 0.5 * float(jnp.sum(plain(theirs) ** 2))
     assert float(ours.cost) == pytest.approx(scipys.cost, rel=1e-8)
