@@ -127,13 +127,11 @@ def _terms_of_harmonics(qv, tau, weights, harmonics):
     _, sine, r, _ = _relaxation_parts(tau * qv)
     quotient = sine * r  # a / (1 + r), at most 1
     ratio = quotient**2
-    along, across = (_series(shares, -ratio) for shares in harmonics)
-    first = {
-        "power": ratio / r * along,
-        "dissipation": sine / (1 + r) * along,
-        "storage": ratio / r * along,
-        "transverse": quotient / (1 + r) * across,
-    }
+    along = _series(harmonics[0], -ratio)
+    first = {"power": ratio / r * along, "dissipation": sine / (1 + r) * along}
+    first["storage"] = first["power"]
+    if "transverse" in weights:
+        first["transverse"] = quotient / (1 + r) * _series(harmonics[1], -ratio)
     return {kind: weight * first[kind] for kind, weight in weights.items()}
 
 
