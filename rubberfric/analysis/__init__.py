@@ -16,10 +16,8 @@ if TYPE_CHECKING:
     from rubberfric.analysis.error_and_time.sweep import accuracy
     from rubberfric.analysis.extrapolation import friction_outside_table
     from rubberfric.analysis.interface.adhesion import (
-        AdhesionProfile,
         AdhesionVerdict,
         adhesion_matters,
-        adhesion_profile,
         full_contact_energy,
     )
     from rubberfric.analysis.interface.pull_off import pull_off_force
@@ -31,7 +29,6 @@ if TYPE_CHECKING:
     from rubberfric.scene.numerics.settings import fitting_quadrature
 
 __all__ = [
-    "AdhesionProfile",
     "AdhesionVerdict",
     "DissipatedPower",
     "FrictionMap",
@@ -42,7 +39,6 @@ __all__ = [
     "TheoryError",
     "accuracy",
     "adhesion_matters",
-    "adhesion_profile",
     "boundary_element",
     "contact_stiffness",
     "dissipated_power",
@@ -73,9 +69,7 @@ lazily(
         "rubberfric.analysis.error_and_time.settings": "quadrature_for",
         "rubberfric.analysis.error_and_time.sweep": "accuracy",
         "rubberfric.analysis.extrapolation": "friction_outside_table",
-        "rubberfric.analysis.interface.adhesion": (
-            "AdhesionProfile AdhesionVerdict adhesion_matters adhesion_profile full_contact_energy"
-        ),
+        "rubberfric.analysis.interface.adhesion": ("AdhesionVerdict adhesion_matters full_contact_energy"),
         "rubberfric.analysis.interface.pull_off": "pull_off_force",
         "rubberfric.analysis.interface.separations": "SeparationProfile separation_profile",
         "rubberfric.analysis.interface.stresses": "contact_stiffness stress_distribution",

@@ -15,11 +15,10 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import over_points
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.scene import Scene, detaches
+from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import shear_friction
 from rubberfric.theory.arguments import settled, warn_of_last_iterates
 from rubberfric.theory.integrals import prepare, solved
-from rubberfric.theory.model import ADHESIVE_BLOCK
 
 BLOCK = 128  # points evaluated at once
 
@@ -101,8 +100,7 @@ def _dissipated_power(scene, velocity, pressure, temperature, *, quadrature):
             results["shear"] = mu * pressure * velocity
         return results
 
-    size = ADHESIVE_BLOCK if detaches(scene) else BLOCK
-    parts = over_points(powers, (velocity, pressure, temperature), size)
+    parts = over_points(powers, (velocity, pressure, temperature), BLOCK)
     converged = parts.pop("converged", None)
     total = parts["lower"] + parts["upper"] + parts["shear"]
     return DissipatedPower(**parts, total=total), converged

@@ -5,11 +5,6 @@ make, at the least energy [Ciavarella, J. Mech. Phys. Solids 114, 209 (2018), do
 
 .. math:: p_1 = \sigma_0 + \sqrt{2\,\Delta\gamma\, A'(p_1) / u''(p_1)}
 
-or, after fracture mechanics at every length scale, cracks of detached area open at a stress [Persson, Eur.
-Phys. J. E 8, 385 (2002), doi:10.1140/epje/i2002-10025-1],
-
-.. math:: \sigma_a(q)^2 = c\, E_r(q)\, q\, \gamma_\mathrm{eff}(q)
-
 Where it reaches further, it presses the solids together as a load would [Persson and Scaraggi, J. Chem. Phys.
 141, 124701 (2014), doi:10.1063/1.4895789],
 
@@ -19,14 +14,11 @@ Where it reaches further, it presses the solids together as a load would [Persso
 Between them lies Tabor's parameter of asperities of radius R, :math:`(R\,\Delta\gamma^2/E_r^2 r^3)^{1/3}`.
 """
 
-import math
 from typing import Literal
 
-from rubberfric.base.checks import POSITIVE, between
+from rubberfric.base.checks import POSITIVE
 from rubberfric.base.objects.fields import Number, OptionalNumber, leaf, static
 from rubberfric.base.objects.physical import PhysicalObject, physical
-
-PREFACTOR = 4 / math.pi  # [Persson 2002]
 
 
 @physical
@@ -36,32 +28,21 @@ class Adhesion(PhysicalObject):
     Parameters
     ----------
     work : of adhesion per area of contact [J/m^2], > 0; 0.05 for rubber on most clean solids
-    prefactor : c of the detachment stress [-]; None: 4/pi [Persson 2002]; 0.4 to 1.3 by the geometry of the
-        cracks; of the criterion "stress" alone
     limit : "short" or "long" (static)
     range : r of the attraction [m], > 0; of long range only. Van der Waals forces reach some 0.3 nm,
         electrostatic ones micrometres.
-    criterion : of short range, what contact is held by, "energy" or "stress" (static)
 
     `rubberfric.analysis.adhesion_matters` says beforehand whether it is worth its cost. In friction contact
     shear acts on the area that adheres, and the viscoelastic part is eq. (A17) with S P of that area, or of
     p_1; both are over sigma_0 alone.
 
-    Short range, by energy: against boundary elements (q1/q0 = 8, Tabor 3) areas are good to 15 % for works up
+    Short range: against boundary elements (q1/q0 = 8, Tabor 3) areas are good to 15 % for works up
     to an eighth of the energy of full contact where up to a third touches, to 20 % at a quarter, and 11 to
     31 % too small where more than half does, for elements fall into contact sooner; all with S in G, without
     it they are as much smaller as without adhesion. Of several solutions it is the least, where approaching
     solids come to rest; pulled apart again they hold up to three times as much. Where no load is large enough
     contact is full. Derivatives are those of the solution, without bounds next to a jump, and 0 where contact
     is full: a fit of the work begins with little of it.
-
-    By stress: 34 to 67 % too small against the same elements, whatever c, for the elastic energy that the
-    load has stored is taken from what adhesion may hold: of use to compare with what others computed by it.
-    The iteration begins at contact without adhesion. Near a load or a work at which the
-    contact jumps into full contact it may end at either state, or at none: then it warns (`solve`:
-    "converged"). The mean separation is not defined; not together with S in G. Areas are those of the
-    equations to 1e-8; where solids are about to jump into contact, or hardly any of the work is left, to
-    3e-5, and derivatives to 2e-4.
 
     Long range: area, separation, and S P of the viscoelastic friction are those without adhesion under the
     pressure p_rep. The exponential law has the work as its
@@ -78,10 +59,8 @@ class Adhesion(PhysicalObject):
     """
 
     work: Number = leaf(POSITIVE, unit="J/m^2", plausible=(1e-9, 1e3))
-    prefactor: OptionalNumber = leaf(between(1e-3, 1e3), unit="-", default=None)
     limit: Literal["short", "long"] = static(default="short")
     range: OptionalNumber = leaf(POSITIVE, unit="m", plausible=(1e-11, 1e-3), default=None)
-    criterion: Literal["energy", "stress"] = static(default="energy")
 
     def _check(self):
         if self.limit == "long" and self.range is None:
@@ -90,16 +69,3 @@ class Adhesion(PhysicalObject):
             raise ValueError(
                 'Adhesion.range: adhesion of short range has none; must be None, or limit "long"'
             )
-        if self.limit == "long" and self.criterion == "stress":
-            raise ValueError(
-                'Adhesion.criterion is "stress": of short range only; must be "energy", or limit "short"'
-            )
-        if self.prefactor is not None and not self.by_stress:
-            raise ValueError(
-                'Adhesion.prefactor: of the detachment stress alone; must be None, or criterion "stress"'
-            )
-
-    @property
-    def by_stress(self) -> bool:
-        """Whether contact is pulled off at a stress."""
-        return self.limit == "short" and self.criterion == "stress"

@@ -112,7 +112,7 @@ class Scene(PhysicalObject):
             )
         warn_of_scene(self)
         parts = present(self)
-        _check_apart("adhesion", ("heating", "area_correction") if detaches(self) else ("heating",), parts)
+        _check_apart("adhesion", ("heating",), parts)
         self._check_correlation(parts)
         bodies = self.lower, self.upper
         if "softening" not in parts:
@@ -207,11 +207,6 @@ def softening_of(scene: Scene, body: Body) -> Softening | None:
 def relaxes(body: Body) -> bool:
     """Whether a body is viscoelastic: its material, or what that is a coating of."""
     return body.material.relaxes or (body.layer is not None and body.layer.relaxes)
-
-
-def detaches(scene: Scene) -> bool:
-    """Whether contact is pulled off at a stress."""
-    return scene.adhesion is not None and scene.adhesion.by_stress
 
 
 def dissipates(scene: Scene) -> bool:

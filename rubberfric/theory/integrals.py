@@ -205,8 +205,6 @@ def evaluate(
     if prepared.integrated is not None:
         contact, temperatures = known or solved(prepared, velocity, pressure, temperature)
         found |= _integrated(contact, parts | {"area"} if sheared else parts)
-        if contact.detached is not None:
-            found["converged"] = contact.detached.converged
         if contact.pressed is not None:
             found["converged"] = contact.pressed.converged
         if temperatures is not None:

@@ -22,14 +22,14 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import over_points
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.scene import Scene, detaches
+from rubberfric.scene.scene import Scene
 from rubberfric.theory.arguments import check_heated, settled, warn_of_last_iterates
 from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.quantities import QUANTITIES, Solution, iterates
 from rubberfric.theory.stiffness.excitation import known_tables
 
-# Points evaluated at once; with adhesion of short range each has a matrix of its nodes.
-BLOCK, ADHESIVE_BLOCK = 512, 64
+# Points evaluated at once.
+BLOCK = 512
 
 
 def contact_area(
@@ -180,7 +180,7 @@ def solve(
         of a heated scene "flash_temperature" (at the largest
         wavevector) and "converged": False where the temperatures are a last iterate, not a solution.
         Only these are computed. The contact shear needs no more than the area. With adhesion "converged"
-        says the same of the areas, and "separation" is not defined if it is by stress.
+        says the same of the areas.
     compiler_options : of XLA, as jax.jit has them, or None
         Not within a transformation. What is compiled so is not kept for another call of the process.
 
@@ -224,5 +224,4 @@ def _solved(options, *given):
 def _solve(scene, velocity, pressure, temperature, tables, quadrature, quantities):
     prepared = prepare(scene, quantities, quadrature, tables=tables)
     block = functools.partial(evaluate, prepared, quantities)
-    size = ADHESIVE_BLOCK if detaches(scene) else BLOCK
-    return Solution(**over_points(block, (velocity, pressure, temperature), size))
+    return Solution(**over_points(block, (velocity, pressure, temperature), BLOCK))

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from rubberfric.scene.scene import Scene, check_without, detaches, dissipates, relaxes, rough_surfaces
+from rubberfric.scene.scene import Scene, dissipates, relaxes, rough_surfaces
 
 QUANTITIES = ("area", "friction", "separation")
 # Of `solve`, or read from a file.
@@ -74,13 +74,8 @@ def parts_of(quantities: Iterable[str]) -> set[str]:
 
 
 def needs_of(scene: Scene, quantities: Iterable[str]) -> Needs:
-    """What quantities need of a scene; nothing is integrated for those that are constant in it.
-
-    ValueError for the separation of a scene with adhesion of the criterion "stress".
-    """
+    """Return the integrals that quantities of a scene need; none for those that are constant in it."""
     needs = Needs()
-    if "separation" in quantities and detaches(scene):
-        check_without(scene, ("adhesion",), "the separation")
     if not rough_surfaces(scene):
         return needs
     absent = set()
@@ -101,7 +96,7 @@ def needs_of(scene: Scene, quantities: Iterable[str]) -> Needs:
 
 def quantities_of(scene: Scene) -> tuple[str, ...]:
     """All quantities that say something about a scene: the three, and what its parts add to them."""
-    names: list[str] = list(QUANTITIES[:2] if detaches(scene) else QUANTITIES)
+    names: list[str] = list(QUANTITIES)
     if scene.shear is not None:
         names += ["viscoelastic_friction", "shear_friction"]
     if pulls_aside(scene):

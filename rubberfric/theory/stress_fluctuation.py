@@ -10,30 +10,30 @@ With d^2q = q^2 d ln q dphi and K_j = (q/2) scale factor_j F_j (`rubberfric.theo
           \sum_j q^4 C_j\, factor_j \langle\cos\varphi\,\mathrm{Im}F_j\rangle
 """
 
+import functools
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from numpy.polynomial import legendre
 
+from rubberfric.base.quadrature import gauss, legendre_transform, typed
 from rubberfric.roughness.mesh.radial_mesh import Mesh
 from rubberfric.scene.adhesion import Adhesion
 from rubberfric.scene.correlation import Correlation
 from rubberfric.scene.pairs import PairTemperatures
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
 from rubberfric.theory.area.constant_area import Unloading, hold, work_of_separation
-from rubberfric.theory.area.first_passage import from_nodes_on
 from rubberfric.theory.area.long_range import Gaps, attract, attraction
 from rubberfric.theory.area.partial_contact import (
     Pressed,
     contact_argument,
     contact_fraction,
-    energy_factor,
     friction_weight,
 )
 from rubberfric.theory.area.separations import loss_table
-from rubberfric.theory.area.short_range import Detachment, Plain, detach
 from rubberfric.theory.contributions import Contribution, Terms, total
 
 
@@ -46,13 +46,10 @@ class Contact(NamedTuple):
     x: jax.Array | None  # 1 / (2 sqrt G), plain; None if the mesh is not graded
     gamma: jax.Array
     correction: CorrectionTable | None
-    detached: Detachment | None = None  # with adhesion of short range, by its stress
-    pressed: Pressed | None = None  # by its energy, or of long range
+    pressed: Pressed | None = None  # with adhesion: the load that makes the same contact without it
 
     def area(self, panels: jax.Array | None = None) -> jax.Array:
         """P after the first `panels` panels (None: after all, A/A0), (points,)."""
-        if self.detached is not None:
-            return self.detached.final
         g = self.panels
         if panels is not None:
             g = jnp.where(np.arange(g.shape[0])[:, None] < panels, g, 0.0)
@@ -72,10 +69,7 @@ class Contact(NamedTuple):
         found = {j: one.densities[kind] for j, one in enumerate(self.terms) if kind in one.densities}
         if not found or self.x is None:
             return {}
-        if self.detached is None:
-            share = friction_weight(self.corrected(self.x), self.gamma)
-        else:
-            share = energy_factor(self.detached.area, self.gamma) * self.detached.area
+        share = friction_weight(self.corrected(self.x), self.gamma)
         stiffness = self.stiffness
         if self.pressed is not None:  # friction is over the load alone
             stiffness = stiffness * self.pressed.load
@@ -113,8 +107,6 @@ class Roughness(NamedTuple):
         contact, g = self._without_adhesion(velocity, pressure, temperatures)
         if g is None or self.adhesion is None:
             return contact
-        if self.adhesion.by_stress:
-            return contact._replace(detached=self._detached(self.adhesion, contact, g, pressure))
         if self.adhesion.limit == "short":
             pressed = hold(self._unloading(self.adhesion, contact, pressure))
         else:
@@ -174,8 +166,8 @@ class Roughness(NamedTuple):
         knots = jnp.log(jnp.maximum(in_a_row(g, end), jnp.finfo(g.dtype).tiny))
         return Gaps(
             knots=knots,
-            storage=in_a_row(from_nodes_on(storage), 0 * end),
-            heights=in_a_row(from_nodes_on(heights[:, None]), 0 * end),
+            storage=in_a_row(_from_nodes_on(storage), 0 * end),
+            heights=in_a_row(_from_nodes_on(heights[:, None]), 0 * end),
             stiffness=contact.stiffness,
             strength=adhesion.work / (adhesion.range * pressure),
             reach=adhesion.range,
@@ -197,19 +189,6 @@ class Roughness(NamedTuple):
             correction=self.correction,
         )
 
-    def _detached(self, adhesion, contact, g, pressure):
-        """`Detachment` of the contact without adhesion."""
-        storage = total(terms.densities["storage"] for terms in contact.terms)
-        plain = Plain(
-            g=g,
-            end=jnp.sum(contact.panels, 0),
-            energy=jnp.pi / 2 * self.scale * storage,
-            roughness=2 * jnp.pi * total(self.mesh.roughness)[:, None],
-            stiffness=contact.stiffness,
-            pressure=pressure,
-        )
-        return detach(self.mesh, plain, adhesion, self.gamma)
-
 
 def _sum_before(panels):
     """Sum over the panels before each one, without subtracting: a panel 1e20 times larger loses nothing."""
@@ -221,3 +200,20 @@ def _in_a_row(values, pressure, shape=None):
     panels, _, order = values.shape if shape is None else shape
     values = jnp.broadcast_to(values, (panels, pressure.shape[0], order))
     return jnp.moveaxis(values, 1, 0).reshape(pressure.shape[0], -1)
+
+
+def _from_nodes_on(values):
+    """Integrals from every node (panels, points, order) to the end, of terms of the whole integral."""
+    rule = typed(_integrals_to_the_end(values.shape[-1]), values)
+    after = jnp.cumsum(jnp.sum(values, -1)[::-1], 0)[::-1]
+    after = jnp.concatenate([after[1:], jnp.zeros_like(after[:1])])
+    return after[..., None] + jnp.einsum("kpj,ij->kpi", values, rule)
+
+
+@functools.cache
+def _integrals_to_the_end(order):
+    """Weights of integrals from every Gauss node to the end of a panel, for weighted terms at the nodes."""
+    node, weight = gauss(order)
+    y = node[:, None] + (1 - node[:, None]) * node
+    values = legendre.legvander(2 * y - 1, order - 1) @ legendre_transform(order)
+    return np.einsum("imj,m->ij", values, weight) * (1 - node[:, None]) / weight

@@ -78,7 +78,6 @@ STICKING = {
 }
 ADHESION = {
     "energy": rf.Adhesion(1e-3),
-    "stress": rf.Adhesion(1e-3, criterion="stress"),
     "long": rf.Adhesion(1e-2, limit="long", range=1e-7),
 }
 

@@ -1,11 +1,10 @@
-r"""Adhesion: whether it matters, and what is left of it at each length scale.
+r"""Elastic energy of full contact, and whether adhesion matters beside it.
 
 .. math:: \frac{U_\mathrm{el}}{A_0} = \frac12\int d^2q \sum_j C_j\,\mathrm{Re}K_j
           \qquad\Big[= \frac{\pi}{2} E_r\int dq\, q^2 C(q) \text{ of one elastic half-space}\Big]
 
 [Persson and Tosatti, J. Chem. Phys. 115, 5597 (2001), doi:10.1063/1.1398300]. Solids that
-come together over all of their roughness store U_el and gain the work of adhesion. What is left of it seen
-at a resolution is in `rubberfric.theory.area.short_range`.
+come together over all of their roughness store U_el and gain the work of adhesion.
 """
 
 import functools
@@ -21,10 +20,9 @@ from rubberfric.base.checks import POSITIVE, as_leaf, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.adhesion import Adhesion
 from rubberfric.scene.scene import Scene, rough_surfaces
-from rubberfric.theory.arguments import checked, warn_of_last_iterates
+from rubberfric.theory.arguments import checked
 from rubberfric.theory.contributions import total
 from rubberfric.theory.integrals import prepare, solved
-from rubberfric.theory.model import ADHESIVE_BLOCK
 
 _DEFAULT = Quadrature()
 
@@ -158,86 +156,8 @@ def _words(ratio, energy, work):
     return f"adhesion matters: {compared}; it decides how much of the fine roughness is in contact"
 
 
-class AdhesionProfile(NamedTuple):
-    """Results of `adhesion_profile`; q and magnification have shape [q], the others [conditions..., q]."""
-
-    q: jax.Array  # wavevectors, those of the quadrature [1/m]
-    magnification: jax.Array  # q over the first wavevector of the roughness [-]
-    area: jax.Array  # A(q) over the nominal area, when nothing beyond q is seen [-]
-    work: jax.Array  # gamma_eff(q), what is left of the work of adhesion [J/m^2]
-    stress: jax.Array  # sigma_a(q), at which contact is pulled off [Pa]
-
-
-def adhesion_profile(
-    scene: Scene,
-    velocity: ArrayLike,
-    pressure: ArrayLike,
-    temperature: ArrayLike | None = None,
-    *,
-    quadrature: Quadrature = _DEFAULT,
-) -> AdhesionProfile:
-    r"""Area, work of adhesion and detachment stress over the largest wavevector seen.
-
-    .. math:: \gamma_\mathrm{eff}(q)\, A(q) = \Delta\gamma\,(1 + \tfrac12 h'^2) A(q_1) - U_\mathrm{el}(q)
-
-    [Persson, Eur. Phys. J. E 8, 385 (2002)]
-
-    Parameters
-    ----------
-    scene : Scene with roughness, and adhesion of the criterion "stress"
-    velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
-    quadrature : Quadrature, static
-
-    Returns
-    -------
-    AdhesionProfile; work and stress are 0 where the elastic energy outweighs the work of adhesion.
-
-    Raises
-    ------
-    ValueError : as `contact_area`; a scene without roughness, or without adhesion by stress.
-
-    Warns
-    -----
-    RuntimeWarning : where the areas are not a solution.
-    """
-    if not adhesion_of(scene).by_stress:
-        raise ValueError(
-            'scene.adhesion: nothing is detached at a stress; must be of limit "short" and criterion "stress"'
-        )
-    if not rough_surfaces(scene):
-        raise ValueError("scene: nothing in it is rough; lower.spectrum or upper.spectrum must be given")
-    scene, conditions = checked(scene, velocity, pressure, temperature, quadrature)
-    q, found = detached(scene, *conditions, quadrature=quadrature)
-    warn_of_last_iterates(scene, found["converged"], conditions)
-    fields = {name: found[name] for name in ("area", "work", "stress")}
-    return AdhesionProfile(q=q, magnification=q / q[0], **fields)
-
-
 def adhesion_of(scene: Scene) -> Adhesion:
     """The adhesion of a scene, or ValueError."""
     if scene.adhesion is None:
         raise ValueError("scene.adhesion is None: must be an Adhesion")
     return scene.adhesion
-
-
-@functools.partial(jax.jit, static_argnames=("quadrature",))
-def detached(
-    scene: Scene,
-    velocity: jax.Array,
-    pressure: jax.Array,
-    temperature: jax.Array | None,
-    *,
-    quadrature: Quadrature,
-) -> tuple[jax.Array, dict[str, jax.Array]]:
-    """Wavevectors, and fields of `Detachment`, nodes last and in a row."""
-    prepared = prepare(scene, ("area",), quadrature)
-
-    def of_points(points):
-        found = solved(prepared, *points)[0].detached
-        assert found is not None  # the scene has adhesion
-        fields = {name: getattr(found, name) for name in ("area", "work", "stress")}
-        rows = {name: jnp.moveaxis(x, 1, 0).reshape(x.shape[1], -1) for name, x in fields.items()}
-        return rows | {"whole": found.whole, "converged": found.converged}
-
-    found = over_points(of_points, (velocity, pressure, temperature), ADHESIVE_BLOCK)
-    return prepared.roughness.mesh.q.reshape(-1), found

@@ -1,7 +1,7 @@
 r"""The force that separates a rough sphere from a plane, in both limits of the range of attraction.
 
 Of short range it is that of Johnson, Kendall and Roberts with what the roughness leaves of the work: W of
-`rubberfric.theory.area.constant_area`, or gamma_eff of all the roughness. Of
+`rubberfric.theory.area.constant_area`. Of
 long range the sphere keeps its shape, and Derjaguin's approximation has the force from the work that
 separates flat rough solids from where they rest under no load,
 
@@ -24,14 +24,14 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.analysis.interface.adhesion import adhesion_of, detached
+from rubberfric.analysis.interface.adhesion import adhesion_of
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature, gauss, typed
 from rubberfric.scene.pairs import PairTemperatures
-from rubberfric.scene.scene import Scene, detaches, rough_surfaces
+from rubberfric.scene.scene import Scene, rough_surfaces
 from rubberfric.theory.area.partial_contact import contact_argument
-from rubberfric.theory.arguments import checked, warn_of_last_iterates
+from rubberfric.theory.arguments import checked
 from rubberfric.theory.integrals import evaluate, prepare
 
 _DEFAULT = Quadrature()
@@ -64,16 +64,14 @@ def pull_off_force(
               F = 2\pi R\, W\quad\text{(long range)}
 
     [Johnson, Kendall and Roberts, Proc. R. Soc. A 324, 301 (1971), with W of
-    `rubberfric.theory.area.constant_area`, of the criterion "stress" with gamma_eff of all the roughness:
-    Persson, Eur. Phys. J. E 8, 385 (2002); Derjaguin, Muller and Toporov, J. Colloid Interface Sci. 53, 314
+    `rubberfric.theory.area.constant_area`; Derjaguin, Muller and Toporov, J. Colloid Interface Sci. 53, 314
     (1975), with W as the module has it]
 
     Parameters
     ----------
     scene : Scene with adhesion
     radius : R [m], > 0, a number
-    pressure, temperature : at which contact was made, array_like, broadcastable [Pa], [K]; but by stress
-        what was pressed together comes apart the same way, whatever the pressure
+    pressure, temperature : at which contact was made, array_like, broadcastable [Pa], [K]
     quadrature : Quadrature, static
 
     Returns
@@ -83,10 +81,6 @@ def pull_off_force(
     Raises
     ------
     ValueError : as `contact_area`; radius <= 0; a scene without adhesion.
-
-    Warns
-    -----
-    RuntimeWarning : where the areas by stress are not a solution.
 
     Limits: of long range W is up to 14 % below that of boundary elements at Tabor 0.1, 6 to 60 % at 0.3, the
     more the less of the work is left (tests/rubberfric/theory/area/test_adhesive_elements.py).
@@ -99,10 +93,6 @@ def pull_off_force(
     if not rough_surfaces(scene):
         shapes = [jnp.shape(x) for x in conditions if x is not None]
         work = jnp.broadcast_to(jnp.asarray(adhesion.work), jnp.broadcast_shapes(*shapes))
-    elif detaches(scene):
-        _, found = detached(scene, *conditions, quadrature=quadrature)
-        warn_of_last_iterates(scene, found["converged"], conditions)
-        work = found["whole"]
     elif adhesion.limit == "short":
         work = _work_by_energy(scene, *conditions, quadrature=quadrature)
     else:

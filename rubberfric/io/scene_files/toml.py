@@ -41,7 +41,7 @@
     file = "softening.csv"
     ...
 
-    [adhesion]                          # optional: work; limit = "long" and range; criterion = "stress"
+    [adhesion]                          # optional: work; limit = "long" and range
 
     [correlation]                       # optional: coherence; at velocity 0 only
 

@@ -46,11 +46,10 @@ def test_kinds_that_they_have_not(tmp_path):
 @pytest.mark.parametrize(
     "adhesion",
     [
-        rf.Adhesion(0.0123, 0.7, criterion="stress"),
         rf.Adhesion(0.02),
         rf.Adhesion(3e-3, limit="long", range=1.7e-9),
     ],
-    ids=["stress", "energy", "long"],
+    ids=["short", "long"],
 )
 def test_adhesion_of_either_limit_in_toml_and_hdf5(adhesion, tmp_path):
     spectrum = rf.SelfAffine(1e5, 1e6, 1e8, 0.8, 2e-9)

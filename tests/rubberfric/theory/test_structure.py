@@ -112,7 +112,6 @@ def test_without_adhesion_nothing_of_it_is_traced(monkeypatch):
     rubber = scene((TREAD,), (RIGID, ROAD))
     kinds = {
         "hold": rf.Adhesion(0.05),
-        "detach": rf.Adhesion(0.05, criterion="stress"),
         "attract": rf.Adhesion(0.05, limit="long", range=1e-9),
     }
     for adhesion in kinds.values():

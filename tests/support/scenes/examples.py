@@ -64,7 +64,7 @@ def examples(number=float, vector=np.array):
         factor=number(1.2),
     )
     body = rf.Body(prony, road, slab, thermal, softening)
-    adhesion = rf.Adhesion(work=number(0.05), prefactor=number(1.1), criterion="stress")
+    adhesion = rf.Adhesion(work=number(0.05), limit="long", range=number(1e-8))
     correlation = rf.Correlation(coherence=number(0.7))
     heating = rf.Heating(
         density=number(1.2e3),

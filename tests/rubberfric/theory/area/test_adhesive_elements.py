@@ -147,9 +147,7 @@ def test_areas_held_by_their_energy_are_those_of_elements(hurst, load, share, er
         assert found
         areas.append(area)
     energy = plain.replace(adhesion=rf.Adhesion(work), area_correction=True)
-    stress = plain.replace(adhesion=rf.Adhesion(work, criterion="stress"))
     assert float(rf.contact_area(energy, 0.0, pressure)) == pytest.approx(np.mean(areas), rel=error)
-    assert float(rf.contact_area(stress, 0.0, pressure)) < 0.7 * np.mean(areas)
 
 
 @pytest.mark.slow

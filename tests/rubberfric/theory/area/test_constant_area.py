@@ -236,3 +236,12 @@ def test_a_fit_finds_the_work_of_adhesion_across_jumps():
     assert found.success
     for name, value in (("adhesion.work", 5e-4), ("shear.tau_f0", 5e4)):
         assert abs(found[name].value - value) < 3 * found[name].stderr < 0.1 * value
+
+
+def test_what_adhesion_does_not_define_is_refused():
+    with pytest.raises(ValueError, match=r"^scene.adhesion: the distribution of stresses is not"):
+        rf.analysis.stress_distribution(_scene(0.05), 1e5, 0.0, 1e5)
+    with pytest.raises(ValueError, match=r"^scene.adhesion is None: must be an Adhesion"):
+        rf.analysis.pull_off_force(_scene(), 1e-2, 1e5)
+    with pytest.raises(ValueError, match=r"work"):
+        rf.Adhesion(work=-1.0)
