@@ -1,0 +1,200 @@
+r"""The paper, executable: Scaraggi and Persson's general case, one expression for each equation.
+
+Source: M. Scaraggi and B. N. J. Persson, arXiv:1506.06955. The letters and the equation numbers are the
+paper's. Solid 2 (`scene.upper`) slides with v over solid 1 (`scene.lower`). The roughness of the other solid
+passes either solid with the frequency q.v; its own roughness is at rest.
+
+These functions are plain JAX: `jax.jit` and `jax.grad` go through them. They cover half-spaces and slabs of
+every material that gives E(omega), two rough solids, contact shear, and S in G (`area_correction`). They use
+no closed form, table or interpolation of the fast functions in `rubberfric.theory`, which are tested against
+them, and take ten to a hundred times as long.
+"""
+
+import functools
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.special import erf
+from jax.typing import ArrayLike
+
+from rubberfric.base.quadrature import gauss, legendre_transform
+from rubberfric.materials.material import Material, complex_modulus, poisson_of, stiffer
+from rubberfric.materials.prony import PronyShear
+from rubberfric.materials.slab import Slab
+from rubberfric.roughness.spectra import power_spectrum
+from rubberfric.scene.scene import Body, Scene, present
+from rubberfric.scene.shear import shear_friction
+from rubberfric.theory.quantities import Solution
+
+
+class Nodes(NamedTuple):
+    """Nodes and weights of the integrals, the same for every piece of ln q between two kinks of spectra."""
+
+    y: np.ndarray  # ln q = ln q_left + (ln q_right - ln q_left) y, shape (n,)
+    dy: np.ndarray  # weights of the integral over a piece, shape (n,)
+    until: np.ndarray  # weights of the integrals from the left end to every node, shape (n, n)
+    cos_phi: np.ndarray  # cos(phi), shape (angles,)
+    dphi: np.ndarray  # weights of the integral over the circle of a function that is even in cos(phi)
+    z: np.ndarray  # the pressure, as a share of its range in ln p, shape (pressures,)
+    dz: np.ndarray
+
+
+@functools.cache
+def gauss_nodes(order: int = 12, panels: int = 6, graded: int = 14, step: float = 0.25) -> Nodes:
+    """Return nodes with which area and friction are good to 1e-14 and the separation to 1e-10.
+
+    For a tabulated modulus step = 0.05 and panels = 12 give 1e-9.
+
+    Parameters
+    ----------
+    order : Gauss nodes of a panel
+    panels : equal panels of a piece of ln q, in s = sqrt(y)
+    graded : further panels towards its left end, each a quarter of the next, because P falls from 1 within
+        ln(q / q0) = 1e-4 at tyre pressures and 1e-18 at light loads
+    step : of the trapezoidal rule in t, cos(phi) = 1 / cosh(t), which converges as exp(-pi^2 / step)
+    """
+    edges = np.arange(1, panels + 1) / panels
+    edges = np.concatenate([[0.0], edges[0] * 4.0 ** np.arange(-graded, 0), edges])
+    (node, weight), width = gauss(order), np.diff(edges)
+    s, ds = (edges[:-1, None] + width[:, None] * node).ravel(), np.outer(width, weight).ravel()
+    basis = np.polynomial.legendre.Legendre.basis
+    integrals = np.stack([basis(k).integ(lbnd=-1)(2 * node - 1) / 2 for k in range(order)], -1)
+    inside = np.kron(np.diag(width), integrals @ legendre_transform(order))
+    before = np.kron(np.tri(width.size, k=-1), np.ones((order, order))) * ds
+    t = step * np.arange(int(36 / step))
+    dphi = 4 * step / np.cosh(t)
+    dphi[0] /= 2
+    return Nodes(s**2, 2 * s * ds, (inside + before) * 2 * s, 1 / np.cosh(t), dphi, *gauss(2 * order))
+
+
+@functools.cache
+def trapezoid_nodes(n_q: int, n_phi: int) -> Nodes:
+    """Return trapezoids over ln q (n_q nodes a piece) and phi (n_phi on the circle)."""
+    y, step = np.linspace(0, 1 - 1e-12, n_q), 1 / (n_q - 1)  # C is 0 from the end of the last piece on
+    until = step * (np.tri(n_q) - 0.5 * np.eye(n_q) - 0.5 * np.eye(1, n_q))
+    cos_phi = np.cos(2 * np.pi * np.arange(n_phi) / n_phi)
+    return Nodes(y, until[-1], until, cos_phi, np.full(n_phi, 2 * np.pi / n_phi), y, until[-1])
+
+
+def covers(scene: Scene) -> bool:
+    """Return True if the scene has nothing beyond isotropic roughness, slabs, contact shear and S in G."""
+    bodies = scene.lower, scene.upper
+    slabs = all(isinstance(body.layer, Slab | None) for body in bodies)
+    isotropic = not any(body.spectrum is not None and body.spectrum.harmonic_count() for body in bodies)
+    return slabs and isotropic and present(scene) <= {"shear", "area_correction"}
+
+
+def solve(
+    scene: Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None = None,
+    *,
+    nodes: Nodes | None = None,
+) -> Solution:
+    """Return a `Solution` with area, friction and separation, of the broadcast shape.
+
+    Parameters
+    ----------
+    scene : Scene for which `covers` is true, of solids with E(0) > 0
+    velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
+        The derivative by the velocity is not defined at rest.
+    nodes : Nodes, or None for `gauss_nodes()`
+
+    Raises
+    ------
+    ValueError : `covers` is false.
+    """
+    if not covers(scene):
+        raise ValueError("scene has a part that the paper's general case lacks: use rubberfric.solve")
+    given = [jnp.asarray(x, float) for x in (velocity, pressure, temperature) if x is not None]
+    given = jnp.broadcast_arrays(*given)
+    points = tuple(x.reshape(-1) for x in given)
+    found = jax.lax.map(lambda point: _at_point(scene, nodes or gauss_nodes(), *point), points)
+    return jax.tree.map(lambda x: x.reshape(given[0].shape), found)
+
+
+def _at_point(scene, nodes, v, sigma_0, T=None):
+    bodies = ((scene.lower, scene.upper), (scene.upper, scene.lower))
+    rough = [(one, other) for one, other in bodies if one.spectrum is not None]
+    area, mu, u_bar = jnp.ones(()), jnp.zeros(()), jnp.zeros(())
+    if rough:
+        area, mu, u_bar = _integrals(scene.gamma, scene.area_correction, rough, nodes, v, sigma_0, T)
+    if scene.shear is not None:
+        mu = mu + shear_friction(scene.shear, area, v, sigma_0, T)
+    return Solution(area, mu, u_bar)
+
+
+def _integrals(gamma, S_in_G, rough, nodes, v, sigma_0, T):
+    kinks = jnp.sort(jnp.concatenate([one.spectrum.power_law().q for one, _ in rough]))
+    piece = jnp.diff(jnp.log(kinks))[:, None]  # axes: pieces of ln q, nodes in a piece, phi
+    q, dq_q = kinks[:-1, None] * jnp.exp(piece * nodes.y), piece * nodes.dy
+
+    def mean(C, f):  # sum over j of C_j times the integral of f over phi
+        return sum(c * jnp.sum(f(k) * nodes.dphi, -1) for c, k in zip(C, K, strict=True))
+
+    def until(f):  # integral of f d ln q up to every node
+        pieces = jnp.cumsum(jnp.sum(f * dq_q, -1))
+        return jnp.concatenate([jnp.zeros(1), pieces[:-1]])[:, None] + piece * (f @ nodes.until.T)
+
+    C = [power_spectrum(one.spectrum, q) for one, _ in rough]
+    Q, omega = q[..., None], q[..., None] * v * nodes.cos_phi
+    K = [1 / (M_j(other, Q, omega, T) + M_j(one, Q, None, T)) for one, other in rough]  # (A6)
+    stress2 = q**2 * mean(C, lambda K: jnp.abs(K) ** 2) / (2 * sigma_0**2)  # (A8)
+    G, G_end = until(stress2), jnp.sum(stress2 * dq_q)  # (A11)
+    x = plain = 0.5 / jnp.sqrt(G)
+    if S_in_G:  # dG = S dG_plain, solved by iteration from q0 on
+        x = jax.lax.fori_loop(0, 60, lambda _, x: 0.5 / jnp.sqrt(until(S(erf(x), gamma) * stress2)), x)
+        G_end = jnp.sum(S(erf(x), gamma) * stress2 * dq_q)
+    P = erf(x)  # (10)
+    loss = q**3 * mean(C, lambda K: nodes.cos_phi * jnp.imag(K))
+    mu = jnp.sum(S(P, gamma) * P * loss * dq_q) / sigma_0  # (A17)
+    stored = q**2 * mean(C, jnp.real)
+    u_bar = jnp.sum(stored * pressure_integral(plain, gamma, nodes) * dq_q) / sigma_0  # (A18)
+    return erf(0.5 / jnp.sqrt(G_end)), mu, u_bar
+
+
+def M_j(body: Body, q: jax.Array, omega: jax.Array | None, T: jax.Array | None) -> jax.Array | float:
+    """Return the compliance M_j(q, omega) of one solid [m/Pa]; omega None stands for 0."""
+    return 2 / (q * E_r(body.material, omega, T) * S_bar(body, q)) if body.material.deforms else 0.0  # (A10)
+
+
+def E_r(material: Material, omega: jax.Array | None, T: jax.Array | None) -> jax.Array:
+    """Return E / (1 - nu^2) [Pa] at omega of any sign [rad/s]; omega None stands for 0."""
+    if omega is None:
+        E = stiffer(material.static_modulus(), material.shift, T)
+    else:
+        E = complex_modulus(material, jnp.abs(omega), T)
+        E = jnp.where(omega < 0, jnp.conj(E), E)
+    nu = 0.5 - E / (6 * material.bulk) if isinstance(material, PronyShear) else poisson_of(material)
+    return E / (1 - nu**2)
+
+
+def S_bar(body: Body, q: jax.Array) -> jax.Array | float:
+    """Return the stiffness of a slab over that of a half-space [-], as given below (A10)."""
+    if not isinstance(slab := body.layer, Slab):
+        return 1.0
+    x, nu = jnp.minimum(q * slab.thickness, 60.0), poisson_of(body.material)  # 1 + 1e-50 from 60 on
+    if slab.base == "frictionless":
+        return 1 / jnp.tanh(x) + x / jnp.sinh(x) ** 2
+    top = (3 - 4 * nu) * jnp.cosh(2 * x) + 2 * x**2 - 4 * nu * (3 - 2 * nu) + 5
+    return top / ((3 - 4 * nu) * jnp.sinh(2 * x) - 2 * x)  # (A10)
+
+
+def S(P: jax.Array, gamma: jax.Array) -> jax.Array:
+    """Return the elastic energy factor [-]."""
+    return gamma + (1 - gamma) * P**2  # (14)
+
+
+def pressure_integral(x: jax.Array, gamma: jax.Array, nodes: Nodes) -> jax.Array:
+    """Return sigma_0 times the integral over p of d[S P]/dp / (2 p), at x = 1 / (2 sqrt(G))."""
+    x = jnp.minimum(x, 7.0)[..., None]  # P = 1 to the last bit
+    # t = x p / sigma_0; ln t is cut where the integrand is no longer constant.
+    low, cut, total = jnp.log(x), jnp.maximum(jnp.log(x), -2.0), 0.0
+    for start, end in ((low, cut), (cut, np.log(7.0))):
+        t = jnp.exp(start + (end - start) * nodes.z)
+        slope = 2 / np.sqrt(np.pi) * jnp.exp(-(t**2)) * (gamma + 3 * (1 - gamma) * erf(t) ** 2)  # d[S P]/dt
+        total = total + jnp.sum((end - start) * nodes.dz * slope, -1)
+    return x[..., 0] / 2 * total  # (A18)
