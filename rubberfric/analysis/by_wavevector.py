@@ -33,12 +33,12 @@ from rubberfric.theory.area.partial_contact import (
     friction_weight,
 )
 from rubberfric.theory.arguments import settled, warn_of_last_iterates
+from rubberfric.theory.contact import Contact
 from rubberfric.theory.contributions import total
 from rubberfric.theory.integrals import Prepared, prepare, solved
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.excitation import excitation
 from rubberfric.theory.stiffness.series import factors_at, static_stiffness
-from rubberfric.theory.stress_fluctuation import Contact
 from rubberfric.theory.temperatures.heat_balance import temperature_at
 
 # Wavevectors of a profile that names none, and points evaluated at once: a profile keeps
@@ -172,8 +172,7 @@ def default_wavevectors(laws: Sequence[BrokenPowerLaw], count: int = COUNT) -> j
 
 def fluctuation_at_borders(prepared: Prepared, contact: Contact, count: int) -> jax.Array:
     """Plain G at the last `count` borders that were asked for, (points, borders)."""
-    g = sum_below_borders(prepared, contact.panels, count)
-    return contact.stiffness[:, None] ** 2 * jnp.maximum(g, 0.0)
+    return jnp.maximum(sum_below_borders(prepared, contact.G_panels, count), 0.0)
 
 
 def sum_below_borders(prepared: Prepared, panels: jax.Array, count: int) -> jax.Array:
@@ -186,7 +185,7 @@ def sum_below_borders(prepared: Prepared, panels: jax.Array, count: int) -> jax.
 def contact_at_borders(prepared: Prepared, contact: Contact, count: int) -> tuple[jax.Array, jax.Array]:
     """x and G at these borders, with S in G where the scene asks for it, both (points, borders)."""
     plain = fluctuation_at_borders(prepared, contact, count)
-    x_plain = contact_argument(plain, jnp.ones_like(plain))
+    x_plain = contact_argument(plain)
     x = contact.corrected(x_plain)
     # x stops at 27, where S = 1: G itself goes on.
     return x, plain * (x_plain / x) ** 2
@@ -211,7 +210,7 @@ def _over_wavevectors(prepared, densities, q, points):
         return results | dict.fromkeys(("friction_density", "friction"), jnp.zeros_like(G))
     terms = total(jnp.sum(values, -1) for values in contact.friction_terms().values())
     density = sum(one(points[0], T) for one, T in zip(densities, inside, strict=True))
-    weight = (jnp.pi * contact.stiffness)[:, None] * friction_weight(x, contact.gamma)
+    weight = (jnp.pi * contact.modulus_over_pressure)[:, None] * friction_weight(x, contact.gamma)
     return results | {
         "friction_density": weight * density,
         "friction": sum_below_borders(prepared, terms, q.shape[0]),

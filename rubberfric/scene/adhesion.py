@@ -33,7 +33,7 @@ class Adhesion(PhysicalObject):
         electrostatic ones micrometres.
 
     `rubberfric.analysis.adhesion_matters` says beforehand whether it is worth its cost. In friction contact
-    shear acts on the area that adheres, and the viscoelastic part is eq. (A17) with S P of that area, or of
+    shear acts on the area that adheres, and the viscoelastic part has S P of that area, or of
     p_1; both are over sigma_0 alone.
 
     Short range: against boundary elements (q1/q0 = 8, Tabor 3) areas are good to 15 % for works up

@@ -1,15 +1,15 @@
-r"""What each rough surface contributes to the integrals over ln q.
+r"""Contribution of each rough surface to the integrals over ln q: G, friction and separation.
 
-Roughness of solid j adds to the density of G the product of q^4 C_j, known at every contact node, and
-<|F_j|^2> [Scaraggi & Persson, eq. (A11)], known where its angular means are taken; and so to friction
-and separation (A17, A18). The rules that join the two belong to the scene alone: for each velocity there
-is one small matrix product a panel. Where the means are taken is settled by the structure of the pair:
+The density of G is the product of q^4 C_j, known at every contact node, and <|F_j|^2>, known where its
+angular means are taken; likewise friction and separation. The rules that join the two depend on the scene
+alone, so each velocity takes one small matrix product a panel. The structure of the pair decides where the
+means are taken:
 
 - `StaticContribution`: nothing depends on the velocity;
-- `InterpolatedContribution`: at the angular nodes, for they are smooth in ln q;
+- `InterpolatedContribution`: at the angular nodes, because they are smooth in ln q;
 - `LogarithmicContribution`: the same, interpolated in the logarithm of <|F|^2>, which may rise by 1e9
   within a panel: with two deformable solids and a layer, or a coating;
-- `DirectContribution`: at the contact nodes themselves, for they have kinks over q.
+- `DirectContribution`: at the contact nodes themselves, because they have kinks over q.
 """
 
 import dataclasses

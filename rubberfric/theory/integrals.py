@@ -1,8 +1,8 @@
 r"""The integrals over ln q that the quantities of a scene are, for many velocities and pressures at once.
 
 `prepare` does what depends on the scene alone; `evaluate` adds velocity, pressure and
-temperature. G and the friction are in `rubberfric.theory.stress_fluctuation`; with its notation
-[Scaraggi & Persson, eq. (A18)]
+temperature. G and the friction are in `rubberfric.theory.contact`; with its notation
+[Scaraggi & Persson]
 
 .. math:: \bar u = \frac{\pi}{2}\frac{scale}{\sigma_0}\int d\ln q\; x\Psi(x)
           \sum_j q^3 C_j\, factor_j\langle\mathrm{Re}F_j\rangle
@@ -19,19 +19,21 @@ import jax.numpy as jnp
 
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.mesh.radial_mesh import build_mesh
+from rubberfric.scene.adhesion import Adhesion
 from rubberfric.scene.correlation import difference
 from rubberfric.scene.pairs import Pair, PairTemperatures, pairs_of
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import ContactShear, shear_friction
 from rubberfric.scene.softening import knots
+from rubberfric.theory.adhesive_contact import adhesive_contact
 from rubberfric.theory.area.area_correction import correction_table
 from rubberfric.theory.area.partial_contact import separation_weight
+from rubberfric.theory.contact import Contact, Roughness
 from rubberfric.theory.contributions import contribution, total
 from rubberfric.theory.quantities import Needs, needs_of, parts_of
 from rubberfric.theory.stiffness.excitation import Tables
 from rubberfric.theory.stiffness.means_table import MeansTable
 from rubberfric.theory.stiffness.series import modulus_scale
-from rubberfric.theory.stress_fluctuation import Contact, Roughness
 from rubberfric.theory.temperatures.heat_balance import (
     Temperatures,
     Thermal,
@@ -57,6 +59,7 @@ class Prepared(NamedTuple):
     integrated: Roughness | None  # None if nothing is needed of it
     thermal: Thermal | None
     shear: ContactShear | None
+    adhesion: Adhesion | None
 
     @property
     def roughness(self) -> Roughness:
@@ -88,7 +91,7 @@ def prepare(
     """
     needs = needs_of(scene, quantities)
     if not needs.power:
-        return Prepared(needs, None, None, scene.shear)
+        return Prepared(needs, None, None, scene.shear, scene.adhesion)
     pairs = pairs_of(scene) if pairs is None else pairs
     roughness, thermal = _rough(scene, pairs, quadrature, needs, borders, tables), None
     heating = scene.heating
@@ -97,7 +100,7 @@ def prepare(
         if feeds_back(scene):
             coarse = _rough(scene, pairs, COARSE, needs_of(scene, ("flash_temperature",)), like=roughness)
         thermal = prepare_thermal(heating, scene, roughness, quadrature.heat, coarse, COARSE.heat)
-    return Prepared(needs, roughness, thermal, scene.shear)
+    return Prepared(needs, roughness, thermal, scene.shear, scene.adhesion)
 
 
 def _rough(scene, pairs, quadrature, needs, borders=None, tables=None, like=None):
@@ -129,7 +132,6 @@ def _rough(scene, pairs, quadrature, needs, borders=None, tables=None, like=None
         scale,
         gamma,
         correction,
-        scene.adhesion,
         scene.correlation,
     )
 
@@ -170,7 +172,10 @@ def solved(
     roughness, thermal = prepared.roughness, prepared.thermal
     if thermal is None:
         both = PairTemperatures(temperature, temperature)
-        return roughness.contact(velocity, pressure, [both] * len(roughness.contributions)), None
+        temperatures = [both] * len(roughness.contributions)
+        if prepared.adhesion is not None:
+            return adhesive_contact(prepared.adhesion, roughness, velocity, pressure, temperatures), None
+        return roughness.contact(velocity, pressure, temperatures), None
     if temperature is None:
         raise ValueError("temperature is missing: a scene with heating needs that far from the contact [K]")
     found = solve_temperatures(thermal, roughness, velocity, pressure, temperature)
@@ -205,8 +210,8 @@ def evaluate(
     if prepared.integrated is not None:
         contact, temperatures = known or solved(prepared, velocity, pressure, temperature)
         found |= _integrated(contact, parts | {"area"} if sheared else parts)
-        if contact.pressed is not None:
-            found["converged"] = contact.pressed.converged
+        if contact.converged is not None:
+            found["converged"] = contact.converged
         if temperatures is not None:
             found |= {"flash_temperature": temperatures.flash, "converged": temperatures.converged}
             surface = temperatures.surface
@@ -232,9 +237,10 @@ def _integrated(contact, parts):
     if "separation" in parts:
         density = total(terms.densities["storage"] for terms in contact.terms)
         weight = separation_weight(contact.x, contact.gamma)
-        found["separation"] = jnp.pi / 2 * contact.stiffness * jnp.sum(weight * density, (0, 2))
-        if contact.pressed is not None and contact.pressed.lift is not None:
-            found["separation"] = found["separation"] + contact.pressed.lift
+        factor = jnp.pi / 2 * contact.modulus_over_pressure
+        found["separation"] = factor * jnp.sum(weight * density, (0, 2))  # (A18)
+        if contact.lift is not None:
+            found["separation"] = found["separation"] + contact.lift
     return found
 
 

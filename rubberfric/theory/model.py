@@ -205,17 +205,21 @@ def solve(
     separated = "separation" in quantities
     scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature, separated)
     check_heated(scene, quantities)
+    compute = functools.partial(_compute, compiler_options, quadrature)
     if not iterates(scene) or "converged" in quantities:
         tables = known_tables(given, quantities, conditions[0].dtype)
-        return _solved(compiler_options, scene, *conditions, tables, quadrature, quantities)
-    solution = _solved(compiler_options, scene, *conditions, None, quadrature, (*quantities, "converged"))
+        return compute(quantities, scene, *conditions, tables)
+    solution = compute((*quantities, "converged"), scene, *conditions, None)
     warn_of_last_iterates(scene, solution.converged, conditions)
     return solution._replace(converged=None)
 
 
-def _solved(options, *given):
-    """`_solve`, compiled with options."""
-    return _solve(*given) if options is None else _solve.lower(*given).compile(dict(options))(*given[:-2])
+def _compute(options, quadrature, quantities, *arguments):
+    """Call `_solve`, compiled with options if there are any."""
+    if options is None:
+        return _solve(*arguments, quadrature=quadrature, quantities=quantities)
+    lowered = _solve.lower(*arguments, quadrature=quadrature, quantities=quantities)
+    return lowered.compile(dict(options))(*arguments)
 
 
 # Jitted so that a plain call compiles once for its structure instead of operation by

@@ -110,9 +110,9 @@ def _separations(scene, prepared, pairs, densities, q, quadrature, points):
     """Fields of SeparationProfile at points, (points, wavevectors)."""
     velocity, pressure, *temperature = points
     contact, _ = solved(prepared, *points)
-    ratio = contact.stiffness[:, None]
+    ratio = contact.modulus_over_pressure[:, None]
     G = fluctuation_at_borders(prepared, contact, q.shape[0])
-    x = contact_argument(G, jnp.ones_like(G))
+    x = contact_argument(G)
     P = contact_fraction(x)
     both = PairTemperatures(*temperature * 2)
     density = sum(one(velocity, both) for one in densities)

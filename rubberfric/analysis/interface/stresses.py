@@ -175,7 +175,7 @@ def _contact_stiffness(scene, velocity, pressure, temperature, *, quadrature):
         x, pressure = contact.x, points[1]
         storage = sum(terms.densities["storage"] for terms in contact.terms)
         compliance = jnp.sum(x * _load_slope(x, scene.gamma) * storage, (0, 2))
-        compliance = jnp.pi / 2 * contact.stiffness * compliance
+        compliance = jnp.pi / 2 * contact.modulus_over_pressure * compliance
         soft = compliance > 0
         found = jnp.where(soft, pressure / jnp.where(soft, compliance, 1.0), jnp.inf)
         return found, _converged(temperatures)

@@ -1,6 +1,6 @@
 r"""Contact with adhesion of short range, by its energy: pressed together without it, then held and unloaded.
 
-Without adhesion a load p_1 makes the area A(p_1) and leaves the mean separation u(p_1) of (A18). Solids that
+Without adhesion a load p_1 makes the area A(p_1) and leaves the mean separation u(p_1). Solids that
 adhere keep that area while the load falls to sigma_0: they move apart as they would on a punch of this
 area, with the stiffness that they have there, and store [Ciavarella, J. Mech. Phys. Solids 114, 209 (2018),
 doi:10.1016/j.jmps.2018.02.011, arXiv:1712.05844]

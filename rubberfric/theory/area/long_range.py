@@ -154,12 +154,12 @@ def _bracket(gaps):
 def _share(gaps, nodes, z):
     """Attraction over that of full contact, at a load of which z is the logarithm over sigma_0."""
     stiffness = gaps.stiffness * jnp.exp(-z)
-    X = contact_argument(nodes.g, stiffness)
+    X = contact_argument(stiffness**2 * nodes.g)
     P = contact_fraction(X)
     log_x = -jnp.log(2 * stiffness * P)[:, None] - nodes.log_rise
     slope = gaps.lost(log_x, loss_factor(X)[:, None])
     u1 = jnp.pi / 2 * stiffness * P * jnp.sum(0.5 * slope * nodes.storage, -1)
-    lost, corrected, last = 1.0, X, contact_argument(jnp.exp(gaps.knots[-1]), stiffness)
+    lost, corrected, last = 1.0, X, contact_argument(stiffness**2 * jnp.exp(gaps.knots[-1]))
     if gaps.correction is not None:
         corrected, last = correct_argument(gaps.correction, X), correct_argument(gaps.correction, last)
         lost = energy_factor(contact_fraction(corrected), gaps.gamma) * (corrected / X) ** 2
@@ -183,7 +183,7 @@ def _nodes(gaps, z, count):
     slopes = [_slopes(gaps.knots, values) for values in (gaps.storage, gaps.heights)]
     heights = _between(gaps.knots, gaps.heights, slopes[1], at)
     g = jnp.exp(at)
-    P = erf(contact_argument(g, stiffness))
+    P = erf(contact_argument(stiffness**2 * g))
     most = jnp.maximum(g_end - g, 0.0)
     least = jnp.minimum(_CLOSEST / (2 * stiffness * P) ** 2, most)
     some = most > 0

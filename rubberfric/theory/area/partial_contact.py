@@ -1,4 +1,4 @@
-r"""What partial contact does: the universal functions P, S and Psi of one argument.
+r"""Universal functions of partial contact: P, S and Psi of one argument.
 
 At wavevector q everything depends on load and roughness through
 
@@ -37,52 +37,47 @@ def _largest(dtype):
 
 
 @jax.custom_jvp
-def contact_argument(fluctuation: jax.Array, stiffness: jax.Array) -> jax.Array:
-    r"""x of the contact fraction, at most 27 (float32: 10), where P = 1 [Scaraggi & Persson, eq. (10)].
-
-    .. math:: x = \frac{1}{2\sqrt G},\qquad G = stiffness^2 \times fluctuation
+def contact_argument(G: jax.Array) -> jax.Array:
+    r"""Return x = 1 / (2 sqrt(G)), at most 27 (float32: 10), where P = 1.
 
     Parameters
     ----------
-    fluctuation : g >= 0 [-], any shape
-    stiffness : modulus over pressure [-], > 0, broadcastable
+    G : >= 0 [-], any shape
     """
-    largest = _largest(jnp.result_type(fluctuation))
-    # Clipped below as well, so that no roughness at all (g = 0) gives the largest x, not 1/0.
-    root = jnp.maximum(2 * stiffness * jnp.sqrt(fluctuation), 1 / largest)
+    dtype = jnp.result_type(G)
+    # No roughness at all (G = 0) gives the largest x. Infinite G (float32, very light load) must not give
+    # x = 0, whose logarithm the separation takes.
+    root = jnp.clip(2 * jnp.sqrt(G), 1 / _largest(dtype), float(jnp.finfo(dtype).max) ** 0.5)
     return 1 / root
 
 
 @contact_argument.defjvp
 def _contact_argument_jvp(primals, tangents):
-    # dx = -x dk/k - 2 k^2 x^3 dg: written in x it stays finite at g = 0, where dx/dg by
-    # the chain rule is 0 * inf; what follows multiplies it by e^(-x^2) = 0 there.
-    fluctuation, stiffness = primals
-    x = contact_argument(fluctuation, stiffness)
-    scaled = stiffness * x
-    return x, -x * (tangents[1] / stiffness) - (2 * scaled * scaled * x) * tangents[0]
+    # dx = -2 x^3 dG stays finite at G = 0, where the chain rule has 0 * inf and e^(-x^2) = 0 follows.
+    # In this order of factors nothing underflows in float32 where x is small and dG large.
+    x = contact_argument(*primals)
+    return x, -2 * (x * tangents[0] * x) * x
 
 
 def energy_factor(P: jax.Array, gamma: jax.Array | float) -> jax.Array:
-    """S = gamma + (1 - gamma) P^2: elastic energy of partial over that of full contact [eq. (14)]."""
-    return gamma + (1 - gamma) * P * P
+    """Return S, the elastic energy of partial contact over that of full contact."""
+    return gamma + (1 - gamma) * P * P  # (14)
 
 
 def contact_fraction(x: jax.Array) -> jax.Array:
-    """P = erf(x): share of the nominal area in contact at the resolution q [eq. (10)]."""
-    # JAX's erf reaches 1 + 2e-7 in float32.
-    return jnp.minimum(erf(x), 1.0)
+    """Return P, the share of the nominal area in contact at the resolution q."""
+    return jnp.minimum(erf(x), 1.0)  # (10); JAX's erf reaches 1 + 2e-7 in float32
 
 
 def friction_weight(x: jax.Array, gamma: jax.Array | float) -> jax.Array:
-    """S P, what the friction of full contact is multiplied by at every wavevector [eq. (A17)]."""
+    """Return S P, which multiplies the friction of full contact at every wavevector."""
     P = contact_fraction(x)
     return energy_factor(P, gamma) * P
 
 
 @jax.custom_jvp
 def separation_weight(x: jax.Array, gamma: jax.Array | float) -> jax.Array:
-    r"""x Psi(x): the pressure integral of the mean separation [eq. (A18)], times 2 sigma_0.
+    r"""Return x Psi(x), the pressure integral of the mean separation times 2 sigma_0.
 
     .. math:: \int_{\sigma_0}^\infty \frac{dp}{2p} \frac{\partial (SP)}{\partial p}
               = \frac{x}{2\sigma_0}\Psi(x), \qquad

@@ -9,7 +9,7 @@ volume u_bar P. The area that leaves contact at q takes u1 of it [Yang & Persson
           \langle\mathrm{Re}F_j\rangle
 .. math:: k = x\Psi + x s' + c\,x^2\,(x s' - x\Psi),\qquad c = \frac{\sqrt\pi}{2}\frac{P^3}{X^3}e^{X^2}
 
-the derivative of the separation (A18) of the roughness beyond q under the pressure sigma_0 / P; s = S P.
+the derivative of the mean separation of the roughness beyond q under the pressure sigma_0 / P; s = S P.
 About u1 the separations of that area have the heights beyond q as Gaussian, reflected at contact
 [Almqvist, Campana, Prodanov & Persson, J. Mech. Phys. Solids 59, 2355 (2011),
 doi:10.1016/j.jmps.2011.08.004].

@@ -25,12 +25,13 @@ from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
 from rubberfric.theory.stiffness.tabulated_means import Tabulated
 from rubberfric.theory.stiffness.varying import VaryingSeries
 
-# How many scenes are remembered, of 0.4 MB for each kind of mean.
-_KEPT = 4
-# And of how many kinds the programs that make tables are.
-_PROGRAMS = 16
+# How many tables are kept, of 0.4 MB for each kind of mean, and compiled functions that build them.
+_KEPT, _PROGRAMS = 4, 16
 
 Tables = tuple[MeansTable | None, ...]
+
+# The last tables, oldest first.
+_kept: dict[Any, Tables | None] = {}
 
 
 class Excitation(NamedTuple):
@@ -159,7 +160,9 @@ def _harmonic_shares(pair: Pair, q: jax.Array) -> Harmonics | None:
 
 
 def known_tables(scene: Scene, quantities: tuple[str, ...], dtype: np.dtype) -> Tables | None:
-    """The table of every pair of a scene, None for those that have none; None if nothing is known.
+    """Return the table of each pair of a scene, None for a pair without one; None if no pair has one.
+
+    A table is kept for the next call with the same numbers of the materials.
 
     Parameters
     ----------
@@ -173,41 +176,23 @@ def known_tables(scene: Scene, quantities: tuple[str, ...], dtype: np.dtype) -> 
     needs = needs_of(scene, quantities)
     if not needs.power or not all(map(is_concrete, jax.tree.leaves(scene))):
         return None
-    return _made(_Known(scene, needs, dtype))
-
-
-class _Known:
-    """A scene, equal to another if their tables are: by numbers, as arrays may be changed in place."""
-
-    def __init__(self, scene: Scene, needs: Needs, dtype: np.dtype):
-        self.scene, self.needs, self.dtype = scene, needs, dtype
-        materials = [
-            (x.shape, x.tobytes())
-            for body in (scene.lower, scene.upper)
-            for x in (np.asarray(leaf, dtype) for leaf in jax.tree.leaves(body.material))
-        ]
-        self.key: Any = jax.tree.structure(scene), tuple(materials), needs, dtype
-
-    def __hash__(self) -> int:
-        return hash(self.key)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, _Known) and self.key == other.key
-
-
-@functools.lru_cache(maxsize=_KEPT)
-def _made(known):
-    leaves, structure = jax.tree.flatten(known.scene)
-    del known.scene  # which may hold large roughness
-    numbers = [np.asarray(leaf, known.dtype) for leaf in leaves]
-    tables = _program(structure, tuple(x.shape for x in numbers), known.dtype, known.needs)(
-        jax.tree.unflatten(structure, numbers)
-    )
-    return tables if any(table is not None for table in tables) else None
+    leaves, structure = jax.tree.flatten(scene)
+    numbers = [np.asarray(leaf, dtype) for leaf in leaves]
+    # By bytes, because arrays may be changed in place; without the roughness, on which no table depends.
+    bodies = (body.material for body in (scene.lower, scene.upper))
+    moduli = [np.asarray(leaf, dtype) for leaf in jax.tree.leaves(tuple(bodies))]
+    key = structure, needs, dtype, tuple((x.shape, x.tobytes()) for x in moduli)
+    if key not in _kept:
+        build = _compiled_build(structure, tuple(x.shape for x in numbers), dtype, needs)
+        tables = build(jax.tree.unflatten(structure, numbers))
+        _kept[key] = tables if any(table is not None for table in tables) else None
+        while len(_kept) > _KEPT:
+            del _kept[next(iter(_kept))]
+    return _kept[key]
 
 
 @functools.lru_cache(maxsize=_PROGRAMS)
-def _program(structure, shapes, dtype, needs):
+def _compiled_build(structure, shapes, dtype, needs):
     """`_build` for scenes of a structure, compiled: it runs at once, in a program that is being traced, too.
 
     So it does under `jax.ensure_compile_time_eval`, which compiles each operation on constants by itself: a

@@ -30,7 +30,7 @@ from rubberfric.scene.heating import (
 from rubberfric.scene.pairs import PairTemperatures
 from rubberfric.scene.scene import Scene, shifts_of
 from rubberfric.scene.shear import ContactShear, shear_friction
-from rubberfric.theory.stress_fluctuation import Contact, Roughness
+from rubberfric.theory.contact import Contact, Roughness
 
 # Velocity [m/s], pressure [Pa] and temperature far from the contact [K], shape (points,) each.
 Points = tuple[jax.Array, jax.Array, jax.Array]

@@ -20,7 +20,7 @@ import numpy as np
 from rubberfric.base.fixed_points.anderson import Inverse, fixed_point, implicit
 from rubberfric.base.quadrature import Quadrature, typed
 from rubberfric.scene.heating import diffusivity
-from rubberfric.theory.stress_fluctuation import Roughness
+from rubberfric.theory.contact import Roughness
 from rubberfric.theory.temperatures.branch import arrive, begin_at, path
 from rubberfric.theory.temperatures.heat_balance import (
     Points,

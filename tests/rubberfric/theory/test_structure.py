@@ -11,7 +11,7 @@ from support.counting.operations import costly, equations, per_point, primitives
 from support.scenes.common import RIGID, ROAD, TREAD, WORN, scene
 
 import rubberfric as rf
-from rubberfric.theory import stress_fluctuation
+from rubberfric.theory import adhesive_contact
 
 VELOCITY = jnp.logspace(-6, 1, 50)
 QUADRATURE = rf.Quadrature()
@@ -117,7 +117,7 @@ def test_without_adhesion_nothing_of_it_is_traced(monkeypatch):
     for adhesion in kinds.values():
         with monkeypatch.context() as patched:
             for function in kinds:
-                patched.setattr(stress_fluctuation, function, refuse)
+                patched.setattr(adhesive_contact, function, refuse)
             names = primitives(lambda s, v: rf.solve(s, v, 1e5, quadrature=OWN), rubber, VELOCITY)
             assert "while" not in names
             with pytest.raises(AssertionError, match="adhesion is traced"):

@@ -1,0 +1,130 @@
+"""Contact with adhesion: the load that makes the same contact without it, for both limits of its range."""
+
+import functools
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.polynomial import legendre
+
+from rubberfric.base.quadrature import gauss, legendre_transform, typed
+from rubberfric.scene.adhesion import Adhesion
+from rubberfric.scene.pairs import PairTemperatures
+from rubberfric.theory.area.constant_area import Unloading, hold
+from rubberfric.theory.area.constant_area import work_of_separation as work_at_constant_area
+from rubberfric.theory.area.long_range import Gaps, attract, attraction
+from rubberfric.theory.area.partial_contact import contact_argument
+from rubberfric.theory.area.separations import loss_table
+from rubberfric.theory.contact import Contact, Roughness
+from rubberfric.theory.contributions import total
+
+
+def adhesive_contact(
+    adhesion: Adhesion,
+    roughness: Roughness,
+    velocity: jax.Array,
+    pressure: jax.Array,
+    temperatures: Sequence[PairTemperatures],
+) -> Contact:
+    """Return the `Contact` at points; arguments as of `Roughness.contact`."""
+    contact = roughness.contact(velocity, pressure, temperatures)
+    if contact.G is None:
+        return contact
+    if adhesion.limit == "short":
+        pressed = hold(_unloading(adhesion, contact, pressure))
+    else:
+        pressed = attract(_gaps(adhesion, roughness, contact, pressure), roughness.mesh.q.shape[1])
+    return contact.under(*pressed)
+
+
+def relative_attraction(
+    adhesion: Adhesion,
+    roughness: Roughness,
+    velocity: jax.Array,
+    pressure: jax.Array,
+    temperatures: Sequence[PairTemperatures],
+) -> tuple[Contact, jax.Array]:
+    """Return the contact without adhesion, and the attraction of long range in it.
+
+    The attraction is over work / range, shape (points,); arguments as of `adhesive_contact`.
+    """
+    contact = roughness.contact(velocity, pressure, temperatures)
+    return contact, attraction(_gaps(adhesion, roughness, contact, pressure), roughness.mesh.q.shape[1])
+
+
+def work_of_separation(
+    adhesion: Adhesion,
+    roughness: Roughness,
+    velocity: jax.Array,
+    pressure: jax.Array,
+    temperatures: Sequence[PairTemperatures],
+) -> jax.Array:
+    """Return the work that separates solids with adhesion of short range [J/m^2]; as `adhesive_contact`."""
+    contact = roughness.contact(velocity, pressure, temperatures)
+    return pressure * work_at_constant_area(_unloading(adhesion, contact, pressure))
+
+
+def _gaps(adhesion, roughness, contact, pressure):
+    """`Gaps` of the contact without adhesion."""
+    scale = contact.modulus_over_pressure
+    storage = total(terms.densities["storage"] for terms in contact.terms)
+    heights = 2 * jnp.pi * total(roughness.mesh.roughness) / roughness.mesh.q**2
+    g, end = contact.G / scale[:, None] ** 2, jnp.sum(contact.G_panels, 0) / scale**2
+
+    def in_a_row(values, last):
+        last = jnp.broadcast_to(last, pressure.shape)[:, None]
+        return jnp.concatenate([_in_a_row(values, pressure, g.shape), last], -1)
+
+    # Where the roughness begins g may be too small for its logarithm.
+    knots = jnp.log(jnp.maximum(in_a_row(g, end), jnp.finfo(g.dtype).tiny))
+    return Gaps(
+        knots=knots,
+        storage=in_a_row(_from_nodes_on(storage), 0 * end),
+        heights=in_a_row(_from_nodes_on(heights[:, None]), 0 * end),
+        stiffness=scale,
+        strength=adhesion.work / (adhesion.range * pressure),
+        reach=adhesion.range,
+        gamma=roughness.gamma,
+        correction=roughness.correction,
+        lost=loss_table(roughness.gamma),
+    )
+
+
+def _unloading(adhesion, contact, pressure):
+    """`Unloading` of the contact without adhesion."""
+    storage = total(terms.densities["storage"] for terms in contact.terms)
+    x = contact.x
+    return Unloading(
+        x=_in_a_row(x, pressure),
+        storage=_in_a_row(storage, pressure, x.shape),
+        end=contact_argument(jnp.sum(contact.G_panels, 0)),
+        stiffness=contact.modulus_over_pressure,
+        gain=2 * adhesion.work / pressure,
+        gamma=contact.gamma,
+        correction=contact.correction,
+    )
+
+
+def _in_a_row(values, pressure, shape=None):
+    """Values at the nodes, one row for each point; `shape` is that of the nodes if all points share them."""
+    panels, _, order = values.shape if shape is None else shape
+    values = jnp.broadcast_to(values, (panels, pressure.shape[0], order))
+    return jnp.moveaxis(values, 1, 0).reshape(pressure.shape[0], -1)
+
+
+def _from_nodes_on(values):
+    """Integrals from every node (panels, points, order) to the end, for weighted terms at the nodes."""
+    rule = typed(_integrals_to_the_end(values.shape[-1]), values)
+    after = jnp.cumsum(jnp.sum(values, -1)[::-1], 0)[::-1]
+    after = jnp.concatenate([after[1:], jnp.zeros_like(after[:1])])
+    return after[..., None] + jnp.einsum("kpj,ij->kpi", values, rule)
+
+
+@functools.cache
+def _integrals_to_the_end(order):
+    """Weights of integrals from every Gauss node to the end of a panel, for weighted terms at the nodes."""
+    node, weight = gauss(order)
+    y = node[:, None] + (1 - node[:, None]) * node
+    values = legendre.legvander(2 * y - 1, order - 1) @ legendre_transform(order)
+    return np.einsum("imj,m->ij", values, weight) * (1 - node[:, None]) / weight

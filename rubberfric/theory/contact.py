@@ -1,0 +1,137 @@
+r"""Contact of rough surfaces for given temperatures: G, P and S at every wavevector, and the contact area.
+
+With d^2q = q^2 d ln q dphi and K_j = (q/2) scale factor_j F_j (`rubberfric.theory.stiffness.series`)
+[Scaraggi & Persson]
+
+.. math:: G = \left(\frac{scale}{\sigma_0}\right)^2 g,\qquad
+          g = \frac{\pi}{4}\int d\ln q \sum_j q^4 C_j\, factor_j^2 \langle|F_j|^2\rangle
+.. math:: P = \mathrm{erf}\,x,\qquad x = \frac{1}{2\sqrt G},\qquad
+          \mu = \pi\frac{scale}{\sigma_0}\int d\ln q\; S P
+          \sum_j q^4 C_j\, factor_j \langle\cos\varphi\,\mathrm{Im}F_j\rangle
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from rubberfric.roughness.mesh.radial_mesh import Mesh
+from rubberfric.scene.correlation import Correlation
+from rubberfric.scene.pairs import PairTemperatures
+from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
+from rubberfric.theory.area.partial_contact import contact_argument, contact_fraction, friction_weight
+from rubberfric.theory.contributions import Contribution, Terms, total
+
+
+class Contact(NamedTuple):
+    """Contact at points; axes (panels, points, order) where there are three."""
+
+    terms: list[Terms]  # of the contributions of all rough surfaces
+    modulus_over_pressure: jax.Array  # scale over the pressure that the contact bears, (points,)
+    G_panels: jax.Array  # plain, part from each panel, (panels, points), or from all of them, (1, points)
+    G: jax.Array | None  # plain, up to every contact node; None if only the area is needed
+    gamma: jax.Array
+    correction: CorrectionTable | None
+    # With adhesion: pressure that the contact bears over sigma_0, (points,), whether it was found, and by how
+    # much the solids are further apart than under that pressure [m].
+    load: jax.Array | None = None
+    converged: jax.Array | None = None
+    lift: jax.Array | None = None
+
+    @property
+    def x(self) -> jax.Array:
+        """1 / (2 sqrt(G)) at the contact nodes, plain; ValueError if the mesh is not graded."""
+        if self.G is None:
+            raise ValueError("G is known at the largest wavevector only: prepare friction or separation")
+        return contact_argument(self.G)
+
+    def area(self, panels: jax.Array | None = None) -> jax.Array:
+        """Return P after the first `panels` panels; None: after all of them, A/A0, (points,)."""
+        G = self.G_panels
+        if panels is not None:
+            G = jnp.where(np.arange(G.shape[0])[:, None] < panels, G, 0.0)
+        return contact_fraction(self.corrected(contact_argument(jnp.sum(G, 0))))
+
+    def friction_terms(self, kind: str = "dissipation") -> dict[int, jax.Array]:
+        """Return the viscoelastic friction by contribution and contact node.
+
+        Parameters
+        ----------
+        kind : "dissipation", or "transverse" for the friction across the direction of sliding
+
+        Returns
+        -------
+        dict from the index of a contribution to an array (panels, points, order), whose sum is mu [-]
+        """
+        densities = {j: one.densities[kind] for j, one in enumerate(self.terms) if kind in one.densities}
+        if not densities:
+            return {}
+        SP = friction_weight(self.corrected(self.x), self.gamma)
+        modulus_over_load = self.modulus_over_pressure  # friction is over sigma_0
+        if self.load is not None:
+            modulus_over_load = modulus_over_load * self.load
+        factor = jnp.pi * modulus_over_load[:, None]
+        return {j: factor * SP * density for j, density in densities.items()}  # (A17)
+
+    def corrected(self, x: jax.Array) -> jax.Array:
+        """Return x with S in G if the scene has `area_correction`."""
+        return x if self.correction is None else correct_argument(self.correction, x)
+
+    def under(self, load: jax.Array, converged: jax.Array, lift: jax.Array | None = None) -> "Contact":
+        """Return the contact that bears `load` times sigma_0, as adhesion makes it."""
+        square = load * load
+        return self._replace(
+            modulus_over_pressure=self.modulus_over_pressure / load,
+            G_panels=self.G_panels / square,
+            G=None if self.G is None else self.G / square[:, None],
+            load=load,
+            converged=converged,
+            lift=lift,
+        )
+
+
+class Roughness(NamedTuple):
+    """The rough surfaces of a scene, prepared for many points."""
+
+    mesh: Mesh
+    contributions: tuple[Contribution, ...]
+    strained: tuple[str, ...]  # which solid each of them strains: "lower" or "upper"
+    scale: jax.Array  # unit of all moduli [Pa]
+    gamma: jax.Array
+    correction: CorrectionTable | None  # of S in G
+    correlation: Correlation | None = None  # in the roughness already, which is that of solids at rest
+
+    def contact(
+        self, velocity: jax.Array, pressure: jax.Array, temperatures: Sequence[PairTemperatures]
+    ) -> Contact:
+        """Return the `Contact` without adhesion.
+
+        Parameters
+        ----------
+        velocity, pressure : shape (points,) [m/s], [Pa]
+        temperatures : for each contribution those of its two solids [K]: None, (points,), or
+            (angular panels, points, angular order)
+        """
+        terms = [
+            one.terms(self.mesh, velocity, T) for one, T in zip(self.contributions, temperatures, strict=True)
+        ]
+        modulus = self.scale / pressure
+        if self.correlation is not None:
+            modulus = jnp.where(velocity == 0, modulus, jnp.nan)
+        within = [one.within for one in terms if one.within is not None]
+        panels = [one.panels for one in terms]
+        if not within:
+            # Contributions have panels of their own where only the whole integral is needed.
+            panels = [jnp.sum(one, 0, keepdims=True) for one in panels]
+        factor = jnp.pi / 4 * modulus**2
+        G_panels, G = factor * total(panels), None
+        if within:
+            G = _sum_before(G_panels)[..., None] + factor[:, None] * total(within)  # (A11)
+        return Contact(terms, modulus, G_panels, G, self.gamma, self.correction)
+
+
+def _sum_before(panels):
+    """Sum over the panels before each one, without subtracting: a panel 1e20 times larger loses nothing."""
+    return np.tril(np.ones((panels.shape[0],) * 2, panels.dtype), -1) @ panels
