@@ -13,10 +13,8 @@ from rubberfric.base.progress import Progress
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.base.units import to_celsius
 from rubberfric.commands.arguments import write_outputs
-from rubberfric.io.files import read_computable
-from rubberfric.io.result_files import save_result
-from rubberfric.io.results import QUANTITIES, Result, result_shape
-from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.io.files import read_computable, save_result
+from rubberfric.io.results import QUANTITIES, Conditions, Result, result_shape
 from rubberfric.scene.numerics.settings import fitting_quadrature
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.model import solve

@@ -7,8 +7,7 @@ import numpy as np
 
 from rubberfric.base.checks import closest
 from rubberfric.base.units import to_celsius
-from rubberfric.io.results import QUANTITIES, Result, curves_of
-from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.io.results import QUANTITIES, Conditions, Result, curves_of
 from rubberfric.plot.style import (
     LOG_V,
     PANELS,

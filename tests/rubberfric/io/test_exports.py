@@ -346,7 +346,7 @@ def test_traces_of_a_profilometer(tmp_path, text):
         ("-54,3", "nan", "line 3: must be finite"),
         (";-520", "", "line 3: has 2 fields: must have 3"),
         ("Weg [mm];Spur 1 [µm];Spur 2 [nm]\n", "", "begins with numbers: must have titles"),
-        (TRACES, "a;b\n", "has no rows of two numbers"),
+        (TRACES, "a;b\n", "must have rows with a position and at least one height"),
     ],
 )
 def test_faulty_traces(tmp_path, old, new, message):

@@ -14,10 +14,8 @@ from support.scenes.examples import EXAMPLES, examples, same
 
 import rubberfric as rf
 from rubberfric.base.objects.physical import PhysicalObject, kinds, leaves_of
-from rubberfric.io.files import read_scene_file
-from rubberfric.io.result_files import load_result, save_result
-from rubberfric.io.results import Result
-from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.io.files import load_result, read_scene_file, save_result
+from rubberfric.io.results import Conditions, Result
 from rubberfric.io.tables import read_directions, read_table, write_table
 
 SCENE_FILES = sorted(path for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
@@ -362,7 +360,7 @@ def test_tables_of_directions(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        (directions(order=slice(9)), "q = 1000 1/m has 4 directions: must have 5 as the first has"),
+        (directions(order=slice(9)), "q = 1000 1/m has 4 directions: must have 5 like the first"),
         (directions(q=("1", "0.1")), "row 6 of the data: q = 100 1/m, phi = 0 deg: q must increase"),
         (
             directions(order=slice(None, None, -1)),
@@ -370,11 +368,11 @@ def test_tables_of_directions(tmp_path):
         ),
         (
             directions(step=36.1),
-            "row 2 of the data: q = 100 1/m, phi = 36.1 deg: phi must be 36 deg, for the 5",
+            "row 2 of the data: q = 100 1/m, phi = 36.1 deg: phi must be 36 deg because the 5",
         ),
         (
             directions(step=45.0),
-            "phi = 45 deg: phi must be 36 deg, for the 5 directions of a q are 0, 36, ... deg",
+            "phi = 45 deg: phi must be 36 deg because the 5 directions of a q are 0, 36, ... deg",
         ),
         (directions("rad"), "phi = 2062.65 deg: phi must be 36 deg"),
         (directions() + "2,0,1\n", "q = 2000 1/m has 1 directions: must have 5"),
@@ -417,7 +415,7 @@ def test_faulty_tables_of_directions(tmp_path, text, message):
         ("upper.spectrum.file", ..., "upper.spectrum.file is missing: must be the name of a CSV file"),
         ("upper.spectrum.file", "no.csv", "upper.spectrum.file = 'no.csv': "),
         ("upper.spectrum.normalisation", ..., "upper.spectrum.normalisation is missing: must be"),
-        ("upper.spectrum.normalisation", "C_1D", "normalisation = 'C_1D': is along a line; must be"),
+        ("upper.spectrum.normalisation", "C_1D", 'normalisation = \'C_1D\': must be "C" or "C_iso" for'),
         ("upper.spectrum.normalisation", "psd", "upper.spectrum.normalisation = 'psd': must be"),
         ("upper.spectrum.hurst", 0.8, "upper.spectrum.hurst: unknown key; must be one of"),
         ("upper.spectrum.C", 0.8, "upper.spectrum.C: unknown key; must be one of"),
@@ -542,7 +540,7 @@ def test_every_key_refuses_wrong_values(folder, key):
             "lower.materail: unknown key; did you mean 'material'? must be one of material",
         ),
         ("lower.spectrum.q1", 500.0, "lower.spectrum: SelfAffine.q1 = 500.0: must be >= qr = 1000.0"),
-        ("lower.spectrum.C0", 1e-9, "lower.spectrum.C0 = 1e-09: must not stand beside h_rms"),
+        ("lower.spectrum.C0", 1e-9, "lower.spectrum.C0 = 1e-09: must not be given with h_rms"),
         ("lower.material.E", [1e6, -1.0], "lower.material: Prony.E[1] = -1.0: must be >= 0"),
         ("lower.material.E", [1e6], "lower.material: Prony: lengths differ (E has 1, tau has 2)"),
         ("lower.material.E", [1e6, "2"], "lower.material.E[1] = '2': must be a number"),
@@ -754,7 +752,7 @@ def replace(name, value, **attributes):
         ),
         (lambda f: f["scene"].attrs.__delitem__("area_correction"), "attribute area_correction is missing"),
         (lambda f: f["scene/upper/material"].attrs.create("outside", "x"), "TabulatedModulus.outside = 'x'"),
-        (replace("scene/lower/layer", 1.0), "/scene/lower/layer: is a dataset: must be a group"),
+        (replace("scene/lower/layer", 1.0), "/scene/lower/layer: must be a group, not a dataset"),
         (replace("scene/lower/material/tau", [1, 2, 3]), "/scene/lower/material/tau: has type int64"),
         (replace("scene/lower/material/tau", "text"), "/scene/lower/material/tau: has type object"),
         (replace("scene/lower/material/tau", [1.0, 2.0]), "lengths differ (E has 3, tau has 2)"),

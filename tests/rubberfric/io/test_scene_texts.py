@@ -7,8 +7,8 @@ from support.folders import ROOT
 
 import rubberfric as rf
 from rubberfric.io.files import read_computable
-from rubberfric.io.scene_files.conditions import Conditions
-from rubberfric.io.scene_files.writing import scene_texts
+from rubberfric.io.results import Conditions
+from rubberfric.io.toml import scene_texts
 
 SCENES = sorted(path for path in (ROOT / "data").glob("*.toml") if not path.name.endswith("_fit.toml"))
 AT = Conditions(np.array([1e-3, 1.0]), np.array([1e5]), None)
