@@ -4,7 +4,7 @@ import json
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -183,7 +183,7 @@ def _file_axes(table: FrictionTable, units: TableUnits) -> list[np.ndarray]:
     return [(axis - zero) / factor for axis, (factor, zero) in zip(axes, units.scales(), strict=False)]
 
 
-def _from_rows(rows: ArrayLike, units: TableUnits) -> FrictionTable:
+def _from_rows(rows: Any, units: TableUnits) -> FrictionTable:
     """Return the table of rows (mu, v, p, T) in any order; T is NaN without temperatures."""
     mu, v, p, T = np.array(rows, float).T
     axes, places = zip(*(np.unique(x, return_inverse=True) for x in (T, p, v)), strict=True)

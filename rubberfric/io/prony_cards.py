@@ -24,45 +24,23 @@ from rubberfric.materials.shifts.laws import WLF
 
 # Density in the unit that belongs to a unit of stress, with m or mm and s [kg/m^3].
 _DENSITY = {"Pa": 1.0, "MPa": 1e12}
-# Requirements of the programs on a series: program, test, message.
+_BULK = "bulk is missing: must be given for {}, such as 2e9 [Pa], because it needs "
+_RELAXED = "material has relaxed modulus 0: must be > 0 for {}"
+_TERMS = "material has {n} terms: must be at most %s for {}; fit_prony with fewer terms"
+# Requirements on a series: programs, test, message.
 _REQUIREMENTS = (
     ("lsdyna openradioss", lambda s: s.mass is not None, "density is missing: must be given for {} [kg/m^3]"),
-    (
-        "comsol lsdyna",
-        lambda s: s.poisson < 0.5 and not s.k.any(),
-        "bulk is missing: must be given for {}, whose bulk modulus is elastic, such as 2e9 [Pa]",
-    ),
-    (
-        "ansys openradioss",
-        lambda s: s.poisson < 0.5,
-        "bulk is missing: must be given for {}, which needs Poisson's ratio < 0.5, such as 2e9 [Pa]",
-    ),
-    (
-        "pyvisco",
-        lambda s: s.poisson == 0.5 or (s.k == s.g).all(),
-        "material has an elastic bulk modulus: {} must have one series of Young's modulus",
-    ),
-    ("openradioss", lambda s: s.rest > 0, "material has relaxed modulus 0: must be > 0 for {}"),
-    (
-        "abaqus",
-        lambda s: sum(float(format_number(weight)) for weight in s.g) < 1,
-        "material has relaxed modulus 0: must be > 0 for {}, whose weights must add up to < 1",
-    ),
-    (
-        "ansys",
-        lambda s: s.tau.size <= 100,
-        "material has {n} terms: must be at most 100 for {}; fit_prony with fewer terms",
-    ),
+    ("comsol lsdyna", lambda s: s.poisson < 0.5 and not s.k.any(), _BULK + "an elastic bulk modulus"),
+    ("ansys openradioss", lambda s: s.poisson < 0.5, _BULK + "Poisson's ratio < 0.5"),
+    ("pyvisco", lambda s: s.poisson == 0.5 or all(s.k == s.g), "{} must have one series of Young's modulus"),
+    ("openradioss", lambda s: s.rest > 0, _RELAXED),
+    ("abaqus", lambda s: sum(float(format_number(weight)) for weight in s.g) < 1, _RELAXED),
+    ("ansys", lambda s: s.tau.size <= 100, _TERMS % "100"),
+    ("lsdyna", lambda s: s.tau.size + (s.rest > 0) <= 18, _TERMS % "18, including the relaxed modulus,"),
     (
         "lsdyna",
-        lambda s: s.tau.size + (s.rest > 0) <= 18,
-        "material has {n} terms: must be at most 18 for {}, including the relaxed modulus; fit_prony with"
-        " fewer terms",
-    ),
-    (
-        "lsdyna",
-        lambda s: not s.wlf or s.options.zero == 0,
-        "unit_temperature = 'C': must be K for the shift of {}, whose TREF is > 0",
+        lambda s: not s.wlf or not s.options.zero,
+        "unit_temperature = 'C': must be K for a shift of {}",
     ),
 )
 

@@ -130,7 +130,7 @@ def test_lsdyna_shift(tmp_path):
     np.testing.assert_allclose(log_aT, WLF.log_factor(330.0), rtol=2e-5)  # 6 digits
     same_shift = rf.io.read_prony(path, unit_stress="Pa").shift
     np.testing.assert_allclose([same_shift.C1, same_shift.C2, same_shift.T_ref], [8.86, 101.6, 293.15], 2e-5)
-    with pytest.raises(ValueError, match=r"must be K for the shift of lsdyna"):
+    with pytest.raises(ValueError, match=r"must be K for a shift of lsdyna"):
         rf.io.write_prony(path, SHEAR, "lsdyna", density=1200.0, unit_temperature="C")
 
 
@@ -190,7 +190,9 @@ def test_round_trip_of_tables_and_blocks(program, tmp_path):
 def test_round_trip(program, material, units, tmp_path):
     path, said = tmp_path / "rubber.inp", {"unit_stress": units[0], "unit_temperature": units[1]}
     if material is SOFT and program == "ansys":
-        with pytest.raises(ValueError, match=r"given for ansys, which needs Poisson's ratio < 0\.5"):
+        with pytest.raises(
+            ValueError, match=r"given for ansys, such as 2e9 .Pa., because it needs Poisson's ratio < 0\.5"
+        ):
             rf.io.write_prony(path, material, program, **said)
         rf.io.write_prony(path, material, program, bulk=2e9, **said)
         same(rf.io.read_prony(path, poisson=0.5, **said), material, 1e-11)
@@ -299,11 +301,7 @@ def test_cards_in_a_scene_file(tmp_path):
     assert found.upper.material.shift.energy == 1.0
     np.testing.assert_allclose(found.upper.material.bulk, 8e6, rtol=1e-13)
     for old, new, message in (
-        (
-            '"prony_shear"',
-            '"prony"',
-            "upper.material.file = 'cards.mac': must hold Prony, not PronyShear; set kind",
-        ),
+        ('"prony_shear"', '"prony"', "upper.material.file = 'cards.mac': must hold Prony, not PronyShear;"),
         ('"cards.inp"', "3", "lower.material.file = 3: must be the name of a file of cards"),
         ('"cards.inp"', '"cards.inp", E_inf = 1.0', "lower.material.E_inf: unknown key; must be one of file"),
     ):
@@ -327,19 +325,16 @@ LONG = rf.Prony(1e6, np.ones(18), 10.0 ** np.arange(18), 0.5)
         ((RUBBER, "abaqus", {"unit_stress": "psi"}), "unit_stress = 'psi': must be one of Pa, kPa, MPa, GPa"),
         ((RUBBER, "openradioss", {"density": 1e3}), "has the shift WLF: openradioss cards must have none;"),
         ((SHEAR, "openradioss", {"shift": False}), "density is missing: must be given for openradioss"),
-        ((SOFT, "comsol"), "bulk is missing: must be given for comsol, whose bulk modulus is elastic"),
+        ((SOFT, "comsol"), "bulk is missing: must be given for comsol, such as 2e9 [Pa], because"),
         ((SOFT, "lsdyna", {"density": 1e3}), "bulk is missing: must be given for lsdyna"),
         ((SOFT, "lsdyna", {"bulk": 2e9}), "density is missing: must be given for lsdyna"),
-        ((LONG, "lsdyna", {"bulk": 2e9, "density": 1e3}), "has 18 terms: must be at most 18 for lsdyna"),
+        ((LONG, "lsdyna", {"bulk": 2e9, "density": 1e3}), "has 18 terms: must be at most 18, including"),
         ((SHEAR, "abaqus", {"bulk": 1e9}), "bulk = 1000000000.0: must not be given; the PronyShear has"),
         ((SOFT, "abaqus", {"bulk": 1e6}), "bulk = 1e+06 Pa: must be > 2/3 of the glassy shear modulus"),
         ((rf.Prony(0.0, [1.0], [1.0]),), "material has relaxed modulus 0: must be > 0 for abaqus"),
         ((SOFT, "abaqus", {"density": 1e3, "unit_stress": "GPa"}), "unit_stress must be Pa or MPa for it"),
         ((SHEAR, "pyvisco", {"shift": False}), "pyvisco must have one series of Young's modulus"),
-        (
-            (rf.Prony(1e6, [1e6], [1.0], 0.5, rf.Arrhenius(1.0, 300.0)),),
-            "abaqus cards must have WLF; shift=F",
-        ),
+        ((rf.Prony(1e6, [1e6], [1.0], 0.5, rf.Arrhenius(1.0, 300.0)),), "abaqus cards must have WLF;"),
     ],
 )
 def test_refused_to_write(arguments, message, tmp_path):
@@ -362,10 +357,7 @@ RADIOSS = "/MAT/LAW1/1\nrubber\n1.2e-9\n0.5\n/VISC/PRONY/1\n"
         (ABAQUS.replace("LONG TERM\n 3.", "LONG TERM\n x"), "'x': must be a number"),
         (ABAQUS.replace(" 0.5, 0., 0.1\n 0.25", " 0.8, 0., 0.1\n 0.25"), "add up to 1.05: must be at most 1"),
         (ABAQUS.replace("0.5, 0., 0.1", "0.5, 0.2, 0.1").replace("3., 0.5", "3., 0.4"), "term 1: weight 0.2"),
-        (
-            ABAQUS.replace("*Trs", "*Trs, definition=USER"),
-            "must be DEFINITION=WLF; shift=False leaves it out",
-        ),
+        (ABAQUS.replace("*Trs", "*Trs, definition=USER"), "must be DEFINITION=WLF; shift=False leaves it"),
         (ABAQUS.replace("time=PRONY", "time=CREEP TEST DATA"), "must be TIME=PRONY"),
         (ABAQUS.replace("*Elastic", "*Hyperelastic"), "*ELASTIC with data is missing: must be given"),
         (ANSYS.replace("0.25\nTBDATA,,1.0", "0.25"), "must be pairs of weight and time"),
@@ -373,10 +365,7 @@ RADIOSS = "/MAT/LAW1/1\nrubber\n1.2e-9\n0.5\n/VISC/PRONY/1\n"
         (LSDYNA.replace("      2.0,", "2.0,1.0,5.0"), "term 2: KI = 5: must be 0"),
         (LSDYNA.replace("      2.0,", ""), "must have at least one term with a rate"),
         (RADIOSS, "/MAT/LAW42 is missing or incomplete: must be given"),
-        (
-            RADIOSS.replace("/LAW1/", "/LAW42/").replace("0.5", "0.5\n10.\n\n2.\n"),
-            "/VISC/PRONY is missing or incomplete: must be given",
-        ),
+        (RADIOSS.replace("/LAW1/", "/LAW42/").replace("0.5", "0.5\n10.\n\n2.\n"), "/VISC/PRONY is missing"),
         ("i,tau_i,alpha_i,E_0\n-,s,-,psi\n1,1,0.5,1\n", "column E_0: unit 'psi': must be"),
     ],
 )

@@ -1,16 +1,16 @@
 """Scenes as the text of TOML files: what is written is read back to the last bit."""
 
-import jax
 import numpy as np
 import pytest
-from support.folders import ROOT
+from support.folders import DATA
+from support.scenes.examples import same
 
 import rubberfric as rf
 from rubberfric.io.files import read_computable
 from rubberfric.io.results import Conditions
 from rubberfric.io.toml import scene_texts
 
-SCENES = sorted(path for path in (ROOT / "data").glob("*.toml") if not path.name.endswith("_fit.toml"))
+SCENES = sorted(path for path in DATA.glob("*.toml") if not path.name.endswith("_fit.toml"))
 AT = Conditions(np.array([1e-3, 1.0]), np.array([1e5]), None)
 
 
@@ -18,12 +18,6 @@ def read_back(folder, scene, conditions, title=""):
     for name, text in scene_texts(scene, conditions, title).items():
         (folder / name).write_text(text, encoding="utf-8")
     return read_computable(folder / "scene.toml")
-
-
-def same(one, other):
-    assert jax.tree.structure(one) == jax.tree.structure(other)
-    for x, y in zip(jax.tree.leaves(one), jax.tree.leaves(other), strict=True):
-        np.testing.assert_array_equal(np.asarray(x), np.asarray(y))
 
 
 @pytest.mark.parametrize("path", SCENES, ids=lambda path: path.stem)
