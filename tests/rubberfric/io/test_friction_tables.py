@@ -1,4 +1,4 @@
-"""Tables of mu(v, p, T) for other programs: read by a reader of its own here, and as accurate as they say."""
+"""Tables of mu(v, p, T) for other programs, checked by separate readers, with their stated accuracy."""
 
 import json
 

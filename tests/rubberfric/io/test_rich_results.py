@@ -1,4 +1,4 @@
-"""What notebooks show: tables of scenes and results, and the progress of long work."""
+"""Tables of scenes and results in notebooks, and progress."""
 
 import gc
 import io

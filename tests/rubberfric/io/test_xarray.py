@@ -47,7 +47,7 @@ def test_scales(temperature, tmp_path):
 
 @pytest.mark.parametrize("temperature", [None, TEMPERATURE])
 def test_files_without_scales_are_read(temperature, tmp_path):
-    """As they were written before."""
+    """Older files."""
     path, given = tmp_path / "r.h5", result(temperature)
     save_result(path, given)
     with h5py.File(path, "a") as file:
