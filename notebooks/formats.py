@@ -15,7 +15,7 @@ from rubberfric.base.objects.physical import Kind, fields_of, kinds
 from rubberfric.io.columns import COLUMNS, SPELLINGS, UNIT_SPELLINGS
 from rubberfric.io.friction_files import PROGRAMS
 from rubberfric.io.prony_cards import FORMATS
-from rubberfric.io.results import QUANTITIES
+from rubberfric.io.results import QUANTITY_FORMATS
 from rubberfric.materials.material import Material
 from rubberfric.materials.shifts.laws import Shift, VerticalShift
 from rubberfric.materials.slab import Layer
@@ -151,7 +151,7 @@ def _jobs():
 
 
 def _results():
-    rows = [(f"`{name}`", about.unit) for name, about in QUANTITIES.items()]
+    rows = [(f"`{name}`", about.unit) for name, about in QUANTITY_FORMATS.items()]
     cards, tables = (", ".join(f"`{name}`" for name in names) for names in (FORMATS, PROGRAMS))
     return (
         "## Result files (.h5)\n\n`velocity` [m/s], `pressure` [Pa], `temperature` [K], the whole scene in"

@@ -106,7 +106,7 @@ COLUMNS = {
 }
 
 # Columns from which E_stor and E_loss can be computed.
-MODULI = ("E_comp", "G_stor", "G_loss", "G_comp", "tan_del")
+MODULUS_COLUMNS = ("E_comp", "G_stor", "G_loss", "G_comp", "tan_del")
 
 # Other spellings of the names in `COLUMNS`; M_... is E_... or G_..., see `known_name`.
 SPELLINGS = {

@@ -30,7 +30,7 @@ _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
 _LENGTH_IN_BRACKETS = re.compile(r".*[\[(]([^\[\]()]+)[\])]\s*")
 
-Rows = list[tuple[int, list[str]]]  # (line, fields)
+TextRows = list[tuple[int, list[str]]]  # (line, fields)
 
 
 class TextTable(NamedTuple):
@@ -40,7 +40,7 @@ class TextTable(NamedTuple):
     titles: list[str]  # as written in the file
     names: list[str | None]  # in `COLUMNS` or `SET_VALUES`; None: unknown
     units: list[str]
-    rows: Rows  # numbers with decimal points
+    rows: TextRows  # numbers with decimal points
 
 
 def find_table(path: StrPath, text: str, generic: str = "E") -> TextTable | None:
@@ -234,7 +234,7 @@ def _export(path, lines, separator, titles, names, units):
     return TextTable(where, titles, names, spelled, _checked(path, len(titles), rows))
 
 
-def _checked(path: StrPath, count: int, rows: Rows) -> Rows:
+def _checked(path: StrPath, count: int, rows: TextRows) -> TextRows:
     """Return rows of `count` fields with decimal points."""
     commas = any(_DECIMAL_COMMA.fullmatch(field) for _, fields in rows for field in fields)
     checked = []

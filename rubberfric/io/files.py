@@ -40,9 +40,9 @@ from rubberfric.io.hdf5 import (
     write_values,
 )
 from rubberfric.io.results import (
-    CONDITIONS,
+    CONDITION_UNITS,
     DIMENSIONS,
-    QUANTITIES,
+    QUANTITY_FORMATS,
     Conditions,
     Interpolation,
     Result,
@@ -126,17 +126,17 @@ def read_computable(path: StrPath, table: str = "run") -> tuple[Scene, Condition
 def _read_scene(file: h5py.File) -> SceneFile:
     check_names(
         file,
-        ("scene", *CONDITIONS, *QUANTITIES, "quadrature"),
+        ("scene", *CONDITION_UNITS, *QUANTITY_FORMATS, "quadrature"),
         ("format", "format_version", "rubberfric_version", "title", _FROM, _ERROR),
     )
     scene = read_object(subgroup(file, "scene"))
     if not isinstance(scene, Scene):
         raise ValueError(f"/scene: kind = {type(scene).__name__!r}: must be 'Scene'")
     title = str(file.attrs.get("title", ""))
-    given = [name for name in CONDITIONS if name in file and not _is_bare(file, name)]
+    given = [name for name in CONDITION_UNITS if name in file and not _is_bare(file, name)]
     if not given:
         return SceneFile(scene, None, title)
-    values = {name: np.asarray(read_values(file, name, CONDITIONS[name])) for name in given}
+    values = {name: np.asarray(read_values(file, name, CONDITION_UNITS[name])) for name in given}
     for name in ("velocity", "pressure"):
         if name not in values:
             raise ValueError(f"/{name}: is missing; must be given")
@@ -171,7 +171,7 @@ def load_result(path: StrPath) -> Result:
         if conditions is None:
             raise ValueError("has a scene but no results; must be a result file")
         shape = result_shape(conditions)
-        values = {name: _read_quantity(file, name) for name in QUANTITIES if name in file}
+        values = {name: _read_quantity(file, name) for name in QUANTITY_FORMATS if name in file}
         for name, array in values.items():
             if np.shape(array) != shape:
                 axes = ", ".join(DIMENSIONS)
@@ -187,7 +187,7 @@ def _read_quantity(file: h5py.File, name: str) -> np.ndarray:
     data = file[name]
     if name == "converged" and isinstance(data, h5py.Dataset) and data.dtype == bool:
         return np.asarray(data[()])
-    values = np.asarray(read_values(file, name, QUANTITIES[name].unit))
+    values = np.asarray(read_values(file, name, QUANTITY_FORMATS[name].unit))
     return values != 0 if name == "converged" else values
 
 
@@ -225,7 +225,7 @@ def filling_result(
 def mapped_quantities(path: StrPath) -> dict[str, np.memmap]:
     """Map the quantities of a file of `filling_result` into memory, for reading."""
     with reading(path, _FORMAT) as file:
-        found = {name: _dataset(file, name) for name in QUANTITIES if name in file}
+        found = {name: _dataset(file, name) for name in QUANTITY_FORMATS if name in file}
         # A dataset without chunks is contiguous.
         places = {name: (data.dtype, data.id.get_offset(), data.shape) for name, data in found.items()}
     return {name: np.memmap(path, at[0], "r", *at[1:]) for name, at in places.items()}
@@ -252,7 +252,7 @@ def _begin(file: h5py.File, result: Result, dtypes: Mapping[str, np.dtype]) -> d
     creation.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
     file.attrs["title"] = result.title
     write_object(file, "scene", result.scene)
-    for name, units in CONDITIONS.items():
+    for name, units in CONDITION_UNITS.items():
         values = getattr(result.conditions, name)
         if values is None:
             file.create_dataset(name, (1,), float).make_scale(f"{_BARE}{1:10d}")
@@ -261,7 +261,7 @@ def _begin(file: h5py.File, result: Result, dtypes: Mapping[str, np.dtype]) -> d
     write_quadrature(file, result.quadrature)
     for name, dtype in dtypes.items():
         data = file.create_dataset(name, result_shape(result.conditions), dtype, dcpl=creation)
-        data.attrs["units"] = QUANTITIES[name].unit
+        data.attrs["units"] = QUANTITY_FORMATS[name].unit
         for axis, dimension in enumerate(DIMENSIONS):
             data.dims[axis].label = dimension
             data.dims[axis].attach_scale(file[dimension])

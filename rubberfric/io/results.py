@@ -24,7 +24,7 @@ class Quantity(NamedTuple):
 
 
 # In the order of a printed table.
-QUANTITIES = {
+QUANTITY_FORMATS = {
     "area": Quantity("-", "A/A0 [-]"),
     "friction": Quantity("-", "mu [-]"),
     "separation": Quantity("m", "u_bar [um]", 1e6),
@@ -34,7 +34,7 @@ QUANTITIES = {
     "flash_temperature": Quantity("K", "T_flash [K]"),
     "converged": Quantity("-"),
 }
-CONDITIONS = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}
+CONDITION_UNITS = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}
 # Axes of the arrays of a result.
 DIMENSIONS = ("temperature", "pressure", "velocity")
 
@@ -98,9 +98,12 @@ class Result(NamedTuple):
             for record in (self.conditions, self.solution)
         )
         rows = [
-            *((name, with_unit(short(values), CONDITIONS[name])) for name, values in conditions.items()),
+            *((name, with_unit(short(values), CONDITION_UNITS[name])) for name, values in conditions.items()),
             f"smallest … largest ({' x '.join(DIMENSIONS)})",
-            *((name, with_unit(_range(x, name), QUANTITIES[name].unit)) for name, x in quantities.items()),
+            *(
+                (name, with_unit(_range(x, name), QUANTITY_FORMATS[name].unit))
+                for name, x in quantities.items()
+            ),
             *([] if self.interpolation is None else [("computed", str(self.interpolation))]),
         ]
         tables = [table(rows, caption=self.title or "Result"), folded("scene", object_html(self.scene))]

@@ -23,8 +23,16 @@ from jax.typing import ArrayLike
 from rubberfric.base.atomic import StrPath
 from rubberfric.base.checks import closest
 from rubberfric.base.units import young_from_shear
-from rubberfric.io.columns import COLUMNS, MODULI, SET_VALUES
-from rubberfric.io.exports import Rows, TextTable, find_table, headless, pick, read_traces, suggested_columns
+from rubberfric.io.columns import COLUMNS, MODULUS_COLUMNS, SET_VALUES
+from rubberfric.io.exports import (
+    TextRows,
+    TextTable,
+    find_table,
+    headless,
+    pick,
+    read_traces,
+    suggested_columns,
+)
 from rubberfric.io.text import read_text, write_text
 
 
@@ -65,7 +73,7 @@ def read_table(
     if export is None:
         found = _project_table(path, text, needed, optional)
     else:
-        found = pick(export, (*needed, *optional, *(MODULI if "E_stor" in needed else ())))
+        found = pick(export, (*needed, *optional, *(MODULUS_COLUMNS if "E_stor" in needed else ())))
         _check_units(export.where, found)
     table = {}
     kinds = [COLUMNS[name] for name in found.names if name is not None]
@@ -114,8 +122,8 @@ def read_columns(
     if not quantities:
         near = closest("".join(names[:1]), tuple(COLUMNS))
         raise ValueError(f"{path}: columns {', '.join(names)}: none is known; {near}{column_hint(path)}")
-    moduli = ("E_stor", "E_loss") if {"E_stor", *MODULI} & set(quantities) else ()
-    plain = tuple(name for name in quantities if name not in (*MODULI, *moduli))
+    moduli = ("E_stor", "E_loss") if {"E_stor", *MODULUS_COLUMNS} & set(quantities) else ()
+    plain = tuple(name for name in quantities if name not in (*MODULUS_COLUMNS, *moduli))
     return read_table(path, (*plain, *moduli), (), increasing=False, columns=columns, poisson=poisson)
 
 
@@ -248,7 +256,7 @@ def _check_units(where: str, table: TextTable) -> None:
             raise ValueError(f"{where}: column {title}: unit {unit!r}: must be one of {', '.join(known)}")
 
 
-def _rows(path: StrPath, content: str) -> Rows:
+def _rows(path: StrPath, content: str) -> TextRows:
     """Return (line number, fields) of all lines except blank lines and comments."""
     rows = []
     for line, text in enumerate(io.StringIO(content), start=1):

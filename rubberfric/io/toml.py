@@ -44,7 +44,7 @@ from rubberfric.base.objects.fields import Child, Leaf, Static
 from rubberfric.base.objects.physical import Kind, PhysicalObject, fields_of, kinds, leaves_of
 from rubberfric.io.prony_cards import read_prony
 from rubberfric.io.results import (
-    CONDITIONS,
+    CONDITION_UNITS,
     Conditions,
     SceneFile,
     check_conditions,
@@ -321,7 +321,9 @@ def scene_texts(
     lines += [*_object("", scene, tables), "", "[run]"]
     for key, values in conditions._asdict().items():
         if values is not None:
-            lines.append(f"{key} = {_literal(values if values.size > 1 else values[0])}  # {CONDITIONS[key]}")
+            lines.append(
+                f"{key} = {_literal(values if values.size > 1 else values[0])}  # {CONDITION_UNITS[key]}"
+            )
     return {name: "\n".join(lines) + "\n"} | tables
 
 
