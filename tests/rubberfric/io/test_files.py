@@ -138,6 +138,8 @@ def test_written_tables_read_back_to_the_last_bit(tmp_path):
         path, lambda: write_table(path, {"v": [1.0], "mu": [1.0, 2.0]})
     )
     assert path.read_bytes() == before
+    nowhere = tmp_path / "none" / "table.csv"
+    assert "folder" in refused(nowhere, lambda: write_table(nowhere, columns))
     assert os.listdir(tmp_path) == ["table.csv"]
 
 
