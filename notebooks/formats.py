@@ -12,11 +12,10 @@ from fitting.commands.job import CONDITIONS, EXTRA, PRIOR_KEYS, RULES, TEXTS
 from fitting.solvers.options import IN_FILES
 from rubberfric.base.objects.fields import Child, Leaf, Static
 from rubberfric.base.objects.physical import Kind, fields_of, kinds
-from rubberfric.io.friction_tables.files import PROGRAMS
-from rubberfric.io.prony_cards.cards import FORMATS
-from rubberfric.io.results import QUANTITIES
-from rubberfric.io.tables.columns import COLUMNS
-from rubberfric.io.tables.titles import spellings, unit_spellings
+from rubberfric.io.columns import COLUMNS, SPELLINGS, UNIT_SPELLINGS
+from rubberfric.io.friction_files import PROGRAMS
+from rubberfric.io.prony_cards import FORMATS
+from rubberfric.io.results import QUANTITY_FORMATS
 from rubberfric.materials.material import Material
 from rubberfric.materials.shifts.laws import Shift, VerticalShift
 from rubberfric.materials.slab import Layer
@@ -50,7 +49,7 @@ def _table(headings, rows):
 
 
 def _columns():
-    also = spellings()
+    also = SPELLINGS
     for name in [name for name in also if name.startswith("M_")]:
         for letter in "EG":
             also[letter + name[1:]] = (*also.get(letter + name[1:], ()), *also[name])
@@ -71,7 +70,7 @@ def _code(text):
 
 def _units():
     rows = [
-        (_code(unit), ", ".join(map(_code, filter(None, texts)))) for unit, texts in unit_spellings().items()
+        (_code(unit), ", ".join(map(_code, filter(None, texts)))) for unit, texts in UNIT_SPELLINGS.items()
     ]
     return (
         "## Units\n\nµ, ², ³, ⁴, ⁻¹, · and ^ are understood in every unit: `µm⁻¹`, `mm·s⁻¹`, `N/mm²`.\n\n"
@@ -152,7 +151,7 @@ def _jobs():
 
 
 def _results():
-    rows = [(f"`{name}`", about.unit) for name, about in QUANTITIES.items()]
+    rows = [(f"`{name}`", about.unit) for name, about in QUANTITY_FORMATS.items()]
     cards, tables = (", ".join(f"`{name}`" for name in names) for names in (FORMATS, PROGRAMS))
     return (
         "## Result files (.h5)\n\n`velocity` [m/s], `pressure` [Pa], `temperature` [K], the whole scene in"

@@ -9,7 +9,7 @@ measured values says what kind of data it is:
     spectrum   q | log10_q, C | log10_C,      sigma_C | relative_sigma
                q | log10_q, C_1D | log10_C_1D, relative_sigma: along a line, see `read`
 
-Tables of other programs are read as well (`rubberfric.io.tables.exports`): other names, separators, a
+Tables of other programs are read as well (`rubberfric.io.exports`): other names, separators, a
 preamble.
 
 An HDF5 file holds one group /data with the attributes kind, name and body, and a dataset

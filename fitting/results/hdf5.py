@@ -5,7 +5,7 @@
     /                   attributes format = "rubberfric fit", format_version = 1, title, and how the
                         fit was made and ended: method, loss, loss_width, status, message, ...
     /report             the report as text
-    /scene              the fitted scene, as in scene files (`rubberfric.io.scene_files.hdf5`); missing if
+    /scene              the fitted scene, as in scene files (`rubberfric.io.hdf5`); missing if
                         the scene's constructors refuse the fitted values
     /scene_at_start     the scene that the fit was given; like /scene of several a group of one for each,
                         by their names

@@ -9,7 +9,7 @@ from rubberfric.analysis.error_and_time.sweep import accuracy
 from rubberfric.commands.arguments import write_outputs
 from rubberfric.commands.process.phases import Phases
 from rubberfric.io.files import read_computable
-from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.io.results import Conditions
 from rubberfric.plot.save import save_accuracy_plot
 
 # More points make the sweep slower, and tell hardly more.

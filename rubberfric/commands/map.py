@@ -13,7 +13,7 @@ from rubberfric.base.progress import Progress
 from rubberfric.commands.arguments import write_outputs
 from rubberfric.commands.run import convergence_line
 from rubberfric.io.files import read_computable
-from rubberfric.io.results import CONDITIONS, QUANTITIES, Result, result_shape
+from rubberfric.io.results import CONDITION_UNITS, QUANTITY_FORMATS, Result, result_shape
 from rubberfric.plot.map import check_map
 from rubberfric.plot.save import save_map_plot
 from rubberfric.theory.quantities import iterates
@@ -68,7 +68,7 @@ def summary(result: Result) -> Iterator[str]:
     """Lines that say what a map covers, and the range of each of its quantities."""
     if result.title:
         yield result.title
-    for name, units in CONDITIONS.items():
+    for name, units in CONDITION_UNITS.items():
         values = getattr(result.conditions, name)
         if values is None:
             continue
@@ -91,5 +91,5 @@ def summary(result: Result) -> Iterator[str]:
         at = [f"{v[k]:.4g}", f"{p[j] / 1e6:.6g}"] + ([] if T is None else [f"{T[i]:.6g}"])
         columns = (f"{low:.5g}", f"{float(values[i, j, k]):.5g}", *at)
         yield " ".join(
-            (f"{f'{name} [{QUANTITIES[name].unit}]':25}", *(f"{column:>11}" for column in columns))
+            (f"{f'{name} [{QUANTITY_FORMATS[name].unit}]':25}", *(f"{column:>11}" for column in columns))
         )

@@ -13,10 +13,8 @@ from rubberfric.base.progress import Progress
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.base.units import to_celsius
 from rubberfric.commands.arguments import write_outputs
-from rubberfric.io.files import read_computable
-from rubberfric.io.result_files import save_result
-from rubberfric.io.results import QUANTITIES, Result, result_shape
-from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.io.files import read_computable, save_result
+from rubberfric.io.results import QUANTITY_FORMATS, Conditions, Result, result_shape
 from rubberfric.scene.numerics.settings import fitting_quadrature
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.model import solve
@@ -81,7 +79,7 @@ def compute(scene: Scene, conditions: Conditions, quadrature: Quadrature | None 
 def table(result: Result) -> Iterator[str]:
     """Lines of the printed table: a block for every temperature and pressure."""
     solution = result.solution._asdict()
-    columns = {name: solution[name] for name, quantity in QUANTITIES.items() if quantity.heading}
+    columns = {name: solution[name] for name, quantity in QUANTITY_FORMATS.items() if quantity.heading}
     columns = {name: values for name, values in columns.items() if values is not None}
     # Six columns of 12 leave no more than one space between them on a line of 80.
     gap = " " if len(columns) > 4 else "  "
@@ -93,10 +91,12 @@ def table(result: Result) -> Iterator[str]:
         yield ""
         yield f"pressure {result.conditions.pressure[j] / 1e6:.6g} MPa{at}"
         yield gap.join(
-            f"{heading:>12}" for heading in ("v [m/s]", *(QUANTITIES[name].heading for name in columns))
+            f"{heading:>12}" for heading in ("v [m/s]", *(QUANTITY_FORMATS[name].heading for name in columns))
         )
         for k, v in enumerate(result.conditions.velocity):
-            row = (f"{QUANTITIES[name].factor * values[i, j, k]:12.5e}" for name, values in columns.items())
+            row = (
+                f"{QUANTITY_FORMATS[name].factor * values[i, j, k]:12.5e}" for name, values in columns.items()
+            )
             yield gap.join((f"{v:12.4e}", *row))
 
 

@@ -1,19 +1,23 @@
 """Files: scenes, results, tables, and the formats of other programs."""
 
 from rubberfric.io import hdf5, toml
-from rubberfric.io.files import load_scene, save_scene
-from rubberfric.io.friction_tables.files import read_friction, write_friction
-from rubberfric.io.friction_tables.table import FrictionTable
-from rubberfric.io.prony_cards.cards import read_prony, write_prony
-from rubberfric.io.result_files import load_result, read_quadrature, save_result, write_quadrature
+from rubberfric.io.columns import COLUMNS, known_name, known_unit
+from rubberfric.io.exports import read_traces
+from rubberfric.io.files import (
+    load_result,
+    load_scene,
+    read_quadrature,
+    save_result,
+    save_scene,
+    write_quadrature,
+)
+from rubberfric.io.friction_files import read_friction, write_friction
+from rubberfric.io.friction_tables import FrictionTable
+from rubberfric.io.hdf5 import read_object, write_object
+from rubberfric.io.prony_cards import read_prony, write_prony
 from rubberfric.io.results import Curves, Result, curves_of
-from rubberfric.io.scene_files.conditions import read_conditions
-from rubberfric.io.scene_files.hdf5 import read_object, write_object
-from rubberfric.io.tables.columns import COLUMNS
-from rubberfric.io.tables.reading import column_hint, read_columns, read_names, read_table
-from rubberfric.io.tables.titles import known_name, known_unit
-from rubberfric.io.tables.traces import read_traces
-from rubberfric.io.tables.writing import write_table
+from rubberfric.io.tables import column_hint, read_columns, read_names, read_table, write_table
+from rubberfric.io.toml import read_conditions
 
 __all__ = [
     "COLUMNS",

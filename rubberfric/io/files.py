@@ -1,66 +1,292 @@
-"""Scene files of either kind: TOML written by hand, HDF5 written by the library."""
+"""Scene files (TOML or HDF5) and result files (HDF5).
 
-from rubberfric.base.atomic import StrPath, as_path, check_suffix, check_writable
-from rubberfric.io.result_files import read_scene_hdf5, write_scene_hdf5
-from rubberfric.io.scene_files.conditions import Conditions, SceneFile
-from rubberfric.io.scene_files.toml import read_scene_toml
+A result file is a scene file (`rubberfric.io.hdf5`) with these datasets next to /scene, which have the
+attribute units:
+
+    velocity [m/s]  pressure [Pa]  temperature [K]      one-dimensional; temperature is optional
+    area [-]  friction [-]  separation [m]              shape [temperature, pressure, velocity]
+    viscoelastic_friction [-]  shear_friction [-]       likewise, if they were computed
+    transverse_friction [-]  flash_temperature [K]
+    converged [-]                                       of type bool; 1.0 or 0.0 in older files
+
+with the accuracy settings as attributes of the group /quadrature, and the attributes title and, for an
+interpolated map, interpolated_from (points) and interpolation_error (relative).
+
+The conditions are HDF5 dimension scales, so `xarray.open_dataset(path, engine="h5netcdf")` returns quantities
+over named coordinates. A missing temperature is a dimension without values, marked as in netCDF.
+"""
+
+import contextlib
+import dataclasses
+import math
+import os
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import h5py
+import numpy as np
+
+from rubberfric.base.atomic import StrPath, as_path, check_suffix, check_writable, replacing
+from rubberfric.base.quadrature import Quadrature
+from rubberfric.io.hdf5 import (
+    check_names,
+    creating,
+    plain,
+    read_object,
+    read_values,
+    reading,
+    subgroup,
+    write_object,
+    write_values,
+)
+from rubberfric.io.results import (
+    CONDITION_UNITS,
+    DIMENSIONS,
+    QUANTITY_FORMATS,
+    Conditions,
+    Interpolation,
+    Result,
+    SceneFile,
+    check_conditions,
+    result_shape,
+)
+from rubberfric.io.toml import read_scene_toml
 from rubberfric.scene.scene import Scene
+from rubberfric.theory.quantities import Solution
 
-SUFFIXES = (".toml", ".h5")
+_FORMAT = "rubberfric scene"
+# NAME of a dimension scale without coordinates, as netCDF writes it before the length.
+_BARE = "This is a netCDF dimension but not a netCDF variable."
+# Bytes of a result file without its quantities, rounded up.
+_HEAD = 2**20
+# Attributes of an interpolated map.
+_FROM, _ERROR = "interpolated_from", "interpolation_error"
+
+
+# --- scenes
+
+
+def load_scene(path: StrPath) -> Scene:
+    """Load the scene of a file with its curves.
+
+    Parameters
+    ----------
+    path : a .toml file (see `rubberfric.io.toml`), or a scene or result file (.h5)
+
+    Returns
+    -------
+    Scene; from .h5 exactly, in the precision it was saved with (float64 becomes float32 unless JAX's x64
+    mode is on)
+
+    Raises
+    ------
+    ValueError : names the file, the fault and the rule
+    """
+    return read_scene_file(path).scene
+
+
+def save_scene(path: StrPath, scene: Scene) -> None:
+    """Save a scene as an HDF5 file (.h5), completely or not at all.
+
+    Raises
+    ------
+    ValueError : the suffix is not .h5, the folder is missing, or a constructor refuses a value of the scene
+    """
+    check_writable(path, (".h5",))
+    if not isinstance(scene, Scene):
+        raise ValueError(f"{path}: scene must be a Scene, got {type(scene).__name__}")
+    try:
+        with replacing(path) as temporary, creating(temporary, _FORMAT) as file:
+            write_object(file, "scene", scene)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
 
 
 def read_scene_file(path: StrPath, table: str = "run") -> SceneFile:
-    """Scene, conditions and title of a scene file; see `load_scene`.
+    """Read scene, conditions and title of a scene file or result file.
 
     A TOML file has conditions in the tables "run" and "map"; an HDF5 file has one set of them.
     """
     path = as_path(path)
-    check_suffix(path, SUFFIXES)
-    return read_scene_toml(path, table) if path.suffix.lower() == ".toml" else read_scene_hdf5(path)
+    check_suffix(path, (".toml", ".h5"))
+    if path.suffix.lower() == ".toml":
+        return read_scene_toml(path, table)
+    with reading(path, _FORMAT) as file:
+        return _read_scene(file)
 
 
 def read_computable(path: StrPath, table: str = "run") -> tuple[Scene, Conditions, str]:
-    """The same of a file that says at what conditions to compute, or ValueError."""
+    """Read scene, conditions and title; ValueError without conditions."""
     found = read_scene_file(path, table)
     if found.conditions is None:
         raise ValueError(f"{path}: {table}: is missing; must hold velocity and pressure to compute at")
     return found.scene, found.conditions, found.title
 
 
-def load_scene(path: StrPath) -> Scene:
-    """Scene of a file, its curves resolved.
+def _read_scene(file: h5py.File) -> SceneFile:
+    check_names(
+        file,
+        ("scene", *CONDITION_UNITS, *QUANTITY_FORMATS, "quadrature"),
+        ("format", "format_version", "rubberfric_version", "title", _FROM, _ERROR),
+    )
+    scene = read_object(subgroup(file, "scene"))
+    if not isinstance(scene, Scene):
+        raise ValueError(f"/scene: kind = {type(scene).__name__!r}: must be 'Scene'")
+    title = str(file.attrs.get("title", ""))
+    given = [name for name in CONDITION_UNITS if name in file and not _is_bare(file, name)]
+    if not given:
+        return SceneFile(scene, None, title)
+    values = {name: np.asarray(read_values(file, name, CONDITION_UNITS[name])) for name in given}
+    for name in ("velocity", "pressure"):
+        if name not in values:
+            raise ValueError(f"/{name}: is missing; must be given")
+    conditions = Conditions(values["velocity"], values["pressure"], values.get("temperature"))
+    check_conditions("/", conditions, scene)
+    return SceneFile(scene, conditions, title)
+
+
+def _is_bare(file: h5py.File, condition: str) -> bool:
+    """Return True for a dimension without values."""
+    name = file[condition].attrs.get("NAME", b"")
+    return (name.decode("ascii", "replace") if isinstance(name, bytes) else str(name)).startswith(_BARE)
+
+
+# --- results
+
+
+def save_result(path: StrPath, result: Result) -> None:
+    """Save a result file, completely or not at all."""
+    found = {name: np.asarray(x) for name, x in result.solution._asdict().items() if x is not None}
+    with replacing(path) as temporary, creating(temporary, _FORMAT) as file:
+        data = _begin(file, result, {name: values.dtype for name, values in found.items()})
+        for name, values in found.items():
+            data[name][...] = values
+        write_interpolation(data, result.interpolation)
+
+
+def load_result(path: StrPath) -> Result:
+    """Load a result file with NumPy arrays; ValueError for any other file."""
+    with reading(path, _FORMAT) as file:
+        scene, conditions, title = _read_scene(file)
+        if conditions is None:
+            raise ValueError("has a scene but no results; must be a result file")
+        shape = result_shape(conditions)
+        values = {name: _read_quantity(file, name) for name in QUANTITY_FORMATS if name in file}
+        for name, array in values.items():
+            if np.shape(array) != shape:
+                axes = ", ".join(DIMENSIONS)
+                raise ValueError(f"/{name} has shape {np.shape(array)}: must be {shape}, [{axes}]")
+        quadrature = read_quadrature(file)
+        interpolation = None
+        if _FROM in file.attrs and _ERROR in file.attrs:
+            interpolation = Interpolation(int(plain(file.attrs[_FROM])), float(plain(file.attrs[_ERROR])))
+    return Result(scene, conditions, Solution(**values), quadrature, title, interpolation)
+
+
+def _read_quantity(file: h5py.File, name: str) -> np.ndarray:
+    data = file[name]
+    if name == "converged" and isinstance(data, h5py.Dataset) and data.dtype == bool:
+        return np.asarray(data[()])
+    values = np.asarray(read_values(file, name, QUANTITY_FORMATS[name].unit))
+    return values != 0 if name == "converged" else values
+
+
+@contextlib.contextmanager
+def filling_result(
+    path: StrPath, result: Result, dtypes: Mapping[str, np.dtype]
+) -> Iterator[dict[str, h5py.Dataset]]:
+    """Give datasets of quantities to fill in; on leaving, move the complete file to `path`, or remove it.
 
     Parameters
     ----------
-    path : path of a .toml file (see `rubberfric.io.scene_files.toml`), or of an .h5 file that
-        `save_scene` or the command wrote: a result file gives the scene that made it.
-
-    Returns
-    -------
-    Scene. From .h5 to the last bit and with the precision it was saved with (float64
-    becomes float32 unless JAX's x64 mode is on).
+    path : result file
+    result : its solution is ignored
+    dtypes : of the quantities
 
     Raises
     ------
-    ValueError
-        one line naming the file, what in it is wrong, and the rule.
+    ValueError : the disk space, which is allocated first, is not available
     """
-    return read_scene_file(path).scene
+    size = math.prod(result_shape(result.conditions)) * sum(x.itemsize for x in dtypes.values())
+    with replacing(path) as temporary:
+        try:
+            space = temporary.with_name("space")
+            _allocate(space, size + _HEAD)  # HDF5 may segfault on a full disk, see `creating`
+            space.unlink()
+            with creating(temporary, _FORMAT, in_place=True) as file:
+                _begin(file, result, dtypes)
+            _allocate(temporary, temporary.stat().st_size)
+        except OSError as error:
+            raise ValueError(f"{path}: cannot be written, {size / 2**30:.3g} GiB: {error.strerror}") from None
+        with h5py.File(temporary, "r+") as file:
+            yield {name: _dataset(file, name) for name in dtypes}
 
 
-def save_scene(path: StrPath, scene: Scene) -> None:
-    """Write a scene as an HDF5 file (.h5), whole or not at all; `load_scene` reads it back.
+def mapped_quantities(path: StrPath) -> dict[str, np.memmap]:
+    """Map the quantities of a file of `filling_result` into memory, for reading."""
+    with reading(path, _FORMAT) as file:
+        found = {name: _dataset(file, name) for name in QUANTITY_FORMATS if name in file}
+        # A dataset without chunks is contiguous.
+        places = {name: (data.dtype, data.id.get_offset(), data.shape) for name, data in found.items()}
+    return {name: np.memmap(path, at[0], "r", *at[1:]) for name, at in places.items()}
 
-    Raises
-    ------
-    ValueError
-        one line: the suffix is not .h5, the folder is missing, or the scene holds
-        values that its constructors refuse.
-    """
-    check_writable(path, (".h5",))
-    if not isinstance(scene, Scene):
-        raise ValueError(f"{path}: scene is a {type(scene).__name__}: must be a Scene")
-    try:
-        write_scene_hdf5(path, scene)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from None
+
+def write_interpolation(data: Mapping[str, h5py.Dataset], interpolation: Interpolation | None) -> None:
+    """Write the interpolation of quantities into the file of their datasets."""
+    if data and interpolation is not None:
+        attributes = next(iter(data.values())).file.attrs
+        attributes[_FROM], attributes[_ERROR] = interpolation
+
+
+def _allocate(path: Path, size: int) -> None:
+    """Allocate disk space, where a file could be sparse; OSError if it is not available."""
+    if hasattr(os, "posix_fallocate"):
+        with open(path, "ab") as file:
+            os.posix_fallocate(file.fileno(), 0, size)
+
+
+def _begin(file: h5py.File, result: Result, dtypes: Mapping[str, np.dtype]) -> dict[str, h5py.Dataset]:
+    """Write a result except for its quantities, and return contiguous datasets to be filled in."""
+    creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    creation.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    creation.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    file.attrs["title"] = result.title
+    write_object(file, "scene", result.scene)
+    for name, units in CONDITION_UNITS.items():
+        values = getattr(result.conditions, name)
+        if values is None:
+            file.create_dataset(name, (1,), float).make_scale(f"{_BARE}{1:10d}")
+        else:
+            write_values(file, name, values, units).make_scale(name)
+    write_quadrature(file, result.quadrature)
+    for name, dtype in dtypes.items():
+        data = file.create_dataset(name, result_shape(result.conditions), dtype, dcpl=creation)
+        data.attrs["units"] = QUANTITY_FORMATS[name].unit
+        for axis, dimension in enumerate(DIMENSIONS):
+            data.dims[axis].label = dimension
+            data.dims[axis].attach_scale(file[dimension])
+    return {name: _dataset(file, name) for name in dtypes}
+
+
+def write_quadrature(file: h5py.File, quadrature: Quadrature) -> None:
+    """Write the accuracy settings as attributes of the group /quadrature."""
+    group = file.create_group("quadrature")
+    for field in dataclasses.fields(Quadrature):
+        group.attrs[field.name] = getattr(quadrature, field.name)
+
+
+def read_quadrature(file: h5py.File) -> Quadrature:
+    """Read the accuracy settings that `write_quadrature` wrote."""
+    group = subgroup(file, "quadrature")
+    names = [field.name for field in dataclasses.fields(Quadrature)]
+    check_names(group, (), names)
+    for name in names:
+        if name not in group.attrs:
+            raise ValueError(f"{group.name}: attribute {name} is missing; must be given")
+    return Quadrature(**{name: plain(group.attrs[name]) for name in names})
+
+
+def _dataset(file: h5py.File, name: str) -> h5py.Dataset:
+    data = file[name]
+    assert isinstance(data, h5py.Dataset)
+    return data

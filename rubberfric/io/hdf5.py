@@ -1,4 +1,16 @@
-"""HDF5 files of the project: a format and its version at the top, plain numbers with units below."""
+"""HDF5 files: format and version at the top, numbers with units, and physical objects as groups.
+
+::
+
+    /                 attributes format = "rubberfric scene", format_version = 1, rubberfric_version
+    /scene            attributes kind = "Scene", area_correction
+    /scene/gamma      dataset, attribute units
+    /scene/upper      attribute kind = "Body"
+    /scene/upper/material/E ...
+
+Static fields are attributes; a field that is None is absent. A dataset with the attribute `weak` is a weakly
+typed number, which does not raise the precision of other leaves.
+"""
 
 import contextlib
 import io
@@ -13,6 +25,8 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.atomic import StrPath, check_readable
 from rubberfric.base.checks import closest
+from rubberfric.base.objects.fields import Child, Leaf, Static
+from rubberfric.base.objects.physical import PhysicalObject, fields_of, kinds
 from rubberfric.base.process.release import VERSION
 
 
@@ -22,8 +36,7 @@ def creating(
 ) -> Iterator[h5py.File]:
     """Open a new file of the format named `form` for writing; `path` may be a file object.
 
-    It is put together in memory, so that a full disk is an error of the system: the HDF5 library's own is
-    told in 25 lines, and ends in a segmentation fault. `in_place` is for what is too large for that.
+    HDF5 may segfault on a full disk, so the file is written in memory first, unless `in_place`.
     """
     place = path if in_place or isinstance(path, io.BytesIO) else io.BytesIO()
     # Since 1.10 the file format has checksums on its structure.
@@ -38,8 +51,8 @@ def creating(
 
 @contextlib.contextmanager
 def reading(path: Any, form: str, version: int = 1) -> Iterator[h5py.File]:
-    """Open a file of the format named `form`; whatever is wrong with it becomes one ValueError naming it."""
-    check_readable(path)  # so that a missing file is not called a broken one
+    """Open a file of the format named `form`; every fault is a ValueError that names the file."""
+    check_readable(path)  # names a missing file as such
     try:
         with h5py.File(path, "r") as file:
             _check_format(file, form, version)
@@ -52,7 +65,7 @@ def reading(path: Any, form: str, version: int = 1) -> Iterator[h5py.File]:
 
 
 def write_values(group: h5py.Group, name: str, values: ArrayLike, units: str) -> h5py.Dataset:
-    """Write numbers as a dataset with their units; the dataset."""
+    """Write numbers as a dataset with units, and return it."""
     weak = isinstance(values, float) or (isinstance(values, jax.Array) and values.weak_type)
     array = np.asarray(values)
     if array.dtype.kind != "f":
@@ -65,7 +78,7 @@ def write_values(group: h5py.Group, name: str, values: ArrayLike, units: str) ->
 
 
 def read_values(group: h5py.Group, name: str, units: str) -> np.ndarray:
-    """Numbers of a dataset, in the units it must be in: a NumPy array, or a float if it is weak."""
+    """Read numbers with the required units: a NumPy array, or a float for a weakly typed number."""
     where, data = _path(group, name), group.get(name)
     if not isinstance(data, h5py.Dataset):
         raise ValueError(f"{where}: is missing; must be a dataset")
@@ -75,12 +88,12 @@ def read_values(group: h5py.Group, name: str, units: str) -> np.ndarray:
         raise ValueError(f"{where}: has type {data.dtype}: must be a floating-point number")
     array = np.asarray(data[()], data.dtype.newbyteorder("="))
     if data.attrs.get("weak", False) and array.ndim == 0:
-        return float(array)  # pyright: ignore[reportReturnType] (a number does all that an array does)
+        return float(array)  # pyright: ignore[reportReturnType] (a number can replace an array)
     return array
 
 
 def read_array(group: h5py.Group, name: str, units: str, shape: tuple[int, ...]) -> np.ndarray:
-    """Numbers of a dataset of a certain shape."""
+    """Read numbers of the required shape."""
     array = np.asarray(read_values(group, name, units))
     if array.shape != shape:
         raise ValueError(f"{_path(group, name)} has shape {array.shape}: must be {shape}")
@@ -88,7 +101,7 @@ def read_array(group: h5py.Group, name: str, units: str, shape: tuple[int, ...])
 
 
 def read_counts(group: h5py.Group, name: str, size: int) -> np.ndarray:
-    """Integers of a dataset, shape (size,)."""
+    """Read integers of shape (size,)."""
     data = group[name]
     if not isinstance(data, h5py.Dataset) or data.shape != (size,) or data.dtype.kind != "i":
         raise ValueError(f"{_path(group, name)}: must be {size} integers")
@@ -96,22 +109,22 @@ def read_counts(group: h5py.Group, name: str, size: int) -> np.ndarray:
 
 
 def write_texts(group: h5py.Group, name: str, texts: Iterable[str]) -> None:
-    """A dataset of texts."""
+    """Write texts as a dataset."""
     group.create_dataset(name, data=np.array(list(texts), object), dtype=h5py.string_dtype())
 
 
 def read_texts(group: h5py.Group, name: str) -> list[str]:
-    """A list of texts; ValueError if the dataset is none of texts."""
+    """Read a list of texts."""
     data = group.get(name)
     if not isinstance(data, h5py.Dataset) or h5py.check_string_dtype(data.dtype) is None:
         raise ValueError(f"{_path(group, name)}: is missing; must be a dataset of texts")
     return np.asarray(data.asstr()[()]).tolist()
 
 
-def attributes(owner: h5py.Group, kinds: Mapping[str, type]) -> dict[str, Any]:
-    """Attributes of a file or group, of the types that `kinds` says."""
+def attributes(owner: h5py.Group, types: Mapping[str, type]) -> dict[str, Any]:
+    """Read attributes of the given types from a file or group."""
     found = {}
-    for name, kind in kinds.items():
+    for name, kind in types.items():
         value = plain(owner.attrs.get(name))
         if type(value) is not kind:
             raise ValueError(f"{owner.name}: attribute {name} = {value!r}: must be of type {kind.__name__}")
@@ -120,7 +133,7 @@ def attributes(owner: h5py.Group, kinds: Mapping[str, type]) -> dict[str, Any]:
 
 
 def subgroup(group: h5py.Group, name: str) -> h5py.Group:
-    """The group of that name in another; ValueError if there is none."""
+    """Return a group in another; ValueError if it is missing."""
     found = group.get(name)
     if not isinstance(found, h5py.Group):
         raise ValueError(f"{_path(group, name)}: is missing; must be a group")
@@ -128,7 +141,7 @@ def subgroup(group: h5py.Group, name: str) -> h5py.Group:
 
 
 def check_names(group: h5py.Group, names: Collection[str], attributes: Collection[str]) -> None:
-    """ValueError if a group holds something unknown."""
+    """Raise ValueError if a group holds an unknown name."""
     for name in group:
         if name not in names:
             raise ValueError(f"{_path(group, name)}: unknown field; {closest(name, tuple(names))}")
@@ -137,8 +150,59 @@ def check_names(group: h5py.Group, names: Collection[str], attributes: Collectio
             raise ValueError(f"{group.name}: attribute {name!r} is unknown; {closest(name, attributes)}")
 
 
+def write_object(parent: h5py.Group, name: str, value: PhysicalObject) -> None:
+    """Write a physical object as the group `name`; ValueError if its constructor refuses it."""
+    cls = type(value)
+    if cls not in kinds(PhysicalObject).values():
+        raise ValueError(f"{name} = {value!r}: must be one of {', '.join(kinds(PhysicalObject))}")
+    cls(**{field: getattr(value, field) for field in fields_of(cls)})  # JAX rebuilds objects without checks
+    group = parent.create_group(name)
+    group.attrs["kind"] = cls.__name__
+    for key, field in fields_of(cls).items():
+        content = getattr(value, key)
+        if isinstance(field, Static):
+            group.attrs[key] = content
+        elif content is None:
+            continue
+        elif isinstance(field, Child):
+            write_object(group, key, content)
+        else:
+            write_values(group, key, content, field.unit)
+
+
+def read_object(group: Any) -> PhysicalObject:
+    """Read the object in a group; a ValueError names the group and the fault."""
+    where, known = group.name, kinds(PhysicalObject)
+    if not isinstance(group, h5py.Group):
+        raise ValueError(f"{where}: must be a group, not a dataset")
+    kind = group.attrs.get("kind")
+    if kind not in known:
+        raise ValueError(f"{where}: kind = {kind!r}: {closest(kind, tuple(known))}")
+    fields = fields_of(known[kind])
+    static = [name for name, field in fields.items() if isinstance(field, Static)]
+    check_names(group, [name for name in fields if name not in static], ("kind", *static))
+    values = {}
+    for name in static:
+        if name not in group.attrs:
+            raise ValueError(f"{where}: attribute {name} is missing; {kind} must have it")
+        values[name] = plain(group.attrs[name])
+    for name, field in fields.items():
+        if isinstance(field, Static):
+            continue
+        if name not in group and (isinstance(field, Child) or field.optional):
+            values[name] = None
+        elif isinstance(field, Leaf):
+            values[name] = read_values(group, name, field.unit)
+        else:
+            values[name] = read_object(group[name])
+    try:
+        return known[kind](**values)
+    except ValueError as error:
+        raise ValueError(f"{where}: {error}") from None
+
+
 def plain(attribute: Any) -> Any:
-    """An attribute as Python has it: bool, int, float or str."""
+    """Convert an attribute to bool, int, float or str."""
     return attribute.item() if isinstance(attribute, np.generic) else attribute
 
 

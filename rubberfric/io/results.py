@@ -1,5 +1,6 @@
-"""Results: what came out of a scene, at what conditions, and how its quantities are named and written."""
+"""Conditions of computations, and results over them."""
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -9,21 +10,21 @@ from rubberfric.base.checks import is_concrete, shown
 from rubberfric.base.objects.html import count, folded, short, table, with_unit
 from rubberfric.base.objects.physical import object_html
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.io.scene_files.conditions import Conditions
-from rubberfric.scene.scene import Scene
+from rubberfric.scene.plausibility import doubts_of_conditions
+from rubberfric.scene.scene import Scene, check_background, shifts, takes_temperature
 from rubberfric.theory.quantities import Solution
 
 
 class Quantity(NamedTuple):
-    """How a field of `Solution` is written."""
+    """Unit and heading of a field of `Solution`."""
 
-    unit: str  # SI, in files
-    heading: str = ""  # of its column in a printed table; "": not there
-    factor: float = 1.0  # from SI to the unit of that column
+    unit: str  # in files, SI
+    heading: str = ""  # of the column in a printed table; "": not printed
+    factor: float = 1.0  # from SI to the unit of the column
 
 
 # In the order of a printed table.
-QUANTITIES = {
+QUANTITY_FORMATS = {
     "area": Quantity("-", "A/A0 [-]"),
     "friction": Quantity("-", "mu [-]"),
     "separation": Quantity("m", "u_bar [um]", 1e6),
@@ -33,30 +34,59 @@ QUANTITIES = {
     "flash_temperature": Quantity("K", "T_flash [K]"),
     "converged": Quantity("-"),
 }
-CONDITIONS = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}
+CONDITION_UNITS = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}
 # Axes of the arrays of a result.
 DIMENSIONS = ("temperature", "pressure", "velocity")
 
-# Elements beyond which the smallest and largest are not searched: the array may lie in a file.
+# The range of larger arrays is not shown because they may lie in a file.
 _SEARCHED = 2**24
 
 
+class Conditions(NamedTuple):
+    """Conditions of a computation, whose results have shape [temperature, pressure, velocity]."""
+
+    velocity: np.ndarray  # [m/s], shape (n,)
+    pressure: np.ndarray  # [Pa], shape (m,)
+    temperature: np.ndarray | None  # [K], shape (k,); None where nothing depends on it
+
+    def grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+        """Velocity, pressure and temperature that broadcast to [temperature, pressure, velocity]."""
+        T = self.temperature
+        return self.velocity, self.pressure[:, None], None if T is None else T[:, None, None]
+
+
+class SceneFile(NamedTuple):
+    """Contents of a scene file."""
+
+    scene: Scene
+    conditions: Conditions | None
+    title: str
+
+
 class Interpolation(NamedTuple):
-    """How the quantities of a map were interpolated."""
+    """Interpolation of the quantities of a map."""
 
     evaluations: int  # points at which the model was evaluated
-    error: float  # largest relative difference from the model at points of the map where both are known [-]
+    error: float  # largest relative difference from the model at points of the map [-]
 
     def __str__(self) -> str:
         return f"interpolated from {self.evaluations} points, to {self.error:.1e}"
 
 
+class Curves(NamedTuple):
+    """Quantities over their conditions, for plots and tables."""
+
+    conditions: Conditions
+    solution: Solution  # arrays [temperature, pressure, velocity]; None: not computed
+    title: str = ""
+
+
 class Result(NamedTuple):
-    """Everything a result file holds."""
+    """Contents of a result file."""
 
     scene: Scene
     conditions: Conditions
-    solution: Solution  # arrays [temperature, pressure, velocity], None for what was not computed
+    solution: Solution  # arrays [temperature, pressure, velocity]; None: not computed
     quadrature: Quadrature
     title: str = ""
     interpolation: Interpolation | None = None  # None: the model was evaluated at every point
@@ -68,11 +98,11 @@ class Result(NamedTuple):
             for record in (self.conditions, self.solution)
         )
         rows = [
-            *((name, with_unit(short(values), CONDITIONS[name])) for name, values in conditions.items()),
+            *((name, with_unit(short(values), CONDITION_UNITS[name])) for name, values in conditions.items()),
             f"smallest … largest ({' x '.join(DIMENSIONS)})",
             *(
-                (name, with_unit(_range(values, name), QUANTITIES[name].unit))
-                for name, values in quantities.items()
+                (name, with_unit(_range(x, name), QUANTITY_FORMATS[name].unit))
+                for name, x in quantities.items()
             ),
             *([] if self.interpolation is None else [("computed", str(self.interpolation))]),
         ]
@@ -80,12 +110,40 @@ class Result(NamedTuple):
         return "\n".join(tables)
 
 
-class Curves(NamedTuple):
-    """Quantities over their conditions, without the scene: what pictures and tables need of a result."""
+def check_conditions(where: str, conditions: Conditions, scene: Scene) -> None:
+    """Raise ValueError, which begins with `where`, for conditions that are invalid for the scene."""
+    for name, values in conditions._asdict().items():
+        if values is None:
+            continue
+        if values.ndim != 1 or values.size == 0:
+            raise ValueError(f"{where}{name} has shape {values.shape}: must be one number or a list of them")
+        signed = name == "velocity"
+        bad = np.flatnonzero(~(np.isfinite(values) & (signed | (values > 0))))
+        if bad.size:
+            rule = "must be finite" if signed else "must be > 0 and finite"
+            raise ValueError(f"{where}{name}[{bad[0]}] = {values[bad[0]]}: {rule}")
+    if conditions.temperature is None:
+        check_background(scene, where)
+        return
+    if not takes_temperature(scene):
+        T = conditions.temperature[0]
+        raise ValueError(f"{where}temperature = {T}: must be absent because nothing in the scene has a shift")
+    for shift in shifts(scene):
+        try:
+            shift.check_temperature(conditions.temperature)
+        except ValueError as error:
+            raise ValueError(f"{where}{error}") from None
 
-    conditions: Conditions
-    solution: Solution  # arrays [temperature, pressure, velocity], None for what was not computed
-    title: str = ""
+
+def check_plausible(where: str, doubts: Iterable[str]) -> None:
+    """Raise ValueError, which begins with `where`, naming the first value that is hardly in SI."""
+    for text in doubts:
+        raise ValueError(f"{where}{text} plausible = false at the top of the file accepts it")
+
+
+def check_plausible_conditions(where: str, conditions: Conditions) -> None:
+    """Raise ValueError for conditions that are hardly in SI."""
+    check_plausible(where, doubts_of_conditions(**conditions._asdict()))
 
 
 def curves_of(
@@ -95,49 +153,40 @@ def curves_of(
     temperature: ArrayLike | None = None,
     quantity: str = "friction",
 ) -> Curves:
-    """What was found, of `friction_map`, a file, `solve` or `friction`, over its conditions.
+    """Return quantities over their conditions from a result of `friction_map`, `solve` or `friction`.
 
     Parameters
     ----------
-    found : Result or Curves; or a Solution, or the array of one quantity
-        a Solution and an array do not know at what they were computed: it must be given.
-    velocity, pressure, temperature : as they were given to `solve`, [m/s], [Pa], [K]
-    quantity : what an array is
+    found : Result, Curves, Solution, or the array of one quantity
+    velocity, pressure, temperature : arguments of `solve` or `friction` [m/s], [Pa], [K]
+        They must be given for a Solution or an array, and omitted for a Result or Curves.
+    quantity : name of the quantity in an array
 
     Raises
     ------
-    ValueError : conditions of what has its own, or none of what has none; ones that do not broadcast to
-        the shape of what was found, or are not every combination of their values, each once.
+    ValueError : missing or superfluous conditions; conditions that do not broadcast to the shape of the
+        quantities, or do not contain every combination of their values once
     """
     given = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
     if isinstance(found, Result | Curves):
         for name, values in given.items():
             if values is not None:
-                raise ValueError(f"{name} = {shown(values)}: must not be given; the result has its own")
+                raise ValueError(f"{name} = {shown(values)}: must not be given because the result has it")
         return Curves(found.conditions, found.solution, found.title)
-    solution = _solution(found, quantity)
+    if not isinstance(found, Solution):
+        try:
+            found = Solution(**{quantity: np.asarray(found, float)})
+        except (TypeError, ValueError):
+            kind = type(found).__name__
+            raise ValueError(f"result must be of friction_map, solve or friction, got {kind}") from None
     for name in ("velocity", "pressure"):
         if given[name] is None:
-            raise ValueError(
-                f"{name} is missing: must be given beside what solve and friction return, as to them"
-            )
-    return _on_a_grid(solution, given)
-
-
-def _solution(found: object, quantity: str) -> Solution:
-    if isinstance(found, Solution):
-        return found
-    try:
-        return Solution(**{quantity: np.asarray(found, float)})
-    except (TypeError, ValueError):
-        raise ValueError(
-            f"result is a {type(found).__name__}: must be a Result, as friction_map gives it, or what"
-            " solve or friction return"
-        ) from None
+            raise ValueError(f"{name} is missing: must be given as to solve and friction")
+    return _on_a_grid(found, given)
 
 
 def _on_a_grid(solution: Solution, given: dict[str, ArrayLike | None]) -> Curves:
-    """A solution as arrays [temperature, pressure, velocity], its axes sorted."""
+    """Return a solution as arrays [temperature, pressure, velocity] with sorted axes."""
     arrays = {name: np.asarray(x) for name, x in solution._asdict().items() if x is not None}
     known = {name: np.asarray(x, float) for name, x in given.items() if x is not None}
     try:
@@ -150,11 +199,11 @@ def _on_a_grid(solution: Solution, given: dict[str, ArrayLike | None]) -> Curves
         result = " and ".join({str(x.shape) for x in arrays.values()})
         raise ValueError(f"shapes differ ({shapes}, the result {result}): must broadcast to it") from None
     axes, places = zip(*(np.unique(x, return_inverse=True) for x in reversed(flat)), strict=True)
-    size, count = tuple(axis.size for axis in axes), flat[0].size
-    if np.unique(np.ravel_multi_index(places, size)).size != count or count != np.prod(size):
+    size, points = tuple(axis.size for axis in axes), flat[0].size
+    if np.unique(np.ravel_multi_index(places, size)).size != points or points != np.prod(size):
         raise ValueError(
-            f"the result has {count} points, not every combination of its {' x '.join(map(str, size))}"
-            f" values of {', '.join(reversed([*known]))}: must have, as friction_map computes them"
+            f"result has {points} points for {' x '.join(map(str, size))} values of"
+            f" {', '.join(reversed([*known]))}: must have every combination once, as from friction_map"
         )
 
     def ordered(values):
@@ -167,13 +216,13 @@ def _on_a_grid(solution: Solution, given: dict[str, ArrayLike | None]) -> Curves
 
 
 def result_shape(conditions: Conditions) -> tuple[int, int, int]:
-    """Shape of the results: [temperature, pressure, velocity], one temperature if there is none."""
+    """Shape [temperature, pressure, velocity] of the results; length 1 without temperature."""
     temperatures = 1 if conditions.temperature is None else conditions.temperature.size
     return temperatures, conditions.pressure.size, conditions.velocity.size
 
 
 def _range(values: np.ndarray, name: str) -> str:
-    """The smallest and the largest value, and the shape."""
+    """Smallest and largest value, and shape."""
     if not is_concrete(values) or np.size(values) in (0, 1) or np.size(values) > _SEARCHED:
         return short(values)
     array = np.asarray(values)

@@ -1,16 +1,72 @@
-"""Reading TOML strictly: every error is one line naming the file, the key, its value and the rule."""
+"""Scenes in TOML, in SI units, with curves in CSV files next to it. Strict reading of TOML in general.
 
+::
+
+    title = "..."                       # optional
+    plausible = false                   # optional: accept values that are hardly in SI
+    gamma = 0.5                         # optional, also area_correction
+
+    [lower]                             # solid 1
+    material = { kind = "rigid" }
+    spectrum = { kind = "self_affine", q0 = 1e3, qr = 1e3, q1 = 1e7, hurst = 0.8, h_rms = 1e-4 }
+
+    [upper]                             # solid 2, slides over solid 1
+    [upper.material]
+    kind = "tabulated"
+    file = "master_curve.csv"           # columns omega or f, E_stor, E_loss; relative to this file
+    shift = { kind = "wlf", C1 = 8.86, C2 = 101.6, T_ref = 293.15 }
+
+    [run]                               # conditions for the commands, also [map]
+    velocity = { from = 1e-6, to = 1e2, points = 50 }   # [m/s]
+    pressure = 0.15e6                                   # [Pa]
+    temperature = [283.15, 293.15]                      # [K], optional
+
+Keys are the fields of the classes and `kind` is their `file_kind`; notebooks/formats.md lists all. Fields
+with a `column` come from the CSV `file`; `columns` names its columns, `poisson` converts shear moduli,
+`normalisation` and `hurst` describe a spectrum. A "prony" or "prony_shear" may come from a `file` of cards
+with `unit_stress`, `unit_temperature` and `poisson`, see `read_prony`. A condition is a number, a list or a
+range with both ends, spaced evenly in temperature and in the logarithm of velocity and pressure.
+"""
+
+import dataclasses
+import math
 import tomllib
-from collections.abc import Collection
+import warnings
+from collections.abc import Collection, Iterator
+from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from rubberfric.base.atomic import StrPath
-from rubberfric.base.checks import closest, shown
-from rubberfric.io.tables.text import read_text
+from rubberfric.base.checks import UnitWarning, closest, shown
+from rubberfric.base.objects.fields import Child, Leaf, Static
+from rubberfric.base.objects.physical import Kind, PhysicalObject, fields_of, kinds, leaves_of
+from rubberfric.io.prony_cards import read_prony
+from rubberfric.io.results import (
+    CONDITION_UNITS,
+    Conditions,
+    SceneFile,
+    check_conditions,
+    check_plausible,
+    check_plausible_conditions,
+)
+from rubberfric.io.tables import read_directions, read_table, table_text
+from rubberfric.io.text import read_text
+from rubberfric.materials.prony import Prony, PronyShear
+from rubberfric.roughness.normalisation import LINES, NORMALISATION_RULE, check_normalisation, spectrum_from
+from rubberfric.scene.plausibility import doubts_of_conditions, doubts_of_scene
+from rubberfric.scene.scene import Scene
+
+# Tables of a scene file that hold conditions.
+TABLES = ("run", "map")
+
+
+# --- TOML
 
 
 def read_toml(path: StrPath) -> dict[str, Any]:
-    """The content of a TOML file as a dict; ValueError if it is missing or is not TOML."""
+    """Read a TOML file as a dict; ValueError if it is missing or invalid."""
     text = read_text(path)
     try:
         return tomllib.loads(text)
@@ -23,7 +79,7 @@ def read_toml(path: StrPath) -> dict[str, Any]:
 def check_keys(
     path: StrPath, key: str, content: Any, allowed: Collection[str], needed: Collection[str] = ()
 ) -> None:
-    """ValueError unless the table at `key` has only allowed keys and all needed ones."""
+    """Raise ValueError unless the table at `key` has only allowed keys and all needed keys."""
     if not isinstance(content, dict):
         raise ValueError(f"{path}: {key} = {shown(content)}: must be a table")
     for name in content:
@@ -35,12 +91,12 @@ def check_keys(
 
 
 def join(key: str, name: str) -> str:
-    """Key path of `name` in the table at `key`, "" being the file."""
+    """Key path of `name` in the table at `key`; "" is the file."""
     return f"{key}.{name}" if key else name
 
 
 def number(path: StrPath, key: str, value: Any) -> Any:
-    """A number or a list of numbers as floats; NaN and signs are the constructors' business."""
+    """Return a number or a list of numbers as floats; constructors check NaN and signs."""
     if isinstance(value, list):
         items = [number(path, f"{key}[{i}]", item) for i, item in enumerate(value)]
         if any(isinstance(item, list) for item in items):
@@ -52,3 +108,276 @@ def number(path: StrPath, key: str, value: Any) -> Any:
         return float(value)
     except OverflowError:
         raise ValueError(f"{path}: {key} = {shown(value)}: must be finite") from None
+
+
+# --- reading scenes and conditions
+
+
+def read_scene_toml(path: StrPath, table: str = "run") -> SceneFile:
+    """Read scene, conditions and title of a TOML file.
+
+    The conditions are in `table`, "run" or "map"; [run] replaces a missing [map].
+
+    Raises
+    ------
+    ValueError : names the file, the key, its value and the rule
+    """
+    path = Path(path)
+    content = read_toml(path)
+    if {"scene", "scenes"} & set(content) and "free" in content:
+        raise ValueError(f"{path}: must be a scene with lower and upper, not a job of `rubberfric-fit`")
+    check_keys(path, "", content, ("title", "plausible", *fields_of(Scene), *TABLES))
+    title = content.pop("title", "")
+    if not isinstance(title, str) or not title.isprintable():
+        raise ValueError(f"{path}: title = {shown(title)}: must be one line of text")
+    plausible = content.pop("plausible", True)
+    if not isinstance(plausible, bool):
+        raise ValueError(f"{path}: plausible = {shown(plausible)}: must be true or false")
+    tables = {name: content.pop(name) for name in TABLES if name in content}
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnitWarning)  # an error below unless accepted
+        scene = _build(path, "", Scene, content)
+    conditions = {name: read_conditions(path, name, found, scene) for name, found in tables.items()}
+    if plausible:
+        check_plausible(f"{path}: ", doubts_of_scene(scene))
+        for name, found in conditions.items():
+            check_plausible_conditions(f"{path}: {name}.", found)
+    return SceneFile(scene, conditions.get(table, conditions.get("run")), title)
+
+
+def read_conditions(path: Path, table: str, content: Any, scene: Scene) -> Conditions:
+    """Read and check the conditions in the TOML table named `table` of the file `path`."""
+    check_keys(path, table, content, Conditions._fields, needed=("velocity", "pressure"))
+    values: dict[str, Any] = dict.fromkeys(Conditions._fields)
+    for name, value in content.items():
+        key = f"{table}.{name}"
+        if isinstance(value, dict):
+            values[name] = _range(path, key, value, np.linspace if name == "temperature" else np.geomspace)
+        else:
+            values[name] = np.atleast_1d(np.array(number(path, key, value), float))
+    conditions = Conditions(**values)
+    check_conditions(f"{path}: {table}.", conditions, scene)
+    return conditions
+
+
+def _range(path, key, content, spaced):
+    """Read { from, to, points }."""
+    check_keys(path, key, content, ("from", "to", "points"), needed=("from", "to", "points"))
+    low, high = (number(path, f"{key}.{name}", content[name]) for name in ("from", "to"))
+    points = content["points"]
+    if isinstance(low, list) or not 0 < low < math.inf:
+        raise ValueError(f"{path}: {key}.from = {shown(low)}: must be > 0 and finite")
+    if isinstance(high, list) or not low < high < math.inf:
+        raise ValueError(f"{path}: {key}.to = {shown(high)}: must be > from = {low:g} and finite")
+    if not isinstance(points, int) or isinstance(points, bool) or not 2 <= points <= 100_000:
+        raise ValueError(f"{path}: {key}.points = {shown(points)}: must be an integer, 2 to 100000")
+    return spaced(low, high, points)
+
+
+def _build(path, key, cls, content):
+    """Return an object of class `cls` from the TOML table at `key`."""
+    fields, curves = fields_of(cls), _curves(cls)
+    instead = {name: field for name, field in cls.alternatives.items() if name in content}
+    for name, field in instead.items():
+        if field in content:
+            raise ValueError(f"{path}: {key}.{name} = {shown(content[name])}: must not be given with {field}")
+    allowed = [*(name for name in fields if name not in curves), *cls.alternatives, *_file_keys(cls)]
+    required = [field.name for field in dataclasses.fields(cls) if field.default is dataclasses.MISSING]
+    needed = [name for name in required if name not in curves and name not in instead.values()]
+    check_keys(path, key, content, allowed, needed)
+    values = _read_curves(path, key, cls, content) if curves else {}
+    for name, value in content.items():
+        field, below = fields.get(name), join(key, name)
+        if isinstance(field, Leaf) or name in instead:
+            values[name] = number(path, below, value)
+        elif isinstance(field, Child):
+            values[name] = _build_child(path, below, field, value)
+        elif isinstance(field, Static):
+            values[name] = value
+    try:
+        return getattr(cls, f"from_{next(iter(instead))}")(**values) if instead else cls(**values)
+    except ValueError as error:
+        raise ValueError(f"{path}: {f'{key}: ' if key else ''}{error}") from None
+
+
+def _build_child(path, key, field, content):
+    """Return the object of a field, of its class or of the given kind."""
+    check_keys(path, key, content, content)
+    if not issubclass(field.role, Kind):
+        return _build(path, key, field.role, content)
+    known = {cls.file_kind: cls for cls in kinds(field.role).values()}
+    check_keys(path, key, content, content, needed=() if field.unnamed else ("kind",))
+    kind = content.get("kind", field.unnamed)
+    if not isinstance(kind, str) or kind not in known:
+        raise ValueError(f"{path}: {key}.kind = {shown(kind)}: {closest(kind, tuple(known))}{field.hint}")
+    fields = {name: value for name, value in content.items() if name != "kind"}
+    if known[kind] in (Prony, PronyShear) and "file" in fields:
+        return _read_cards(path, key, known[kind], fields)
+    return _build(path, key, known[kind], fields)
+
+
+def _read_cards(path, key, cls, content):
+    """Read the Prony series in a file of material cards; `shift` replaces the shift of the file."""
+    check_keys(path, key, content, ("file", "unit_stress", "unit_temperature", "poisson", "shift"))
+    given = {name: content[name] for name in ("unit_stress", "unit_temperature") if name in content}
+    if "poisson" in content:
+        given["poisson"] = number(path, f"{key}.poisson", content["poisson"])
+    name, shift = content["file"], None
+    if not isinstance(name, str):
+        raise ValueError(f"{path}: {key}.file = {shown(name)}: must be the name of a file of cards")
+    if "shift" in content:
+        shift = _build_child(path, f"{key}.shift", fields_of(cls)["shift"], content["shift"])
+    material = read_prony(path.parent / name, shift=shift is None, **given)
+    if type(material) is not cls:
+        advice = 'set kind = "prony_shear" or give poisson' if cls is Prony else 'set kind = "prony"'
+        held = type(material).__name__
+        raise ValueError(f"{path}: {key}.file = {name!r}: must hold {cls.__name__}, not {held}; {advice}")
+    return material if shift is None else material.replace(shift=shift)
+
+
+def _curves(cls):
+    """Columns of the fields that come from a CSV file."""
+    return {name: field.column for name, field in leaves_of(cls).items() if field.column is not None}
+
+
+def _has_directions(cls):
+    """Return True if the file has a row for every direction."""
+    return any(field.ndim == 2 for field in leaves_of(cls).values() if field.column is not None)
+
+
+def _file_keys(cls):
+    """Keys of a class that describe its CSV file."""
+    columns = _curves(cls).values()
+    if _has_directions(cls):
+        return ("file", "normalisation")
+    return ("file", "columns") * bool(columns) + ("normalisation", "hurst") * ("C" in columns)
+
+
+def _read_curves(path, key, cls, content):
+    """Read the fields of a tabulated class from its CSV file."""
+    curves, name = _curves(cls), content.get("file")
+    if not isinstance(name, str):
+        value = "is missing" if name is None else f"= {shown(name)}"
+        raise ValueError(f"{path}: {key}.file {value}: must be the name of a CSV file")
+    directions = _has_directions(cls)
+    if directions and content.get("normalisation") in LINES:
+        found = shown(content["normalisation"])
+        raise ValueError(f'{path}: {key}.normalisation = {found}: must be "C" or "C_iso" for directions')
+    normalisation = _normalisation(path, key, content) if "C" in curves.values() else None
+    density = "C_1D" if normalisation in LINES else "C"
+    file = path.parent / name
+    try:
+        if directions:
+            table: dict[str, Any] = dict(zip(("q", "C"), read_directions(file), strict=True))
+        else:
+            layout = {"columns": content.get("columns"), "poisson": content.get("poisson"), "generic": "E"}
+            names = tuple(density if column == "C" else column for column in curves.values())
+            table = read_table(file, names, **layout)
+    except ValueError as error:
+        text = str(error) if file.is_file() else f"{path}: {key}.file = {name!r}: {error}"
+        raise ValueError(text) from None
+    if normalisation is not None:
+        table["C"] = spectrum_from(normalisation, table["q"], table[density], content.get("hurst"))
+    return {field: table[column] for field, column in curves.items()}
+
+
+def _normalisation(path, key, content):
+    """Return the normalisation of a tabulated spectrum, checked together with `hurst`."""
+    name, hurst = content.get("normalisation"), content.get("hurst")
+    if name is None:
+        raise ValueError(f"{path}: {key}.normalisation is missing: {NORMALISATION_RULE}")
+    if hurst is not None and isinstance(number(path, f"{key}.hurst", hurst), list):
+        raise ValueError(f"{path}: {key}.hurst = {shown(hurst)}: must be one number")
+    try:
+        check_normalisation(name, hurst, f"{key}.normalisation", f"{key}.hurst")
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    return name
+
+
+# --- writing scenes
+
+
+def scene_texts(
+    scene: Scene, conditions: Conditions, title: str = "", *, name: str = "scene.toml"
+) -> dict[str, str]:
+    """Return a scene as files: a TOML file, and a CSV file for each table, named by its place in the scene.
+
+    Parameters
+    ----------
+    scene : Scene with concrete values, which `read_scene_toml` restores exactly
+    conditions : for [run]
+    title : one line of text
+    name : of the TOML file
+
+    Returns
+    -------
+    dict of file name -> text, the TOML file first
+    """
+    tables: dict[str, str] = {}
+    lines = [f"title = {_string(title)}"] if title else []
+    if [*doubts_of_scene(scene), *doubts_of_conditions(**conditions._asdict())]:
+        lines.append("plausible = false")
+    lines += [*_object("", scene, tables), "", "[run]"]
+    for key, values in conditions._asdict().items():
+        if values is not None:
+            lines.append(
+                f"{key} = {_literal(values if values.size > 1 else values[0])}  # {CONDITION_UNITS[key]}"
+            )
+    return {name: "\n".join(lines) + "\n"} | tables
+
+
+def _object(key: str, value: PhysicalObject, tables: dict[str, str]) -> Iterator[str]:
+    """Lines of an object at a key path: numbers and options, then nested objects."""
+    fields = fields_of(type(value))
+    if isinstance(value, Kind):
+        yield f"kind = {_string(value.file_kind)}"
+    columns = {}
+    for name, field in fields.items():
+        content = getattr(value, name)
+        if isinstance(field, Child) or content is None:
+            continue
+        if isinstance(field, Leaf) and field.column is not None:
+            columns[field.column] = np.asarray(content, float)
+            continue
+        unit = f"  # {field.unit}" if isinstance(field, Leaf) and field.unit != "-" else ""
+        yield f"{name} = {_literal(content)}{unit}"
+    if columns:
+        file = f"{key.replace('.', '_')}.csv"
+        tables[file] = _table(columns)
+        yield f"file = {_string(file)}"
+        if "C" in columns:
+            yield 'normalisation = "C"'
+    for name, field in fields.items():
+        content = getattr(value, name)
+        if isinstance(field, Child) and content is not None:
+            yield from ("", f"[{join(key, name)}]", *_object(join(key, name), content, tables))
+
+
+def _table(columns: dict[str, np.ndarray]) -> str:
+    """Return columns as CSV text; a matrix over q and direction has a row for each element."""
+    for name, values in columns.items():
+        if values.ndim == 2:
+            count = values.shape[1]
+            grown = {other: np.repeat(x, count) for other, x in columns.items() if x.ndim == 1}
+            phi = np.tile(np.arange(count) * (math.pi / count), values.shape[0])
+            columns = grown | {"phi": phi, name: values.ravel()}
+            break
+    return table_text(columns)
+
+
+def _literal(value: Any) -> str:
+    """Return a number, a list or an option in TOML, with all digits."""
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return _string(value)
+    if isinstance(value, int):
+        return repr(value)  # an option
+    return repr(np.asarray(value, float).tolist())
+
+
+def _string(text: str) -> str:
+    """Return a basic string of TOML."""
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'

@@ -10,9 +10,8 @@ from jax.typing import ArrayLike
 
 from rubberfric.analysis.by_wavevector import Profile
 from rubberfric.analysis.error_and_time.report import Accuracy
-from rubberfric.io.friction_tables.table import FrictionTable
-from rubberfric.io.results import Curves, Result, curves_of
-from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.io.friction_tables import FrictionTable
+from rubberfric.io.results import Conditions, Curves, Result, curves_of
 from rubberfric.materials.material import Material
 from rubberfric.plot.accuracy import plot_accuracy
 from rubberfric.plot.curves import plot_result

@@ -8,8 +8,7 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.checks import closest
 from rubberfric.base.units import to_celsius
-from rubberfric.io.results import Curves, curves_of
-from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.io.results import Conditions, Curves, curves_of
 from rubberfric.plot.style import (
     LOG_V,
     PANELS,

@@ -7,8 +7,7 @@ import numpy as np
 
 from rubberfric.base.checks import closest
 from rubberfric.base.units import to_celsius
-from rubberfric.io.results import QUANTITIES, Result, curves_of
-from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.io.results import QUANTITY_FORMATS, Conditions, Result, curves_of
 from rubberfric.plot.style import (
     LOG_V,
     PANELS,
@@ -68,11 +67,11 @@ def plot_map(
     """
     result = curves_of(result)
     check_map(result.conditions, temperature, pressure)
-    field = getattr(result.solution, quantity) if quantity in QUANTITIES else None
+    field = getattr(result.solution, quantity) if quantity in QUANTITY_FORMATS else None
     if field is None:
         known = [name for name, values in result.solution._asdict().items() if values is not None]
         raise ValueError(f"quantity = {quantity!r}: {closest(quantity, known)}")
-    other = (f"{quantity.replace('_', ' ')} [{QUANTITIES[quantity].unit}]", 1.0, 0.0)
+    other = (f"{quantity.replace('_', ' ')} [{QUANTITY_FORMATS[quantity].unit}]", 1.0, 0.0)
     label, scale, offset = PANELS.get(quantity, other)
     panels = _panels(result.conditions, temperature, pressure)
     alike = _as_one(panels, result.conditions, {quantity: field})

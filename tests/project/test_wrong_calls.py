@@ -165,7 +165,7 @@ def test_a_folder_in_place_of_a_file(tmp_path):
     assert "or .h5; it is a folder" in answer(lambda: fitting.read(tmp_path))
     (tmp_path / "scene.toml").mkdir()
     assert "cannot be read: Is a directory" in answer(lambda: rf.load_scene(tmp_path / "scene.toml"))
-    assert "scene is a Prony: must be a Scene" in answer(lambda: rf.save_scene(tmp_path / "x.h5", PLAIN))
+    assert "scene must be a Scene, got Prony" in answer(lambda: rf.save_scene(tmp_path / "x.h5", PLAIN))
 
 
 @pytest.mark.parametrize("name", ["fit", "FrictionData", "Positive", "sensitivity"])

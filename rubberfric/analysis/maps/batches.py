@@ -16,7 +16,7 @@ import numpy as np
 from jax.sharding import AxisType, NamedSharding, PartitionSpec
 
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.io.results import Conditions
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.integrals import evaluate, prepare
 

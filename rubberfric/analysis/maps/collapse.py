@@ -23,8 +23,7 @@ from rubberfric.analysis.maps.interpolation import (
     interpolant,
 )
 from rubberfric.base.process.compiler import quick_jit
-from rubberfric.io.results import Interpolation, result_shape
-from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.io.results import Conditions, Interpolation, result_shape
 from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import shear_friction

@@ -20,9 +20,8 @@ from rubberfric.analysis.maps import batches, collapse
 from rubberfric.base.atomic import StrPath, check_writable
 from rubberfric.base.checks import as_leaf, closest
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.io.result_files import filling_result, mapped_quantities, write_interpolation
-from rubberfric.io.results import Interpolation, Result, result_shape
-from rubberfric.io.scene_files.conditions import Conditions, check_conditions
+from rubberfric.io.files import filling_result, mapped_quantities, write_interpolation
+from rubberfric.io.results import Conditions, Interpolation, Result, check_conditions, result_shape
 from rubberfric.scene.numerics.settings import ROBUST, fitting_quadrature
 from rubberfric.scene.scene import Scene, result_dtype
 from rubberfric.theory.arguments import check_heated, check_kinds, checked

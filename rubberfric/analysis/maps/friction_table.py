@@ -18,7 +18,7 @@ import numpy as np
 from rubberfric.analysis.maps.friction_map import friction_map
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values, shown
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.io.friction_tables.table import AXES, FrictionTable, hats
+from rubberfric.io.friction_tables import AXES, FrictionTable, hats
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.quantities import iterated, iterates
 

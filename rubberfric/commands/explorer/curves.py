@@ -18,7 +18,7 @@ from rubberfric.analysis.derivatives.jacobian import value_and_jacobian
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.commands.explorer.points import Measured, curves_of
 from rubberfric.commands.explorer.sliders import changes, moved, sliders_of, with_cutoffs
-from rubberfric.io.scene_files.conditions import Conditions, check_conditions
+from rubberfric.io.results import Conditions, check_conditions
 from rubberfric.materials.material import Material, complex_modulus
 from rubberfric.scene.numerics.settings import fitting_quadrature
 from rubberfric.scene.scene import Scene, cast, dissipates

@@ -14,7 +14,7 @@ import numpy as np
 from rubberfric.commands.explorer.curves import Explorer, Values
 from rubberfric.commands.explorer.points import Measured
 from rubberfric.commands.explorer.sliders import Slider
-from rubberfric.io.scene_files.writing import scene_texts
+from rubberfric.io.toml import scene_texts
 
 FOLDER, SCENE, JOB = "explored", "scene.toml", "job.toml"
 _INSIDE = 0.01  # how far within its bounds a number begins, of what is between them

@@ -7,9 +7,8 @@ import numpy as np
 
 from rubberfric.base.atomic import StrPath, as_path
 from rubberfric.base.checks import shown
-from rubberfric.io.scene_files.conditions import Conditions, check_conditions
-from rubberfric.io.scene_files.plausibility import check_plausible_conditions
-from rubberfric.io.tables.reading import read_table
+from rubberfric.io.results import Conditions, check_conditions, check_plausible_conditions
+from rubberfric.io.tables import read_table
 from rubberfric.scene.scene import Scene, takes_temperature
 
 # Points and curves that a page has room and time for.

@@ -14,7 +14,7 @@ import numpy as np
 from rubberfric.base.checks import PLAUSIBLE_TEMPERATURE, closest, shown
 from rubberfric.base.objects.fields import Leaf
 from rubberfric.base.objects.physical import PhysicalObject, leaves_of, parts_of
-from rubberfric.io.scene_files.conditions import Conditions, check_conditions
+from rubberfric.io.results import Conditions, check_conditions
 from rubberfric.scene.scene import Scene
 
 # How far a number may go to either side of where it starts, a factor, by its unit; and others.

@@ -20,7 +20,7 @@ from fitting.solvers.iterate import INTERRUPTED, OUT_OF_STEPS
 from fitting.solvers.problem import make_problem
 from fitting.uncertainty.covariance import uncertainty
 from rubberfric.base.objects.physical import PhysicalObject
-from rubberfric.io.scene_files.hdf5 import read_object
+from rubberfric.io.hdf5 import read_object
 
 RUBBER = rf.Prony(
     1e6, np.array([1e8, 1e7, 3e6]), np.array([1e-6, 1e-4, 1e-2]), shift=rf.WLF(8.0, 100.0, 293.15)

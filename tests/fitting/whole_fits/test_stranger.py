@@ -151,4 +151,4 @@ def test_a_scene_is_no_job_and_a_job_no_scene(call_main):
     assert "is a scene, which `rubberfric run` takes" in complaint
     status, printed, complaint = call_main(scene_main, "run", DATA / "tread_on_asphalt_fit.toml")
     assert (status, printed, complaint.count("\n")) == (2, "", 1)
-    assert "is a job of `rubberfric-fit`" in complaint
+    assert "not a job of `rubberfric-fit`" in complaint

@@ -19,9 +19,8 @@ import rubberfric as rf
 from rubberfric.commands import main as command
 from rubberfric.commands import run as run_command
 from rubberfric.commands.run import convergence_line
-from rubberfric.io.result_files import load_result
-from rubberfric.io.results import Result
-from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.io.files import load_result
+from rubberfric.io.results import Conditions, Result
 from rubberfric.plot.save import plot_result
 
 SCENE_FILES = sorted(path for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
@@ -262,7 +261,7 @@ def test_failed_work(call, scene_file, tmp_path, monkeypatch, failure):
 
     monkeypatch.setattr(run_command, "solve", solve)
     if failure == "full disk":
-        monkeypatch.setattr("rubberfric.io.result_files.write_object", full)
+        monkeypatch.setattr("rubberfric.io.files.write_object", full)
     status, printed, complaint = call("run", scene_file, "--out", tmp_path / "r.h5")
     assert (status, bool(printed), complaint.count("\n")) == (1, failure == "full disk", 1)
     expected = {

@@ -1,4 +1,4 @@
-"""Tables of mu(v, p, T) for other programs: read by a reader of its own here, and as accurate as they say."""
+"""Tables of mu(v, p, T) for other programs, checked by separate readers, with their stated accuracy."""
 
 import json
 
@@ -187,7 +187,7 @@ def test_refused(table, tmp_path):
     assert "must be m/s, Pa and K" in write("t.csv", unit_pressure="MPa")
     with pytest.raises(ValueError, match=r"must have one of each for log10"):
         rf.io.write_friction(tmp_path / "t.txt", table)
-    with pytest.raises(ValueError, match=r"velocity is missing: must be given beside what solve"):
+    with pytest.raises(ValueError, match=r"velocity is missing: must be given as to solve and friction"):
         rf.io.write_friction(tmp_path / "t.inp", 0.5)
     falling = table._replace(velocity=table.velocity[::-1])
     with pytest.raises(ValueError, match=r"velocity\[1\].*: must increase strictly"):

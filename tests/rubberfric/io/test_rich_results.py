@@ -1,4 +1,4 @@
-"""What notebooks show: tables of scenes and results, and the progress of long work."""
+"""Tables of scenes and results in notebooks, and progress."""
 
 import gc
 import io
@@ -15,8 +15,7 @@ from support.scenes.examples import EXAMPLES, examples
 import rubberfric as rf
 from rubberfric.base.objects.html import short, with_unit
 from rubberfric.base.progress import Progress, TerminalLine, _Notebook, describe
-from rubberfric.io.results import Result
-from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.io.results import Conditions, Result
 
 
 @pytest.mark.parametrize("name", EXAMPLES)

@@ -6,9 +6,8 @@ import pytest
 from support.scenes.fits import ROAD
 
 import rubberfric as rf
-from rubberfric.io.result_files import load_result, save_result
-from rubberfric.io.results import DIMENSIONS, Result
-from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.io.files import load_result, save_result
+from rubberfric.io.results import DIMENSIONS, Conditions, Result
 from rubberfric.theory.quantities import Solution
 
 RUBBER = rf.Prony(3e6, [5e7], [1e-5], shift=rf.WLF(12.0, 150.0, 293.15))
@@ -48,7 +47,7 @@ def test_scales(temperature, tmp_path):
 
 @pytest.mark.parametrize("temperature", [None, TEMPERATURE])
 def test_files_without_scales_are_read(temperature, tmp_path):
-    """As they were written before."""
+    """Older files."""
     path, given = tmp_path / "r.h5", result(temperature)
     save_result(path, given)
     with h5py.File(path, "a") as file:

@@ -283,7 +283,7 @@ def test_files_and_key_paths(tmp_path):
 
 def test_cards_refuse_it():
     material = prony(wlf(ENTROPIC))
-    with pytest.raises(ValueError, match=r"^material\.shift\.vertical is Entropic: must be None for abaqus"):
+    with pytest.raises(ValueError, match=r"^material\.shift\.vertical = Entropic: must be None for abaqus"):
         rf.io.write_prony(None, material, "abaqus")
     assert "*VISCOELASTIC" in rf.io.write_prony(None, material, "abaqus", shift=False).upper()
 

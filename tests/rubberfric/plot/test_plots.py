@@ -16,8 +16,7 @@ import rubberfric as rf
 from fitting.results.plot import plot_correlation
 from rubberfric import plot
 from rubberfric.analysis.error_and_time.report import Accuracy
-from rubberfric.io.results import Result
-from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.io.results import Conditions, Result
 from rubberfric.plot.map import figure_of_map
 
 V = np.array([10.0, -1.0, 1e-3, 0.0, 1e-1])
@@ -88,12 +87,12 @@ def test_what_solve_returns_is_drawn():
     assert axes.get_legend() is None and axes.get_title(loc="left") == "0.1 MPa"
     for wrong, message in (
         ({"velocity": V, "pressure": p}, r"shapes differ \(velocity has \(5,\), pressure has \(2, 1\)"),
-        ({"velocity": v, "pressure": [[1e5], [1e5]]}, r"6 points, not every combination of its 1 x 3"),
+        ({"velocity": v, "pressure": [[1e5], [1e5]]}, r"6 points for 1 x 3 values of"),
         ({"velocity": v}, "pressure is missing"),
     ):
         with pytest.raises(ValueError, match=message):
             plot.plot_friction(solution, **wrong)
-    with pytest.raises(ValueError, match="must not be given; the result has its own"):
+    with pytest.raises(ValueError, match="must not be given because the result has it"):
         plot.plot_friction(RESULT, velocity=V)
 
 
@@ -352,7 +351,7 @@ SQUARE = np.ones((3, 5))
 @pytest.mark.parametrize(
     ("draw", "arguments", "message"),
     [
-        (plot.plot_friction, (V,), "velocity is missing: must be given beside what solve and friction re"),
+        (plot.plot_friction, (V,), "velocity is missing: must be given as to solve and friction"),
         (plot.plot_friction, (NO_FRICTION,), "result has no friction, only area: must be computed"),
         (plot.plot_area, (AT_REST,), "velocity has no value > 0: must have one at least, for log10 v"),
         (plot.plot_area, (RESULT, Figure()), "ax is a Figure: must be one matplotlib axes, or None"),
@@ -381,9 +380,9 @@ SQUARE = np.ones((3, 5))
         (plot.plot_result, (RESULT, Figure().subplots()), "ax is one axes, not a sequence: must have 3"),
         (plot.plot_result, (RESULT, ["a"]), "ax is a list, not a sequence of axes: must have 3"),
         (plot.plot_map, (RESULT, "area", [Figure().subplots()]), "ax has 1 axes: must have 2, for 0.1 MPa"),
-        (plot.plot_result, (V,), "velocity is missing: must be given beside what solve and friction return"),
-        (plot.plot_map, (V,), "velocity is missing: must be given beside what solve and friction return"),
-        (plot.plot_result, ("V",), "result is a str: must be a Result, as friction_map gives it, or what"),
+        (plot.plot_result, (V,), "velocity is missing: must be given as to solve and friction"),
+        (plot.plot_map, (V,), "velocity is missing: must be given as to solve and friction"),
+        (plot.plot_result, ("V",), "result must be of friction_map, solve or friction, got str"),
         (plot.any, (object(),), "found is a object: must be a scene, what solve, friction_map or a fit ret"),
         (plot.plot_profile, (RESULT,), "profile is a Result: must be of class Profile"),
         (plot.plot_accuracy, (RESULT,), "accuracy is a Result: must be of class Accuracy"),

@@ -9,8 +9,8 @@ from support.scenes.maps import QUICK, ROAD, SCENE, TREAD, WLF
 import rubberfric as rf
 from rubberfric.analysis.maps import collapse, interpolation
 from rubberfric.analysis.maps.chebyshev import summed
-from rubberfric.io.result_files import load_result, save_result
-from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.io.files import load_result, save_result
+from rubberfric.io.results import Conditions
 
 VELOCITY = np.concatenate([[0.0, -0.3], np.logspace(-6, 1, 150)])
 TEMPERATURE = np.linspace(263.15, 333.15, 21)

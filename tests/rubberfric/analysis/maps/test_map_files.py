@@ -18,7 +18,7 @@ import rubberfric as rf
 from rubberfric.analysis.maps import batches
 from rubberfric.analysis.maps import friction_map as maps
 from rubberfric.commands import main as command
-from rubberfric.io.result_files import load_result
+from rubberfric.io.files import load_result
 
 
 def test_a_disk_without_space_is_found_out_before_the_work(tmp_path, monkeypatch):

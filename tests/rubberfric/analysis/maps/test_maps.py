@@ -33,9 +33,8 @@ from rubberfric.analysis.maps import friction_map as maps
 from rubberfric.base import cores
 from rubberfric.base.progress import Progress
 from rubberfric.commands import main as command
-from rubberfric.io.files import read_computable
-from rubberfric.io.result_files import load_result
-from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.io.files import load_result, read_computable
+from rubberfric.io.results import Conditions
 from rubberfric.plot.map import plot_map
 
 
@@ -144,7 +143,7 @@ def test_bad_arguments_are_one_line(tmp_path, monkeypatch, change, message):
 
 def test_a_temperature_that_nothing_depends_on():
     scene = rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(rf.Elastic(1e7, 0.5)))
-    with pytest.raises(ValueError, match="must be absent, for nothing in the scene has a shift"):
+    with pytest.raises(ValueError, match="must be absent because nothing in the scene has a shift"):
         rf.friction_map(scene, 1.0, 1e5, 293.15)
 
 

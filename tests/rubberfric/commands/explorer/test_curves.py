@@ -9,7 +9,7 @@ from rubberfric.commands.explorer.curves import BESIDE, EVERY, POINTS, Explorer
 from rubberfric.commands.explorer.points import curves_of, read_points
 from rubberfric.commands.explorer.sliders import read_values
 from rubberfric.io.files import read_computable
-from rubberfric.io.scene_files.conditions import Conditions
+from rubberfric.io.results import Conditions
 
 SCENES = sorted(path.stem for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
 RUBBER = "upper.material"

@@ -3,7 +3,7 @@
 import importlib
 from typing import Any
 
-from rubberfric.base.atomic import LARGEST, StrPath, as_path, check_readable
+from rubberfric.base.atomic import LARGEST, StrPath, as_path, check_readable, replacing
 
 # Bytes above ASCII that exports in Latin-1 have: ° µ ¹ ² ³ ·, German vowels, French letters.
 _LATIN = b"\xb0\xb5\xb9\xb2\xb3\xb7\xe4\xf6\xfc\xc4\xd6\xdc\xdf\xe9\xe8\xea\xe0\xe2\xe7\xf4\xee\xc9"
@@ -55,3 +55,12 @@ def _sheet(path: StrPath) -> str:
 
 def _cell(value: object) -> str:
     return "" if value is None else repr(value) if isinstance(value, float) else " ".join(str(value).split())
+
+
+def write_text(path: StrPath, text: str) -> None:
+    """Write a text file whole or not at all; ValueError if its folder is missing."""
+    folder = as_path(path).parent
+    if not folder.is_dir():
+        raise ValueError(f"{path}: cannot be written: folder {str(folder)!r} must exist")
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")

@@ -1,10 +1,10 @@
-r"""A table of the friction coefficient over velocity, pressure and temperature, as other programs read it.
+r"""Tables of the friction coefficient over velocity, pressure and temperature.
 
-They interpolate it multilinearly in v, p and T themselves, not in their logarithms,
+These programs interpolate linearly in v, p and T, and keep the end values outside the table,
 
 .. math:: \mu(v, p, T) = \sum_{ijk} w_i(v)\, w_j(p)\, w_k(T)\, \mu_{ijk}
 
-with the hat functions w of each axis, and keep the value of the end beyond an end.
+with the hat functions w of each axis.
 """
 
 from typing import NamedTuple
@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.checks import check_increasing, check_values
+from rubberfric.base.checks import NONNEGATIVE, check_increasing, check_values
 from rubberfric.io.results import Curves, curves_of
 
 AXES = ("velocity", "pressure", "temperature")
@@ -24,26 +24,23 @@ class FrictionTable(NamedTuple):
     velocity: np.ndarray  # [m/s], increasing, shape (n,)
     pressure: np.ndarray  # [Pa], increasing, shape (m,)
     temperature: np.ndarray | None  # [K], increasing, shape (k,); None where nothing depends on it
-    friction: np.ndarray  # [temperature, pressure, velocity]; one temperature if there is none
-    sigma: np.ndarray | None = None  # standard error of each, of the same shape
-    area: np.ndarray | None = None  # A/A0, of the same shape
-    error: float | None = None  # largest relative error of the interpolation that was found
+    friction: np.ndarray  # [temperature, pressure, velocity], of length 1 along a missing temperature
+    sigma: np.ndarray | None = None  # standard errors, like friction
+    area: np.ndarray | None = None  # A/A0, like friction
+    error: float | None = None  # largest relative interpolation error found
     title: str = ""
 
     def at(
         self, velocity: ArrayLike, pressure: ArrayLike, temperature: ArrayLike | None = None
     ) -> np.ndarray:
-        """mu between the points as the programs have it; arguments broadcast [m/s], [Pa], [K]."""
+        """Interpolate mu as the programs do; arguments broadcast [m/s], [Pa], [K]."""
         given = (velocity, pressure) if self.temperature is None else (velocity, pressure, temperature)
         points = np.broadcast_arrays(*(np.asarray(x, float) for x in given))
-        shape, values = points[0].shape, self.friction
-        flat = [x.ravel() for x in points]
-        if self.temperature is None:
-            values = np.broadcast_to(values[0], (flat[0].size, *values.shape[1:]))
-        else:
-            values = np.einsum("nt,tpv->npv", hats(self.temperature, flat[2]), values)
-        values = np.einsum("np,npv->nv", hats(self.pressure, flat[1]), values)
-        return np.einsum("nv,nv->n", hats(self.velocity, flat[0]), values).reshape(shape)
+        v, p, *T = (x.ravel() for x in points)
+        weights = np.ones((v.size, 1)) if self.temperature is None else hats(self.temperature, T[0])
+        values = np.einsum("nt,tpv->npv", weights, self.friction)
+        values = np.einsum("np,npv->nv", hats(self.pressure, p), values)
+        return np.einsum("nv,nv->n", hats(self.velocity, v), values).reshape(points[0].shape)
 
 
 def hats(axis: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -64,40 +61,38 @@ def as_friction_table(
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> FrictionTable:
-    """The table of a result, its axes sorted; a table as it is. Both checked.
+    """Return a checked table of a FrictionTable or of a result, whose axes are sorted.
 
-    Arguments are those of `rubberfric.io.curves_of`.
+    The arguments are as for `rubberfric.io.curves_of`.
 
     Raises
     ------
-    ValueError : `source` is neither; it has no friction; a velocity or pressure <= 0 or twice there; a
-        friction coefficient < 0, which no program takes.
+    ValueError : another `source`, no friction, an axis that is negative or not increasing, or mu < 0
     """
     if isinstance(source, FrictionTable):
         table = source
     else:
-        table = _of_curves(curves_of(source, velocity, pressure, temperature))
+        table = _from_curves(curves_of(source, velocity, pressure, temperature))
     for name in AXES:
         axis = getattr(table, name)
         if axis is not None:
-            # A table over -v and v would say twice what the programs ask once, for |v|.
-            check_values(name, axis, ("must be >= 0", lambda x: x >= 0))
+            check_values(name, axis, NONNEGATIVE)  # the programs use |v|
             check_increasing(name, axis)
-    check_values("friction", table.friction, ("must be >= 0", lambda x: x >= 0))
+    check_values("friction", table.friction, NONNEGATIVE)
     return table
 
 
-def _of_curves(result: Curves) -> FrictionTable:
+def _from_curves(result: Curves) -> FrictionTable:
     if result.solution.friction is None:
-        raise ValueError("result has no friction: must be computed")
+        raise ValueError("result must have friction; compute it first")
     v, p, T = result.conditions
     orders = [np.array([0]) if axis is None else np.argsort(axis) for axis in (T, p, v)]
-    rows, area = np.ix_(*orders), result.solution.area
+    grid, area = np.ix_(*orders), result.solution.area
     return FrictionTable(
         np.asarray(v, float)[orders[2]],
         np.asarray(p, float)[orders[1]],
         None if T is None else np.asarray(T, float)[orders[0]],
-        np.asarray(result.solution.friction, float)[rows],
-        area=None if area is None else np.asarray(area, float)[rows],
+        np.asarray(result.solution.friction, float)[grid],
+        area=None if area is None else np.asarray(area, float)[grid],
         title=result.title,
     )

@@ -1,0 +1,247 @@
+"""Columns of tables: names, units, conversion to SI, and spellings of instruments and other programs."""
+
+import math
+import re
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from rubberfric.base.units import ZERO_CELSIUS, hertz
+
+
+class Column(NamedTuple):
+    """Quantity and units of a column."""
+
+    name: str  # quantity in SI
+    units: Mapping[str, float]  # {unit: factor}, value in SI = factor * value + offset
+    positive: bool = True
+    log10: bool = False  # the file holds the logarithm of the value in the unit
+    offered: bool = True  # listed in messages; other columns are read from exports only
+
+    def value(self, number: float, unit: str) -> float:
+        """Convert a number of a file to SI."""
+        offset = ZERO_CELSIUS if unit in ("C", "°C") else 0.0
+        return self.units[unit] * (10.0**number if self.log10 else number) + offset
+
+    def read(self, where: str, text: str, unit: str) -> float:
+        """Convert a field of a file to SI; the ValueError for an invalid field begins with `where`."""
+        try:
+            if "_" in text:  # Python's digit grouping is not allowed in CSV
+                raise ValueError
+            value = float(text)
+        except ValueError:
+            raise ValueError(f"{where}: must be a number") from None
+        if not math.isfinite(value):
+            raise ValueError(f"{where}: must be finite")
+        try:
+            value = self.value(value, unit)
+        except OverflowError:
+            value = math.inf
+        self.check(where, value)
+        return value
+
+    def check(self, where: str, value: float) -> None:
+        """Raise ValueError, which begins with `where`, for an invalid value in SI."""
+        if not math.isfinite(value):
+            raise ValueError(f"{where}: must be finite in SI units")
+        if self.positive and not value > 0:
+            raise ValueError(f"{where}: must be > 0{' K' if self.name == 'T' else ''}")
+
+
+def _log10(name: str, units: Mapping[str, float], offered: bool = False) -> Column:
+    """Column of logarithms; a logarithm of a pure number may have the unit "-" as well."""
+    own = dict(units) if list(units) == ["-"] else {}
+    logs = own | {f"log10({unit})": factor for unit, factor in units.items()}
+    return Column(name, logs, log10=True, offered=offered)
+
+
+_ONE = {"-": 1.0}
+_RATIO = {"-": 1.0, "%": 1e-2}
+_FREQUENCY = {"Hz": hertz(1.0), "kHz": hertz(1e3), "MHz": hertz(1e6)}
+_ANGULAR = {"rad/s": 1.0}
+_PRESSURE = {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9, "bar": 1e5}
+_SPEED = {"m/s": 1.0, "mm/s": 1e-3, "um/s": 1e-6}
+_WAVEVECTOR = {"1/m": 1.0, "1/mm": 1e3, "1/um": 1e6, "1/nm": 1e9}
+_SPECTRUM = {"m^4": 1.0, "mm^4": 1e-12, "um^4": 1e-24, "nm^4": 1e-36}
+_LINE = {"m^3": 1.0, "mm^3": 1e-9, "um^3": 1e-18, "nm^3": 1e-27}
+
+
+# Names of columns. The first unit of each is SI, in which tables are written.
+COLUMNS = {
+    "omega": Column("omega", _ANGULAR),
+    "f": Column("omega", _FREQUENCY),
+    "E_stor": Column("E_stor", _PRESSURE),
+    "E_loss": Column("E_loss", _PRESSURE),
+    "q": Column("q", _WAVEVECTOR),
+    "log10_q": _log10("q", _WAVEVECTOR, offered=True),
+    "C": Column("C", _SPECTRUM),
+    "log10_C": _log10("C", _SPECTRUM, offered=True),
+    "C_1D": Column("C_1D", _LINE),
+    "log10_C_1D": _log10("C_1D", _LINE, offered=True),
+    "phi": Column("phi", {"rad": 1.0}, positive=False),
+    "phi_deg": Column("phi", {"deg": math.pi / 180}, positive=False),
+    "T": Column("T", {"K": 1.0, "C": 1.0, "°C": 1.0}),
+    "aT": Column("aT", _ONE),
+    "bT": Column("bT", _ONE),
+    "strain": Column("strain", _RATIO),
+    "storage_factor": Column("storage_factor", _ONE),
+    "loss_factor": Column("loss_factor", _ONE),
+    "v": Column("v", _SPEED, positive=False),
+    "log10_v": _log10("v", _SPEED, offered=True),
+    "p": Column("p", _PRESSURE),
+    "mu": Column("mu", _ONE, positive=False),
+    "A_over_A0": Column("A_over_A0", _ONE),
+    "sigma": Column("sigma", _ONE),
+    "sigma_stor": Column("sigma_stor", _PRESSURE),
+    "sigma_loss": Column("sigma_loss", _PRESSURE),
+    "sigma_C": Column("sigma_C", _SPECTRUM),
+    "relative_sigma": Column("relative_sigma", _RATIO),
+    "log10_omega": _log10("omega", _ANGULAR),
+    "log10_f": _log10("omega", _FREQUENCY),
+    **{f"log10_{name}": _log10(name, _PRESSURE) for name in ("E_stor", "E_loss")},
+    **{f"log10_{name}": _log10(name, _ONE) for name in ("aT", "bT")},
+    "log10_p": _log10("p", _PRESSURE),
+    **{name: Column(name, _PRESSURE, offered=False) for name in ("E_comp", "G_stor", "G_loss", "G_comp")},
+    **{f"log10_{name}": _log10(name, _PRESSURE) for name in ("G_stor", "G_loss")},
+    "tan_del": Column("tan_del", _RATIO, offered=False),
+}
+
+# Columns from which E_stor and E_loss can be computed.
+MODULUS_COLUMNS = ("E_comp", "G_stor", "G_loss", "G_comp", "tan_del")
+
+# Other spellings of the names in `COLUMNS`; M_... is E_... or G_..., see `known_name`.
+SPELLINGS = {
+    name: tuple(text.split("; "))
+    for name, text in {
+        "E_stor": "E'",
+        "E_loss": "E''",
+        "E_comp": "|E*|; E*",
+        "G_stor": "G'",
+        "G_loss": "G''",
+        "G_comp": "|G*|; G*",
+        "M_stor": "storage modulus; speichermodul; module de conservation; module de stockage",
+        "M_loss": "loss modulus; verlustmodul; module de perte; module de dissipation",
+        "M_comp": "complex modulus; komplexer modul; betrag komplexer modul; module complexe",
+        "tan_del": (
+            "tan(delta); tan delta; tan(\u03b4); tan \u03b4; tan d; loss factor; verlustfaktor; "
+            "facteur de perte"
+        ),
+        "omega": "angular frequency; \u03c9; kreisfrequenz; winkelfrequenz; pulsation; fréquence angulaire",
+        "f": "frequency; frequenz; prüffrequenz; fréquence",
+        "T": "temperature; temp; temperatur; probentemperatur; température",
+        "aT": "shift factor; verschiebungsfaktor; facteur de translation",
+        "bT": "vertical shift factor; vertikaler verschiebungsfaktor; facteur de translation verticale",
+        "strain": (
+            "strain; strain amplitude; dynamic strain; oscillation strain; shear strain; dehnung; "
+            "dehnungsamplitude; deformation; deformationsamplitude; scherdeformation; déformation; "
+            "amplitude de déformation"
+        ),
+        "v": (
+            "velocity; sliding velocity; speed; sliding speed; geschwindigkeit; gleitgeschwindigkeit; "
+            "vitesse; vitesse de glissement"
+        ),
+        "mu": (
+            "friction coefficient; coefficient of friction; cof; mu_visc; \u03bc; reibwert; reibbeiwert; "
+            "reibungskoeffizient; reibungszahl; coefficient de frottement; coefficient de friction"
+        ),
+        "p": (
+            "pressure; contact pressure; druck; kontaktdruck; anpressdruck; flächenpressung; pression; "
+            "pression de contact"
+        ),
+        "A_over_A0": "contact area; A/A0; kontaktfläche; aire de contact",
+        "q": "wavevector; wavenumber; wellenvektor; wellenzahl; vecteur d'onde; nombre d'onde",
+    }.items()
+}
+_NAMES = {spelling: name for name, spellings in SPELLINGS.items() for spelling in spellings}
+# Set values, used if the measured values are missing.
+SET_VALUES = {"f_set": "f", "T_set": "T"}
+# Columns of exports that are never read.
+_UNUSED = ("Set", "t", "t_set", *(f"{m}_{n}" for m in "EG" for n in ("relax", "stor_filt", "loss_filt")))
+
+# Other spellings of units; signs such as µ, ², ⁻¹ and · are recognised in all of them.
+UNIT_SPELLINGS = {
+    "C": ("°C", "\u00baC", "℃", "degC", "deg C", "° C", "Grad C"),
+    "K": ("Kelvin",),
+    "rad/s": ("rad/sec", "rad s-1", "s-1", "1/s"),
+    "MPa": ("N/mm2", "N mm-2", "MN/m2"),
+    "kPa": ("kN/m2",),
+    "Pa": ("N/m2", "N m-2"),
+    "-": ("", "1"),
+    **{f"{of}m/s": (f"{of}m s-1", f"{of}m/sec") for of in ("", "m", "u")},
+    **{f"{of}m^4": (f"{of}m4",) for of in ("", "m", "u", "n")},
+    **{f"{of}m^3": (f"{of}m3",) for of in ("", "m", "u", "n")},
+    **{f"1/{of}m": (f"{of}m-1", f"rad/{of}m") for of in ("", "m", "u", "n")},
+}
+# Plain spelling of units: u for micro, digits for exponents.
+_PLAIN = str.maketrans("\u00b5\u03bc⁻¹²³⁴·\u22c5", "uu-1234  ", "^")
+_LOG_UNIT = re.compile(r"log_?10\((.+)\)")
+_KNOWN_UNITS = {unit for column in COLUMNS.values() for unit in column.units}
+_UNITS = {spelling: unit for unit, spellings in UNIT_SPELLINGS.items() for spelling in spellings}
+# Signs that stand for a prime, for two of them, and for the Greek letter mu.
+_PRIMES, _DOUBLE = "\u00b4\u0060\u2018\u2019\u2032\u02b9", '"\u2033\u201d'
+_ONE_SIGN = str.maketrans({p: "'" for p in _PRIMES} | {d: "''" for d in _DOUBLE} | {"\u00b5": "\u03bc"})
+_LOGARITHM = re.compile(r"(?:log_?10|log|lg)[ _(]\s*(.+?)\s*\)?")
+_BRACKETS = re.compile(r"(.+?)\s*[\[(]([^\[\]()]*(?:\([^()]*\))?)[\])]")
+
+
+def is_foreign(title: str, name: str | None) -> bool:
+    """Return True for a title with the given `known_name` that only other programs write."""
+    own = name in COLUMNS and COLUMNS[name].offered and name == title
+    return title in _UNUSED or (name is not None and not own)
+
+
+def known_name(title: str, generic: str = "E") -> tuple[str | None, str | None]:
+    """Return name and unit from the title of a column: ("T", "°C") for "Temperature (°C)".
+
+    Parameters
+    ----------
+    title : "name", "name [unit]" or "name (unit)", in the spelling of an instrument or another program
+    generic : "E" or "G", the meaning of "storage modulus"
+
+    Returns
+    -------
+    name in `rubberfric.io.COLUMNS`, unit as written or None; (None, None) for an unknown title
+    """
+    title = title.strip()
+    for text, unit in ((title, None), *((m[1], m[2]) for m in [_BRACKETS.fullmatch(title)] if m)):
+        known = _known(text)
+        if known is not None:
+            return (generic + known[1:] if known.startswith("M_") else known), unit
+    return None, None
+
+
+def known_unit(unit: str | None, name: str | None) -> str:
+    """Spell a unit as in `COLUMNS[name]`: "MPa" for "N/mm²", "log10(um/s)" for "um/s" of log10_v.
+
+    Parameters
+    ----------
+    unit, name : as returned by `known_name`; a missing unit is "-"
+    """
+    unit = (unit or "").strip()
+    units = COLUMNS[name].units if name in COLUMNS else ()
+    logarithm = _LOG_UNIT.fullmatch(unit)
+    if unit in units:
+        return unit
+    plain = plain_unit(logarithm[1] if logarithm else unit)
+    unit = _UNITS.get(plain, plain if plain in _KNOWN_UNITS else unit)
+    return f"log10({unit})" if unit not in units and f"log10({unit})" in units else unit
+
+
+def plain_unit(unit: str) -> str:
+    """Spell a unit with u for micro, digits for exponents and single blanks."""
+    return " ".join(unit.translate(_PLAIN).split())
+
+
+def _known(text: str) -> str | None:
+    if text in COLUMNS or text in SET_VALUES:
+        return text
+    text = " ".join(text.translate(_ONE_SIGN).split())
+    if text in _NAMES:
+        return _NAMES[text]
+    plain = re.sub(r"[\s_.]+", " ", text).strip().lower()
+    if plain in _NAMES:
+        return _NAMES[plain]
+    logarithm = _LOGARITHM.fullmatch(text)
+    if logarithm:
+        known = f"log10_{_known(logarithm[1])}"
+        return known if known in COLUMNS else None
+    return None

@@ -1,0 +1,368 @@
+"""Friction tables in the formats of other programs, read and written."""
+
+import json
+import re
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from jax.typing import ArrayLike
+
+from rubberfric.base.atomic import StrPath, as_path
+from rubberfric.base.checks import POSITIVE, check_values, closest, shown
+from rubberfric.io.columns import COLUMNS
+from rubberfric.io.friction_tables import AXES, FrictionTable, as_friction_table
+from rubberfric.io.prony_formats import (
+    STRESS,
+    TEMPERATURE,
+    comma_line,
+    comma_numbers,
+    format_number,
+    keyword_blocks,
+    wide_numbers,
+)
+from rubberfric.io.tables import read_names, read_table, table_text
+from rubberfric.io.text import read_text, write_text
+
+_SPEED = COLUMNS["v"].units
+_JSON = "rubberfric friction table"  # format
+_JSON_UNITS = dict.fromkeys(("friction", "sigma", "area"), "-")
+_JSON_UNITS = dict(zip(AXES, ("m/s", "Pa", "K"), strict=True)) | _JSON_UNITS
+_FIRST_TABLE = 1001  # number in LS-DYNA; the numbers of the curves follow
+
+
+class TableUnits(NamedTuple):
+    """Units of the axes of a table in a file."""
+
+    velocity: str
+    pressure: str
+    temperature: str
+
+    def scales(self) -> Iterator[tuple[float, float]]:
+        """Factor and offset from the file to SI, for velocity, pressure and temperature."""
+        yield from ((_SPEED[self.velocity], 0.0), (STRESS[self.pressure], 0.0))
+        yield 1.0, TEMPERATURE[self.temperature]
+
+
+def write_friction(
+    path: StrPath,
+    table: object,
+    program: str | None = None,
+    *,
+    unit_velocity: str = "m/s",
+    unit_pressure: str = "Pa",
+    unit_temperature: str = "K",
+    name: str = "RUBBER",
+    velocity: ArrayLike | None = None,
+    pressure: ArrayLike | None = None,
+    temperature: ArrayLike | None = None,
+) -> str:
+    """Write a table of mu(v, p, T) for another program.
+
+    Parameters
+    ----------
+    path : file
+    table : FrictionTable, or a result of `rubberfric.friction_map`, `solve` or `friction`
+        `rubberfric.analysis.friction_table` and `fitting.friction_table` choose a grid for a stated error.
+    program : "abaqus", "lsdyna", "csv", "json" or "log10"; None: by the suffix .inp, .k, .csv, .json, .txt
+        abaqus: *FRICTION with data lines mu, slip rate, pressure, temperature.
+        lsdyna: DEFINE_TABLE_2D with a curve for each pressure and a table for each temperature, numbered
+        from 1001; *CONTACT takes a table with FS = 2 and its number as FD.
+        csv, json: in SI, with standard errors if the table has them; `fitting.read` reads csv.
+        log10: columns log10 v, mu, A/A0 of one curve, as the established program writes them, in m/s.
+    unit_velocity : "m/s", "mm/s" or "um/s", for abaqus and lsdyna
+    unit_pressure : "Pa", "kPa", "MPa" or "GPa", for abaqus and lsdyna
+    unit_temperature : "K" or "C", for abaqus and lsdyna
+    name : of the surface interaction, for abaqus
+    velocity, pressure, temperature : arguments of `solve` or `friction` [m/s], [Pa], [K]
+
+    Returns
+    -------
+    text of the file
+
+    Raises
+    ------
+    ValueError : unknown program or unit, mu < 0, or a grid that the format cannot hold
+    """
+    path = as_path(path)
+    form = PROGRAMS[program := _program(path, program)]
+    units = _units("", unit_velocity, unit_pressure, unit_temperature)
+    if not form.has_units and units != _SI:
+        raise ValueError(f"{path}: units: must be m/s, Pa and K for {program}")
+    table = as_friction_table(table, velocity, pressure, temperature)
+    lines = [f"{form.comment} {line}" for line in _head(table, units)] if form.comment else []
+    text = "\n".join([*lines, *form.write(table, units, name)]) + "\n"
+    write_text(path, text)
+    return text
+
+
+def read_friction(
+    path: StrPath,
+    program: str | None = None,
+    *,
+    unit_velocity: str | None = None,
+    unit_pressure: str | None = None,
+    unit_temperature: str | None = None,
+    pressure: float | None = None,
+) -> FrictionTable:
+    """Read a table of mu(v, p, T) from a file.
+
+    Parameters
+    ----------
+    path, program : as for `write_friction`
+    unit_velocity, unit_pressure, unit_temperature : for abaqus and lsdyna
+        None: the units in the comment of a file that `write_friction` wrote.
+    pressure : [Pa] of a curve in log10 columns, which do not hold it
+
+    Raises
+    ------
+    ValueError : names the file and the fault
+    """
+    path = as_path(path)
+    form = PROGRAMS[_program(path, program)]
+    try:
+        if form.read is None:
+            return as_friction_table(_read_columns(path, pressure))
+        text = read_text(path)
+        units = _SI
+        if form.has_units:
+            units = _units(text, unit_velocity, unit_pressure, unit_temperature)
+        return as_friction_table(form.read(text, units))
+    except ValueError as error:
+        raise ValueError(f"{path}: {str(error).removeprefix(f'{path}: ')}") from None
+
+
+def _program(path: Path, program: str | None) -> str:
+    if program is None:
+        suffixes = {suffix: name for name, form in PROGRAMS.items() for suffix in form.suffixes}
+        if path.suffix.lower() not in suffixes:
+            known = ", ".join(suffixes)
+            raise ValueError(f"{path}: suffix {path.suffix!r}: must be {known} unless program is given")
+        return suffixes[path.suffix.lower()]
+    if not isinstance(program, str) or program not in PROGRAMS:
+        raise ValueError(f"{path}: program = {shown(program)}: {closest(program, tuple(PROGRAMS))}")
+    return program
+
+
+# --- units and rows of a file
+
+
+def _head(table: FrictionTable, units: TableUnits) -> list[str]:
+    """Lines of a comment with contents, interpolation error and units of a table."""
+    sizes = f"{table.velocity.size} velocities x {table.pressure.size} pressures"
+    named = f"Units: {units.velocity}, {units.pressure}"
+    if table.temperature is not None:
+        sizes += f" x {table.temperature.size} temperatures"
+        named += f", {units.temperature}"
+    lines = [
+        f"Friction coefficient{f' of {table.title}' if table.title else ''}: {sizes}",
+        "Between the points linear in v, p and T; beyond the ends the value of the end",
+    ]
+    if table.error is not None:
+        lines.append(f"Relative error of that interpolation: at most {table.error:.2g}")
+    return [*lines, named]
+
+
+def _units(text: str, velocity: str | None, pressure: str | None, temperature: str | None) -> TableUnits:
+    """Return the given units, or the units in the comment of a file."""
+    found = re.search(r"Units: (\S+), (\S+?)(?:, (K|C))?\s*$", text, re.M)
+    v, p, T = found.groups() if found else (None, None, None)
+    given = (velocity or v, pressure or p, temperature or T or "K")
+    for name, unit, known in zip(AXES, given, (_SPEED, STRESS, TEMPERATURE), strict=True):
+        if unit is None:
+            raise ValueError(f"unit_{name} is missing: must be given because the file does not name it")
+        if not isinstance(unit, str) or unit not in known:
+            raise ValueError(f"unit_{name} = {shown(unit)}: {closest(unit, tuple(known))}")
+    return TableUnits(*map(str, given))
+
+
+def _file_axes(table: FrictionTable, units: TableUnits) -> list[np.ndarray]:
+    """Velocity, pressure and, if there is one, temperature in the units of a file."""
+    axes = [getattr(table, name) for name in AXES if getattr(table, name) is not None]
+    return [(axis - zero) / factor for axis, (factor, zero) in zip(axes, units.scales(), strict=False)]
+
+
+def _from_rows(rows: Any, units: TableUnits) -> FrictionTable:
+    """Return the table of rows (mu, v, p, T) in any order; T is NaN without temperatures."""
+    mu, v, p, T = np.array(rows, float).T
+    axes, places = zip(*(np.unique(x, return_inverse=True) for x in (T, p, v)), strict=True)
+    temperatures, pressures, velocities = shape = tuple(axis.size for axis in axes)
+    friction = np.full(shape, np.nan)
+    friction[places] = mu
+    if mu.size != friction.size or np.isnan(friction).any():
+        raise ValueError(
+            f"has {mu.size} points over {velocities} velocities, {pressures} pressures and {temperatures}"
+            " temperatures: must have every combination once"
+        )
+    v, p, T = (axis * factor + zero for axis, (factor, zero) in zip(axes[::-1], units.scales(), strict=True))
+    return FrictionTable(v, p, None if np.isnan(T).any() else T, friction)
+
+
+# --- Abaqus: data lines mu, slip rate, contact pressure, temperature; the slip rate changes first, all rise
+# [Keywords Reference, *FRICTION, "data lines to define the friction coefficient"]
+
+
+def _write_abaqus(table: FrictionTable, units: TableUnits, name: str) -> Iterator[str]:
+    yield from (f"*SURFACE INTERACTION, NAME={name}", "*FRICTION")
+    axes = [axis.tolist() for axis in _file_axes(table, units)]
+    for index, mu in np.ndenumerate(table.friction):
+        yield comma_line(mu, *(axis[i] for axis, i in zip(axes, index[::-1], strict=False)))
+
+
+def _read_abaqus(text: str, units: TableUnits) -> FrictionTable:
+    """Read the first *FRICTION of an input file."""
+    blocks = keyword_blocks(text, r"\s*(\*\*|$)")
+    lines = [data for line, data in blocks if line.partition(",")[0].strip().upper() == "*FRICTION"]
+    if not lines or not lines[0]:
+        raise ValueError("*FRICTION with data is missing: must be given")
+    rows = [comma_numbers(line) for line in lines[0]]
+    for line, row in zip(lines[0], rows, strict=True):
+        if not 3 <= len(row) <= 4:
+            raise ValueError(f"*FRICTION: {line.strip()!r}: must be mu, slip rate, pressure, temperature")
+    return _from_rows([[*row, np.nan][:4] for row in rows], units)
+
+
+# --- LS-DYNA: DEFINE_TABLE_2D, a curve of mu over the velocity for each pressure, and a table for each
+# temperature [Keyword User's Manual I, *CONTACT, card 2, and *DEFINE_TABLE_2D]
+
+
+def _write_lsdyna(table: FrictionTable, units: TableUnits, _name: str) -> Iterator[str]:
+    v, p, *T = _file_axes(table, units)
+    for k, values in enumerate(table.friction):
+        number = _FIRST_TABLE + k * (p.size + 1)
+        at = f" is at {format_number(T[0][k])} {units.temperature}" if T else ""
+        yield f"$ Table {number}{at}: in *CONTACT FS = 2 and FD = {number}"
+        yield from ("*DEFINE_TABLE_2D", "$     tbid       sfa      offa", f"{number:10d}")
+        yield "$           pressure             curve"
+        for curve, pressure in enumerate(p, start=number + 1):
+            yield f"{format_number(pressure):>20}{curve:20d}"
+        for curve, row in enumerate(values, start=number + 1):
+            yield from ("*DEFINE_CURVE", "$     lcid", f"{curve:10d}")
+            yield "$           velocity                  mu"
+            for x, mu in zip(v, row, strict=True):
+                yield f"{format_number(x):>20}{format_number(mu):>20}"
+
+
+def _read_lsdyna(text: str, units: TableUnits) -> FrictionTable:
+    """Read the tables of a keyword file, and the curves in them."""
+    found = re.findall(r"^\$ Table (\d+) is at (\S+) (?:K|C)\b", text, re.M)
+    temperatures = {int(number): float(T) for number, T in found}
+    tables, curves = {}, {}
+    kinds = {"*DEFINE_TABLE_2D": tables, "*DEFINE_CURVE": curves}
+    for keyword, cards in keyword_blocks(text, r"\$|\s*$", r"\*"):
+        if keyword.upper() in kinds and cards:
+            rows = [wide_numbers(card, 2) for card in cards[1:]]
+            kinds[keyword.upper()][int(cards[0][:10])] = rows
+    if not tables:
+        raise ValueError("*DEFINE_TABLE_2D is missing: must be given")
+    if len(tables) > 1 and tables.keys() - temperatures.keys():
+        raise ValueError(f"has {len(tables)} tables without temperatures: must have one")
+    for curve in (int(curve) for table in tables.values() for _, curve in table):
+        if curve not in curves:
+            raise ValueError(f"curve {curve} of a table is missing: must be given as *DEFINE_CURVE")
+    rows = [
+        (mu, v, pressure, temperatures.get(number, np.nan))
+        for number, table in tables.items()
+        for pressure, curve in table
+        for v, mu in curves[int(curve)]
+    ]
+    return _from_rows(rows, units)
+
+
+# --- CSV with columns v, p, T, mu, sigma in SI; text with the columns log10 v, mu and A/A0 of the established
+# program, at one pressure and temperature; JSON with the axes and nested lists
+
+
+def _write_csv(table: FrictionTable, units: TableUnits, _name: str) -> list[str]:
+    axes = np.meshgrid(*_file_axes(table, units)[::-1], indexing="ij")[::-1]
+    columns = dict(zip(("v", "p", "T"), (axis.ravel() for axis in axes), strict=False))
+    values = {"mu": table.friction, "sigma": table.sigma}
+    columns |= {name: x.ravel() for name, x in values.items() if x is not None}
+    return table_text(columns).splitlines()
+
+
+def _write_log10(table: FrictionTable, _units: TableUnits, _name: str) -> Iterator[str]:
+    if table.friction.shape[:2] != (1, 1):
+        T, p, _ = table.friction.shape
+        raise ValueError(f"table has {p} pressures and {T} temperatures: must have one of each for log10")
+    check_values("velocity", table.velocity, POSITIVE)
+    curves = {"log10_v": np.log10(table.velocity), "mu_visc": table.friction, "A_over_A0": table.area}
+    curves = {name: values.ravel() for name, values in curves.items() if values is not None}
+    yield from (",".join(curves), ",".join(["log10(m/s)", "-", "-"][: len(curves)]))
+    for row in zip(*curves.values(), strict=True):
+        yield ",".join(f"{x:.10g}" for x in row)
+
+
+def _read_columns(path: Path, pressure: float | None) -> FrictionTable:
+    """Read a CSV table or the columns of the established program."""
+    optional = tuple({"p", "T", "sigma", "A_over_A0"} & set(read_names(path)))
+    columns = read_table(path, ("v", "mu"), optional, increasing=False)
+    if "p" in columns and pressure is not None:
+        raise ValueError(f"pressure = {shown(pressure)}: must not be given because the file has it")
+    if "p" not in columns and pressure is None:
+        raise ValueError("pressure is missing: must be given because the file does not have it [Pa]")
+    size = columns["v"].size
+    full = {"p": np.full(size, pressure), "T": np.full(size, np.nan)} | columns
+    mu, sigma, area = (
+        _from_rows(np.stack([columns[name], full["v"], full["p"], full["T"]], 1), _SI)
+        if name in columns
+        else None
+        for name in ("mu", "sigma", "A_over_A0")
+    )
+    assert mu is not None
+    return mu._replace(sigma=sigma and sigma.friction, area=area and area.friction)
+
+
+def _write_json(table: FrictionTable, _units: TableUnits, _name: str) -> list[str]:
+    content: dict[str, object] = {"format": _JSON, "title": table.title}
+    content["interpolation"] = "linear in velocity, pressure and temperature, constant beyond the ends"
+    content["relative_interpolation_error"] = table.error
+    content["order"] = "[temperature][pressure][velocity]"
+    for name, unit in _JSON_UNITS.items():
+        values = getattr(table, name)
+        if values is not None:
+            content[name] = {"unit": unit, "values": np.asarray(values).tolist()}
+    return [json.dumps(content, indent=1, ensure_ascii=False)]
+
+
+def _read_json(text: str, _units: TableUnits) -> FrictionTable:
+    try:
+        content = json.loads(text)
+        if content["format"] != _JSON:
+            raise KeyError
+        values = {name: np.array(content[name]["values"], float) for name in _JSON_UNITS if name in content}
+        error, title = content.get("relative_interpolation_error"), content.get("title", "")
+        T = values.pop("temperature", None)
+        table = FrictionTable(**values, temperature=T, error=error, title=title)
+    except (KeyError, TypeError, ValueError):
+        raise ValueError(f"must be JSON with format = {_JSON!r}, axes and friction") from None
+    shape = (
+        1 if table.temperature is None else table.temperature.size,
+        table.pressure.size,
+        table.velocity.size,
+    )
+    for name in ("friction", "sigma", "area"):
+        if name in values and values[name].shape != shape:
+            raise ValueError(f"{name} has shape {values[name].shape}: must be {shape} for these axes")
+    return table
+
+
+class _Format(NamedTuple):
+    """The file format of one program."""
+
+    suffixes: tuple[str, ...]
+    comment: str  # beginning of a comment line; "": none
+    has_units: bool  # False: SI
+    write: Callable[[FrictionTable, TableUnits, str], Iterator[str] | list[str]]
+    read: Callable[[str, TableUnits], FrictionTable] | None  # None: columns
+
+
+_SI = TableUnits("m/s", "Pa", "K")
+PROGRAMS = {
+    "abaqus": _Format((".inp",), "**", True, _write_abaqus, _read_abaqus),
+    "lsdyna": _Format((".k", ".key"), "$", True, _write_lsdyna, _read_lsdyna),
+    "csv": _Format((".csv",), "#", False, _write_csv, None),
+    "json": _Format((".json",), "", False, _write_json, _read_json),
+    "log10": _Format((".txt",), "", False, _write_log10, None),
+}

@@ -1,1 +1,0 @@
-"""Tables of mu(v, p, T) for the programs that use friction: one module a format."""

@@ -1,0 +1,242 @@
+"""Reading and writing Prony series as material cards of other programs."""
+
+import math
+import os
+import re
+
+import numpy as np
+
+from rubberfric.base.checks import POSITIVE, as_leaf, check_values, closest, shown
+from rubberfric.base.units import shear_from_young, young_from_shear
+from rubberfric.io.prony_formats import (
+    FORMATS,
+    STRESS,
+    TEMPERATURE,
+    CardOptions,
+    Cards,
+    CardSeries,
+    format_number,
+    glassy_bulk,
+)
+from rubberfric.io.text import read_text, write_text
+from rubberfric.materials.prony import Prony, PronyShear
+from rubberfric.materials.shifts.laws import WLF
+
+# Density in the unit that belongs to a unit of stress, with m or mm and s [kg/m^3].
+_DENSITY = {"Pa": 1.0, "MPa": 1e12}
+_BULK = "bulk is missing: must be given for {}, such as 2e9 [Pa], because it needs "
+_RELAXED = "material has relaxed modulus 0: must be > 0 for {}"
+_TERMS = "material has {n} terms: must be at most %s for {}; fit_prony with fewer terms"
+# Requirements on a series: programs, test, message.
+_REQUIREMENTS = (
+    ("lsdyna openradioss", lambda s: s.mass is not None, "density is missing: must be given for {} [kg/m^3]"),
+    ("comsol lsdyna", lambda s: s.poisson < 0.5 and not s.k.any(), _BULK + "an elastic bulk modulus"),
+    ("ansys openradioss", lambda s: s.poisson < 0.5, _BULK + "Poisson's ratio < 0.5"),
+    ("pyvisco", lambda s: s.poisson == 0.5 or all(s.k == s.g), "{} must have one series of Young's modulus"),
+    ("openradioss", lambda s: s.rest > 0, _RELAXED),
+    ("abaqus", lambda s: sum(float(format_number(weight)) for weight in s.g) < 1, _RELAXED),
+    ("ansys", lambda s: s.tau.size <= 100, _TERMS % "100"),
+    ("lsdyna", lambda s: s.tau.size + (s.rest > 0) <= 18, _TERMS % "18, including the relaxed modulus,"),
+    (
+        "lsdyna",
+        lambda s: not s.wlf or not s.options.zero,
+        "unit_temperature = 'C': must be K for a shift of {}",
+    ),
+)
+
+
+def read_prony(
+    path: str | os.PathLike[str],
+    program: str | None = None,
+    *,
+    unit_stress: str | None = None,
+    unit_temperature: str = "K",
+    poisson: float | None = None,
+    shift: bool = True,
+) -> Prony | PronyShear:
+    """Read the first Prony series in a file of material cards.
+
+    Parameters
+    ----------
+    path : file
+    program : "abaqus", "ansys", "comsol", "lsdyna", "openradioss" or "pyvisco"; None: found from the text
+    unit_stress : "Pa", "kPa", "MPa" or "GPa"; required except for pyvisco, whose files name the unit
+    unit_temperature : "K" or "C", of a WLF shift
+    poisson : constant Poisson's ratio [-], or None
+        If given, it replaces the bulk modulus of the cards. pyvisco files hold no Poisson's ratio: it is 0.5
+        for Young's modulus by default, and must be given for a shear modulus.
+    shift : False ignores the shift
+
+    Returns
+    -------
+    Prony if shear and bulk modulus relax alike, `poisson` is given, or Poisson's ratio is 0.5;
+    PronyShear if the bulk modulus is elastic
+
+    Raises
+    ------
+    ValueError : names the file and the fault: missing cards or units, bulk terms unlike the shear terms,
+        weights that add up to more than 1, a shift other than WLF
+    """
+    text = read_text(path)
+    try:
+        if program is None:
+            found = [name for name, form in FORMATS.items() if re.search(form.sign, text, re.I | re.M)]
+            if not found:
+                raise ValueError(f"is not recognised: must have a Prony series of {', '.join(FORMATS)}")
+            program = found[0]
+        _check("program", program, FORMATS)
+        if unit_stress is not None:
+            _check("unit_stress", unit_stress, STRESS)
+        _check("unit_temperature", unit_temperature, TEMPERATURE)
+        if unit_stress is None and program != "pyvisco":
+            raise ValueError(
+                "unit_stress is missing: must be given because cards do not name it; Pa, MPa, ..."
+            )
+        options = CardOptions(unit_stress, TEMPERATURE[unit_temperature], poisson, shift)
+        return _material(FORMATS[program].read(text, options), options)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def write_prony(
+    path: str | os.PathLike[str] | None,
+    material: object,
+    program: str = "abaqus",
+    *,
+    unit_stress: str = "Pa",
+    unit_temperature: str = "K",
+    bulk: float | None = None,
+    density: float | None = None,
+    shift: bool = True,
+    name: str = "RUBBER",
+) -> str:
+    """Write a Prony series as material cards.
+
+    Parameters
+    ----------
+    path : file, or None to return the text only
+    material : Prony, PronyShear, or an object with one as `material`, such as a Body or a PronyFit
+    program : "abaqus", "ansys", "comsol", "lsdyna", "openradioss" or "pyvisco"
+        abaqus: *ELASTIC and *VISCOELASTIC, TIME=PRONY, with *TRS for a WLF shift. Poisson's ratio 0.5 is
+        written with k_i = 0 for hybrid elements; other elements need `bulk`.
+        ansys: MP,EX and PRXY, TB,PRONY for shear and bulk, TB,SHIFT; at most 100 terms.
+        comsol: table of branches for its Generalized Maxwell model; moduli and shift in comments.
+        lsdyna: *MAT_GENERAL_VISCOELASTIC (076) in fields of 10 characters, which hold 6 digits; at most
+        18 terms including the relaxed modulus; a WLF shift in K.
+        openradioss: /MAT/LAW42 with the relaxed moduli and /VISC/PRONY; no shift.
+        pyvisco: CSV table of the terms of Young's modulus; no shift.
+    unit_stress : "Pa", "kPa", "MPa" or "GPa"; times are in s
+    unit_temperature : "K" or "C", of the reference temperature of a shift
+    bulk : elastic bulk modulus [Pa] for a Prony, of which then only the shear modulus relaxes, or None
+    density : [kg/m^3]; written in kg/m^3 with Pa, in t/mm^3 with MPa; required by lsdyna and openradioss
+    shift : False leaves out the shift, for cards at its reference temperature
+    name : of the material, for abaqus and openradioss
+
+    Returns
+    -------
+    text of the file
+
+    Raises
+    ------
+    ValueError : the material is not a Prony series, or the program cannot hold it
+    """
+    _check("program", program, FORMATS)
+    _check("unit_stress", unit_stress, STRESS)
+    _check("unit_temperature", unit_temperature, TEMPERATURE)
+    mass, form = None, FORMATS[program]
+    if density is not None:
+        if unit_stress not in _DENSITY:
+            raise ValueError(
+                f"density = {shown(density)}: must be absent; unit_stress must be Pa or MPa for it"
+            )
+        check_values("density", as_leaf("density", density, 0), POSITIVE)
+        mass = float(density) / _DENSITY[unit_stress]
+    material = getattr(material, "material", material)
+    options = CardOptions(unit_stress, TEMPERATURE[unit_temperature], shift=shift)
+    series = _series(material, bulk, program, options)._replace(mass=mass, name=name)
+    for programs, holds, message in _REQUIREMENTS:
+        if program in programs.split() and not holds(series):
+            raise ValueError(message.format(program, n=series.tau.size))
+    degrees = f", {unit_temperature}" if series.wlf else ""
+    head = f"{form.comment} Prony series of {series.tau.size} terms. Units: {unit_stress}, s{degrees}"
+    text = "\n".join([head] * bool(form.comment) + list(form.write(series))) + "\n"
+    if path is not None:
+        write_text(path, text)
+    return text
+
+
+def _check(name: str, value: object, allowed: dict) -> None:
+    if not isinstance(value, str) or value not in allowed:
+        raise ValueError(f"{name} = {shown(value)}: {closest(value, tuple(allowed))}")
+
+
+def _material(cards: Cards, options: CardOptions) -> Prony | PronyShear:
+    """Return the material that cards describe, in SI."""
+    pascal, poisson = STRESS[options.stress or "Pa"], options.poisson
+    if poisson is None and cards.poisson == 0.5:
+        poisson = 0.5
+    elif poisson is None and cards.k.any():
+        g = cards.moduli / (cards.rest + cards.moduli.sum())
+        for i in np.flatnonzero(~np.isclose(cards.k, g, rtol=1e-6, atol=0))[:1]:
+            raise ValueError(
+                f"term {i + 1}: weight {cards.k[i]:g} of the bulk and {g[i]:g} of the shear modulus: must be"
+                " equal, or all of the bulk 0; poisson=... reads the shear series only"
+            )
+        poisson = cards.poisson
+    law = None
+    if cards.wlf:
+        T_ref, C1, C2 = cards.wlf
+        law = WLF(C1, C2, T_ref + options.zero)
+    rest, weights = cards.rest * pascal, cards.moduli * pascal
+    if poisson is None:
+        return PronyShear(rest, weights, cards.tau, cards.bulk * pascal, law)
+    return Prony(young_from_shear(rest, poisson), young_from_shear(weights, poisson), cards.tau, poisson, law)
+
+
+def _series(material: object, bulk: float | None, program: str, options: CardOptions) -> CardSeries:
+    """Return a material as the cards of a program hold it."""
+    if isinstance(material, PronyShear):
+        if bulk is not None:
+            raise ValueError(f"bulk = {shown(bulk)}: must not be given; the PronyShear has a bulk modulus")
+        rest, weights, bulk = float(material.G_inf), np.asarray(material.G, float), float(material.bulk)
+        poisson = math.nan  # from `bulk` below
+    elif isinstance(material, Prony):
+        poisson = float(material.poisson)
+        rest = shear_from_young(float(material.E_inf), poisson)
+        weights = shear_from_young(np.asarray(material.E, float), poisson)
+        if bulk is not None:
+            bulk = float(as_leaf("bulk", bulk, 0))
+            check_values("bulk", bulk, POSITIVE)
+    else:
+        raise ValueError(
+            f"material must be Prony or PronyShear, got {type(material).__name__}; see fit_prony"
+        )
+    glassy = float(rest + np.sum(weights))
+    g = k = weights / glassy
+    if bulk is not None:
+        poisson, k = (3 * bulk - 2 * glassy) / (2 * (3 * bulk + glassy)), 0 * g
+        if not poisson > 0:
+            raise ValueError(f"bulk = {bulk:g} Pa: must be > 2/3 of the glassy shear modulus, {glassy:g} Pa")
+    elif poisson == 0.5:
+        k = 0 * g
+    pascal, young = STRESS[options.stress or "Pa"], young_from_shear(glassy, poisson)
+    wlf = _wlf(material.shift, program, options) if options.shift and material.shift is not None else ()
+    moduli = (young / pascal, poisson, glassy_bulk(young, poisson) / pascal)
+    terms = (g, k, np.asarray(material.tau, float), rest / glassy)
+    return CardSeries(*moduli, *terms, glassy / pascal, wlf, options, None, "")
+
+
+def _wlf(law: object, program: str, options: CardOptions) -> tuple[float, float, float]:
+    """Return reference temperature, C1 and C2 of a shift; ValueError if the program cannot hold it."""
+    has_shift = FORMATS[program].has_shift
+    if not (isinstance(law, WLF) and has_shift):
+        raise ValueError(
+            f"material has the shift {type(law).__name__}: {program} cards must have"
+            f" {'WLF' if has_shift else 'none'}; shift=False leaves it out"
+        )
+    if law.vertical is not None:
+        raise ValueError(
+            f"material.shift.vertical = {type(law.vertical).__name__}: must be None for {program};"
+            " shift=False leaves out the whole shift"
+        )
+    return float(law.T_ref) - options.zero, float(law.C1), float(law.C2)

@@ -1,1 +1,0 @@
-"""Prony series as cards of finite-element programs."""

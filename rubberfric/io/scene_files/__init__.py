@@ -1,1 +1,0 @@
-"""Scene files: TOML written by hand, HDF5 written by the library."""

@@ -1,0 +1,304 @@
+"""Tables of text, read and written in SI.
+
+::
+
+    f,E_stor,E_loss
+    Hz,MPa,MPa
+    1e-05,4.35,0.29
+    ...
+
+A table of the project is CSV with a row of names and a row of units, see `COLUMNS`. The name determines
+the quantity and the unit its conversion: `f` [Hz] becomes `omega` [rad/s], `log10_v` becomes `v`. An unknown
+name or unit is an error. Blank lines and lines that begin with # are skipped.
+"""
+
+import csv
+import io
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from jax.typing import ArrayLike
+
+from rubberfric.base.atomic import StrPath
+from rubberfric.base.checks import closest
+from rubberfric.base.units import young_from_shear
+from rubberfric.io.columns import COLUMNS, MODULUS_COLUMNS, SET_VALUES
+from rubberfric.io.exports import (
+    TextRows,
+    TextTable,
+    find_table,
+    headless,
+    pick,
+    read_traces,
+    suggested_columns,
+)
+from rubberfric.io.text import read_text, write_text
+
+
+def read_table(
+    path: StrPath,
+    needed: Sequence[str],
+    optional: Sequence[str] = (),
+    increasing: bool = True,
+    columns: list[str] | None = None,
+    poisson: float | None = None,
+    generic: str | None = None,
+) -> dict[str, np.ndarray]:
+    """Read columns of a table of the project or of another program (`rubberfric.io.exports`).
+
+    Parameters
+    ----------
+    path : path of the file
+    needed, optional : names in SI ("omega", not "f") of columns that the file must and may hold
+        E_stor and E_loss are computed from tan(delta), |E*| or shear moduli if necessary. Other columns are
+        errors in a table of the project, and ignored in an export.
+    increasing : require that the first needed column increases strictly; in an export it may also decrease
+    columns : "name [unit]" of each column if the file does not name them, or None
+    poisson : Poisson's ratio [-] for E = 2 (1 + poisson) G, or None
+    generic : "E" or "G", the meaning of "storage modulus"; None: "G" if poisson is given, else "E"
+
+    Returns
+    -------
+    dict of name in SI -> float64 array, shape (number of rows,)
+
+    Raises
+    ------
+    ValueError : names file, line, column, value and rule: unreadable text; an unknown, missing or repeated
+        column; an unknown unit; a wrong number of fields; a value that is not a number, not finite, of the
+        wrong sign or out of order; shear moduli without Poisson's ratio, or the reverse
+    """
+    text = read_text(path, exports=True)
+    export = _export(path, text, columns, generic or ("E" if poisson is None else "G"))
+    if export is None:
+        found = _project_table(path, text, needed, optional)
+    else:
+        found = pick(export, (*needed, *optional, *(MODULUS_COLUMNS if "E_stor" in needed else ())))
+        _check_units(export.where, found)
+    table = {}
+    kinds = [COLUMNS[name] for name in found.names if name is not None]
+    for i, (title, column, unit) in enumerate(zip(found.titles, kinds, found.units, strict=True)):
+        texts = [(f"{path}: line {line}: {title} = {row[i]!r}", row[i]) for line, row in found.rows]
+        table[column.name] = np.array([column.read(where, text, unit) for where, text in texts])
+    if export is not None or (poisson is not None and generic is None):
+        table = _with_moduli(found.where, table, poisson, generic is None)
+        table = {name: values for name, values in table.items() if name in (*needed, *optional)}
+        for quantity in needed:
+            if quantity not in table:
+                raise ValueError(_missing(found.where, quantity) + ("" if columns else column_hint(path)))
+    if increasing:
+        first = table[needed[0]]
+        if export is not None and np.all(np.diff(first) < 0):
+            return {name: values[::-1] for name, values in table.items()}
+        bad = np.flatnonzero(~(np.diff(first) > 0))
+        if bad.size:
+            i = [column.name for column in kinds].index(needed[0])
+            (_, before), (line, row) = found.rows[bad[0] : bad[0] + 2]
+            raise ValueError(
+                f"{path}: line {line}: {found.titles[i]} = {row[i]} after {before[i]}: must increase strictly"
+            )
+    return table
+
+
+def read_columns(
+    path: StrPath, columns: list[str] | None = None, poisson: float | None = None
+) -> dict[str, np.ndarray]:
+    """Read all columns of a table whose names are known.
+
+    Parameters
+    ----------
+    path, columns, poisson : as for `read_table`
+
+    Returns
+    -------
+    dict of name in SI ("omega", "E_stor", "T", ...) -> float64 array, shape (number of rows,)
+
+    Raises
+    ------
+    ValueError : as for `read_table`, or two columns hold the same quantity
+    """
+    names = read_names(path, columns, "E" if poisson is None else "G")
+    quantities = tuple(dict.fromkeys(COLUMNS[name].name for name in names if name in COLUMNS))
+    if not quantities:
+        near = closest("".join(names[:1]), tuple(COLUMNS))
+        raise ValueError(f"{path}: columns {', '.join(names)}: none is known; {near}{column_hint(path)}")
+    moduli = ("E_stor", "E_loss") if {"E_stor", *MODULUS_COLUMNS} & set(quantities) else ()
+    plain = tuple(name for name in quantities if name not in (*MODULUS_COLUMNS, *moduli))
+    return read_table(path, (*plain, *moduli), (), increasing=False, columns=columns, poisson=poisson)
+
+
+def read_directions(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
+    """Read a spectrum over wavevector and direction from a CSV file with columns q, phi or phi_deg, and C.
+
+    Returns
+    -------
+    q (n,), and C (n, directions) at phi = k pi / directions, k = 0, 1, ...
+
+    Raises
+    ------
+    ValueError : as for `read_table`, or the rows are not a grid ordered by q and then by direction
+        phi may deviate by 1/1000 of the distance between directions because of rounding.
+    """
+    table = read_table(path, ("q", "phi", "C"), increasing=False)
+    q, phi, C = table["q"], table["phi"], table["C"]
+    count = int(np.argmax(q != q[0])) or q.size
+    for i, (q_i, phi_i) in enumerate(zip(q, phi, strict=True)):
+        k, first = i % count, q[i - i % count]
+        where = f"{path}: row {i + 1} of the data: q = {q_i:g} 1/m, phi = {math.degrees(phi_i):g} deg"
+        if q_i != first or (k == 0 and i > 0 and not q_i > q[i - 1]):
+            raise ValueError(f"{where}: q must increase, with {count} directions for each q like the first")
+        if abs(phi_i - k * math.pi / count) > 1e-3 * math.pi / count:
+            raise ValueError(
+                f"{where}: phi must be {180 * k / count:g} deg because the {count} directions of a q are "
+                f"0, {180 / count:g}, ... deg"
+            )
+    if q.size % count:
+        last = q.size % count
+        raise ValueError(f"{path}: q = {q[-1]:g} 1/m has {last} directions: must have {count} like the first")
+    return q[::count], C.reshape(-1, count)
+
+
+def read_names(path: StrPath, columns: list[str] | None = None, generic: str = "E") -> list[str]:
+    """Read the names of the columns of a table; of an export the known names only."""
+    text = read_text(path, exports=True)
+    export = _export(path, text, columns, generic)
+    if export is None:
+        return _rows(path, text)[0][1]
+    return [SET_VALUES.get(name, name) for name in export.names if name is not None]
+
+
+def column_hint(path: StrPath) -> str:
+    """Return the end of a message about unknown titles: the function that reads the file, or `columns`."""
+    try:
+        read_traces(path)
+    except ValueError:
+        pass
+    else:
+        return "; heights along lines: rubberfric.io.read_traces reads them"
+    columns = suggested_columns(read_text(path, exports=True))
+    if '"strain [' in columns:
+        return '; a strain sweep: rubberfric.io.read_table(path, ["strain", "E_stor", "E_loss"]) reads it'
+    advice = 'or name the columns, with "name [unit]" for each ? and "-" for one not read'
+    return f"; {advice}: {columns}" if columns else ""
+
+
+def write_table(path: StrPath, table: Mapping[str, ArrayLike], comment: str = "") -> None:
+    """Write columns in SI as a CSV file.
+
+    Parameters
+    ----------
+    path : file
+    table : names in SI, see `COLUMNS`, with sequences of equal length
+        Numbers are written with all digits, so that they are read back unchanged.
+    comment : lines at the top of the file, written behind #
+
+    Raises
+    ------
+    ValueError : an unknown name, unequal lengths, or a value that `read_table` refuses
+    """
+    try:
+        text = table_text(table)
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None
+    write_text(path, "".join(f"# {line}\n" for line in comment.splitlines()) + text)
+
+
+def table_text(table: Mapping[str, ArrayLike]) -> str:
+    """Return columns in SI as CSV text; see `write_table`."""
+    for name in table:
+        if name not in COLUMNS or COLUMNS[name].name != name:
+            known = sorted({column.name for column in COLUMNS.values()})
+            raise ValueError(f"column {name!r}: must be one of {', '.join(known)}")
+    columns = {name: np.asarray(values, float) for name, values in table.items()}
+    lengths = {name: values.shape for name, values in columns.items()}
+    if len(set(lengths.values())) != 1 or any(len(shape) != 1 for shape in lengths.values()):
+        raise ValueError(f"shapes of columns {lengths}: must be one-dimensional and equal")
+    for name, values in columns.items():
+        for i, value in enumerate(values.tolist()):
+            COLUMNS[name].check(f"{name}[{i}] = {value!r}", value)
+    units = [next(iter(COLUMNS[name].units)) for name in columns]
+    rows = zip(*(map(repr, values.tolist()) for values in columns.values()), strict=True)
+    return "".join(f"{','.join(row)}\n" for row in (columns, units, *rows))
+
+
+def _export(path: StrPath, text: str, titles: list[str] | None, generic: str) -> TextTable | None:
+    """Return the table of another program, or of given titles; None for a table of the project."""
+    return find_table(path, text, generic) if titles is None else headless(path, text, titles)
+
+
+def _project_table(path: StrPath, text: str, needed: Sequence[str], optional: Sequence[str]) -> TextTable:
+    """Return a table of the project with checked names, units and numbers of fields."""
+    (name_line, names), (unit_line, units), *rows = every = _rows(path, text)
+    where = f"{path}: line {name_line}"
+    known = {n: c.name for n, c in COLUMNS.items() if c.name in (*needed, *optional) and c.offered}
+    for name in names:
+        if name not in known:
+            raise ValueError(f"{where}: column {name!r}: {closest(name, tuple(known))}")
+    given = [known[name] for name in names]
+    for quantity in needed:
+        if quantity not in given:
+            raise ValueError(_missing(where, quantity))
+    for i, quantity in enumerate(given):
+        if quantity in given[:i]:
+            raise ValueError(f"{where}: column {names[i]!r}: {quantity} is given twice; must be given once")
+    for line, row in every[1:]:
+        if len(row) != len(names):
+            raise ValueError(f"{path}: line {line}: has {len(row)} fields: must have {len(names)}")
+    table = TextTable(where, names, list(names), units, rows)
+    _check_units(f"{path}: line {unit_line}", table)
+    return table
+
+
+def _check_units(where: str, table: TextTable) -> None:
+    for title, name, unit in zip(table.titles, table.names, table.units, strict=True):
+        known = COLUMNS[name or ""].units
+        if unit not in known:
+            raise ValueError(f"{where}: column {title}: unit {unit!r}: must be one of {', '.join(known)}")
+
+
+def _rows(path: StrPath, content: str) -> TextRows:
+    """Return (line number, fields) of all lines except blank lines and comments."""
+    rows = []
+    for line, text in enumerate(io.StringIO(content), start=1):
+        if text.strip() and not text.lstrip().startswith("#"):
+            # Each line is parsed alone, so that a stray quote is an error in its line.
+            try:
+                fields = next(csv.reader([text.rstrip("\r\n")], strict=True, skipinitialspace=True))
+            except csv.Error as error:
+                raise ValueError(f"{path}: line {line}: is not CSV: {error}") from None
+            rows.append((line, [field.strip() for field in fields]))
+    if rows and all(word.lstrip("+-.")[:1].isdigit() for field in rows[0][1] for word in field.split()):
+        raise ValueError(
+            f"{path}: line {rows[0][0]}: begins with numbers: must have a row of names and one of units, or"
+            ' columns be given, such as ["f [Hz]", "E_stor [MPa]", "E_loss [MPa]"]'
+        )
+    if len(rows) < 3:
+        raise ValueError(f"{path}: has {len(rows)} rows: must have a name row, a unit row and data")
+    return rows
+
+
+def _with_moduli(
+    where: str, table: dict[str, np.ndarray], poisson: float | None, strict: bool
+) -> dict[str, np.ndarray]:
+    """Add E_stor and E_loss where they follow from |E*|, shear moduli or tan(delta) = E''/E'."""
+    shear = [name for name in ("G_stor", "G_loss", "G_comp") if name in table]
+    if shear and not {"E_stor", "E_loss", "E_comp"} & set(table):
+        if poisson is None:
+            raise ValueError(
+                f"{where}: {', '.join(shear)} are shear moduli: poisson must be given, E = 2 (1 + poisson) G"
+            )
+        table = table | {"E" + name[1:]: young_from_shear(table[name], poisson) for name in shear}
+    elif poisson is not None and strict:
+        raise ValueError(f"{where}: poisson = {poisson!r}: must not be given; the table has no shear moduli")
+    if "tan_del" in table:
+        if "E_stor" not in table and "E_comp" in table:
+            table["E_stor"] = table["E_comp"] / np.hypot(1, table["tan_del"])
+        if "E_loss" not in table and "E_stor" in table:
+            table["E_loss"] = table["E_stor"] * table["tan_del"]
+    return table
+
+
+def _missing(where: str, quantity: str) -> str:
+    """Return the message about a missing column."""
+    spellings = [name for name, column in COLUMNS.items() if column.name == quantity and column.offered]
+    return f"{where}: no column {' or '.join(spellings)}: the table must have one"
