@@ -24,7 +24,7 @@ from rubberfric.scene.pairs import PairTemperatures
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
 from rubberfric.theory.area.constant_area import Unloading, hold, work_of_separation
 from rubberfric.theory.area.first_passage import from_nodes_on
-from rubberfric.theory.area.long_range import Gaps, attract, attraction
+from rubberfric.theory.area.long_range import Gaps, evaluate_attraction, solve_dmt_load
 from rubberfric.theory.area.partial_contact import (
     Pressed,
     contact_argument,
@@ -118,7 +118,7 @@ class Roughness(NamedTuple):
         if self.adhesion.limit == "short":
             pressed = hold(self._unloading(self.adhesion, contact, pressure))
         else:
-            pressed = attract(self._gaps(self.adhesion, contact, g, pressure), self.mesh.q.shape[1])
+            pressed = solve_dmt_load(self._gaps(self.adhesion, contact, g, pressure), self.mesh.q.shape[1])
         stiffness = contact.stiffness / pressed.load
         x = contact_argument(g, stiffness[:, None])
         return contact._replace(stiffness=stiffness, x=x, pressed=pressed)
@@ -132,7 +132,8 @@ class Roughness(NamedTuple):
         """
         contact, g = self._without_adhesion(velocity, pressure, temperatures)
         assert g is not None and self.adhesion is not None
-        return contact, attraction(self._gaps(self.adhesion, contact, g, pressure), self.mesh.q.shape[1])
+        gaps = self._gaps(self.adhesion, contact, g, pressure)
+        return contact, evaluate_attraction(gaps, self.mesh.q.shape[1])
 
     def work_of_separation(
         self, velocity: jax.Array, pressure: jax.Array, temperatures: Sequence[PairTemperatures]
@@ -162,20 +163,20 @@ class Roughness(NamedTuple):
 
     def _gaps(self, adhesion, contact, g, pressure):
         """`Gaps` of the contact without adhesion."""
-        end = jnp.sum(contact.panels, 0)
         storage = total(terms.densities["storage"] for terms in contact.terms)
-        heights = 2 * jnp.pi * total(self.mesh.roughness) / self.mesh.q**2
+        heights = (2 * jnp.pi * total(self.mesh.roughness) / self.mesh.q**2)[:, None]
 
-        def in_a_row(values, last):
-            last = jnp.broadcast_to(last, pressure.shape)[:, None]
-            return jnp.concatenate([_in_a_row(values, pressure, g.shape), last], -1)
+        def in_a_row(begin, values, end):
+            begin, end = (jnp.broadcast_to(x, pressure.shape)[:, None] for x in (begin, end))
+            return jnp.concatenate([begin, _in_a_row(values, pressure, g.shape), end], -1)
 
-        # Where the roughness begins g may be too small for its logarithm.
-        knots = jnp.log(jnp.maximum(in_a_row(g, end), jnp.finfo(g.dtype).tiny))
+        def beyond(terms):
+            return in_a_row(jnp.sum(terms, (0, 2)), from_nodes_on(terms), 0.0)
+
         return Gaps(
-            knots=knots,
-            storage=in_a_row(from_nodes_on(storage), 0 * end),
-            heights=in_a_row(from_nodes_on(heights[:, None]), 0 * end),
+            knots=in_a_row(0.0, g, jnp.sum(contact.panels, 0)),
+            storage=beyond(storage),
+            heights=beyond(heights),
             stiffness=contact.stiffness,
             strength=adhesion.work / (adhesion.range * pressure),
             reach=adhesion.range,
