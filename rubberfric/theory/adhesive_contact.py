@@ -13,7 +13,7 @@ from rubberfric.scene.adhesion import Adhesion
 from rubberfric.scene.pairs import PairTemperatures
 from rubberfric.theory.area.constant_area import Unloading, hold
 from rubberfric.theory.area.constant_area import work_of_separation as work_at_constant_area
-from rubberfric.theory.area.long_range import Gaps, attract, attraction
+from rubberfric.theory.area.long_range import Gaps, evaluate_attraction, solve_dmt_load
 from rubberfric.theory.area.partial_contact import contact_argument
 from rubberfric.theory.area.separations import loss_table
 from rubberfric.theory.contact import Contact, Roughness
@@ -34,7 +34,7 @@ def adhesive_contact(
     if adhesion.limit == "short":
         pressed = hold(_unloading(adhesion, contact, pressure))
     else:
-        pressed = attract(_gaps(adhesion, roughness, contact, pressure), roughness.mesh.q.shape[1])
+        pressed = solve_dmt_load(_gaps(adhesion, roughness, contact, pressure), roughness.mesh.q.shape[1])
     return contact.under(*pressed)
 
 
@@ -50,7 +50,8 @@ def relative_attraction(
     The attraction is over work / range, shape (points,); arguments as of `adhesive_contact`.
     """
     contact = roughness.contact(velocity, pressure, temperatures)
-    return contact, attraction(_gaps(adhesion, roughness, contact, pressure), roughness.mesh.q.shape[1])
+    gaps = _gaps(adhesion, roughness, contact, pressure)
+    return contact, evaluate_attraction(gaps, roughness.mesh.q.shape[1])
 
 
 def work_of_separation(
@@ -67,22 +68,22 @@ def work_of_separation(
 
 def _gaps(adhesion, roughness, contact, pressure):
     """`Gaps` of the contact without adhesion."""
-    scale = contact.modulus_over_pressure
+    modulus = contact.modulus_over_pressure
     storage = total(terms.densities["storage"] for terms in contact.terms)
-    heights = 2 * jnp.pi * total(roughness.mesh.roughness) / roughness.mesh.q**2
-    g, end = contact.G / scale[:, None] ** 2, jnp.sum(contact.G_panels, 0) / scale**2
+    heights = (2 * jnp.pi * total(roughness.mesh.roughness) / roughness.mesh.q**2)[:, None]
 
-    def in_a_row(values, last):
-        last = jnp.broadcast_to(last, pressure.shape)[:, None]
-        return jnp.concatenate([_in_a_row(values, pressure, g.shape), last], -1)
+    def in_a_row(begin, values, end):
+        begin, end = (jnp.broadcast_to(x, pressure.shape)[:, None] for x in (begin, end))
+        return jnp.concatenate([begin, _in_a_row(values, pressure, contact.G.shape), end], -1)
 
-    # Where the roughness begins g may be too small for its logarithm.
-    knots = jnp.log(jnp.maximum(in_a_row(g, end), jnp.finfo(g.dtype).tiny))
+    def beyond(terms):
+        return in_a_row(jnp.sum(terms, (0, 2)), _from_nodes_on(terms), 0.0)
+
     return Gaps(
-        knots=knots,
-        storage=in_a_row(_from_nodes_on(storage), 0 * end),
-        heights=in_a_row(_from_nodes_on(heights[:, None]), 0 * end),
-        stiffness=scale,
+        knots=in_a_row(0.0, contact.G, jnp.sum(contact.G_panels, 0)) / modulus[:, None] ** 2,
+        storage=beyond(storage),
+        heights=beyond(heights),
+        stiffness=modulus,
         strength=adhesion.work / (adhesion.range * pressure),
         reach=adhesion.range,
         gamma=roughness.gamma,
