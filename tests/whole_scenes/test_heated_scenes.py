@@ -457,3 +457,27 @@ def test_energy_near_the_surface_is_what_friction_set_free(name):
     rise = warm[1] - case["temperature"]
     # 1 / q is 1 m, the heat within 1e-3 m.
     assert float(rise / (2 * q[1])) == pytest.approx(law["radius"] * power / heat, rel=5e-3)
+
+
+@pytest.mark.slow
+def test_temperatures_that_cross_an_entry_of_a_shift_table():
+    """Default nodes against many more: a kink of ln a_T at 290 K, between T_0 and the flash, leaves 3e-5."""
+    T = np.array([270.0, 280.0, 290.0, 300.0, 310.0, 320.0, 340.0])
+    shift = rf.TabulatedShift(T, 10 ** (-8.86 * (T - 293.15) / (101.6 + T - 293.15)), 293.15)
+    rubber = rf.Prony(4e6, [8e8, 7e8, 9e7, 1.5e7], [1e-9, 1e-7, 1e-5, 1e-3], shift=shift)
+    road = rf.SelfAffine(300.0, 2000.0, 5e4, 0.7, 4e-5)
+    hot = rf.Scene(
+        rf.Body(rf.Rigid(), road),
+        rf.Body(rubber),
+        shear=rf.ContactShear(6.5e6, 0.1, 6e-3),
+        heating=rf.Heating(1200.0, 1600.0, 0.23, 5e-3),
+    )
+    names = ("area", "friction", "flash_temperature")
+    fine = rf.Quadrature(order=24, panels=16, graded=6, angular_order=24)
+    found, exact = (
+        rf.solve(hot, np.array([0.1, 0.3, 0.7]), 2e5, 285.0, quantities=names, quadrature=nodes)
+        for nodes in (None, fine)
+    )
+    assert (exact.flash_temperature > 290.5).all()
+    for name in names:
+        np.testing.assert_allclose(getattr(found, name), getattr(exact, name), rtol=1e-8)

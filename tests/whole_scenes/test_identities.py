@@ -206,6 +206,64 @@ def test_no_relaxation_is_elastic():
         assert_same(one, other, atol=1e-28)
 
 
+def zero_term_scene(kind, E, tau):
+    """Scenes in which a series is solved for; E and tau are of one of its solids."""
+    soft = rf.Prony(4e6, E, tau, 0.45)
+    lower, upper = {
+        "spring": ((rf.Elastic(1e9, 0.3), ROAD), (soft,)),
+        "slab": ((rf.Elastic(1e9, 0.3), ROAD), (soft, None, rf.Slab(1e-4))),
+        "two": ((OTHER, ROAD), (soft,)),
+        "coating": ((STEEL, ROAD), (soft, None, rf.Coating(1e-4, OTHER))),
+        "base": ((STEEL, ROAD), (OTHER, None, rf.Coating(1e-4, soft))),
+        "bulk": ((STEEL, ROAD), (rf.PronyShear(4e6, E, tau, 2e9),)),
+    }[kind]
+    return scene(lower, upper)
+
+
+@pytest.mark.parametrize(
+    "kind", slow_if(lambda kind: kind != "spring", ["spring", "slab", "two", "coating", "base", "bulk"])
+)
+def test_a_term_of_no_modulus_is_no_term(kind):
+    """Whatever its time is, at velocities whose friction is 1e-24 and 1e-3: values and derivatives."""
+    v, E, tau = np.array([1e-25, 1e-2]), np.array([8e8, 9e7]), np.array([1e-9, 1e-5])
+    small = rf.Quadrature(order=8, panels=3, graded=1, angular_order=8)
+
+    @jax.jit
+    def both(E, tau):
+        def friction(E):
+            mu = rf.friction(zero_term_scene(kind, E, tau), v, 1e5, quadrature=small)
+            return mu, mu
+
+        slope, mu = jax.jacrev(friction, has_aux=True)(E)
+        return mu, slope
+
+    mu, slope = both(E, tau)
+    for long in (1e-20, 1e-5, 1.0, 1e20):
+        found, slopes = both(np.append(E, 0.0), np.append(tau, long))
+        np.testing.assert_allclose(found, mu, rtol=1e-12)
+        np.testing.assert_allclose(slopes[:, :2], slope, rtol=1e-11)
+        # The derivative goes on from E > 0: no smaller than what moves the friction by a millionth.
+        step = 1e-6 * mu / np.maximum(np.abs(slopes[:, 2]), 1e-300)
+        for i in range(2):
+            moved = both(np.append(E, min(step[i], 1.0)), np.append(tau, long))[1]
+            np.testing.assert_allclose(moved[i, 2], slopes[i, 2], rtol=1e-4)
+
+
+@pytest.mark.slow
+def test_derivatives_by_poisson_of_a_very_thin_slab():
+    """d ln Q / d nu of a bonded slab at nu = 1/2 falls as its thickness, in both modes."""
+
+    def found(poisson, thickness):
+        slab = rf.Body(rf.Elastic(1e7, poisson), ROAD, rf.Slab(thickness))
+        return jnp.stack(three(rf.solve(rf.Scene(slab, rf.Body(OTHER)), 0.1, 1e5)))
+
+    slopes = [
+        jax.jit(mode(found))(0.5, d) / d for mode in (jax.jacfwd, jax.jacrev) for d in (1e-7, 1e-9, 6e-10)
+    ]
+    np.testing.assert_allclose(slopes[3:], slopes[:3], rtol=1e-11)
+    np.testing.assert_allclose(slopes[:3], np.broadcast_to(slopes[2], (3, 3)), rtol=1e-4)
+
+
 def test_surface_mapping():
     """Two elastic solids are one with 1/E_r = sum of 1/E_r and the spectra C_1 + C_2."""
     s = SCENES["elastic"]

@@ -74,7 +74,7 @@ def test_little_of_the_friction_comes_from_outside_the_table():
 
 
 HOT_V = np.logspace(-4, 1, 6)
-HOT_T = 293.35  # [K]; an entry of the table of shifts, where slopes differ on either side, lies at 293.344
+HOT_T = 293.35  # [K]; an entry of the table of shifts lies at 293.344
 HOT = ("area", "friction", "separation", "flash_temperature")
 
 

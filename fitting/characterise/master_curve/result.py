@@ -95,7 +95,7 @@ class MasterCurve:
 
     @property
     def table(self) -> rf.TabulatedShift:
-        """The shifts themselves, linear in between."""
+        """The shifts themselves, a monotone cubic in between."""
         return rf.TabulatedShift(self.T, np.exp(self.log_aT), self.T_ref)
 
     @property

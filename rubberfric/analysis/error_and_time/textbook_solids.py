@@ -7,6 +7,7 @@ Series and layers are of [Scaraggi & Persson, arXiv:1506.06955, eqs. (A6), (A8),
 import math
 
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 from scipy.special import ndtr
 
 from rubberfric.materials.coating import Coating
@@ -162,8 +163,7 @@ def shift_factor(shift: Shift, temperature: np.ndarray) -> np.ndarray:
     if isinstance(shift, Arrhenius):
         return np.exp(float(shift.energy) / BOLTZMANN_EV * (1 / temperature - 1 / float(shift.T_ref)))
     assert isinstance(shift, TabulatedShift)
-    T, log_aT = np.asarray(shift.T), np.log(np.asarray(shift.aT))
-    return np.exp(np.interp(temperature, T, log_aT) - np.interp(float(shift.T_ref), T, log_aT))
+    return _tabulated_factor(shift.T, shift.aT, temperature, float(shift.T_ref))
 
 
 def vertical_factor(law: VerticalShift, temperature: np.ndarray, T_ref: float) -> np.ndarray:
@@ -171,8 +171,17 @@ def vertical_factor(law: VerticalShift, temperature: np.ndarray, T_ref: float) -
     if isinstance(law, Entropic):
         return temperature / T_ref * np.exp(-float(law.expansion) * (temperature - T_ref))
     assert isinstance(law, TabulatedVertical)
-    T, log_bT = np.asarray(law.T), np.log(np.asarray(law.bT))
-    return np.exp(np.interp(temperature, T, log_bT) - np.interp(T_ref, T, log_bT))
+    return _tabulated_factor(law.T, law.bT, temperature, T_ref)
+
+
+def _tabulated_factor(T, factor, temperature, T_ref):
+    """A factor of a table that goes on along the lines at its ends, over that at T_ref."""
+    T, log = np.asarray(T), np.log(np.asarray(factor))
+    ends, beyond = [0, -1], [T[0] - 1.0, T[-1] + 1.0]
+    lines = log[ends] + np.array([-1.0, 1.0]) * (np.diff(log) / np.diff(T))[ends]
+    T = np.concatenate([beyond[:1], T, beyond[1:]])
+    law = PchipInterpolator(T, np.concatenate([lines[:1], log, lines[1:]]))
+    return np.exp(law(temperature) - law(T_ref))
 
 
 def _poisson(material: Material) -> float:

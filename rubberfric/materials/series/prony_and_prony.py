@@ -26,7 +26,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from rubberfric.materials.series.prony_and_spring import HALVINGS, NEWTON_STEPS, quotient
+from rubberfric.materials.series.prony_and_spring import HALVINGS, NEWTON_STEPS, floors, quotient
 
 Solid = tuple[jax.Array, jax.Array, jax.Array]  # rest, weight, tau
 
@@ -83,7 +83,7 @@ def _pair(first, second):
         # What equal times leave over is put where no other rate is, of neither solid.
         parked = slowest - 1 - i - 2 * jnp.arange(tau.shape[0], dtype=tau.dtype)
         parts.append(_distinct(weight, tau, -jnp.log(tau / middle), parked))
-    solids, unit = _floored((first[0], second[0]), [part[0] for part in parts])
+    solids, unit = _floored((first[0], second[0]), [part[0] for part in parts], [part[2] for part in parts])
     tau, log_rate = (jnp.concatenate([part[k] for part in parts]) for k in (1, 2))
     order = jnp.argsort(log_rate)
     weight, relative = _solve(_Solids(solids.rest, tuple(w[order] for w in solids.weight)), log_rate[order])
@@ -119,25 +119,23 @@ def _distinct(weight, tau, log_rate, parked):
     return total, jax.lax.stop_gradient(tau[at]) * jnp.exp(-away - jnp.where(filled, moved, 0.0)), rate
 
 
-def _floored(rests, weights):
+def _floored(rests, weights, log_rates):
     """Both solids over the rates of both, in units of the stiffer, and that unit.
 
-    A term or a rest of no stiffness would put a root on a rate, 0/0. A term of 1e-30 of its
-    solid, a rest of 1e-60 (float32: 1e-16, 1e-30) is as good as none, and the derivative with
-    respect to it stays that of the original.
+    A term or a rest of no stiffness would put a root on a rate, 0/0. See `floors` for a term; a rest of
+    1e-60 of its solid (float32: 1e-30) is as good as none. Derivatives stay those of the original.
     """
-    single = weights[0].dtype != jnp.float64
+    tiny = 1e-60 if weights[0].dtype == jnp.float64 else 1e-30
     sizes = [rest + jnp.sum(weight) for rest, weight in zip(rests, weights, strict=True)]
     largest = jnp.maximum(*sizes)
     largest = jax.lax.stop_gradient(jnp.where(largest > 0, largest, 1.0))
-    least = largest * (1e-30 if single else 1e-60)
-    sizes = [jax.lax.stop_gradient(jnp.maximum(size, least)) for size in sizes]
+    sizes = [jax.lax.stop_gradient(jnp.maximum(size, largest * tiny)) for size in sizes]
     one, two = (
         (
-            rest / largest + size / largest * (1e-30 if single else 1e-60),
-            weight / largest + size / largest * (1e-16 if single else 1e-30),
+            rest / largest + size / largest * tiny,
+            weight / largest + size / largest * floors(weight / size, log_rate),
         )
-        for rest, weight, size in zip(rests, weights, sizes, strict=True)
+        for rest, weight, size, log_rate in zip(rests, weights, sizes, log_rates, strict=True)
     )
     zeros = [jnp.zeros_like(weight) for weight in weights]
     weights = jnp.concatenate([one[1], zeros[1]]), jnp.concatenate([zeros[0], two[1]])
@@ -204,12 +202,19 @@ def _solve(solids, log_rate):
     rates = _seen(log_rate)
     shares = _shares(rates, theta, phi)
     share, _, over, nearer = shares
-    # f = -g at a root: the solid whose terms are the smaller has lost the fewer digits.
+    # f = -g at a root: either gives the value, and the one whose terms are the smaller has lost the fewer
+    # digits. Near its own rate a solid's value is its weight; that of the other is k times the distance, of
+    # which the derivative is a difference of numbers k/f times as large.
     (below1, above1), (below2, above2) = (
         _sides(r, w, shares, rates.left) for r, w in zip(solids.rest, solids.weight, strict=True)
     )
     terms1, terms2 = phi * below1 + theta * above1, phi * below2 + theta * above2
-    value = jnp.where(terms1 < terms2, phi * below1 - theta * above1, theta * above2 - phi * below2)
+    own1, own2 = (
+        jnp.where(right, w, jnp.concatenate([rest[None], w[:-1]]))
+        for rest, w in zip(solids.rest, solids.weight, strict=True)
+    )
+    first = terms1 < jnp.where(own1 > own2, 4.0, 0.25) * terms2
+    value = jnp.where(first, phi * below1 - theta * above1, theta * above2 - phi * below2)
     relative = jnp.where(right, 1 - phi * rates.width, rates.low + theta * rates.width)
     left = jnp.sum(jnp.where(rates.left, weight * share * share * nearer, 0.0), -1)
     beyond = jnp.sum(jnp.where(rates.left, 0.0, weight * nearer * over * over), -1)
@@ -235,7 +240,7 @@ def _roots(rest, weight, log_rate):
         return jnp.where(further, middle, low), jnp.where(further, high, middle)
 
     # Below the shares of the smallest weights in the widest intervals.
-    low = jnp.full_like(half, 1e-150 if half.dtype == jnp.float64 else 1e-36)
+    low = jnp.full_like(half, 1e-200 if half.dtype == jnp.float64 else 1e-36)
     low, high = jax.lax.fori_loop(0, HALVINGS, halve, (low, half))
     small = jnp.sqrt(low) * jnp.sqrt(high)
 

@@ -70,33 +70,48 @@ def in_series(
 
 
 def _one_spring(rest, weight, spring, log_rate, tau):
-    # A term or spring of no stiffness would put a root on a pole, 0/0, and with it a
-    # spurious mode. A term of 1e-30 of the solid, a spring of 1e-60 (float32: 1e-16, 1e-30) is
-    # as good as none, and the derivative with respect to it stays that of the original.
+    # A term or spring of no stiffness would put a root on a pole, 0/0, and with it a spurious mode. See
+    # `floors` for a term; a spring of 1e-60 of the solid (float32: 1e-30) is as good as none, and the
+    # derivative with respect to it stays that of the original.
     solid = rest + jnp.sum(weight)
     solid = jax.lax.stop_gradient(jnp.where(solid > 0, solid, jnp.where(spring > 0, spring, 1.0)))
     unit = jax.lax.stop_gradient(jnp.maximum(solid, spring))
-    single = tau.dtype != jnp.float64
-    weight = weight + solid * (1e-16 if single else 1e-30)
-    # The share is 0 for no spring at all, where a solid softer than the floor would be left.
-    floored = spring + solid * (1e-30 if single else 1e-60)
-    share, spring = quotient(spring, floored), floored
+    weight = weight + solid * floors(weight / solid, log_rate)
+    least = solid * (1e-30 if tau.dtype != jnp.float64 else 1e-60)
+    # The share is 0 for no spring at all, where a solid softer than the floor would be left. Where it is 1
+    # to rounding it is a constant: in reverse mode its two halves would leave a rounding error of k/f.
+    share = jnp.where(spring > 1e17 * least, 1.0, quotient(spring, spring + least))
+    spring = spring + least
     # In units of the stiffer of the two: of a spring of 1e-30 no reciprocal must be squared.
     rest, weight, spring = rest / unit, weight / unit, spring / unit
     log_rate, tau = _as_one(weight, log_rate, tau)
     roots = _roots(rest, weight, spring, log_rate)
     rates = _seen_from(roots, log_rate)
-    size, relative = jnp.abs(roots.distance), roots.anchor + roots.distance
-    own = jnp.sum(jnp.where(rates.at_anchor, weight, 0.0), -1)
-    others = weight * rates.below * rates.above / _gap(rates, roots) ** 2
-    others = jnp.sum(jnp.where(rates.at_anchor, 0.0, others), -1)
-    # F_i own distance^2 = own + distance^2 others: by parts, since neither square is in float32.
-    per_size = quotient(own, size) + size * others
-    new_weight = spring * quotient(spring, per_size) * quotient(size, relative)
-    new_weight = jnp.where(_empty(log_rate), 0.0, new_weight)
+    empty = _empty(log_rate)
+    relative = jnp.where(empty, 1.0, roots.anchor + roots.distance)
+    new_weight = jnp.where(empty, 0.0, _weights_at(roots, rest, weight, spring, rates))
     soft, hard = jnp.minimum(spring, rest), jnp.maximum(spring, rest)
     unit = unit * share
     return unit * (soft / (1 + soft / hard)), unit * new_weight, tau[roots.pole] / relative
+
+
+def floors(weight: jax.Array, log_rate: jax.Array) -> jax.Array:
+    """Return weights that a series may add to its terms, so that none is 0.
+
+    The loss of the added terms is below 1e-30 of that of the series (float32: 1e-16) at every frequency. A
+    term of E_j and tau_j has at least a share min(tau_i/tau_j, tau_j/tau_i) of the loss of a term of E_j and
+    tau_i; so many e-folds apart, a floor of one size would outweigh the series.
+
+    Parameters
+    ----------
+    weight : of the terms, over the stiffness of the solid [-], shape (n,)
+    log_rate : logarithms of their rates, any order [-], shape (n,)
+
+    Limits: a floor is at least 1e-75 (float32: 1e-22); without any weight it is that.
+    """
+    least, small = (1e-75, 1e-30) if weight.dtype == jnp.float64 else (1e-22, 1e-16)
+    shares = jnp.exp(-jnp.abs(log_rate[:, None] - log_rate))
+    return jax.lax.stop_gradient(jnp.maximum(small * (shares @ weight), least))
 
 
 def _as_one(weight, log_rate, tau):
@@ -159,6 +174,25 @@ def _balance(rest, weight, spring, rates, roots):
     return away * (spring + rest - relative * others) + relative * own
 
 
+def _weights_at(roots, rest, weight, spring, rates):
+    """Weights k^2 / (l' F) of the roots."""
+    size, relative = jnp.abs(roots.distance), roots.anchor + roots.distance
+    own = jnp.sum(jnp.where(rates.at_anchor, weight, 0.0), -1)
+    nearness = 1 / _gap(rates, roots)
+    others = jnp.where(rates.at_anchor, 0.0, weight * rates.below * nearness)
+    steeper = jnp.sum(others * rates.above * nearness, -1)
+    # F own distance^2 = own + distance^2 steeper: by parts, since neither square is in float32.
+    per_size = quotient(own, size) + size * steeper
+    plain = spring * quotient(spring, per_size) * quotient(size, relative)
+    # Of a stiff spring the new weights are all but the old and change by (f/k)^2 with k, which would be left
+    # of a difference of numbers of order f/k. With k = -f(-l') nothing is divided by the distance. All its
+    # terms are less than k, so that the sum has all digits.
+    stiff = (roots.anchor > 0) & (rest + relative * jnp.sum(jnp.abs(others), -1) < spring)
+    times_size = relative * own + size * (relative * jnp.sum(others, -1) - rest)
+    bottom = jnp.where(stiff, own + size * (size * steeper), 1.0)
+    return jnp.where(stiff, times_size * quotient(times_size, bottom) / relative, plain)
+
+
 @jax.custom_jvp
 def _roots(rest, weight, spring, log_rate):
     """Roots of k + f(-l') = 0, which falls from +inf to -inf between two rates; rates ascending."""
@@ -196,12 +230,12 @@ def _roots(rest, weight, spring, log_rate):
         return jnp.where(further, middle, low), jnp.where(further, high, middle)
 
     # Below the distances of the smallest weights.
-    low = jnp.full_like(half, 1e-100 if half.dtype == jnp.float64 else 1e-36)
+    low = jnp.full_like(half, 1e-200 if half.dtype == jnp.float64 else 1e-36)
     high = half * jnp.where(right | first, 1.0, jnp.exp(width))
     low, high = jax.lax.fori_loop(0, HALVINGS, halve, (low, high))
     distance = sign * jnp.sqrt(low) * jnp.sqrt(high)
-    # An empty interval has no root: any point will do that is far from every pole.
-    distance = jnp.where(_empty(log_rate), -0.5, distance)
+    # An empty interval has no root: l' = -own is far from every pole.
+    distance = jnp.where(_empty(log_rate), -2.0, distance)
     for _ in range(NEWTON_STEPS):
         gap, others = terms(distance)
         relative, steeper = anchor + distance, jnp.sum(weight * (below / gap) ** 2, -1)

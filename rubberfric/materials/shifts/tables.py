@@ -26,10 +26,13 @@ _FEW = 64
 
 @physical
 class TabulatedShift(Shift):
-    r"""Shift factors from a table: ln a_T linear in T between the entries.
+    r"""Shift factors from a table: ln a_T a monotone cubic in T between the entries.
 
-    The table is divided by its own value at T_ref, so that a_T(T_ref) = 1 also when
-    T_ref lies between two entries.
+    Its slope is continuous and depends continuously on the entries, and ln a_T has an extremum at entries
+    only. [Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300, doi:10.1137/0905021] Outside the table
+    ln a_T goes on along the lines through its first and its last two entries, whose slopes it has at the
+    ends. The table is divided by its own value at T_ref, so that a_T(T_ref) = 1 also when T_ref lies between
+    two entries.
 
     Parameters
     ----------
@@ -38,7 +41,7 @@ class TabulatedShift(Shift):
     T_ref : [K], inside the table
 
     Limits: concrete temperatures outside the table raise ValueError (an extrapolated
-    shift is a guess); under jit the end values are held.
+    shift is a guess); flash temperatures may leave it.
     """
 
     file_kind: ClassVar[str] = "table"
@@ -60,13 +63,13 @@ class TabulatedShift(Shift):
         return _log_interpolated(temperature, self.T, self.aT, self.T_ref)
 
     def padded(self) -> "TabulatedShift":
-        """With entries above the last temperature, where its value is held."""
+        """With entries above the last temperature, on the line on which it goes on."""
         return _padded(self, "aT")
 
 
 @physical
 class TabulatedVertical(VerticalShift):
-    r"""Vertical shift factors from a table: ln b_T linear in T between the entries.
+    r"""Vertical shift factors from a table: ln b_T over T as ln a_T of `TabulatedShift`.
 
     The table is divided by its own value at the T_ref of the shift it belongs to.
 
@@ -75,7 +78,7 @@ class TabulatedVertical(VerticalShift):
     T : temperatures, strictly increasing [K], shape (n,), n >= 2
     bT : vertical shift factors [-], shape (n,)
 
-    Limits: concrete temperatures outside the table raise ValueError; under jit the end values are held.
+    Limits: concrete temperatures outside the table raise ValueError; flash temperatures may leave it.
     """
 
     file_kind: ClassVar[str] = "table"
@@ -96,7 +99,7 @@ class TabulatedVertical(VerticalShift):
         return _log_interpolated(temperature, self.T, self.bT, T_ref)
 
     def padded(self) -> "TabulatedVertical":
-        """With entries above the last temperature, where its value is held."""
+        """With entries above the last temperature, on the line on which it goes on."""
         return _padded(self, "bT")
 
 
@@ -122,31 +125,60 @@ def _check_inside(name, temperature, T):
 
 def _log_interpolated(temperature, T, factor, T_ref):
     """ln of a tabulated factor over that at T_ref."""
-    log = jnp.log(factor)
-    return saturated(_between_entries(temperature, T, log) - _between_entries(T_ref, T, log))
+    T, log = jnp.asarray(T), jnp.log(factor)
+    pieces = _pieces(T, log)
+    return saturated(_at(jnp.asarray(temperature), T, pieces) - _at(jnp.asarray(T_ref), T, pieces))
 
 
-def _between_entries(x, nodes, values):
-    """Linear interpolation, the end values held: `jnp.interp`, of which a tenth of the operations suffice."""
-    x, nodes, values = map(jnp.asarray, (x, nodes, values))
-    first, inner, last = nodes[0], nodes[1:-1], nodes[-1]
-    # Selected, not clipped: at an end the derivative is that of the table.
-    x = jnp.where(x < first, first, jnp.where(x > last, last, x))
-    if inner.shape[0] < _FEW:
-        i = jnp.sum(x[..., None] >= inner, -1, dtype=jnp.int32)
-    else:
-        i = jnp.searchsorted(inner, x, side="right")
-    slopes = (values[1:] - values[:-1]) / (nodes[1:] - nodes[:-1])
-    left, value, slope = (
-        a.at[i].get(mode="promise_in_bounds", wrap_negative_indices=False) for a in (nodes, values, slopes)
+def _pieces(nodes, values):
+    """Cubic polynomials in the distance from the left node, ascending, (4, n + 1): lines outside the table.
+
+    The slope at an inner node is the weighted harmonic mean of those of the lines on its sides, 0 if they
+    have different signs, and that of the line at an end: the monotone interpolation by Fritsch & Butland of
+    a table that goes on along its first and last lines.
+    """
+    width = jnp.diff(nodes)
+    line = jnp.diff(values) / width
+    before, after = line[:-1], line[1:]
+    monotone = before * after > 0
+    # With 1 for a slope of the other sign nothing is divided by 0.
+    one, two = jnp.where(monotone, before, 1.0), jnp.where(monotone, after, 1.0)
+    share = (width[:-1] + 2 * width[1:]) / (3 * (width[:-1] + width[1:]))
+    inner = jnp.where(monotone, one * two / (share * two + (1 - share) * one), 0.0)
+    slope = jnp.concatenate([line[:1], inner, line[-1:]])
+    left, right = (slope[:-1] - line) / width, (slope[1:] - line) / width
+    return jnp.stack(
+        [
+            jnp.concatenate([values[:1], values]),
+            jnp.concatenate([line[:1], slope]),
+            jnp.pad(-(2 * left + right), 1),
+            jnp.pad((left + right) / width, 1),
+        ]
     )
-    return value + (x - left) * slope
+
+
+def _at(x, nodes, pieces):
+    """The polynomials of `_pieces` at x, any shape."""
+    if nodes.shape[0] < _FEW:
+        i = jnp.sum(x[..., None] >= nodes, -1, dtype=jnp.int32)
+    else:
+        i = jnp.searchsorted(nodes, x, side="right")
+
+    def taken(row):
+        return row.at[i].get(mode="promise_in_bounds", wrap_negative_indices=False)
+
+    value, slope, second, third = map(taken, pieces)
+    away = x - taken(jnp.concatenate([nodes[:1], nodes]))
+    return value + away * (slope + away * (second + away * third))
 
 
 def _padded(law, name):
-    """A tabulated law with entries above the last temperature, where its value is held."""
+    """A tabulated law with entries above the last temperature, on the line on which it goes on."""
     T, factor = np.asarray(law.T), np.asarray(getattr(law, name))
     added = recurring_length(T.size) - T.size
-    above = T[-1] + np.arange(1, added + 1, dtype=T.dtype)
-    longer = np.append(factor, np.repeat(factor[-1:], added))
-    return law.replace({"T": np.append(T, above), name: longer})
+    slope = np.diff(np.log(factor[-2:]))[0] / np.diff(T[-2:])[0]
+    # No factor that leaves single precision.
+    step = min(1.0, 10.0 / (1e-9 + added * abs(slope)))
+    above = step * np.arange(1, added + 1)
+    longer = np.append(factor, (factor[-1] * np.exp(slope * above)).astype(factor.dtype))
+    return law.replace({"T": np.append(T, (T[-1] + above).astype(T.dtype)), name: longer})

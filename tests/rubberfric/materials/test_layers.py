@@ -8,6 +8,7 @@ import pytest
 from support.oracles.oracle import slab_factor
 
 import rubberfric as rf
+from rubberfric.materials.series.prony_and_spring import in_series
 
 X = np.array([*np.logspace(-8, 2, 41), 0.999999, 1.0, 1.000001, 59.9, 60.1, 1e4, 1e8])
 POISSON = [0.0, 0.2, 0.3, 0.45, 0.499, 0.4999999999, 0.5]
@@ -52,6 +53,30 @@ def test_bonded_derivatives(x, poisson):
     exact_poisson = exact_derivative(lambda nu: exact_factor(mp.mpf(x), nu), poisson)
     assert abs(by_x - exact_x) * x < 1e-12 * value
     assert by_poisson == pytest.approx(exact_poisson, rel=1e-10, abs=1e-12 * float(value))
+
+
+@pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev])
+@pytest.mark.parametrize(("thickness", "young"), [(1e-6, 1e7), (1e-9, 1e7), (6e-10, 1e5)])
+def test_derivative_by_poisson_of_a_thin_slab_in_series(mode, thickness, young):
+    """1e9 to 1e27 times as stiff as the solid that it is in series with, both modes to 12 digits."""
+    rest, weight, tau, s = 4e6, np.array([8e8, 9e7]), np.array([1e-9, 1e-5]), 3e4
+
+    @mode
+    def slope(poisson, q):
+        spring = young / (1 - poisson**2) * rf.Slab(thickness).stiffening(poisson, q)
+        found = in_series(jnp.array(rest), jnp.array(weight), jnp.array(tau), spring)
+        return found[0] + jnp.sum(found[1] * (s * found[2] / (1 + s * found[2])))
+
+    for q in (300.0, 5e4):
+
+        def exact(nu, q=q):
+            spring = young / (1 - nu**2) * exact_factor(mp.mpf(q) * mp.mpf(thickness), nu)
+            terms = (
+                mp.mpf(w) * s * mp.mpf(t) / (1 + s * mp.mpf(t)) for w, t in zip(weight, tau, strict=True)
+            )
+            return 1 / (1 / spring + 1 / (rest + sum(terms)))
+
+        assert slope(0.5, q) == pytest.approx(exact_derivative(exact, 0.5), rel=1e-12, abs=0)
 
 
 @pytest.mark.parametrize("base", ["bonded", "frictionless"])

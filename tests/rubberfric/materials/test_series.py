@@ -154,3 +154,87 @@ def test_derivatives_of_two_relaxing_solids(shared):
         exact = [float((moved(i, step) - moved(i, -step)) / (2 * step)) for i in range(flat.size)]
     scale = np.where(flat > 0, flat, 0.1)
     np.testing.assert_allclose(scale * found, scale * exact, rtol=1e-8, atol=1e-12)
+
+
+SOFT = (0.02, np.array([0.1, 0.4, 0.05, 0.2]), np.array([3.0, 1e-2, 1e-4, 2e-2]))
+HARD = (np.array(0.1), np.array([0.3, 0.2]), np.array([1.0, 1e-3]))
+STIFF = tuple(map(jnp.asarray, HARD))
+
+
+def modulus(solid, s):
+    """f(s) of (rest, weights, times), in mpmath numbers."""
+    rest, weight, tau = solid
+    return rest + sum(w * s * t / (1 + s * t) for w, t in zip(weight, tau, strict=True))
+
+
+@pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev])
+@pytest.mark.parametrize("relaxes", [False, True], ids=["spring", "solid"])
+def test_derivatives_by_what_is_far_stiffer(mode, relaxes):
+    """(f/(f+k))^2: nothing is left of it if it is a difference of numbers of order f/k."""
+
+    @jax.jit
+    @mode
+    def slope(stiff, s):
+        if relaxes:
+            return pair_at(*SOFT, stiff * HARD[0], stiff * HARD[1], HARD[2], s)
+        return at(*SOFT, stiff, s)
+
+    for stiff in (1e5, 1e12, 1e20, 1e30):
+        for s in (1e-3, 40.0, 1e5):
+            with mp.workdps(60):
+                soft = modulus(SOFT, mp.mpf(s))
+                one = modulus(HARD, mp.mpf(s)) if relaxes else 1
+                exact = float(one * (soft / (stiff * one + soft)) ** 2)
+            assert slope(stiff, s) == pytest.approx(exact, rel=1e-12, abs=0), (stiff, s)
+
+
+def loss_of(solid, omega):
+    """Im f(i omega)."""
+    a = omega * solid[2]
+    return jnp.sum(solid[1] * (a / (1 + a * a)))
+
+
+@pytest.mark.parametrize("tau", [1e-20, 1e-9, 1.0, 1e-2, 1e9, 1e20])
+@pytest.mark.parametrize("relaxes", [False, True], ids=["spring", "solid"])
+def test_a_term_of_no_weight_loses_nothing(tau, relaxes):
+    """Neither energy nor a derivative, however far its time is from the others."""
+    rest, weight, times = SOFT
+
+    @jax.jit
+    @jax.value_and_grad
+    def loss(weight, times, omega):
+        first = jnp.array(rest), weight, times
+        series = two_in_series(first, STIFF) if relaxes else in_series(*first, jnp.array(7.0))
+        return loss_of(series, omega)
+
+    longer, all_times = np.append(weight, 0.0), np.append(times, tau)
+    for omega in (1e-25, 1e-3, 10.0, 1e25):
+        value, slopes = loss(longer, all_times, omega)
+        without, slopes_without = loss(weight, times, omega)
+        np.testing.assert_allclose(value, without, rtol=1e-13)
+        np.testing.assert_allclose(slopes[:-1], slopes_without, rtol=1e-11)
+        with mp.workdps(60):
+            s = mp.mpc(0, omega)
+            f, g = modulus(SOFT, s), modulus(HARD, s) if relaxes else mp.mpf(7)
+            exact = float(((g / (f + g)) ** 2 * s * tau / (1 + s * tau)).imag)
+        np.testing.assert_allclose(slopes[-1], exact, rtol=1e-11)
+
+
+def test_a_solid_of_no_weights():
+    """It has a rest alone: the series has the loss of the other, and nothing is 0/0."""
+    still, times = jnp.array(0.3), jnp.array([1e-20, 1e20])
+
+    @jax.jit
+    @jax.value_and_grad
+    def loss(weight, omega):
+        return loss_of(two_in_series((still, weight, times), STIFF), omega)
+
+    for omega in (1e-25, 1e-3, 10.0, 1e25):
+        value, slopes = loss(jnp.zeros(2), omega)
+        with mp.workdps(60):
+            s, rest = mp.mpc(0, omega), mp.mpf(0.3)
+            g = modulus(HARD, s)
+            exact = float((rest * g / (rest + g)).imag)
+            by_weight = [float(((g / (rest + g)) ** 2 * s * t / (1 + s * t)).imag) for t in (1e-20, 1e20)]
+        np.testing.assert_allclose(value, exact, rtol=1e-13)
+        np.testing.assert_allclose(slopes, by_weight, rtol=1e-11)

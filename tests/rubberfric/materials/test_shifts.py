@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 from support.scenes.shifts import ARRHENIUS, TABLE, WLF
 
 import rubberfric as rf
@@ -29,14 +30,54 @@ def test_arrhenius(T):
     assert ARRHENIUS.log_factor(T) == pytest.approx(min(float(exact), LARGEST), rel=1e-13, abs=1e-14)
 
 
-def test_table():
-    log_aT = np.log([3e3, 20.0, 0.2, 4e-3])
-    at_reference = 0.5 * (log_aT[1] + log_aT[2])
-    np.testing.assert_allclose(TABLE.log_factor(293.15), 0.0, atol=1e-15)
-    np.testing.assert_allclose(
-        TABLE.log_factor(273.15), 0.5 * (log_aT[0] + log_aT[1]) - at_reference, rtol=1e-14
-    )
-    np.testing.assert_allclose(TABLE.log_factor(333.15), log_aT[3] - at_reference, rtol=1e-14)
+def pchip(T, factor):
+    """SciPy's interpolant of a table that goes on along its first and last lines."""
+    log = np.log(factor)
+    slopes = (np.diff(log) / np.diff(T))[[0, -1]]
+    beyond = np.array([T[0] - 500.0, T[-1] + 500.0])
+    log = np.concatenate([[log[0] - 500 * slopes[0]], log, [log[-1] + 500 * slopes[1]]])
+    return PchipInterpolator(np.concatenate([beyond[:1], T, beyond[1:]]), log)
+
+
+TABLES = {
+    "two": ([280.0, 300.0], [30.0, 0.1]),
+    "falling": ([263.15, 283.15, 303.15, 333.15], [3e3, 20.0, 0.2, 4e-3]),
+    "uneven": ([263.0, 264.0, 290.0, 291.0, 330.0], [1e4, 9e3, 3.0, 0.9, 1e-3]),
+    "not monotone": ([263.0, 273.0, 283.0, 303.0, 313.0, 320.0], [10.0, 2.0, 2.0, 3.0, 1.0, 1.5]),
+    "long": (np.linspace(250.0, 350.0, 80), np.exp(-0.1 * np.linspace(-50, 50, 80) + np.sin(range(80)))),
+}
+
+
+@pytest.mark.parametrize("name", TABLES)
+def test_table(name):
+    T, factor = map(np.asarray, TABLES[name])
+    at = np.sort(np.concatenate([np.linspace(T[0] - 60.0, T[-1] + 60.0, 301), T]))
+    table, exact = rf.TabulatedShift(T, factor, 291.0), pchip(T, factor)
+    np.testing.assert_allclose(table.log_factor(at), exact(at) - exact(291.0), rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(table.log_factor(T), np.log(factor) - exact(291.0), rtol=1e-13, atol=1e-13)
+    slopes = jax.vmap(jax.grad(table.log_factor))(at)
+    np.testing.assert_allclose(slopes, exact(at, 1), rtol=1e-10, atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["two", "falling", "uneven", "long"])
+def test_derivatives_of_a_table_at_its_entries(name):
+    """By temperature and by every entry: forward, reverse, and a difference across the entry."""
+    T, factor = map(np.asarray, TABLES[name])
+
+    def of(log_factor, x):
+        return rf.TabulatedShift(T, jnp.exp(log_factor), 291.0).log_factor(x)
+
+    log, h = jnp.log(factor), 1e-6
+    forward, reverse = (jax.jit(mode(of, (0, 1))) for mode in (jax.jacfwd, jax.jacrev))
+    value = jax.jit(jax.vmap(of, (0, None)))
+    steps = h * np.eye(T.size)
+    for x in T if T.size < 10 else T[[0, 1, 40, -1]]:
+        by_entry = (value(log + steps, x) - value(log - steps, x)) / (2 * h)
+        # The second derivative jumps there.
+        by_T = (of(log, x + 1e-7) - of(log, x - 1e-7)) / 2e-7
+        for found in (forward(log, x), reverse(log, x)):
+            np.testing.assert_allclose(found[0], by_entry, rtol=1e-6, atol=1e-8)
+            np.testing.assert_allclose(found[1], by_T, rtol=1e-6, atol=1e-7)
 
 
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: type(law).__name__)
@@ -87,9 +128,11 @@ def test_finite_under_jit_at_every_temperature(law, T):
     assert all(np.isfinite(x).all() for x in jax.tree.leaves(slopes))
 
 
-def test_table_holds_its_ends_under_jit():
-    assert jax.jit(TABLE.log_factor)(200.0) == TABLE.log_factor(263.15)
-    assert jax.jit(TABLE.log_factor)(400.0) == TABLE.log_factor(333.15)
+def test_table_goes_on_along_its_end_lines_under_jit():
+    T, log_aT = np.asarray(TABLE.T), np.log(TABLE.aT)
+    for at, i, j in ((200.0, 0, 1), (400.0, -1, -2)):
+        line = TABLE.log_factor(T[i]) + (log_aT[i] - log_aT[j]) / (T[i] - T[j]) * (at - T[i])
+        assert jax.jit(TABLE.log_factor)(at) == pytest.approx(float(line), rel=1e-13)
 
 
 def solids(shift):
@@ -141,9 +184,10 @@ def test_a_table_made_inside_a_trace_of_one_outside():
 
 
 def test_a_padded_table_shifts_the_same():
-    """Also beyond its ends, where heat may take it under jit and the last values are held."""
+    """Also beyond its ends, where heat may take it under jit."""
     table = rf.TabulatedShift([280.0, 300.0, 320.0], [10.0, 0.5, 0.1], 293.0)
     longer, T = table.padded(), np.array([250.0, 280.0, 291.0, 320.0, 321.5, 400.0])
     assert longer.T.size == longer.aT.size == 8
-    np.testing.assert_array_equal(longer.log_factor(T), table.log_factor(T))
+    # The added entries lie on the last line, of rounded slopes.
+    np.testing.assert_allclose(longer.log_factor(T), table.log_factor(T), rtol=1e-13)
     assert rf.WLF(8.0, 100.0, 293.0).padded().C1 == 8.0

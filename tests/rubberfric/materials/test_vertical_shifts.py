@@ -44,8 +44,14 @@ def factor(law, T):
 
         def log(T):
             i = 0 if T < 300 else 1
-            x, y = [250, 300, 400][i : i + 2], [mp.mpf(b) for b in (1.3, 1.0, 0.6)][i : i + 2]
-            return mp.log(y[0]) + (T - x[0]) / (x[1] - x[0]) * mp.log(y[1] / y[0])
+            x, y = [mp.mpf(v) for v in (250, 300, 400)], [mp.log(mp.mpf(b)) for b in (1.3, 1.0, 0.6)]
+            line = [(y[k + 1] - y[k]) / (x[k + 1] - x[k]) for k in range(2)]
+            # Harmonic mean, its weights 2 h_1 + h_0 and h_1 + 2 h_0.
+            middle = 450 / (250 / line[0] + 200 / line[1])
+            slopes, h = [line[0], middle, line[1]], x[i + 1] - x[i]
+            t = (T - x[i]) / h
+            of_values = y[i] * (1 + 2 * t) * (1 - t) ** 2 + y[i + 1] * t * t * (3 - 2 * t)
+            return of_values + h * (slopes[i] * t * (1 - t) ** 2 - slopes[i + 1] * t * t * (1 - t))
 
         return float(mp.exp(log(T) - log(T_ref)))
 

@@ -33,6 +33,7 @@ from itertools import pairwise
 
 import mpmath as mp
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 from scipy.optimize import brentq
 from scipy.special import erf, erfc
 
@@ -330,8 +331,18 @@ def shift_factor(shift, T):
         return 10 ** (-shift["C1"] * above / (shift["C2"] + above))
     if shift["kind"] == "arrhenius":
         return np.exp(shift["energy"] / BOLTZMANN * (1 / T - 1 / shift["T_ref"]))
-    log = [np.interp(t, shift["T"], np.log(shift["aT"])) for t in (T, shift["T_ref"])]
-    return np.exp(log[0] - log[1])
+    return tabulated_factor(shift["T"], shift["aT"], T, shift["T_ref"])
+
+
+def tabulated_factor(temperatures, factors, T, T_ref):
+    """A factor over that at T_ref, from a monotone cubic through a table and a point on either end's line."""
+    T, T_ref, temperatures = (np.asarray(x, float) for x in (T, T_ref, temperatures))
+    log, far = np.log(factors), 1e3
+    slopes = np.diff(log)[[0, -1]] / np.diff(temperatures)[[0, -1]]
+    temperatures = np.concatenate([[temperatures[0] - far], temperatures, [temperatures[-1] + far]])
+    log = np.concatenate([[log[0] - far * slopes[0]], log, [log[-1] + far * slopes[1]]])
+    law = PchipInterpolator(temperatures, log)
+    return np.exp(law(T) - law(T_ref))
 
 
 def vertical_factor(shift, T):
@@ -341,8 +352,7 @@ def vertical_factor(shift, T):
         return 1.0
     if vertical["kind"] == "entropic":
         return T / shift["T_ref"] * np.exp(-vertical["expansion"] * (T - shift["T_ref"]))
-    log = [np.interp(t, vertical["T"], np.log(vertical["bT"])) for t in (T, shift["T_ref"])]
-    return np.exp(log[0] - log[1])
+    return tabulated_factor(vertical["T"], vertical["bT"], T, shift["T_ref"])
 
 
 class _Spectrum:
