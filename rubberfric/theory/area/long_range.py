@@ -16,7 +16,7 @@ separations are Gaussian with the mean u_1(q) and the width h(q) of
           + \int (-dP)\, \langle e^{-u/r}\rangle_{u_1(q), h(q)}\Big]
 
 p_ad increases with p_rep and lies between 0 and the work over r. Therefore at least one solution lies between
-sigma_0 and sigma_0 + work / r. If there are several, the least is returned: approaching solids reach it first.
+sigma_0 and sigma_0 + work / r. The least of several is returned: approaching solids reach it first.
 
 u_1 contains the integral of k over U beyond q. It is evaluated by parts, with x_1 at q1 and V = U(q) - U(q'):
 
