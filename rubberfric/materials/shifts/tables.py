@@ -42,6 +42,7 @@ class TabulatedShift(Shift):
     """
 
     file_kind: ClassVar[str] = "table"
+    rising: ClassVar = ("T",), ("T[0]", "T_ref", "T[-1]")
 
     T: Vector = leaf(POSITIVE, unit="K", column="T")
     aT: Vector = leaf(POSITIVE, unit="-", column="aT", over="T")
@@ -79,6 +80,7 @@ class TabulatedVertical(VerticalShift):
     """
 
     file_kind: ClassVar[str] = "table"
+    rising: ClassVar = (("T",),)
 
     T: Vector = leaf(POSITIVE, unit="K", column="T")
     bT: Vector = leaf(POSITIVE, unit="-", column="bT", over="T")
