@@ -14,6 +14,7 @@ from fitting.parameters.priors.rows import Prior
 from fitting.parameters.scenes import as_scenes, each_scene
 from fitting.results.record import Minimum
 from fitting.results.result import FitResult
+from fitting.solvers.claims import confirmed
 from fitting.solvers.evaluation import residual_rows
 from fitting.solvers.iterate import NEAR, succeeded
 from fitting.solvers.options import check_options, make_solver
@@ -134,12 +135,15 @@ def fit(
     if quadrature is None:
         problem, end, spent = _resolved(solver, problem, end, data, max_steps, callback, starts, tell)
         evaluations += spent
+    end, spent = confirmed(problem, end, lambda x: _from(solver, problem, x, max_steps, callback, starts)[0])
+    evaluations += spent
     tell("compiling and computing the covariance")
     model = linearised(problem, end.x)
     known = uncertainty(problem, end.x, model)
     scales = [None if one.error is not None else ASSUMED for one in data]
     error_scale, rescaled = 1.0, scale_errors is True and None in scales
-    to_estimate = ASSUMED in scales and scale_errors is not False
+    unknown = any(one.error is None for one in data)
+    to_estimate, assumed = unknown and scale_errors is not False, unknown
 
     def again(problem, x):
         """The end of a fit that begins at x, the model and what is known there, and its evaluations."""
@@ -152,7 +156,7 @@ def fit(
             break
         before = problem
         problem, scales, factor = rescaled_errors(problem, scales, known, model, rescaled, error_scale)
-        error_scale *= factor
+        error_scale, assumed = error_scale * factor, False
         ratio = common_ratio(before, problem)
         if ratio is not None:
             end = end._replace(cost=end.cost / ratio**2)
@@ -182,6 +186,7 @@ def fit(
         njev=int(evaluations[1]),
         minima=minima,
         estimated=tuple(scales),
+        assumed=assumed,
         error_scale=error_scale,
         uncertainty=known,
         discrepancy=discrepancy,

@@ -123,8 +123,9 @@ def fit_spectrum(
     scene = rf.Scene(own, other) if body == "lower" else rf.Scene(other, own)
     result = fit(scene, data, free)
     spectrum = getattr(result.scene, body).spectrum
-    if not q0 <= spectrum.qr <= q1:  # absolute errors may want what logarithms do not
-        at = q0 if spectrum.qr < q0 else q1
+    why = result.withheld.get(f"{body}.spectrum.qr", "")
+    if why.startswith("at its"):  # absolute errors may want what logarithms do not
+        at = q0 if "lower" in why else q1
         found = fit_spectrum(data, q0=q0, q1=q1, qr=at, hurst=hurst, body=None if data.body else body)
         remarks.append(f"the roll-off is not within q0 ... q1: qr is held at {at:.4g} 1/m")
         return dataclasses.replace(found, remarks=tuple(remarks))

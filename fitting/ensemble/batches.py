@@ -22,8 +22,9 @@ from jax.sharding import PartitionSpec as P
 
 from fitting.ensemble.members import Members
 from fitting.solvers.iterate import CONVERGED, RUNNING, Iterate
+from fitting.solvers.ordered import inside
 from fitting.solvers.problem import Numbers, Targets
-from fitting.solvers.residuals import objective
+from fitting.solvers.residuals import aim
 
 AXIS = "members"
 # Members of a device's batch, if memory allows: in turn as many as hide the host's part of a step.
@@ -97,11 +98,14 @@ def blank_iterate(members: Members) -> Iterate:
     targets, x = jax.tree.map(lambda a: a[0], (members.targets, members.starts))
     shapes = jax.eval_shape(functools.partial(_begin, members), members.problem.numbers, targets, x)
     blank = jax.tree.map(lambda s: np.zeros((len(members), *s.shape), s.dtype), shapes)
-    return blank._replace(x=members.starts.copy(), status=blank.status + RUNNING)
+    moving = np.broadcast_to(members.targets.moving, members.starts.shape)
+    variables, constants = members.problem.variables, members.problem.numbers.constants
+    x = inside(variables, constants, members.starts.copy(), moving)
+    return blank._replace(x=x, status=blank.status + RUNNING)
 
 
 def _begin(members, numbers, targets, x):
-    return members.solver.init(objective(members.problem.structure, numbers, targets), x)
+    return members.solver.init(aim(members.problem.structure, numbers, targets), x)
 
 
 def advance(batch: Batch, program: Program, members: Members, iterate: Iterate, which: np.ndarray) -> Iterate:
@@ -134,10 +138,10 @@ def _compiled(solver, structure, mesh, vectorised, tree, shapes, stepping):
     """The step of a batch, or its start, for arguments of certain shapes; results on every device."""
 
     def one(numbers, targets, iterate):
-        aim = objective(structure, numbers, targets)
+        objective = aim(structure, numbers, targets)
 
         def work(iterate):
-            return solver.step(aim, iterate) if stepping else solver.init(aim, iterate.x)
+            return solver.step(objective, iterate) if stepping else solver.init(objective, iterate.x)
 
         # A branch where members are taken in turn, a choice of both where they are vectorised.
         return jax.lax.cond(iterate.status == RUNNING, work, lambda iterate: iterate, iterate)

@@ -14,6 +14,7 @@ from fitting.ensemble.members import Members
 from fitting.ensemble.result import EnsembleResult
 from fitting.solvers.iterate import INTERRUPTED, OUT_OF_STEPS, RUNNING
 from fitting.solvers.options import check_options
+from fitting.solvers.ordered import outside
 from rubberfric.base import StrPath, shown
 
 
@@ -116,11 +117,14 @@ def run_ensemble(
     record.write()
     late = INTERRUPTED if interrupted else OUT_OF_STEPS
     iterate = far.iterate
+    problem = members.problem
+    moving = np.broadcast_to(members.targets.moving, members.starts.shape)
+    x = outside(problem.variables, problem.numbers.constants, np.asarray(iterate.x), moving)
     return EnsembleResult(
         kind=members.kind,
         names=members.names,
-        x=np.asarray(iterate.x),
-        values=members.problem.values(iterate.x),
+        x=x,
+        values=problem.values(x),
         cost=np.where(far.begun, iterate.cost, np.inf),
         status=np.where(iterate.status == RUNNING, late, iterate.status),
         nfev=np.asarray(iterate.nfev),

@@ -6,6 +6,7 @@ from typing import Any
 import jax
 
 from fitting.parameters.keypaths import scene_paths
+from fitting.parameters.order import Pair
 from fitting.parameters.scenes import by_name
 from fitting.parameters.variables import Constants, Variables
 from rubberfric.base import Kind, PhysicalObject, fields_of
@@ -27,7 +28,9 @@ def with_longer_tables(
     after = {path: i for i, path in enumerate(scene_paths(padded))}
     moved = {i: after[path] for i, path in enumerate(paths)}
     groups = tuple(group._replace(leaf=moved[group.leaf]) for group in variables.groups)
-    return variables._replace(tree=tree, groups=groups), constants._replace(leaves=tuple(leaves)), moved
+    order = tuple(Pair(*(end._replace(leaf=moved[end.leaf]) for end in pair)) for pair in variables.order)
+    longer = variables._replace(tree=tree, groups=groups, order=order)
+    return longer, constants._replace(leaves=tuple(leaves)), moved
 
 
 def _padded(value: PhysicalObject, path: str, free: Collection[str]) -> PhysicalObject:

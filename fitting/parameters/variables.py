@@ -26,6 +26,7 @@ import scipy
 from fitting.parameters.constraints import FOLLOWING, RULES, RmsSlope, Rule, Tied
 from fitting.parameters.cutoffs import cutoff_of
 from fitting.parameters.keypaths import find, leaf_names
+from fitting.parameters.order import Pair, check_start, pairs_of
 from fitting.parameters.scenes import Scenes, paths_of
 from fitting.parameters.starts import common_values, start_values, value_range
 from rubberfric.base import as_array
@@ -52,6 +53,7 @@ class Variables(NamedTuple):
     tree: Hashable  # structure of the scene, as jax.tree flattens it
     groups: tuple[Group, ...]
     size: int  # number of free elements
+    order: tuple[Pair, ...] = ()  # that the scene demands of these and their neighbours
 
     @property
     def own(self) -> list[Group]:
@@ -123,7 +125,11 @@ def free_parameters(scene: Scenes, free: Mapping[str, Rule]) -> tuple[Variables,
         raise ValueError("free: all parameters are Tied or RmsSlope; one at least must be free itself")
     groups, ratios = _follow(rules, groups, leaves, tree)
     constants = Constants(tuple(leaves), np.concatenate(low), np.concatenate(width), tuple(ratios))
-    return Variables(tree, tuple(groups), size), constants, np.concatenate(x)
+    changing = {(group.leaf, one) for group in groups for one in group.elements or (None,)}
+    order = tuple(pair for pair in pairs_of(scene) if not changing.isdisjoint(pair))
+    variables, x = Variables(tree, tuple(groups), size, order), np.concatenate(x)
+    check_start(scene, order, jax.tree.leaves(to_scene(variables, constants, x)))
+    return variables, constants, x
 
 
 def _take(path, places, taken):
@@ -137,12 +143,22 @@ def _take(path, places, taken):
             taken[leaf, element] = path
 
 
-def to_x(kind: str, low: np.ndarray, width: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """x of elements of one kind at their values: `to_values` undone, on the host."""
+def to_x(kind: str, low: Array, width: Array, values: Any) -> Any:
+    """x of elements of one kind at their values: `from_x` undone."""
+    xp = jnp if isinstance(values, jax.Array) else np
     if kind == "Positive":
-        return np.log(values)
+        return xp.log(values)
     place = (values - low) / width
-    return np.log(place / (1 - place)) if kind == "Bounded" else place
+    return xp.log(place / (1 - place)) if kind == "Bounded" else place
+
+
+def from_x(kind: str, low: Array, width: Array, x: Any) -> Any:
+    """Values of elements of one kind at their x."""
+    xp, sigmoid = (jnp, jax.nn.sigmoid) if isinstance(x, jax.Array) else (np, scipy.special.expit)
+    if kind == "Positive":
+        with np.errstate(over="ignore"):  # inf, as XLA has it: the model is not finite there
+            return xp.exp(x)
+    return low + width * sigmoid(x) if kind == "Bounded" else width * x
 
 
 def slopes_of(kind: str, width: np.ndarray, x: np.ndarray) -> np.ndarray:
@@ -195,18 +211,11 @@ def to_values(variables: Variables, constants: Constants, x: Array) -> Array:
 
 def _by_slot(variables, constants, x) -> dict[tuple[int, int], Array]:
     """The same in pieces: what is made of one depends on nothing else in x, which derivatives use."""
-    xp, sigmoid = (np, scipy.special.expit) if isinstance(x, np.ndarray) else (jnp, jax.nn.sigmoid)
+    xp = np if isinstance(x, np.ndarray) else jnp
     low, width, parts = xp.asarray(constants.low), xp.asarray(constants.width), {}
     for group in variables.own:
         part = slice(*group.slot)
-        here = x[..., part]
-        if group.kind == "Positive":
-            with np.errstate(over="ignore"):  # inf, as XLA has it: the model is not finite there
-                parts[group.slot] = xp.exp(here)
-        elif group.kind == "Bounded":
-            parts[group.slot] = low[part] + width[part] * sigmoid(here)
-        else:
-            parts[group.slot] = width[part] * here
+        parts[group.slot] = from_x(group.kind, low[part], width[part], x[..., part])
     return parts
 
 

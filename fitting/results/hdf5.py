@@ -44,7 +44,7 @@ from fitting.results.record import FitRecord
 from fitting.results.report import report
 from fitting.solvers.iterate import MESSAGES
 from fitting.solvers.options import SOLVERS
-from fitting.solvers.problem import make_problem
+from fitting.solvers.problem import ASSUMED, make_problem
 from fitting.uncertainty.discrepancy import with_discrepancy
 from rubberfric.base import StrPath, check_writable, closest, replacing
 from rubberfric.io import hdf5, read_quadrature, write_quadrature
@@ -66,7 +66,11 @@ FIELDS = {
 DISCREPANCY = tuple(field.name for field in dataclasses.fields(Discrepancy))
 # Of its problem.
 OPTIONS = {"loss": str, "loss_width": float}
-ATTRIBUTES = ("format", "format_version", "rubberfric_version", "title", "message", *FIELDS, *OPTIONS)
+ATTRIBUTES = (
+    *("format", "format_version", "rubberfric_version", "title", "message", "assumed"),
+    *FIELDS,
+    *OPTIONS,
+)
 GROUPS = ("scene_at_start", "data", "free", "prior", "quadrature", "parameters", "uncertainty", "minima")
 
 
@@ -92,7 +96,7 @@ def save(
             file.attrs[name] = kind(getattr(result, name))
         structure, numbers = result.problem.structure, result.problem.numbers
         file.attrs.update(message=result.message, title=title, loss=structure.loss)
-        file.attrs["loss_width"] = float(numbers.width)
+        file.attrs["loss_width"], file.attrs["assumed"] = float(numbers.width), result.assumed
         file["report"] = text
         parts.write_scenes(file, "scene_at_start", result.scene_at_start)
         hdf5.write_texts(file, "data_scenes", result.data_scenes)
@@ -177,6 +181,8 @@ def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
         "x": hdf5.read_array(groups["parameters"], "x", "-", (size,)),
         "minima": parts.read_minima(groups["minima"], size),
         "estimated": estimated,
+        # Files without it are from a time when the value was the sign.
+        "assumed": bool(file.attrs.get("assumed", ASSUMED in scales)),
         "uncertainty": parts.read_uncertainty(groups["uncertainty"], groups["parameters"], size),
         **found,
     }

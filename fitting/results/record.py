@@ -50,6 +50,7 @@ class FitRecord(SolvedProblem):
     status : how it ended, one of `fitting.solvers.iterate`
     nfev, njev, seconds : evaluations of residuals and of their Jacobian, wall time
     minima : the distinct ones that the starts found
+    assumed : whether the relative errors in `estimated` are the ones assumed at first, not estimated
     """
 
     scene_at_start: Scenes
@@ -64,6 +65,7 @@ class FitRecord(SolvedProblem):
     njev: int
     minima: tuple[Minimum, ...]
     seconds: float
+    assumed: bool = False
 
     def __getitem__(self, path: str) -> Fitted:
         """What became of a free number, or of all free elements of an array: result["gamma"].stderr.

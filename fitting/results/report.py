@@ -76,6 +76,8 @@ def _verdict(result):
             "  the bars below hold for a scene that explains the data; in brackets those by the scatter"
             " (scale_errors)"
         )
+    if found.explains is False and result.success and sum(one.count for one in result.minima) == 1:
+        reasons.append("  reached from one start; starts=8 looks for a lower minimum")
     several = len(result.verdicts) > 1
     scenes = [f"  {name}: {one.text}" for name, one in result.verdicts.items() if several]
     bent = [f"  {one.text}" for one in result.valleys if not one.holds] if result.success else []
@@ -107,10 +109,10 @@ def _data(result):
 def _errors(data, scale, result):
     """Where the errors of a data set come from."""
     if scale is not None:
-        if scale == ASSUMED:
+        if result.assumed:
             why = "too few values to estimate" if result.freedom < 0.5 else "not estimated, as was asked for"
             why = why if result.success else "not estimated without success"
-            return f"no errors given: {100 * ASSUMED:g} % assumed, {why}"
+            return f"no errors given: {100 * scale:g} % assumed, {why}"
         return f"no errors given: {100 * scale:.3g} % estimated from the scatter"
     scaled = f", times {result.error_scale:.4g} by the scatter" * (result.error_scale != 1)
     if data.relative is None:

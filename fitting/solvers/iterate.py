@@ -8,7 +8,7 @@ import numpy as np
 
 from fitting.parameters.variables import Array
 
-RUNNING, CONVERGED, PERFECT, STALLED, OUT_OF_STEPS, NOT_FINITE, INTERRUPTED, PRECISE = range(8)
+RUNNING, CONVERGED, PERFECT, STALLED, OUT_OF_STEPS, NOT_FINITE, INTERRUPTED, PRECISE, UNMOVED = range(9)
 
 # Gain in cost that is of no account, for costs of order one and as a part of larger ones: a parameter that
 # is a hundredth of its standard error off costs this much.
@@ -22,6 +22,8 @@ MESSAGES = {
     OUT_OF_STEPS: "not converged: out of steps; raise max_steps",
     NOT_FINITE: "failed: the model is not finite at the start; check the start values",
     PRECISE: "converged: as far as the precision of the model allows, no step lowers the cost",
+    UNMOVED: "not converged: no free parameter changes the data here, as where the contact is full at every"
+    " point; start elsewhere, or try starts=8",
     INTERRUPTED: "interrupted: these are the best values so far",
 }
 

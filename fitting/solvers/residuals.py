@@ -16,11 +16,13 @@ import jax.numpy as jnp
 import numpy as np
 
 import rubberfric as rf
+from fitting.parameters.order import in_order
 from fitting.parameters.priors.rows import prior_residuals
 from fitting.parameters.scenes import by_name
 from fitting.parameters.tables import with_longer_tables
 from fitting.parameters.variables import Array, Variables, to_scene
 from fitting.solvers.losses import Loss, Objective
+from fitting.solvers.ordered import x_of
 from fitting.solvers.problem import CURVES, Numbers, Problem, Structure, Targets
 from rubberfric.analysis import value_and_jacobian
 from rubberfric.base import recurring_length
@@ -28,7 +30,7 @@ from rubberfric.roughness import log_power_spectrum
 
 
 def objective(structure: Structure, numbers: Numbers, targets: Targets) -> Objective:
-    """What solvers see of a problem."""
+    """What is minimised of a problem."""
     return Objective(
         lambda x: residuals(structure, numbers, targets, x),
         lambda x: residuals_and_jacobian(structure, numbers, targets, x),
@@ -36,6 +38,23 @@ def objective(structure: Structure, numbers: Numbers, targets: Targets) -> Objec
         rounding(structure, targets),
         targets.moving,
     )
+
+
+def aim(structure: Structure, numbers: Numbers, targets: Targets) -> Objective:
+    """The same in the variables z of solvers; see `fitting.solvers.ordered`."""
+    plain, variables = objective(structure, numbers, targets), structure.variables
+    if not variables.order:
+        return plain
+
+    def to(z):
+        return x_of(variables, numbers.constants, z, targets.moving)
+
+    def both(z):
+        x, slopes = forward(to, z)
+        rows, jacobian = plain.residuals_and_jacobian(x)
+        return rows, jacobian @ slopes * targets.moving
+
+    return plain._replace(residuals=lambda z: plain.residuals(to(z)), residuals_and_jacobian=both)
 
 
 def loss_of(structure: Structure, numbers: Numbers) -> Loss:
@@ -48,7 +67,13 @@ def predictions(structure: Structure, numbers: Numbers, x: jax.Array) -> tuple[j
     scene = to_scene(structure.variables, numbers.constants, x)
     scenes, pairs = by_name(scene), zip(structure.blocks, numbers.conditions, strict=True)
     rows = [_predicted(structure, block, at, scenes[block.scene]) for block, at in pairs]
-    return jnp.concatenate(rows), scene
+    return _if_in_order(structure, scene, jnp.concatenate(rows)), scene
+
+
+def _if_in_order(structure, scene, rows):
+    """Rows, NaN where free numbers have left the order that the scene demands: it means nothing there."""
+    order = structure.variables.order
+    return jnp.where(in_order(order, jax.tree.leaves(scene)), rows, jnp.nan) if order else rows
 
 
 def _predicted(structure, block, conditions, scene):
@@ -101,7 +126,7 @@ def rows_and_slopes(structure: Structure, numbers: Numbers, x: jax.Array) -> tup
             values, slopes = forward(
                 lambda x, b=block, c=conditions, of=own_scene: _predicted(structure, b, c, of(x)), x
             )
-        parts.append((values, slopes))
+        parts.append((_if_in_order(structure, scene_of(x), values), slopes))
     parts.append(forward(lambda x: prior_residuals(structure.prior, numbers.prior, scene_of(x), x), x))
     bends = numbers.smoothing * _bends(structure.variables, x.dtype)
     parts.append((bends @ x, bends))

@@ -17,6 +17,7 @@ from fitting.parameters.variables import Array
 from fitting.solvers.iterate import INTERRUPTED, OUT_OF_STEPS, RUNNING
 from fitting.solvers.methods.steps import advance, start
 from fitting.solvers.options import Solver
+from fitting.solvers.ordered import inside, outside
 from fitting.solvers.problem import Problem, Targets
 from fitting.solvers.residuals import padded
 
@@ -81,6 +82,8 @@ def run(
     batch = batch or min(BATCH, fits)
     at = np.arange(batch) % fits  # which fit has a place
     waiting, done, steps = min(batch, fits), np.arange(batch) >= fits, np.zeros(batch, int)
+    variables, constants = structure.variables, numbers.constants
+    starts = inside(variables, constants, starts, targets.moving)
     ends = Runs(starts.copy(), np.full(fits, np.inf), *(np.full(fits, RUNNING, int) for _ in range(3)))
 
     def loaded(at):
@@ -116,7 +119,7 @@ def run(
                 done[free], steps[free] = False, 0
                 continue
             if done.all():
-                return ends
+                return ends._replace(x=outside(variables, constants, ends.x, targets.moving))
             iterate = advance(solver, structure, numbers, here, iterate)
             steps += 1
             total += 1
@@ -125,4 +128,4 @@ def run(
                 callback(total, float(min(lowest, ends.cost.min())))
     except KeyboardInterrupt:
         keep(iterate, ~done, INTERRUPTED)
-        return ends
+        return ends._replace(x=outside(variables, constants, ends.x, targets.moving))

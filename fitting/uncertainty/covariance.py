@@ -17,8 +17,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fitting.parameters.keypaths import leaf_names, scene_paths
 from fitting.parameters.variables import VANISHED, Variables, element_names, slopes
 from fitting.solvers.evaluation import errors_of_rows, evaluate
+from fitting.solvers.ordered import edges
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import data_rows, in_errors, loss_of, padded, slopes_in_errors
 from fitting.uncertainty.directions import describe
@@ -221,6 +223,10 @@ def _at_bounds(problem, x):
     constants, names, reasons = problem.numbers.constants, problem.names, {}
     inside, stretch = np.array(x), np.ones(len(names), np.asarray(x).dtype)
     edge = np.log(1 / EDGE - 1)
+    paths = scene_paths(problem.scene(np.asarray(x))) if problem.variables.order else []
+    for i, side, (leaf, element) in edges(problem.variables, constants, x):
+        neighbour = leaf_names(paths[leaf], None if element is None else (element,))[0]
+        reasons[names[i]] = f"at its {side} bound {neighbour}"
     for group in problem.variables.own:
         for i in range(*group.slot):
             if group.kind == "Bounded":

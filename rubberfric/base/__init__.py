@@ -45,7 +45,9 @@ if TYPE_CHECKING:
         fields_of,
         forget,
         object_html,
+        parts_of,
         physical,
+        rising_of,
         unit_of,
     )
     from rubberfric.base.process.compiler import quick_jit, quick_options
@@ -88,11 +90,13 @@ __all__ = [
     "leaf",
     "object_html",
     "parse_key_path",
+    "parts_of",
     "physical",
     "quick_jit",
     "quick_options",
     "recurring_length",
     "replacing",
+    "rising_of",
     "shown",
     "static",
     "unit_of",
@@ -113,7 +117,7 @@ lazily(
         "rubberfric.base.objects.fields": "Leaf Matrix Number OptionalNumber Static Vector child leaf static",
         "rubberfric.base.objects.key_paths": "KeyPath parse_key_path",
         "rubberfric.base.objects.physical": (
-            "Kind PhysicalObject fields_of forget object_html physical unit_of"
+            "Kind PhysicalObject fields_of forget object_html parts_of physical rising_of unit_of"
         ),
         "rubberfric.base.process.compiler": "quick_jit quick_options",
         "rubberfric.base.process.cores": "cores",

@@ -61,6 +61,7 @@ class TabulatedModulus(Material):
     """
 
     file_kind: ClassVar[str] = "tabulated"
+    rising: ClassVar = (("omega",),)
 
     omega: Vector = leaf(POSITIVE, unit="rad/s", column="omega")
     storage: Vector = leaf(POSITIVE, unit="Pa", plausible=PLAUSIBLE_STRESS, column="E_stor", over="omega")

@@ -107,6 +107,7 @@ class TabulatedAnisotropic(Spectrum):
     """
 
     harmonics_vary: ClassVar[bool] = True
+    rising: ClassVar = (("q",), ("q[0]", "q0", "q1", "q[-1]"))
 
     q: Vector = leaf(POSITIVE, unit="1/m", column="q")
     C: Matrix = leaf(POSITIVE, unit="m^4", column="C")

@@ -105,6 +105,7 @@ class SelfAffine(Spectrum):
 
     endless: ClassVar[bool] = True
     alternatives: ClassVar = {"C0": "h_rms"}
+    rising: ClassVar = (("q0", "qr", "q1"),)
 
     q0: Number = leaf(POSITIVE, unit="1/m")
     qr: Number = leaf(POSITIVE, unit="1/m")
@@ -113,8 +114,9 @@ class SelfAffine(Spectrum):
     h_rms: Number = leaf(NONNEGATIVE, unit="m")
 
     def _check(self):
-        if all(is_concrete(x) for x in (self.q0, self.qr, self.q1)):
-            _check_order(float(self.q0), float(self.qr), float(self.q1))
+        if is_concrete(self.q0) and is_concrete(self.q1) and float(self.q0) == float(self.q1):
+            q = float(self.q0)
+            raise ValueError(f"SelfAffine.q1 = {q!r}: must be > q0 = {q!r}")
 
     def doubts(self) -> list[str]:
         """See `doubts_of_roughness`."""
@@ -160,15 +162,6 @@ def _when_cut(spectrum, q1):
     # h^2 = qr^2 C0 / e^(log plateau), with the same C0: which itself may underflow.
     growth = 0.5 * (log_plateau(spectrum) - log_plateau(unit))
     return qr, spectrum.h_rms * (qr / spectrum.qr) * jnp.exp(growth)
-
-
-def _check_order(q0, qr, q1):
-    if not q0 <= qr:
-        raise ValueError(f"SelfAffine.qr = {qr!r}: must be >= q0 = {q0!r}")
-    if not qr <= q1:
-        raise ValueError(f"SelfAffine.q1 = {q1!r}: must be >= qr = {qr!r}")
-    if not q0 < q1:
-        raise ValueError(f"SelfAffine.q1 = {q1!r}: must be > q0 = {q0!r}")
 
 
 def power_law_of(spectrum: Spectrum) -> BrokenPowerLaw:

@@ -34,6 +34,7 @@ class TabulatedSpectrum(Spectrum):
     """
 
     file_kind: ClassVar[str] = "tabulated"
+    rising: ClassVar = (("q",), ("q[0]", "q0", "q1", "q[-1]"))
 
     q: Vector = leaf(POSITIVE, unit="1/m", column="q")
     C: Vector = leaf(POSITIVE, unit="m^4", column="C", over="q")

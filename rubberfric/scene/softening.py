@@ -8,7 +8,7 @@ The rubber deformed by the asperities up to q has the strain of their slope.
 """
 
 import functools
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -38,6 +38,8 @@ class Softening(PhysicalObject):
     Limits: elastic solids do not soften. Where both solids deform there is no closed form and the
     angular integrals are done by quadrature, which is slower.
     """
+
+    rising: ClassVar = (("strain",),)
 
     strain: Vector = leaf(POSITIVE, unit="-", column="strain")
     storage: Vector = leaf(POSITIVE, unit="-", column="storage_factor", over="strain")

@@ -15,7 +15,7 @@ import numpy as np
 
 from fitting.parameters.variables import Array
 from fitting.solvers.evaluation import evaluate, takes_long
-from fitting.solvers.iterate import RUNNING, Iterate, begin
+from fitting.solvers.iterate import CONVERGED, RUNNING, Iterate, begin
 from fitting.solvers.methods import brown_dennis
 from fitting.solvers.methods.levenberg_marquardt import (
     PROBE,
@@ -26,11 +26,12 @@ from fitting.solvers.methods.levenberg_marquardt import (
     taken,
 )
 from fitting.solvers.options import Solver
+from fitting.solvers.ordered import put_on_bounds, slopes_of_x, x_of
 from fitting.solvers.problem import Numbers, Structure, Targets
 from fitting.solvers.residuals import (
+    aim,
     in_errors,
     loss_of,
-    objective,
     rounding,
     slopes_in_errors,
 )
@@ -42,12 +43,12 @@ _MOST_BENDS = 1_000_000
 
 @functools.partial(jax.jit, static_argnums=(0, 1))
 def _init(solver, structure, numbers, targets, x):
-    return jax.vmap(lambda targets, x: solver.init(objective(structure, numbers, targets), x))(targets, x)
+    return jax.vmap(lambda targets, x: solver.init(aim(structure, numbers, targets), x))(targets, x)
 
 
 @functools.partial(jax.jit, static_argnums=(0, 1))
 def _step(solver, structure, numbers, targets, iterate):
-    return jax.vmap(lambda targets, iterate: solver.step(objective(structure, numbers, targets), iterate))(
+    return jax.vmap(lambda targets, iterate: solver.step(aim(structure, numbers, targets), iterate))(
         targets, iterate
     )
 
@@ -97,17 +98,25 @@ def start(solver: Solver, structure: Structure, numbers: Numbers, targets: Targe
     if not isinstance(solver, LevenbergMarquardt):
         return _init(solver, structure, numbers, targets, x)
     if _sparing(structure, numbers, targets, x):
-        found = _weighed(structure, numbers, targets, *evaluate(structure, numbers, x, slopes=True))
+        found = _weighed(
+            structure, numbers, targets, *_evaluated(structure, numbers, targets, x, slopes=True)
+        )
         each = zip(np.asarray(x), *map(np.asarray, found[:2]), strict=True)
         return _side_by_side([brown_dennis.begun(*one) for one in each])
-    rows, _ = evaluate(structure, numbers, x)
+    rows, _ = _evaluated(structure, numbers, targets, x)
     return _begun(solver, structure, numbers, targets, x, rows)
 
 
 def advance(
-    solver: Solver, structure: Structure, numbers: Numbers, targets: Targets, iterate: Iterate
+    solver: Solver,
+    structure: Structure,
+    numbers: Numbers,
+    targets: Targets,
+    iterate: Iterate,
+    *,
+    at_bounds: bool = True,
 ) -> Iterate:
-    """Iterates after one step each."""
+    """Iterates after one step each; at_bounds: whether a step on the bounds of an order is tried as well."""
     if not isinstance(solver, LevenbergMarquardt):
         return _step(solver, structure, numbers, targets, iterate)
     running = np.flatnonzero(np.asarray(iterate.status) == RUNNING)
@@ -118,7 +127,8 @@ def advance(
 
     def rows_at(x, which, slopes=False):
         """Rows at x, shape (fits, size), of some fits; those of the others are never looked at."""
-        found = evaluate(structure, numbers, np.asarray(x)[which], slopes)
+        some = targets._replace(moving=np.asarray(targets.moving)[which])
+        found = _evaluated(structure, numbers, some, np.asarray(x)[which], slopes)
         return [_filled(part, which, len(x)) for part in found]
 
     def trial(i, which):
@@ -137,7 +147,54 @@ def advance(
 
     found, enough = after(first)
     again = running[~np.asarray(enough)[running]]
-    return found if again.size == 0 else after(trial(1, again))[0]
+    found = found if again.size == 0 else after(trial(1, again))[0]
+    if not (at_bounds and structure.variables.order):
+        return found
+    return _at_bounds(solver, structure, numbers, targets, iterate, found)
+
+
+def _evaluated(structure, numbers, targets, z, slopes=False):
+    """Rows of the model, and their derivatives by z, of fits at rows of z."""
+    variables, constants, z = structure.variables, numbers.constants, np.asarray(z)
+    if not variables.order:
+        return evaluate(structure, numbers, z, slopes)
+    pairs = list(zip(z, np.asarray(targets.moving), strict=True))
+    x = np.stack([x_of(variables, constants, *pair) for pair in pairs])
+    rows, by_x = evaluate(structure, numbers, x, slopes)
+    if slopes:
+        by_x = by_x @ np.stack([slopes_of_x(variables, constants, *pair) for pair in pairs])
+    return rows, by_x
+
+
+def _at_bounds(solver, structure, numbers, targets, before, after):
+    """Iterates after a step, or a step from the bounds of an order that it brought them near to, if lower."""
+    x, fits = np.array(after.x), np.flatnonzero(np.asarray(after.status) == RUNNING)
+    for i in fits:
+        known = structure.variables, numbers.constants, np.asarray(before.x)[i], x[i]
+        x[i] = put_on_bounds(*known, np.asarray(targets.moving)[i])
+    tried = (x != np.asarray(after.x)).any(1)
+    if not tried.any():
+        return after
+    rows, _ = _evaluated(structure, numbers, targets, x)
+    costs = _costs(structure, numbers, targets, rows)
+    status = np.where(tried & np.isfinite(costs), after.status, CONVERGED)
+    there = after._replace(x=x, cost=costs, status=status, nfev=after.nfev + 1, njev=after.njev + 1)
+    there = advance(solver, structure, numbers, targets, there, at_bounds=False)
+    lower = tried & (np.asarray(there.cost) < np.asarray(after.cost))
+    return jax.tree.map(lambda new, old: np.where(_column(lower, old), new, old), there, after)
+
+
+def _column(mask, like):
+    """A mask over fits with as many axes as an array."""
+    return mask.reshape(-1, *[1] * (np.ndim(like) - 1))
+
+
+@quick_jit(static_argnums=(0,))
+def _costs(structure, numbers, targets, rows):
+    def one(targets, rows):
+        return loss_of(structure, numbers).cost(in_errors(structure, numbers, targets, rows))
+
+    return jax.vmap(one)(targets, rows)
 
 
 def _sparing(structure, numbers, targets, x):
@@ -163,7 +220,8 @@ def _moved(solver, structure, numbers, targets, iterate, running):
     x = np.stack([one.x for one in each])
     for i, move in moves.items():
         x[i] += move.astype(x.dtype)
-    found = evaluate(structure, numbers, x[running], slopes=True)
+    some = targets._replace(moving=np.asarray(targets.moving)[running])
+    found = _evaluated(structure, numbers, some, x[running], slopes=True)
     rows, slopes = (_filled(part, running, len(x)) for part in found)
     rows, slopes, least = map(np.asarray, _weighed(structure, numbers, targets, rows, slopes))
     for i, move in moves.items():

@@ -12,8 +12,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Self, TypeVar, dataclass_transform
 
 import jax
+import numpy as np
 
-from rubberfric.base.checks import closest, either, shown
+from rubberfric.base.checks import closest, either, is_concrete, shown
 from rubberfric.base.objects.fields import (
     Child,
     Leaf,
@@ -36,6 +37,9 @@ class PhysicalObject:
 
     # Keys of a scene file that stand for a field, which the class method from_KEY takes instead.
     alternatives: ClassVar[Mapping[str, str]] = {}
+    # Numbers that must not fall from one to the next, as chains of names: ("q0", "qr", "q1"). The name of a
+    # vector stands for all of its elements, "q[0]" for one. Fields that are None are left out.
+    rising: ClassVar[Sequence[Sequence[str]]] = ()
 
     _meanings: ClassVar[Mapping[str, Meaning]] = {}
 
@@ -47,6 +51,8 @@ class PhysicalObject:
             else:
                 object.__setattr__(self, name, checked(where, value, field))
         self._check()
+        for chain in rising_of(self):
+            _check_rising(self, [part for part in chain if is_concrete(getattr(self, part[0]))])
 
     def _check(self) -> None:
         """Raise ValueError unless the fields go together; called when each of them is what it must be."""
@@ -174,6 +180,19 @@ def parts_of(part: PhysicalObject, path: str = "") -> Iterator[tuple[str, Physic
             yield from parts_of(value, f"{path}.{name}" if path else name)
 
 
+def rising_of(part: PhysicalObject) -> list[list[tuple[str, tuple[int, ...] | None]]]:
+    """Every chain of `rising` as fields and which of their elements, None of a scalar."""
+    chains = [[parse_key_path(text) for text in chain] for chain in type(part).rising]
+    return [
+        [
+            (path.name, path.elements(np.shape(getattr(part, path.name))))
+            for path in chain
+            if getattr(part, path.name) is not None
+        ]
+        for chain in chains
+    ]
+
+
 def unit_of(cls: type[PhysicalObject], name: str) -> str:
     """Unit of the numbers in a field, "-" without one; "" if it holds none."""
     field = fields_of(cls)[name]
@@ -206,6 +225,24 @@ def _check_child(where, value, field):
     if not isinstance(value, field.role) and not (value is None and field.optional):
         allowed = " or ".join([", ".join(kinds(field.role))] + ["None"] * field.optional)
         raise ValueError(f"{where} = {shown(value)}: must be {allowed}{field.hint}")
+
+
+def _check_rising(owner, chain):
+    """ValueError where a number of a chain of fields and elements is below the one before it."""
+    if not chain:
+        return
+    fields = [np.atleast_1d(np.asarray(getattr(owner, name))) for name, _ in chain]
+    # In the lowest of their precisions: the end of a float32 table is no float64 number.
+    kind = min((field.dtype for field in fields), key=lambda kind: kind.itemsize)
+    values = np.concatenate(
+        [field[list(chosen or (0,))].astype(kind) for field, (_, chosen) in zip(fields, chain, strict=True)]
+    )
+    falls = np.flatnonzero(np.diff(values) < 0)
+    if falls.size:
+        names = [name if i is None else f"{name}[{i}]" for name, chosen in chain for i in chosen or (None,)]
+        k = int(falls[0])
+        high, low = (f"{names[i]} = {shown(values[i])}" for i in (k + 1, k))
+        raise ValueError(f"{type(owner).__name__}.{high}: must be >= {low}")
 
 
 def _register_pytree(cls):

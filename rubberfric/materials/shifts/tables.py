@@ -45,6 +45,7 @@ class TabulatedShift(Shift):
     """
 
     file_kind: ClassVar[str] = "table"
+    rising: ClassVar = ("T",), ("T[0]", "T_ref", "T[-1]")
 
     T: Vector = leaf(POSITIVE, unit="K", column="T")
     aT: Vector = leaf(POSITIVE, unit="-", column="aT", over="T")
@@ -82,6 +83,7 @@ class TabulatedVertical(VerticalShift):
     """
 
     file_kind: ClassVar[str] = "table"
+    rising: ClassVar = (("T",),)
 
     T: Vector = leaf(POSITIVE, unit="K", column="T")
     bT: Vector = leaf(POSITIVE, unit="-", column="bT", over="T")

@@ -14,7 +14,7 @@ from support.scenes.fits import FAST as QUADRATURE
 from support.scenes.fits import ROAD, E
 
 import rubberfric as rf
-from fitting import Bounded, Free, FrictionData, ModulusData, Positive, Smooth, fit
+from fitting import AreaData, Bounded, Free, FrictionData, ModulusData, Positive, Smooth, fit
 from fitting.parameters.variables import to_values
 from fitting.solvers.iterate import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, PERFECT
 from fitting.solvers.losses import WIDTHS
@@ -478,3 +478,54 @@ def test_a_second_fit_of_the_same_kind_compiles_nothing():
         compiled.clear()
         result = fit(scene, modulus_data(1, relative=0.03), other, starts=2, key=jax.random.key(1))
     assert result.success and not compiled
+
+
+ROUGH = {f"lower.spectrum.{name}": Positive() for name in ("h_rms", "q1", "qr")}
+
+
+PRONY = rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3])
+
+
+def area_data(scene):
+    v = np.logspace(-4, 1, 12)
+    area = np.asarray(rf.solve(scene, v, 5e5, quadrature=QUADRATURE, quantities=("area",)).area)
+    noise = np.exp(0.03 * np.random.default_rng(0).standard_normal(v.size))
+    return AreaData(v, area * noise, pressure=5e5, relative=0.03, check_units=False)
+
+
+def test_in_full_contact_nothing_is_called_reached():
+    """Whatever is free, the area is that of full contact: no step lowers the cost, but it is no minimum."""
+    truth = rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 1e5, 0.8, 1e-4)), rf.Body(PRONY))
+    data = area_data(truth)
+    smooth = truth.replace("lower.spectrum.h_rms", 1e-8)
+    flat = fit(smooth, data, ROUGH, quadrature=QUADRATURE)
+    assert not flat.success and flat.cost > 1e3
+    assert "no free parameter changes the data" in flat.message and "starts=8" in flat.message
+    assert "NOT REACHED" in flat.report()
+    # Less smooth, places around it show a way.
+    found = fit(truth.replace("lower.spectrum.h_rms", 3e-7), data, ROUGH, quadrature=QUADRATURE)
+    known = fit(truth, data, ROUGH, quadrature=QUADRATURE)
+    assert found.success and found.cost == pytest.approx(known.cost, rel=1e-6)
+
+
+def test_a_minimum_far_above_the_data_is_left_for_a_lower_one():
+    """A start without a fall leads to a minimum at q1 = qr, and on from there."""
+    truth = rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 3e4, 0.8, 5e-4)), rf.Body(PRONY))
+    v = np.logspace(-3, 1, 8)
+    mu = np.asarray(rf.friction(truth, v, 3e5, quadrature=QUADRATURE))
+    noise = np.exp(0.03 * np.random.default_rng(1).standard_normal(v.size))
+    data = FrictionData(v, mu * noise, pressure=3e5, relative=0.03)
+    free = {name: ROUGH[name] for name in list(ROUGH)[1:]}
+    found = fit(truth.replace("lower.spectrum.q1", 1.5e3), data, free, quadrature=QUADRATURE)
+    known = fit(truth, data, free, quadrature=QUADRATURE)
+    assert found.success and found.cost == pytest.approx(known.cost, rel=1e-6)
+
+
+def test_a_right_minimum_of_a_wrong_scene_stays_one():
+    """Data that no parameter explains: places around are looked at, and the claim stays."""
+    truth = rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 1e5, 0.8, 1e-4)), rf.Body(PRONY))
+    data = area_data(truth)
+    off = data.replaced(data.measured * np.where(np.arange(12) % 2, 1.3, 0.8))
+    found = fit(truth, off, ROUGH, quadrature=QUADRATURE)
+    assert found.success and found.verdict.explains is False
+    assert "starts=8 looks for a lower minimum" in found.report()

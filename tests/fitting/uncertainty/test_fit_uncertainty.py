@@ -1,5 +1,6 @@
 """What the data say about the parameters: error bars where there are any, and why where there are none."""
 
+import dataclasses
 import functools
 
 import jax
@@ -10,6 +11,7 @@ from scipy.optimize import curve_fit
 from support.scenes.fits import E_INF, ROAD, E
 from support.scenes.fits import FAST as QUADRATURE
 
+import fitting
 import rubberfric as rf
 from fitting import AreaData, Bounded, Free, FrictionData, Gaussian, ModulusData, Positive, Smooth, fit
 from fitting.solvers.iterate import CONVERGED, PERFECT
@@ -516,3 +518,23 @@ def test_quantiles_are_scipys(level):
 def test_wrong_levels(level):
     with pytest.raises(ValueError, match=r"level = .*: must be between 0 and 1"):
         quantile(level)
+
+
+def test_ten_per_cent_are_a_value_as_any_other(tmp_path):
+    """The relative error that is assumed at first may be given, or estimated, too."""
+    given = fit(SCENE, modulus_data(0.1, 0.05), BOTH)
+    assert (
+        given.estimated == (None,) and not given.assumed and "errors given (relative 10 %)" in given.report()
+    )
+    data = modulus_data(noise=0.05, given=False)
+    estimated = dataclasses.replace(fit(SCENE, data, BOTH), estimated=(0.1,))
+    assert "no errors given: 10 % estimated from the scatter" in estimated.report()
+    assumed = fit(SCENE, data, BOTH, scale_errors=False)
+    assert assumed.assumed and assumed.estimated == (0.1,)
+    for result, text in (
+        (estimated, "10 % estimated"),
+        (assumed, "10 % assumed, not estimated, as was asked"),
+    ):
+        result.save(tmp_path / "fit.h5")
+        again = fitting.FitResult.load(tmp_path / "fit.h5")
+        assert again.assumed == result.assumed and text in again.report()

@@ -1,0 +1,317 @@
+r"""Variables of solvers, in which the numbers of a scene keep the order that it demands.
+
+Solvers see z in place of x (`fitting.parameters.variables`). With a and b the x of the nearest neighbours
+below and above (`fitting.parameters.order`),
+
+.. math:: x = a + s(z - a) - s(z - b),\qquad s(t) = \frac1k \ln(1 + e^{kt})
+
+lies between a and b and is z far from both: with k = 4, within 5 % of a distance of 0.5. Neighbours that
+are free are bounds from below only, found first; from above the next number that stays is the bound. A number
+that stays in one fit, as in a profile, is a bound there and has z = x. Everything but the solvers is in x.
+"""
+
+import functools
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from fitting.parameters.order import End
+from fitting.parameters.variables import Array, Constants, Variables, from_x, slopes_of, to_scene, to_x
+
+# k: so much farther from a bound than 1/k in x, z is x.
+_SHARP = 4.0
+# How far inside, in x, a start begins that is at its bound, where no step would move it.
+INSIDE = 0.05
+# So near to its bound, in x, an element is tried on it, and so far beyond in z it is as good as on it: by
+# steps alone it would take ever longer, as the residuals depend on it ever less.
+_NEAR, _FAR = 0.2, 30.0
+# A number nearer to its neighbour than this, relative to itself, stands at it.
+AT_EDGE = 1e-4
+# Rounding of a value and its x, over the spacing of floating-point numbers: bounds are kept clear of it.
+_ROUNDING = 100.0
+
+
+class _Bound(NamedTuple):
+    """A limit of an element: the value of another one, or of a leaf that stays, times a ratio."""
+
+    element: int | None  # of x
+    end: End
+    ratios: tuple[tuple[int, int] | None, tuple[int, int] | None]  # of what follows: (the bound's, its own)
+
+
+class _Step(NamedTuple):
+    """An element of x, and what bounds it."""
+
+    element: int
+    below: tuple[_Bound, ...]
+    above: tuple[_Bound, ...]
+
+
+def _places(variables):
+    """Which element of x a number is, and its ratio to that; None for `RmsSlope`."""
+    places: dict[End, tuple[int, tuple[int, int] | None] | None] = {}
+    ratio = -1  # counts the groups that have one
+    for group in variables.groups:
+        ratio += group.kind in ("Tied", "RmsSlope")
+        slots = range(*group.slot)
+        for k, element in enumerate(group.elements or (None,)):
+            place = None
+            if group.kind != "RmsSlope":
+                place = slots[min(k, len(slots) - 1)], (ratio, k) if group.kind == "Tied" else None
+            places[End(group.leaf, element)] = place
+    return places
+
+
+@functools.lru_cache(maxsize=64)
+def _steps(variables: Variables) -> tuple[_Step, ...]:
+    """The elements that an order bounds, each after those that bound it from below."""
+    places = _places(variables)
+    below: dict[int, list[_Bound]] = {}
+    above: dict[int, list[_Bound]] = {}
+
+    def chain(i):
+        """The free elements that bound an element from below, the lowest first, and the element itself."""
+        free = [bound.element for bound in below.get(i, []) if bound.element is not None]
+        return [*dict.fromkeys(k for j in free for k in chain(j)), i]
+
+    for pair in variables.order:
+        one, other = (places.get(end, (None, None)) for end in pair)
+        # A number that follows the rms slope has no bounds: `in_order` refuses what leaves the order.
+        if one is None or other is None or one[0] == other[0]:
+            continue
+        (low, low_ratio), (high, high_ratio) = one, other
+        # Nor have tied numbers that bound each other in a circle.
+        if high is not None and (low is None or high not in chain(low)):
+            below.setdefault(high, []).append(_Bound(low, pair.low, (low_ratio, high_ratio)))
+        if low is not None and (high is None or high not in chain(low)):
+            above.setdefault(low, []).append(_Bound(high, pair.high, (high_ratio, low_ratio)))
+    order = dict.fromkeys(k for i in (*below, *above) for k in chain(i))
+    return tuple(_Step(i, tuple(below.get(i, ())), tuple(above.get(i, ()))) for i in order)
+
+
+class _Place(NamedTuple):
+    """An element on the way through all in their order, a and b the x of its bounds."""
+
+    element: int
+    source: _Bound | None  # the bound below
+    a: Any
+    b: Any
+
+
+class _Walk:
+    """Bounds of the elements, one after the other; `x` is what is known of them, by element."""
+
+    def __init__(self, variables: Variables, constants: Constants, given: Array, moving: Array):
+        self.xp: Any = np if isinstance(given, np.ndarray) else jnp
+        self.constants = jax.tree.map(np.asarray, constants) if self.xp is np else constants
+        self.moving = moving
+        self.steps, self.x = _steps(variables), {}
+        self.kinds = {i: g.kind for g in variables.own for i in range(*g.slot)}
+        margin = _ROUNDING * float(jnp.finfo(given.dtype).eps)
+        # From above only what stays is a bound, and what bounds those above.
+        top: dict[int, Any] = {}
+        self.above: dict[int, int] = {}  # the longest chain of free ones above, each of which needs its room
+        for step in reversed(self.steps):
+            limits = [self._range(step.element)[1]]
+            for bound in step.above:
+                value = self._value(bound, given)
+                if bound.element is not None and bound.element in top:
+                    chain = max(self.above.get(step.element, 0), 1 + self.above[bound.element])
+                    self.above[step.element] = chain
+                    value = self._times(bound, top[bound.element])
+                    value = self.xp.where(moving[bound.element], value, self._value(bound, given))
+                limits.append(value)
+            self.above.setdefault(step.element, 0)
+            top[step.element] = functools.reduce(self.xp.minimum, limits)
+        self.top, self.margin = top, margin
+
+    def __iter__(self) -> Iterator[_Place]:
+        xp = self.xp
+        for step in self.steps:
+            i, source, low = step.element, None, None
+            for bound in step.below:
+                value = self._value(bound, self.x)
+                if xp is np and (low is None or value > low):
+                    source = bound
+                low = value if low is None else xp.maximum(low, value)
+            a = -np.inf if low is None else self._inverse(i, low)
+            b = self._inverse(i, self.top[i])
+            # Rounding must not take a value across.
+            a, b = a + self._clear(a), b - (1 + 2 * self.above[i]) * self._clear(b)
+            yield _Place(i, source, a, b)
+
+    def _clear(self, end):
+        finite = self.xp.isfinite(end)
+        return self.margin * self.xp.where(finite, 1 + abs(self.xp.where(finite, end, 0.0)), 0.0)
+
+    def _range(self, i):
+        """Values that its own rule allows."""
+        if self.kinds[i] == "Bounded":
+            return self.constants.low[i], self.constants.low[i] + self.constants.width[i]
+        return (0.0 if self.kinds[i] == "Positive" else -np.inf), np.inf
+
+    def _times(self, bound, value):
+        theirs, own = (
+            1.0 if r is None else self.xp.asarray(self.constants.ratios[r[0]])[r[1]] for r in bound.ratios
+        )
+        return value * theirs / own
+
+    def _value(self, bound, x):
+        """The value that bounds an element."""
+        if bound.element is None:
+            leaf = self.xp.asarray(self.constants.leaves[bound.end.leaf])
+            return self._times(bound, leaf if bound.end.element is None else leaf[bound.end.element])
+        j = bound.element
+        return self._times(bound, from_x(self.kinds[j], self.constants.low[j], self.constants.width[j], x[j]))
+
+    def _inverse(self, i, value):
+        """x of a value, of one beyond the element's own range at its end."""
+        xp, (low, high) = self.xp, self._range(i)
+        inside = (value > low) & (value < high)
+        # Some value inside, so that what is not taken has a finite derivative.
+        safe = low + 0.5 * self.constants.width[i] if self.kinds[i] == "Bounded" else 1.0
+        x = to_x(self.kinds[i], self.constants.low[i], self.constants.width[i], xp.where(inside, value, safe))
+        return xp.where(inside, x, xp.where(value <= low, -np.inf, np.inf))
+
+
+def _between(xp, a, b, z):
+    """x between a and b."""
+    return (xp.logaddexp(_SHARP * a, _SHARP * z) - xp.logaddexp(0.0, _SHARP * (z - b))) / _SHARP
+
+
+def x_of(variables: Variables, constants: Constants, z: Array, moving: Array) -> Array:
+    """x of a solver's z, both of shape (size,); moving: 0 where an element stays, else 1."""
+    if not variables.order:
+        return z
+    walk = _Walk(variables, constants, z, moving)
+    for i, _, a, b in walk:
+        inside = _between(walk.xp, a, b, z[i])
+        walk.x[i] = walk.xp.where(moving[i], inside, z[i])
+    return _put(z, walk.x)
+
+
+def z_of(variables: Variables, constants: Constants, x: np.ndarray, moving: np.ndarray) -> np.ndarray:
+    """z of a start x, on the host; one outside its bounds is reflected, one on them moved inside."""
+    if not variables.order:
+        return x
+    walk, z = _Walk(variables, constants, x, moving), {}
+    for i, _, a, b in walk:
+        if not moving[i]:
+            walk.x[i] = z[i] = x[i]
+            continue
+        there = float(x[i])
+        near = min(INSIDE, 0.25 * float(b - a))
+        if np.isfinite(a):
+            there = a + (abs(there - a) if abs(there - a) > AT_EDGE else near)
+        if np.isfinite(b):
+            there = b - (abs(there - b) if abs(there - b) > AT_EDGE else near)
+        if not a < there < b:
+            there = a + 0.5 * (b - a)
+        walk.x[i] = there
+        z[i] = (
+            there
+            + (np.log(-np.expm1(_SHARP * (a - there))) - np.log(-np.expm1(_SHARP * (there - b)))) / _SHARP
+        )
+    return _put(x, z)
+
+
+def inside(variables: Variables, constants: Constants, x: np.ndarray, moving: np.ndarray) -> np.ndarray:
+    """z of several starts, shape (fits, size), as `z_of` has it."""
+    if not variables.order:
+        return x
+    return np.stack([z_of(variables, constants, *pair) for pair in zip(x, np.asarray(moving), strict=True)])
+
+
+def outside(variables: Variables, constants: Constants, z: np.ndarray, moving: np.ndarray) -> np.ndarray:
+    """x of several ends, shape (fits, size)."""
+    if not variables.order:
+        return z
+    return np.stack([x_of(variables, constants, *pair) for pair in zip(z, np.asarray(moving), strict=True)])
+
+
+def slopes_of_x(variables: Variables, constants: Constants, z: np.ndarray, moving: np.ndarray) -> np.ndarray:
+    """d x / d z on the host, shape (size, size)."""
+    found = np.eye(z.size, dtype=z.dtype)
+    if not variables.order:
+        return found
+    walk, width = _Walk(variables, constants, z, moving), np.asarray(constants.width)
+    for i, source, a, b in walk:
+        if not moving[i]:
+            walk.x[i] = z[i]
+            continue
+        walk.x[i] = _between(np, a, b, z[i])
+        above, near = (1 / (1 + np.exp(np.clip(_SHARP * t, -700, 700))) for t in (a - z[i], b - z[i]))
+        found[i, i] = above - near
+        j = None if source is None else source.element
+        if j is not None and np.isfinite(a):
+            part = [slopes_of(walk.kinds[k], width[k], at) for k, at in ((j, walk.x[j]), (i, a))]
+            found[i] += (1 - above) * walk._times(source, 1.0) * part[0] / part[1] * found[j]
+    return found
+
+
+def put_on_bounds(
+    variables: Variables, constants: Constants, before: np.ndarray, z: np.ndarray, moving: np.ndarray
+) -> np.ndarray:
+    """z with elements on their bounds that came near to them since `before`, tried once in every factor e."""
+    walk, there = _Walk(variables, constants, z, moving), z.copy()
+    for i, _, a, b in walk:
+        walk.x[i] = z[i]
+        if not moving[i]:
+            continue
+        walk.x[i] = _between(np, a, b, z[i])
+        if (
+            walk.x[i] - a < _NEAR
+            and a - _FAR < z[i]
+            and np.floor(_SHARP * z[i]) < np.floor(_SHARP * before[i])
+        ):
+            there[i] = a - _FAR
+        elif (
+            b - walk.x[i] < _NEAR
+            and z[i] < b + _FAR
+            and np.floor(_SHARP * z[i]) > np.floor(_SHARP * before[i])
+        ):
+            there[i] = b + _FAR
+    return there
+
+
+class Edge(NamedTuple):
+    """An element that stands at a neighbour."""
+
+    element: int
+    side: str  # "lower" or "upper", where the neighbour is
+    neighbour: End
+
+
+def edges(variables: Variables, constants: Constants, x: np.ndarray) -> list[Edge]:
+    """Elements of x, shape (size,), within `AT_EDGE` of a neighbour."""
+    if not variables.order:
+        return []
+    leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(to_scene(variables, constants, np.asarray(x)))]
+    own = {
+        End(g.leaf, e): i
+        for g in variables.own
+        for i, e in zip(range(*g.slot), g.elements or (None,), strict=True)
+    }
+    found = []
+    for low, high in variables.order:
+        below, above = (
+            leaves[e.leaf] if e.element is None else leaves[e.leaf][e.element] for e in (low, high)
+        )
+        if above - below <= AT_EDGE * abs(above):
+            found += [Edge(own[high], "lower", low)] if high in own else []
+            found += [Edge(own[low], "upper", high)] if low in own else []
+    return found
+
+
+def _put(x, elements):
+    """A vector with some of its elements replaced."""
+    if isinstance(x, np.ndarray):
+        x = x.copy()
+        for i, value in elements.items():
+            x[i] = value
+        return x
+    which = np.array(list(elements))
+    return x.at[which].set(jnp.stack([jnp.asarray(v, x.dtype) for v in elements.values()]))
