@@ -8,7 +8,6 @@ from rubberfric.base.process.lazy import lazily
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
     from rubberfric.analysis.by_wavevector import Profile, profile
-    from rubberfric.analysis.derivatives.jacobian import value_and_jacobian
     from rubberfric.analysis.elements.expected import TheoryError, theory_error
     from rubberfric.analysis.elements.realisation import Surface, random_surface
     from rubberfric.analysis.elements.sliding import SlidingContact, boundary_element, sliding_contact
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
     from rubberfric.analysis.interface.pull_off import pull_off_force
     from rubberfric.analysis.interface.separations import SeparationProfile, separation_profile
     from rubberfric.analysis.interface.stresses import contact_stiffness, stress_distribution
+    from rubberfric.analysis.jacobian import value_and_jacobian
     from rubberfric.analysis.maps.friction_map import FrictionMap, friction_map
     from rubberfric.analysis.maps.friction_table import friction_table
     from rubberfric.analysis.power import DissipatedPower, dissipated_power
@@ -66,7 +66,7 @@ lazily(
     __name__,
     {
         "rubberfric.analysis.by_wavevector": "Profile profile",
-        "rubberfric.analysis.derivatives.jacobian": "value_and_jacobian",
+        "rubberfric.analysis.jacobian": "value_and_jacobian",
         "rubberfric.analysis.elements.expected": "TheoryError theory_error",
         "rubberfric.analysis.elements.realisation": "Surface random_surface",
         "rubberfric.analysis.elements.sliding": "SlidingContact boundary_element sliding_contact",

@@ -14,7 +14,7 @@ from scipy.stats import norm
 
 import rubberfric as rf
 from rubberfric.analysis import adhesion_profile, full_contact_energy, pull_off_force
-from rubberfric.analysis.derivatives.jacobian import value_and_jacobian
+from rubberfric.analysis.jacobian import value_and_jacobian
 from rubberfric.base.quadrature import gauss
 from rubberfric.theory.area import first_passage, short_range
 from rubberfric.theory.area.first_passage import at_end, passage
