@@ -1,6 +1,6 @@
 r"""Derivatives of a quantity at many points with respect to a few parameters x of the scene.
 
-With s the leaves of the scene and w those of the prepared scene (meshes, weights, series;
+With leaves s of the scene and leaves w of the prepared scene (meshes, weights, series;
 `rubberfric.theory.integrals`) the chain rule reads
 
 .. math:: \frac{\partial Q_i}{\partial x} = \sum_{parts} \frac{\partial Q_i}{\partial w}\,
@@ -36,7 +36,7 @@ from rubberfric.theory.temperatures.solution import preconditioner, solve_rises,
 BLOCK, CPU_BLOCK = 256, 32
 
 
-class Linearised(NamedTuple):
+class LinearisedTree(NamedTuple):
     """A pytree that depends on x, and its derivatives."""
 
     leaves: list[Any]  # of the pytree
@@ -50,7 +50,7 @@ class Linearised(NamedTuple):
         return jax.tree_util.tree_unflatten(self.structure, leaves)
 
 
-def linearised(function: Callable[[Any], Any], x: Any) -> Linearised:
+def linearise_tree(function: Callable[[Any], Any], x: Any) -> LinearisedTree:
     """Value and derivatives of a function that returns a pytree; leaves that are not arrays are kept."""
     structure, others, moves = None, {}, []
 
@@ -66,7 +66,7 @@ def linearised(function: Callable[[Any], Any], x: Any) -> Linearised:
     reals, push, integers = jax.linearize(reals_and_integers, x, has_aux=True)
     leaves = {**others, **integers, **reals}
     moving = [i for i, moved in zip(reals, moves, strict=True) if moved]
-    return Linearised(
+    return LinearisedTree(
         [leaves[i] for i in range(len(leaves))],
         structure,
         moving,
@@ -159,11 +159,11 @@ def value_and_jacobian(
 def _parts(scene_of, x, prepared):
     """Derivatives of the prepared scene by parts of the scene.
 
-    Returns a list of (Linearised, tangents of its moving leaves along m directions (m, numbers), components
-    of these directions by x (m, size)). The directions are the elements of the part's moving leaves, or
-    those of x where x has fewer.
+    Returns a list of (LinearisedTree, tangents of its moving leaves along m directions (m, numbers),
+    components of x along these directions (m, size)). The directions are the elements of the part's moving
+    leaves, or the elements of x if these are fewer.
     """
-    scene = linearised(scene_of, x)
+    scene = linearise_tree(scene_of, x)
     every = jnp.eye(x.size, dtype=x.dtype)
     by_x = dict(zip(scene.moving, jax.vmap(scene.push)(every), strict=True))
     paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(scene.tree({}))[0]]
@@ -173,7 +173,7 @@ def _parts(scene_of, x, prepared):
     parts = []
     for group in list(groups.values()) or [[]]:
         leaves = [scene.leaves[i] for i in group]
-        part = linearised(
+        part = linearise_tree(
             lambda own, group=group: prepared(scene.tree(dict(zip(group, own, strict=True)))), leaves
         )
         flat, unflatten = ravel_pytree(leaves)
@@ -218,7 +218,7 @@ def _forward_heated(scene_of, x, conditions, quantity, quadrature):
     The temperatures y = f(y, x) change by dy = f_y dy + f_x dx. The heat balance and the quantity are
     linearised together.
     """
-    ready = linearised(lambda x: prepare(scene_of(x), (quantity,), quadrature), x)
+    ready = linearise_tree(lambda x: prepare(scene_of(x), (quantity,), quadrature), x)
     shape = np.broadcast_shapes(*map(np.shape, conditions))
     velocity, pressure, background = (jnp.broadcast_to(jnp.asarray(c, x.dtype), shape) for c in conditions)
     points = velocity, pressure, background

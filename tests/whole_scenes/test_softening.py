@@ -12,7 +12,7 @@ from support.oracles import oracle
 from support.scenes.common import ROAD
 
 import rubberfric as rf
-from rubberfric.analysis.error_and_time.textbook import covers
+from rubberfric.analysis.textbook import covers
 from rubberfric.scene.numerics.settings import OTHER
 from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.scene import present

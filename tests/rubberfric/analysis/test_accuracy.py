@@ -21,25 +21,25 @@ from support.scenes.common import ROAD
 from support.scenes.common import SHIFTED_TREAD as TREAD
 
 import rubberfric as rf
-from rubberfric.analysis.error_and_time import sweep
-from rubberfric.analysis.error_and_time.reference import (
+from rubberfric.analysis import sweep
+from rubberfric.analysis.reference import (
+    SETTINGS,
     Errors,
     Outcome,
     Reference,
     arguments,
     case_of,
-    compare,
+    compare_outcomes,
+    node_count,
     rounded,
 )
-from rubberfric.analysis.error_and_time.reference import reference as reference_of
-from rubberfric.analysis.error_and_time.report import Accuracy, Row
-from rubberfric.analysis.error_and_time.settings import SETTINGS, node_count
-from rubberfric.analysis.error_and_time.sweep import with_automatic
+from rubberfric.analysis.reference import reference as reference_of
+from rubberfric.analysis.sweep import Accuracy, Row, with_automatic
 from rubberfric.commands import accuracy as accuracy_command
 from rubberfric.commands import main as command
 from rubberfric.commands.process.phases import progress
 from rubberfric.io.scene_files.conditions import Conditions
-from rubberfric.plot.save import plot_accuracy
+from rubberfric.plot import plot_accuracy
 
 CASE = reference("forward_cases")["smooth-rubber-rough-rigid-0"]
 AT = scene(CASE), CASE["v"], CASE["pressure"]
@@ -58,7 +58,7 @@ def known():
 @functools.cache
 def found():
     """A sweep over that case."""
-    with unittest.mock.patch("rubberfric.analysis.error_and_time.reference.reference", return_value=known()):
+    with unittest.mock.patch("rubberfric.analysis.reference.reference", return_value=known()):
         options = {"settings": (MIDDLE, COARSE), "textbook": ((60, 24), (120, 48)), "repeats": 3}
         return rf.analysis.accuracy(*AT, **options)
 
@@ -120,19 +120,19 @@ def test_errors_of_samples():
     values = np.array([[0.5, 0.2, 0.1], [0.0, 1.0, 1.0], [1e-4, 1e-5, 1e-300]])
     slopes = np.ones((3, points.differentiated.size, 4))
     exact = Outcome(values, slopes)
-    assert compare(exact, exact, points) == Errors(0, 0, 0, 0, 0, 0)
+    assert compare_outcomes(exact, exact, points) == Errors(0, 0, 0, 0, 0, 0)
     off = values.copy()
     off[0, 1] *= 1.25
     off[2, 2] = 0.0  # 1e-300 m is no separation: nobody needs its digits
     steeper = slopes.copy()
     steeper[1, 2, 3] = 1.5
-    errors = compare(Outcome(off, steeper), exact, points)
+    errors = compare_outcomes(Outcome(off, steeper), exact, points)
     np.testing.assert_allclose(errors, [0.25, 0, 0, 0, 0.5, 0], atol=1e-12, rtol=1e-5)
-    assert compare(Outcome(off), exact, points).gradient is None
+    assert compare_outcomes(Outcome(off), exact, points).gradient is None
     off[1, 0] = 1e-30  # not zero where zero is exact
-    assert compare(Outcome(off), exact, points).friction == np.inf
+    assert compare_outcomes(Outcome(off), exact, points).friction == np.inf
     off[0, 0] = np.nan
-    assert compare(Outcome(off), exact, points).area == np.inf
+    assert compare_outcomes(Outcome(off), exact, points).area == np.inf
 
 
 def test_single_precision_is_compared_at_its_own_inputs():
@@ -156,8 +156,8 @@ def compared(monkeypatch):
 
     monkeypatch.setattr(sweep, "_panels", panels)
     nothing = Reference("compiled", "exact", Errors(*[0.0] * 6))
-    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.reference", lambda *_: nothing)
-    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.outcome", lambda *arguments: arguments)
+    monkeypatch.setattr("rubberfric.analysis.reference.reference", lambda *_: nothing)
+    monkeypatch.setattr("rubberfric.analysis.reference.outcome", lambda *arguments: arguments)
     return seen
 
 
@@ -208,7 +208,7 @@ def test_the_setting_of_calls_without_one_has_its_row_and_its_line():
 
 def test_for_error_keeps_its_word(monkeypatch):
     """The cheapest setting with which the values are as near to brute force as wanted."""
-    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.reference", lambda *_: known())
+    monkeypatch.setattr("rubberfric.analysis.reference.reference", lambda *_: known())
     settings = SETTINGS
     chosen = settings.index(rf.analysis.quadrature_for(AT[0], 1e-5, *AT[1:], gradients=False))
     assert np.max(value_error(settings[chosen])) <= 1e-5 < np.max(value_error(settings[chosen - 1]))
@@ -223,18 +223,18 @@ def test_for_error_with_and_without_gradients(monkeypatch):
         seen.append(points.conditions)
         return Errors(*errors[setting][: None if gradients else 3]), None
 
-    monkeypatch.setattr("rubberfric.analysis.error_and_time.settings.SETTINGS", (COARSE, MIDDLE))
-    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.measured", measured)
-    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.compare", lambda found, *_: found)
+    monkeypatch.setattr("rubberfric.analysis.reference.SETTINGS", (COARSE, MIDDLE))
+    monkeypatch.setattr("rubberfric.analysis.reference.measured", measured)
+    monkeypatch.setattr("rubberfric.analysis.reference.compare_outcomes", lambda found, *_: found)
     nothing = Reference(None, None, Errors(*6 * [1e-12]))
-    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.reference", lambda *_: nothing)
+    monkeypatch.setattr("rubberfric.analysis.reference.reference", lambda *_: nothing)
     assert rf.analysis.quadrature_for(SCENE, 1e-6) == MIDDLE
     assert rf.analysis.quadrature_for(SCENE, 1e-6, gradients=False) == COARSE
     velocity, pressure = seen[0]
     assert velocity.shape == pressure.shape == (55,)
     limits = [velocity.min(), velocity.max(), pressure.min(), pressure.max()]
     np.testing.assert_allclose(limits, [1e-8, 1e2, 1e3, 1e7], rtol=1e-12)
-    message = "error = 1e-10: none of 2 settings meets it on this scene; the best is 1.0e-09 off"
+    message = "error = 1e-10: none of 2 settings meets it on this scene; the smallest error is 1.0e-09"
     with pytest.raises(ValueError, match=message):
         rf.analysis.quadrature_for(SCENE, 1e-10)
 
@@ -248,10 +248,10 @@ def test_no_reference_for_a_noisy_table(monkeypatch):
     row = Row("panels", COARSE, "float64", 100, Errors(*[1e-11] * 6), 1e-3, 1e-2, 1.0, 2.0)
     result = Accuracy(1e-9, (row,), Errors(*exact.agreement[:3], *exact.agreement[:3]), 1, 1)
     assert result.chosen is None and result.chosen_values is None
-    assert result.report().count("to 1e-09: no reference, for its refinements agree to") == 2
+    assert result.report().count("to 1e-09: no reference, because its refinements agree to") == 2
     assert result.report().count("<") == 6  # none of these errors is known
-    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.reference", lambda *_: exact)
-    with pytest.raises(ValueError, match=r"error = 1e-09: there is no reference for it on this scene"):
+    monkeypatch.setattr("rubberfric.analysis.reference.reference", lambda *_: exact)
+    with pytest.raises(ValueError, match=r"error = 1e-09: the reference cannot resolve it on this scene"):
         rf.analysis.quadrature_for(at[0], 1e-9, *at[1:], gradients=False)
 
 
@@ -274,7 +274,7 @@ def test_the_cheapest_is_chosen_for_either_use():
     assert result._replace(error=1e-7).chosen is result.rows[2]  # too fine for single precision
     text = result.report()
     assert max(map(len, text.splitlines())) <= 110
-    assert "takes 50 times as long as the first" in text and "3e-03 off" in text
+    assert "takes 50 times as long as the first" in text and "with an error of 3e-03" in text
     assert made([[1e-2] * 6]).chosen_values is None
     assert "values and gradients to 1e-06: no setting meets it" in made([[1e-2] * 6]).report()
     assert made([fine], agreement=2e-7).chosen is None
@@ -476,9 +476,7 @@ def test_velocities_are_thinned_to_a_number_of_points():
 )
 def test_command_with_bad_input(call, monkeypatch, arguments, message):
     rf.save_scene("bare.h5", SCENE)
-    monkeypatch.setattr(
-        "rubberfric.analysis.error_and_time.reference.case_of", None
-    )  # nothing may be computed
+    monkeypatch.setattr("rubberfric.analysis.reference.case_of", None)  # nothing may be computed
     before = sorted(os.listdir())
     status, printed, complaint = call("accuracy", *arguments)
     assert (status, printed, complaint.count("\n")) == (2, "", 1)

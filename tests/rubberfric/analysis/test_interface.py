@@ -12,7 +12,7 @@ from support.cases.stored import scene as scene_of
 from support.oracles import oracle
 
 import rubberfric as rf
-from rubberfric.analysis.interface.stresses import _stress_density
+from rubberfric.analysis.interface import _stress_density
 
 node, weight = np.polynomial.legendre.leggauss(24)
 
@@ -212,7 +212,7 @@ def test_separation_profile_ends():
     assert (found.separation[:, 0] == np.inf).all() and (found.area[:, 0] == 1).all()
     smooth = rf.Scene(rf.Body(rf.Elastic(1e6, 0.5)), rf.Body(rf.Rigid()))
     assert not np.any(rf.analysis.separation_profile(smooth, v, p, q=[1.0]).separation)
-    with pytest.raises(ValueError, match=r"^q is None, but nothing in the scene is rough: must be given$"):
+    with pytest.raises(ValueError, match=r"^q is None, but the scene has no roughness; give wavevectors$"):
         rf.analysis.separation_profile(smooth, v, p)
 
 

@@ -11,7 +11,7 @@ import rubberfric as rf
 from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import residuals, residuals_and_jacobian
 from rubberfric.analysis import jacobian as jacobian_module
-from rubberfric.analysis.jacobian import BLOCK, linearised, value_and_jacobian
+from rubberfric.analysis.jacobian import BLOCK, linearise_tree, value_and_jacobian
 from rubberfric.scene.scene import cast
 
 COARSE = rf.Quadrature(order=6, panels=4, graded=3, angular_order=6)
@@ -132,12 +132,12 @@ def test_first_step_of_a_fit_equals_a_dense_jacobian(name, monkeypatch):
         return np.max(np.abs(found - dense)) / np.max(np.abs(dense))
 
     def wrong(function, x):
-        found = linearised(function, x)
+        found = linearise_tree(function, x)
         return found._replace(moving=found.moving[1:], push=lambda tangent: found.push(tangent)[1:])
 
     assert error() < 1e-12
     assert np.all(np.any(np.asarray(dense) != 0, axis=0))
-    monkeypatch.setattr(jacobian_module, "linearised", wrong)
+    monkeypatch.setattr(jacobian_module, "linearise_tree", wrong)
     assert error() > 1e-6
 
 
@@ -149,7 +149,7 @@ def test_leaves_that_do_not_move_are_found_by_jax():
         still = [jax.lax.stop_gradient(x), jnp.ones(2), jnp.argsort(x), "text", None]
         return [x[1:], through_complex, *still, jax.lax.fori_loop(0, 3, lambda _, y: y * x[0], 1.0)]
 
-    found = linearised(tree, jnp.array([2.0, 3.0, 5.0]))
+    found = linearise_tree(tree, jnp.array([2.0, 3.0, 5.0]))
     assert [found.leaves[i].shape for i in found.moving] == [(2,), (), ()]
     slice_, square, cube = found.push(jnp.array([1.0, 0.0, 0.0]))
     np.testing.assert_allclose(slice_, 0.0)

@@ -156,7 +156,7 @@ def test_smooth_scene():
     found = rf.analysis.profile(scene, np.ones(3), 1e5, q=[10.0, 30.0])
     assert found.area.shape == (3, 2) and (found.area == 1).all() and (found.energy_factor == 1).all()
     assert not np.any(found.friction) and not np.any(found.rms_slope) and not np.any(found.fluctuation)
-    with pytest.raises(ValueError, match=r"^q is None, but nothing in the scene is rough: must be given$"):
+    with pytest.raises(ValueError, match=r"^q is None, but the scene has no roughness; give wavevectors$"):
         rf.analysis.profile(scene, 1.0, 1e5)
 
 
@@ -180,7 +180,7 @@ def test_single_precision_stays_single():
 
 def test_plot():
     pytest.importorskip("matplotlib")
-    from rubberfric.plot.profile import plot_profile
+    from rubberfric.plot.curves import plot_profile
 
     scene, *_ = conditions(TYRE)
     axes = plot_profile(

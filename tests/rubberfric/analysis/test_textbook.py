@@ -10,8 +10,8 @@ from support.scenes.common import RIGID, ROAD, SHEAR, scene
 from support.scenes.common import SHIFTED_TREAD as TREAD
 
 import rubberfric as rf
-from rubberfric.analysis.error_and_time import textbook
-from rubberfric.analysis.error_and_time.textbook_solids import modulus_at, range_of, spectrum_at
+from rubberfric.analysis import textbook
+from rubberfric.analysis.textbook import modulus_at, range_of, spectrum_at
 
 TRACK = rf.Prony(2e6, [2e8, 2e7], [1e-6, 1e-4], 0.49, rf.Arrhenius(1.0, 293.15))
 TABLE = rf.TabulatedModulus(
@@ -45,7 +45,7 @@ VELOCITY, PRESSURE = np.array([-1e-2, 1e-4, 1e-1]), np.array([[1.5e5], [1e7]])
 
 def errors(scene, temperature, nodes, pressure=PRESSURE, velocity=VELOCITY):
     """Relative errors, (quantities, pressures, velocities)."""
-    found = textbook.solve(scene, velocity, pressure, temperature, nodes=nodes)
+    found = textbook.textbook_solve(scene, velocity, pressure, temperature, nodes=nodes)
     exact = rf.solve(scene, velocity, pressure, temperature)
     exact = {name: np.asarray(getattr(exact, name)) for name in found}
     assert all(found[name].shape == exact[name].shape for name in found)
@@ -89,10 +89,10 @@ def test_second_order_in_the_wavevector():
 
 def test_quantities_alone_and_points_in_blocks(monkeypatch):
     at = (SCENES["sheared"], VELOCITY, PRESSURE, 283.15)
-    whole = textbook.solve(*at, nodes=(40, 16))
+    whole = textbook.textbook_solve(*at, nodes=(40, 16))
     monkeypatch.setattr(textbook, "_AT_ONCE", 2 * 40 * 16)
     for name in whole:
-        (alone,) = textbook.solve(*at, nodes=(40, 16), quantities=(name,)).items()
+        (alone,) = textbook.textbook_solve(*at, nodes=(40, 16), quantities=(name,)).items()
         assert alone[0] == name
         np.testing.assert_allclose(alone[1], whole[name], rtol=1e-13)
 
@@ -102,7 +102,7 @@ def test_as_fast_as_trapezoids_written_for_one_scene():
     times = in_turns(
         {
             "numpy": curves.numpy_friction,
-            "textbook": lambda: textbook.solve(
+            "textbook": lambda: textbook.textbook_solve(
                 curves.ONE, curves.VELOCITY, curves.PRESSURE, quantities=("friction",)
             ),
         },
@@ -128,7 +128,7 @@ def test_what_it_does_not_cover_is_refused(part):
     with pytest.raises(
         ValueError, match="scene: heating, softening, adhesion, correlation and anisotropy must be absent"
     ):
-        textbook.solve(other, 1.0, 1e5, 293.15)
+        textbook.textbook_solve(other, 1.0, 1e5, 293.15)
 
 
 def test_a_table_with_ends_of_its_own():

@@ -9,7 +9,7 @@ from support.scenes.common import RIGID, TREAD, scene
 
 import rubberfric as rf
 from rubberfric.analysis import theory_error
-from rubberfric.analysis.elements.expected import AREAS, RATIOS
+from rubberfric.analysis.validity import AREAS, RATIOS
 from rubberfric.commands.main import main
 
 

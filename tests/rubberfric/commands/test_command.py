@@ -22,7 +22,7 @@ from rubberfric.commands.run import convergence_line
 from rubberfric.io.result_files import load_result
 from rubberfric.io.results import Result
 from rubberfric.io.scene_files.conditions import Conditions
-from rubberfric.plot.save import plot_result
+from rubberfric.plot import plot_result
 
 SCENE_FILES = sorted(path for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
 # To compile.

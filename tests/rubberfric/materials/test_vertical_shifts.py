@@ -11,7 +11,7 @@ from support.scenes.fits import AFFINE as ROAD
 
 import fitting
 import rubberfric as rf
-from rubberfric.analysis.error_and_time import textbook
+from rubberfric.analysis import textbook
 
 T_REF = 293.15
 ENTROPIC, TABLE = rf.Entropic(6e-4), rf.TabulatedVertical([250.0, 300.0, 400.0], [1.3, 1.0, 0.6])
@@ -221,7 +221,7 @@ def test_textbook():
     for name in ("one", "two", "own-base", "coating"):
         scene = dataclasses.replace(SCENES[name](law), shear=shear)
         exact = rf.solve(scene, V, 3e5, T, quantities=QUANTITIES)
-        found = textbook.solve(scene, V, 3e5, T, nodes=(1500, 128))
+        found = textbook.textbook_solve(scene, V, 3e5, T, nodes=(1500, 128))
         for quantity in QUANTITIES:
             np.testing.assert_allclose(found[quantity], getattr(exact, quantity), rtol=2e-2, err_msg=name)
 

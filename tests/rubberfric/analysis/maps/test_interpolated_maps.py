@@ -7,8 +7,7 @@ import pytest
 from support.scenes.maps import QUICK, ROAD, SCENE, TREAD, WLF
 
 import rubberfric as rf
-from rubberfric.analysis.maps import collapse, interpolation
-from rubberfric.analysis.maps.chebyshev import summed
+from rubberfric.analysis import collapse
 from rubberfric.io.result_files import load_result, save_result
 from rubberfric.io.scene_files.conditions import Conditions
 
@@ -98,11 +97,15 @@ def found_over(function, **options):
         with np.errstate(divide="ignore"):
             return {"area": function(np.log(speed), pressure[:, None]) * np.ones((pressure.size, 1))}
 
-    made = interpolation.interpolant(x, np.log(p), evaluate)
+    made = collapse.interpolant(x, np.log(p), evaluate)
     if made is None:
         return None, x, p
     cell, place = made.places(x)
-    return np.stack([summed(made.at_pressure("area", np.log(one))[0], cell, place) for one in p]), x, p
+    return (
+        np.stack([collapse.summed(made.at_pressure("area", np.log(one))[0], cell, place) for one in p]),
+        x,
+        p,
+    )
 
 
 @pytest.mark.parametrize("width", [1.0, 0.05])
@@ -148,7 +151,7 @@ def test_a_model_that_knows_the_temperature_is_found_out():
 
     scene = rf.Scene(RIGID_ROAD, rubber(WLF))
     for heat, expected in ((0.0, True), (1e-13, False)):
-        found = collapse.curve(
+        found = collapse.collapse(
             scene, conditions, ("area",), lambda names, at, heat=heat: model(heat, names, at)
         )
         assert (found is not None) == expected
@@ -158,6 +161,6 @@ def test_parts_that_a_scene_has_not():
     """Without contact shear its friction is 0, and nothing is interpolated for it."""
     scene = rf.Scene(RIGID_ROAD, rubber(WLF))
     series = types.SimpleNamespace(values={}, places=lambda _: (None, None))
-    curve = collapse.Curve(scene, ("shear_friction",), series, None)
+    curve = collapse.CollapsedMap(scene, ("shear_friction",), series, None)
     conditions = Conditions(VELOCITY, np.array([1e5]), TEMPERATURE)
     assert not collapse.whole(curve, conditions)["shear_friction"].any()

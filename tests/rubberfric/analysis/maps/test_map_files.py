@@ -15,8 +15,7 @@ from support.folders import PYTHONPATH, ROOT
 from support.scenes.maps import FILE, QUICK, SCENE
 
 import rubberfric as rf
-from rubberfric.analysis.maps import batches
-from rubberfric.analysis.maps import friction_map as maps
+from rubberfric.analysis import batches, maps
 from rubberfric.commands import main as command
 from rubberfric.io.result_files import load_result
 
@@ -44,7 +43,7 @@ import os, signal, sys
 import jax; jax.config.update("jax_enable_x64", True)
 import numpy as np, rubberfric as rf
 from support.scenes.maps import SCENE
-from rubberfric.analysis.maps import batches
+from rubberfric.analysis import batches
 def launch(tiling, task, batch):  # instead of compiling
     v, p, T = batches.points(task.conditions, batch)
     return {"area": np.sin(p)[:, None] * v * T, "friction": np.cos(p)[:, None] * v / T}
@@ -142,7 +141,7 @@ def test_two_processes_of_two_devices_equal_one(tmp_path):
     assert shares(tmp_path, [None]) == [""]
     first, second = shares(tmp_path, [0, 1], port)
     assert "m.h5: there is no folder" in first
-    assert second.endswith("no/m.h5: cannot be written by the first process, which says why\n")
+    assert second.endswith("no/m.h5: cannot be written by the first process; see its message\n")
     one, several = (np.load(tmp_path / f"{name}.h5.npy") for name in (None, 0))
     np.testing.assert_allclose(several, one, rtol=1e-13)
     written = load_result(tmp_path / "0.h5").solution
@@ -196,7 +195,7 @@ def test_a_heated_map_says_where_it_did_not_converge(call_main, tmp_path, monkey
     monkeypatch.setattr(batches, "launch", launch)
     monkeypatch.setattr(batches, "fitted", lambda tiling, _: tiling)
     for largest in (0, 2**28):
-        monkeypatch.setattr(maps, "LARGEST", largest)
+        monkeypatch.setattr(maps, "MOST_IN_MEMORY", largest)
         found = rf.friction_map(HEATED, *at, quantities=names, path=path)
         for solution in (found.solution, load_result(path).solution):
             assert solution.converged.dtype == bool
@@ -243,7 +242,7 @@ def test_batches_are_every_point_once_and_in_bounds(pairs, pressures, block):
 @pytest.mark.parametrize(("first", "stop"), [(0, 35), (0, 3), (3, 4), (6, 9), (5, 30), (4, 33), (34, 35)])
 def test_a_batch_lies_in_a_map_as_rectangles(velocities, first, stop):
     found = np.zeros((35, velocities))
-    for T, v, pairs in batches.Batch(first, stop, 0, 1).pieces(velocities):
+    for T, v, pairs in batches.MapBatch(first, stop, 0, 1).pieces(velocities):
         found[T, v] += np.arange(first, stop)[pairs].reshape(T.stop - T.start, -1)
     place = np.arange(found.size).reshape(found.shape)
     np.testing.assert_array_equal(found, np.where((place >= first) & (place < stop), place, 0))

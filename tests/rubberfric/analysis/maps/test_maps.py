@@ -28,15 +28,14 @@ from support.scenes.maps import (
 )
 
 import rubberfric as rf
-from rubberfric.analysis.maps import batches
-from rubberfric.analysis.maps import friction_map as maps
+from rubberfric.analysis import batches, maps
 from rubberfric.base import cores
 from rubberfric.base.progress import Progress
 from rubberfric.commands import main as command
 from rubberfric.io.files import read_computable
 from rubberfric.io.result_files import load_result
 from rubberfric.io.scene_files.conditions import Conditions
-from rubberfric.plot.map import plot_map
+from rubberfric.plot.maps import plot_map
 
 
 @pytest.mark.parametrize("block", [BLOCK, None])
@@ -88,7 +87,7 @@ def test_streaming_to_a_file_equals_memory(tmp_path, monkeypatch):
     whole = rf.friction_map(SCENE, *POINTS, quadrature=QUICK, path=path, title="Map", block=BLOCK)
     written = load_result(path)
     path.unlink()
-    monkeypatch.setattr(maps, "LARGEST", 0)
+    monkeypatch.setattr(maps, "MOST_IN_MEMORY", 0)
     streamed = rf.friction_map(SCENE, *POINTS, quadrature=QUICK, path=path, title="Map", block=BLOCK)
     again = load_result(path)
     for name in maps.DEFAULT_QUANTITIES:
@@ -117,7 +116,7 @@ def test_streaming_to_a_file_equals_memory(tmp_path, monkeypatch):
         ({"temperature": [293.15, 150.0]}, "must be > 193.15 K, the pole of the WLF law"),
         ({"quantities": ("area", "mu")}, "quantities has 'mu': must be one of area, friction"),
         ({"quantities": ("frictoin",)}, "did you mean 'friction'?"),
-        ({"quantities": ()}, "quantities is empty: must have at least one"),
+        ({"quantities": ()}, "quantities is empty; name at least one"),
         ({"block": 0}, "block = 0: must be an integer >= 1"),
         ({"block": True}, "block = True: must be an integer >= 1"),
         ({"scene": "scene"}, "scene is a str: must be a Scene"),
@@ -126,13 +125,13 @@ def test_streaming_to_a_file_equals_memory(tmp_path, monkeypatch):
         ({"path": "no/m.h5"}, "there is no folder 'no'; it must exist"),
         (
             {"velocity": np.logspace(0, 1, 1000), "pressure": np.logspace(5, 6, 1000)},
-            "path is None: must name a file for the 0.0745 GiB of results, of which memory holds 0.00",
+            "path is None, but the results take 0.0745 GiB and memory holds 0.00",
         ),
     ],
 )
 def test_bad_arguments_are_one_line(tmp_path, monkeypatch, change, message):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(maps, "LARGEST", 2**23)
+    monkeypatch.setattr(maps, "MOST_IN_MEMORY", 2**23)
     monkeypatch.setattr(batches, "launch", None)  # nothing may be computed
     good = dict(scene=SCENE, velocity=VELOCITY, pressure=PRESSURE, temperature=TEMPERATURE)
     with pytest.raises(ValueError, match=re.escape(message)) as caught:
@@ -156,7 +155,7 @@ def test_progress_is_told_before_the_first_and_after_every_batch():
 
 @pytest.mark.parametrize("streamed", [False, True])
 def test_a_stopped_map_leaves_no_file_and_an_old_one_alone(tmp_path, monkeypatch, streamed):
-    monkeypatch.setattr(maps, "LARGEST", 0 if streamed else 2**28)
+    monkeypatch.setattr(maps, "MOST_IN_MEMORY", 0 if streamed else 2**28)
     path = tmp_path / "m.h5"
 
     def interrupt(done, _):
@@ -181,7 +180,7 @@ def test_a_point_that_is_not_finite_is_named(tmp_path, monkeypatch, streamed):
         velocity, pressure, _ = batches.points(task.conditions, batch)
         return {"area": np.ones((pressure.size, 1)) / (velocity - VELOCITY[3]), "friction": np.ones((2, 45))}
 
-    monkeypatch.setattr(maps, "LARGEST", 0 if streamed else 2**28)
+    monkeypatch.setattr(maps, "MOST_IN_MEMORY", 0 if streamed else 2**28)
     monkeypatch.setattr(batches, "launch", launch)
     where = f"area = inf at velocity = {VELOCITY[3]:g}, pressure = 300000, temperature = 263.15: not finite"
     with (
@@ -194,7 +193,7 @@ def test_a_point_that_is_not_finite_is_named(tmp_path, monkeypatch, streamed):
 
 @pytest.mark.parametrize(("nv", "nT", "nP"), [(1000, 500, 1), (300, 20, 40), (7, 1, 3)])
 def test_a_batch_takes_little_memory_however_large_the_map(nv, nT, nP):
-    """What the one compiled program holds; all else is results, bounded by LARGEST, or in the file."""
+    """What the one compiled program holds; all else is results, bounded by MOST_IN_MEMORY, or in the file."""
     conditions = Conditions(np.ones(nv), np.full(nP, 1e5), np.full(nT, 300.0))
     tiling = batches.plan(nv * nT, nP)
     scene = batches.on_all(tiling.mesh, jax.tree.map(jnp.asarray, SCENE))
@@ -203,7 +202,7 @@ def test_a_batch_takes_little_memory_however_large_the_map(nv, nT, nP):
     batch = batches.program_bytes(tiling, task)
     assert 0 < batch < 2**23
     # Of a program no more than batches.MEMORY; two hold results; half a GiB for JAX itself.
-    assert 2 * batches.MEMORY + maps.LARGEST + 2**29 < 2**31
+    assert 2 * batches.MEMORY + maps.MOST_IN_MEMORY + 2**29 < 2**31
 
 
 # In a process of its own: the largest resident set never falls again.
@@ -211,13 +210,13 @@ LARGE = """
 import json, resource, sys, time
 import jax; jax.config.update("jax_enable_x64", True)
 import numpy as np, rubberfric as rf
-from rubberfric.analysis.maps import friction_map as maps
+from rubberfric.analysis import maps
 from rubberfric.io.files import read_scene_file
 path, streamed, nv, nT, setting = json.loads(sys.argv[1])
 scene, conditions, _ = read_scene_file("data/tread_on_asphalt.toml", "map")
 v, T = np.logspace(-6, 2, nv), np.linspace(243.15, 373.15, nT)
 if streamed:
-    maps.LARGEST = 2**20
+    maps.MOST_IN_MEMORY = 2**20
 quadrature = rf.Quadrature(**setting)
 rf.friction_map(scene, v, conditions.pressure[:2], T[: 1 + nT // 20], quadrature=quadrature)
 begin = time.perf_counter()
@@ -336,9 +335,9 @@ def test_picture_of_many_pressures_points_and_a_constant():
 @pytest.mark.parametrize(
     ("conditions", "options", "message"),
     [
-        (([1.0], [1e5, 2e5], [283.0, 293.0]), {}, "velocity has 1 different values > 0: must have 2 or more"),
+        (([1.0], [1e5, 2e5], [283.0, 293.0]), {}, "velocity has 1 different values > 0; a map needs 2"),
         (([1.0, -1.0], [1e5, 2e5], [283.0]), {}, "velocity has 1 different values > 0"),
-        (([1.0, 2.0], [1e5], [283.0]), {}, "pressure has one value: must have 2 or more for a map"),
+        (([1.0, 2.0], [1e5], [283.0]), {}, "pressure has one value; a map needs 2"),
         (([1.0, 2.0], [1e5], [283.0, 293.0]), {"temperature": 0}, "pressure has one value"),
         (([1.0, 2.0], [1e5], [283.0, 293.0]), {"temperature": 2}, "temperature = 2: must be an index of 2"),
         (([1.0, 2.0], [1e5], [283.0, 293.0]), {"pressure": 0.5}, "pressure = 0.5: must be an index of 1"),
