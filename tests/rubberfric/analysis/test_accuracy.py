@@ -1,4 +1,4 @@
-"""Errors against run time: that the errors are errors, and that the choice keeps its word."""
+"""Errors and run times of accuracy settings, checked against brute force; report, file and command."""
 
 import csv
 import functools
@@ -65,7 +65,7 @@ def found():
 
 @functools.cache
 def value_error(setting):
-    """Of area, friction and separation against brute force."""
+    """Return errors of area, friction and separation against brute force."""
     here = np.array(three(rf.solve(*AT, quadrature=setting)))
     return np.abs(here / np.array([CASE[name] for name in QUANTITIES]) - 1)
 
@@ -115,7 +115,7 @@ def test_gradient_errors_are_those_of_all_sensitivities():
 
 
 def test_errors_of_samples():
-    """Worst over the points; a vanishing quantity, and what is not finite."""
+    """Check the maximum over points, vanishing quantities and non-finite values."""
     points = case_of(SCENE, VELOCITY, 1e5)
     values = np.array([[0.5, 0.2, 0.1], [0.0, 1.0, 1.0], [1e-4, 1e-5, 1e-300]])
     slopes = np.ones((3, points.differentiated.size, 4))
@@ -123,7 +123,7 @@ def test_errors_of_samples():
     assert compare_outcomes(exact, exact, points) == Errors(0, 0, 0, 0, 0, 0)
     off = values.copy()
     off[0, 1] *= 1.25
-    off[2, 2] = 0.0  # 1e-300 m is no separation: nobody needs its digits
+    off[2, 2] = 0.0  # 1e-300 m counts as zero
     steeper = slopes.copy()
     steeper[1, 2, 3] = 1.5
     errors = compare_outcomes(Outcome(off, steeper), exact, points)
@@ -147,7 +147,7 @@ def test_single_precision_is_compared_at_its_own_inputs():
 
 @pytest.fixture
 def compared(monkeypatch):
-    """What every row of a sweep is compared with, its precision beside it; nothing is compiled."""
+    """Record the reference and precision of every row of a sweep, without compilation."""
     seen = []
 
     def panels(_, exact, setting, dtype):
@@ -193,7 +193,7 @@ def test_errors_fall_along_the_ladder():
 
 
 def test_the_setting_of_calls_without_one_has_its_row_and_its_line():
-    """Where it belongs among those of increasing work."""
+    """Settings are sorted by increasing work."""
     automatic = rf.analysis.fitting_quadrature(SCENE, 1e5)
     settings = with_automatic(SCENE, automatic)
     assert automatic not in SETTINGS and set(settings) == {*SETTINGS, automatic}
@@ -206,7 +206,7 @@ def test_the_setting_of_calls_without_one_has_its_row_and_its_line():
     assert said.endswith("  1 ms, with the gradient 2 ms, errors 1e-08 and 1e-07 or less")
 
 
-def test_for_error_keeps_its_word(monkeypatch):
+def test_quadrature_for_is_the_cheapest_that_meets_the_error(monkeypatch):
     """The cheapest setting with which the values are as near to brute force as wanted."""
     monkeypatch.setattr("rubberfric.analysis.reference.reference", lambda *_: known())
     settings = SETTINGS
@@ -256,7 +256,7 @@ def test_no_reference_for_a_noisy_table(monkeypatch):
 
 
 def made(errors, agreement=1e-12, error=1e-6):
-    """A result of settings of growing work, each in both precisions, of which the single is the quicker."""
+    """Return a result for settings of increasing work in both precisions; float32 is faster."""
     rows = tuple(
         Row("panels", MIDDLE, dtype, 100 * (i + 1), Errors(*e), (i + 1) * unit, 2 * (i + 1) * unit, 1.0, 2.0)
         for dtype, unit in (("float64", 1e-3), ("float32", 0.9e-3))
@@ -279,7 +279,7 @@ def test_the_cheapest_is_chosen_for_either_use():
     assert "values and gradients to 1e-06: no setting meets it" in made([[1e-2] * 6]).report()
     assert made([fine], agreement=2e-7).chosen is None
     assert "no reference" in made([fine], agreement=2e-7).report()
-    # Less than three times what the refinements disagree by is a bound, not an error.
+    # Errors below three times the disagreement of the refinements are bounds.
     assert " <3e-08" in made([fine], agreement=1e-8).report()
     assert made([fine], agreement=1e-8).known(result.rows[1]).value == pytest.approx(3e-8)
 
@@ -385,7 +385,7 @@ def test_bad_arguments(changed, message):
 
 
 def test_double_precision_is_needed():
-    """In a process of its own: conftest switches it on here."""
+    """Use a separate process, because conftest switches x64 on."""
     program = (
         "import rubberfric as rf\n"
         "scene = rf.Scene(rf.Body(rf.Elastic(1e6, 0.5)), rf.Body(rf.Rigid()))\n"
@@ -412,7 +412,7 @@ pressure = 1e5
 
 @pytest.fixture
 def call(call_main, tmp_path, monkeypatch):
-    """Run the command in a folder of its own."""
+    """Run the command in an empty folder."""
     monkeypatch.chdir(tmp_path)
     Path("scene.toml").write_text(TEXT)
     return functools.partial(call_main, command.main)

@@ -21,7 +21,7 @@ TABLE = rf.TabulatedModulus(
     shift=rf.TabulatedShift([273.15, 293.15, 313.15], [30.0, 1.0, 0.1], 293.15),
 )
 # Ranges of three decades in common, a spectrum ending after a fifth or two thirds of them: at a node
-# of every grid here. Between nodes the error would be anything up to that of a step.
+# of every grid here. An end between nodes would add an error of up to one step.
 FLOOR = rf.SelfAffine(100.0, 1000.0, 1e4, 0.8, 5e-4)
 WORN = rf.SelfAffine(10**2.6, 2000.0, 1e5, 0.7, 5e-5)
 PLATE = rf.TabulatedSpectrum(np.geomspace(100.0, 3.1e4, 6), np.geomspace(1e-13, 1e-19, 6))

@@ -1,4 +1,4 @@
-"""The table of theory and boundary elements: that it is what its script makes, and what is said of it."""
+"""The table of theory over boundary elements equals its script; look-up and command."""
 
 import importlib.util
 

@@ -1,4 +1,4 @@
-"""Pictures: what is drawn where, labelled in which units, into whose axes, and what is refused."""
+"""Plots: lines, labels with units, axes, and rejected arguments."""
 
 import io
 import subprocess
@@ -77,8 +77,8 @@ def test_curves_of_a_result(draw):
     assert not given.figure.get_suptitle()
 
 
-def test_what_solve_returns_is_drawn():
-    """In any arrangement of its conditions; a picture names its pressure and temperature."""
+def test_solutions_are_drawn():
+    """Conditions may have any arrangement; labels name pressure and temperature."""
     v, p, T = V[[2, 4, 0]], np.array([5e5, 1e5])[:, None], 283.15
     solution = rf.Solution(friction=np.arange(6.0).reshape(2, 3))
     axes = drawn(plot.plot_friction(solution, velocity=v, pressure=p, temperature=T))
@@ -153,13 +153,13 @@ def test_any_picks_the_picture(tmp_path):
 
 
 def is_lighter(colours):
-    """Whether colours get lighter, one after the other, in grey too."""
+    """Return True if each colour is lighter than the last, also in grey."""
     grey = [float(np.dot(matplotlib.colors.to_rgb(colour), [0.299, 0.587, 0.114])) for colour in colours]
     return (np.diff(grey) > 0.03).all()
 
 
 def test_legends_do_not_cover_what_is_drawn():
-    """Beside the axes where the figure makes room."""
+    """Legends are outside the axes if the layout makes room."""
     for axes in (plot.plot_friction(RESULT), plot.plot_spectrum({"road": ROAD}), plot.plot_modulus(RUBBER)):
         figure = drawn(axes).figure
         box = axes.get_legend().get_window_extent()
@@ -323,7 +323,7 @@ def test_correlation_matrix_of_many():
     assert not plot_correlation(fit_of([f"p{i}" for i in range(41)], np.eye(41))).texts
 
 
-def test_all_pictures_are_in_one_place():
+def test_all_plots_are_public():
     names = {name for name in plot.__all__ if name.startswith("plot_")}
     assert names == {
         f"plot_{what}"

@@ -1,4 +1,4 @@
-"""Files of maps in the making: killed, refused; in one process and in several."""
+"""Files of maps: kills, refusals, several devices and processes; division into batches."""
 
 import json
 import os
@@ -21,7 +21,7 @@ from rubberfric.io.result_files import load_result
 
 
 def test_a_disk_without_space_is_found_out_before_the_work(tmp_path, monkeypatch):
-    """A limit to the size of files stands in for the disk: the system refuses as a full disk does."""
+    """A limit on file sizes acts like a full disk."""
     monkeypatch.setattr(batches, "launch", None)
     monkeypatch.chdir(tmp_path)
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -107,7 +107,7 @@ if not rank:
 
 
 def shares(tmp_path, ranks, port=None):
-    """Maps of 135 points over the devices of some processes at once; what they print."""
+    """Compute maps of 135 points in concurrent processes; returns their output."""
     runs = [
         subprocess.Popen(
             [sys.executable, "-c", SHARE, json.dumps([rank, port, str(tmp_path / f"{rank}.h5")])],
@@ -131,9 +131,9 @@ def shares(tmp_path, ranks, port=None):
 
 @pytest.mark.slow
 def test_two_processes_of_two_devices_equal_one(tmp_path):
-    """Of a number of points that the devices do not divide.
+    """Use a number of points that the number of devices does not divide.
 
-    To the last bits: in so small a map they take different numbers of pairs at once, and sum in other ways.
+    Rounding differs because the devices evaluate different numbers of pairs at once in so small a map.
     """
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
@@ -150,7 +150,7 @@ def test_two_processes_of_two_devices_equal_one(tmp_path):
 
 
 def test_the_command_makes_devices(tmp_path):
-    """As many as asked for, before JAX begins; any other number is refused after."""
+    """The number of devices can be set before the first JAX call only."""
     scene = tmp_path / "scene.toml"
     scene.write_text(FILE)
     code = (
@@ -178,7 +178,7 @@ HEATED = rf.Scene(
 
 @pytest.mark.slow
 def test_a_heated_map_says_where_it_did_not_converge(call_main, tmp_path, monkeypatch):
-    """As bools in memory, on the way to the file and from the file; the command counts them."""
+    """`converged` is boolean in memory and in files, and the command counts failures."""
     names, path = ("friction", "converged"), tmp_path / "m.h5"
     at = [1e-3, 1.0], [1e5, 2e5], 293.15
     real = rf.friction_map(HEATED, *at, quantities=names, quadrature=QUICK)
@@ -220,7 +220,7 @@ def test_a_heated_map_says_where_it_did_not_converge(call_main, tmp_path, monkey
 @pytest.mark.parametrize("pressures", [1, 3, 65, 5000])
 @pytest.mark.parametrize("pairs", [1, 5, 1000, 100_003])
 def test_batches_are_every_point_once_and_in_bounds(pairs, pressures, block):
-    """No more than was asked for; padding is little."""
+    """Batches respect the block size."""
     for shared in (True, False):
         tiling = batches.plan(pairs, pressures, shared=shared, block=block)
         if pairs * -(-pressures // tiling.columns) > 5000 * tiling.batch:

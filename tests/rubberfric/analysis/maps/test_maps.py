@@ -1,4 +1,4 @@
-"""Friction maps: the same numbers as point by point, in batches, in memory or in a file; their picture."""
+"""Friction maps equal `solve` in any batches, in memory or in a file; plots and the command."""
 
 import json
 import math
@@ -40,7 +40,7 @@ from rubberfric.plot.maps import plot_map
 
 @pytest.mark.parametrize("block", [BLOCK, None])
 def test_a_map_is_solve_at_every_point(block):
-    """Whatever the batches: of 90 points they leave an odd rest, or there is one batch."""
+    """Compare for batches that leave a rest of the 90 points, and for one batch."""
     names = rf.quantities_of(SCENE)
     found = rf.friction_map(SCENE, *POINTS, quantities=names, quadrature=QUICK, block=block, title="T")
     T, p, v = (x.ravel() for x in np.meshgrid(TEMPERATURE, PRESSURE, VELOCITY, indexing="ij"))
@@ -54,7 +54,7 @@ def test_a_map_is_solve_at_every_point(block):
         np.testing.assert_array_equal(axis, given)
 
 
-def test_only_what_is_asked_for_and_one_temperature_if_there_is_none():
+def test_requested_quantities_and_one_temperature_if_none_is_given():
     found = rf.friction_map(SCENE, VELOCITY, 1e5, quantities="area", quadrature=QUICK)
     expected = rf.contact_area(SCENE, VELOCITY, np.full(9, 1e5), quadrature=QUICK)
     assert found.conditions.temperature is None
@@ -147,7 +147,7 @@ def test_a_temperature_that_nothing_depends_on():
         rf.friction_map(scene, 1.0, 1e5, 293.15)
 
 
-def test_progress_is_told_before_the_first_and_after_every_batch():
+def test_progress_is_reported_before_the_first_and_after_every_batch():
     told = []
     rf.friction_map(SCENE, *POINTS, quadrature=QUICK, block=BLOCK, progress=lambda *at: told.append(at))
     assert told == [(done, 90) for done in range(0, 91, 6)]
@@ -193,7 +193,7 @@ def test_a_point_that_is_not_finite_is_named(tmp_path, monkeypatch, streamed):
 
 @pytest.mark.parametrize(("nv", "nT", "nP"), [(1000, 500, 1), (300, 20, 40), (7, 1, 3)])
 def test_a_batch_takes_little_memory_however_large_the_map(nv, nT, nP):
-    """What the one compiled program holds; all else is results, bounded by MOST_IN_MEMORY, or in the file."""
+    """Check the memory of the compiled function; results are bounded by MOST_IN_MEMORY or in the file."""
     conditions = Conditions(np.ones(nv), np.full(nP, 1e5), np.full(nT, 300.0))
     tiling = batches.plan(nv * nT, nP)
     scene = batches.on_all(tiling.mesh, jax.tree.map(jnp.asarray, SCENE))
@@ -201,11 +201,11 @@ def test_a_batch_takes_little_memory_however_large_the_map(nv, nT, nP):
     assert batches.fitted(tiling, task) == tiling
     batch = batches.program_bytes(tiling, task)
     assert 0 < batch < 2**23
-    # Of a program no more than batches.MEMORY; two hold results; half a GiB for JAX itself.
+    # Functions take at most batches.MEMORY, two batches hold results, and JAX takes half a GiB.
     assert 2 * batches.MEMORY + maps.MOST_IN_MEMORY + 2**29 < 2**31
 
 
-# In a process of its own: the largest resident set never falls again.
+# In a separate process, because the peak of the resident set never falls.
 LARGE = """
 import json, resource, sys, time
 import jax; jax.config.update("jax_enable_x64", True)
@@ -277,7 +277,7 @@ def test_points_per_second_of_a_million(tmp_path):
 
 
 def drawn_map(velocity, pressure, temperature):
-    """A map of invented values, which its conditions tell apart."""
+    """Return a map of artificial values that depend on all conditions."""
     v, p, T = (np.asarray(x, float) for x in (velocity, pressure, temperature))
     grid = np.log10(np.abs(v) + 1) + (p / 1e6)[:, None] + (T / 100)[:, None, None]
     solution = rf.Solution(friction=grid, area=np.exp(-5 * grid), shear_friction=0 * grid)
@@ -345,7 +345,7 @@ def test_picture_of_many_pressures_points_and_a_constant():
         (([1.0, 2.0], [1e5], [283.0, 293.0]), {"quantity": "mu"}, "quantity = 'mu': must be one of"),
     ],
 )
-def test_what_cannot_be_drawn(conditions, options, message):
+def test_maps_that_cannot_be_drawn(conditions, options, message):
     with pytest.raises(ValueError, match=re.escape(message)) as caught:
         plot_map(drawn_map(*conditions), **options)
     assert message in str(caught.value)
@@ -398,7 +398,7 @@ def test_command_writes_draws_and_sums_up(call_main, scene_file, tmp_path):
 
 
 def test_each_command_has_its_table(scene_file):
-    """[map] is nothing to the other commands, and without it a map is that of [run]."""
+    """Other commands ignore [map]; without it the map command uses [run]."""
     assert read_computable(scene_file)[1].velocity == [1.0]
     assert read_computable(scene_file, "map")[1].velocity.size == 5
     scene_file.write_text(FILE[: FILE.index("[map]")])
