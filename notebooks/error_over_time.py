@@ -2,7 +2,7 @@
 
     python notebooks/error_over_time.py
 
-Needs matplotlib. Every setting of `rubberfric.analysis.error_and_time.settings` is compared with the
+Needs matplotlib. Every setting of `rubberfric.analysis.reference` is compared with the
 reference that validates itself, and timed in turns with the textbook method in NumPy, in one run for
 each scene.
 """
@@ -18,7 +18,7 @@ import jax
 
 import rubberfric as rf
 from rubberfric.io.files import read_scene_file
-from rubberfric.plot.save import plot_accuracy
+from rubberfric.plot import plot_accuracy
 
 FOLDER = Path(__file__).resolve().parent
 DATA = FOLDER.parent / "data"
@@ -97,7 +97,7 @@ def page(sweeps, seconds, load=0.0):
         "number of the scene and the conditions. Errors are the largest of the three quantities over all "
         "velocities; of the "
         "gradients, the largest error of a relative sensitivity over the largest sensitivity "
-        "(`rubberfric/analysis/error_and_time/reference.py`). Times are given as how many times as long "
+        "(`rubberfric/analysis/reference.py`). Times are given as how many times as long "
         "the textbook method takes in the same run, in turns (NumPy, trapezoids of 200 ln q x 64 phi, "
         "values only); the last column is the time to compile the values and the gradient. *Automatic* is "
         "what a call takes that says no setting and whose scene is known (not traced by `jit` or `vmap`); "

@@ -26,8 +26,7 @@ import numpy as np
 
 import fitting
 import rubberfric as rf
-from rubberfric.analysis.maps import batches
-from rubberfric.analysis.maps import friction_map as maps
+from rubberfric.analysis import batches, maps
 from rubberfric.base import cores
 from rubberfric.io.files import read_scene_file
 from rubberfric.plot import style
@@ -80,7 +79,7 @@ def memory():
 def velocities(count):
     """A streamed map of so many velocities: seconds, and memory beyond that of a small one [MB]."""
     scene, v = tread(), np.logspace(-6, 2, count)
-    maps.LARGEST = 0
+    maps.MOST_IN_MEMORY = 0
     with tempfile.TemporaryDirectory() as folder:
 
         def run(v):

@@ -4,13 +4,13 @@ import argparse
 
 import numpy as np
 
-from rubberfric.analysis.error_and_time.settings import check_error
-from rubberfric.analysis.error_and_time.sweep import accuracy
+from rubberfric.analysis.reference import check_error
+from rubberfric.analysis.sweep import accuracy
 from rubberfric.commands.arguments import write_outputs
 from rubberfric.commands.process.phases import Phases
 from rubberfric.io.files import read_computable
 from rubberfric.io.results import Conditions
-from rubberfric.plot.save import save_accuracy_plot
+from rubberfric.plot.choice import save_accuracy_plot
 
 # More points make the sweep slower, and tell hardly more.
 _POINTS = 60

@@ -7,15 +7,15 @@ from collections.abc import Iterator
 import jax
 import numpy as np
 
-from rubberfric.analysis.maps.friction_map import DEFAULT_QUANTITIES, friction_map
+from rubberfric.analysis.maps import DEFAULT_QUANTITIES, friction_map
 from rubberfric.base.process.cores import cores
 from rubberfric.base.progress import Progress
 from rubberfric.commands.arguments import write_outputs
 from rubberfric.commands.run import convergence_line
 from rubberfric.io.files import read_computable
 from rubberfric.io.results import CONDITION_UNITS, QUANTITY_FORMATS, Result, result_shape
-from rubberfric.plot.map import check_map
-from rubberfric.plot.save import save_map_plot
+from rubberfric.plot.choice import save_map_plot
+from rubberfric.plot.maps import check_map
 from rubberfric.theory.quantities import iterates
 
 _SEVERAL = {"velocity": "velocities", "pressure": "pressures", "temperature": "temperatures"}

@@ -6,8 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from rubberfric.analysis.elements.expected import theory_error
-from rubberfric.analysis.extrapolation import friction_outside_table, tabulated_solids
+from rubberfric.analysis.validity import friction_outside_table, tabulated_solids, theory_error
 from rubberfric.base.process.compiler import quick_options
 from rubberfric.base.progress import Progress
 from rubberfric.base.quadrature import Quadrature
@@ -32,7 +31,7 @@ def run(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | N
     result = Result(scene, conditions, compute(scene, conditions, quadrature), quadrature, title)
 
     def draw(path: str) -> None:
-        from rubberfric.plot.save import save_plot
+        from rubberfric.plot.choice import save_plot
 
         save_plot(path, result)
 

@@ -1,30 +1,28 @@
-"""The picture that suits what was found. It needs matplotlib, as `rubberfric.plot`."""
+"""The plot that suits an object, and plots to files. They need matplotlib."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import jax
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.analysis.by_wavevector import Profile
-from rubberfric.analysis.error_and_time.report import Accuracy
+from rubberfric.analysis.profiles import Profile
+from rubberfric.analysis.sweep import Accuracy
+from rubberfric.base.atomic import StrPath, replacing
 from rubberfric.io.friction_tables import FrictionTable
 from rubberfric.io.results import Conditions, Curves, Result, curves_of
 from rubberfric.materials.material import Material
-from rubberfric.plot.accuracy import plot_accuracy
-from rubberfric.plot.curves import plot_result
-from rubberfric.plot.ingredients.modulus import plot_modulus
-from rubberfric.plot.ingredients.spectrum import plot_spectrum
-from rubberfric.plot.map import plot_map
-from rubberfric.plot.profile import plot_profile
+from rubberfric.plot.curves import plot_accuracy, plot_profile, plot_result
+from rubberfric.plot.ingredients import plot_modulus, plot_spectrum
+from rubberfric.plot.maps import figure_of_map, plot_map
+from rubberfric.plot.style import Axes, FigureBase, Panels
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.model import solve
 from rubberfric.theory.quantities import Solution, quantities_of
 
-# Lines that a panel has room for; more are a map.
-_LINES = 10
+_LINES = 10  # more lines are drawn as a map
 
 
 def any(  # the word that says it; the builtin is of no use here
@@ -36,25 +34,25 @@ def any(  # the word that says it; the builtin is of no use here
     ax: Any = None,
     **options: Any,
 ) -> Any:
-    """Draw whatever the library gives, by the function `plot_...` that suits it.
+    """Draw an object with the function `plot_...` that suits it.
 
     Parameters
     ----------
-    found : what is drawn
-        Result, Solution or the array of a friction coefficient: curves over the velocity, or a map where
-        there would be more than ten of them. FrictionTable: its friction. Scene: its curves at `pressure`,
-        over 1e-6 ... 10 m/s if no velocities are given. A material: its modulus. A spectrum, a measured one,
-        or a dict of them: C(q). Profile, Accuracy: theirs. All that has a method `plot`, as fits have: that.
-    velocity, pressure, temperature : at what a Solution or an array was computed, or a scene is
-    ax, options : of the function `plot_...`
+    found : object to draw
+        Result, Solution, or array of friction coefficients: curves over the velocity, or a map instead of
+        more than ten curves. FrictionTable: its friction. Scene: curves at `pressure`, by default over 1e-6
+        ... 10 m/s. Material: modulus. Spectrum, measured spectrum, or dict of them: C(q). Profile and
+        Accuracy: their plots. Any other object with a method `plot`, such as a fit: this method.
+    velocity, pressure, temperature : conditions of a Solution or an array, or for a scene
+    ax, options : as for the function `plot_...`
 
     Returns
     -------
-    what that function does: the axes, or a sequence of them
+    the axes, or a sequence of axes
 
     Raises
     ------
-    ValueError : there is no picture of it; and as that function.
+    ValueError : the object cannot be drawn; and as the function `plot_...`.
     """
     at = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
     if isinstance(found, Scene):
@@ -71,12 +69,12 @@ def any(  # the word that says it; the builtin is of no use here
         options["temperature"] = at.pop("temperature")
     given = next((name for name, values in at.items() if values is not None), None)
     if given is not None:
-        raise ValueError(f"{given}: must not be given; {type(found).__name__} has its own, or none")
+        raise ValueError(f"{given} is given, but {type(found).__name__} has its own or none; omit it")
     return _drawing(found)(ax=ax, **options)
 
 
 def _drawing(found):
-    """The function that draws it."""
+    """Return the function that draws an object."""
     draws = {Material: plot_modulus, Profile: plot_profile, Accuracy: plot_accuracy}
     for kind, draw in draws.items():
         if isinstance(found, kind):
@@ -86,15 +84,41 @@ def _drawing(found):
     if isinstance(found, Mapping) or hasattr(found, "power_law") or hasattr(found, "C"):
         return functools.partial(plot_spectrum, found)
     raise ValueError(
-        f"found is a {type(found).__name__}: must be a scene, what solve, friction_map or a fit return, a"
-        " FrictionTable, a material, a spectrum, a Profile or an Accuracy"
+        "found must be a scene, a result of solve, friction_map or a fit, a FrictionTable, a material, a"
+        f" spectrum, a Profile or an Accuracy, got {type(found).__name__}"
     )
 
 
 def _solved(scene, at):
-    """The solution of a scene at its conditions, and its velocities."""
+    """Solve a scene at its conditions; returns the solution and the velocities."""
     if at["pressure"] is None:
-        raise ValueError("pressure is missing: must be given for curves of a scene [Pa]")
+        raise ValueError("pressure is missing; curves of a scene need it [Pa]")
     velocity = np.logspace(-6, 1, 60) if at["velocity"] is None else at["velocity"]
     solution = solve(scene, velocity, at["pressure"], at["temperature"], quantities=quantities_of(scene))
     return solution, velocity
+
+
+def save_figure(path: StrPath, figure: FigureBase | Axes | Panels) -> None:
+    """Write a figure, or the figure of axes or a sequence of axes, to a file completely or not at all."""
+    if isinstance(figure, Sequence | np.ndarray):
+        figure = figure[0]
+    figure = getattr(figure, "figure", None) or figure  # of axes or of a figure
+    with replacing(path) as temporary:
+        figure.savefig(temporary, dpi=150)  # pyright: ignore[reportAttributeAccessIssue]: not a SubFigure
+
+
+def save_plot(path: StrPath, result: Result) -> None:
+    """Draw a result to a file."""
+    save_figure(path, plot_result(result)[0].figure)
+
+
+def save_map_plot(path: StrPath, result: Result) -> None:
+    """Draw all quantities of a map to a file, one row of panels each."""
+    save_figure(path, figure_of_map(result))
+
+
+def save_accuracy_plot(path: StrPath, accuracy: Accuracy, title: str = "") -> None:
+    """Draw a sweep to a file."""
+    ax = plot_accuracy(accuracy)
+    ax.set_title(title, fontsize="medium", wrap=True)
+    save_figure(path, ax.figure)

@@ -1,11 +1,13 @@
-"""Pictures of quantities over the sliding velocity. They need matplotlib, as `rubberfric.plot`."""
+"""Plots over the velocity, over the wavevector, and of errors over run time. They need matplotlib."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from jax.typing import ArrayLike
 
+from rubberfric.analysis.profiles import Profile
+from rubberfric.analysis.sweep import Accuracy, Row
 from rubberfric.base.checks import closest
 from rubberfric.base.units import to_celsius
 from rubberfric.io.results import Conditions, Curves, curves_of
@@ -15,6 +17,7 @@ from rubberfric.plot.style import (
     Axes,
     Line2D,
     Panels,
+    check_kind,
     legend,
     looks,
     one_axes,
@@ -24,7 +27,7 @@ from rubberfric.plot.style import (
     vector,
 )
 
-# Parts of the friction: line style, marker of a single point, and name.
+# Parts of the friction: line style, marker of a single point, name.
 PARTS = {
     "viscoelastic_friction": ("--", "s", "viscoelastic"),
     "shear_friction": (":", "^", "contact shear"),
@@ -39,18 +42,17 @@ def plot_result(
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> Panels:
-    """Draw A/A0, mu, mean separation and more over log10 v: a panel each, a line per condition.
+    """Draw all quantities of a result over log10 v: one panel per quantity, one line per condition.
 
-    Transverse friction and flash temperature have a panel where the solution has them.
-
-    The parts of the friction, where the solution has them, are thin dashed and dotted lines in its panel.
+    Transverse friction and flash temperature have panels if the solution has them. Parts of the friction are
+    thin dashed and dotted lines in its panel.
 
     Parameters
     ----------
     result : Result of `rubberfric.friction_map` or a file, or the Solution of `rubberfric.solve`
-        Velocities <= 0 have no logarithm and are left out.
-    ax : sequence of a matplotlib axes for each quantity drawn, or None for those of a new figure
-    velocity, pressure, temperature : of a Solution, as they were given to `solve`
+        Velocities <= 0 are omitted.
+    ax : sequence of matplotlib axes, one for each quantity, or None for a new figure
+    velocity, pressure, temperature : of a Solution, as given to `solve`
 
     Returns
     -------
@@ -58,7 +60,7 @@ def plot_result(
 
     Raises
     ------
-    ValueError : `result` is none, or `ax` has another number of axes.
+    ValueError : `result` is not a result; `ax` has another number of axes.
     """
     found = curves_of(result, velocity, pressure, temperature)
     names = [name for name in PANELS if getattr(found.solution, name) is not None]
@@ -77,14 +79,14 @@ def plot_friction(
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> Axes:
-    """Draw mu over log10 v, a line for each pressure and temperature, its parts thin below it.
+    """Draw mu over log10 v, one line per pressure and temperature, with thin lines for its parts.
 
     Parameters
     ----------
     result : Result of `rubberfric.friction_map` or a file, the Solution of `rubberfric.solve`, or mu itself
-        Velocities <= 0 have no logarithm and are left out.
-    ax : matplotlib axes, or None for those of a new figure
-    velocity, pressure, temperature : of a Solution and of mu, as they were given for it
+        Velocities <= 0 are omitted.
+    ax : matplotlib axes, or None for a new figure
+    velocity, pressure, temperature : of a Solution or of mu
 
     Returns
     -------
@@ -92,8 +94,8 @@ def plot_friction(
 
     Raises
     ------
-    ValueError : as `rubberfric.io.curves_of`; the quantity was not computed, no velocity is > 0, or `ax`
-        is no axes.
+    ValueError : as `rubberfric.io.curves_of`; the quantity was not computed; no velocity is > 0; `ax` is not
+        axes.
     """
     return _quantity(curves_of(result, velocity, pressure, temperature, "friction"), "friction", ax)
 
@@ -106,7 +108,7 @@ def plot_area(
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> Axes:
-    """Draw A/A0 over log10 v, a line for each pressure and temperature; all else as `plot_friction`."""
+    """Draw A/A0 over log10 v; arguments as for `plot_friction`."""
     return _quantity(curves_of(result, velocity, pressure, temperature, "area"), "area", ax)
 
 
@@ -118,7 +120,7 @@ def plot_separation(
     pressure: ArrayLike | None = None,
     temperature: ArrayLike | None = None,
 ) -> Axes:
-    """Draw the mean separation over log10 v in µm; all else as `plot_friction`."""
+    """Draw the mean separation over log10 v in µm; arguments as for `plot_friction`."""
     return _quantity(curves_of(result, velocity, pressure, temperature, "separation"), "separation", ax)
 
 
@@ -132,10 +134,10 @@ def plot_curve(
 
     Parameters
     ----------
-    velocity : [m/s], shape (n,); those <= 0 have no logarithm and are left out
-    values : of the quantity, in SI units, shape (n,); or a dict of label -> such an array
+    velocity : [m/s], shape (n,); values <= 0 are omitted
+    values : of the quantity, in SI units, shape (n,); or a dict of label -> array
     quantity : "friction", "area", "separation", "transverse_friction" or "flash_temperature"
-    ax : matplotlib axes, or None for those of a new figure
+    ax : matplotlib axes, or None for a new figure
 
     Returns
     -------
@@ -143,7 +145,7 @@ def plot_curve(
 
     Raises
     ------
-    ValueError : shapes that differ, an unknown quantity, no velocity > 0, or `ax` is no axes.
+    ValueError : different shapes; an unknown quantity; no velocity > 0; `ax` is not axes.
     """
     if quantity not in PANELS:
         raise ValueError(f"quantity = {quantity!r}: {closest(quantity, tuple(PANELS))}")
@@ -165,7 +167,7 @@ def plot_curve(
 
 
 def curve_labels(conditions: Conditions) -> dict[tuple[int, int], str]:
-    """(index of temperature, index of pressure) -> text naming that curve's conditions."""
+    """Return a dict (index of temperature, index of pressure) -> label of the curve."""
     temperatures = [None] if conditions.temperature is None else conditions.temperature
     return {
         (i, j): f"{p / 1e6:.6g} MPa" + ("" if T is None else f", {signed(to_celsius(T))} °C")
@@ -177,7 +179,7 @@ def curve_labels(conditions: Conditions) -> dict[tuple[int, int], str]:
 def _quantity(result: Curves, name: str, ax: Axes | None) -> Axes:
     if getattr(result.solution, name) is None:
         known = [one for one, values in result.solution._asdict().items() if values is not None]
-        raise ValueError(f"result has no {name}, only {', '.join(known) or 'nothing'}: must be computed")
+        raise ValueError(f"result has no {name}, only {', '.join(known) or 'nothing'}; compute it first")
     _some_velocities(result.conditions.velocity)
     axes = one_axes(ax, title=result.title)
     _draw(axes, result, name)
@@ -186,7 +188,7 @@ def _quantity(result: Curves, name: str, ax: Axes | None) -> Axes:
 
 
 def _draw(axes: Axes, result: Curves, name: str, named: bool = True) -> None:
-    """One quantity of a result; a legend of its conditions if `named`, and of its parts."""
+    """Draw one quantity with a legend of its parts, and of its conditions if `named`."""
     labels, velocity = curve_labels(result.conditions), np.asarray(result.conditions.velocity)
     shown = shown_velocities(velocity)
     curves = [np.asarray(getattr(result.solution, name))[i, j] for i, j in labels]
@@ -199,7 +201,7 @@ def _draw(axes: Axes, result: Curves, name: str, named: bool = True) -> None:
 
 
 def _lines(axes, velocity, curves, labels, shown, quantity):
-    """Draw the curves in a quantity's panel; the handles of a legend."""
+    """Draw curves into the panel of a quantity; returns the legend handles."""
     label, scale, offset = PANELS[quantity]
     drawn = looks(len(labels), shown.size)
     handles = [
@@ -212,13 +214,13 @@ def _lines(axes, velocity, curves, labels, shown, quantity):
 
 
 def _from_zero(axes: Axes, quantity: str) -> None:
-    """Begin the panel of what is >= 0 at zero."""
+    """Begin the y axis of nonnegative quantities at zero."""
     if quantity in ("area", "friction", "separation") and axes.dataLim.y0 >= 0:
-        axes.set_ylim(bottom=0, auto=None)  # what is drawn next may still raise the top
+        axes.set_ylim(bottom=0, auto=None)  # later curves may raise the top
 
 
 def _parts(axes: Axes, result: Curves, shown: np.ndarray, lines: list[Line2D]) -> list[Line2D]:
-    """Parts of the friction in the colours of its lines; the handles of a legend."""
+    """Draw parts of the friction in the colours of its lines; returns the legend handles."""
     from matplotlib.lines import Line2D
 
     labels = curve_labels(result.conditions)
@@ -239,5 +241,124 @@ def _parts(axes: Axes, result: Curves, shown: np.ndarray, lines: list[Line2D]) -
 def _some_velocities(velocity: np.ndarray) -> np.ndarray:
     shown = shown_velocities(velocity)
     if shown.size == 0:
-        raise ValueError("velocity has no value > 0: must have one at least, for log10 v")
+        raise ValueError("velocity has no value > 0; log10 v needs at least one")
     return shown
+
+
+# Fields of Profile and axis labels, from top to bottom.
+_PROFILE_PANELS = (
+    ("area", "area in contact\n$P(q)$ [-]"),
+    ("friction_density", "friction per e-fold\n$d\\mu/d\\ln q$ [-]"),
+    ("rms_slope", "rms slope up to $q$\n[-]"),
+)
+
+
+def plot_profile(
+    profile: Profile,
+    ax: Panels | None = None,
+    labels: Sequence[str] | None = None,
+) -> Panels:
+    r"""Draw P(q), d mu / d ln q and the rms slope over log10 q, one line per condition.
+
+    In the panel of d mu / d ln q, equal areas are equal parts of the friction. A second scale above the top
+    panel gives the wavelength 2 pi / q.
+
+    Parameters
+    ----------
+    profile : Profile, from `rubberfric.analysis.profile`
+    ax : sequence of three matplotlib axes, or None for a new figure
+    labels : legend labels of the flattened conditions, or None
+
+    Returns
+    -------
+    sequence of the axes, top to bottom
+
+    Raises
+    ------
+    ValueError : `labels` or `ax` has the wrong length.
+    """
+    check_kind("profile", profile, Profile)
+    count = int(np.prod(np.shape(profile.area)[:-1]))
+    if labels is not None and len(labels) != count:
+        raise ValueError(f"labels has {len(labels)} names: must have {count}, one for each condition")
+    ax = several_axes(ax, [name for name, _ in _PROFILE_PANELS], (6.4, 7.0))
+    order = np.argsort(np.asarray(profile.q), kind="stable")
+    log_q = np.log10(np.asarray(profile.q)[order])
+    for (name, label), axes in zip(_PROFILE_PANELS, ax, strict=True):
+        values = np.asarray(getattr(profile, name))[..., order]
+        curves = values.reshape(-1, log_q.size)
+        names = [None] * len(curves) if labels is None or values.ndim < 2 else labels
+        for curve, text, look in zip(curves, names, looks(len(curves), log_q.size), strict=True):
+            axes.plot(log_q, curve, label=text, **look)
+        axes.set_ylabel(label)
+        axes.set_ylim(bottom=0)
+        axes.grid(alpha=0.3)
+    ax[-1].set_xlabel("$\\log_{10}(q\\;/\\;\\mathrm{m^{-1}})$")
+    if labels is not None:
+        legend(ax[0])
+    shift = np.log10(2 * np.pi)
+    above = ax[0].secondary_xaxis("top", functions=(lambda x: shift - x, lambda x: shift - x))
+    above.set_xlabel("$\\log_{10}(\\mathrm{wavelength}\\;/\\;\\mathrm{m})$")
+    return ax
+
+
+# Lines of a sweep: (method, precision, attribute of errors and times) -> line style, marker, filled or open,
+# colour, name.
+_SWEEPS = {
+    ("panels", "float64", "value"): ("-", "o", True, "C0", "values, float64"),
+    ("panels", "float64", "gradient"): ("-", "s", True, "C3", "gradients, float64"),
+    ("panels", "float32", "value"): ("--", "o", False, "C0", "values, float32"),
+    ("panels", "float32", "gradient"): ("--", "s", False, "C3", "gradients, float32"),
+    ("textbook", "float64", "value"): (":", "D", True, "0.5", "values, textbook method"),
+}
+
+
+def plot_accuracy(accuracy: Accuracy, ax: Axes | None = None, *, unit: Row | None = None) -> Axes:
+    """Draw the largest error of area, friction and separation over run time, for values and gradients.
+
+    Gradients are drawn over the time for values and gradients. Errors below the resolution of the reference
+    are drawn at that resolution; errors that are not finite are omitted.
+
+    Parameters
+    ----------
+    accuracy : Accuracy
+    ax : matplotlib axes, or None for a new figure
+    unit : row of `accuracy` whose forward run time is the unit of time; None: milliseconds
+
+    Returns
+    -------
+    the axes
+
+    Raises
+    ------
+    ValueError : `accuracy` or `ax` has the wrong type.
+    """
+    check_kind("accuracy", accuracy, Accuracy)
+    ax = one_axes(ax, (8.0, 4.2))
+    second = 1e3 if unit is None else 1 / unit.forward
+    for (method, dtype, what), (line, marker, filled, colour, label) in _SWEEPS.items():
+        rows = [row for row in accuracy.rows if (row.method, row.dtype) == (method, dtype)]
+        time = "forward" if what == "value" else "gradient"
+        drawn = [(second * getattr(row, time), getattr(accuracy.known(row), what)) for row in rows]
+        drawn = [point for point in drawn if np.isfinite(point[1]) and point[1] > 0]
+        if drawn:
+            look: dict[str, Any] = {"linestyle": line, "marker": marker, "color": colour, "markersize": 5}
+            ax.loglog(*zip(*drawn, strict=True), **look, mfc=colour if filled else "white", label=label)
+    ax.axhline(accuracy.error, color="0.6", linewidth=0.8, label="wanted")
+    ax.set_xlabel("run time [ms]" if unit is None else f"run time / run time of the {unit.method} method")
+    ax.set_ylabel("largest relative error [-]")
+    _label_times(ax)
+    ax.grid(alpha=0.3)
+    legend(ax)
+    return ax
+
+
+def _label_times(axes: Axes) -> None:
+    """Label run times with plain numbers: a sweep spans between less than one decade and four."""
+    from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
+
+    axis = axes.xaxis
+    low, high = axis.get_view_interval()
+    axis.set_major_locator(LogLocator(subs=(1, 2, 5) if high < 1e3 * low else (1,)))
+    axis.set_major_formatter(FuncFormatter(lambda time, _: f"{time:g}"))
+    axis.set_minor_formatter(NullFormatter())

@@ -1,6 +1,7 @@
-"""What the pictures share: labels with units, looks that differ in grey too, axes and legends.
+"""Common elements of plots: labels with units, colours and markers, axes and legends.
 
-Conditions differ by colour (of increasing lightness) and marker, parts of a quantity by line style.
+Conditions differ in colour (of increasing lightness, distinct in grey) and marker, parts of a quantity in
+line style.
 """
 
 import sys
@@ -22,10 +23,10 @@ if TYPE_CHECKING:
 
     Panels = Sequence[Axes] | np.ndarray
     Handle = Artist | Container  # of a legend
-else:  # matplotlib is there only where it draws
+else:  # matplotlib is imported by functions that draw
     Axes = Colormap = Figure = FigureBase = Handle = Line2D = Panels = Any
 
-# Quantities that have a panel: label, and scale and offset from the unit they are computed in.
+# Quantities with a panel: label, and scale and offset from the SI unit.
 PANELS = {
     "area": ("contact area\n$A/A_0$ [-]", 1.0, 0.0),
     "friction": ("friction coefficient\n$\\mu$ [-]", 1.0, 0.0),
@@ -35,17 +36,16 @@ PANELS = {
 }
 LOG_V = "$\\log_{10}(v\\;/\\;\\mathrm{m\\,s^{-1}})$"
 MARKERS = "os^DvPX<>p"
-# Markers along a line that has more points.
-_MARKERS_OF_A_LINE = 7
-# Labels of contours: how far from the middle they may be and how far apart, in widths of the axes.
+_MARKERS_OF_A_LINE = 7  # markers along a line with more points
+# Largest distance of contour labels from the middle, and least distance between them, in widths of the axes.
 _INSIDE, _APART = 0.38, 0.09
-# Where viridis ends, and how much darker it is there: every colour has 3.3 times the contrast to white that
-# white itself has, or more (3 is asked of lines by WCAG 2.1, 1.4.11), and lightness still rises.
+# Last place in viridis, and its darkening: the contrast ratio of every colour to white is at least 3.3 (WCAG
+# 2.1, 1.4.11 requires 3 for lines), and lightness still increases.
 _LIGHTEST, _DARKENED = 0.85, 0.3
 
 
 def colours(count: int) -> np.ndarray:
-    """As many colours, dark to light: viridis without its yellow, its light half darkened; RGBA."""
+    """Return colours from dark to light, RGBA: viridis without yellow, with a darkened light half."""
     from matplotlib import colormaps
 
     lightest = min(0.55 + 0.05 * count, _LIGHTEST)
@@ -56,7 +56,7 @@ def colours(count: int) -> np.ndarray:
 
 
 def diverging() -> Colormap:
-    """Red above, blue below, white at 0; not so dark at its ends that black lines were lost on it."""
+    """Return a colour map: red above 0, blue below; light enough for black contours."""
     from matplotlib import colormaps
     from matplotlib.colors import ListedColormap
 
@@ -64,7 +64,7 @@ def diverging() -> Colormap:
 
 
 def looks(count: int, points: int) -> list[dict[str, Any]]:
-    """Colour and markers of `count` lines of so many points; those of neighbours are staggered."""
+    """Return colour and markers of `count` lines; markers of neighbouring lines are staggered."""
     several = count > 1
     step = max(1, -(-points // _MARKERS_OF_A_LINE))
     return [
@@ -79,12 +79,12 @@ def looks(count: int, points: int) -> list[dict[str, Any]]:
 
 
 def signed(value: float, digits: int = 6) -> str:
-    """A number as the axes write it, with a minus instead of a hyphen."""
+    """Format a number with a minus sign instead of a hyphen."""
     return f"{value:.{digits}g}".replace("-", "\u2212")
 
 
 def label_contours(axes: Axes, lines: Any) -> None:
-    """Write the levels on contours, once each, where neither the frame nor another label cuts them."""
+    """Label each contour once, away from the frame and from other labels."""
     (x0, x1), (y0, y1) = axes.get_xlim(), axes.get_ylim()
     size = np.array([x1 - x0, y1 - y0])
     places: list[np.ndarray] = []
@@ -93,7 +93,7 @@ def label_contours(axes: Axes, lines: Any) -> None:
         parts = parts[(np.abs(parts - 0.5) < _INSIDE).all(1)]
         if not parts.size:
             continue
-        # As near to the middle as the others allow.
+        # Choose the free place that is closest to the middle.
         apart = np.min([np.hypot(*(parts - one).T) for one in places], 0) if places else np.ones(len(parts))
         free = apart > _APART
         if free.any():
@@ -105,7 +105,7 @@ def label_contours(axes: Axes, lines: Any) -> None:
 
 
 def new_figure(size: tuple[float, float], title: str = "") -> Figure:
-    """A figure that pyplot does not know."""
+    """Create a figure that is not registered with pyplot."""
     from matplotlib.figure import Figure
 
     _show_in_notebooks(Figure)
@@ -116,7 +116,7 @@ def new_figure(size: tuple[float, float], title: str = "") -> Figure:
 
 
 def _show_in_notebooks(kind):
-    """Let a notebook show figures that pyplot does not know: by itself it learns that with pyplot's first."""
+    """Let a notebook show figures before pyplot has created one."""
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     if shell is None or kind in shell.display_formatter.formatters["image/png"]:
         return
@@ -126,13 +126,13 @@ def _show_in_notebooks(kind):
 
 
 def one_axes(ax: Axes | None, size: tuple[float, float] = (6.4, 4.0), title: str = "") -> Axes:
-    """The axes to draw into: `ax`, or of a new figure if it is None."""
+    """Return `ax`, or the axes of a new figure if it is None."""
     if ax is None:
         return new_figure(size, title).subplots()
     from matplotlib.axes import Axes
 
     if not isinstance(ax, Axes):
-        raise ValueError(f"ax is a {type(ax).__name__}: must be one matplotlib axes, or None")
+        raise ValueError(f"ax must be one matplotlib axes or None, got {type(ax).__name__}")
     return ax
 
 
@@ -143,10 +143,10 @@ def several_axes(
     title: str = "",
     across: bool = False,
 ) -> Panels:
-    """The axes to draw into, one for each name: `ax`, or of a new figure with that title if it is None.
+    """Return `ax`, or one axes per name in a new figure if it is None.
 
-    Those of a new figure share their x axis and are one below the other; `across`, one beside the other,
-    they share both. ValueError if `ax` is no such sequence.
+    In a new figure the axes share x and are stacked; with `across` they are side by side and share x and y.
+    Raises ValueError if `ax` is not a sequence of that many axes.
     """
     if ax is None:
         rows, columns = (1, len(names)) if across else (len(names), 1)
@@ -154,7 +154,7 @@ def several_axes(
         return figure.subplots(rows, columns, sharex=True, sharey=across, squeeze=False).ravel()
     from matplotlib.axes import Axes
 
-    rule = f"must have {len(names)}, for {', '.join(map(str, names))}; or be None"
+    rule = f"must have {len(names)} ({', '.join(map(str, names))}), or be None"
     if isinstance(ax, Axes):
         raise ValueError(f"ax is one axes, not a sequence: {rule}")
     if not isinstance(ax, Sequence | np.ndarray) or not all(isinstance(one, Axes) for one in ax):
@@ -165,9 +165,9 @@ def several_axes(
 
 
 def check_kind(name: str, value: object, kind: type) -> None:
-    """ValueError unless a value is an object of a class."""
+    """Raise ValueError unless a value is an instance of a class."""
     if not isinstance(value, kind):
-        raise ValueError(f"{name} is a {type(value).__name__}: must be of class {kind.__name__}")
+        raise ValueError(f"{name} must be of class {kind.__name__}, got {type(value).__name__}")
 
 
 def legend(
@@ -176,9 +176,9 @@ def legend(
     scale_right: bool = False,
     inside: str = "best",
 ) -> None:
-    """A legend beside the axes if their figure makes room for it, else inside.
+    """Add a legend outside the axes if the layout makes room for it, otherwise inside.
 
-    `scale_right`: the axes have a second scale on the right, whose lines "best" would not see.
+    `scale_right` : the axes have a second y axis on the right, whose lines "best" would ignore.
     """
     handles = list(axes.get_legend_handles_labels()[0] if handles is None else handles)
     if not handles:
@@ -187,24 +187,24 @@ def legend(
     if axes.figure.get_layout_engine() is not None:
         look = {"loc": "upper left", "bbox_to_anchor": (1.0, 1.02)}
         if scale_right:
-            # A pad counts in both directions: only beside the middle it moves nothing up or down.
+            # The pad acts in both directions: only at mid-height it causes no vertical shift.
             look = {"loc": "center left", "bbox_to_anchor": (1.0, 0.5), "borderaxespad": 6.0}
     axes.legend(handles=handles, fontsize="small", **look)
 
 
 def shown_velocities(velocity: ArrayLike) -> np.ndarray:
-    """Indices of the velocities > 0, which have a logarithm, in increasing order."""
+    """Return indices of the velocities > 0 in increasing order."""
     velocity = np.asarray(velocity)
     shown = np.flatnonzero(velocity > 0)
     return shown[np.argsort(velocity[shown], kind="stable")]
 
 
 def vector(name: str, values: ArrayLike, size: int | None = None, positive: bool = False) -> np.ndarray:
-    """Numbers of a plot as a one-dimensional array; ValueError if they are none."""
+    """Convert numbers to a one-dimensional array; raise ValueError for anything else."""
     try:
         array = np.asarray(values, float)
     except (TypeError, ValueError):
-        raise ValueError(f"{name} is a {type(values).__name__}: must be an array of numbers") from None
+        raise ValueError(f"{name} must be an array of numbers, got {type(values).__name__}") from None
     if array.ndim != 1 or array.size == 0 or (size is not None and array.size != size):
         rule = "one number or more" if size is None else f"{size} numbers"
         raise ValueError(f"{name} has shape {array.shape}: must be one-dimensional, {rule}")

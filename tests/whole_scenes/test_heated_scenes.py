@@ -21,8 +21,8 @@ import rubberfric as rf
 from fitting.fit import _not_finite
 from fitting.solvers.evaluation import residual_rows
 from fitting.solvers.problem import make_problem
-from rubberfric.analysis.derivatives import jacobian
-from rubberfric.analysis.derivatives.jacobian import value_and_jacobian
+from rubberfric.analysis import jacobian
+from rubberfric.analysis.jacobian import value_and_jacobian
 from rubberfric.base.fixed_points import anderson
 from rubberfric.theory.temperatures import branch
 

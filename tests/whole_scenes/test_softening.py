@@ -12,11 +12,11 @@ from support.oracles import oracle
 from support.scenes.common import ROAD
 
 import rubberfric as rf
-from rubberfric.analysis.error_and_time.textbook import covers
 from rubberfric.scene.numerics.settings import OTHER
 from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.scene import present
 from rubberfric.scene.softening import knots, softening_factors, strain
+from rubberfric.theory.paper import covers
 from rubberfric.theory.quantities import Needs
 from rubberfric.theory.stiffness.angular_means import Relaxing
 from rubberfric.theory.stiffness.softened_means import SoftenedInSeries

@@ -14,7 +14,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.analysis.derivatives.jacobian import value_and_jacobian
+from rubberfric.analysis.jacobian import value_and_jacobian
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.commands.explorer.points import Measured, curves_of
 from rubberfric.commands.explorer.sliders import changes, moved, sliders_of, with_cutoffs

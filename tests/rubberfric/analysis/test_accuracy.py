@@ -1,4 +1,4 @@
-"""Errors against run time: that the errors are errors, and that the choice keeps its word."""
+"""Errors and run times of accuracy settings, checked against brute force; report, file and command."""
 
 import csv
 import functools
@@ -21,25 +21,25 @@ from support.scenes.common import ROAD
 from support.scenes.common import SHIFTED_TREAD as TREAD
 
 import rubberfric as rf
-from rubberfric.analysis.error_and_time import sweep
-from rubberfric.analysis.error_and_time.reference import (
+from rubberfric.analysis import sweep
+from rubberfric.analysis.reference import (
+    SETTINGS,
     Errors,
     Outcome,
     Reference,
     arguments,
     case_of,
-    compare,
+    compare_outcomes,
+    node_count,
     rounded,
 )
-from rubberfric.analysis.error_and_time.reference import reference as reference_of
-from rubberfric.analysis.error_and_time.report import Accuracy, Row
-from rubberfric.analysis.error_and_time.settings import SETTINGS, node_count
-from rubberfric.analysis.error_and_time.sweep import with_automatic
+from rubberfric.analysis.reference import reference as reference_of
+from rubberfric.analysis.sweep import Accuracy, Row, with_automatic
 from rubberfric.commands import accuracy as accuracy_command
 from rubberfric.commands import main as command
 from rubberfric.commands.process.phases import progress
 from rubberfric.io.results import Conditions
-from rubberfric.plot.save import plot_accuracy
+from rubberfric.plot import plot_accuracy
 
 CASE = reference("forward_cases")["smooth-rubber-rough-rigid-0"]
 AT = scene(CASE), CASE["v"], CASE["pressure"]
@@ -58,14 +58,14 @@ def known():
 @functools.cache
 def found():
     """A sweep over that case."""
-    with unittest.mock.patch("rubberfric.analysis.error_and_time.reference.reference", return_value=known()):
+    with unittest.mock.patch("rubberfric.analysis.reference.reference", return_value=known()):
         options = {"settings": (MIDDLE, COARSE), "textbook": ((60, 24), (120, 48)), "repeats": 3}
         return rf.analysis.accuracy(*AT, **options)
 
 
 @functools.cache
 def value_error(setting):
-    """Of area, friction and separation against brute force."""
+    """Return errors of area, friction and separation against brute force."""
     here = np.array(three(rf.solve(*AT, quadrature=setting)))
     return np.abs(here / np.array([CASE[name] for name in QUANTITIES]) - 1)
 
@@ -115,24 +115,24 @@ def test_gradient_errors_are_those_of_all_sensitivities():
 
 
 def test_errors_of_samples():
-    """Worst over the points; a vanishing quantity, and what is not finite."""
+    """Check the maximum over points, vanishing quantities and non-finite values."""
     points = case_of(SCENE, VELOCITY, 1e5)
     values = np.array([[0.5, 0.2, 0.1], [0.0, 1.0, 1.0], [1e-4, 1e-5, 1e-300]])
     slopes = np.ones((3, points.differentiated.size, 4))
     exact = Outcome(values, slopes)
-    assert compare(exact, exact, points) == Errors(0, 0, 0, 0, 0, 0)
+    assert compare_outcomes(exact, exact, points) == Errors(0, 0, 0, 0, 0, 0)
     off = values.copy()
     off[0, 1] *= 1.25
-    off[2, 2] = 0.0  # 1e-300 m is no separation: nobody needs its digits
+    off[2, 2] = 0.0  # 1e-300 m counts as zero
     steeper = slopes.copy()
     steeper[1, 2, 3] = 1.5
-    errors = compare(Outcome(off, steeper), exact, points)
+    errors = compare_outcomes(Outcome(off, steeper), exact, points)
     np.testing.assert_allclose(errors, [0.25, 0, 0, 0, 0.5, 0], atol=1e-12, rtol=1e-5)
-    assert compare(Outcome(off), exact, points).gradient is None
+    assert compare_outcomes(Outcome(off), exact, points).gradient is None
     off[1, 0] = 1e-30  # not zero where zero is exact
-    assert compare(Outcome(off), exact, points).friction == np.inf
+    assert compare_outcomes(Outcome(off), exact, points).friction == np.inf
     off[0, 0] = np.nan
-    assert compare(Outcome(off), exact, points).area == np.inf
+    assert compare_outcomes(Outcome(off), exact, points).area == np.inf
 
 
 def test_single_precision_is_compared_at_its_own_inputs():
@@ -147,7 +147,7 @@ def test_single_precision_is_compared_at_its_own_inputs():
 
 @pytest.fixture
 def compared(monkeypatch):
-    """What every row of a sweep is compared with, its precision beside it; nothing is compiled."""
+    """Record the reference and precision of every row of a sweep, without compilation."""
     seen = []
 
     def panels(_, exact, setting, dtype):
@@ -156,8 +156,8 @@ def compared(monkeypatch):
 
     monkeypatch.setattr(sweep, "_panels", panels)
     nothing = Reference("compiled", "exact", Errors(*[0.0] * 6))
-    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.reference", lambda *_: nothing)
-    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.outcome", lambda *arguments: arguments)
+    monkeypatch.setattr("rubberfric.analysis.reference.reference", lambda *_: nothing)
+    monkeypatch.setattr("rubberfric.analysis.reference.outcome", lambda *arguments: arguments)
     return seen
 
 
@@ -193,7 +193,7 @@ def test_errors_fall_along_the_ladder():
 
 
 def test_the_setting_of_calls_without_one_has_its_row_and_its_line():
-    """Where it belongs among those of increasing work."""
+    """Settings are sorted by increasing work."""
     automatic = rf.analysis.fitting_quadrature(SCENE, 1e5)
     settings = with_automatic(SCENE, automatic)
     assert automatic not in SETTINGS and set(settings) == {*SETTINGS, automatic}
@@ -206,9 +206,9 @@ def test_the_setting_of_calls_without_one_has_its_row_and_its_line():
     assert said.endswith("  1 ms, with the gradient 2 ms, errors 1e-08 and 1e-07 or less")
 
 
-def test_for_error_keeps_its_word(monkeypatch):
+def test_quadrature_for_is_the_cheapest_that_meets_the_error(monkeypatch):
     """The cheapest setting with which the values are as near to brute force as wanted."""
-    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.reference", lambda *_: known())
+    monkeypatch.setattr("rubberfric.analysis.reference.reference", lambda *_: known())
     settings = SETTINGS
     chosen = settings.index(rf.analysis.quadrature_for(AT[0], 1e-5, *AT[1:], gradients=False))
     assert np.max(value_error(settings[chosen])) <= 1e-5 < np.max(value_error(settings[chosen - 1]))
@@ -223,18 +223,18 @@ def test_for_error_with_and_without_gradients(monkeypatch):
         seen.append(points.conditions)
         return Errors(*errors[setting][: None if gradients else 3]), None
 
-    monkeypatch.setattr("rubberfric.analysis.error_and_time.settings.SETTINGS", (COARSE, MIDDLE))
-    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.measured", measured)
-    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.compare", lambda found, *_: found)
+    monkeypatch.setattr("rubberfric.analysis.reference.SETTINGS", (COARSE, MIDDLE))
+    monkeypatch.setattr("rubberfric.analysis.reference.measured", measured)
+    monkeypatch.setattr("rubberfric.analysis.reference.compare_outcomes", lambda found, *_: found)
     nothing = Reference(None, None, Errors(*6 * [1e-12]))
-    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.reference", lambda *_: nothing)
+    monkeypatch.setattr("rubberfric.analysis.reference.reference", lambda *_: nothing)
     assert rf.analysis.quadrature_for(SCENE, 1e-6) == MIDDLE
     assert rf.analysis.quadrature_for(SCENE, 1e-6, gradients=False) == COARSE
     velocity, pressure = seen[0]
     assert velocity.shape == pressure.shape == (55,)
     limits = [velocity.min(), velocity.max(), pressure.min(), pressure.max()]
     np.testing.assert_allclose(limits, [1e-8, 1e2, 1e3, 1e7], rtol=1e-12)
-    message = "error = 1e-10: none of 2 settings meets it on this scene; the best is 1.0e-09 off"
+    message = "error = 1e-10: none of 2 settings meets it on this scene; the smallest error is 1.0e-09"
     with pytest.raises(ValueError, match=message):
         rf.analysis.quadrature_for(SCENE, 1e-10)
 
@@ -248,15 +248,15 @@ def test_no_reference_for_a_noisy_table(monkeypatch):
     row = Row("panels", COARSE, "float64", 100, Errors(*[1e-11] * 6), 1e-3, 1e-2, 1.0, 2.0)
     result = Accuracy(1e-9, (row,), Errors(*exact.agreement[:3], *exact.agreement[:3]), 1, 1)
     assert result.chosen is None and result.chosen_values is None
-    assert result.report().count("to 1e-09: no reference, for its refinements agree to") == 2
+    assert result.report().count("to 1e-09: no reference, because its refinements agree to") == 2
     assert result.report().count("<") == 6  # none of these errors is known
-    monkeypatch.setattr("rubberfric.analysis.error_and_time.reference.reference", lambda *_: exact)
-    with pytest.raises(ValueError, match=r"error = 1e-09: there is no reference for it on this scene"):
+    monkeypatch.setattr("rubberfric.analysis.reference.reference", lambda *_: exact)
+    with pytest.raises(ValueError, match=r"error = 1e-09: the reference cannot resolve it on this scene"):
         rf.analysis.quadrature_for(at[0], 1e-9, *at[1:], gradients=False)
 
 
 def made(errors, agreement=1e-12, error=1e-6):
-    """A result of settings of growing work, each in both precisions, of which the single is the quicker."""
+    """Return a result for settings of increasing work in both precisions; float32 is faster."""
     rows = tuple(
         Row("panels", MIDDLE, dtype, 100 * (i + 1), Errors(*e), (i + 1) * unit, 2 * (i + 1) * unit, 1.0, 2.0)
         for dtype, unit in (("float64", 1e-3), ("float32", 0.9e-3))
@@ -274,12 +274,12 @@ def test_the_cheapest_is_chosen_for_either_use():
     assert result._replace(error=1e-7).chosen is result.rows[2]  # too fine for single precision
     text = result.report()
     assert max(map(len, text.splitlines())) <= 110
-    assert "takes 50 times as long as the first" in text and "3e-03 off" in text
+    assert "takes 50 times as long as the first" in text and "with an error of 3e-03" in text
     assert made([[1e-2] * 6]).chosen_values is None
     assert "values and gradients to 1e-06: no setting meets it" in made([[1e-2] * 6]).report()
     assert made([fine], agreement=2e-7).chosen is None
     assert "no reference" in made([fine], agreement=2e-7).report()
-    # Less than three times what the refinements disagree by is a bound, not an error.
+    # Errors below three times the disagreement of the refinements are bounds.
     assert " <3e-08" in made([fine], agreement=1e-8).report()
     assert made([fine], agreement=1e-8).known(result.rows[1]).value == pytest.approx(3e-8)
 
@@ -326,7 +326,7 @@ def test_plot_draws_every_row():
         gradients = [(1e3 * row.gradient, found().known(row).gradient) for row in rows]
         np.testing.assert_allclose(lines[f"values, {dtype}"], values)
         np.testing.assert_allclose(lines[f"gradients, {dtype}"], gradients)
-    assert lines["values, textbook method in NumPy"].shape == (2, 2)
+    assert lines["values, textbook method"].shape == (2, 2)
     assert (ax.get_xscale(), ax.get_yscale()) == ("log", "log")
     assert plot_accuracy(found(), ax) is ax
     textbook = plot_accuracy(found(), unit=found().rows[-1]).lines[-2]
@@ -385,7 +385,7 @@ def test_bad_arguments(changed, message):
 
 
 def test_double_precision_is_needed():
-    """In a process of its own: conftest switches it on here."""
+    """Use a separate process, because conftest switches x64 on."""
     program = (
         "import rubberfric as rf\n"
         "scene = rf.Scene(rf.Body(rf.Elastic(1e6, 0.5)), rf.Body(rf.Rigid()))\n"
@@ -412,7 +412,7 @@ pressure = 1e5
 
 @pytest.fixture
 def call(call_main, tmp_path, monkeypatch):
-    """Run the command in a folder of its own."""
+    """Run the command in an empty folder."""
     monkeypatch.chdir(tmp_path)
     Path("scene.toml").write_text(TEXT)
     return functools.partial(call_main, command.main)
@@ -476,9 +476,7 @@ def test_velocities_are_thinned_to_a_number_of_points():
 )
 def test_command_with_bad_input(call, monkeypatch, arguments, message):
     rf.save_scene("bare.h5", SCENE)
-    monkeypatch.setattr(
-        "rubberfric.analysis.error_and_time.reference.case_of", None
-    )  # nothing may be computed
+    monkeypatch.setattr("rubberfric.analysis.reference.case_of", None)  # nothing may be computed
     before = sorted(os.listdir())
     status, printed, complaint = call("accuracy", *arguments)
     assert (status, printed, complaint.count("\n")) == (2, "", 1)

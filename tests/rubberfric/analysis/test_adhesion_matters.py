@@ -1,4 +1,4 @@
-"""Whether adhesion matters: the energy of full contact against formulas in closed form."""
+"""The energy of full contact against closed forms, and the verdict on adhesion."""
 
 import math
 from pathlib import Path
@@ -43,7 +43,7 @@ def test_energies_of_two_rough_solids_in_series_add():
     assert float(full_contact_energy(scene)) == pytest.approx(expected, rel=1e-10)
 
 
-def test_a_road_is_told_not_to_switch_adhesion_on():
+def test_adhesion_does_not_matter_on_a_road():
     scene = rf.load_scene(DATA / "tread_on_asphalt.toml")
     found = adhesion_matters(scene, temperature=293.15)
     expected = math.pi / 2 * 3.6e6 / 0.75 * _self_affine(scene.lower.spectrum) / 0.05
@@ -57,7 +57,7 @@ def test_a_road_is_told_not_to_switch_adhesion_on():
 @pytest.mark.parametrize(
     ("young", "h_rms", "words"), [(1e7, 2e-7, "adhesion matters"), (2e6, 5e-9, "adhesion is everything")]
 )
-def test_a_seal_and_silicone_on_glass_are_told_that_it_does(young, h_rms, words):
+def test_adhesion_matters_for_a_seal_and_for_silicone_on_glass(young, h_rms, words):
     rough = rf.Body(rf.Rigid(), ROUGH.replace(h_rms=h_rms))
     assert str(adhesion_matters(rf.Scene(rough, rf.Body(rf.Elastic(young, 0.5))))).startswith(words)
 

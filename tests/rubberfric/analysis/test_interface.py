@@ -12,7 +12,7 @@ from support.cases.stored import scene as scene_of
 from support.oracles import oracle
 
 import rubberfric as rf
-from rubberfric.analysis.interface.stresses import _stress_density
+from rubberfric.analysis.interface import _stress_density
 
 node, weight = np.polynomial.legendre.leggauss(24)
 
@@ -178,7 +178,7 @@ def test_separations_add_up_to_the_mean(name, start):
     u1 = np.asarray(found.separation[n:]).reshape(t.shape)
     measure = 0.5 * np.diff(edges)[:, None] * weight
     total = np.sum(measure * u1 * lost_area(edges, G))
-    # At q1 nothing opens: what is left in contact has no separation.
+    # At q1 no roughness is left: the remaining contact area has no separation.
     assert found.contact_separation[n - 1] == 0
     assert total == pytest.approx(float(found.contact_separation[0] * found.area[0]), rel=1e-8)
     if start is not None:
@@ -188,7 +188,7 @@ def test_separations_add_up_to_the_mean(name, start):
 
 @pytest.mark.parametrize("name", ordinary())
 def test_separation_within_the_contact_of_each_scale(name):
-    """u_bar(q) is the separation of what is rough beyond q, under the pressure of P(q)."""
+    """u_bar(q) is the separation from roughness beyond q alone, at the pressure sigma_0 / P(q)."""
     if name == "static":
         pytest.skip("brute force of Gauss panels in phi is for moving rubber")
     scene, v, p = conditions(CASES[name])
@@ -212,7 +212,7 @@ def test_separation_profile_ends():
     assert (found.separation[:, 0] == np.inf).all() and (found.area[:, 0] == 1).all()
     smooth = rf.Scene(rf.Body(rf.Elastic(1e6, 0.5)), rf.Body(rf.Rigid()))
     assert not np.any(rf.analysis.separation_profile(smooth, v, p, q=[1.0]).separation)
-    with pytest.raises(ValueError, match=r"^q is None, but nothing in the scene is rough: must be given$"):
+    with pytest.raises(ValueError, match=r"^q is None, but the scene has no roughness; give wavevectors$"):
         rf.analysis.separation_profile(smooth, v, p)
 
 

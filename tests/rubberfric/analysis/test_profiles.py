@@ -1,4 +1,4 @@
-"""What each length scale does, against brute force on roughness cut at each wavevector."""
+"""Profiles over the wavevector against brute force on roughness cut at each wavevector."""
 
 import jax
 import jax.numpy as jnp
@@ -58,7 +58,7 @@ def test_profile_is_the_scene_cut_at_each_wavevector(name):
 
 @pytest.mark.parametrize("name", ordinary("tyre"))
 def test_density_integrates_to_the_friction(name):
-    """By Gauss nodes of its own between two wavevectors on one side of the kinks; P goes with G."""
+    """Integrate with Gauss nodes between two wavevectors without kinks; P follows from G."""
     node, weight = np.polynomial.legendre.leggauss(30)
     a, b = 1100.0, 3900.0
     q = np.concatenate([[a, b], a * (b / a) ** (0.5 * (1 + node))])
@@ -156,7 +156,7 @@ def test_smooth_scene():
     found = rf.analysis.profile(scene, np.ones(3), 1e5, q=[10.0, 30.0])
     assert found.area.shape == (3, 2) and (found.area == 1).all() and (found.energy_factor == 1).all()
     assert not np.any(found.friction) and not np.any(found.rms_slope) and not np.any(found.fluctuation)
-    with pytest.raises(ValueError, match=r"^q is None, but nothing in the scene is rough: must be given$"):
+    with pytest.raises(ValueError, match=r"^q is None, but the scene has no roughness; give wavevectors$"):
         rf.analysis.profile(scene, 1.0, 1e5)
 
 
@@ -173,14 +173,14 @@ def test_single_precision_stays_single():
     exact = rf.analysis.profile(*conditions(TYRE), q=Q)
     for name in ("area", "friction", "friction_density", "rms_slope", "energy_factor"):
         wanted = getattr(exact, name)
-        # 1e-6 beside the first wavevector is not a difference in single precision.
+        # Single precision does not resolve 1e-6 next to the first wavevector.
         apart = np.arange(Q.size) != 2
         np.testing.assert_allclose(getattr(found, name)[apart], wanted[apart], rtol=2e-5)
 
 
 def test_plot():
     pytest.importorskip("matplotlib")
-    from rubberfric.plot.profile import plot_profile
+    from rubberfric.plot.curves import plot_profile
 
     scene, *_ = conditions(TYRE)
     axes = plot_profile(

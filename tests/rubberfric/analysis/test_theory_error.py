@@ -1,4 +1,4 @@
-"""The table of theory and boundary elements: that it is what its script makes, and what is said of it."""
+"""The table of theory over boundary elements equals its script; look-up and command."""
 
 import importlib.util
 
@@ -9,7 +9,7 @@ from support.scenes.common import RIGID, TREAD, scene
 
 import rubberfric as rf
 from rubberfric.analysis import theory_error
-from rubberfric.analysis.elements.expected import AREAS, RATIOS
+from rubberfric.analysis.validity import AREAS, RATIOS
 from rubberfric.commands.main import main
 
 

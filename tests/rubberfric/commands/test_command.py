@@ -21,7 +21,7 @@ from rubberfric.commands import run as run_command
 from rubberfric.commands.run import convergence_line
 from rubberfric.io.files import load_result
 from rubberfric.io.results import Conditions, Result
-from rubberfric.plot.save import plot_result
+from rubberfric.plot import plot_result
 
 SCENE_FILES = sorted(path for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
 # To compile.

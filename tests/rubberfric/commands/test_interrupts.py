@@ -17,7 +17,7 @@ BUSY = "hashlib.pbkdf2_hmac('sha256', b'', b'', 2**30)"
 
 COMPILING = """
 import sys
-from rubberfric.analysis.maps import batches
+from rubberfric.analysis import batches
 from rubberfric.commands import main as command
 def told(*arguments, fitted=batches.fitted):
     print("now", flush=True)
@@ -27,7 +27,7 @@ sys.exit(command.main())
 """
 COMPUTING = f"""
 import hashlib, sys
-from rubberfric.analysis.maps import batches, collapse
+from rubberfric.analysis import batches, collapse
 collapse.curve = lambda *_: None
 from rubberfric.commands import main as command
 def launch(*arguments):
@@ -38,7 +38,7 @@ sys.exit(command.main())
 """
 FILLING = f"""
 import hashlib, sys
-from rubberfric.analysis.maps import batches, collapse
+from rubberfric.analysis import batches, collapse
 collapse.curve = lambda *_: None
 from rubberfric.commands import main as command
 count = 0

@@ -69,7 +69,7 @@ def test_files_without_scales_are_read(temperature, tmp_path):
 def test_a_map_written_batch_by_batch(tmp_path, monkeypatch):
     """Its arrays lie in the file in one piece still."""
     path = tmp_path / "map.h5"
-    monkeypatch.setattr("rubberfric.analysis.maps.friction_map.LARGEST", 1)
+    monkeypatch.setattr("rubberfric.analysis.maps.MOST_IN_MEMORY", 1)
     found = rf.friction_map(SCENE, VELOCITY, PRESSURE, TEMPERATURE, path=path, block=5, quantities="area")
     again = load_result(path)
     np.testing.assert_array_equal(found.solution.area, again.solution.area)

@@ -11,7 +11,6 @@ from support.scenes.fits import AFFINE as ROAD
 
 import fitting
 import rubberfric as rf
-from rubberfric.analysis.error_and_time import textbook
 
 T_REF = 293.15
 ENTROPIC, TABLE = rf.Entropic(6e-4), rf.TabulatedVertical([250.0, 300.0, 400.0], [1.3, 1.0, 0.6])
@@ -218,18 +217,6 @@ def test_derivatives(name):
         f = [values(one.at[i].add(k * h)) for k in (-2, -1, 1, 2)]
         difference = (8 * (f[2] - f[1]) - (f[3] - f[0])) / (12 * h)
         np.testing.assert_allclose(forward[:, i], difference, rtol=1e-7, atol=1e-9)
-
-
-@pytest.mark.slow
-def test_textbook():
-    law = wlf(TABLE)
-    shear = rf.ContactShear(6.5e6, 0.1, 6e-3, shift=rf.Arrhenius(0.5, T_REF, vertical=ENTROPIC))
-    for name in ("one", "two", "own-base", "coating"):
-        scene = dataclasses.replace(SCENES[name](law), shear=shear)
-        exact = rf.solve(scene, V, 3e5, T, quantities=QUANTITIES)
-        found = textbook.solve(scene, V, 3e5, T, nodes=(1500, 128))
-        for quantity in QUANTITIES:
-            np.testing.assert_allclose(found[quantity], getattr(exact, quantity), rtol=2e-2, err_msg=name)
 
 
 def test_contact_shear():

@@ -1,4 +1,4 @@
-"""Pictures: what is drawn where, labelled in which units, into whose axes, and what is refused."""
+"""Plots: lines, labels with units, axes, and rejected arguments."""
 
 import io
 import subprocess
@@ -15,9 +15,9 @@ import fitting
 import rubberfric as rf
 from fitting.results.plot import plot_correlation
 from rubberfric import plot
-from rubberfric.analysis.error_and_time.report import Accuracy
+from rubberfric.analysis.sweep import Accuracy
 from rubberfric.io.results import Conditions, Result
-from rubberfric.plot.map import figure_of_map
+from rubberfric.plot.maps import figure_of_map
 
 V = np.array([10.0, -1.0, 1e-3, 0.0, 1e-1])
 ROAD = rf.SelfAffine(100.0, 1000.0, 1e5, 0.8, 1e-4)
@@ -76,8 +76,8 @@ def test_curves_of_a_result(draw):
     assert not given.figure.get_suptitle()
 
 
-def test_what_solve_returns_is_drawn():
-    """In any arrangement of its conditions; a picture names its pressure and temperature."""
+def test_solutions_are_drawn():
+    """Conditions may have any arrangement; labels name pressure and temperature."""
     v, p, T = V[[2, 4, 0]], np.array([5e5, 1e5])[:, None], 283.15
     solution = rf.Solution(friction=np.arange(6.0).reshape(2, 3))
     axes = drawn(plot.plot_friction(solution, velocity=v, pressure=p, temperature=T))
@@ -145,20 +145,20 @@ def test_any_picks_the_picture(tmp_path):
     plot.save_figure(tmp_path / "a.png", panels)
     plot.save_figure(tmp_path / "b.png", panels[0])
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
-    with pytest.raises(ValueError, match="pressure is missing: must be given for curves of a scene"):
+    with pytest.raises(ValueError, match="pressure is missing; curves of a scene need it"):
         plot.any(SCENE)
-    with pytest.raises(ValueError, match="pressure: must not be given; SelfAffine has its own, or none"):
+    with pytest.raises(ValueError, match="pressure is given, but SelfAffine has its own or none; omit it"):
         plot.any(ROAD, pressure=1e5)
 
 
 def is_lighter(colours):
-    """Whether colours get lighter, one after the other, in grey too."""
+    """Return True if each colour is lighter than the last, also in grey."""
     grey = [float(np.dot(matplotlib.colors.to_rgb(colour), [0.299, 0.587, 0.114])) for colour in colours]
     return (np.diff(grey) > 0.03).all()
 
 
 def test_legends_do_not_cover_what_is_drawn():
-    """Beside the axes where the figure makes room."""
+    """Legends are outside the axes if the layout makes room."""
     for axes in (plot.plot_friction(RESULT), plot.plot_spectrum({"road": ROAD}), plot.plot_modulus(RUBBER)):
         figure = drawn(axes).figure
         box = axes.get_legend().get_window_extent()
@@ -322,7 +322,7 @@ def test_correlation_matrix_of_many():
     assert not plot_correlation(fit_of([f"p{i}" for i in range(41)], np.eye(41))).texts
 
 
-def test_all_pictures_are_in_one_place():
+def test_all_plots_are_public():
     names = {name for name in plot.__all__ if name.startswith("plot_")}
     assert names == {
         f"plot_{what}"
@@ -352,42 +352,42 @@ SQUARE = np.ones((3, 5))
     ("draw", "arguments", "message"),
     [
         (plot.plot_friction, (V,), "velocity is missing: must be given as to solve and friction"),
-        (plot.plot_friction, (NO_FRICTION,), "result has no friction, only area: must be computed"),
-        (plot.plot_area, (AT_REST,), "velocity has no value > 0: must have one at least, for log10 v"),
-        (plot.plot_area, (RESULT, Figure()), "ax is a Figure: must be one matplotlib axes, or None"),
+        (plot.plot_friction, (NO_FRICTION,), "result has no friction, only area; compute it first"),
+        (plot.plot_area, (AT_REST,), "velocity has no value > 0; log10 v needs at least one"),
+        (plot.plot_area, (RESULT, Figure()), "ax must be one matplotlib axes or None, got Figure"),
         (plot.plot_curve, (V, SQUARE), r"values has shape \(3, 5\): must be one-dimensional, 5 numbers"),
-        (plot.plot_curve, (V, {"a": "b"}), r"values\['a'\] is a str: must be an array of numbers"),
+        (plot.plot_curve, (V, {"a": "b"}), r"values\['a'\] must be an array of numbers, got str"),
         (plot.plot_curve, (V, V, "frictoin"), "quantity = 'frictoin': did you mean 'friction'"),
-        (plot.plot_curve, (V, V, "area", [1]), "ax is a list: must be one matplotlib axes, or None"),
-        (plot.plot_spectrum, (RUBBER,), "spectrum is a Prony: must be a spectrum, or have q and C"),
+        (plot.plot_curve, (V, V, "area", [1]), "ax must be one matplotlib axes or None, got list"),
+        (plot.plot_spectrum, (RUBBER,), "spectrum must be a spectrum or have q and C, got Prony"),
         (plot.plot_spectrum, ({},), "spectra is empty"),
-        (plot.plot_spectrum, ({"a": rf.SelfAffine(1.0, 2.0, 3.0, 0.8, 0.0)},), "a is smooth: must be rough"),
+        (plot.plot_spectrum, ({"a": rf.SelfAffine(1.0, 2.0, 3.0, 0.8, 0.0)},), "a is smooth; log C"),
         (plot.plot_spectrum, (ROAD, None, [1.0, -1.0]), r"q\[1\] = -1: must be > 0 and finite"),
         (plot.plot_spectrum, (ROAD, None, [1.0]), r"spectrum: no q lies within 100 \.\.\. 100000 1/m"),
-        (plot.plot_spectrum, (ROAD, 3), "ax is a int: must be one matplotlib axes, or None"),
-        (plot.plot_modulus, (rf.Rigid(),), "material is a Rigid: must be one that deforms"),
-        (plot.plot_modulus, (ROAD,), "material is a SelfAffine: must be one that deforms"),
-        (plot.plot_modulus, (MASTER, None, None, 300.0), "temperature = 300.0: must be None, for"),
+        (plot.plot_spectrum, (ROAD, 3), "ax must be one matplotlib axes or None, got int"),
+        (plot.plot_modulus, (rf.Rigid(),), "material must be deformable, got Rigid"),
+        (plot.plot_modulus, (ROAD,), "material must be deformable, got SelfAffine"),
+        (plot.plot_modulus, (MASTER, None, None, 300.0), "temperature = 300.0: must be None because"),
         (plot.plot_modulus, (RUBBER, None, None, [300.0]), r"temperature has shape \(1,\): must be one"),
         (plot.plot_modulus, (RUBBER, None, [0.0]), r"omega\[0\] = 0: must be > 0 and finite"),
-        (plot.plot_modulus, (RUBBER, None, None, None, V), "data is a ndarray without omega: must have"),
+        (plot.plot_modulus, (RUBBER, None, None, None, V), "data must have omega, storage, loss, got nd"),
         (plot.plot_sensitivity, (V, V[[0, 2]], SQUARE), r"values has shape \(3, 5\): must be \(2, 5\)"),
         (plot.plot_sensitivity, (V, [1.0, 1.0], SQUARE), "tau has 1 different values > 0: must have 2"),
-        (plot.plot_sensitivity, (V, [1.0, 1.0, 2.0], SQUARE), "tau has equal entries: must all be different"),
+        (plot.plot_sensitivity, (V, [1.0, 1.0, 2.0], SQUARE), "tau has equal entries; all must be different"),
         (plot.plot_sensitivity, (V, V[[0, 2, 4]], np.nan * SQUARE), "values has a number that is not finite"),
         (plot_correlation, (RESULT,), "result is a Result: must be a FitResult, PronyFit or SpectrumFit"),
-        (plot.plot_result, (RESULT, [Figure().subplots()]), "ax has 1 axes: must have 3, for area, friction"),
+        (plot.plot_result, (RESULT, [Figure().subplots()]), r"ax has 1 axes: must have 3 \(area, friction"),
         (plot.plot_result, (RESULT, Figure().subplots()), "ax is one axes, not a sequence: must have 3"),
         (plot.plot_result, (RESULT, ["a"]), "ax is a list, not a sequence of axes: must have 3"),
-        (plot.plot_map, (RESULT, "area", [Figure().subplots()]), "ax has 1 axes: must have 2, for 0.1 MPa"),
-        (plot.plot_result, (V,), "velocity is missing: must be given as to solve and friction"),
-        (plot.plot_map, (V,), "velocity is missing: must be given as to solve and friction"),
-        (plot.plot_result, ("V",), "result must be of friction_map, solve or friction, got str"),
-        (plot.any, (object(),), "found is a object: must be a scene, what solve, friction_map or a fit ret"),
-        (plot.plot_profile, (RESULT,), "profile is a Result: must be of class Profile"),
-        (plot.plot_accuracy, (RESULT,), "accuracy is a Result: must be of class Accuracy"),
+        (plot.plot_map, (RESULT, "area", [Figure().subplots()]), r"ax has 1 axes: must have 2 \(0.1 MPa"),
+        (plot.plot_result, (V,), "velocity is missing: must be given beside what solve and friction return"),
+        (plot.plot_map, (V,), "velocity is missing: must be given beside what solve and friction return"),
+        (plot.plot_result, ("V",), "result is a str: must be a Result, as friction_map gives it, or what"),
+        (plot.any, (object(),), "found must be a scene, a result of solve, friction_map or a fit"),
+        (plot.plot_profile, (RESULT,), "profile must be of class Profile, got Result"),
+        (plot.plot_accuracy, (RESULT,), "accuracy must be of class Accuracy, got Result"),
         (fitting.plot.plot_fit, (RESULT,), "result is a Result: must be of class FitResult"),
-        (plot.plot_accuracy, (Accuracy(1e-6, (), None, 1, 1), 1), "ax is a int: must be one"),
+        (plot.plot_accuracy, (Accuracy(1e-6, (), None, 1, 1), 1), "ax must be one matplotlib axes"),
     ],
 )  # fmt: skip
 def test_wrong_arguments_are_named(draw, arguments, message):
@@ -398,7 +398,7 @@ def test_wrong_arguments_are_named(draw, arguments, message):
 def test_data_of_several_temperatures_need_a_shift():
     data = fitting.ModulusData([1.0, 2.0], [1e6, 1e6], [1e5, 1e5], temperature=[280.0, 300.0])
     with pytest.raises(
-        ValueError, match=r"data\.temperature: has several values; the material must have a shift"
+        ValueError, match=r"data\.temperature has several values; then the material must have a shift"
     ):
         plot.plot_modulus(MASTER, data=data)
 

@@ -105,6 +105,6 @@ def _wavevectors(n, length, whole=False):
 
 
 def _area(touching):
-    """Half a pixel of border is too much, as in `rubberfric.analysis.elements.sliding`."""
+    """Half a pixel of border is too much, as in `rubberfric.analysis.boundary_elements`."""
     border = sum(np.sum(touching != np.roll(touching, 1, axis)) for axis in (0, 1))
     return float(np.mean(touching) - (math.pi - 1 + math.log(2)) / 24 * border / touching.size)

@@ -1,4 +1,4 @@
-"""Maps that are read off one curve: the numbers of the model, and no curve where there is none."""
+"""Interpolated maps equal the model, and maps that do not collapse are not interpolated."""
 
 import types
 
@@ -7,8 +7,7 @@ import pytest
 from support.scenes.maps import QUICK, ROAD, SCENE, TREAD, WLF
 
 import rubberfric as rf
-from rubberfric.analysis.maps import collapse, interpolation
-from rubberfric.analysis.maps.chebyshev import summed
+from rubberfric.analysis import collapse
 from rubberfric.io.files import load_result, save_result
 from rubberfric.io.results import Conditions
 
@@ -24,7 +23,7 @@ def rubber(shift, spectrum=None):
 
 
 def expected(found, names, count=40):
-    """The model at points of a map, and what the map has there."""
+    """Return values of the map and of the model at random points."""
     shape = found.solution.friction.shape
     rng = np.random.default_rng(0)
     points = tuple(
@@ -39,7 +38,7 @@ def expected(found, names, count=40):
 
 @pytest.mark.parametrize("pressures", [3, 120])
 def test_an_interpolated_map_is_solve_at_every_point(tmp_path, pressures):
-    """At rest and backwards too; over few pressures one by one, over many as series."""
+    """Include v = 0 and v < 0; few pressures are computed one by one, many as series."""
     pressure = np.geomspace(3e5, 1e5, pressures)
     names = ("area", "friction", "shear_friction", "separation")
     at = SCENE, VELOCITY, pressure, TEMPERATURE[:: 1 if pressures == 3 else 3]
@@ -66,7 +65,7 @@ def test_a_map_can_be_computed_at_every_point():
     [
         (rf.Scene(RIGID_ROAD, rubber(WLF)), True),
         (rf.Scene(rubber(WLF, ROAD), rubber(rf.WLF(8.0, 100.0, 293.15), ROAD)), True),
-        (rf.Scene(rubber(OTHER), rubber(WLF, ROAD)), True),  # it faces nothing rough: it is at rest
+        (rf.Scene(rubber(OTHER), rubber(WLF, ROAD)), True),  # it faces a smooth solid and stays at rest
         (rf.Scene(rubber(OTHER, ROAD), rubber(WLF, ROAD)), False),
         (rf.Scene(rubber(None, ROAD), rubber(WLF, ROAD)), False),
         (rf.Scene(RIGID_ROAD, rubber(ENTROPIC)), False),
@@ -81,8 +80,8 @@ def test_a_map_can_be_computed_at_every_point():
         (rf.Scene(RIGID_ROAD, rubber(WLF), heating=rf.Heating(1200.0, 1650.0, 0.2, 1e-3)), False),
     ],
 )
-def test_what_collapses(scene, collapses):
-    """One shift for all that relaxes; no vertical shift, no heat. At one temperature shifts do not matter."""
+def test_conditions_for_a_collapse(scene, collapses):
+    """Maps collapse with one common shift, no vertical shift and no heating, or at one temperature."""
     conditions = Conditions(VELOCITY, np.array([1e5]), TEMPERATURE)
     assert (collapse.log_speeds(scene, conditions) is not None) == collapses
     one = collapse.log_speeds(scene, conditions._replace(temperature=TEMPERATURE[:1]))
@@ -90,7 +89,7 @@ def test_what_collapses(scene, collapses):
 
 
 def found_over(function, **options):
-    """The interpolant of a function of ln u and p at 40 000 points, and its values there."""
+    """Interpolate a function of ln u and p at 40 000 points."""
     x = np.linspace(-12.0, 12.0, 40_000)
     p = options.get("pressure", np.array([1e5]))
 
@@ -98,16 +97,20 @@ def found_over(function, **options):
         with np.errstate(divide="ignore"):
             return {"area": function(np.log(speed), pressure[:, None]) * np.ones((pressure.size, 1))}
 
-    made = interpolation.interpolant(x, np.log(p), evaluate)
+    made = collapse.interpolant(x, np.log(p), evaluate)
     if made is None:
         return None, x, p
     cell, place = made.places(x)
-    return np.stack([summed(made.at_pressure("area", np.log(one))[0], cell, place) for one in p]), x, p
+    return (
+        np.stack([collapse.summed(made.at_pressure("area", np.log(one))[0], cell, place) for one in p]),
+        x,
+        p,
+    )
 
 
 @pytest.mark.parametrize("width", [1.0, 0.05])
-def test_panels_are_halved_where_they_must_be(width):
-    """A step as wide as a relaxation, and one of a table with little smoothing."""
+def test_panels_are_halved_at_steep_steps(width):
+    """Use a step as wide as a relaxation, and one as in a table with little smoothing."""
 
     def step(x, _):
         return 1.5 + np.tanh(np.maximum(x, -50.0) / width)
@@ -129,16 +132,16 @@ def test_series_over_the_pressure():
     [
         lambda x, _: 2 + np.abs(np.tanh(x - 0.123)),  # a kink
         lambda x, _: 1.0 + (x > 0.123),  # a step
-        lambda x, _: np.maximum(np.tanh(x - 0.123), 0.0),  # no contact at all on one side
+        lambda x, _: np.maximum(np.tanh(x - 0.123), 0.0),  # no contact on one side
         lambda x, _: np.where(x > 3, np.nan, 1.0),
     ],
 )
-def test_no_curve_where_series_do_not_fall(function):
+def test_slow_convergence_gives_no_interpolant(function):
     assert found_over(function)[0] is None
 
 
-def test_a_model_that_knows_the_temperature_is_found_out():
-    """Whatever the structure says, the curve is compared with points of the map."""
+def test_a_model_that_depends_on_temperature_is_detected():
+    """The interpolation is compared with points of the map, whatever the structure of the scene."""
     conditions = Conditions(VELOCITY, np.array([1e5, 2e5]), TEMPERATURE)
 
     def model(heat, quantities, conditions):
@@ -148,16 +151,15 @@ def test_a_model_that_knows_the_temperature_is_found_out():
 
     scene = rf.Scene(RIGID_ROAD, rubber(WLF))
     for heat, expected in ((0.0, True), (1e-13, False)):
-        found = collapse.curve(
+        found = collapse.collapse(
             scene, conditions, ("area",), lambda names, at, heat=heat: model(heat, names, at)
         )
         assert (found is not None) == expected
 
 
-def test_parts_that_a_scene_has_not():
-    """Without contact shear its friction is 0, and nothing is interpolated for it."""
+def test_shear_friction_is_zero_in_a_scene_without_contact_shear():
     scene = rf.Scene(RIGID_ROAD, rubber(WLF))
     series = types.SimpleNamespace(values={}, places=lambda _: (None, None))
-    curve = collapse.Curve(scene, ("shear_friction",), series, None)
+    curve = collapse.CollapsedMap(scene, ("shear_friction",), series, None)
     conditions = Conditions(VELOCITY, np.array([1e5]), TEMPERATURE)
     assert not collapse.whole(curve, conditions)["shear_friction"].any()

@@ -1,4 +1,4 @@
-"""Files of maps in the making: killed, refused; in one process and in several."""
+"""Files of maps: kills, refusals, several devices and processes; division into batches."""
 
 import json
 import os
@@ -15,14 +15,13 @@ from support.folders import PYTHONPATH, ROOT
 from support.scenes.maps import FILE, QUICK, SCENE
 
 import rubberfric as rf
-from rubberfric.analysis.maps import batches
-from rubberfric.analysis.maps import friction_map as maps
+from rubberfric.analysis import batches, maps
 from rubberfric.commands import main as command
 from rubberfric.io.files import load_result
 
 
 def test_a_disk_without_space_is_found_out_before_the_work(tmp_path, monkeypatch):
-    """A limit to the size of files stands in for the disk: the system refuses as a full disk does."""
+    """A limit on file sizes acts like a full disk."""
     monkeypatch.setattr(batches, "launch", None)
     monkeypatch.chdir(tmp_path)
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -44,7 +43,7 @@ import os, signal, sys
 import jax; jax.config.update("jax_enable_x64", True)
 import numpy as np, rubberfric as rf
 from support.scenes.maps import SCENE
-from rubberfric.analysis.maps import batches
+from rubberfric.analysis import batches
 def launch(tiling, task, batch):  # instead of compiling
     v, p, T = batches.points(task.conditions, batch)
     return {"area": np.sin(p)[:, None] * v * T, "friction": np.cos(p)[:, None] * v / T}
@@ -108,7 +107,7 @@ if not rank:
 
 
 def shares(tmp_path, ranks, port=None):
-    """Maps of 135 points over the devices of some processes at once; what they print."""
+    """Compute maps of 135 points in concurrent processes; returns their output."""
     runs = [
         subprocess.Popen(
             [sys.executable, "-c", SHARE, json.dumps([rank, port, str(tmp_path / f"{rank}.h5")])],
@@ -132,9 +131,9 @@ def shares(tmp_path, ranks, port=None):
 
 @pytest.mark.slow
 def test_two_processes_of_two_devices_equal_one(tmp_path):
-    """Of a number of points that the devices do not divide.
+    """Use a number of points that the number of devices does not divide.
 
-    To the last bits: in so small a map they take different numbers of pairs at once, and sum in other ways.
+    Rounding differs because the devices evaluate different numbers of pairs at once in so small a map.
     """
     with socket.socket() as listener:
         listener.bind(("127.0.0.1", 0))
@@ -142,7 +141,7 @@ def test_two_processes_of_two_devices_equal_one(tmp_path):
     assert shares(tmp_path, [None]) == [""]
     first, second = shares(tmp_path, [0, 1], port)
     assert "m.h5: there is no folder" in first
-    assert second.endswith("no/m.h5: cannot be written by the first process, which says why\n")
+    assert second.endswith("no/m.h5: cannot be written by the first process; see its message\n")
     one, several = (np.load(tmp_path / f"{name}.h5.npy") for name in (None, 0))
     np.testing.assert_allclose(several, one, rtol=1e-13)
     written = load_result(tmp_path / "0.h5").solution
@@ -151,7 +150,7 @@ def test_two_processes_of_two_devices_equal_one(tmp_path):
 
 
 def test_the_command_makes_devices(tmp_path):
-    """As many as asked for, before JAX begins; any other number is refused after."""
+    """The number of devices can be set before the first JAX call only."""
     scene = tmp_path / "scene.toml"
     scene.write_text(FILE)
     code = (
@@ -179,7 +178,7 @@ HEATED = rf.Scene(
 
 @pytest.mark.slow
 def test_a_heated_map_says_where_it_did_not_converge(call_main, tmp_path, monkeypatch):
-    """As bools in memory, on the way to the file and from the file; the command counts them."""
+    """`converged` is boolean in memory and in files, and the command counts failures."""
     names, path = ("friction", "converged"), tmp_path / "m.h5"
     at = [1e-3, 1.0], [1e5, 2e5], 293.15
     real = rf.friction_map(HEATED, *at, quantities=names, quadrature=QUICK)
@@ -196,7 +195,7 @@ def test_a_heated_map_says_where_it_did_not_converge(call_main, tmp_path, monkey
     monkeypatch.setattr(batches, "launch", launch)
     monkeypatch.setattr(batches, "fitted", lambda tiling, _: tiling)
     for largest in (0, 2**28):
-        monkeypatch.setattr(maps, "LARGEST", largest)
+        monkeypatch.setattr(maps, "MOST_IN_MEMORY", largest)
         found = rf.friction_map(HEATED, *at, quantities=names, path=path)
         for solution in (found.solution, load_result(path).solution):
             assert solution.converged.dtype == bool
@@ -221,7 +220,7 @@ def test_a_heated_map_says_where_it_did_not_converge(call_main, tmp_path, monkey
 @pytest.mark.parametrize("pressures", [1, 3, 65, 5000])
 @pytest.mark.parametrize("pairs", [1, 5, 1000, 100_003])
 def test_batches_are_every_point_once_and_in_bounds(pairs, pressures, block):
-    """No more than was asked for; padding is little."""
+    """Batches respect the block size."""
     for shared in (True, False):
         tiling = batches.plan(pairs, pressures, shared=shared, block=block)
         if pairs * -(-pressures // tiling.columns) > 5000 * tiling.batch:
@@ -243,7 +242,7 @@ def test_batches_are_every_point_once_and_in_bounds(pairs, pressures, block):
 @pytest.mark.parametrize(("first", "stop"), [(0, 35), (0, 3), (3, 4), (6, 9), (5, 30), (4, 33), (34, 35)])
 def test_a_batch_lies_in_a_map_as_rectangles(velocities, first, stop):
     found = np.zeros((35, velocities))
-    for T, v, pairs in batches.Batch(first, stop, 0, 1).pieces(velocities):
+    for T, v, pairs in batches.MapBatch(first, stop, 0, 1).pieces(velocities):
         found[T, v] += np.arange(first, stop)[pairs].reshape(T.stop - T.start, -1)
     place = np.arange(found.size).reshape(found.shape)
     np.testing.assert_array_equal(found, np.where((place >= first) & (place < stop), place, 0))

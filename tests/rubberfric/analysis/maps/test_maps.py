@@ -1,4 +1,4 @@
-"""Friction maps: the same numbers as point by point, in batches, in memory or in a file; their picture."""
+"""Friction maps equal `solve` in any batches, in memory or in a file; plots and the command."""
 
 import json
 import math
@@ -28,19 +28,18 @@ from support.scenes.maps import (
 )
 
 import rubberfric as rf
-from rubberfric.analysis.maps import batches
-from rubberfric.analysis.maps import friction_map as maps
+from rubberfric.analysis import batches, maps
 from rubberfric.base import cores
 from rubberfric.base.progress import Progress
 from rubberfric.commands import main as command
 from rubberfric.io.files import load_result, read_computable
 from rubberfric.io.results import Conditions
-from rubberfric.plot.map import plot_map
+from rubberfric.plot.maps import plot_map
 
 
 @pytest.mark.parametrize("block", [BLOCK, None])
 def test_a_map_is_solve_at_every_point(block):
-    """Whatever the batches: of 90 points they leave an odd rest, or there is one batch."""
+    """Compare for batches that leave a rest of the 90 points, and for one batch."""
     names = rf.quantities_of(SCENE)
     found = rf.friction_map(SCENE, *POINTS, quantities=names, quadrature=QUICK, block=block, title="T")
     T, p, v = (x.ravel() for x in np.meshgrid(TEMPERATURE, PRESSURE, VELOCITY, indexing="ij"))
@@ -54,7 +53,7 @@ def test_a_map_is_solve_at_every_point(block):
         np.testing.assert_array_equal(axis, given)
 
 
-def test_only_what_is_asked_for_and_one_temperature_if_there_is_none():
+def test_requested_quantities_and_one_temperature_if_none_is_given():
     found = rf.friction_map(SCENE, VELOCITY, 1e5, quantities="area", quadrature=QUICK)
     expected = rf.contact_area(SCENE, VELOCITY, np.full(9, 1e5), quadrature=QUICK)
     assert found.conditions.temperature is None
@@ -87,7 +86,7 @@ def test_streaming_to_a_file_equals_memory(tmp_path, monkeypatch):
     whole = rf.friction_map(SCENE, *POINTS, quadrature=QUICK, path=path, title="Map", block=BLOCK)
     written = load_result(path)
     path.unlink()
-    monkeypatch.setattr(maps, "LARGEST", 0)
+    monkeypatch.setattr(maps, "MOST_IN_MEMORY", 0)
     streamed = rf.friction_map(SCENE, *POINTS, quadrature=QUICK, path=path, title="Map", block=BLOCK)
     again = load_result(path)
     for name in maps.DEFAULT_QUANTITIES:
@@ -116,7 +115,7 @@ def test_streaming_to_a_file_equals_memory(tmp_path, monkeypatch):
         ({"temperature": [293.15, 150.0]}, "must be > 193.15 K, the pole of the WLF law"),
         ({"quantities": ("area", "mu")}, "quantities has 'mu': must be one of area, friction"),
         ({"quantities": ("frictoin",)}, "did you mean 'friction'?"),
-        ({"quantities": ()}, "quantities is empty: must have at least one"),
+        ({"quantities": ()}, "quantities is empty; name at least one"),
         ({"block": 0}, "block = 0: must be an integer >= 1"),
         ({"block": True}, "block = True: must be an integer >= 1"),
         ({"scene": "scene"}, "scene is a str: must be a Scene"),
@@ -125,13 +124,13 @@ def test_streaming_to_a_file_equals_memory(tmp_path, monkeypatch):
         ({"path": "no/m.h5"}, "there is no folder 'no'; it must exist"),
         (
             {"velocity": np.logspace(0, 1, 1000), "pressure": np.logspace(5, 6, 1000)},
-            "path is None: must name a file for the 0.0745 GiB of results, of which memory holds 0.00",
+            "path is None, but the results take 0.0745 GiB and memory holds 0.00",
         ),
     ],
 )
 def test_bad_arguments_are_one_line(tmp_path, monkeypatch, change, message):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(maps, "LARGEST", 2**23)
+    monkeypatch.setattr(maps, "MOST_IN_MEMORY", 2**23)
     monkeypatch.setattr(batches, "launch", None)  # nothing may be computed
     good = dict(scene=SCENE, velocity=VELOCITY, pressure=PRESSURE, temperature=TEMPERATURE)
     with pytest.raises(ValueError, match=re.escape(message)) as caught:
@@ -147,7 +146,7 @@ def test_a_temperature_that_nothing_depends_on():
         rf.friction_map(scene, 1.0, 1e5, 293.15)
 
 
-def test_progress_is_told_before_the_first_and_after_every_batch():
+def test_progress_is_reported_before_the_first_and_after_every_batch():
     told = []
     rf.friction_map(SCENE, *POINTS, quadrature=QUICK, block=BLOCK, progress=lambda *at: told.append(at))
     assert told == [(done, 90) for done in range(0, 91, 6)]
@@ -155,7 +154,7 @@ def test_progress_is_told_before_the_first_and_after_every_batch():
 
 @pytest.mark.parametrize("streamed", [False, True])
 def test_a_stopped_map_leaves_no_file_and_an_old_one_alone(tmp_path, monkeypatch, streamed):
-    monkeypatch.setattr(maps, "LARGEST", 0 if streamed else 2**28)
+    monkeypatch.setattr(maps, "MOST_IN_MEMORY", 0 if streamed else 2**28)
     path = tmp_path / "m.h5"
 
     def interrupt(done, _):
@@ -180,7 +179,7 @@ def test_a_point_that_is_not_finite_is_named(tmp_path, monkeypatch, streamed):
         velocity, pressure, _ = batches.points(task.conditions, batch)
         return {"area": np.ones((pressure.size, 1)) / (velocity - VELOCITY[3]), "friction": np.ones((2, 45))}
 
-    monkeypatch.setattr(maps, "LARGEST", 0 if streamed else 2**28)
+    monkeypatch.setattr(maps, "MOST_IN_MEMORY", 0 if streamed else 2**28)
     monkeypatch.setattr(batches, "launch", launch)
     where = f"area = inf at velocity = {VELOCITY[3]:g}, pressure = 300000, temperature = 263.15: not finite"
     with (
@@ -193,7 +192,7 @@ def test_a_point_that_is_not_finite_is_named(tmp_path, monkeypatch, streamed):
 
 @pytest.mark.parametrize(("nv", "nT", "nP"), [(1000, 500, 1), (300, 20, 40), (7, 1, 3)])
 def test_a_batch_takes_little_memory_however_large_the_map(nv, nT, nP):
-    """What the one compiled program holds; all else is results, bounded by LARGEST, or in the file."""
+    """Check the memory of the compiled function; results are bounded by MOST_IN_MEMORY or in the file."""
     conditions = Conditions(np.ones(nv), np.full(nP, 1e5), np.full(nT, 300.0))
     tiling = batches.plan(nv * nT, nP)
     scene = batches.on_all(tiling.mesh, jax.tree.map(jnp.asarray, SCENE))
@@ -201,22 +200,22 @@ def test_a_batch_takes_little_memory_however_large_the_map(nv, nT, nP):
     assert batches.fitted(tiling, task) == tiling
     batch = batches.program_bytes(tiling, task)
     assert 0 < batch < 2**23
-    # Of a program no more than batches.MEMORY; two hold results; half a GiB for JAX itself.
-    assert 2 * batches.MEMORY + maps.LARGEST + 2**29 < 2**31
+    # Functions take at most batches.MEMORY, two batches hold results, and JAX takes half a GiB.
+    assert 2 * batches.MEMORY + maps.MOST_IN_MEMORY + 2**29 < 2**31
 
 
-# In a process of its own: the largest resident set never falls again.
+# In a separate process, because the peak of the resident set never falls.
 LARGE = """
 import json, resource, sys, time
 import jax; jax.config.update("jax_enable_x64", True)
 import numpy as np, rubberfric as rf
-from rubberfric.analysis.maps import friction_map as maps
+from rubberfric.analysis import maps
 from rubberfric.io.files import read_scene_file
 path, streamed, nv, nT, setting = json.loads(sys.argv[1])
 scene, conditions, _ = read_scene_file("data/tread_on_asphalt.toml", "map")
 v, T = np.logspace(-6, 2, nv), np.linspace(243.15, 373.15, nT)
 if streamed:
-    maps.LARGEST = 2**20
+    maps.MOST_IN_MEMORY = 2**20
 quadrature = rf.Quadrature(**setting)
 rf.friction_map(scene, v, conditions.pressure[:2], T[: 1 + nT // 20], quadrature=quadrature)
 begin = time.perf_counter()
@@ -277,7 +276,7 @@ def test_points_per_second_of_a_million(tmp_path):
 
 
 def drawn_map(velocity, pressure, temperature):
-    """A map of invented values, which its conditions tell apart."""
+    """Return a map of artificial values that depend on all conditions."""
     v, p, T = (np.asarray(x, float) for x in (velocity, pressure, temperature))
     grid = np.log10(np.abs(v) + 1) + (p / 1e6)[:, None] + (T / 100)[:, None, None]
     solution = rf.Solution(friction=grid, area=np.exp(-5 * grid), shear_friction=0 * grid)
@@ -335,9 +334,9 @@ def test_picture_of_many_pressures_points_and_a_constant():
 @pytest.mark.parametrize(
     ("conditions", "options", "message"),
     [
-        (([1.0], [1e5, 2e5], [283.0, 293.0]), {}, "velocity has 1 different values > 0: must have 2 or more"),
+        (([1.0], [1e5, 2e5], [283.0, 293.0]), {}, "velocity has 1 different values > 0; a map needs 2"),
         (([1.0, -1.0], [1e5, 2e5], [283.0]), {}, "velocity has 1 different values > 0"),
-        (([1.0, 2.0], [1e5], [283.0]), {}, "pressure has one value: must have 2 or more for a map"),
+        (([1.0, 2.0], [1e5], [283.0]), {}, "pressure has one value; a map needs 2"),
         (([1.0, 2.0], [1e5], [283.0, 293.0]), {"temperature": 0}, "pressure has one value"),
         (([1.0, 2.0], [1e5], [283.0, 293.0]), {"temperature": 2}, "temperature = 2: must be an index of 2"),
         (([1.0, 2.0], [1e5], [283.0, 293.0]), {"pressure": 0.5}, "pressure = 0.5: must be an index of 1"),
@@ -345,7 +344,7 @@ def test_picture_of_many_pressures_points_and_a_constant():
         (([1.0, 2.0], [1e5], [283.0, 293.0]), {"quantity": "mu"}, "quantity = 'mu': must be one of"),
     ],
 )
-def test_what_cannot_be_drawn(conditions, options, message):
+def test_maps_that_cannot_be_drawn(conditions, options, message):
     with pytest.raises(ValueError, match=re.escape(message)) as caught:
         plot_map(drawn_map(*conditions), **options)
     assert message in str(caught.value)
@@ -398,7 +397,7 @@ def test_command_writes_draws_and_sums_up(call_main, scene_file, tmp_path):
 
 
 def test_each_command_has_its_table(scene_file):
-    """[map] is nothing to the other commands, and without it a map is that of [run]."""
+    """Other commands ignore [map]; without it the map command uses [run]."""
     assert read_computable(scene_file)[1].velocity == [1.0]
     assert read_computable(scene_file, "map")[1].velocity.size == 5
     scene_file.write_text(FILE[: FILE.index("[map]")])

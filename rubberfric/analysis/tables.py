@@ -1,64 +1,64 @@
-r"""A table of mu(v, p, T) on as few points as multilinear interpolation needs for a stated error.
+r"""Tables of mu(v, p, T) with as few points as multilinear interpolation needs for a given error.
 
-The scene is computed on a fine grid, even in ln v, ln p and T. Along one axis alone, with hats between the
-points kept, the error of the interpolation is at most
+The scene is computed on a fine grid, uniform in ln v, ln p and T. The error of linear interpolation along
+each axis bounds the total,
 
 .. math:: e = \sup \left| \frac{\tilde\mu - \mu}{\mu} \right|,\qquad
           e_{vpT} \lesssim e_v + e_p + e_T
 
-so each axis gets its share of the error, and keeps from one point the farthest next one that its share
-allows. What is stated is the error on all of the fine grid, and a quarter of what the fine grid's every
-second point would make of it (linear interpolation is of second order), for what lies between its points.
+so each axis gets a share of the error. It keeps, after each point, the farthest next one that its share
+allows. The returned error is that on the fine grid, plus a quarter of the error of leaving out every second
+fine point (linear interpolation is of second order), which estimates the error between fine points.
 """
 
 from collections.abc import Sequence
 
 import numpy as np
 
-from rubberfric.analysis.maps.friction_map import friction_map
+from rubberfric.analysis.maps import friction_map
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values, shown
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.io.friction_tables import AXES, FrictionTable, hats
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.quantities import iterated, iterates
 
-Range = float | Sequence[float]
+AxisRange = float | Sequence[float]
 
-# Points of the fine grid to begin with, of velocity a decade, and of every axis at most.
+# Points of the initial grid per decade of velocity and per axis; largest number of points per axis.
 _A_DECADE, _AT_FIRST, _MOST = 16, 9, 2049
 _DEFAULT = Quadrature()
 
 
 def friction_table(
     scene: Scene,
-    velocity: Range,
-    pressure: Range,
-    temperature: Range | None = None,
+    velocity: AxisRange,
+    pressure: AxisRange,
+    temperature: AxisRange | None = None,
     *,
     error: float = 0.01,
     quadrature: Quadrature = _DEFAULT,
     title: str = "",
 ) -> FrictionTable:
-    """mu(v, p, T) of a scene for programs that interpolate it, on a grid refined to a stated error.
+    """Tabulate mu(v, p, T) for programs that interpolate it, on a grid refined to a given error.
 
     Parameters
     ----------
     scene : Scene
-    velocity, pressure, temperature : (lowest, highest), or one number [m/s], [Pa], [K]
+    velocity, pressure, temperature : (lowest, highest), or a number [m/s], [Pa], [K]
         temperature None: every shift at its reference temperature.
     error : largest relative error of mu by multilinear interpolation, in v, p and T themselves
     quadrature : Quadrature, static
-    title : what the table is called in its file
+    title : of the table, in its file
 
     Returns
     -------
-    FrictionTable, whose `error` is the one found; `rubberfric.io.write_friction` writes it
+    FrictionTable with the estimated `error`; `rubberfric.io.write_friction` writes it
 
     Raises
     ------
     ValueError
-        one line: as `friction_map`; a range that is none; no friction; temperatures of a heated scene that
-        do not converge; an error below what 2049 points an axis give, as across a jump.
+        as `friction_map`; a range that is not (lowest, highest); no friction; temperatures of a heated scene
+        that do not converge; an error that 2049 points per axis do not reach, for example across a jump.
     """
     check_values("error", as_leaf("error", error, 0), ("must be between 1e-5 and 0.5", _between))
     given = {"velocity": velocity, "pressure": pressure, "temperature": temperature}
@@ -77,8 +77,8 @@ def friction_table(
             break
         if max(counts[k] for k in worst) >= _MOST:
             raise ValueError(
-                f"error = {error:g}: {_MOST} points of {AXES[worst[0]]} leave {4 * max(own):.2g}:"
-                " must be more, or the ranges narrower, such that mu does not jump"
+                f"error = {error:g} is not reached: {_MOST} points of {AXES[worst[0]]} leave"
+                f" {4 * max(own):.2g}; increase it, or narrow the ranges so that mu does not jump"
             )
         counts = [2 * n - 1 if k in worst else n for k, n in enumerate(counts)]
     share = (error - sum(own)) / max(shares, 1)
@@ -101,7 +101,7 @@ def _ends(name, given):
     values = np.asarray(as_leaf(name, given, np.ndim(given)), float).ravel()
     check_values(name, values, POSITIVE)
     if values.size not in (1, 2) or values[0] > values[-1]:
-        raise ValueError(f"{name} = {shown(given)}: must be (lowest, highest), or one number")
+        raise ValueError(f"{name} = {shown(given)}: must be (lowest, highest), or a number")
     return float(values[0]), float(values[-1])
 
 
@@ -121,16 +121,16 @@ def _computed(scene, axes, quadrature):
     if solution.converged is not None and not np.all(solution.converged):
         bad = int(np.count_nonzero(~np.asarray(solution.converged)))
         raise ValueError(
-            f"the {iterated(scene)} of the scene do not converge at {bad} points: must be left out"
+            f"the {iterated(scene)} of the scene do not converge at {bad} points; narrow the ranges"
         )
     mu = np.asarray(solution.friction, float)
     if not (mu > 0).all():
-        raise ValueError("the scene has no friction at some of the points: must be > 0 for a table of it")
+        raise ValueError("friction is 0 at some points; it must be > 0 for a relative error")
     return mu, np.asarray(solution.area, float)
 
 
 def _halved(axis, mu, place):
-    """Largest relative error when every second point of an axis is interpolated from the others."""
+    """Largest relative error of interpolating every second point of an axis from its neighbours."""
     if axis.size == 1:
         return 0.0
     values = np.moveaxis(mu, place, 0)
@@ -140,7 +140,7 @@ def _halved(axis, mu, place):
 
 
 def _kept(axis, mu, place, share):
-    """Indices of the points of an axis that are kept: from each the farthest next one within the share."""
+    """Indices of the kept points of an axis: each is the farthest from the last that its share allows."""
     if axis.size == 1:
         return [0]
     values = np.moveaxis(mu, place, 0).reshape(axis.size, -1)
@@ -159,5 +159,5 @@ def _kept(axis, mu, place, share):
 
 
 def _along(place, weights, values):
-    """A product of a matrix and one axis of an array."""
+    """Multiply one axis of an array by a matrix."""
     return np.moveaxis(np.tensordot(weights, values, (1, place)), 0, place)

@@ -1,17 +1,15 @@
-r"""The force that separates a rough sphere from a plane, in both limits of the range of attraction.
+r"""Pull-off force of a rough sphere with adhesion.
 
-Of short range it is that of Johnson, Kendall and Roberts with what the roughness leaves of the work: W of
-`rubberfric.theory.area.constant_area`. Of
-long range the sphere keeps its shape, and Derjaguin's approximation has the force from the work that
-separates flat rough solids from where they rest under no load,
+The pull-off force of a sphere follows from the work W that separates flat rough solids. In the short-range
+limit W is the work of `rubberfric.theory.area.constant_area`, in the formula of Johnson, Kendall and
+Roberts. In the long-range limit the sphere keeps its shape, and Derjaguin's approximation gives
 
 .. math:: F = 2\pi R\,W,\qquad W = \max_p\big[\Delta\gamma\,\langle e^{-u/r}\rangle - U\big],\qquad
           U = \int_0^p p'\,\Big(-\frac{d\bar u}{dp'}\Big)\,dp'
 
-with the gaps u, their mean and the elastic energy U of contact without adhesion that bears the load p: of
-these states the one of least energy. Any other may have less, so that W is a lower bound of that of the
-solids. (The integral over the separation of the attraction less the load is no bound, and may be more than
-the work of adhesion.) At light loads
+with gaps u and elastic energy U of contact without adhesion at load p. The maximum is over these states only,
+so W is a lower bound. (The integral of attraction minus load over the separation is not a bound and may
+exceed the work of adhesion.) At light loads
 
 .. math:: \bar u \to -u_0 \ln p,\qquad U \to u_0\,p,\qquad \langle e^{-u/r}\rangle \propto p^m
 """
@@ -24,10 +22,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.analysis.interface.adhesion import adhesion_of
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature, gauss, typed
+from rubberfric.scene.adhesion import Adhesion
 from rubberfric.scene.pairs import PairTemperatures
 from rubberfric.scene.scene import Scene, rough_surfaces
 from rubberfric.theory.adhesive_contact import relative_attraction, work_of_separation
@@ -37,18 +35,25 @@ from rubberfric.theory.integrals import evaluate, prepare
 
 _DEFAULT = Quadrature()
 
-BLOCK, WORK_BLOCK = 4, 64  # points at once, of long range each of some hundred loads
+# Points evaluated at once; in the long-range limit each has some hundred loads.
+_LONG_BLOCK, _WORK_BLOCK = 4, 64
 
-# x = 1 / (2 sqrt G) of light loads: beyond it the laws above are good to x^2. m from which on the attraction
-# goes as the load.
+# x = 1 / (2 sqrt G) of light loads, below which the limits above have errors of x^2. Exponent m from which
+# the attraction counts as proportional to the load.
 _LIGHT, _AS_THE_LOAD = 1e-4, 0.999
 
-# How far beyond the work over the range the best load may be, in e-folds: near full contact nothing depends
-# on it any more.
+# How far the best load may exceed work / range, in e-folds: near full contact nothing depends on it.
 _BEYOND = 3.0
 
-# Panels and nodes of each over ln p; loads among which the best one is enclosed, and how often.
+# Panels and nodes per panel over ln p; loads of a search interval, and number of searches.
 _PANELS, _NODES, _LOADS, _ROUNDS = 24, 8, 32, 6
+
+
+def adhesion_of(scene: Scene) -> Adhesion:
+    """Return the adhesion of a scene, or raise ValueError."""
+    if scene.adhesion is None:
+        raise ValueError("scene.adhesion is None; it must be an Adhesion")
+    return scene.adhesion
 
 
 def pull_off_force(
@@ -59,14 +64,14 @@ def pull_off_force(
     *,
     quadrature: Quadrature = _DEFAULT,
 ) -> jax.Array:
-    r"""Force that separates a rough sphere from a plane, both at rest.
+    r"""Compute the force that separates a rough sphere from a plane, both at rest.
 
     .. math:: F = \tfrac{3\pi}{2} R\,W\quad\text{(short range)},\qquad
               F = 2\pi R\, W\quad\text{(long range)}
 
     [Johnson, Kendall and Roberts, Proc. R. Soc. A 324, 301 (1971), with W of
     `rubberfric.theory.area.constant_area`; Derjaguin, Muller and Toporov, J. Colloid Interface Sci. 53, 314
-    (1975), with W as the module has it]
+    (1975), with W of this module]
 
     Parameters
     ----------
@@ -77,14 +82,15 @@ def pull_off_force(
 
     Returns
     -------
-    array, broadcast shape [N], >= 0; 0 where the elastic energy outweighs the work of adhesion.
+    array, broadcast shape [N], >= 0; 0 where the elastic energy exceeds the work of adhesion.
 
     Raises
     ------
     ValueError : as `contact_area`; radius <= 0; a scene without adhesion.
 
-    Limits: of long range W is up to 14 % below that of boundary elements at Tabor 0.1, 6 to 60 % at 0.3, the
-    more the less of the work is left (tests/rubberfric/theory/area/test_adhesive_elements.py).
+    Limits: in the long-range limit W is up to 14 % below boundary elements at Tabor number 0.1, and 6 to 60 %
+    at 0.3; the error grows as less of the work is left
+    (tests/rubberfric/theory/area/test_adhesive_elements.py).
     """
     adhesion = adhesion_of(scene)
     radius = as_leaf("radius", radius, 0)
@@ -103,7 +109,7 @@ def pull_off_force(
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
 def _work_by_energy(scene, velocity, pressure, temperature, *, quadrature):
-    """W of short range [J/m^2]."""
+    """Return W in the short-range limit [J/m^2]."""
     prepared = prepare(scene, ("area",), quadrature)
 
     def of_points(points):
@@ -112,11 +118,11 @@ def _work_by_energy(scene, velocity, pressure, temperature, *, quadrature):
         both = [PairTemperatures(warm, warm)] * len(prepared.roughness.contributions)
         return work_of_separation(scene.adhesion, prepared.roughness, velocity, pressure, both)
 
-    return over_points(of_points, (velocity, pressure, temperature), WORK_BLOCK)
+    return over_points(of_points, (velocity, pressure, temperature), _WORK_BLOCK)
 
 
 class _State(NamedTuple):
-    """Contact without adhesion under loads."""
+    """Contact without adhesion at given loads."""
 
     separation: jax.Array  # [m]
     gained: jax.Array  # work of adhesion times <e^-u/r> [J/m^2]
@@ -124,7 +130,7 @@ class _State(NamedTuple):
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
 def _work_of_separation(scene, velocity, pressure, temperature, *, quadrature):
-    """W [J/m^2]."""
+    """Return W in the long-range limit [J/m^2]."""
     prepared = prepare(scene, ("area", "separation"), quadrature)
     work, reach = scene.adhesion.work, scene.adhesion.range
 
@@ -132,11 +138,11 @@ def _work_of_separation(scene, velocity, pressure, temperature, *, quadrature):
         under = functools.partial(_under, prepared, work, velocity, temperature)
         return _largest(under, jnp.log(work / reach) + _BEYOND)
 
-    return over_points(lambda points: jax.vmap(one)(*points), (velocity, pressure, temperature), BLOCK)
+    return over_points(lambda points: jax.vmap(one)(*points), (velocity, pressure, temperature), _LONG_BLOCK)
 
 
 def _under(prepared: Any, work, velocity, temperature, log_load):
-    """`_State` at ln p, (n,), and x of all the roughness."""
+    """Return `_State` at ln p, (n,), and x of all roughness."""
     load = jnp.exp(log_load)
     at_rest = jnp.broadcast_to(velocity, load.shape)
     warm = None if temperature is None else jnp.broadcast_to(temperature, load.shape)
@@ -149,7 +155,7 @@ def _under(prepared: Any, work, velocity, temperature, log_load):
 
 
 def _largest(under, top):
-    """W of `_State` at loads up to `top`, their logarithms."""
+    """Return the largest W over ln p up to `top`."""
     node, weight = gauss(_NODES)
     places = typed((np.arange(_PANELS)[:, None] + node).reshape(-1) / _PANELS, top)
     shares = typed(np.tile(weight, _PANELS) / _PANELS, top)
@@ -163,7 +169,7 @@ def _largest(under, top):
     light = jnp.minimum(light, still(top) - 1.0)
     at = light + (still(top) - light) * jnp.append(0.0, places)
     _, _, gain, _ = jax.tree.map(still, slopes_at(at))
-    # What is gained by more load: largest where the gain of it ends.
+    # The integral of the gain is largest where the gain changes sign.
     so_far = jnp.cumsum(gain[1:] * shares)
     best = jnp.where(jnp.max(so_far) > 0, jnp.argmax(so_far) + 1, 0)
     best = jnp.where((best == 0) & (gain[0] <= 0), -1, best)
@@ -181,16 +187,16 @@ def _largest(under, top):
     u0 = -slopes.separation[0]
     stored = -jnp.sum((jnp.exp(at) * slopes.separation)[1:-1] * shares) * (end - light)
     whole = state.gained[-1] - u0 * jnp.exp(light) - stored
-    # Each is that of a state.
+    # Both are values of actual states, and therefore lower bounds.
     return jnp.maximum(jnp.maximum(whole, _of_light_loads(state, slopes, light)), 0.0)
 
 
 def _of_light_loads(state, slopes, light):
-    """W where the best load is less than the light one: that at which m <e^-u/r> of the work is u0 p."""
+    """Return W if the best load is below the light one: there m <e^-u/r> times the work equals u0 p."""
     u0, gain = -slopes.separation[0], slopes.gained[0]
     m = gain / state.gained[0]
-    # Where attraction goes as the load, m = 1, none is; nor where all gaps are within reach: m is rounding,
-    # and its logarithm no number.
+    # No load satisfies this if the attraction is proportional to the load, m = 1, or if all gaps are within
+    # range: then m is rounding error and its logarithm may be NaN.
     some = (m > 0) & (m < _AS_THE_LOAD) & (u0 * jnp.exp(light) >= gain)
     m, u0, gain = (jnp.where(some, x, 0.5) for x in (m, u0, gain))
     back = (light + jnp.log(u0) - jnp.log(gain)) / (1 - m)

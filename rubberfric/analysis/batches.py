@@ -1,9 +1,9 @@
-"""Batches of a friction map: which points one compiled program computes together, on every device.
+"""Batches of a friction map: points that one compiled function computes together, on all devices.
 
-A map is a grid of pressures and of pairs (temperature, velocity). Most of the work, the angular means
-of the stiffness and g(q), depends on the pair alone: a batch is all its pairs at all its pressures, and
-does that part once. Pairs are shared out to the devices, and each device takes them a few at a time,
-as many as its fast memory holds.
+A map is a grid of pressures and of pairs (temperature, velocity). Most of the work, the angular means of the
+stiffness and g(q), depends on the pair alone. A batch combines all its pairs with all its pressures and does
+this work once per pair. The pairs are distributed over the devices, and each device evaluates a group of
+pairs at a time, as many as fit its fast memory.
 """
 
 import functools
@@ -20,29 +20,28 @@ from rubberfric.io.results import Conditions
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.integrals import evaluate, prepare
 
-# Points of a batch: enough that what a call costs beside its points does not count. A processor core
-# takes few pairs at once, whose 300 nodes in q stay in its cache; any other device as many as it can.
+# Points of a batch: enough to make the overhead of a call negligible. A CPU core evaluates few pairs at once,
+# so that their 300 nodes in q stay in its cache; other devices evaluate as many as they can.
 BLOCK = {"cpu": 2**13}
 _BLOCK_ELSEWHERE = 2**18
 _AT_ONCE, _AT_ONCE_ELSEWHERE = 256, 2**14
-_FEWEST, _MOST = 4, 16  # pairs at once on a processor core
+_FEWEST, _MOST = 4, 16  # pairs evaluated at once on a CPU core
 
-# Pressures of a batch: beside so many, what a pair costs by itself is little. With fewer pairs than this
-# many points more, else a batch would be small. Both depend on the map alone, and so does the order.
+# Pressures of a batch: with so many, the cost per pair is small. Maps of few pairs take more pressures, to
+# reach this many points. Both depend on the map alone, and so does the order of the results.
 _PRESSURES, _LEAST = 64, 1024
 
-# Batches up to which their size is that of the map; of more, one program serves maps of any size.
+# Up to this many batches are made equally large; longer maps share one compiled function.
 _FEW = 8
 
-# Bytes that the programs of all devices of a process may hold.
-MEMORY = 2**28
+MEMORY = 2**28  # bytes that the compiled functions of all devices of a process may hold
 
 _POINTS = "points"
 _EVERYWHERE = PartitionSpec()  # one copy on every device
 
 
 class Task(NamedTuple):
-    """What to compute: quantities at every combination of the conditions."""
+    """Quantities to compute at every combination of the conditions."""
 
     scene: Scene
     conditions: Conditions
@@ -51,13 +50,13 @@ class Task(NamedTuple):
 
 
 class Tiling(NamedTuple):
-    """How a map is cut into batches."""
+    """Division of a map into batches."""
 
-    pairs: int  # of the map, in all
+    pairs: int  # of the map
     pressures: int
     columns: int  # pressures of a batch
     group: int  # pairs that a device evaluates at once
-    groups: int  # of them on every device in a batch
+    groups: int  # groups per device and batch
     mesh: jax.sharding.Mesh
 
     @property
@@ -66,7 +65,7 @@ class Tiling(NamedTuple):
         return self.group * self.groups * self.mesh.size
 
 
-class Batch(NamedTuple):
+class MapBatch(NamedTuple):
     """The pairs first ... stop at the pressures low ... high."""
 
     first: int
@@ -80,7 +79,7 @@ class Batch(NamedTuple):
         return (self.stop - self.first) * (self.high - self.low)
 
     def pieces(self, velocities: int) -> Iterator[tuple[slice, slice, slice]]:
-        """Its rectangles in a map of so many velocities: temperatures, velocities, pairs of the batch."""
+        """Yield the rectangles that it fills in a map: temperatures, velocities, pairs of the batch."""
         first = self.first
         while first < self.stop:
             T, v = divmod(first, velocities)
@@ -99,13 +98,14 @@ def plan(
     block: int | None = None,
     devices: Sequence[jax.Device] | None = None,  # pyright: ignore[reportInvalidTypeForm]: a class
 ) -> Tiling:
-    """Tiling of a map of so many pairs and pressures.
+    """Divide a map into batches.
 
     Parameters
     ----------
-    shared : whether pressures have work in common
-    block : points of a batch, at most, but one for each device; None: as suits the devices
-    devices : sequence of jax devices; None: all there are, of all processes
+    pairs, pressures : numbers of them in the map
+    shared : True if the pressures share work
+    block : largest number of points of a batch, with at least one per device; None: chosen for the devices
+    devices : sequence of JAX devices; None: all devices of all processes
     """
     devices = jax.devices() if devices is None else list(devices)
     mesh = jax.make_mesh((len(devices),), (_POINTS,), axis_types=(AxisType.Auto,), devices=devices)
@@ -113,36 +113,36 @@ def plan(
     most = block or BLOCK.get(platform, _BLOCK_ELSEWHERE) * len(devices)
     columns = max(_PRESSURES, _LEAST // pairs) if shared else 1
     columns = columns if block is None else min(block, columns)
-    columns = -(-pressures // -(-pressures // columns))  # sets of one size, as nearly as can be
+    columns = -(-pressures // -(-pressures // columns))  # nearly equal numbers
     local = max(1, min(most // columns, pairs) // len(devices))
     at_once = max(_FEWEST, min(_MOST, _AT_ONCE // columns)), max(1, _AT_ONCE_ELSEWHERE // columns)
     group = min(at_once[platform != "cpu"], local)
     groups = local // group
     count = -(-pairs // (group * groups * len(devices)))
     if count <= _FEW:
-        # Of one size, as nearly as can be: padding the last would count.
+        # Nearly equal batches: padding the last one would cost time.
         groups = -(-pairs // (group * len(devices) * count))
     return Tiling(pairs, pressures, columns, group, groups, mesh)
 
 
 def smaller(tiling: Tiling) -> Tiling | None:
-    """The tiling that takes half as many pairs at once; None if it takes one."""
+    """Halve the pairs evaluated at once; None if there is one."""
     if tiling.group == 1:
         return None
     group = tiling.group // 2
     return tiling._replace(group=group, groups=tiling.groups * tiling.group // group)
 
 
-def batches(tiling: Tiling) -> Iterator[Batch]:
-    """Every batch: all pairs at the first pressures, then all pairs at the next."""
+def batches(tiling: Tiling) -> Iterator[MapBatch]:
+    """Yield the batches: all pairs at the first pressures, then all pairs at the next."""
     for low in range(0, tiling.pressures, tiling.columns):
         high = min(low + tiling.columns, tiling.pressures)
         for first in range(0, tiling.pairs, tiling.batch):
-            yield Batch(first, min(first + tiling.batch, tiling.pairs), low, high)
+            yield MapBatch(first, min(first + tiling.batch, tiling.pairs), low, high)
 
 
 def fitted(tiling: Tiling, task: Task) -> Tiling:
-    """The tiling, or the next smaller one whose program stays within `MEMORY`."""
+    """Reduce the tiling until its compiled function stays within `MEMORY`."""
     local = sum(device.process_index == jax.process_index() for device in tiling.mesh.devices.flat)
     while program_bytes(tiling, task) > MEMORY / local and (less := smaller(tiling)):
         tiling = less
@@ -150,30 +150,30 @@ def fitted(tiling: Tiling, task: Task) -> Tiling:
 
 
 def program_bytes(tiling: Tiling, task: Task) -> int:
-    """Bytes that the program of a batch holds on one device: its own, what it takes and what it returns."""
+    """Bytes that the compiled function holds on one device, with its arguments and results."""
     arguments, static = _arguments(tiling, task, next(batches(tiling)))
-    # JAX keeps what is compiled here for the calls that follow.
+    # JAX keeps the compiled function for the calls that follow.
     found = _evaluate.lower(*arguments, **static).compile().memory_analysis()
     if found is None:
         return 0  # the device does not say
     return found.temp_size_in_bytes + found.argument_size_in_bytes + found.output_size_in_bytes
 
 
-def launch(tiling: Tiling, task: Task, batch: Batch) -> dict[str, jax.Array]:
-    """Begin to compute a batch: a dict of quantities, arrays (pressures, pairs) that are padded."""
+def launch(tiling: Tiling, task: Task, batch: MapBatch) -> dict[str, jax.Array]:
+    """Start a batch; returns a dict of quantities, padded arrays (pressures, pairs)."""
     arguments, static = _arguments(tiling, task, batch)
     return _evaluate(*arguments, **static)
 
 
-def points(conditions: Conditions, batch: Batch) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Velocity and temperature of the pairs of a batch, (pairs,) each, and its pressures."""
+def points(conditions: Conditions, batch: MapBatch) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    """Velocities of the pairs of a batch (pairs,), its pressures, temperatures of the pairs."""
     T, v = np.divmod(np.arange(batch.first, batch.stop), conditions.velocity.size)
     temperature = None if conditions.temperature is None else conditions.temperature[T]
     return conditions.velocity[v], conditions.pressure[batch.low : batch.high], temperature
 
 
 def on_all(mesh: jax.sharding.Mesh, tree: Any, spec: PartitionSpec = _EVERYWHERE) -> Any:
-    """A tree of arrays that every process has, as arrays of all devices."""
+    """Put arrays that every process has on all devices."""
     sharding = NamedSharding(mesh, spec)
 
     def put(x):
@@ -184,7 +184,7 @@ def on_all(mesh: jax.sharding.Mesh, tree: Any, spec: PartitionSpec = _EVERYWHERE
 
 
 def all_ready(ready: bool) -> bool:
-    """Whether every process is ready; each must ask."""
+    """Return True if every process is ready; every process must call this."""
     if jax.process_count() == 1:
         return ready
     mesh = jax.make_mesh((jax.device_count(),), (_POINTS,), axis_types=(AxisType.Auto,))
@@ -194,7 +194,7 @@ def all_ready(ready: bool) -> bool:
 
 
 def _arguments(tiling, task, batch):
-    # The last pair and the last pressure pad what is short: every batch has one shape.
+    # The last pair and pressure are repeated, so that all batches have one shape.
     sizes = tiling.batch, tiling.columns, tiling.batch
     velocity, pressure, temperature = (
         None if x is None else np.pad(x, (0, size - x.size), mode="edge")
@@ -208,7 +208,7 @@ def _arguments(tiling, task, batch):
 
 @functools.partial(jax.jit, static_argnames=("mesh", "group", "quadrature", "quantities"))
 def _evaluate(scene, velocity, pressure, temperature, *, mesh, group, quadrature, quantities):
-    """Quantities at every pressure and pair: dict of arrays (pressures, pairs)."""
+    """Compute quantities at every pressure and pair: dict of arrays (pressures, pairs)."""
     several = jax.process_count() > 1
 
     def share(scene, velocity, pressure, temperature):
@@ -217,7 +217,7 @@ def _evaluate(scene, velocity, pressure, temperature, *, mesh, group, quadrature
         pairs = [None if x is None else x.reshape(-1, group) for x in (velocity, temperature)]
         found = jax.lax.map(found_at, pairs)
         found = {name: jnp.swapaxes(x, 0, 1).reshape(pressure.size, -1) for name, x in found.items()}
-        # Every process needs all of it: to find what is not finite, and the first to write it.
+        # Every process checks all results, and the first one writes them.
         gather = functools.partial(jax.lax.all_gather, axis_name=_POINTS, axis=1, tiled=True)
         return jax.tree.map(gather, found) if several else found
 
@@ -227,13 +227,13 @@ def _evaluate(scene, velocity, pressure, temperature, *, mesh, group, quadrature
         mesh=mesh,
         in_specs=(_EVERYWHERE, across, _EVERYWHERE, across),
         out_specs=_EVERYWHERE if several else PartitionSpec(None, _POINTS),
-        # The loops of the temperatures begin with constants, which the check takes for equal ever after.
+        # The check rejects the constant initial values of the temperature loops.
         check_vma=False,
     )(scene, velocity, pressure, temperature)
 
 
 def _shared(ready, quantities, pressure, pairs):
-    """Quantities (pressures, pairs): what does not depend on the pressure is computed once."""
+    """Compute quantities (pressures, pairs); the pressures share all work that does not depend on them."""
     velocity, temperature = pairs
 
     def at(pressure):
@@ -244,7 +244,7 @@ def _shared(ready, quantities, pressure, pairs):
 
 
 def _heated(ready, quantities, pressure, pairs):
-    """The same where every pressure has temperatures of its own, and so nothing is shared."""
+    """Compute quantities (pressures, pairs) of a heated scene, whose temperatures depend on the pressure."""
     shape = pressure.size, pairs[0].size
     conditions = (jnp.broadcast_to(x, shape).reshape(-1) for x in (pairs[0], pressure[:, None], pairs[1]))
     found = evaluate(ready, quantities, list(conditions))

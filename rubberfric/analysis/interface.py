@@ -1,28 +1,33 @@
-r"""The interface: what a load does to the separation, and how stresses are distributed.
+r"""The interface: distribution of stresses, normal stiffness, and dissipated power.
 
 With g = G sigma_0^2, x = sigma_0 / (2 sqrt g), P = erf x and s = gamma P + (1 - gamma) P^3
-[Scaraggi & Persson, arXiv:1506.06955, eqs. (10), (A18)], both follow from the same radial integrals as
-area and separation (`rubberfric.theory.integrals`).
+[Scaraggi & Persson, arXiv:1506.06955, eqs. (10), (A18)], stresses and stiffness follow from the radial
+integrals of area and separation (`rubberfric.theory.integrals`). The power has the terms of eq. (A17),
+
+.. math:: \sigma_0 \mu v = \sigma_0 v\,(\mu_2 + \mu_1 + \mu_\mathrm{con}),\qquad
+          \mu_j = \frac{1}{\sigma_0}\int d^2q\, S P\, C_j\, q\cos\varphi\,\mathrm{Im}K_j
 """
 
 import functools
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.analysis.by_wavevector import checked_wavevectors, contact_at_borders
+from rubberfric.analysis.profiles import checked_wavevectors, contact_at_borders
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import FINITE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.scene import Scene, check_without, rough_surfaces
+from rubberfric.scene.shear import shear_friction
 from rubberfric.theory.area.partial_contact import TWO_OVER_ROOT_PI, contact_fraction
 from rubberfric.theory.arguments import settled, warn_of_last_iterates
 from rubberfric.theory.integrals import prepare, solved
 
-BLOCK = 64  # points evaluated at once
+_BLOCK, _POWER_BLOCK = 64, 128  # points evaluated at once
 
 
 def stress_distribution(
@@ -35,7 +40,7 @@ def stress_distribution(
     q: ArrayLike | None = None,
     quadrature: Quadrature | None = None,
 ) -> jax.Array:
-    r"""Probability density of the interfacial stress s > 0 (the share of area not in contact has s = 0).
+    r"""Compute the probability density of the interfacial stress s > 0 (s = 0 outside the contact area).
 
     .. math:: p(s) = \frac{1}{\sqrt{4\pi g}}\left[e^{-(s-\sigma_0)^2/4g} - e^{-(s+\sigma_0)^2/4g}\right],
               \qquad g = \sigma_0^2 G(q)
@@ -48,8 +53,8 @@ def stress_distribution(
     scene : Scene
     stress : s, array_like, broadcastable with the conditions [Pa]
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
-    q : largest wavevector seen, a number > 0 [1/m]; None: all roughness
-    quadrature : Quadrature, static, or None: that which fits the scene
+    q : largest wavevector, a number > 0 [1/m]; None: all roughness
+    quadrature : Quadrature, static, or None: chosen for the scene
 
     Returns
     -------
@@ -61,11 +66,11 @@ def stress_distribution(
 
     Warns
     -----
-    RuntimeWarning : as `solve`, where the temperatures of a heated scene are not a solution.
+    RuntimeWarning : as `solve`, if the temperatures of a heated scene did not converge.
 
-    Limits: full relative accuracy for s -> 0 (no difference of the two terms is formed) and for huge
-    G. Without roughness it is Dirac's delta at sigma_0: a width below 1e-30 of sigma_0 (single
-    precision: 1e-15) counts as that. With `scene.area_correction` G has S inside.
+    Limits: full relative accuracy for s -> 0 (the difference of the two terms is not formed) and for huge G.
+    Smooth solids have Dirac's delta at sigma_0, and so have densities with a width below 1e-30 of sigma_0
+    (single precision: 1e-15). With `scene.area_correction` G contains S.
     """
     scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
     check_without(scene, ("adhesion",), "the distribution of stresses")
@@ -91,12 +96,12 @@ def _stress_distribution(scene, stress, velocity, pressure, temperature, q, *, q
         contact, temperatures = solved(prepared, *points)
         return contact_at_borders(prepared, contact, 1)[1][:, 0], _converged(temperatures)
 
-    G, converged = over_points(fluctuation, (velocity, pressure, temperature), BLOCK)
+    G, converged = over_points(fluctuation, (velocity, pressure, temperature), _BLOCK)
     return _stress_density(stress, pressure, G), converged
 
 
 def _converged(temperatures):
-    """Whether temperatures are a solution; None without heating."""
+    """Return True where the temperatures converged; None without heating."""
     return None if temperatures is None else temperatures.converged
 
 
@@ -104,14 +109,14 @@ def _stress_density(stress, pressure, G):
     coarse = G.dtype == jnp.float32
     rough = G > 0
     width = jnp.where(rough, 2 * jnp.sqrt(jnp.where(rough, G, 1.0)), 0.0)
-    # No spacing of floating-point numbers resolves a narrower one; 1/width^2 stays finite.
+    # Floating-point numbers do not resolve a narrower peak; 1/width^2 stays finite.
     width = jnp.maximum(width, 1e-15 if coarse else 1e-30)
     positive = stress > 0
     s = jnp.where(positive, stress, pressure) / pressure
-    # e^-z^2 is 0 beyond, and its derivative must not become 0 * inf.
+    # e^-z^2 is 0 beyond the bound; clipping keeps 0 * inf out of the derivative.
     bound = 12.0 if coarse else 40.0
     z = jnp.clip((s - 1) / width, -bound, bound)
-    # 4 s / width^2, beyond which e^- is 0 as well.
+    # 4 s / width^2, clipped likewise.
     both = jnp.minimum(4 * (s / width), bound**2 * width) / width
     density = jnp.exp(-z * z) * -jnp.expm1(-both) / (jnp.sqrt(jnp.pi) * width) / pressure
     return jnp.where(positive, density, 0.0)
@@ -125,7 +130,7 @@ def contact_stiffness(
     *,
     quadrature: Quadrature | None = None,
 ) -> jax.Array:
-    r"""Normal stiffness of the interface per nominal area.
+    r"""Compute the normal stiffness of the interface per nominal area.
 
     .. math:: -\frac{d\sigma_0}{d\bar u} = \sigma_0 \Big/ \int d^2q \sum_j C_j\,\mathrm{Re}K_j\,
               \frac{s'(x)}{4\sqrt g}, \qquad s = \gamma\,\mathrm{erf} + (1-\gamma)\,\mathrm{erf}^3
@@ -136,12 +141,12 @@ def contact_stiffness(
     ----------
     scene : Scene
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
-    quadrature : Quadrature, static, or None: that which fits the scene
+    quadrature : Quadrature, static, or None: chosen for the scene
 
     Returns
     -------
-    array, broadcast shape [Pa/m]; infinite, with derivative 0, where nothing is rough or contact is
-    full to the last bit.
+    array, broadcast shape [Pa/m]; infinite with derivative 0 without roughness or in full contact (to the
+    last bit).
 
     Raises
     ------
@@ -149,12 +154,12 @@ def contact_stiffness(
 
     Warns
     -----
-    RuntimeWarning : as `solve`, where the temperatures of a heated scene are not a solution.
+    RuntimeWarning : as `solve`, if the temperatures of a heated scene did not converge.
 
     Notes
     -----
-    Uses the plain G like `separation`, whatever `scene.area_correction` says. In a heated scene
-    temperatures stay as they are.
+    Uses the plain G like `separation`, regardless of `scene.area_correction`. In a heated scene the
+    temperatures are held constant.
     """
     scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
     check_without(scene, ("adhesion",), "the stiffness")
@@ -180,10 +185,93 @@ def _contact_stiffness(scene, velocity, pressure, temperature, *, quadrature):
         found = jnp.where(soft, pressure / jnp.where(soft, compliance, 1.0), jnp.inf)
         return found, _converged(temperatures)
 
-    return over_points(stiffness, (velocity, pressure, temperature), BLOCK)
+    return over_points(stiffness, (velocity, pressure, temperature), _BLOCK)
 
 
 def _load_slope(x, gamma):
     """s'(x)."""
     P = contact_fraction(x)
     return TWO_OVER_ROOT_PI * jnp.exp(-x * x) * (gamma + 3 * (1 - gamma) * P * P)
+
+
+class DissipatedPower(NamedTuple):
+    """Results of `dissipated_power`, each of the broadcast shape [W/m^2]."""
+
+    lower: jax.Array  # in the lower solid, from the roughness of the upper one
+    upper: jax.Array  # in the upper solid, from the roughness of the lower one
+    shear: jax.Array  # in the real contact area; 0 without contact shear
+    total: jax.Array  # sum, mu sigma_0 v
+
+
+def dissipated_power(
+    scene: Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None = None,
+    *,
+    quadrature: Quadrature | None = None,
+) -> DissipatedPower:
+    r"""Compute the dissipated power per nominal area in both solids and in the contact.
+
+    .. math:: p_\mathrm{lower} = v \int d^2q\, S P\, C_2\, q\cos\varphi\,\mathrm{Im}K_2,\qquad
+              p_\mathrm{upper} = v \int d^2q\, S P\, C_1\, q\cos\varphi\,\mathrm{Im}K_1,\qquad
+              p_\mathrm{shear} = \sigma_0 \mu_\mathrm{con} v
+
+    [the terms of Scaraggi & Persson, eq. (A17)]
+
+    Parameters
+    ----------
+    scene : Scene
+    velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
+    quadrature : Quadrature, static, or None: chosen for the scene
+
+    Returns
+    -------
+    DissipatedPower, >= 0 and even in the velocity
+
+    Raises
+    ------
+    ValueError : as `contact_area`.
+
+    Warns
+    -----
+    RuntimeWarning : as `solve`, if the temperatures of a heated scene did not converge.
+
+    Notes
+    -----
+    Roughness of one solid strains the other periodically, and its own solid only statically. Therefore a
+    rough solid against a smooth one dissipates nothing. The power is zero, not computed, in solids that do
+    not relax or that face a smooth solid.
+    """
+    scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
+    power, converged = _dissipated_power(scene, *conditions, quadrature=quadrature)
+    warn_of_last_iterates(scene, converged, conditions)
+    return power
+
+
+@functools.partial(jax.jit, static_argnames=("quadrature",))
+def _dissipated_power(scene, velocity, pressure, temperature, *, quadrature):
+    prepared = prepare(scene, ("friction",), quadrature)
+
+    def powers(points):
+        velocity, pressure = points[:2]
+        temperature = points[2] if len(points) > 2 else None
+        results = {solid: jnp.zeros_like(pressure) for solid in ("lower", "upper", "shear")}
+        area = jnp.ones_like(pressure)
+        if prepared.integrated is not None:
+            contact, temperatures = solved(prepared, *points)
+            area = contact.area()
+            if temperatures is not None:
+                temperature = temperatures.surface
+                results["converged"] = temperatures.converged
+            for j, terms in contact.friction_terms().items():
+                results[prepared.roughness.strained[j]] = jnp.sum(terms, (0, 2)) * pressure * velocity
+        if scene.shear is not None:
+            mu = shear_friction(scene.shear, area, velocity, pressure, temperature)
+            results["shear"] = mu * pressure * velocity
+        return results
+
+    parts = over_points(powers, (velocity, pressure, temperature), _POWER_BLOCK)
+    converged = parts.pop("converged", None)
+    total = parts["lower"] + parts["upper"] + parts["shear"]
+    return DissipatedPower(**parts, total=total), converged

@@ -1,4 +1,4 @@
-"""Jacobians of many points against forward mode, for every structure of scene."""
+"""Jacobians at many points against dense forward mode, for every kind of scene and for fits."""
 
 import jax
 import jax.numpy as jnp
@@ -6,8 +6,12 @@ import numpy as np
 import pytest
 from support.scenes.common import RIGID, ROAD, SHEAR, WLF
 
+import fitting
 import rubberfric as rf
-from rubberfric.analysis.derivatives.jacobian import BLOCK, value_and_jacobian
+from fitting.solvers.problem import make_problem
+from fitting.solvers.residuals import residuals, residuals_and_jacobian
+from rubberfric.analysis import jacobian as jacobian_module
+from rubberfric.analysis.jacobian import BLOCK, linearise_tree, value_and_jacobian
 from rubberfric.scene.scene import cast
 
 COARSE = rf.Quadrature(order=6, panels=4, graded=3, angular_order=6)
@@ -47,7 +51,7 @@ def arguments(scene, count):
     ends = np.cumsum([leaf.size for leaf in leaves])
 
     def scene_of(x):
-        """All leaves times e^x, each by a piece of x of its own: derivatives know what moves what."""
+        """Multiply each leaf by e^x, with separate elements of x for each number."""
         parts = [x[end - leaf.size : end] for end, leaf in zip(ends, leaves, strict=True)]
         scaled = [leaf * jnp.exp(part.reshape(leaf.shape)) for leaf, part in zip(leaves, parts, strict=True)]
         return tree.unflatten(scaled)
@@ -89,10 +93,74 @@ def test_equals_forward_mode(name, quantity):
     assert np.any(expected != 0)
 
 
+POSITIVE, SHARE = fitting.Positive(), fitting.Bounded(0.3, 1.0)
+FITS = {
+    "moduli and hurst": ("smooth rubber", {"upper.material.E": POSITIVE, "lower.spectrum.hurst": SHARE}),
+    "some moduli": ("corrected", {"upper.material.E[1:]": POSITIVE, "gamma": SHARE}),
+    "shear alone": ("sheared", {"shear.tau_f0": POSITIVE, "upper.material.shift.C1": POSITIVE}),
+    "tied": (
+        "two rubbers",
+        {
+            "lower.material.E": POSITIVE,
+            "upper.spectrum.q1": POSITIVE,
+            "lower.spectrum.q1": fitting.Tied("upper.spectrum.q1"),
+        },
+    ),
+    "layer and table": ("layers", {"upper.layer.thickness": POSITIVE, "lower.spectrum.C": POSITIVE}),
+}
+
+
+@pytest.mark.parametrize(
+    "name", [name if name == "some moduli" else pytest.param(name, marks=pytest.mark.slow) for name in FITS]
+)
+def test_first_step_of_a_fit_equals_a_dense_jacobian(name, monkeypatch):
+    """Compare with forward mode through `solve`; a derivative set to zero by mistake must be noticed."""
+    scene, free = SCENES[FITS[name][0]], FITS[name][1]
+    v = np.geomspace(1e-5, 1.0, 6)
+    data = [
+        fitting.FrictionData(v, np.geomspace(0.5, 1.0, 6), pressure=3e5, temperature=290.0),
+        fitting.AreaData(v, np.geomspace(0.01, 0.02, 6), pressure=3e5, temperature=290.0),
+    ]
+    problem = make_problem(scene, data, free, quadrature=COARSE)
+    at = problem.structure, problem.numbers, jax.tree.map(jnp.asarray, problem.targets)
+    x = jnp.asarray(problem.start)
+    dense = jax.jit(jax.jacfwd(lambda x: residuals(*at, x)))(x)
+
+    def error():
+        rows, found = jax.jit(lambda x: residuals_and_jacobian(*at, x))(x)
+        np.testing.assert_allclose(rows, residuals(*at, x), rtol=1e-10)
+        return np.max(np.abs(found - dense)) / np.max(np.abs(dense))
+
+    def wrong(function, x):
+        found = linearise_tree(function, x)
+        return found._replace(moving=found.moving[1:], push=lambda tangent: found.push(tangent)[1:])
+
+    assert error() < 1e-12
+    assert np.all(np.any(np.asarray(dense) != 0, axis=0))
+    monkeypatch.setattr(jacobian_module, "linearise_tree", wrong)
+    assert error() > 1e-6
+
+
+def test_leaves_that_do_not_move_are_found_by_jax():
+    """Integers, constants and stopped derivatives have zero tangents; complex intermediates have not."""
+
+    def tree(x):
+        through_complex = jnp.abs(x[0] * (1 + 1j)) ** 2
+        still = [jax.lax.stop_gradient(x), jnp.ones(2), jnp.argsort(x), "text", None]
+        return [x[1:], through_complex, *still, jax.lax.fori_loop(0, 3, lambda _, y: y * x[0], 1.0)]
+
+    found = linearise_tree(tree, jnp.array([2.0, 3.0, 5.0]))
+    assert [found.leaves[i].shape for i in found.moving] == [(2,), (), ()]
+    slice_, square, cube = found.push(jnp.array([1.0, 0.0, 0.0]))
+    np.testing.assert_allclose(slice_, 0.0)
+    np.testing.assert_allclose([square, cube], [8.0, 12.0], rtol=1e-14)
+    assert found.tree({found.moving[1]: -1.0})[1] == -1.0 and "text" in found.leaves
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", HEATED)
-def test_of_a_heated_table_equals_that_of_the_solver(name):
-    """Along two directions of all numbers; temperatures are iterated, and so are their derivatives."""
+def test_heated_tables_equal_forward_mode(name):
+    """Compare along two directions of all numbers: temperatures and their derivatives are iterated."""
     of_leaves, leaves, conditions = arguments(HEATED[name], 4)
     directions = 0.3 * np.random.default_rng(5).standard_normal((2, leaves.size))
 
@@ -122,7 +190,7 @@ def test_more_points_than_a_block():
         np.testing.assert_allclose(slopes, jacobian[part], rtol=1e-9, atol=1e-12)
 
 
-def test_nothing_depends_on_the_parameters():
+def test_jacobian_is_zero_if_nothing_depends_on_x():
     scene_of, x, conditions = arguments(SCENES["smooth rubber"], 4)
     fixed = scene_of(x)
     values, jacobian = compiled(lambda _: fixed, x, conditions, "friction")
@@ -144,7 +212,7 @@ def test_float32_stays():
 
 @pytest.mark.parametrize("lanes", [3, pytest.param(4, marks=pytest.mark.slow)])
 def test_vmap_is_a_loop(lanes):
-    """jax 0.12.0 read uninitialised memory where the products were added up one by one."""
+    """A sum of products would read uninitialised memory in jax 0.12.0."""
     scene_of, x, conditions = arguments(SCENES["smooth rubber"], 24)
     starts = x + 0.1 * jnp.arange(lanes)[:, None]
 

@@ -1,9 +1,10 @@
-"""Pictures of friction maps. They need matplotlib: pip install 'rubberfric[plot]'."""
+"""Plots of friction maps and of sensitivities as heat maps. They need matplotlib."""
 
 from collections.abc import Callable
 from typing import Any
 
 import numpy as np
+from jax.typing import ArrayLike
 
 from rubberfric.base.checks import closest
 from rubberfric.base.units import to_celsius
@@ -11,26 +12,28 @@ from rubberfric.io.results import QUANTITY_FORMATS, Conditions, Result, curves_o
 from rubberfric.plot.style import (
     LOG_V,
     PANELS,
+    Axes,
     Figure,
     Panels,
+    diverging,
     label_contours,
     new_figure,
+    one_axes,
     several_axes,
     signed,
+    vector,
 )
 
-# Panels of a figure, and points drawn along an axis: a picture has no room for more.
+# Most panels of a figure, and most points drawn along an axis.
 _PANELS = 4
 _DRAWN = 800
 
-# Points up to which colours are interpolated, which takes long.
-_SHADED = 50_000
+_SHADED = 50_000  # most points for which colours are interpolated, which is slow
 
-# Difference that no colour shows: of the range of a linear scale, of the value of a logarithmic one.
+# Invisible difference: relative to the range of a linear scale, or to the value on a logarithmic scale.
 _ALIKE = 1e-2
 
-# Drawn over a logarithmic scale if it is > 0: it spans decades.
-_LOGARITHMIC = ("area",)
+_LOGARITHMIC = ("area",)  # logarithmic colours if > 0
 
 
 def plot_map(
@@ -41,29 +44,27 @@ def plot_map(
     temperature: int | None = None,
     pressure: int | None = None,
 ) -> Panels:
-    """Draw a quantity over log10 v and temperature, a panel for each pressure; contours are labelled.
+    """Draw a quantity over log10 v and temperature with labelled contours, one panel per pressure.
 
-    With one temperature, or where `temperature` picks one, a single panel over log10 v and log10 p.
+    With one temperature, or if `temperature` selects one, draws a single panel over log10 v and log10 p.
 
     Parameters
     ----------
     result : FrictionMap, or any Result
-        at two velocities > 0 or more (others have no logarithm and are left out), and at two
-        pressures or temperatures or more.
+        with at least two velocities > 0 (others are omitted) and two pressures or temperatures.
     quantity : name of a field of its solution
-    ax : sequence of as many matplotlib axes as there are panels, or None for those of a new figure
-    temperature : index of the one temperature to draw over the pressure, or None
-    pressure : index of the one pressure to draw over the temperature, or None
-        None: every pressure; of more than four, four from the first to the last; one panel where all are
-        alike.
+    ax : sequence of matplotlib axes, one per panel, or None for a new figure
+    temperature : index of the temperature to draw over the pressure, or None
+    pressure : index of the pressure to draw over the temperature, or None
+        None: up to four pressures from the first to the last, or one panel if all panels look alike.
 
     Returns
     -------
-    sequence of the axes, one for each panel
+    sequence of the axes, one per panel
 
     Raises
     ------
-    ValueError : nothing to draw, as above; the quantity was not computed; `ax` has another number of axes.
+    ValueError : too few conditions; the quantity was not computed; `ax` has another number of axes.
     """
     result = curves_of(result)
     check_map(result.conditions, temperature, pressure)
@@ -93,7 +94,7 @@ def plot_map(
 
 
 def figure_of_map(result: Result) -> Figure:
-    """A figure of all quantities of a map, a row of panels for each; one where its panels would repeat."""
+    """Draw all quantities of a map, one row of panels each; panels that look alike are merged."""
     conditions = result.conditions
     fields = {name: values for name, values in result.solution._asdict().items() if values is not None}
     panels = _panels(conditions, None, None)
@@ -114,10 +115,10 @@ def figure_of_map(result: Result) -> Figure:
 
 
 def check_map(conditions: Conditions, temperature: int | None = None, pressure: int | None = None) -> None:
-    """ValueError unless conditions, and indices that pick some of them, leave a plane to draw."""
+    """Raise ValueError unless the selected conditions form a plane."""
     count = np.unique(conditions.velocity[conditions.velocity > 0]).size
     if count < 2:
-        raise ValueError(f"velocity has {count} different values > 0: must have 2 or more for a map")
+        raise ValueError(f"velocity has {count} different values > 0; a map needs 2 or more")
     for name, index in (("temperature", temperature), ("pressure", pressure)):
         values = getattr(conditions, name)
         size = 1 if values is None else values.size
@@ -127,7 +128,7 @@ def check_map(conditions: Conditions, temperature: int | None = None, pressure: 
     values = getattr(conditions, name)
     picked = pressure if name == "pressure" else temperature
     if picked is not None or np.unique(values).size < 2:
-        raise ValueError(f"{name} has one value: must have 2 or more for a map, unless the other has")
+        raise ValueError(f"{name} has one value; a map needs 2 or more pressures or temperatures")
 
 
 def _over_pressure(conditions: Conditions, temperature: int | None) -> bool:
@@ -136,13 +137,13 @@ def _over_pressure(conditions: Conditions, temperature: int | None) -> bool:
 
 
 def _panels(conditions: Conditions, temperature: int | None, pressure: int | None) -> list[tuple]:
-    """(rows, their y, title, where in the result) of every panel."""
+    """Return (rows, their y, title, index in the result) of every panel."""
     T, p = conditions.temperature, conditions.pressure
     if _over_pressure(conditions, temperature):
         i = 0 if temperature is None else temperature
         rows, y = _axis(lambda x: np.log10(x / 1e6), p)
         return [(rows, y, "" if T is None else f"{signed(to_celsius(T[i]))} °C", i)]
-    assert T is not None  # as else the map is over the pressure
+    assert T is not None  # otherwise the map is over the pressure
     chosen = range(p.size) if pressure is None else [pressure]
     if len(chosen) > _PANELS:
         chosen = np.linspace(0, p.size - 1, _PANELS).round().astype(int)
@@ -151,7 +152,7 @@ def _panels(conditions: Conditions, temperature: int | None, pressure: int | Non
 
 
 def _as_one(panels: list[tuple], conditions: Conditions, fields: dict[str, Any]) -> list[tuple]:
-    """The panels, or one for all of them where nobody would see a difference."""
+    """Return the panels, or a single one if they look alike."""
     for name, field in fields.items():
         drawn = [np.asarray(field[place]) for *_, place in panels]
         shown = np.concatenate([values.ravel() for values in drawn])
@@ -167,7 +168,7 @@ def _as_one(panels: list[tuple], conditions: Conditions, fields: dict[str, Any])
 
 
 def _axis(scale: Callable[[np.ndarray], np.ndarray], values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of the values > 0 in increasing order, as many as are drawn, and these values scaled."""
+    """Return the sorted indices of values > 0, thinned for drawing, and the scaled values."""
     unique, index = np.unique(values, return_index=True)
     index = index[unique > 0]
     if index.size > _DRAWN:
@@ -176,7 +177,7 @@ def _axis(scale: Callable[[np.ndarray], np.ndarray], values: np.ndarray) -> tupl
 
 
 def _draw(drawn, x, label, logarithmic):
-    """Heat maps (axes, y, values) with one colour scale and contours in the contrary of what is below."""
+    """Draw heat maps (axes, y, values) with a common colour scale and contours in contrasting colour."""
     from matplotlib.colors import LogNorm, Normalize
     from matplotlib.ticker import LogLocator, MaxNLocator
 
@@ -187,13 +188,13 @@ def _draw(drawn, x, label, logarithmic):
     locator = MaxNLocator(7)
     if logarithmic:
         locator = LogLocator(subs=(1, 2, 5) if high < 1e3 * low else (1, 3))
-    # Cells that are large enough to be seen as stripes are shaded.
+    # Large cells would be visible as stripes: interpolate their colours.
     few = max(values.size for _, _, values in drawn) <= _SHADED
-    # cividis: equal steps look equal, in grey and to the colour-blind as well.
+    # cividis is perceptually uniform, also in grey and for colour-blind readers.
     look = {"cmap": "cividis", "norm": norm, "rasterized": True, "shading": "gouraud" if few else "nearest"}
     for axes, y, values in drawn:
         mesh = axes.pcolormesh(x, y, values, **look)
-        axes.grid(False)  # which a notebook may have switched on
+        axes.grid(False)  # a notebook may have switched it on
         levels = [level for level in locator.tick_values(low, high) if values.min() < level < values.max()]
         if levels:
             colours = ["white" if norm(level) < 0.55 else "black" for level in levels]
@@ -204,5 +205,88 @@ def _draw(drawn, x, label, logarithmic):
 
 
 def _size(columns: int, rows: int) -> tuple[float, float]:
-    """Width and height of a figure of panels [inch]."""
+    """Return width and height of a figure of panels [inch]."""
     return 1.6 + max(3.0 * columns, 4.2), 0.7 + (3.2 if rows == 1 else 2.7 * rows)
+
+
+_LABEL = "$\\partial \\ln \\mu \\;/\\; \\partial \\ln E_i$ [-]"
+
+
+def plot_sensitivity(
+    velocity: ArrayLike,
+    tau: ArrayLike,
+    values: ArrayLike,
+    ax: Axes | None = None,
+    *,
+    label: str = _LABEL,
+) -> Axes:
+    r"""Draw d ln mu / d ln E_i as a heat map over log10 v and log10 tau_i.
+
+    Colours are symmetric about 0. Contours are solid above 0, dashed below, and thick at 0.
+
+    Parameters
+    ----------
+    velocity : [m/s], shape (n,), at least two different values > 0; values <= 0 are omitted
+    tau : relaxation times [s], > 0, all different, shape (m,), m >= 2
+    values : [-], shape (m, n), from `fitting.sensitivity(scene, velocity, pressure, "upper.material.E")`
+    ax : matplotlib axes, or None for a new figure
+        The colour bar is the last of `ax.figure.axes`.
+    label : of the colour bar
+
+    Returns
+    -------
+    the axes
+
+    Raises
+    ------
+    ValueError : wrong shapes; too few velocities or times; values that are not finite; `ax` is not axes.
+    """
+    columns, x = _log_axis("velocity", vector("velocity", velocity))
+    rows, y = _log_axis("tau", vector("tau", tau, positive=True))
+    if rows.size < np.size(tau):
+        raise ValueError("tau has equal entries; all must be different")
+    shape, table = (np.size(tau), np.size(velocity)), np.asarray(values, float)
+    if table.shape != shape:
+        raise ValueError(f"values has shape {table.shape}: must be {shape}, (tau, velocity)")
+    table = table[rows][:, columns]
+    if not np.isfinite(table).all():
+        raise ValueError("values has a number that is not finite; it must be finite where v > 0")
+    axes = one_axes(ax, (6.8, 4.2))
+    _draw_sensitivity(axes, x, y, table, label)
+    axes.set_xlabel(LOG_V)
+    axes.set_ylabel("$\\log_{10}(\\tau_i\\;/\\;\\mathrm{s})$")
+    return axes
+
+
+def _log_axis(name: str, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Return the sorted indices of the different values > 0, and their logarithms."""
+    unique, index = np.unique(values, return_index=True)
+    index = index[(unique > 0) & np.isfinite(unique)]
+    if index.size < 2:
+        raise ValueError(f"{name} has {index.size} different values > 0: must have 2 or more for a map")
+    return index, np.log10(values[index])
+
+
+def _draw_sensitivity(axes: Axes, x: np.ndarray, y: np.ndarray, values: np.ndarray, label: str) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    largest = float(np.abs(values).max()) or 1.0
+    look: dict[str, Any] = {
+        "cmap": diverging(),
+        "vmin": -largest,
+        "vmax": largest,
+        "shading": "nearest",
+        "rasterized": True,
+    }
+    mesh = axes.pcolormesh(x, y, values, **look)
+    axes.grid(False)  # a notebook may have switched it on
+    levels = MaxNLocator(9, symmetric=True).tick_values(-largest, largest)
+    levels = [level for level in levels if values.min() < level < values.max()]
+    if levels:
+        style: dict[str, Any] = {
+            "linestyles": ["dashed" if level < 0 else "solid" for level in levels],
+            "linewidths": [1.6 if level == 0 else 0.7 for level in levels],
+        }
+        lines = axes.contour(x, y, values, levels, colors="black", **style)
+        label_contours(axes, lines)
+    axes.figure.colorbar(mesh, ax=axes).set_label(label)

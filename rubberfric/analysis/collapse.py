@@ -1,0 +1,403 @@
+r"""Maps that collapse onto one curve: without heating, velocity and temperature enter as v a_T alone.
+
+Time-temperature superposition E(omega, T) = E(a_T omega) [Ferry, Viscoelastic Properties of Polymers, 3rd
+edition, Wiley 1980, chapter 11] reduces a map over v and T to one curve if all relaxing materials have the
+same a_T and no b_T. Contact shear has its own shift and is added afterwards.
+
+The curve is a piecewise Chebyshev series in ln(v a_T), and for many pressures a series in ln p. The
+coefficients of a function that is analytic within the ellipse of parameter rho fall like rho^-n [Trefethen,
+Approximation Theory and Approximation Practice, SIAM 2013, chapters 2, 3 and 8]. Panels with large last
+coefficients are halved. Finally the interpolation is compared with the model at points of the map.
+"""
+
+import functools
+import math
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from rubberfric.base.process.compiler import quick_jit
+from rubberfric.io.results import Conditions, Interpolation, result_shape
+from rubberfric.scene.pairs import pairs_of
+from rubberfric.scene.scene import Scene
+from rubberfric.scene.shear import shear_friction
+from rubberfric.theory.quantities import parts_of
+
+_LEAST = 4096  # smaller maps are computed point by point
+_PAIRS = 2**20  # pairs of temperature and velocity located at once, to bound memory
+_BLOCK = 2**14  # places summed at once, to stay in the cache
+
+# Nodes of a panel and its width in e-folds of v a_T: a relaxation has poles at i pi / 2, so that rho = 2.9.
+_NODES, _WIDTH = 24, 2.5
+
+# A panel is evaluated in cells, by polynomials of fewer coefficients.
+_CELLS, _COEFFICIENTS = 8, 11
+
+# Largest last coefficients relative to the values, over ln(v a_T) and ln p; largest difference from the
+# model.
+_TAIL, _PRESSURE_TAIL, AGREEMENT = 1e-11, 1e-10, 2e-10
+
+# Most halvings of a panel; most evaluations as a share of the points of the map.
+_HALVINGS, _SHARE = 6, 0.4
+
+# Nodes over ln p: a number, and a number per e-fold. Each pressure is computed if there are no more of them.
+_PRESSURES, _PRESSURES_EACH, _MOST_PRESSURES = 18, 9.0, 128
+
+_COMPARED = 8  # values of each condition at which the interpolation is compared with the model
+
+_ODD = ("viscoelastic_friction", "transverse_friction")  # change sign with the velocity
+
+Quantities = dict[str, np.ndarray]
+
+# Function (names of quantities, conditions) -> values of the model, [temperature, pressure, velocity].
+MapModel = Callable[[tuple[str, ...], Conditions], Quantities]
+
+
+class PressureSeries(NamedTuple):
+    """Values over ln p: powers of p times Chebyshev series, or values at the pressures of the map."""
+
+    nodes: np.ndarray  # ln p, (m,)
+    values: np.ndarray  # at the nodes, divided by the powers of p, (m, n)
+    exponents: np.ndarray | None  # of the powers, (n,); None: values at the pressures of the map
+
+    @classmethod
+    def of(cls, nodes: np.ndarray, values: np.ndarray) -> "PressureSeries":
+        """Series through values (m, n). The powers connect the first and the last node."""
+        same_sign = np.sign(values[0]) * np.sign(values[-1]) > 0
+        first, last = (np.log(np.abs(np.where(same_sign, x, 1.0))) for x in (values[0], values[-1]))
+        exponents = (last - first) / (nodes[-1] - nodes[0])
+        powers = np.exp(np.multiply.outer(nodes - 0.5 * (nodes[0] + nodes[-1]), exponents))
+        return cls(nodes, values / powers, exponents)
+
+    def at(self, log_pressure: float) -> np.ndarray:
+        """Values at ln p, (n,)."""
+        if self.exponents is None:
+            return self.values[np.argmin(np.abs(self.nodes - log_pressure))]
+        size, middle = self.nodes.size, 0.5 * (self.nodes[0] + self.nodes[-1])
+        place = (log_pressure - middle) / (0.5 * (self.nodes[-1] - self.nodes[0])) * _roots(size)[-1]
+        basis = chebyshev.chebvander(np.array([place]), size - 1)[0] @ _series(size)
+        return basis @ self.values * np.exp(self.exponents * (log_pressure - middle))
+
+
+class Interpolant(NamedTuple):
+    """Quantities over ln(v a_T) and pressure, for v > 0 and at rest."""
+
+    first: float  # ln(v a_T) at the beginning of the first interval
+    width: float  # of the intervals
+    owner: np.ndarray  # cell of each interval
+    center: np.ndarray  # of the cells, in ln(v a_T)
+    half: np.ndarray  # half widths of the cells
+    values: dict[str, PressureSeries]  # at the nodes of all panels, and last at rest
+    evaluations: int  # points at which the model was evaluated
+
+    def places(self, log_speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the cell of each ln(v a_T) and the place in it, -1 ... 1."""
+        log_speed = np.maximum(log_speed, self.first)  # -inf at rest
+        cell = self.owner.take(((log_speed - self.first) / self.width).astype(np.intp), mode="clip")
+        return cell, (log_speed - self.center.take(cell)) / self.half.take(cell)
+
+    def at_pressure(self, name: str, log_pressure: float) -> tuple[np.ndarray, float]:
+        """Return the polynomials of the cells (coefficients, cells) at ln p, and the value at rest."""
+        values = self.values[name].at(log_pressure)
+        cells = values[:-1].reshape(-1, _NODES) @ _to_cells(_NODES).T
+        return np.ascontiguousarray(cells.reshape(-1, _COEFFICIENTS).T), float(values[-1])
+
+
+class CollapsedMap(NamedTuple):
+    """The curve that all points of a map without heating lie on."""
+
+    scene: Scene
+    quantities: tuple[str, ...]  # of the map
+    series: Interpolant  # of the quantities that depend on v a_T and pressure alone
+    interpolation: Interpolation
+
+
+def collapse(
+    scene: Scene, conditions: Conditions, quantities: tuple[str, ...], model: MapModel
+) -> CollapsedMap | None:
+    """Interpolate a map; None if it does not collapse or the curve would cost as much as the map.
+
+    Parameters
+    ----------
+    scene : Scene
+    conditions : of the map
+    quantities : fields of `Solution`
+    model : `MapModel` of the scene
+    """
+    log_speed = log_speeds(scene, conditions)
+    names = _on_curve(scene, quantities)
+    moving = np.flatnonzero(conditions.velocity)
+    if log_speed is None or not names or not moving.size or math.prod(result_shape(conditions)) < _LEAST:
+        return None
+    one = None if conditions.temperature is None else conditions.temperature[:1]
+    # Nodes are in v a_T; the model takes v at the first temperature.
+    unshifted = abs(conditions.velocity[moving[0]]) / np.exp(log_speed[0, moving[0]])
+
+    def evaluate(speed: np.ndarray, pressure: np.ndarray) -> Quantities:
+        found = model(names, Conditions(speed * unshifted, pressure, one))
+        return {name: values[0] for name, values in found.items()}
+
+    series = interpolant(log_speed, np.log(conditions.pressure), evaluate)
+    if series is None:
+        return None
+    some = Conditions(*(None if x is None else _a_few(x) for x in conditions))  # pyright: ignore[reportArgumentType]
+    found = CollapsedMap(scene, names, series, Interpolation(series.evaluations, 0.0))
+    error = _difference(whole(found, some), model(names, some))
+    if not error <= AGREEMENT:
+        return None
+    evaluations = series.evaluations + math.prod(result_shape(some))
+    return CollapsedMap(scene, quantities, series, Interpolation(evaluations, error))
+
+
+def log_speeds(scene: Scene, conditions: Conditions) -> np.ndarray | None:
+    """ln|v a_T|, (temperatures, velocities), -inf at rest; None if the map does not collapse."""
+    if scene.heating is not None:
+        return None
+    T, shift = conditions.temperature, np.zeros(1)
+    if T is not None and T.size > 1:
+        factors = _log_factors(scene, T)
+        if factors is None:
+            return None
+        shift, *others = map(np.asarray, factors or [np.zeros(T.size)])
+        if not all(np.array_equal(other, shift) for other in others):
+            return None
+    with np.errstate(divide="ignore"):
+        return np.log(np.abs(conditions.velocity)) + shift[:, None]
+
+
+@quick_jit()
+def _log_factors(scene, temperature):
+    """ln a_T for each sliding pair; None if anything else depends on the temperature."""
+    found = []
+    for pair in pairs_of(scene):
+        if pair.static:
+            continue
+        shift = pair.strained.material.shift
+        if pair.varies or (shift is not None and shift.vertical is not None):
+            return None
+        found.append(jnp.zeros(temperature.shape) if shift is None else shift.log_factor(temperature))
+    return found
+
+
+def whole(found: CollapsedMap, conditions: Conditions) -> Quantities:
+    """Quantities at conditions of the map, [temperature, pressure, velocity]."""
+    values = {name: np.empty(result_shape(conditions)) for name in found.quantities}
+    for T, j, piece in pieces(found, conditions):
+        for name, array in piece.items():
+            values[name][T, j] = array
+    return values
+
+
+def pieces(found: CollapsedMap, conditions: Conditions) -> Iterator[tuple[slice, int, Quantities]]:
+    """Yield (temperatures, index of the pressure, quantities (temperatures, velocities)) of a map."""
+    log_speed = log_speeds(found.scene, conditions)
+    assert log_speed is not None
+    v, T = conditions.velocity, conditions.temperature
+    sign, rest = np.sign(v), v == 0
+    rows = max(1, _PAIRS // v.size)
+    parts = parts_of(found.quantities)
+    for begin in range(0, len(log_speed), rows):
+        block = slice(begin, min(begin + rows, len(log_speed)))
+        cell, place = found.series.places(log_speed[block])
+        shear = None
+        if "shear_friction" in parts and found.scene.shear is not None:
+            shear = np.asarray(_shear(found.scene.shear, v, None if T is None else T[block, None]))
+        for j, pressure in enumerate(conditions.pressure):
+            values = {}
+            for name in found.series.values:
+                polynomials, at_rest = found.series.at_pressure(name, float(np.log(pressure)))
+                one = summed(polynomials, cell, place)
+                one[:, rest] = at_rest
+                values[name] = one * sign if name in _ODD else one
+            if "shear_friction" in parts:
+                values["shear_friction"] = 0.0 if shear is None else shear * values["area"] / pressure
+            if "friction" in found.quantities:
+                values["friction"] = values["viscoelastic_friction"] + values["shear_friction"]
+            yield block, j, {name: values[name] for name in found.quantities}
+
+
+def _on_curve(scene, quantities):
+    """Names of the interpolated parts: without contact shear, and the area if the shear needs it."""
+    parts = parts_of(quantities)
+    needed = parts - {"shear_friction"}
+    if scene.shear is not None and "shear_friction" in parts:
+        needed.add("area")
+    return tuple(sorted(needed))
+
+
+@jax.jit
+def _shear(shear, velocity, temperature):
+    """Friction of the contact shear at A/A0 = 1 and 1 Pa, (temperatures, velocities)."""
+    one = jnp.ones((), velocity.dtype)
+    found = shear_friction(shear, one, velocity, one, temperature)
+    return jnp.broadcast_to(found, (1 if temperature is None else temperature.size, velocity.size))
+
+
+# --- interpolation
+
+
+def interpolant(
+    log_speed: np.ndarray, log_pressure: np.ndarray, evaluate: Callable[[np.ndarray, np.ndarray], Quantities]
+) -> Interpolant | None:
+    """Interpolate quantities of a map; None if the series converge too slowly or cost as much as the map.
+
+    Parameters
+    ----------
+    log_speed : ln|v a_T| of the map, any shape; -inf at rest
+    log_pressure : ln p of the map, one-dimensional
+    evaluate : function of v a_T (n,) and p (m,) to the quantities, (m, n)
+    """
+    moving = log_speed[np.isfinite(log_speed)]
+    if moving.size == 0:
+        return None
+    low, high = float(moving.min()), float(moving.max())
+    count = max(1, math.ceil((high - low) / _WIDTH))
+    # A little wider than the map, so that rounding puts no point outside.
+    width = (high - low) / count + 1e-9
+    panels = [(low + k * width, width) for k in range(count)]
+    budget = _SHARE * log_speed.size * log_pressure.size
+    for nodes in (_pressure_nodes(log_pressure), log_pressure):
+        if nodes is not None and nodes.size <= _MOST_PRESSURES:
+            made = _over_panels(panels, nodes, nodes is not log_pressure, budget, evaluate)
+            if made is not None:
+                return made
+    return None
+
+
+def _over_panels(waiting, nodes, in_series, budget, evaluate):
+    """`Interpolant` over panels (start, width), halved as needed; None if it fails or exceeds the budget."""
+    done: list[tuple[float, float, Quantities]] = []
+    rest: Quantities = {}
+    evaluations = 0
+    for _ in range(_HALVINGS + 1):
+        x = np.concatenate([start + 0.5 * width * (1 + _roots(_NODES)) for start, width in waiting])
+        evaluations += (x.size + 1) * nodes.size
+        if evaluations > budget:
+            return None
+        found = evaluate(np.append(np.exp(x), 0.0), np.exp(nodes))
+        if not all(np.isfinite(values).all() for values in found.values()):
+            return None  # the map itself reports the point
+        if in_series:
+            series = (PressureSeries.of(nodes, values).values for values in found.values())
+            if any(np.max(_last_coefficients(values.T)) > _PRESSURE_TAIL for values in series):
+                return None
+        rest = {name: values[:, -1:] for name, values in found.items()}
+        panels = {name: values[:, :-1].reshape(-1, len(waiting), _NODES) for name, values in found.items()}
+        good = np.all([np.max(_last_coefficients(values), 0) <= _TAIL for values in panels.values()], 0)
+        halves = []
+        for k, (start, width) in enumerate(waiting):
+            if good[k]:
+                done.append((start, width, {name: values[:, k] for name, values in panels.items()}))
+            else:
+                halves += [(start, width / 2), (start + width / 2, width / 2)]
+        waiting = halves
+        if not waiting:
+            break
+    else:
+        return None
+    done.sort(key=lambda panel: panel[0])
+    values = {name: np.concatenate([*(panel[2][name] for panel in done), rest[name]], 1) for name in rest}
+    starts, widths = (np.array([panel[i] for panel in done]) for i in (0, 1))
+    finest = widths.min()
+    center = (starts[:, None] + widths[:, None] * (np.arange(_CELLS) + 0.5) / _CELLS).reshape(-1)
+    return Interpolant(
+        first=float(starts[0]),
+        width=float(finest / _CELLS),
+        owner=np.repeat(np.arange(center.size), np.repeat(np.rint(widths / finest).astype(int), _CELLS)),
+        center=center,
+        half=np.repeat(0.5 * widths / _CELLS, _CELLS),
+        values={
+            name: PressureSeries.of(nodes, x) if in_series else PressureSeries(nodes, x, None)
+            for name, x in values.items()
+        },
+        evaluations=evaluations,
+    )
+
+
+def _pressure_nodes(log_pressure):
+    """ln p of the nodes; None if there are hardly more pressures than nodes."""
+    low, high = log_pressure.min(), log_pressure.max()
+    count = math.ceil(_PRESSURES + _PRESSURES_EACH * (high - low))
+    if log_pressure.size <= 1.3 * count:
+        return None
+    return low + 0.5 * (high - low) * (1 + _roots(count))
+
+
+def _difference(found, exact):
+    """Largest relative difference, in units of the largest value where the sign changes; inf if NaN."""
+    worst = 0.0
+    for name, values in exact.items():
+        changes = values.min() < 0 < values.max()
+        scale = np.max(np.abs(values)) if changes else np.abs(values)
+        off = np.abs(found[name] - values)
+        ratio = off / np.where(scale > 0, scale, 1.0)
+        ratio = np.where((scale > 0) | (off == 0), ratio, np.inf)
+        worst = max(worst, float(np.max(np.where(np.isnan(ratio), np.inf, ratio))))
+    return worst
+
+
+def _a_few(values):
+    """A few of the values, equally spaced in their order, including the smallest and the largest."""
+    return np.sort(values)[np.unique(np.linspace(0, values.size - 1, _COMPARED).round().astype(int))]
+
+
+# --- Chebyshev series
+
+
+@functools.cache
+def _roots(count):
+    """Chebyshev nodes of the first kind on (-1, 1), ascending, shape (count,)."""
+    return -np.cos(np.pi * (np.arange(count) + 0.5) / count)
+
+
+@functools.cache
+def _series(count):
+    """Matrix from values at the nodes to Chebyshev coefficients, (count, count)."""
+    matrix = 2 / count * chebyshev.chebvander(_roots(count), count - 1).T
+    matrix[0] /= 2
+    return matrix
+
+
+@functools.cache
+def _to_cells(count):
+    """Matrix from values at nodes of a panel to power series of its cells, (all coefficients, count)."""
+    centers = -1 + (2 * np.arange(_CELLS) + 1) / _CELLS
+    at = (centers[:, None] + _roots(_COEFFICIENTS) / _CELLS).reshape(-1)
+    values = chebyshev.chebvander(at, count - 1) @ _series(count)
+    powers = np.zeros((_COEFFICIENTS, _COEFFICIENTS))
+    for k in range(_COEFFICIENTS):
+        powers[: k + 1, k] = chebyshev.cheb2poly(np.eye(_COEFFICIENTS)[k])[: k + 1]
+    return (powers @ _series(_COEFFICIENTS) @ values.reshape(_CELLS, _COEFFICIENTS, count)).reshape(-1, count)
+
+
+def _last_coefficients(values):
+    """Largest of the last three coefficients along the last axis, relative to the smallest value.
+
+    Relative to the largest value where the sign changes; infinite where some but not all values are 0.
+    """
+    size = np.abs(values)
+    changes = (values.min(-1) < 0) & (values.max(-1) > 0)
+    scale = np.where(changes, size.max(-1), size.min(-1))
+    last = np.max(np.abs(values @ _series(values.shape[-1])[-3:].T), -1)
+    without = np.where(size.max(-1) > 0, np.inf, 0.0)
+    return np.where(scale > 0, last / np.where(scale > 0, scale, 1.0), without)
+
+
+def summed(coefficients: np.ndarray, cell: np.ndarray, place: np.ndarray) -> np.ndarray:
+    """Evaluate the polynomials (coefficients, cells) at places in cells, arrays of any shape."""
+    found = np.empty(cell.shape)
+    values, cells, places = found.reshape(-1), cell.reshape(-1), place.reshape(-1)
+    for begin in range(0, values.size, _BLOCK):
+        block = slice(begin, begin + _BLOCK)
+        value, term = values[block], np.empty_like(values[block])
+        # The indices are valid: mode="clip" avoids the copy that checking them takes.
+        np.take(coefficients[-1], cells[block], out=value, mode="clip")
+        for row in coefficients[-2::-1]:
+            np.multiply(value, places[block], out=value)
+            np.take(row, cells[block], out=term, mode="clip")
+            np.add(value, term, out=value)
+    return found

@@ -1,1 +1,0 @@
-"""Derivatives of a quantity at many points by a few parameters."""

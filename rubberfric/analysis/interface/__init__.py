@@ -1,1 +1,0 @@
-"""The contact seen as an interface: stresses, separations, and whether adhesion matters."""

@@ -1,0 +1,249 @@
+r"""Derivatives of a quantity at many points with respect to a few parameters x of the scene.
+
+With leaves s of the scene and leaves w of the prepared scene (meshes, weights, series;
+`rubberfric.theory.integrals`) the chain rule reads
+
+.. math:: \frac{\partial Q_i}{\partial x} = \sum_{parts} \frac{\partial Q_i}{\partial w}\,
+          \frac{\partial w}{\partial s_{part}}\,\frac{\partial s_{part}}{\partial x}
+
+The first factor is found by reverse mode, point by point, at the cost of a few evaluations whatever the
+number of parameters. The others are found by forward mode, once for all points. The parts are the spectra,
+the layers and all other leaves, because few parameters move the meshes, which hold most of the numbers. A
+leaf is left out only where JAX itself has a symbolic zero for its tangent.
+"""
+
+from collections.abc import Callable, Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.custom_derivatives import SymbolicZero
+from jax.flatten_util import ravel_pytree
+from jax.typing import ArrayLike
+
+from rubberfric.base.fixed_points.anderson import linear_fixed_point
+from rubberfric.base.quadrature import Quadrature
+from rubberfric.scene.scene import Scene
+from rubberfric.theory.integrals import evaluate, prepare
+from rubberfric.theory.model import solve
+from rubberfric.theory.quantities import iterates
+from rubberfric.theory.temperatures.heat_balance import feeds_back, heat_of
+from rubberfric.theory.temperatures.solution import preconditioner, solve_rises, temperatures_of
+
+# Points evaluated together. Each keeps its derivatives with respect to all prepared leaves, about 0.2 MB.
+# On a CPU these must fit the cache: blocks of 32 take a third of the time of blocks of 256.
+BLOCK, CPU_BLOCK = 256, 32
+
+
+class LinearisedTree(NamedTuple):
+    """A pytree that depends on x, and its derivatives."""
+
+    leaves: list[Any]  # of the pytree
+    structure: Any
+    moving: list[int]  # indices of the leaves that depend on x
+    push: Callable[[Any], list[jax.Array]]  # tangent of x -> tangents of the moving leaves
+
+    def tree(self, others: Mapping[int, jax.Array]) -> Any:
+        """The pytree with some of its leaves replaced, by their indices."""
+        leaves = [others.get(i, leaf) for i, leaf in enumerate(self.leaves)]
+        return jax.tree_util.tree_unflatten(self.structure, leaves)
+
+
+def linearise_tree(function: Callable[[Any], Any], x: Any) -> LinearisedTree:
+    """Value and derivatives of a function that returns a pytree; leaves that are not arrays are kept."""
+    structure, others, moves = None, {}, []
+
+    def reals_and_integers(x):
+        nonlocal structure
+        leaves, structure = jax.tree_util.tree_flatten(function(x))
+        arrays = {i: leaf for i, leaf in enumerate(leaves) if isinstance(leaf, jax.Array)}
+        others.update((i, leaf) for i, leaf in enumerate(leaves) if i not in arrays)
+        reals = {i: a for i, a in arrays.items() if jnp.issubdtype(a.dtype, jnp.inexact)}
+        integers = {i: a for i, a in arrays.items() if i not in reals}
+        return dict(zip(reals, _watched(moves, *reals.values()), strict=True)), integers
+
+    reals, push, integers = jax.linearize(reals_and_integers, x, has_aux=True)
+    leaves = {**others, **integers, **reals}
+    moving = [i for i, moved in zip(reals, moves, strict=True) if moved]
+    return LinearisedTree(
+        [leaves[i] for i in range(len(leaves))],
+        structure,
+        moving,
+        lambda tangent: [push(tangent)[i] for i in moving],
+    )
+
+
+def _watched(moves, *arrays):
+    """The arrays; appends to `moves` for each whether its tangent is anything but a symbolic zero."""
+
+    @jax.custom_jvp
+    def identity(*arrays):
+        return arrays
+
+    def rule(primals, tangents):
+        moves[:] = [not isinstance(tangent, SymbolicZero) for tangent in tangents]
+        zeros = map(jnp.zeros_like, primals)
+        return primals, tuple(
+            t if moved else zero for t, zero, moved in zip(tangents, zeros, moves, strict=True)
+        )
+
+    identity.defjvp(rule, symbolic_zeros=True)
+    moves[:] = [False] * len(arrays)
+    return identity(*arrays)
+
+
+def value_and_jacobian(
+    scene_of: Callable[[jax.Array], Scene],
+    x: jax.Array,
+    conditions: tuple[ArrayLike, ArrayLike, ArrayLike | None],
+    quantity: str,
+    quadrature: Quadrature,
+) -> tuple[jax.Array, jax.Array]:
+    """Compute a quantity at points and its derivatives with respect to x.
+
+    Parameters
+    ----------
+    scene_of : function from x to a Scene
+    x : shape (size,)
+    conditions : (velocity, pressure, temperature or None), arrays of shape (points,)
+    quantity : a field of `rubberfric.Solution`
+    quadrature : Quadrature
+
+    Returns
+    -------
+    (values, jacobian), shapes (points,) and (points, size). Values are NaN where the temperatures of a
+    heated scene did not converge.
+    """
+    scene = scene_of(x)
+    if any(body.material.needs_quadrature for body in (scene.lower, scene.upper)):
+        # In reverse mode each point would keep derivatives with respect to the whole table of means.
+        heats_itself = scene.heating is not None and feeds_back(scene) and scene.adhesion is None
+        known = all(c is not None for c in conditions)
+        few = max(np.size(c) for c in conditions if c is not None) <= BLOCK
+        forward = _forward_heated if heats_itself and known and few else _forward
+        return forward(scene_of, x, conditions, quantity, quadrature)
+    heated = ("converged",) if iterates(scene) else ()
+    points = [jnp.asarray(c, x.dtype) for c in conditions if c is not None]
+    parts = _parts(scene_of, x, lambda scene: prepare(scene, (quantity,), quadrature))
+    moving = sorted({i for part, _, _ in parts for i in part.moving})
+    first = parts[0][0]
+    by_x = jnp.concatenate([along for *_, along in parts])
+
+    def at(leaves, point):
+        ready = first.tree(dict(zip(moving, leaves, strict=True)))
+        found = evaluate(ready, (quantity, *heated), [c[None] for c in point])
+        return _or_nan(found[quantity], found.get("converged"))[0]
+
+    def block(points):
+        leaves = [first.leaves[i] for i in moving]
+        values, slopes = jax.vmap(jax.value_and_grad(at), in_axes=(None, 0))(leaves, points)
+        slopes = dict(zip(moving, slopes, strict=True))
+        # One product at the end: a sum of products reads uninitialised memory in jax 0.12.0 on CPU.
+        by_part = [
+            _flat([slopes[i] for i in part.moving], values) @ tangents.T for part, tangents, _ in parts
+        ]
+        return values, jnp.concatenate(by_part, 1) @ by_x
+
+    count = points[0].size
+    blocks = -(-count // (CPU_BLOCK if jax.default_backend() == "cpu" else BLOCK))
+    if blocks <= 1:
+        return block(points)
+    size = -(-count // blocks)  # all about equally large
+    padding = (0, blocks * size - count)
+    stacked = [jnp.pad(c, padding, mode="edge").reshape(blocks, size) for c in points]
+    values, jacobian = jax.lax.map(block, stacked)
+    return values.reshape(-1)[:count], jacobian.reshape(-1, x.size)[:count]
+
+
+def _parts(scene_of, x, prepared):
+    """Derivatives of the prepared scene by parts of the scene.
+
+    Returns a list of (LinearisedTree, tangents of its moving leaves along m directions (m, numbers),
+    components of x along these directions (m, size)). The directions are the elements of the part's moving
+    leaves, or the elements of x if these are fewer.
+    """
+    scene = linearise_tree(scene_of, x)
+    every = jnp.eye(x.size, dtype=x.dtype)
+    by_x = dict(zip(scene.moving, jax.vmap(scene.push)(every), strict=True))
+    paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(scene.tree({}))[0]]
+    groups: dict[str, list[int]] = {}
+    for i in scene.moving:
+        groups.setdefault(_part_name(paths[i]), []).append(i)
+    parts = []
+    for group in list(groups.values()) or [[]]:
+        leaves = [scene.leaves[i] for i in group]
+        part = linearise_tree(
+            lambda own, group=group: prepared(scene.tree(dict(zip(group, own, strict=True)))), leaves
+        )
+        flat, unflatten = ravel_pytree(leaves)
+        components, directions = _flat([by_x[i] for i in group], every).T, jnp.eye(flat.size, dtype=x.dtype)
+        if flat.size >= x.size:
+            components, directions = every, components.T
+        tangents = jax.vmap(lambda along, part=part, to=unflatten: part.push(to(along)))(directions)
+        parts.append((part, _flat(tangents, directions), components))
+    return parts
+
+
+def _part_name(path):
+    """Which part of the scene a leaf belongs to."""
+    names = [getattr(key, "name", "") for key in path]
+    return next((name for name in ("spectrum", "layer") if name in names), "others")
+
+
+def _flat(arrays, like):
+    """Arrays with the first axis of `like`, side by side, (rows, numbers)."""
+    rows = len(like)
+    # In reverse mode a complex leaf would need its conjugate.
+    assert not any(jnp.iscomplexobj(a) for a in arrays)
+    return jnp.concatenate([jnp.zeros((rows, 0), like.dtype), *(a.reshape(rows, -1) for a in arrays)], 1)
+
+
+def _forward(scene_of, x, conditions, quantity, quadrature):
+    """Compute values and derivatives by forward mode, one parameter after the other."""
+
+    def values(x):
+        scene = scene_of(x)
+        heated = ("converged",) if iterates(scene) else ()
+        solution = solve(scene, *conditions, quadrature=quadrature, quantities=(quantity, *heated))
+        return _or_nan(getattr(solution, quantity), solution.converged)
+
+    value, push = jax.linearize(values, x)
+    return value, jax.lax.map(push, jnp.eye(x.size, dtype=x.dtype)).T
+
+
+def _forward_heated(scene_of, x, conditions, quantity, quadrature):
+    """Compute values and derivatives by forward mode for a scene heated by its own friction.
+
+    The temperatures y = f(y, x) change by dy = f_y dy + f_x dx. The heat balance and the quantity are
+    linearised together.
+    """
+    ready = linearise_tree(lambda x: prepare(scene_of(x), (quantity,), quadrature), x)
+    shape = np.broadcast_shapes(*map(np.shape, conditions))
+    velocity, pressure, background = (jnp.broadcast_to(jnp.asarray(c, x.dtype), shape) for c in conditions)
+    points = velocity, pressure, background
+    prepared = ready.tree({})
+    found = solve_rises(prepared.thermal, prepared.roughness, points)
+
+    def at(moving, rises):
+        here = ready.tree(dict(zip(ready.moving, moving, strict=True)))
+        thermal, roughness = here.thermal, here.roughness
+        hot = temperatures_of(thermal, roughness, rises, background, found.converged)
+        contact = roughness.contact(velocity, pressure, hot.inside)
+        left = heat_of(thermal, roughness, contact, points, hot.surface) - rises
+        return left, evaluate(here, (quantity,), points, (contact, hot))[quantity]
+
+    (_, values), push = jax.linearize(at, [ready.leaves[i] for i in ready.moving], found.rises)
+    inverse = preconditioner(prepared.thermal, found)
+
+    def slope(tangents):
+        start, also = jnp.zeros_like(found.rises), jnp.zeros_like(values)
+        return linear_fixed_point(lambda rises: push(tangents, rises), start, also, inverse)
+
+    slopes = jax.lax.map(slope, jax.vmap(ready.push)(jnp.eye(x.size, dtype=x.dtype)))
+    return _or_nan(values, found.converged), _or_nan(slopes, found.converged).T
+
+
+def _or_nan(values, converged):
+    """Return the values, NaN where the iteration did not converge."""
+    return values if converged is None else jnp.where(converged, values, jnp.nan)

@@ -1,1 +1,0 @@
-"""Friction maps: quantities over velocity, pressure and temperature."""

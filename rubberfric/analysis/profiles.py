@@ -1,0 +1,380 @@
+r"""Profiles over the wavevector: contact, friction, roughness and separations at each length scale.
+
+.. math:: P(q) = \mathrm{erf}\frac{1}{2\sqrt{G(q)}},\qquad
+          \frac{d\mu}{d\ln q} = \frac{q^2}{\sigma_0}\, S P \sum_j C_j \int d\varphi\,
+          q\cos\varphi\,\mathrm{Im}K_j(q v \cos\varphi)
+
+[Scaraggi & Persson, arXiv:1506.06955, eqs. (10), (A17)]; separations as in [Yang & Persson, J. Phys.:
+Condens. Matter 20, 215214 (2008)].
+
+The wavevectors are borders of radial panels, so that G(q) and mu(q) are sums over whole panels. The density
+is evaluated at q itself, without interpolation over q.
+"""
+
+import functools
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+from rubberfric.base.blocks import over_points
+from rubberfric.base.checks import POSITIVE, as_leaf, check_values
+from rubberfric.base.quadrature import Quadrature
+from rubberfric.roughness.moments import cumulative_moment
+from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio, log_shape
+from rubberfric.scene.pairs import Pair, PairTemperatures, pairs_of
+from rubberfric.scene.scene import Scene, check_without, result_dtype, rough_surfaces
+from rubberfric.theory.area.partial_contact import (
+    TWO_OVER_ROOT_PI,
+    contact_argument,
+    contact_fraction,
+    energy_factor,
+    friction_weight,
+)
+from rubberfric.theory.arguments import settled, warn_of_last_iterates
+from rubberfric.theory.contact import Contact
+from rubberfric.theory.contributions import total
+from rubberfric.theory.integrals import Prepared, evaluate, prepare, solved
+from rubberfric.theory.quantities import Needs
+from rubberfric.theory.stiffness.excitation import excitation
+from rubberfric.theory.stiffness.series import factors_at, static_stiffness
+from rubberfric.theory.temperatures.heat_balance import temperature_at
+
+# Default numbers of wavevectors, and points evaluated at once. A profile keeps the nodes of some hundred
+# panels per point, a separation profile has a mesh for every wavevector.
+_COUNT, _BLOCK = 200, 32
+_SEPARATION_COUNT, _SEPARATION_BLOCK = 100, 8
+
+
+class Profile(NamedTuple):
+    """Results of `profile`, of shape [q], or [conditions..., q] if they depend on the conditions."""
+
+    q: jax.Array  # wavevectors [1/m]
+    magnification: jax.Array  # q over the first wavevector of the roughness [-]
+    area: jax.Array  # P(q), relative contact area at resolution q [-]
+    fluctuation: jax.Array  # G(q), with P = erf(1 / (2 sqrt G)) [-]
+    energy_factor: jax.Array  # S(q) [-]
+    friction_density: jax.Array  # d mu / d ln q, viscoelastic [-]
+    friction: jax.Array  # mu of the roughness up to q, viscoelastic [-]
+    rms_slope: jax.Array  # of the roughness of both solids up to q [-]
+    rms_height: jax.Array  # of the roughness of both solids up to q [m]
+    temperature: jax.Array | None = None  # of a heated scene, mean of both deformable solids [K]
+    strain: jax.Array | None = None  # of a softening solid, with its strain factor [-]
+
+
+def profile(
+    scene: Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None = None,
+    *,
+    q: ArrayLike | None = None,
+    quadrature: Quadrature | None = None,
+) -> Profile:
+    r"""Compute contact area, friction and roughness as functions of the largest wavevector.
+
+    .. math:: P(q) = \mathrm{erf}\frac{1}{2\sqrt{G(q)}},\qquad
+              \mu(q) = \int_{q_0}^{q} \frac{d\mu}{d\ln q'}\, d\ln q'
+
+    [Scaraggi & Persson, eqs. (10), (A11), (A17)]
+
+    Parameters
+    ----------
+    scene : Scene
+    velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
+    q : wavevectors [1/m], > 0, shape (n,), in any order; or None
+        None: 200 from the first to the last wavevector of the roughness, equally spaced in ln q.
+    quadrature : Quadrature, static, or None: chosen for the scene
+
+    Returns
+    -------
+    Profile. Below the range of roughness P = S = 1 and G = mu = 0, beyond it all is constant; the density is
+    0 outside the range. At the last wavevector P is `contact_area` and mu is the viscoelastic part of
+    `friction`.
+
+    Raises
+    ------
+    ValueError : as `contact_area`; concrete q <= 0; q None in a scene without roughness.
+
+    Warns
+    -----
+    RuntimeWarning : as `solve`, if the temperatures of a heated scene did not converge.
+
+    Notes
+    -----
+    The quadrature determines the error at every q. With a TabulatedModulus, whose knots are kinks over q,
+    errors of P(q) and mu(q) may reach 1e-4 at the first wavevector and 1e-7 above. Friction excludes contact
+    shear. Without roughness or dissipation, friction and its density are zero, not computed. With
+    `scene.area_correction` G contains S. G keeps its accuracy where P = 1 - 1e-300. Without roughness the
+    magnification is q / q[0].
+    """
+    scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
+    check_without(scene, ("adhesion", "correlation"), "profile")
+    q = checked_wavevectors(q, 1, conditions, scene)
+    found, converged = _profile(scene, *conditions, q, quadrature=quadrature)
+    warn_of_last_iterates(scene, converged, conditions)
+    return found
+
+
+def checked_wavevectors(
+    q: ArrayLike | None, ndim: int, conditions: Sequence[jax.Array | None], scene: Scene
+) -> jax.Array | None:
+    """Check the wavevectors and cast them to the dtype of the conditions; None stays None."""
+    if q is not None:
+        q = as_leaf("q", q, ndim)
+        check_values("q", q, POSITIVE)
+        return jnp.asarray(q, result_dtype(conditions))
+    if ndim and not rough_surfaces(scene):
+        raise ValueError("q is None, but the scene has no roughness; give wavevectors")
+    return None
+
+
+@functools.partial(jax.jit, static_argnames=("quadrature",))
+def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
+    pairs = pairs_of(scene)
+    if not pairs:
+        return _without_roughness(q, jnp.broadcast_shapes(velocity.shape, pressure.shape)), None
+    laws = [pair.law for pair in pairs]
+    first = functools.reduce(jnp.minimum, [law.q[0] for law in laws])
+    if q is None:
+        q = default_wavevectors(laws)
+    prepared = prepare(scene, ("area", "friction"), quadrature, pairs=pairs, borders=q)
+    densities = []
+    if prepared.needs.dissipation:
+        scale = prepared.roughness.scale
+        densities = [density_of(pair, scale, "dissipation", q) for pair in pairs]
+    block = functools.partial(_over_wavevectors, prepared, densities, q)
+    results = over_points(block, (velocity, pressure, temperature), _BLOCK)
+    converged = results.pop("converged", None)
+    slope2, height2 = (
+        sum(cumulative_moment(law, order, log_ratio(jnp.maximum(q, law.q[0]), law.q[0])) for law in laws)
+        for order in (2, 0)
+    )
+    found = Profile(
+        q=q,
+        magnification=q / first,
+        rms_slope=_root(slope2),
+        rms_height=_root(height2),
+        strain=softened[0].softening.factor * _root(slope2) if (softened := pairs[0].softenings) else None,
+        **results,
+    )
+    return found, converged
+
+
+def default_wavevectors(laws: Sequence[BrokenPowerLaw], count: int = _COUNT) -> jax.Array:
+    """Return wavevectors equally spaced in ln q over all roughness."""
+    first = functools.reduce(jnp.minimum, [law.q[0] for law in laws])
+    last = functools.reduce(jnp.maximum, [law.q[-1] for law in laws])
+    within = first * jnp.exp(log_ratio(last, first) * (np.arange(1, count - 1) / (count - 1)))
+    # Exact ends despite the rounding of exp and ln.
+    return jnp.concatenate([first[None], jnp.clip(within, first, last), last[None]])
+
+
+def fluctuation_at_borders(prepared: Prepared, contact: Contact, count: int) -> jax.Array:
+    """Return plain G at the last `count` borders, (points, borders)."""
+    return jnp.maximum(sum_below_borders(prepared, contact.G_panels, count), 0.0)
+
+
+def sum_below_borders(prepared: Prepared, panels: jax.Array, count: int) -> jax.Array:
+    """Sum (panels, points) over the panels below each of the last `count` borders, (points, borders)."""
+    before, below = prepared.roughness.mesh.panels_below, jnp.cumsum(panels, 0)
+    assert before is not None  # the mesh has borders
+    return jnp.concatenate([jnp.zeros_like(panels[:1]), below])[before[-count:]].T
+
+
+def contact_at_borders(prepared: Prepared, contact: Contact, count: int) -> tuple[jax.Array, jax.Array]:
+    """Return x and G at the last `count` borders, with S in G if the scene has it, (points, borders)."""
+    plain = fluctuation_at_borders(prepared, contact, count)
+    x_plain = contact_argument(plain)
+    x = contact.corrected(x_plain)
+    # x is clipped at 27, where S = 1; G is not.
+    return x, plain * (x_plain / x) ** 2
+
+
+def _over_wavevectors(prepared, densities, q, points):
+    """Compute fields of Profile at points, (points, wavevectors)."""
+    contact, temperatures = solved(prepared, *points)
+    x, G = contact_at_borders(prepared, contact, q.shape[0])
+    P = contact_fraction(x)
+    results = {"area": P, "fluctuation": G, "energy_factor": energy_factor(P, contact.gamma)}
+    background = points[2] if len(points) > 2 else None
+    inside = [PairTemperatures(background, background)] * len(densities)
+    if temperatures is not None:
+        found = temperature_at(prepared.roughness, contact, temperatures, points, q)
+        inside = [
+            PairTemperatures(*(background if solid is None else found[:, solid] for solid in pair))
+            for pair in temperatures.thermal.solids
+        ]
+        results |= {"temperature": jnp.mean(found, 1), "converged": temperatures.converged}
+    if not prepared.needs.dissipation:
+        return results | dict.fromkeys(("friction_density", "friction"), jnp.zeros_like(G))
+    terms = total(jnp.sum(values, -1) for values in contact.friction_terms().values())
+    density = sum(one(points[0], T) for one, T in zip(densities, inside, strict=True))
+    weight = (jnp.pi * contact.modulus_over_pressure)[:, None] * friction_weight(x, contact.gamma)
+    return results | {
+        "friction_density": weight * density,
+        "friction": sum_below_borders(prepared, terms, q.shape[0]),
+    }
+
+
+def density_of(
+    pair: Pair, scale: jax.Array, kind: str, q: jax.Array
+) -> Callable[[jax.Array, PairTemperatures], jax.Array | float]:
+    """Return the function for q^4 C <cos phi Im K'> ("dissipation") or q^4 C <|K'|^2> ("power") of a pair.
+
+    K' is the series stiffness in units of the scale, including all factors. The function takes the velocity
+    and the temperatures of both solids, None, (points,) or (points, wavevectors). It returns an array
+    (points, wavevectors), or 0.0 without dissipation.
+    """
+    law = pair.law
+    inside = (q >= law.q[0]) & (q <= law.q[-1])
+    # Outside its range the spectrum may overflow: evaluate it inside and discard.
+    at = jnp.where(inside, q, law.q[0])
+    roughness = jnp.where(inside, law.height2 * jnp.exp(log_shape(law, at) + 4 * jnp.log(at)), 0.0)
+    if pair.static or (not pair.relaxes and kind == "dissipation"):
+        power = (roughness * static_stiffness(pair, scale, q) ** 2)[None] if kind == "power" else 0.0
+        return lambda *_: power
+    excited = excitation(pair, scale, q[None], Needs(**{kind: True}))
+    weights = factors_at(pair, q).of(kind, roughness)
+
+    def density(velocity, temperatures):
+        at = jax.tree.map(lambda T: T[None] if T.ndim > 1 else T, temperatures)
+        means = excited.means(q[None], velocity, at)
+        return sum(w * mean[0] for w, mean in zip(weights, means[kind], strict=True))
+
+    return density
+
+
+def _root(square):
+    """Square root with derivative 0 instead of infinity at 0."""
+    return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
+
+
+def _without_roughness(q, shape):
+    """Return the profile of two smooth solids: full contact."""
+    one, none = jnp.ones((*shape, q.shape[0]), q.dtype), jnp.zeros_like(q)
+    nothing = jnp.zeros_like(one)
+    return Profile(q, q / q[0], one, nothing, one, nothing, nothing, none, none)
+
+
+class SeparationProfile(NamedTuple):
+    """Results of `separation_profile`; q has shape [q], the others [conditions..., q]."""
+
+    q: jax.Array  # wavevectors [1/m]
+    area: jax.Array  # P(q), of the plain G [-]
+    contact_separation: jax.Array  # u_bar(q), mean over the contact area at resolution q [m]
+    separation: jax.Array  # u1(q), of the area that leaves contact at q [m]
+
+
+def separation_profile(
+    scene: Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None = None,
+    *,
+    q: ArrayLike | None = None,
+    quadrature: Quadrature | None = None,
+) -> SeparationProfile:
+    r"""Compute the separation of the area that leaves contact at scale q.
+
+    .. math:: u_1(q) = \frac{d[\bar u(q) P(q)]}{dP}, \qquad
+              \int u_1 (-dP) + P(q_1)\, \bar u(q_1) = \bar u
+
+    [Yang & Persson, J. Phys.: Condens. Matter 20, 215214 (2008)]. At resolution q the solids are in contact
+    over P(q) A0, under the mean pressure sigma_0 / P(q). Roughness beyond q opens gaps with the mean
+
+    .. math:: \bar u(q) = \int_{q}^{q_1} d^2q' \sum_j C_j\,\mathrm{Re}K_j\,\frac{x}{2p}\Psi(x),\qquad
+              x = \frac{p}{2\sigma_0\sqrt{G(q') - G(q)}},\quad p = \frac{\sigma_0}{P(q)}
+
+    which is `separation` of a scene with roughness beyond q only. Between q and q + dq the area -dP A0 leaves
+    contact and the volume of gaps below P A0 falls by d(u_bar P). The mean separation of this area is u1.
+    Because u_bar(q1) = 0, the sum over all area is u_bar(q0).
+
+    Parameters
+    ----------
+    scene : Scene
+    velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
+    q : wavevectors [1/m], > 0, shape (n,); None: 100, equally spaced in ln q over the roughness
+    quadrature : Quadrature, static, or None: chosen for the scene
+
+    Returns
+    -------
+    SeparationProfile. The share of area with a separation above u1(q) is 1 - P(q) where u1 falls with q. u1
+    is 0 beyond the roughness. It is infinite where P = 1 to the last bit, because no area leaves contact
+    there.
+
+    Raises
+    ------
+    ValueError : as `profile`; a heated scene.
+
+    Limits: velocity and temperature are the same at every q. Uses the plain G like `separation`. Takes a
+    thousand times the work of `separation`, with a mesh for every q. Smooth solids have u1 = u_bar = 0.
+    """
+    scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
+    check_without(scene, ("adhesion", "correlation"), "the separation")
+    q = checked_wavevectors(q, 1, conditions, scene)
+    if scene.heating is not None:
+        raise ValueError("scene.heating: roughness beyond q alone has no temperature; set it to None")
+    return _separation_profile(scene, *conditions, q, quadrature=quadrature)
+
+
+@functools.partial(jax.jit, static_argnames=("quadrature",))
+def _separation_profile(scene, velocity, pressure, temperature, q, *, quadrature):
+    pairs = pairs_of(scene)
+    if not pairs:
+        shape = (*jnp.broadcast_shapes(velocity.shape, pressure.shape), q.shape[0])
+        one = jnp.ones(shape, q.dtype)
+        return SeparationProfile(q, one, 0 * one, 0 * one)
+    q = default_wavevectors([pair.law for pair in pairs], _SEPARATION_COUNT) if q is None else q
+    prepared = prepare(scene, ("area",), quadrature, pairs=pairs, borders=q)
+    densities = [density_of(pair, prepared.roughness.scale, "power", q) for pair in pairs]
+    block = functools.partial(_separations, scene, prepared, pairs, densities, q, quadrature)
+    return SeparationProfile(q, **over_points(block, (velocity, pressure, temperature), _SEPARATION_BLOCK))
+
+
+def _separations(scene, prepared, pairs, densities, q, quadrature, points):
+    """Compute fields of SeparationProfile at points, (points, wavevectors)."""
+    velocity, pressure, *temperature = points
+    contact, _ = solved(prepared, *points)
+    ratio = contact.modulus_over_pressure[:, None]
+    G = fluctuation_at_borders(prepared, contact, q.shape[0])
+    x = contact_argument(G)
+    P = contact_fraction(x)
+    both = PairTemperatures(*temperature * 2)
+    density = sum(one(velocity, both) for one in densities)
+    # dP / d ln q from the exact density of G. G may be 0; x^2 = 1 / (4 G) is clipped at 27^2.
+    slope = -TWO_OVER_ROOT_PI * jnp.exp(-x * x) * 2 * x**3 * (jnp.pi / 4 * ratio**2 * density)
+
+    def beyond(log_step, load_step, q, mean_pressure):
+        cut = [pair._replace(law=_beyond(pair.law, q * jnp.exp(log_step))) for pair in pairs]
+        ready = prepare(scene, ("separation",), quadrature, pairs=cut)
+        at = (velocity, mean_pressure * jnp.exp(load_step), *temperature)
+        return evaluate(ready, ("separation",), at)["separation"]
+
+    def one(q, mean_pressure):
+        zero = jnp.zeros_like(q)
+        steps = functools.partial(beyond, q=q, mean_pressure=mean_pressure)
+        gap, by_log_q = jax.jvp(lambda step: steps(step, zero), (zero,), (zero + 1,))
+        _, by_log_load = jax.jvp(lambda step: steps(zero, step), (zero,), (zero + 1,))
+        return gap, by_log_q, by_log_load
+
+    gap, by_log_q, by_log_load = (y.T for y in jax.vmap(one)(q, (pressure[:, None] / P).T))
+    leaving = slope < 0
+    rate = P * by_log_q / jnp.where(leaving, slope, -1.0)
+    u1 = jnp.where(leaving, gap - by_log_load + rate, jnp.where(gap > 0, jnp.inf, 0.0))
+    return {"area": P, "contact_separation": gap, "separation": u1}
+
+
+def _beyond(law, q):
+    """Remove roughness below q from a law: its pieces there get no width."""
+    # At a kink the derivative with respect to q is taken from the piece above.
+    q = jnp.where(q < law.q[-1], q, law.q[-1])
+    above = law.q > q
+    log_value = jnp.where(above, law.log_value, log_shape(law, q) + 2 * jnp.log(q))
+    inside = q >= law.q[0]
+    return law._replace(
+        q=jnp.where(inside & ~above, q, law.q), log_value=jnp.where(inside, log_value, law.log_value)
+    )

@@ -1,0 +1,310 @@
+r"""Validity of results: error of the theory, share of extrapolated moduli, and whether adhesion matters.
+
+The error of the theory is looked up in a comparison with boundary elements (notebooks/boundary_elements.md).
+Solids that are pulled into full contact store the elastic energy
+
+.. math:: \frac{U_\mathrm{el}}{A_0} = \frac12\int d^2q \sum_j C_j\,\mathrm{Re}K_j
+          \qquad\Big[= \frac{\pi}{2} E_r\int dq\, q^2 C(q) \text{ for one elastic half-space}\Big]
+
+[Persson and Tosatti, J. Chem. Phys. 115, 5597 (2001), doi:10.1063/1.1398300] and gain the work of adhesion.
+"""
+
+import functools
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+from rubberfric.base.blocks import over_points
+from rubberfric.base.checks import POSITIVE, as_leaf, check_values, is_concrete
+from rubberfric.base.quadrature import Quadrature
+from rubberfric.materials.tabulated_modulus import TabulatedModulus
+from rubberfric.roughness.spectra import SelfAffine
+from rubberfric.scene.scene import Scene, present, relaxes, rough_surfaces
+from rubberfric.theory.arguments import checked
+from rubberfric.theory.contributions import total
+from rubberfric.theory.integrals import prepare, solved
+from rubberfric.theory.model import solve
+
+_DEFAULT = Quadrature()
+_BLOCK = 64  # points evaluated at once
+_WORK = 0.05  # work of adhesion of rubber on most clean solids [J/m^2]
+
+# Ratios of energy to work beyond which adhesion is negligible or dominant: a factor of 30 on either side of
+# 1, because works of adhesion are known within a factor of a few.
+_NEGLIGIBLE, _DOMINANT = 30.0, 1 / 30
+
+# Intervals of the contact area in the table, and its ranges of q1/qr, H and gamma.
+AREAS = (0.003, 0.01, 0.03, 0.1, 0.3, 0.8)
+_RATIOS, _HURST, _GAMMA = (8.0, 64.0), (0.6, 1.0), (0.4, 0.55)
+_BROAD = 1e3  # relaxation times over this ratio are broad, below nearly a single time
+
+# 5 % and 95 % quantiles of theory over boundary elements, for (S in G, width of the relaxation), in each
+# interval of the area by the theory: (area low, area high, friction low, friction high).
+RATIOS = {
+    (False, "narrow"): (
+        (0.64, 0.95, 0.33, 1.64),
+        (0.82, 0.98, 0.59, 1.17),
+        (0.70, 0.93, 0.37, 1.31),
+        (0.92, 0.95, 0.64, 0.84),
+        (0.85, 0.93, 0.56, 0.64),
+    ),
+    (False, "broad"): (
+        (0.62, 0.85, 0.48, 1.24),
+        (0.70, 0.84, 0.34, 0.92),
+        (0.79, 0.85, 0.51, 0.86),
+        (0.76, 0.88, 0.41, 0.85),
+        (0.89, 0.95, 0.83, 0.89),
+    ),
+    (True, "narrow"): (
+        (0.90, 1.36, 0.46, 2.31),
+        (1.08, 1.39, 1.02, 1.83),
+        (0.98, 1.36, 0.51, 1.70),
+        (1.12, 1.25, 0.84, 1.31),
+        (1.01, 1.14, 0.66, 0.77),
+    ),
+    (True, "broad"): (
+        (0.86, 1.21, 1.02, 1.75),
+        (0.98, 1.19, 0.48, 1.28),
+        (1.04, 1.20, 0.96, 1.25),
+        (1.04, 1.16, 0.55, 1.05),
+        (0.98, 1.05, 0.85, 0.97),
+    ),
+}
+
+
+class TheoryError(NamedTuple):
+    """Ratio of theory to boundary elements in nine of ten cases."""
+
+    area: tuple[float, float]
+    friction: tuple[float, float]  # viscoelastic
+    contact: tuple[float, float]  # smallest and largest A/A0 included
+    relaxation: str  # "narrow" or "broad"
+
+
+def theory_error(scene: Scene, area: ArrayLike) -> TheoryError | None:
+    """Look up the model error in similar scenes, theory over boundary elements.
+
+    Parameters
+    ----------
+    scene : Scene
+    area : A/A0 by the theory at the conditions of interest, any shape [-]
+
+    Returns
+    -------
+    TheoryError over all areas between 0.003 and 0.8; None without such areas, or if the table does not cover
+    the scene. It covers a rigid self-affine surface, H = 0.6 ... 1, q1/qr = 8 ... 64, under a smooth
+    viscoelastic half-space without heating or softening, with gamma about 1/2.
+
+    Source: notebooks/boundary_elements.csv, made by notebooks/boundary_elements.py.
+    """
+    if not _covered(scene):
+        return None
+    area = np.asarray(area).ravel()
+    bins = np.searchsorted(AREAS, area, side="right") - 1
+    inside = (bins >= 0) & (bins < len(AREAS) - 1)
+    if not inside.any():
+        return None
+    smooth = scene.upper if relaxes(scene.upper) else scene.lower
+    low, high = map(float, smooth.material.frequency_range() or (1.0, 1.0))
+    relaxation = "broad" if high / low >= _BROAD else "narrow"
+    rows = np.array(
+        [RATIOS[scene.area_correction, relaxation][k] for k in sorted(set(bins[inside].tolist()))]
+    )
+    return TheoryError(
+        (float(rows[:, 0].min()), float(rows[:, 1].max())),
+        (float(rows[:, 2].min()), float(rows[:, 3].max())),
+        (float(area[inside].min()), float(area[inside].max())),
+        relaxation,
+    )
+
+
+def _covered(scene):
+    """Return True if the table covers the scene."""
+    for rough, smooth in ((scene.lower, scene.upper), (scene.upper, scene.lower)):
+        spectrum = rough.spectrum
+        if (
+            not rough.material.deforms
+            and isinstance(spectrum, SelfAffine)
+            and smooth.spectrum is None
+            and smooth.layer is None
+            and smooth.material.relaxes
+            and present(scene) <= {"shear", "area_correction"}
+            and is_concrete(spectrum.q1)
+        ):
+            values = (spectrum.q1 / spectrum.qr, _RATIOS), (spectrum.hurst, _HURST), (scene.gamma, _GAMMA)
+            return all(low * (1 - 1e-9) <= float(x) <= high * (1 + 1e-9) for x, (low, high) in values)
+    return False
+
+
+def tabulated_solids(scene: Scene) -> list[str]:
+    """Return which of "lower" and "upper" have a tabulated modulus."""
+    bodies = {"lower": scene.lower, "upper": scene.upper}
+    return [name for name, body in bodies.items() if isinstance(body.material, TabulatedModulus)]
+
+
+def friction_outside_table(
+    scene: Scene,
+    velocity: ArrayLike,
+    pressure: ArrayLike,
+    temperature: ArrayLike | None = None,
+    *,
+    quadrature: Quadrature | None = None,
+    compiler_options: Mapping[str, bool | int | float | str] | None = None,
+) -> jax.Array:
+    r"""Compute the share of the viscoelastic friction from frequencies outside the tabulated moduli.
+
+    .. math:: 1 - \mu_\mathrm{none} / \mu
+
+    with :math:`\mu` the viscoelastic friction, without contact shear, and
+    :math:`\mu_\mathrm{none}` its value with E'' = 0 outside the tables (`TabulatedModulus.outside` = "none").
+    Near 1 the friction depends on the extrapolation more than on the material.
+
+    Parameters
+    ----------
+    scene : Scene with at least one TabulatedModulus
+    velocity, pressure, temperature, quadrature : as for `friction`
+    compiler_options : as for `solve`
+
+    Returns
+    -------
+    array, broadcast shape [-]; 0 without viscoelastic friction
+
+    Raises
+    ------
+    ValueError : as `contact_area`, or a scene without a tabulated modulus.
+    """
+    tabulated = tabulated_solids(scene)
+    if not tabulated:
+        raise ValueError("scene has no TabulatedModulus; at least one material must be tabulated")
+    cut = scene.replace({f"{solid}.material.outside": "none" for solid in tabulated})
+    conditions = (velocity, pressure, temperature)
+    part = "viscoelastic_friction"
+    options = {"quadrature": quadrature, "quantities": (part,), "compiler_options": compiler_options}
+    return _share_beyond(*(getattr(solve(s, *conditions, **options), part) for s in (scene, cut)))
+
+
+@jax.jit
+def _share_beyond(whole, inside):
+    return jnp.where(whole != 0, 1 - inside / jnp.where(whole != 0, whole, 1.0), 0.0)
+
+
+class AdhesionVerdict(NamedTuple):
+    """Results of `adhesion_matters`; arrays of the broadcast shape of the conditions."""
+
+    ratio: jax.Array  # elastic energy of full contact over the work of adhesion [-]
+    elastic_energy: jax.Array  # of full contact [J/m^2]
+    words: str  # verdict from the smallest ratio
+
+    def __str__(self) -> str:
+        """Return the verdict."""
+        return self.words
+
+
+def full_contact_energy(
+    scene: Scene,
+    velocity: ArrayLike = 0.0,
+    temperature: ArrayLike | None = None,
+    *,
+    quadrature: Quadrature = _DEFAULT,
+) -> jax.Array:
+    r"""Compute the elastic energy per nominal area of full contact.
+
+    .. math:: U_\mathrm{el}/A_0 = \frac12\int d^2q \sum_j C_j\,\mathrm{Re}K_j(q v\cos\varphi)
+
+    [Persson and Tosatti, J. Chem. Phys. 115, 5597 (2001)]
+
+    Parameters
+    ----------
+    scene : Scene; heating and adhesion are ignored
+    velocity, temperature : array_like, broadcastable [m/s], [K]; velocity 0: relaxed moduli
+    quadrature : Quadrature, static
+
+    Returns
+    -------
+    array, broadcast shape [J/m^2]; 0 without roughness
+
+    Raises
+    ------
+    ValueError : as `contact_area`.
+    """
+    scene = scene.replace(heating=None, adhesion=None)
+    scene, (velocity, _, temperature) = checked(scene, velocity, 1.0, temperature, quadrature)
+    return _full_contact_energy(scene, velocity, temperature, quadrature=quadrature)
+
+
+@functools.partial(jax.jit, static_argnames=("quadrature",))
+def _full_contact_energy(scene, velocity, temperature, *, quadrature):
+    if not rough_surfaces(scene):
+        shape = (
+            velocity.shape if temperature is None else jnp.broadcast_shapes(velocity.shape, temperature.shape)
+        )
+        return jnp.zeros(shape, velocity.dtype)
+    prepared = prepare(scene, ("separation",), quadrature)
+
+    def energy(points):
+        velocity, *temperature = points
+        contact, _ = solved(prepared, velocity, jnp.ones_like(velocity), *temperature)
+        storage = total(jnp.sum(terms.densities["storage"], (0, 2)) for terms in contact.terms)
+        return jnp.broadcast_to(jnp.pi / 2 * prepared.roughness.scale * storage, velocity.shape)
+
+    return over_points(energy, (velocity, temperature), _BLOCK)
+
+
+def adhesion_matters(
+    scene: Scene,
+    velocity: ArrayLike = 0.0,
+    temperature: ArrayLike | None = None,
+    *,
+    work: ArrayLike | None = None,
+    quadrature: Quadrature = _DEFAULT,
+) -> AdhesionVerdict:
+    r"""Judge whether adhesion matters in a scene.
+
+    .. math:: ratio = \frac{U_\mathrm{el}/A_0}{\Delta\gamma}
+
+    Parameters
+    ----------
+    scene : Scene
+    velocity, temperature : as for `full_contact_energy`
+    work : work of adhesion [J/m^2], > 0, a number; None: from the scene, or 0.05 if it has no adhesion
+    quadrature : Quadrature, static
+
+    Returns
+    -------
+    AdhesionVerdict. Above a ratio of about 30 adhesion cannot pull the solids together and may be omitted.
+    Below about 1/30 it causes full contact without load. In between it determines how much of the fine
+    roughness is in contact. The verdict uses the smallest ratio of all points.
+
+    Raises
+    ------
+    ValueError : as `contact_area`; work <= 0; called within jit (`full_contact_energy` can be traced).
+
+    Notes
+    -----
+    Tread rubber on asphalt at rest: 1e4. A seal on ground steel: about 1. Silicone on glass: 1e-3 and less.
+    """
+    if work is None:
+        work = _WORK if scene.adhesion is None else scene.adhesion.work
+    work = as_leaf("work", work, 0)
+    check_values("work", work, POSITIVE)
+    energy = full_contact_energy(scene, velocity, temperature, quadrature=quadrature)
+    if not is_concrete(energy) or not is_concrete(work):
+        raise ValueError("adhesion_matters is called within jit; call it outside, or use full_contact_energy")
+    ratio = energy / work
+    return AdhesionVerdict(ratio, energy, _words(float(np.min(ratio)), float(np.min(energy)), float(work)))
+
+
+def _words(ratio, energy, work):
+    compared = (
+        f"full contact would store {energy:.3g} J/m^2 of elastic energy, {ratio:.3g} times the work of "
+        f"adhesion of {work:.3g} J/m^2"
+    )
+    if ratio >= _NEGLIGIBLE:
+        return f"adhesion does not matter: {compared}; leave it out"
+    if ratio <= _DOMINANT:
+        return f"adhesion is everything: {compared}; the solids pull each other into full contact"
+    return f"adhesion matters: {compared}; it decides how much of the fine roughness is in contact"

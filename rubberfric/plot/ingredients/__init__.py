@@ -1,1 +1,0 @@
-"""Pictures of what a scene is made of: moduli and power spectra."""
