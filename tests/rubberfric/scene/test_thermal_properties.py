@@ -69,7 +69,7 @@ def test_flash_temperature_of_two_half_spaces(lower):
 def test_rise_below_the_surface_is_a_share_of_that_of_either_solid(q, hotter):
     r"""At finite q each solid has its share of what all heat would cause in it; that is no harmonic sum.
 
-    By scipy: T_i = s_i (2/pi) Q/(rho c_p) int_0^infinity dk (1 - exp(-D k^2 t_0))/(D k^2) 4 q^2/(k^2 + 4 q^2).
+    By scipy: T_i = s_i (2/pi) Q/(rho c_p) int dk (1 - exp(-D k^2 t_0))/(D k^2) 4 q^2/(k^2 + 4 q^2).
     """
     v, power, t0 = 1.0, 3e6, 2e-3
     steel = rf.ThermalProperties(7800.0, 460.0, 50.0)
