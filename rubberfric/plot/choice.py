@@ -28,7 +28,7 @@ from rubberfric.theory.quantities import Solution, quantities_of
 _LINES = 10
 
 
-def any(  # the word that says it; the builtin is of no use here
+def auto(
     found: Any,
     *,
     velocity: ArrayLike | None = None,

@@ -99,7 +99,7 @@ class MeasuredSpectrum(NamedTuple):
         change = scipy.optimize.brentq(miss, -30.0, 30.0, xtol=1e-13, rtol=1e-14)
         return np.exp(log_q), np.exp(log_C + change * share)
 
-    def table(self, hurst: ArrayLike | None = None) -> TabulatedSpectrum:
+    def table(self, hurst: float | None = None) -> TabulatedSpectrum:
         """TabulatedSpectrum through `knots`; its rms height is that of all bins, (h_rms^2 - left_out)^(1/2).
 
         Parameters
