@@ -96,8 +96,8 @@ def _tried() -> Iterator[str]:
         why = "JAX_ENABLE_COMPILATION_CACHE is false" if off else "their folder cannot be written to"
         yield f"{'programs':12} are compiled by every process: {why}"
         return
-    sizes = [entry.stat().st_size for entry in folder.glob("*-cache")]
-    yield f"{'programs':12} {len(sizes)} of {sum(sizes) / 1e6:.3g} MB in {folder}"
+    size = sum(file.stat().st_size for file in folder.glob("*"))
+    yield f"{'programs':12} {size / 1e6:.3g} MB in {folder}"
     first, again = _is_found(), _is_found()
     yield f"{'':12} one for the first time: {'hit' if first else 'miss'}; again: {'hit' if again else 'miss'}"
     if not again:
