@@ -43,9 +43,9 @@ if TYPE_CHECKING:
     from rubberfric.base.objects.physical import unit_of as unit_of
     from rubberfric.base.process.compiler import quick_jit as quick_jit
     from rubberfric.base.process.compiler import quick_options as quick_options
-    from rubberfric.base.process.cores import cores as cores
     from rubberfric.base.process.lazy import lazily as lazily
     from rubberfric.base.process.release import VERSION as VERSION
+    from rubberfric.base.process.release import cores as cores
     from rubberfric.base.progress import Progress as Progress
 
 lazy.lazily(__name__, __file__)

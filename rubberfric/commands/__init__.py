@@ -10,11 +10,11 @@ if TYPE_CHECKING:
     from rubberfric.commands.arguments import check_input as check_input
     from rubberfric.commands.arguments import check_outputs as check_outputs
     from rubberfric.commands.arguments import write_outputs as write_outputs
-    from rubberfric.commands.process.ending import begin_jax as begin_jax
-    from rubberfric.commands.process.ending import complain as complain
-    from rubberfric.commands.process.ending import ended as ended
-    from rubberfric.commands.process.interrupts import Interrupts as Interrupts
-    from rubberfric.commands.process.interrupts import leave_at_once as leave_at_once
-    from rubberfric.commands.process.phases import progress as progress
+    from rubberfric.commands.ending import begin_jax as begin_jax
+    from rubberfric.commands.ending import complain as complain
+    from rubberfric.commands.ending import ended as ended
+    from rubberfric.commands.interrupts import Interrupts as Interrupts
+    from rubberfric.commands.interrupts import leave_at_once as leave_at_once
+    from rubberfric.commands.phases import progress as progress
 
 lazily(__name__, __file__)

@@ -7,7 +7,7 @@ import numpy as np
 from rubberfric.analysis.error_and_time.settings import check_error
 from rubberfric.analysis.error_and_time.sweep import accuracy
 from rubberfric.commands.arguments import write_outputs
-from rubberfric.commands.process.phases import Phases
+from rubberfric.commands.phases import Phases
 from rubberfric.io.files import read_computable
 from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.plot.save import save_accuracy_plot

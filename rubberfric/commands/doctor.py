@@ -14,8 +14,7 @@ import numpy as np
 from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
 from rubberfric.base.process.compilation_cache import compilation_cache
-from rubberfric.base.process.cores import cores
-from rubberfric.base.process.release import VERSION
+from rubberfric.base.process.release import VERSION, cores
 from rubberfric.base.progress import Progress
 
 _PACKAGES = ("jax", "jaxlib", "numpy", "scipy", "h5py", "optax", "matplotlib")

@@ -37,7 +37,7 @@ from rubberfric.analysis.error_and_time.settings import SETTINGS, node_count
 from rubberfric.analysis.error_and_time.sweep import with_automatic
 from rubberfric.commands import accuracy as accuracy_command
 from rubberfric.commands import main as command
-from rubberfric.commands.process.phases import progress
+from rubberfric.commands.phases import progress
 from rubberfric.io.scene_files.conditions import Conditions
 from rubberfric.plot.save import plot_accuracy
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import TextIO
 
 from rubberfric.base.process.compilation_cache import compilation_cache
-from rubberfric.commands.process.interrupts import Interrupts
+from rubberfric.commands.interrupts import Interrupts
 
 try:
     import resource
