@@ -5,139 +5,55 @@ from rubberfric.base.process.release import VERSION
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
-    from rubberfric import analysis, io, materials, plot, roughness
-    from rubberfric.analysis import FrictionMap, friction_map
-    from rubberfric.base import units
-    from rubberfric.base.checks import UnitWarning
-    from rubberfric.base.process.compilation_cache import compilation_cache
-    from rubberfric.base.progress import progress
-    from rubberfric.base.quadrature import Quadrature
-    from rubberfric.io import load_scene, save_scene
-    from rubberfric.materials import (
-        WLF,
-        Arrhenius,
-        Coating,
-        Elastic,
-        Entropic,
-        Prony,
-        PronyShear,
-        Rigid,
-        Slab,
-        TabulatedModulus,
-        TabulatedShift,
-        TabulatedVertical,
-        complex_modulus,
-    )
-    from rubberfric.roughness import (
-        Anisotropic,
-        SelfAffine,
-        TabulatedAnisotropic,
-        TabulatedSpectrum,
-        power_spectrum,
-        rms_slope,
-        with_cutoff,
-    )
-    from rubberfric.scene import (
-        Adhesion,
-        Body,
-        ContactShear,
-        Correlation,
-        Heating,
-        Scene,
-        Softening,
-        ThermalProperties,
-    )
-    from rubberfric.theory import Solution, contact_area, friction, quantities_of, separation, solve
-
-__all__ = [
-    "WLF",
-    "Adhesion",
-    "Anisotropic",
-    "Arrhenius",
-    "Body",
-    "Coating",
-    "ContactShear",
-    "Correlation",
-    "Elastic",
-    "Entropic",
-    "FrictionMap",
-    "Heating",
-    "Prony",
-    "PronyShear",
-    "Quadrature",
-    "Rigid",
-    "Scene",
-    "SelfAffine",
-    "Slab",
-    "Softening",
-    "Solution",
-    "TabulatedAnisotropic",
-    "TabulatedModulus",
-    "TabulatedShift",
-    "TabulatedSpectrum",
-    "TabulatedVertical",
-    "ThermalProperties",
-    "UnitWarning",
-    "analysis",
-    "compilation_cache",
-    "complex_modulus",
-    "contact_area",
-    "friction",
-    "friction_map",
-    "io",
-    "load_scene",
-    "materials",
-    "plot",
-    "power_spectrum",
-    "progress",
-    "quantities_of",
-    "rms_slope",
-    "roughness",
-    "save_scene",
-    "separation",
-    "solve",
-    "units",
-    "with_cutoff",
-]
+    from rubberfric import analysis as analysis
+    from rubberfric import io as io
+    from rubberfric import materials as materials
+    from rubberfric import plot as plot
+    from rubberfric import roughness as roughness
+    from rubberfric.analysis import FrictionMap as FrictionMap
+    from rubberfric.analysis import friction_map as friction_map
+    from rubberfric.base import units as units
+    from rubberfric.base.checks import UnitWarning as UnitWarning
+    from rubberfric.base.process.compilation_cache import compilation_cache as compilation_cache
+    from rubberfric.base.progress import progress as progress
+    from rubberfric.base.quadrature import Quadrature as Quadrature
+    from rubberfric.io import load_scene as load_scene
+    from rubberfric.io import save_scene as save_scene
+    from rubberfric.materials import WLF as WLF
+    from rubberfric.materials import Arrhenius as Arrhenius
+    from rubberfric.materials import Coating as Coating
+    from rubberfric.materials import Elastic as Elastic
+    from rubberfric.materials import Entropic as Entropic
+    from rubberfric.materials import Prony as Prony
+    from rubberfric.materials import PronyShear as PronyShear
+    from rubberfric.materials import Rigid as Rigid
+    from rubberfric.materials import Slab as Slab
+    from rubberfric.materials import TabulatedModulus as TabulatedModulus
+    from rubberfric.materials import TabulatedShift as TabulatedShift
+    from rubberfric.materials import TabulatedVertical as TabulatedVertical
+    from rubberfric.materials import complex_modulus as complex_modulus
+    from rubberfric.roughness import Anisotropic as Anisotropic
+    from rubberfric.roughness import SelfAffine as SelfAffine
+    from rubberfric.roughness import TabulatedAnisotropic as TabulatedAnisotropic
+    from rubberfric.roughness import TabulatedSpectrum as TabulatedSpectrum
+    from rubberfric.roughness import power_spectrum as power_spectrum
+    from rubberfric.roughness import rms_slope as rms_slope
+    from rubberfric.roughness import with_cutoff as with_cutoff
+    from rubberfric.scene import Adhesion as Adhesion
+    from rubberfric.scene import Body as Body
+    from rubberfric.scene import ContactShear as ContactShear
+    from rubberfric.scene import Correlation as Correlation
+    from rubberfric.scene import Heating as Heating
+    from rubberfric.scene import Scene as Scene
+    from rubberfric.scene import Softening as Softening
+    from rubberfric.scene import ThermalProperties as ThermalProperties
+    from rubberfric.theory import Solution as Solution
+    from rubberfric.theory import contact_area as contact_area
+    from rubberfric.theory import friction as friction
+    from rubberfric.theory import quantities_of as quantities_of
+    from rubberfric.theory import separation as separation
+    from rubberfric.theory import solve as solve
 
 __version__ = VERSION
 
-# What is looked for here, and is in the package beside.
-_FITTING = (
-    "AreaData Bounded FitResult Free FrictionData Gaussian KramersKronig MasterCurve ModulusData Positive "
-    "PronyFit Smooth SpectrumData SpectrumFit Tied fit fit_master_curve fit_prony fit_spectrum "
-    "kramers_kronig sensitivity softening_from_sweep"
-)
-
-lazily(
-    __name__,
-    {
-        "rubberfric.analysis": "FrictionMap friction_map",
-        "rubberfric.base.checks": "UnitWarning",
-        "rubberfric.base.process.compilation_cache": "compilation_cache",
-        "rubberfric.base.progress": "progress",
-        "rubberfric.base.quadrature": "Quadrature",
-        "rubberfric.io": "load_scene save_scene",
-        "rubberfric.scene": (
-            "Adhesion Body ContactShear Correlation Heating Scene Softening ThermalProperties"
-        ),
-        "rubberfric.theory": "Solution contact_area friction quantities_of separation solve",
-        "rubberfric.materials": (
-            "WLF Arrhenius Coating Elastic Entropic Prony PronyShear Rigid Slab TabulatedModulus "
-            "TabulatedShift TabulatedVertical complex_modulus"
-        ),
-        "rubberfric.roughness": (
-            "Anisotropic SelfAffine TabulatedAnisotropic TabulatedSpectrum power_spectrum rms_slope "
-            "with_cutoff"
-        ),
-    },
-    modules=(
-        "rubberfric.analysis",
-        "rubberfric.io",
-        "rubberfric.materials",
-        "rubberfric.plot",
-        "rubberfric.roughness",
-        "rubberfric.base.units",
-    ),
-    elsewhere={"fitting": _FITTING},
-)
+lazily(__name__, __file__, elsewhere="fitting")

@@ -25,7 +25,7 @@ PROGRAM = "rubberfric-fit"
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with arguments `argv`; returns the exit status.
 
-    None: those of the process, which a signal then may end (`rubberfric.commands.process.interrupts`).
+    None: those of the process, which a signal then may end (`rubberfric.commands.interrupts`).
     """
     if argv is None:
         leave_at_once(PROGRAM)

@@ -1,129 +1,53 @@
-"""What knows no physics: objects and their rules, quadrature, units, files that appear whole, progress."""
+"""Parts without physics: objects and their rules, quadrature, units, files written whole, progress."""
 
-from rubberfric.base.process.lazy import lazily
+from rubberfric.base.process import lazy
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
-    from rubberfric.base.atomic import (
-        TABLE_SUFFIXES,
-        StrPath,
-        as_path,
-        check_readable,
-        check_suffix,
-        check_writable,
-        replacing,
-        write_durably,
-    )
-    from rubberfric.base.blocks import recurring_length
-    from rubberfric.base.checks import (
-        FINITE,
-        NONNEGATIVE,
-        POSITIVE,
-        as_array,
-        as_leaf,
-        between,
-        check_values,
-        closest,
-        shown,
-    )
-    from rubberfric.base.objects import html
-    from rubberfric.base.objects.fields import (
-        Leaf,
-        Matrix,
-        Number,
-        OptionalNumber,
-        Static,
-        Vector,
-        child,
-        leaf,
-        static,
-    )
-    from rubberfric.base.objects.key_paths import KeyPath, parse_key_path
-    from rubberfric.base.objects.physical import (
-        Kind,
-        PhysicalObject,
-        fields_of,
-        forget,
-        object_html,
-        parts_of,
-        physical,
-        rising_of,
-        unit_of,
-    )
-    from rubberfric.base.process.compiler import quick_jit, quick_options
-    from rubberfric.base.process.cores import cores
-    from rubberfric.base.process.release import VERSION
-    from rubberfric.base.progress import Progress
+    from rubberfric.base.atomic import TABLE_SUFFIXES as TABLE_SUFFIXES
+    from rubberfric.base.atomic import StrPath as StrPath
+    from rubberfric.base.atomic import as_path as as_path
+    from rubberfric.base.atomic import check_readable as check_readable
+    from rubberfric.base.atomic import check_suffix as check_suffix
+    from rubberfric.base.atomic import check_writable as check_writable
+    from rubberfric.base.atomic import replacing as replacing
+    from rubberfric.base.atomic import write_durably as write_durably
+    from rubberfric.base.blocks import recurring_length as recurring_length
+    from rubberfric.base.checks import FINITE as FINITE
+    from rubberfric.base.checks import NONNEGATIVE as NONNEGATIVE
+    from rubberfric.base.checks import POSITIVE as POSITIVE
+    from rubberfric.base.checks import as_array as as_array
+    from rubberfric.base.checks import as_leaf as as_leaf
+    from rubberfric.base.checks import between as between
+    from rubberfric.base.checks import check_values as check_values
+    from rubberfric.base.checks import closest as closest
+    from rubberfric.base.checks import shown as shown
+    from rubberfric.base.objects import html as html
+    from rubberfric.base.objects.fields import Leaf as Leaf
+    from rubberfric.base.objects.fields import Matrix as Matrix
+    from rubberfric.base.objects.fields import Number as Number
+    from rubberfric.base.objects.fields import OptionalNumber as OptionalNumber
+    from rubberfric.base.objects.fields import Static as Static
+    from rubberfric.base.objects.fields import Vector as Vector
+    from rubberfric.base.objects.fields import child as child
+    from rubberfric.base.objects.fields import leaf as leaf
+    from rubberfric.base.objects.fields import static as static
+    from rubberfric.base.objects.key_paths import KeyPath as KeyPath
+    from rubberfric.base.objects.key_paths import parse_key_path as parse_key_path
+    from rubberfric.base.objects.physical import Kind as Kind
+    from rubberfric.base.objects.physical import PhysicalObject as PhysicalObject
+    from rubberfric.base.objects.physical import fields_of as fields_of
+    from rubberfric.base.objects.physical import forget as forget
+    from rubberfric.base.objects.physical import object_html as object_html
+    from rubberfric.base.objects.physical import parts_of as parts_of
+    from rubberfric.base.objects.physical import physical as physical
+    from rubberfric.base.objects.physical import rising_of as rising_of
+    from rubberfric.base.objects.physical import unit_of as unit_of
+    from rubberfric.base.process.compiler import quick_jit as quick_jit
+    from rubberfric.base.process.compiler import quick_options as quick_options
+    from rubberfric.base.process.lazy import lazily as lazily
+    from rubberfric.base.process.release import VERSION as VERSION
+    from rubberfric.base.process.release import cores as cores
+    from rubberfric.base.progress import Progress as Progress
 
-__all__ = [
-    "FINITE",
-    "NONNEGATIVE",
-    "POSITIVE",
-    "TABLE_SUFFIXES",
-    "VERSION",
-    "KeyPath",
-    "Kind",
-    "Leaf",
-    "Matrix",
-    "Number",
-    "OptionalNumber",
-    "PhysicalObject",
-    "Progress",
-    "Static",
-    "StrPath",
-    "Vector",
-    "as_array",
-    "as_leaf",
-    "as_path",
-    "between",
-    "check_readable",
-    "check_suffix",
-    "check_values",
-    "check_writable",
-    "child",
-    "closest",
-    "cores",
-    "fields_of",
-    "forget",
-    "html",
-    "lazily",
-    "leaf",
-    "object_html",
-    "parse_key_path",
-    "parts_of",
-    "physical",
-    "quick_jit",
-    "quick_options",
-    "recurring_length",
-    "replacing",
-    "rising_of",
-    "shown",
-    "static",
-    "unit_of",
-    "write_durably",
-]
-
-lazily(
-    __name__,
-    {
-        "rubberfric.base.atomic": (
-            "TABLE_SUFFIXES StrPath as_path check_readable check_suffix check_writable replacing"
-            " write_durably"
-        ),
-        "rubberfric.base.blocks": "recurring_length",
-        "rubberfric.base.checks": (
-            "FINITE NONNEGATIVE POSITIVE as_array as_leaf between check_values closest shown"
-        ),
-        "rubberfric.base.objects.fields": "Leaf Matrix Number OptionalNumber Static Vector child leaf static",
-        "rubberfric.base.objects.key_paths": "KeyPath parse_key_path",
-        "rubberfric.base.objects.physical": (
-            "Kind PhysicalObject fields_of forget object_html parts_of physical rising_of unit_of"
-        ),
-        "rubberfric.base.process.compiler": "quick_jit quick_options",
-        "rubberfric.base.process.cores": "cores",
-        "rubberfric.base.process.lazy": "lazily",
-        "rubberfric.base.process.release": "VERSION",
-        "rubberfric.base.progress": "Progress",
-    },
-    modules=("rubberfric.base.objects.html",),
-)
+lazy.lazily(__name__, __file__)

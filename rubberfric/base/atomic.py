@@ -4,20 +4,23 @@ import contextlib
 import errno
 import os
 import stat
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 StrPath = str | os.PathLike[str]
 
-# Bytes of a file that is read whole; what people measure has a hundredth of it.
 # Suffixes of the tables of measured data that are read.
 TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".xlsx")
+# Bytes of a file that is read whole; what people measure has a hundredth of it.
 LARGEST = 2**26
 
 # What the system says of a disk that takes no more.
 _FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO)
 
-_begun: set[Path] = set()  # files and folders that are nothing without what this process has yet to do
+# Files and folders that are nothing without what this process has yet to do; a signal's thread reads them.
+_begun: set[Path] = set()
+_lock = threading.Lock()
 
 
 def as_path(path: StrPath) -> Path:
@@ -30,22 +33,28 @@ def as_path(path: StrPath) -> Path:
 
 def begin(path: Path) -> None:
     """Have a file or folder removed if a signal ends the process before `finish`."""
-    _begun.add(path)
+    with _lock:
+        _begun.add(path)
 
 
 def finish(path: Path) -> None:
-    """It may remain, or is removed already."""
-    _begun.discard(path)
+    """Let a file or folder stay, or know that it is removed already."""
+    with _lock:
+        _begun.discard(path)
 
 
-def remove_begun() -> None:
-    """Remove what is not to outlive the process; another thread may be about to do so."""
-    for path in list(_begun):
-        if path.is_dir():
-            _remove_folder(path)
-        else:
-            with contextlib.suppress(OSError):
-                path.unlink(missing_ok=True)
+def remove_begun(then: Callable[[], None] = lambda: None) -> None:
+    """Remove what is not to outlive the process, and call `then` before another thread can begin a file."""
+    with _lock:
+        try:
+            for path in _begun:
+                if path.is_dir():
+                    _remove_folder(path)
+                else:
+                    with contextlib.suppress(OSError):
+                        path.unlink(missing_ok=True)
+        finally:
+            then()
 
 
 def _remove_folder(path: Path) -> None:

@@ -2,6 +2,8 @@
 
 import difflib
 import functools
+import sys
+import warnings
 from collections.abc import Callable, Collection
 from typing import Any, TypeAlias
 
@@ -27,6 +29,18 @@ class UnitWarning(UserWarning):
 
     `warnings.simplefilter("ignore", rubberfric.UnitWarning)` switches it off.
     """
+
+
+# Packages between a caller and what warns: these two, and what calls their functions for them.
+_PASSED = ("rubberfric", "fitting", "jax", "functools", "contextlib", "copy", "dataclasses")
+
+
+def warn_caller(text: str, category: type[Warning]) -> None:
+    """Warn at the line outside these packages from which they were called."""
+    level, frame = 1, sys._getframe()
+    while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _PASSED:
+        level, frame = level + 1, frame.f_back
+    warnings.warn(text, category, stacklevel=level)
 
 
 def shown(value: object) -> str:

@@ -4,41 +4,17 @@ from rubberfric.base.process.lazy import lazily
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
-    from rubberfric.commands.arguments import (
-        Parser,
-        add_common,
-        add_outputs,
-        check_input,
-        check_outputs,
-        write_outputs,
-    )
-    from rubberfric.commands.process.ending import begin_jax, complain, ended
-    from rubberfric.commands.process.interrupts import Interrupts, leave_at_once
-    from rubberfric.commands.process.phases import progress
+    from rubberfric.commands.arguments import Parser as Parser
+    from rubberfric.commands.arguments import add_common as add_common
+    from rubberfric.commands.arguments import add_outputs as add_outputs
+    from rubberfric.commands.arguments import check_input as check_input
+    from rubberfric.commands.arguments import check_outputs as check_outputs
+    from rubberfric.commands.arguments import write_outputs as write_outputs
+    from rubberfric.commands.ending import begin_jax as begin_jax
+    from rubberfric.commands.ending import complain as complain
+    from rubberfric.commands.ending import ended as ended
+    from rubberfric.commands.interrupts import Interrupts as Interrupts
+    from rubberfric.commands.interrupts import leave_at_once as leave_at_once
+    from rubberfric.commands.phases import progress as progress
 
-__all__ = [
-    "Interrupts",
-    "Parser",
-    "add_common",
-    "add_outputs",
-    "begin_jax",
-    "check_input",
-    "check_outputs",
-    "complain",
-    "ended",
-    "leave_at_once",
-    "progress",
-    "write_outputs",
-]
-
-lazily(
-    __name__,
-    {
-        "rubberfric.commands.arguments": (
-            "Parser add_common add_outputs check_input check_outputs write_outputs"
-        ),
-        "rubberfric.commands.process.ending": "begin_jax complain ended",
-        "rubberfric.commands.process.interrupts": "Interrupts leave_at_once",
-        "rubberfric.commands.process.phases": "progress",
-    },
-)
+lazily(__name__, __file__)

@@ -7,7 +7,7 @@ import numpy as np
 from rubberfric.analysis.reference import check_error
 from rubberfric.analysis.sweep import accuracy
 from rubberfric.commands.arguments import write_outputs
-from rubberfric.commands.process.phases import Phases
+from rubberfric.commands.phases import Phases
 from rubberfric.io.files import read_computable
 from rubberfric.io.results import Conditions
 from rubberfric.plot.choice import save_accuracy_plot

@@ -14,8 +14,7 @@ import numpy as np
 from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
 from rubberfric.base.process.compilation_cache import compilation_cache
-from rubberfric.base.process.cores import cores
-from rubberfric.base.process.release import VERSION
+from rubberfric.base.process.release import VERSION, cores
 from rubberfric.base.progress import Progress
 
 _PACKAGES = ("jax", "jaxlib", "numpy", "scipy", "h5py", "optax", "matplotlib")
@@ -96,8 +95,8 @@ def _tried() -> Iterator[str]:
         why = "JAX_ENABLE_COMPILATION_CACHE is false" if off else "their folder cannot be written to"
         yield f"{'programs':12} are compiled by every process: {why}"
         return
-    sizes = [entry.stat().st_size for entry in folder.glob("*-cache")]
-    yield f"{'programs':12} {len(sizes)} of {sum(sizes) / 1e6:.3g} MB in {folder}"
+    size = sum(file.stat().st_size for file in folder.glob("*"))
+    yield f"{'programs':12} {size / 1e6:.3g} MB in {folder}"
     first, again = _is_found(), _is_found()
     yield f"{'':12} one for the first time: {'hit' if first else 'miss'}; again: {'hit' if again else 'miss'}"
     if not again:

@@ -8,32 +8,32 @@ Each step imports what it needs: signals are answered before that, arguments che
 
 from __future__ import annotations
 
-from rubberfric.commands.process.interrupts import leave_at_once
+from rubberfric.commands.interrupts import leave_at_once
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Sequence
 
-    from rubberfric.commands.process.phases import Phases
+    from rubberfric.commands.phases import Phases
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with arguments `argv`; returns the exit status.
 
-    None: those of the process, which a signal then ends (`rubberfric.commands.process.interrupts`).
+    None: those of the process, which a signal then ends (`rubberfric.commands.interrupts`).
     """
     if argv is None:
         leave_at_once("rubberfric")
-    from rubberfric.commands.process.ending import ended
+    from rubberfric.commands.ending import ended
 
     return ended("rubberfric", lambda _: _run(argv), process=argv is None)
 
 
 def _run(argv: Sequence[str] | None) -> int:
     from rubberfric.commands.arguments import check_arguments, parser
-    from rubberfric.commands.process.ending import begin_jax
-    from rubberfric.commands.process.phases import progress
+    from rubberfric.commands.ending import begin_jax
+    from rubberfric.commands.phases import progress
 
     arguments = parser().parse_args(argv)
     check_arguments(arguments)

@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from rubberfric.analysis.maps import DEFAULT_QUANTITIES, friction_map
-from rubberfric.base.process.cores import cores
+from rubberfric.base.process.release import cores
 from rubberfric.base.progress import Progress
 from rubberfric.commands.arguments import write_outputs
 from rubberfric.commands.run import convergence_line

@@ -45,12 +45,21 @@ def _sheet(path: StrPath) -> str:
             sheets = [list(sheet.iter_rows(values_only=True)) for sheet in book.worksheets]
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
-    except Exception as error:  # of a damaged archive: many kinds
+    except _damages() as error:
         raise ValueError(f"{path}: cannot be read as .xlsx: {error}") from None
     for rows in sheets:
         if any(isinstance(cell, int | float) for row in rows for cell in row):
             return "\n".join("\t".join(map(_cell, row)) for row in rows) + "\n"
     raise ValueError(f"{path}: cannot be read: no sheet has numbers")
+
+
+def _damages() -> tuple[type[Exception], ...]:
+    """What openpyxl raises for a damaged archive: of zip, its compression, XML, and missing parts."""
+    import zipfile
+    import zlib
+
+    of_archive = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError)  # encrypted ones are the last
+    return (*of_archive, SyntaxError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError)
 
 
 def _cell(value: object) -> str:

@@ -25,7 +25,7 @@ from rubberfric.theory.quantities import Solution, quantities_of
 _LINES = 10  # more lines are drawn as a map
 
 
-def any(  # the word that says it; the builtin is of no use here
+def auto(
     found: Any,
     *,
     velocity: ArrayLike | None = None,

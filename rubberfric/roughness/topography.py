@@ -21,9 +21,11 @@ Detrending takes height from the same modes. The instrument's resolution and noi
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
 
 from rubberfric.base.checks import shown
+from rubberfric.roughness.normalisation import spectrum_from
 from rubberfric.roughness.tabulated import TabulatedSpectrum
 
 WINDOWS = ("hann", "none")
@@ -44,6 +46,7 @@ class MeasuredSpectrum(NamedTuple):
     cell : area dq_x dq_y [1/m^2] of a mode, or its length dq [1/m]
     left_out : mean square height [m^2] in the modes of no bin: the corners of a map
     h_rms : of the detrended heights in the window [m]; h_rms^2 = cell sum(modes C) + left_out
+    dimensions : 2 of a map, 1 of a profile
     """
 
     q: np.ndarray
@@ -53,10 +56,60 @@ class MeasuredSpectrum(NamedTuple):
     cell: float
     left_out: float
     h_rms: float
+    dimensions: int = 2
 
-    def table(self) -> TabulatedSpectrum:
-        """TabulatedSpectrum of a map; a profile's C_1D must be converted first, by `spectrum_from`."""
-        return TabulatedSpectrum(self.q, self.C)
+    def knots(self) -> tuple[np.ndarray, np.ndarray]:
+        r"""Entries (q, C) of a log-log linear table with the mean square height of all bins.
+
+        .. math:: 2\pi\int q\, C\, dq \;\text{ or }\; 2\int C_\mathrm{1D}\, dq
+                  = \text{cell} \sum \text{modes}\; C
+
+        The table covers the cells of all modes. Below the first bin C is constant, down to the border of the
+        cell of q = 0. Beyond the last bin it has the slope of the last octave, up to the outer border of the
+        bin. The sum over a few long waves is no integral, so ln C is then changed by an amount proportional
+        to C. This is the least change in units of `relative`: bins near the maximum of C change by less than
+        their standard error (by more in a map much longer than wide), bins with a small C do not.
+
+        Returns
+        -------
+        arrays [1/m] and [m^4], of a profile [m^3]: those of the bins, and one or two ends
+        """
+        q, C = self.q, self.C
+        if not (C > 0).all():
+            i = int(np.argmin(C))
+            raise ValueError(f"C[{i}] = {C[i]:g} at q = {q[i]:g} 1/m: must be > 0; use fewer bins per_decade")
+        # The cells of n modes and of q = 0 fill a circle of radius q, or a line from -q to q.
+        cells = np.array([1.0, 1.0 + self.modes.sum()]) * self.cell
+        low, high = np.sqrt(cells / np.pi) if self.dimensions == 2 else cells / 2
+        # In a map that is much longer than wide, the first modes lie inside the circle.
+        low = min(low, q[0] / np.sqrt(np.pi))
+        log_q, log_C = np.log(np.append(low, q)), np.log(np.append(C[0], C))
+        if high > q[-1] * (1 + 1e-9):
+            # Neighbours may be very close and scatter: the slope is that of the last octave.
+            last = min(int(np.searchsorted(q, q[-1] / 2)), q.size - 2) + 1
+            slope = np.polyfit(log_q[last:], log_C[last:], 1)[0] if q.size > 1 else 0.0
+            log_C = np.append(log_C, log_C[-1] + slope * (np.log(high) - log_q[-1]))
+            log_q = np.append(log_q, np.log(high))
+        share = np.exp(log_C - log_C.max())
+        target = np.log(self.cell * np.sum(self.modes * C))
+
+        def miss(change):
+            return _log_mean_square(log_q, log_C + change * share, self.dimensions) - target
+
+        change = scipy.optimize.brentq(miss, -30.0, 30.0, xtol=1e-13, rtol=1e-14)
+        return np.exp(log_q), np.exp(log_C + change * share)
+
+    def table(self, hurst: float | None = None) -> TabulatedSpectrum:
+        """TabulatedSpectrum through `knots`; its rms height is that of all bins, (h_rms^2 - left_out)^(1/2).
+
+        Parameters
+        ----------
+        hurst : H [-], 0 ... 1, for a profile only: C_1D is converted by the factor of a self-affine surface
+            (`spectrum_from`). The rms height of the table is then larger than that of the profile, 1.36
+            times at H = 0.8.
+        """
+        q, C = self.knots()
+        return TabulatedSpectrum(q, spectrum_from("C_1D" if self.dimensions == 1 else "C", q, C, hurst))
 
 
 def spectrum_of_profile(
@@ -81,8 +134,8 @@ def spectrum_of_profile(
 
     Returns
     -------
-    MeasuredSpectrum, q from 2 pi / length to pi / spacing; C_1D of the self-affine factor and of
-    Abel's inversion: `spectrum_from("C_1D", q, C, hurst)`, `areal_spectrum(q, C)`.
+    MeasuredSpectrum, q from 2 pi / length to pi / spacing. Its `table(hurst)` goes into a scene; `knots()`
+    are the entries for `spectrum_from("C_1D", q, C, hurst)` and `areal_spectrum(q, C)`.
 
     Raises
     ------
@@ -170,7 +223,19 @@ def _spectrum(height, spacings, q, window, detrend, per_decade):
         cell=cell,
         left_out=float(np.sum(mean_square[~inside])),
         h_rms=float(np.sqrt(np.sum(mean_square))),
+        dimensions=height.ndim,
     )
+
+
+def _log_mean_square(log_q, log_C, dimensions):
+    """ln of 2 pi int q C dq (of a profile 2 int C dq), C log-log linear."""
+    width, log_term = np.diff(log_q), log_C + dimensions * log_q
+    growth = np.diff(log_term)
+    near = np.abs(growth) < 1e-8  # (e^x - 1)/x is 0/0 at x = 0
+    mean = np.where(near, 1 + growth / 2, np.expm1(growth) / np.where(near, 1.0, growth))
+    top = log_term.max()
+    total = np.sum(np.exp(log_term[:-1] - top) * mean * width)
+    return top + np.log((2 * np.pi if dimensions == 2 else 2.0) * total)
 
 
 def _bins(q, highest, per_decade):

@@ -62,10 +62,12 @@ class Heating(PhysicalObject):
         None: P(q_m) at q_m = pi / R.
     shear_share : share of the heat of contact shear that goes into the deformable solid, of two into the
         upper one [-], 0 ... 1; the other solid has the rest.
-        None: both surfaces are equally hot, as Blok [Proc. Inst. Mech. Eng. 2 (1937) 222] has it: after
-        the same time of contact a share goes as the effusivity sqrt(lambda rho c_p), half if both solids
-        have the same. The temperature is then the harmonic sum of those that all of the heat would cause
-        in either solid [Jaeger, Proc. R. Soc. N.S.W. 76 (1942) 203], 1/T = 1/T_1 + 1/T_2.
+        None: the shares are as the effusivities sqrt(lambda rho c_p), 1/2 each for equal solids. Each solid
+        rises, at every q, by its share times what all of the heat would cause in it, averaged over the depth
+        1/q. At the surface, q to infinity, both rises are equal [Blok, Proc. Inst. Mech. Eng. 2 (1937) 222]
+        and are the harmonic sum 1/T = 1/T_1 + 1/T_2 of what all of the heat would cause in either [Jaeger,
+        Proc. R. Soc. N.S.W. 76 (1942) 203]. At finite q neither holds if the diffusivities differ: the solid
+        that conducts better is hotter, as its heat goes deeper.
     shear_at : "flash" or "background" (static)
         whether contact shear has the temperature of the contact or that far away.
     branch : "rising" or "falling" (static)

@@ -5,14 +5,13 @@ Where people write, it is found: a scene that is made, or conditions that it is 
 dimensionless scenes can be computed.
 """
 
-import warnings
 from collections.abc import Iterator
 from typing import Any
 
 import jax
 import numpy as np
 
-from rubberfric.base.checks import PLAUSIBLE_TEMPERATURE, UnitWarning, is_concrete
+from rubberfric.base.checks import PLAUSIBLE_TEMPERATURE, UnitWarning, is_concrete, warn_caller
 from rubberfric.base.objects.physical import PhysicalObject, leaves_of, parts_of
 
 # What a number in a unit may be instead.
@@ -55,18 +54,17 @@ def doubts_of_conditions(**conditions: Any) -> Iterator[str]:
 def warn_of_scene(scene: PhysicalObject) -> None:
     """A UnitWarning of the first doubt about a scene whose numbers are all concrete."""
     if all(map(is_concrete, jax.tree.leaves(scene))):
-        _warn(doubts_of_scene(scene), 6)
+        _warn(doubts_of_scene(scene))
 
 
 def warn_of_conditions(**conditions: Any) -> None:
     """The same of velocity, pressure and temperature."""
-    _warn(doubts_of_conditions(**conditions), 5)
+    _warn(doubts_of_conditions(**conditions))
 
 
-def _warn(doubts, above):
-    """Warn of the first, at the line of the caller so many calls above."""
+def _warn(doubts):
     for text in doubts:
-        warnings.warn(f"{text} {_OFF}", UnitWarning, stacklevel=above)
+        warn_caller(f"{text} {_OFF}", UnitWarning)
         return
 
 

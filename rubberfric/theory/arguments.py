@@ -1,6 +1,5 @@
 """What a call is given, checked and of one dtype, and what it says where its result is a last iterate."""
 
-import warnings
 from collections.abc import Iterable, Sequence
 
 import jax
@@ -8,7 +7,16 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.checks import FINITE, POSITIVE, Rule, as_arguments, as_leaf, check_values, is_concrete
+from rubberfric.base.checks import (
+    FINITE,
+    POSITIVE,
+    Rule,
+    as_arguments,
+    as_leaf,
+    check_values,
+    is_concrete,
+    warn_caller,
+)
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.numerics.settings import ROBUST, fitting_quadrature
 from rubberfric.scene.numerics.single_precision import check_single
@@ -116,11 +124,10 @@ def warn_of_last_iterates(
         for values, symbol, unit in given
     ]
     named = [", ".join(point) for point in zip(*columns, strict=True)]
-    warnings.warn(
+    warn_caller(
         f"the {iterated(scene)} did not converge at {left.sum()} of {left.size} points, at {'; '.join(named)}"
         f"{' and others' if left.sum() > len(named) else ''}: the values there are those of the last iterate",
         RuntimeWarning,
-        stacklevel=3,
     )
 
 

@@ -71,8 +71,10 @@ class House:
         return self.modules[module].name == "__init__.py"
 
     def public(self, module: str) -> set[str]:
-        """The names in `__all__` of a module."""
+        """The names in `__all__` of a module, or that a lazy package imports for type checkers."""
         for node in self.trees[module].body:
+            if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
+                return {alias.name for one in node.body for alias in getattr(one, "names", [])}
             if isinstance(node, ast.Assign) and ast.unparse(node.targets[0]) == "__all__":
                 return set(ast.literal_eval(node.value))
         return set()

@@ -79,7 +79,8 @@ def first_shifts(sweeps: list[Sweep]) -> np.ndarray:
     """ln a_T of every sweep, 0 of the first: where each comes closest to its colder neighbour.
 
     Of all shifts at which both share points, that of the least mean square distance of ln E' and ln E'' to a
-    cubic through the other's. ValueError naming neighbours that come nowhere close.
+    cubic through the other's, in units of their scatter about their own cubics or of their given errors, if
+    these are larger. ValueError with the temperatures and distance of neighbours that come nowhere close.
     """
     cubics, scatter = zip(*(_cubic(one) for one in sweeps), strict=True)
     log_a = [0.0]
@@ -91,21 +92,20 @@ def first_shifts(sweeps: list[Sweep]) -> np.ndarray:
         cost = [_distance(cold, warm, by, cubics[i : i + 2], s) for by in tried]
         best = int(np.argmin(cost))
         if not cost[best] < _CLOSE:
-            raise ValueError(
-                f"the sweeps at {cold.T:.6g} and {warm.T:.6g} K do not overlap: E' of one is"
-                f" {_range(cold)}, of the other {_range(warm)}; measure between them, or over more"
-                " frequencies"
-            )
+            raise ValueError(_apart(cold, warm, cost[best], s))
         log_a.append(log_a[-1] + float(tried[best]))
     return np.array(log_a)
 
 
 def _cubic(sweep):
-    """Cubics through ln E' and ln E'' over ln omega, and what scatters about them, shape (2,)."""
+    """Cubics through ln E' and ln E'' over ln omega, and errors: the scatter, or those given if larger."""
     degree = min(3, sweep.t.size - 2)
     found = [np.polynomial.Polynomial.fit(sweep.t, y, degree) for y in sweep.y]
     rest = [np.sum((y - p(sweep.t)) ** 2) for y, p in zip(sweep.y, found, strict=True)]
-    return found, np.sqrt(np.array(rest) / (sweep.t.size - degree - 1))
+    variance = np.array(rest) / (sweep.t.size - degree - 1)
+    if sweep.error is not None:
+        variance = np.maximum(variance, np.mean(sweep.error**2, axis=1))
+    return found, np.sqrt(variance)
 
 
 def _distance(cold, warm, by, cubics, s):
@@ -122,6 +122,24 @@ def _distance(cold, warm, by, cubics, s):
             count += int(shared.sum())
     # Few points are met by chance.
     return total / count + 2 / np.sqrt(count)
+
+
+def _apart(cold, warm, distance, s):
+    """The message on neighbours that do not meet at any shift."""
+    where = f"the sweeps at {cold.T:.6g} and {warm.T:.6g} K do not"
+    if cold.y[0].min() > warm.y[0].max() or warm.y[0].min() > cold.y[0].max():
+        return (
+            f"{where} overlap: E' of one is {_range(cold)}, of the other {_range(warm)}; measure between"
+            " them, or over more frequencies"
+        )
+    if not np.isfinite(distance):
+        return f"{where} share {ENOUGH} points of each at any shift: must; measure at more frequencies"
+    unit = "the scatter" if cold.error is None else "the larger of scatter and given errors"
+    return (
+        f"{where} meet: at the best shift the mean square distance of ln E' and ln E'' is {distance:.3g} in"
+        f" units of {unit} (E' {s[0]:.2g}, E'' {s[1]:.2g}), must be < {_CLOSE:g}; give errors (relative=...)"
+        " if moduli are less certain than that, or leave one sweep out"
+    )
 
 
 def _range(sweep):

@@ -1,6 +1,13 @@
 """Packages whose public names are imported when they are first asked for.
 
 So `rubberfric --help` need not wait for JAX, which takes longer to import than many a curve to compute.
+A package lists its names once, in imports that only type checkers follow:
+
+    TYPE_CHECKING = False
+    if TYPE_CHECKING:
+        from rubberfric.scene import Scene as Scene
+
+    lazily(__name__, __file__)
 """
 
 from __future__ import annotations
@@ -11,71 +18,68 @@ from types import ModuleType
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
     from typing import Any
 
 
 class LazyPackage(ModuleType):
-    """A package that knows where its public names are; its rooms are found, too."""
+    """A package that imports its public names and its modules when they are asked for."""
 
     _places: dict[str, str]  # of names, the modules that they are in
-    _modules: dict[str, str]  # of names, the modules that they are
-    _elsewhere: dict[str, str]
+    _elsewhere: str | None
 
     def __getattr__(self, name: str) -> Any:
         """Import a name."""
-        if name in self._places:
-            value = getattr(importlib.import_module(self._places[name]), name)
-        elif name in self._elsewhere:
-            # An AttributeError would lose its text in "from rubberfric import fit".
-            other = self._elsewhere[name]
-            raise ImportError(f"{self.__name__} has no {name!r}, {other} has: from {other} import {name}")
+        place = self._places.get(name, self.__name__)
+        source = self if place == self.__name__ else importlib.import_module(place)
+        if source is not self and hasattr(source, name):
+            value = getattr(source, name)
         else:
-            from importlib.util import find_spec
+            from importlib.util import find_spec  # slow to import, and seldom needed
 
-            place = self._modules.get(name, f"{self.__name__}.{name}")
-            if name.startswith("_") or find_spec(place) is None:
-                raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}")
-            value = importlib.import_module(place)
+            if name.startswith("_") or find_spec(f"{place}.{name}") is None:
+                raise AttributeError(self._missing(name))
+            value = importlib.import_module(f"{place}.{name}")
         vars(self)[name] = value
         return value
+
+    def _missing(self, name):
+        """Say where a name is that is not here."""
+        other = self._elsewhere
+        if other is not None and not name.startswith("_") and name in dir(importlib.import_module(other)):
+            return f"{self.__name__} has no {name!r}, {other} has: from {other} import {name}"
+        return f"module {self.__name__!r} has no attribute {name!r}"
 
     def __setattr__(self, name: str, value: object) -> None:
         """As of any module, but `fitting.fit` is the function once the module of that name is imported."""
         if name in self._places and isinstance(value, ModuleType):
-            if value.__name__ != self._places[name]:
+            place = self._places[name]
+            if value.__name__ == place:
+                value = getattr(value, name)  # for who looks at what a module holds, as pdoc does
+            elif value.__name__ != f"{place}.{name}":
                 return
-            value = getattr(value, name)  # for who looks at what a module holds, as pdoc does
         super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:
         """The public names only."""
-        return sorted({*self._places, *self._modules})
+        return sorted(self._places)
 
 
-def lazily(
-    package: str,
-    places: Mapping[str, str],
-    modules: Sequence[str] = (),
-    elsewhere: Mapping[str, str] | None = None,
-) -> None:
-    """Have a package import its names when they are asked for.
+def lazily(package: str, path: str, elsewhere: str | None = None) -> None:
+    """Have a package import its public names when they are asked for, and set its `__all__`.
 
     Parameters
     ----------
-    package : its `__name__`
-    places : dict of module -> names that are imported from it, with spaces between them
-    modules : those that are names themselves, by their last part
-    elsewhere : dict of another package -> names that are looked for here, and are there
+    package, path : its `__name__` and `__file__`, which has a line `from module import name as name` for
+        every public name
+    elsewhere : another package whose names are looked for here; an AttributeError names it
     """
-
-    def by_name(table: Mapping[str, str]) -> dict[str, str]:
-        return {name: place for place, names in table.items() for name in names.split()}
-
+    places = {}
+    with open(path, encoding="utf-8") as file:
+        for line in file:
+            # By words: to import `ast` takes longer than all the rest.
+            match line.split():
+                case ["from", place, "import", name, "as", again] if name == again:
+                    places[name] = place
     module = sys.modules[package]
-    vars(module).update(
-        _places=by_name(places),
-        _modules={place.rpartition(".")[2]: place for place in modules},
-        _elsewhere=by_name(elsewhere or {}),
-    )
+    vars(module).update(_places=places, _elsewhere=elsewhere, __all__=sorted(places))
     module.__class__ = LazyPackage

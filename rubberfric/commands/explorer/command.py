@@ -19,7 +19,7 @@ from rubberfric.commands.explorer.exports import COMMAND, Download, fit_download
 from rubberfric.commands.explorer.points import read_points
 from rubberfric.commands.explorer.server import Answer, Server
 from rubberfric.commands.explorer.sliders import read_values
-from rubberfric.commands.process.phases import Phases
+from rubberfric.commands.phases import Phases
 from rubberfric.io.files import read_computable
 
 # Parts of the page, in the folder page.

@@ -6,6 +6,7 @@ follow a slider, as with adhesion, there is a third program with a coarser one, 
 """
 
 import math
+import threading
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -74,9 +75,15 @@ class Explorer:
         self.omega = {name: _frequencies(part) for name, part in _materials(self.scene).items()}
         self._curves = jax.jit(self._all_curves, static_argnames="quadrature")
         self._slopes = jax.jit(self._all_slopes)
-        self.has_drafts = False  # known when the curves are compiled
-        self.is_ready = False  # whether sensitivities are compiled
-        self.failure = ""  # why they could not be
+        self.has_drafts = False  # known when the curves are compiled, before requests come
+        # Of the thread that compiles sensitivities: that it has ended, and then why it failed.
+        self._compiled = threading.Event()
+        self.failure = ""
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether sensitivities are compiled, or `failure` says why they could not be."""
+        return self._compiled.is_set()
 
     @property
     def count(self) -> int:
@@ -140,9 +147,10 @@ class Explorer:
         """Compile that of the sensitivities; what failed is kept, as it may happen in a thread."""
         try:
             self.sensitivities({one.name: one.start for one in self.sliders})
-        except (ValueError, RuntimeError, MemoryError, FloatingPointError) as error:  # JAX's are the second
+        except Exception as error:  # a thread has nobody to raise it to
             self.failure = str(error) or type(error).__name__
-        self.is_ready = True
+        finally:
+            self._compiled.set()
 
     def conditions_at(self, values: Values) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Velocity, pressure and temperature of the curve, of those beside points, and of the points."""

@@ -1,6 +1,7 @@
 """Master curves of synthetic isotherms: known shifts and laws within their bars, raw data as they come."""
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
@@ -177,6 +178,32 @@ def test_report_and_picture(found):
 
 
 APART = isotherms(temperatures=np.array([253.15, 263.15, 318.15, 328.15]), noise=0.005)
+
+
+def one_sweep_off(**options):
+    """Glassy sweeps that scatter little, one of them 6 % too stiff."""
+    data = isotherms(temperatures=T[:4], noise=0.0005)
+    factor = np.where(data.temperature == T[2], 1.06, 1.0)
+    columns = {name: factor * getattr(data, name) for name in ("storage", "loss")}
+    return ModulusData(data.omega, **columns, temperature=data.temperature, **options)
+
+
+def test_sweeps_that_do_not_meet_say_by_how_much():
+    """Their E' overlap, so that they do is not what is said."""
+    with pytest.raises(
+        ValueError, match=r"^the sweeps at 253.15 and 263.15 K do not meet: at the best"
+    ) as caught:
+        fit_master_curve(one_sweep_off())
+    said = str(caught.value)
+    distance = float(re.search(r"is ([0-9.e+]+) in units of the scatter", said)[1])
+    assert distance > 12 and "must be < 12; give errors (relative=...)" in said and "overlap" not in said
+
+
+def test_given_errors_count_in_the_distance():
+    found = fit_master_curve(one_sweep_off(relative=0.05))
+    assert np.abs(found.log_aT - np.asarray(LAW.log_factor(T[:4]) - LAW.log_factor(T[3]))).max() < 5
+    with pytest.raises(ValueError, match=r"in units of the larger of scatter and given errors"):
+        fit_master_curve(one_sweep_off(relative=1e-3))
 
 
 @pytest.mark.parametrize(

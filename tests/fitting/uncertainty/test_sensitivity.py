@@ -7,7 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from rubberfric.analysis.derivatives.jacobian import BLOCK
+from rubberfric.analysis.jacobian import BLOCK
 from support.cases.stored import h_rms, reference
 from support.cases.stored import scene as scene_of
 from support.counting.compilations import compilations

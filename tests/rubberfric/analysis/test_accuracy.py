@@ -37,7 +37,7 @@ from rubberfric.analysis.reference import reference as reference_of
 from rubberfric.analysis.sweep import Accuracy, Row, with_automatic
 from rubberfric.commands import accuracy as accuracy_command
 from rubberfric.commands import main as command
-from rubberfric.commands.process.phases import progress
+from rubberfric.commands.phases import progress
 from rubberfric.io.results import Conditions
 from rubberfric.plot import plot_accuracy
 

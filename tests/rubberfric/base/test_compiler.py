@@ -3,15 +3,16 @@
 import jax
 import pytest
 
-from rubberfric.base.process.compiler import quick_options
+from rubberfric.base.process import compiler
+from rubberfric.base.process.compiler import quick_jit, quick_options
 
 
 @pytest.fixture
 def asked_for_anew(monkeypatch):
     monkeypatch.delenv("XLA_FLAGS", raising=False)
-    quick_options.cache_clear()
+    compiler._are_known.cache_clear()
     yield
-    quick_options.cache_clear()
+    compiler._are_known.cache_clear()
 
 
 @pytest.mark.skipif(jax.default_backend() != "cpu", reason="options of the compiler for processors")
@@ -24,3 +25,25 @@ def test_they_are_known_within_a_trace():
         return 2 * x
 
     assert jax.jit(function)(1.0) == 2.0 and found[0] is not None
+
+
+@pytest.mark.skipif(jax.default_backend() != "cpu", reason="options of the compiler for processors")
+@pytest.mark.usefixtures("asked_for_anew")
+def test_flags_that_are_set_later_count(monkeypatch):
+    """What was asked for once is not what is true for ever."""
+    options = []
+    jit = jax.jit
+
+    def seen(function, **named):
+        if "compiler_options" in named:
+            options.append(named["compiler_options"])
+        return jit(function, **named)
+
+    monkeypatch.setattr(jax, "jit", seen)
+    twice = quick_jit()(lambda x: 2 * x)
+    assert quick_options() is not None and twice(1.0) == 2.0
+    monkeypatch.setenv("XLA_FLAGS", "")
+    assert quick_options() is None and twice(1.0) == 2.0
+    monkeypatch.delenv("XLA_FLAGS")
+    assert quick_options() is not None and twice(1.0) == 2.0
+    assert [one is None for one in options] == [False, True]  # each compiled once

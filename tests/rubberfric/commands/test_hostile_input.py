@@ -225,7 +225,7 @@ def test_too_little_address_space():
 PRINTING = """
 import sys
 from rubberfric.commands import main as command
-from rubberfric.commands.process import ending
+from rubberfric.commands import ending
 command._work = lambda _: lambda *_: ("30 \\xb0C in L\\xe4ufer \\udc80" * 5, None)
 ending.begin_jax = lambda **_: None
 sys.argv[1:] = ["doctor"]

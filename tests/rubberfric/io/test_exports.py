@@ -1,5 +1,8 @@
 """Tables as instruments and other programs write them: names, units, separators, preambles."""
 
+import io
+import zipfile
+
 import numpy as np
 import pytest
 from support.refusals import refused
@@ -367,7 +370,7 @@ def test_unknown_titles_are_answered_with_columns_filled_in(tmp_path):
     assert 'for one not read: columns=["?", "?"]' in refused(path, lambda: rf.io.read_columns(path))
 
 
-def test_workbooks(tmp_path):
+def test_workbooks(tmp_path, monkeypatch):
     openpyxl = pytest.importorskip("openpyxl", reason="needs openpyxl, which is in the test extra")
     book = openpyxl.Workbook()
     book.active.append(["Notes"])
@@ -384,8 +387,33 @@ def test_workbooks(tmp_path):
     book.save(path)
     data = read(path, pressure=1e5)
     np.testing.assert_allclose([data.velocity, data.friction], [[5e-4, 5e-3], [0.61, 0.75]], rtol=1e-14)
+    whole = path.read_bytes()
     path.write_bytes(b"PK")
     assert "cannot be read as .xlsx" in refused(path, lambda: read(path))
+    random = np.random.default_rng(0)
+    said = []
+    with zipfile.ZipFile(io.BytesIO(whole)) as archive:
+        for name in archive.namelist():
+            for _ in range(3):  # one part of it is damaged, or cut off
+                with zipfile.ZipFile(path, "w") as damaged:
+                    for part in archive.namelist():
+                        content = np.frombuffer(archive.read(part), np.uint8).copy()
+                        if part == name:
+                            content[random.integers(content.size, size=9)] = random.integers(256, size=9)
+                            content = content[: random.integers(content.size // 2, content.size)]
+                        damaged.writestr(part, content.tobytes())
+                try:
+                    read(path, pressure=1e5)
+                except ValueError as error:
+                    said.append(str(error))
+    assert len(said) > 5 and all(str(path) in one and "\n" not in one for one in said)
+
+    def wrong(*_, **__):
+        raise AssertionError("a mistake of the program")
+
+    monkeypatch.setattr(openpyxl, "load_workbook", wrong)
+    with pytest.raises(AssertionError, match="a mistake"):  # and none of the file
+        read(path)
 
 
 # --- unit helpers

@@ -129,26 +129,26 @@ def test_of_a_map_panels_that_repeat_are_one_and_labels_are_whole(tmp_path):
 
 
 def test_any_picks_the_picture(tmp_path):
-    assert len(plot.any(RESULT)) == 3 and len(plot.any(RESULT, ax=None)) == 3
+    assert len(plot.auto(RESULT)) == 3 and len(plot.auto(RESULT, ax=None)) == 3
     many = RESULT._replace(
         conditions=Conditions(V, np.geomspace(1e5, 1e6, 11), None),
         solution=rf.Solution(friction=np.ones((1, 11, 1)) * np.arange(5.0)),
     )
-    (panel,) = plot.any(many)
+    (panel,) = plot.auto(many)
     assert panel.get_ylabel().startswith("$\\log_{10}(p")
     table = rf.io.FrictionTable(V[[2, 4, 0]], np.array([1e5]), None, np.ones((1, 1, 3)))
-    assert len(plot.any(table)) == 1
-    assert plot.any(RUBBER).get_ylabel().startswith("modulus")
+    assert len(plot.auto(table)) == 1
+    assert plot.auto(RUBBER).get_ylabel().startswith("modulus")
     for spectrum in (ROAD, {"road": ROAD}, fitting.SpectrumData([1.0, 2.0], [1.0, 0.5])):
-        assert plot.any(spectrum).get_ylabel() == "power spectrum $C$ [m$^4$]"
-    panels = plot.any(rf.Solution(friction=np.ones(5)), velocity=V, pressure=1e5)
+        assert plot.auto(spectrum).get_ylabel() == "power spectrum $C$ [m$^4$]"
+    panels = plot.auto(rf.Solution(friction=np.ones(5)), velocity=V, pressure=1e5)
     plot.save_figure(tmp_path / "a.png", panels)
     plot.save_figure(tmp_path / "b.png", panels[0])
     assert (tmp_path / "a.png").read_bytes() == (tmp_path / "b.png").read_bytes()
     with pytest.raises(ValueError, match="pressure is missing; curves of a scene need it"):
-        plot.any(SCENE)
+        plot.auto(SCENE)
     with pytest.raises(ValueError, match="pressure is given, but SelfAffine has its own or none; omit it"):
-        plot.any(ROAD, pressure=1e5)
+        plot.auto(ROAD, pressure=1e5)
 
 
 def is_lighter(colours):
@@ -383,7 +383,7 @@ SQUARE = np.ones((3, 5))
         (plot.plot_result, (V,), "velocity is missing: must be given beside what solve and friction return"),
         (plot.plot_map, (V,), "velocity is missing: must be given beside what solve and friction return"),
         (plot.plot_result, ("V",), "result is a str: must be a Result, as friction_map gives it, or what"),
-        (plot.any, (object(),), "found must be a scene, a result of solve, friction_map or a fit"),
+        (plot.auto, (object(),), "found must be a scene, a result of solve, friction_map or a fit"),
         (plot.plot_profile, (RESULT,), "profile must be of class Profile, got Result"),
         (plot.plot_accuracy, (RESULT,), "accuracy must be of class Accuracy, got Result"),
         (fitting.plot.plot_fit, (RESULT,), "result is a Result: must be of class FitResult"),
@@ -415,7 +415,7 @@ def test_a_notebook_shows_a_figure_before_pyplot_has_made_one():
 from IPython.core.interactiveshell import InteractiveShell
 shell = InteractiveShell.instance()
 import rubberfric as rf
-figure = rf.plot.any(rf.SelfAffine(100.0, 1e3, 1e5, 0.8, 1e-4)).figure
+figure = rf.plot.auto(rf.SelfAffine(100.0, 1e3, 1e5, 0.8, 1e-4)).figure
 print(sorted(shell.display_formatter.format(figure)[0]))
 """
     pytest.importorskip("IPython", reason="shown by notebooks alone")

@@ -1,7 +1,11 @@
 """Spectra of measured heights: Parseval, sine waves, and synthetic surfaces of a known spectrum."""
 
+import itertools
+import math
+
 import numpy as np
 import pytest
+from support.folders import PUBLIC
 
 import rubberfric as rf
 
@@ -123,10 +127,83 @@ def test_window_keeps_the_level_and_no_window_adds_a_tail(maps):
     assert (np.mean([one.C for one in without], 0) / exact)[kept][-1] > 1.3
 
 
-def test_table_goes_into_a_scene(maps):
-    table = rf.roughness.spectrum_of_topography(maps[0], LENGTH / N, per_decade=8).table()
-    assert isinstance(table, rf.TabulatedSpectrum)
-    assert rf.roughness.moment(table, 0) == pytest.approx(np.mean(maps[0] ** 2), rel=0.5)
+def mean_square(q, C, dimensions):
+    """2 pi int q C dq or 2 int C dq of a log-log linear table, by the trapezoidal rule on a fine grid."""
+    x = np.concatenate([np.linspace(a, b, 2000) for a, b in itertools.pairwise(np.log(q))])
+    weight = np.exp(dimensions * x) * (2 * np.pi if dimensions == 2 else 2)
+    return np.trapezoid(weight * np.exp(np.interp(x, np.log(q), np.log(C))), x)
+
+
+@pytest.mark.parametrize("per_decade", [None, 5, 20])
+@pytest.mark.parametrize("window", ["none", "hann"])
+@pytest.mark.parametrize("rolloff", [2 * np.pi / LENGTH, 1000.0])
+@pytest.mark.parametrize("shape", [(N, N), (N, N // 3), (N + 1, N - 1)])
+def test_table_of_a_map_has_its_mean_square_height(shape, rolloff, window, per_decade):
+    truth = rf.SelfAffine(2 * np.pi / LENGTH, rolloff, 1.0e4, 0.8, 3e-4)
+    heights = surface(truth, 2 * N, LENGTH, 11)[: shape[0], : shape[1]]
+    found = rf.roughness.spectrum_of_topography(heights, LENGTH / N, window=window, per_decade=per_decade)
+    flat = heights - heights.mean()
+    exact = found.h_rms**2 - found.left_out
+    if window == "none" and per_decade == 20:  # Parseval's sum, without `left_out`
+        k = [np.fft.fftfreq(n, LENGTH / N) * 2 * np.pi for n in shape]
+        power = np.abs(np.fft.fft2(flat)) ** 2 / flat.size**2
+        power = power[np.hypot(k[0][:, None], k[1]) <= np.pi * N / LENGTH * (1 + 1e-9)].sum()
+        again = rf.roughness.spectrum_of_topography(heights, LENGTH / N, window="none", detrend=0)
+        assert rf.roughness.moment(again.table(), 0) == pytest.approx(power, rel=1e-9)
+    table = found.table()
+    assert mean_square(table.q, table.C, 2) == pytest.approx(exact, rel=1e-5)
+    assert rf.roughness.moment(table, 0) == pytest.approx(exact, rel=1e-9)
+    # Bins stay: by their standard error at most, and where C is small not at all.
+    at = np.searchsorted(table.q, found.q * (1 - 1e-9))
+    np.testing.assert_allclose(table.q[at], found.q, rtol=1e-12)
+    change = np.abs(np.log(table.C[at] / found.C))
+    assert (change < np.maximum(found.relative, 1e-3) * (1 if shape[0] < 1.5 * shape[1] else 2)).all()
+    small = found.C / found.C.max() < 1e-3
+    assert change[small].max() < 1e-2
+    # Ends are the borders of the cells of all modes.
+    assert table.q[0] < found.q[0] and table.q[-1] == pytest.approx(np.pi * N / LENGTH, rel=0.01)
+
+
+@pytest.mark.parametrize("per_decade", [None, 5, 20])
+@pytest.mark.parametrize("window", ["none", "hann"])
+@pytest.mark.parametrize("n", [600, 601])
+def test_knots_of_a_profile_have_its_mean_square_height(n, window, per_decade):
+    height = rng(4).standard_normal(n).cumsum() * 1e-6
+    found = rf.roughness.spectrum_of_profile(1e-5, height, window=window, per_decade=per_decade)
+    exact = found.h_rms**2 - found.left_out
+    q, C = found.knots()
+    assert mean_square(q, C, 1) == pytest.approx(exact, rel=1e-5)
+    assert q[0] == pytest.approx(np.pi / (n * 1e-5)) and q[-1] == pytest.approx(np.pi / 1e-5)
+    table = found.table(0.8)
+    np.testing.assert_allclose(table.C, rf.roughness.spectrum_from("C_1D", q, C, 0.8), rtol=1e-12)
+    factor = np.sqrt(np.pi) * math.gamma(1.8) / math.gamma(1.3)
+    np.testing.assert_allclose(rf.roughness.moment(table, 0) / exact, factor, rtol=1e-9)
+
+
+@pytest.mark.skipif(not PUBLIC.exists(), reason="needs measured road profiles")
+@pytest.mark.parametrize("window", ["none", "hann"])
+@pytest.mark.parametrize("station", [0, 1])
+def test_knots_of_road_profiles(station, window):
+    """A chip-seal road, 1.6 m at 37.5 um; drop-outs are bridged."""
+    lines = (PUBLIC / f"road_profiles/aylesbury_station_{station}.dat").read_text().splitlines()[11:]
+    rows = np.array([[float(x) for x in line.split()[1:]] for line in lines if len(line.split()) == 3])
+    rows = rows[np.isfinite(rows).all(1)]
+    x = np.arange(150.0, 1750.0, 0.0375)
+    found = rf.roughness.spectrum_of_profile(3.75e-5, 1e-3 * np.interp(x, *rows.T), window=window)
+    assert 2e-3 < found.h_rms < 3e-3
+    exact = found.h_rms**2 - found.left_out
+    assert mean_square(found.q, found.C, 1) < 0.97 * exact
+    assert mean_square(*found.knots(), 1) == pytest.approx(exact, rel=1e-5)
+
+
+def test_table_needs_hurst_for_a_profile_only():
+    height = rng(4).standard_normal((16, 16))
+    with pytest.raises(ValueError, match="hurst is missing: must be given"):
+        rf.roughness.spectrum_of_profile(1.0, height[0]).table()
+    with pytest.raises(ValueError, match=r"hurst = 0\.8: must be absent"):
+        rf.roughness.spectrum_of_topography(height, 1.0).table(0.8)
+    with pytest.raises(ValueError, match=r"C\[0\] = 0 at q = .*: must be > 0; use fewer bins"):
+        rf.roughness.spectrum_of_topography(np.zeros((9, 9)), 1.0).table()
 
 
 def test_detrending():

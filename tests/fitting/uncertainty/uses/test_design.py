@@ -193,7 +193,7 @@ def test_report_picture_and_file(designed, tmp_path):
         axes[0].get_ylabel() == "temperature [°C]"
         and "part of the variance" in axes[0].figure.axes[-1].get_ylabel()
     )
-    rf.plot.save_figure(tmp_path / "design.png", rf.plot.any(designed))
+    rf.plot.save_figure(tmp_path / "design.png", rf.plot.auto(designed))
     designed.write(tmp_path / "next.csv")
     back = rf.io.read_columns(tmp_path / "next.csv")
     np.testing.assert_array_equal(back["v"], designed.velocity)

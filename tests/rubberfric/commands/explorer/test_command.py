@@ -36,7 +36,7 @@ LOST = "rubberfric: interrupted; what was not yet complete is not written\n"
     ],
 )
 def test_bad_arguments_without_jax(call_main, monkeypatch, arguments, message):
-    monkeypatch.setattr("rubberfric.commands.process.ending.begin_jax", None)
+    monkeypatch.setattr("rubberfric.commands.ending.begin_jax", None)
     status, printed, complaint = call_main(command.main, "explore", *arguments)
     assert (status, printed, complaint.count("\n")) == (2, "", 1)
     assert message in complaint

@@ -1,5 +1,7 @@
 """What the page draws: the values of `solve`, of scenes made by hand; sensitivities are differences."""
 
+import threading
+
 import numpy as np
 import pytest
 from support.folders import DATA
@@ -177,3 +179,17 @@ def test_every_scene_of_the_project(name):
         np.testing.assert_allclose(curve, getattr(expected, quantity), rtol=1e-12)
     first = [one.name for one in explorer.sliders if one.start != 0][::4]
     assert_sensitivities(explorer, first, values, 1e-5)
+
+
+def test_whatever_fails_in_the_thread_ends_the_wait(monkeypatch):
+    explorer = explorer_of("twin_truth", None)
+
+    def fail(_):
+        raise TypeError("not of this kind")
+
+    monkeypatch.setattr(explorer, "sensitivities", fail)
+    assert not explorer.is_ready
+    thread = threading.Thread(target=explorer.compile_sensitivities)
+    thread.start()
+    thread.join()
+    assert explorer.is_ready and explorer.failure == "not of this kind"

@@ -110,11 +110,13 @@ class Interrupts:
     def _leave(self, which: int) -> None:
         from rubberfric.base.atomic import remove_begun
 
-        try:
-            remove_begun()
-            say(self.program, f"interrupted; {LOST}")
-        finally:
-            os._exit(128 + which)
+        def leave():
+            try:
+                say(self.program, f"interrupted; {LOST}")
+            finally:
+                os._exit(128 + which)
+
+        remove_begun(leave)
 
     def complain(self) -> int:
         """Say that the command was interrupted, where the process goes on; returns the exit status."""

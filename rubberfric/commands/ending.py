@@ -6,11 +6,12 @@ Nothing here waits for JAX: that is imported, in double precision, when the argu
 import io
 import os
 import sys
+import warnings
 from collections.abc import Callable
 from typing import TextIO
 
 from rubberfric.base.process.compilation_cache import compilation_cache
-from rubberfric.commands.process.interrupts import Interrupts
+from rubberfric.commands.interrupts import Interrupts
 
 try:
     import resource
@@ -136,6 +137,11 @@ def begin_jax(*, process: bool, cache: bool) -> None:
     """
     _check_space()
     if process and cache:
+        # 1 is what JAX itself sets it to, and what a program with JAX hands on to those that it starts.
+        if os.environ.get("TF_CPP_MIN_LOG_LEVEL", "1") == "1":
+            os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"  # fatal errors only: loading a program logs two lines
+        # That an entry could not be read or written is no news to a user: it is compiled.
+        warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache")
         compilation_cache()
     import jax
 

@@ -1,1 +1,0 @@
-"""How commands begin, tell what they do, answer signals and end."""
