@@ -132,6 +132,6 @@ class Roughness(NamedTuple):
         return Contact(terms, modulus, G_panels, G, self.gamma, self.correction)
 
 
-def _sum_before(panels):
+def _sum_before(panels: jax.Array) -> jax.Array:
     """Sum over the panels before each one, without subtracting: a panel 1e20 times larger loses nothing."""
-    return np.tril(np.ones((panels.shape[0],) * 2, panels.dtype), -1) @ panels
+    return jnp.asarray(np.tri(panels.shape[0], k=-1, dtype=panels.dtype)) @ panels
