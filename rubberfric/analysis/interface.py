@@ -1,8 +1,8 @@
 r"""The interface: distribution of stresses, normal stiffness, and dissipated power.
 
 With g = G sigma_0^2, x = sigma_0 / (2 sqrt g), P = erf x and s = gamma P + (1 - gamma) P^3
-[Scaraggi & Persson, arXiv:1506.06955, eqs. (10), (A18)], stresses and stiffness follow from the radial
-integrals of area and separation (`rubberfric.theory.integrals`). The power has the terms of eq. (A17),
+[Scaraggi & Persson, arXiv:1506.06955], stresses and stiffness follow from the radial
+integrals of area and separation (`rubberfric.theory.integrals`). The power has the terms of the friction,
 
 .. math:: \sigma_0 \mu v = \sigma_0 v\,(\mu_2 + \mu_1 + \mu_\mathrm{con}),\qquad
           \mu_j = \frac{1}{\sigma_0}\int d^2q\, S P\, C_j\, q\cos\varphi\,\mathrm{Im}K_j
@@ -135,7 +135,7 @@ def contact_stiffness(
     .. math:: -\frac{d\sigma_0}{d\bar u} = \sigma_0 \Big/ \int d^2q \sum_j C_j\,\mathrm{Re}K_j\,
               \frac{s'(x)}{4\sqrt g}, \qquad s = \gamma\,\mathrm{erf} + (1-\gamma)\,\mathrm{erf}^3
 
-    the derivative of [Scaraggi & Persson, eq. (A18)] at constant velocity.
+    the derivative of `rubberfric.separation` at constant velocity.
 
     Parameters
     ----------
@@ -217,7 +217,7 @@ def dissipated_power(
               p_\mathrm{upper} = v \int d^2q\, S P\, C_1\, q\cos\varphi\,\mathrm{Im}K_1,\qquad
               p_\mathrm{shear} = \sigma_0 \mu_\mathrm{con} v
 
-    [the terms of Scaraggi & Persson, eq. (A17)]
+    [the terms of `rubberfric.friction`]
 
     Parameters
     ----------

@@ -4,7 +4,7 @@ r"""Profiles over the wavevector: contact, friction, roughness and separations a
           \frac{d\mu}{d\ln q} = \frac{q^2}{\sigma_0}\, S P \sum_j C_j \int d\varphi\,
           q\cos\varphi\,\mathrm{Im}K_j(q v \cos\varphi)
 
-[Scaraggi & Persson, arXiv:1506.06955, eqs. (10), (A17)]; separations as in [Yang & Persson, J. Phys.:
+[Scaraggi & Persson, arXiv:1506.06955]; separations as in [Yang & Persson, J. Phys.:
 Condens. Matter 20, 215214 (2008)].
 
 The wavevectors are borders of radial panels, so that G(q) and mu(q) are sums over whole panels. The density
@@ -79,7 +79,7 @@ def profile(
     .. math:: P(q) = \mathrm{erf}\frac{1}{2\sqrt{G(q)}},\qquad
               \mu(q) = \int_{q_0}^{q} \frac{d\mu}{d\ln q'}\, d\ln q'
 
-    [Scaraggi & Persson, eqs. (10), (A11), (A17)]
+    [Scaraggi & Persson; the integrals of `rubberfric.friction` up to q]
 
     Parameters
     ----------

@@ -197,4 +197,4 @@ def pressure_integral(x: jax.Array, gamma: jax.Array, nodes: Nodes) -> jax.Array
         t = jnp.exp(start + (end - start) * nodes.z)
         slope = 2 / np.sqrt(np.pi) * jnp.exp(-(t**2)) * (gamma + 3 * (1 - gamma) * erf(t) ** 2)  # d[S P]/dt
         total = total + jnp.sum((end - start) * nodes.dz * slope, -1)
-    return x[..., 0] / 2 * total  # (A18)
+    return x[..., 0] / 2 * total
