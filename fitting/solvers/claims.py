@@ -1,9 +1,10 @@
 """Whether the end of a fit is a minimum: what speaks against it, and a way on where there is one.
 
 A solver stops where its linear model promises nothing more. That is so as well where no parameter moves the
-data, as in full contact, and where a parameter went so near to a bound that nothing depends on it. Where the
-data lie farther from the model than chance allows, or a parameter is at a bound, other places are looked at;
-from the lowest one that is lower the fit goes on.
+data, as in full contact, and where a parameter went so near to a bound that nothing depends on it. So at a
+bound places inside are looked at, and, where the data lie farther from the model than chance allows, places
+all around. The fit goes on from one that is lower. Where none is, but a fit takes little time, more begin at
+those inside the order of a scene, and very far from the data at some of the others; the lowest end counts.
 """
 
 from collections.abc import Callable
@@ -51,13 +52,17 @@ def confirmed(problem: Problem, end: Runs, onward: Callable[[np.ndarray], Runs])
     for _ in range(_TIMES):
         if not succeeded(end.status) or end.status == PERFECT:
             break
-        places, drawn = _places(problem, end)
+        places, drawn, inner = _places(problem, end)
         if not len(places):
             break
         costs = costs_at(problem, places)
         spent[0] += len(places)
         least = end.cost - NEAR * max(1.0, end.cost)
-        tried = [int(np.argmin(costs))] if costs.min() < least else _far_off(problem, end.cost, costs, drawn)
+        tried = (
+            [int(np.argmin(costs))]
+            if costs.min() < least
+            else _to_fit(problem, end.cost, costs, drawn, inner)
+        )
         before = end
         for i in tried:
             again = onward(places[i])
@@ -76,13 +81,13 @@ def confirmed(problem: Problem, end: Runs, onward: Callable[[np.ndarray], Runs])
     return end, spent
 
 
-def _far_off(problem, cost, costs, drawn):
-    """Which of the places that were drawn to fit from as well, where a fit takes little time."""
-    far = 2 * cost > _FAR * problem.targets.measured.size
-    if not far or takes_long(problem.structure, problem.numbers):
+def _to_fit(problem, cost, costs, drawn, inner):
+    """Which of the places to fit from although they are not lower, where a fit takes little time."""
+    if takes_long(problem.structure, problem.numbers):
         return []
-    lowest = drawn[np.argsort(costs[drawn])][:_FITS]
-    return [int(i) for i in lowest if np.isfinite(costs[i])]
+    far = 2 * cost > _FAR * problem.targets.measured.size
+    lowest = drawn[np.argsort(costs[drawn])][:_FITS] if far else drawn[:0]
+    return [int(i) for i in (*inner, *lowest) if np.isfinite(costs[i])]
 
 
 def costs_at(problem: Problem, x: np.ndarray) -> np.ndarray:
@@ -114,9 +119,9 @@ def _moves(problem, x):
 
 
 def _places(problem, end):
-    """Rows of x to look at, and which are drawn: a little inside of bounds, and all around a high cost."""
+    """Rows of x a little inside of bounds and all around a high cost; which are drawn, which inside by 1."""
     x, variables, constants = np.asarray(end.x), problem.variables, problem.numbers.constants
-    places, drawn = [], np.arange(0)
+    places, drawn, inner = [], np.arange(0), []
 
     def moved(i, value):
         there = x.copy()
@@ -126,6 +131,7 @@ def _places(problem, end):
     for i, side, _ in edges(variables, constants, x):
         for far in _INWARD:
             moved(i, x[i] + far * (1 if side == "lower" else -1))
+        inner.append(len(places) - 1)
     for group in variables.own:
         for i in range(*group.slot):
             vanished = group.kind == "Positive" and x[i] < problem.start[i] - np.log(VANISHED)
@@ -140,8 +146,8 @@ def _places(problem, end):
         drawn = len(places) + np.arange(_DRAWN)
         places += list(np.asarray(random_starts(variables, x, None, 1 + _DRAWN)))[1:]
     if not places:
-        return np.empty((0, x.size)), drawn
+        return np.empty((0, x.size)), drawn, inner
     # In the order that the scene demands.
     moving = np.broadcast_to(problem.targets.moving, (len(places), x.size))
     z = inside(variables, constants, np.stack(places), moving)
-    return outside(variables, constants, z, moving), drawn
+    return outside(variables, constants, z, moving), drawn, inner
