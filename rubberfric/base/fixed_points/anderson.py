@@ -221,6 +221,17 @@ def anderson(
     empty = jnp.zeros((history, points, n), start.dtype)
     products = jnp.zeros((points, history, history), start.dtype)
     least = None if rise is None else jnp.full(points, jnp.inf, start.dtype)
-    begin = (0, start, start, start, empty, empty, products, least, jnp.zeros(points, bool), also)
+    begin = (
+        jnp.zeros((), int),
+        start,
+        start,
+        start,
+        empty,
+        empty,
+        products,
+        least,
+        jnp.zeros(points, bool),
+        also,
+    )
     k, y, *_, done, also = jax.lax.while_loop(going, step, begin)
     return y, done, also, k
