@@ -31,6 +31,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.checks import FINITE, POSITIVE, check_values, shown
+from rubberfric.base.fixed_points.anderson import anderson
 from rubberfric.base.objects.physical import check_kind
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.material import Material, plane_strain, series_modulus, series_of, stiffer
@@ -263,19 +264,6 @@ class GridContact(NamedTuple):
     residual: jax.Array
 
 
-class _State(NamedTuple):
-    """Iterate z and its change, with the last steps of both."""
-
-    step: jax.Array
-    z: jax.Array
-    change: jax.Array
-    steps: jax.Array
-    changes: jax.Array
-    products: jax.Array  # scalar products of the changes
-    residual: jax.Array
-    least: jax.Array
-
-
 @functools.partial(jax.jit, static_argnames=("most_steps",))
 def solve_contact(
     heights: jax.Array, stiffness: jax.Array, tolerance: float, most_steps: int = 2000
@@ -302,45 +290,24 @@ def solve_contact(
         modes = share * (jnp.fft.rfft2(z) + pull)
         return jnp.fft.irfft2(modes.at[0, 0].set(z.size), s=z.shape)
 
-    def change_at(z):
+    def change_at(row):
+        z = row.reshape(heights.shape)
         p = relaxed(z)
         change = jnp.maximum(2 * p - z, 0.0) - p
-        return change, jnp.sqrt(jnp.sum(change**2) / jnp.sum(p**2))
+        return change.reshape(1, -1), jnp.sqrt(jnp.sum(change**2) / jnp.sum(p**2))[None]
 
-    def advance(state):
-        # The ridge gives unused or parallel differences no share.
-        regular = jnp.diag(1e-10 * jnp.trace(state.products) + (jnp.diag(state.products) == 0))
-        projected = jnp.einsum("mxy,xy->m", state.changes, state.change)
-        shares = jnp.linalg.solve(state.products + regular, projected)
-        step = state.change - jnp.einsum("m,mxy->xy", shares, state.steps + state.changes)
-        change, residual = change_at(state.z + step)
-        place = state.step % _HISTORY
-        changes = state.changes.at[place].set(change - state.change)
-        row = jnp.einsum("mxy,xy->m", changes, changes[place])
-        # After a rise restart from the plain splitting, which always converges.
-        kept = residual < _RISE * state.least
-        return _State(
-            state.step + 1,
-            state.z + step,
-            change,
-            jnp.where(kept, state.steps.at[place].set(step), 0.0),
-            jnp.where(kept, changes, 0.0),
-            jnp.where(kept, state.products.at[place].set(row).at[:, place].set(row), 0.0),
-            residual,
-            jnp.minimum(residual, state.least),
-        )
-
-    def goes_on(state):
-        return (state.step < most_steps) & (state.residual > tolerance)
-
-    start = jnp.ones_like(heights)
-    change, residual = change_at(start)
-    nothing = jnp.zeros((_HISTORY, *heights.shape), heights.dtype)
-    products = jnp.zeros((_HISTORY, _HISTORY), heights.dtype)
-    first = _State(jnp.zeros((), int), start, change, nothing, nothing, products, residual, residual)
-    last = jax.lax.while_loop(goes_on, advance, first)
-    reflected = 2 * relaxed(last.z) - last.z
-    return GridContact(jnp.maximum(reflected, 0.0), jnp.maximum(-reflected, 0.0), last.step, last.residual)
+    z, _, residual, steps = anderson(
+        change_at,
+        jnp.ones((1, heights.size), heights.dtype),
+        lambda _z, _change, residual: residual <= tolerance,
+        also=jnp.zeros(1, heights.dtype),
+        history=_HISTORY,
+        most_steps=most_steps,
+        rise=_RISE,
+    )
+    z = z.reshape(heights.shape)
+    reflected = 2 * relaxed(z) - z
+    return GridContact(jnp.maximum(reflected, 0.0), jnp.maximum(-reflected, 0.0), steps, residual[0])
 
 
 _COARSEST = 4  # least points per shortest wavelength: friction is 5 % off, with eight points 1 %

@@ -12,7 +12,7 @@ On a linear f it is GMRES, so that the same iteration solves the linear systems 
 
 import functools
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -122,43 +122,85 @@ def _tangent_solve(inverse, tolerance, linear, right):
 
 
 def _iterate(residual, start, tolerance, inverse=None, also=None):
-    """Zero of a residual, whether it was reached, and what else the residual says where a row ends.
-
-    also : zeros of that, shape (points,); None: nothing
-    """
+    """Return the zero of a residual, whether it was reached, and the other result of the residual there."""
     single = start.dtype != jnp.float64
-    tolerance, smallest = (1e-5, 1e-5) if single else (tolerance, 1e-12)
-    points, n = start.shape
+    tolerance = 1e-5 if single else tolerance
 
-    def reached(y, z):
+    def reached(y, z, _):
         return jnp.max(jnp.abs(z), -1) <= tolerance * jnp.max(jnp.abs(y), -1)
 
+    y, done, also, _ = anderson(
+        residual, start, reached, inverse, also, history=_HISTORY, most_steps=_MOST_STEPS
+    )
+    return y, done, also
+
+
+def anderson(
+    residual: Callable[[jax.Array], Any],
+    start: jax.Array,
+    reached: Callable[[jax.Array, jax.Array, Any], jax.Array],
+    inverse: Inverse | None = None,
+    also: jax.Array | None = None,
+    *,
+    history: int,
+    most_steps: int,
+    rise: float | None = None,
+) -> tuple[jax.Array, jax.Array, Any, jax.Array]:
+    """Iterate y until the residual of every row is small, without derivatives.
+
+    Parameters
+    ----------
+    residual : function of y, shape (points, n), to f(y) - y; with `also`, to a pair with another result
+    start : shape (points, n)
+    reached : function of y, its residual and the other result to booleans (points,); such a step is the last
+    inverse : Inverse of 1 - f' near the start, or None
+    also : zeros of the other result, shape (points,), or None
+    history : number of previous steps combined
+    most_steps : largest number of evaluations of the residual
+    rise : the history is dropped where the residual exceeds its minimum by this factor; None: never
+
+    Returns
+    -------
+    (y, whether it was reached, other result at the last evaluation, number of evaluations)
+    """
+    smallest = 1e-5 if start.dtype != jnp.float64 else 1e-12
+    points, n = start.shape
+
     def step(progress):
-        k, y, good, last, moves, changes, ended, also = progress
+        k, y, good, last, moves, changes, products, least, ended, also = progress
         if also is None:
             z = residual(y)
         else:
             z, found = residual(y)
             also = jnp.where(ended, also, found)
         z = z if inverse is None else inverse(z)
-        # Far from a solution a residual may be no number; then half the way back is tried.
+        # Far from a solution the residual may be NaN; then half the way back is tried.
         fine = jnp.all(jnp.isfinite(z), -1, keepdims=True)
         z = jnp.where(fine, z, last)
         # The first has no other before it: an empty column.
         kept = fine & (k > 0)
-        moves = moves.at[(k - 1) % _HISTORY].set(jnp.where(kept, y - good, 0.0))
-        changes = changes.at[(k - 1) % _HISTORY].set(jnp.where(kept, z - last, 0.0))
+        if rise is not None:
+            norm = jnp.max(jnp.abs(z), -1)
+            drop = norm > rise * least
+            least = jnp.minimum(norm, least)
+            kept = kept & ~drop[:, None]
+            moves, changes = (jnp.where(drop[:, None], 0.0, x) for x in (moves, changes))
+            products = jnp.where(drop[:, None, None], 0.0, products)
+        slot = (k - 1) % history
+        change = jnp.where(kept, z - last, 0.0)
+        moves = moves.at[slot].set(jnp.where(kept, y - good, 0.0))
+        changes = changes.at[slot].set(change)
+        row = jnp.einsum("mpn,pn->pm", changes, change)
+        products = products.at[:, slot].set(row).at[:, :, slot].set(row)
         # Normalised columns; an unused one is 0, and gets 0 from its own equation.
-        size = jnp.sqrt(jnp.sum(changes * changes, -1))
-        unit = changes / jnp.where(size > 0, size, 1.0)[..., None]
-        normal = jnp.einsum("mpn,qpn->pmq", unit, unit)
-        # Nearly parallel columns are as good as one; without this the matrix would be singular.
-        ridge = jnp.where(size.T > 0, smallest, 1.0)[..., None]
-        normal = normal + jnp.eye(_HISTORY, dtype=y.dtype) * ridge
-        share = jnp.linalg.solve(normal, jnp.einsum("mpn,pn->pm", unit, z)[..., None])[..., 0]
-        share = share.T / jnp.where(size > 0, size, 1.0)
-        further = y + z - jnp.einsum("mp,mpn->pn", share, moves + changes)
-        # A row ends where it itself is there, however long the others take: alone it is the same.
+        size = jnp.sqrt(jnp.diagonal(products, axis1=1, axis2=2))
+        scale = jnp.where(size > 0, size, 1.0)
+        # Nearly parallel columns count as one; without the ridge the matrix would be singular.
+        ridge = jnp.where(size > 0, smallest, 1.0)[..., None] * jnp.eye(history, dtype=y.dtype)
+        normal = products / scale[:, :, None] / scale[:, None, :] + ridge
+        share = jnp.linalg.solve(normal, (jnp.einsum("mpn,pn->pm", changes, z) / scale)[..., None])[..., 0]
+        further = y + z - jnp.einsum("pm,mpn->pn", share / scale, moves + changes)
+        # A row ends at its own convergence, so that its result does not depend on the others.
         following = jnp.where(fine, further, 0.5 * (y + good))
         return (
             k + 1,
@@ -167,14 +209,29 @@ def _iterate(residual, start, tolerance, inverse=None, also=None):
             z,
             moves,
             changes,
-            ended | (reached(y, z) & fine[:, 0]),
+            products,
+            least,
+            ended | (reached(y, z, also) & fine[:, 0]),
             also,
         )
 
     def going(progress):
-        return (progress[0] < _MOST_STEPS) & ~jnp.all(progress[-2])
+        return (progress[0] < most_steps) & ~jnp.all(progress[-2])
 
-    empty = jnp.zeros((_HISTORY, points, n), start.dtype)
-    progress = (0, start, start, start, empty, empty, jnp.zeros(points, bool), also)
-    _, y, *_, done, also = jax.lax.while_loop(going, step, progress)
-    return y, done, also
+    empty = jnp.zeros((history, points, n), start.dtype)
+    products = jnp.zeros((points, history, history), start.dtype)
+    least = None if rise is None else jnp.full(points, jnp.inf, start.dtype)
+    begin = (
+        jnp.zeros((), int),
+        start,
+        start,
+        start,
+        empty,
+        empty,
+        products,
+        least,
+        jnp.zeros(points, bool),
+        also,
+    )
+    k, y, *_, done, also = jax.lax.while_loop(going, step, begin)
+    return y, done, also, k

@@ -382,7 +382,7 @@ def test_plot_into_given_axes_without_legend():
     assert drawn is ax
     assert ax.get_legend() is None
     assert ax.lines[0].get_marker() == "o"
-    with pytest.raises(ValueError, match="ax has 2 axes: must have 1, for friction"):
+    with pytest.raises(ValueError, match=r"ax has 2 axes: must have 1 \(friction\)"):
         plot_result(result, [ax, ax])
 
 
