@@ -247,7 +247,7 @@ def _fitting(scene, data, margin=_MARGIN):
     pressures = [np.min(one.pressure) for one in data if hasattr(one, "pressure")]
     lowest = min(pressures, default=1.0)
     settings = [
-        rf.analysis.fitting_quadrature(one, lowest, margin=margin, separation=False)
+        rf.analysis.default_quadrature(one, lowest, margin=margin, separation=False)
         for one in by_name(scene).values()
     ]
     return max(settings, key=_work)

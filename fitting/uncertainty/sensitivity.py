@@ -78,7 +78,7 @@ def sensitivity(
     conditions = velocity, pressure, temperature
     # `solve` refuses what is wrong before it computes anything, and here it computes nothing.
     jax.eval_shape(lambda: rf.solve(scene, *conditions, quadrature=quadrature, quantities=(quantity,)))
-    quadrature = quadrature or rf.analysis.fitting_quadrature(scene, pressure)
+    quadrature = quadrature or rf.analysis.default_quadrature(scene, pressure)
     rows = tuple(row for path in _paths(parameters) for row in _rows(scene, path))
     dtype = result_dtype(scene, *conditions)
     return _sensitivity(

@@ -34,9 +34,15 @@ from rubberfric.base.checks import FINITE, POSITIVE, check_values, shown
 from rubberfric.base.fixed_points.anderson import anderson
 from rubberfric.base.objects.physical import check_kind
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.materials.material import Material, plane_strain, series_modulus, series_of, stiffer
+from rubberfric.materials.material import (
+    Material,
+    apply_vertical_shift,
+    plane_strain_factor,
+    series_modulus,
+    series_of,
+)
 from rubberfric.roughness.spectra import Spectrum, power_spectrum
-from rubberfric.scene.scene import Scene, present
+from rubberfric.scene.scene import Scene, optional_parts
 from rubberfric.theory.arguments import checked
 
 
@@ -224,8 +230,8 @@ def _modulus_along(material, omega, temperature):
     if material.has_series:
         modulus = series_modulus(series_of(material, 1.0), jnp.asarray(at))
     else:
-        modulus = material.modulus(jnp.asarray(at)) * plane_strain(material)
-    modulus = np.asarray(stiffer(modulus, material.shift, temperature), complex)
+        modulus = material.modulus(jnp.asarray(at)) * plane_strain_factor(material)
+    modulus = np.asarray(apply_vertical_shift(modulus, material.shift, temperature), complex)
     return np.where(omega < 0, np.conj(modulus), modulus)
 
 
@@ -244,7 +250,7 @@ def _rough_and_smooth(scene):
     if smooth.layer is not None:
         kind = type(smooth.layer).__name__
         raise ValueError(f"boundary_element: the deformable body is a {kind}; it must be a half-space")
-    parts = present(scene)
+    parts = optional_parts(scene)
     for name in ("heating", "softening", "adhesion"):
         if name in parts:
             raise ValueError(f"boundary_element: the scene has {name}; it must have none")

@@ -24,7 +24,7 @@ from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.scene import Scene, check_without, rough_surfaces
 from rubberfric.scene.shear import shear_friction
 from rubberfric.theory.area.partial_contact import TWO_OVER_ROOT_PI, contact_fraction
-from rubberfric.theory.arguments import settled, warn_of_last_iterates
+from rubberfric.theory.arguments import validate, warn_of_last_iterates
 from rubberfric.theory.integrals import prepare, solved
 
 _BLOCK, _POWER_BLOCK = 64, 128  # points evaluated at once
@@ -72,7 +72,7 @@ def stress_distribution(
     Smooth solids have Dirac's delta at sigma_0, and so have densities with a width below 1e-30 of sigma_0
     (single precision: 1e-15). With `scene.area_correction` G contains S.
     """
-    scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
+    scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature)
     check_without(scene, ("adhesion",), "the distribution of stresses")
     q = checked_wavevectors(q, 0, conditions, scene)
     stress = as_leaf("stress", stress, np.ndim(stress))
@@ -161,7 +161,7 @@ def contact_stiffness(
     Uses the plain G like `separation`, regardless of `scene.area_correction`. In a heated scene the
     temperatures are held constant.
     """
-    scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
+    scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature)
     check_without(scene, ("adhesion",), "the stiffness")
     found, converged = _contact_stiffness(scene, *conditions, quadrature=quadrature)
     warn_of_last_iterates(scene, converged, conditions)
@@ -243,7 +243,7 @@ def dissipated_power(
     rough solid against a smooth one dissipates nothing. The power is zero, not computed, in solids that do
     not relax or that face a smooth solid.
     """
-    scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
+    scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature)
     power, converged = _dissipated_power(scene, *conditions, quadrature=quadrature)
     warn_of_last_iterates(scene, converged, conditions)
     return power

@@ -22,7 +22,7 @@ from rubberfric.base.checks import as_leaf, closest
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.io.files import filling_result, mapped_quantities, write_interpolation
 from rubberfric.io.results import Conditions, Interpolation, Result, check_conditions, result_shape
-from rubberfric.scene.numerics.settings import ROBUST, fitting_quadrature
+from rubberfric.scene.numerics.settings import ROBUST, default_quadrature
 from rubberfric.scene.scene import Scene, result_dtype
 from rubberfric.theory.arguments import check_heated, check_kinds, checked
 from rubberfric.theory.quantities import Solution
@@ -104,7 +104,7 @@ def friction_map(
     conditions, dtype = _conditions(scene, velocity, pressure, temperature)
     if quadrature is None:
         separated = "separation" in quantities
-        quadrature = fitting_quadrature(scene, conditions.pressure, separation=separated)
+        quadrature = default_quadrature(scene, conditions.pressure, separation=separated)
     # The conditions are checked; one value of each is enough for the other checks, without a copy.
     ready, _ = checked(
         scene, conditions.velocity[0], conditions.pressure[0], conditions.temperature, quadrature

@@ -34,13 +34,13 @@ from rubberfric.theory.area.partial_contact import (
     energy_factor,
     friction_weight,
 )
-from rubberfric.theory.arguments import settled, warn_of_last_iterates
+from rubberfric.theory.arguments import validate, warn_of_last_iterates
 from rubberfric.theory.contact import Contact
 from rubberfric.theory.contributions import total
 from rubberfric.theory.integrals import Prepared, evaluate, prepare, solved
-from rubberfric.theory.quantities import Needs
-from rubberfric.theory.stiffness.excitation import excitation
+from rubberfric.theory.quantities import RequiredMeans
 from rubberfric.theory.stiffness.series import factors_at, static_stiffness
+from rubberfric.theory.stiffness.stiffness_means import stiffness_means
 from rubberfric.theory.temperatures.heat_balance import temperature_at
 
 # Default numbers of wavevectors, and points evaluated at once. A profile keeps the nodes of some hundred
@@ -111,7 +111,7 @@ def profile(
     `scene.area_correction` G contains S. G keeps its accuracy where P = 1 - 1e-300. Without roughness the
     magnification is q / q[0].
     """
-    scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
+    scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature)
     check_without(scene, ("adhesion", "correlation"), "profile")
     q = checked_wavevectors(q, 1, conditions, scene)
     found, converged = _profile(scene, *conditions, q, quadrature=quadrature)
@@ -237,7 +237,7 @@ def density_of(
     if pair.static or (not pair.relaxes and kind == "dissipation"):
         power = (roughness * static_stiffness(pair, scale, q) ** 2)[None] if kind == "power" else 0.0
         return lambda *_: power
-    excited = excitation(pair, scale, q[None], Needs(**{kind: True}))
+    excited = stiffness_means(pair, scale, q[None], RequiredMeans(**{kind: True}))
     weights = factors_at(pair, q).of(kind, roughness)
 
     def density(velocity, temperatures):
@@ -313,7 +313,7 @@ def separation_profile(
     Limits: velocity and temperature are the same at every q. Uses the plain G like `separation`. Takes a
     thousand times the work of `separation`, with a mesh for every q. Smooth solids have u1 = u_bar = 0.
     """
-    scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature)
+    scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature)
     check_without(scene, ("adhesion", "correlation"), "the separation")
     q = checked_wavevectors(q, 1, conditions, scene)
     if scene.heating is not None:

@@ -18,7 +18,7 @@ from rubberfric.analysis.reference import SETTINGS, TRUSTED, Errors, check_error
 from rubberfric.base.atomic import StrPath, check_writable, replacing
 from rubberfric.base.objects.html import table
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.numerics.settings import fitting_quadrature
+from rubberfric.scene.numerics.settings import default_quadrature
 from rubberfric.scene.scene import Scene, rough_surfaces
 from rubberfric.theory import paper
 from rubberfric.theory.quantities import QUANTITIES, Solution
@@ -287,7 +287,7 @@ def accuracy(
     check_error(error)
     tell = progress or (lambda _: None)
     case = reference.case_of(scene, velocity, pressure, temperature)
-    automatic = fitting_quadrature(scene, pressure)
+    automatic = default_quadrature(scene, pressure)
     settings = with_automatic(scene, automatic) if settings is None else tuple(settings)
     _check(settings, textbook, repeats)
     tell("compiling the reference")

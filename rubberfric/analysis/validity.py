@@ -23,7 +23,7 @@ from rubberfric.base.checks import POSITIVE, as_leaf, check_values, is_concrete
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.roughness.spectra import SelfAffine
-from rubberfric.scene.scene import Scene, present, relaxes, rough_surfaces
+from rubberfric.scene.scene import Scene, optional_parts, relaxes, rough_surfaces
 from rubberfric.theory.arguments import checked
 from rubberfric.theory.contributions import total
 from rubberfric.theory.integrals import prepare, solved
@@ -132,7 +132,7 @@ def _covered(scene):
             and smooth.spectrum is None
             and smooth.layer is None
             and smooth.material.relaxes
-            and present(scene) <= {"shear", "area_correction"}
+            and optional_parts(scene) <= {"shear", "area_correction"}
             and is_concrete(spectrum.q1)
         ):
             values = (spectrum.q1 / spectrum.qr, _RATIOS), (spectrum.hurst, _HURST), (scene.gamma, _GAMMA)

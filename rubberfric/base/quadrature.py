@@ -27,7 +27,7 @@ class Quadrature:
 
     The defaults meet 1e-9 for area, friction and separation over ten decades of roughness, plateaus of
     nine among them. Calls without one use the setting that fits the scene, of half the nodes over two or
-    three decades (`rf.analysis.fitting_quadrature`); `rf.analysis.quadrature_for` finds one for other errors.
+    three decades (`rf.analysis.default_quadrature`); `rf.analysis.quadrature_for` finds one for other errors.
 
     Parameters
     ----------

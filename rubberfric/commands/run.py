@@ -14,7 +14,7 @@ from rubberfric.base.units import to_celsius
 from rubberfric.commands.arguments import write_outputs
 from rubberfric.io.files import read_computable, save_result
 from rubberfric.io.results import QUANTITY_FORMATS, Conditions, Result, result_shape
-from rubberfric.scene.numerics.settings import fitting_quadrature
+from rubberfric.scene.numerics.settings import default_quadrature
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.model import solve
 from rubberfric.theory.quantities import Solution, iterated, quantities_of
@@ -24,7 +24,7 @@ def run(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | N
     """`rubberfric run`: compute a scene file at its conditions; returns what it prints, and what failed."""
     show(f"reading {arguments.scene}")
     scene, conditions, title = read_computable(arguments.scene)
-    quadrature = fitting_quadrature(scene, conditions.pressure)
+    quadrature = default_quadrature(scene, conditions.pressure)
     quantities = quantities_of(scene)
     points = math.prod(result_shape(conditions))
     show(f"compiling and computing {', '.join(quantities)} at {points} points")
@@ -43,7 +43,9 @@ def run(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | N
     if tabulated_solids(scene):
         show("computing what lies outside the tables")
     ends = [
-        line for line in (extrapolation_line(result), convergence_line(result), truth_line(result)) if line
+        line
+        for line in (extrapolation_line(result), convergence_line(result), model_error_line(result))
+        if line
     ]
     return "\n".join([*table(result), *(f"\n{line}" for line in ends)]), failure
 
@@ -109,7 +111,7 @@ def extrapolation_line(result: Result) -> str:
     return f"at most {100 * share:.2g} % of {mu} comes from frequencies outside the tabulated moduli"
 
 
-def truth_line(result: Result) -> str:
+def model_error_line(result: Result) -> str:
     """How far the theory is from boundary elements in such scenes; "" where that is not known."""
     found = theory_error(result.scene, np.asarray(result.solution.area))
     if found is None:

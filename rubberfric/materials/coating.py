@@ -9,7 +9,14 @@ from jax.typing import ArrayLike
 from rubberfric.base.checks import POSITIVE, either
 from rubberfric.base.objects.fields import Number, child, leaf
 from rubberfric.base.objects.physical import kinds, physical
-from rubberfric.materials.material import Coatable, Material, Series, poisson_of, series_of, stiffer
+from rubberfric.materials.material import (
+    Coatable,
+    Material,
+    Series,
+    apply_vertical_shift,
+    poisson_of,
+    series_of,
+)
 from rubberfric.materials.series.layer_and_base import Bonded, coated_series, coated_spring
 from rubberfric.materials.slab import Layer
 
@@ -62,7 +69,7 @@ class Coating(Layer):
     ) -> jax.Array:
         """E_r(0) Sbar of a body of this material over a scale [Pa] at q [1/m], T [K], any shapes."""
         layer, base = (
-            stiffer(solid.static_reduced() / scale, shift, temperature)
+            apply_vertical_shift(solid.static_reduced() / scale, shift, temperature)
             for solid, shift in ((material, material.shift), (self.base, self._base_shift(material)))
         )
         return coated_spring(self._bonded(material), layer, base, q)
@@ -82,7 +89,11 @@ class Coating(Layer):
         layer, base = (series_of(solid, scale) for solid in (material, self.base))
         if temperature is not None:
             layer, base = (
-                Series(stiffer(x.rest, shift, temperature), stiffer(x.weight, shift, temperature), x.tau)
+                Series(
+                    apply_vertical_shift(x.rest, shift, temperature),
+                    apply_vertical_shift(x.weight, shift, temperature),
+                    x.tau,
+                )
                 for x, shift in ((layer, material.shift), (base, self._base_shift(material)))
             )
             if self.shift is not None:

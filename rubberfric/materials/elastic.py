@@ -8,7 +8,7 @@ from jax.typing import ArrayLike
 from rubberfric.base.checks import PLAUSIBLE_STRESS, POSITIVE
 from rubberfric.base.objects.fields import Number, leaf
 from rubberfric.base.objects.physical import physical
-from rubberfric.materials.material import POISSON, Coatable, Material, Series, plane_strain
+from rubberfric.materials.material import POISSON, Coatable, Material, Series, plane_strain_factor
 
 
 @physical
@@ -37,4 +37,4 @@ class Elastic(Coatable):
     def reduced_series(self, scale: ArrayLike) -> Series:
         """E_r over a scale [Pa], a Prony series of no terms."""
         nothing = jnp.zeros(0, jnp.result_type(self.young))
-        return Series(self.young * (plane_strain(self) / scale), nothing, nothing)
+        return Series(self.young * (plane_strain_factor(self) / scale), nothing, nothing)

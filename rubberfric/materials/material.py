@@ -109,25 +109,25 @@ class Material(Kind):
     def modulus(self, omega: jax.Array) -> jax.Array:
         """E(omega) [Pa], complex, at the reference temperature; omega >= 0, any shape [rad/s]."""
         if self.has_series:
-            return series_modulus(series_of(self, plane_strain(self)), omega)
+            return series_modulus(series_of(self, plane_strain_factor(self)), omega)
         # ln 0 has no finite derivative; below the smallest number E' is held and E'' is 0.
         storage, loss = self.storage_and_loss(jnp.log(jnp.maximum(omega, jnp.finfo(omega.dtype).tiny)))
         return storage + 1j * jnp.where(omega > 0, loss, 0.0)
 
     def static_modulus(self) -> jax.Array:
         """E(omega = 0) [Pa], real."""
-        return series_of(self, plane_strain(self)).rest if self.has_series else self._end(0)
+        return series_of(self, plane_strain_factor(self)).rest if self.has_series else self._end(0)
 
     def static_reduced(self) -> jax.Array:
         """E_r(omega = 0) [Pa], real."""
-        return self.static_modulus() * plane_strain(self)
+        return self.static_modulus() * plane_strain_factor(self)
 
     def glassy_reduced(self) -> jax.Array:
         """The largest |E_r| at any frequency [Pa], real: the value at infinity."""
         if not self.has_series:
-            return self._end(1) * plane_strain(self)
-        series = series_of(self, plane_strain(self))
-        return (series.rest + jnp.sum(series.weight)) * plane_strain(self)
+            return self._end(1) * plane_strain_factor(self)
+        series = series_of(self, plane_strain_factor(self))
+        return (series.rest + jnp.sum(series.weight)) * plane_strain_factor(self)
 
     def is_liquid(self) -> bool:
         """Whether it is known to have no stiffness at rest."""
@@ -161,7 +161,7 @@ def series_of(material: Material, scale: ArrayLike) -> Series:
     return series
 
 
-def plane_strain(material: Material) -> jax.Array:
+def plane_strain_factor(material: Material) -> jax.Array:
     """1 / (1 - poisson^2), written so that poisson -> 1 would keep its digits [-]."""
     poisson = poisson_of(material)
     return 1.0 / ((1.0 - poisson) * (1.0 + poisson))
@@ -197,10 +197,10 @@ def _modulus(material, omega, temperature):
     omega = jnp.asarray(omega, jnp.result_type(omega, float))
     if temperature is not None and material.shift is not None:
         omega = omega * jnp.exp(material.shift.log_factor(temperature))
-    return stiffer(material.modulus(omega), material.shift, temperature)
+    return apply_vertical_shift(material.modulus(omega), material.shift, temperature)
 
 
-def stiffer(modulus: jax.Array, shift: Shift | None, temperature: ArrayLike | None) -> jax.Array:
+def apply_vertical_shift(modulus: jax.Array, shift: Shift | None, temperature: ArrayLike | None) -> jax.Array:
     """b_T times a modulus, of shapes that broadcast; itself without vertical shift or temperature."""
     log_factor = log_vertical(shift, temperature)
     return modulus if log_factor is None else jnp.exp(log_factor) * modulus
@@ -214,11 +214,11 @@ def series_modulus(series: Series, omega: jax.Array) -> jax.Array:
 
 def relaxation(a: jax.Array) -> tuple[jax.Array, jax.Array]:
     """Real and imaginary part of i a / (1 + i a), a = omega tau of any sign."""
-    a = squarable(a)
+    a = clip_for_square(a)
     return a * a / (1 + a * a), a / (1 + a * a)
 
 
-def squarable(a: jax.Array) -> jax.Array:
+def clip_for_square(a: jax.Array) -> jax.Array:
     """A product omega tau whose square is a number; beyond, a term is glassy to the last bit."""
     bound = 1e150 if a.dtype == jnp.float64 else 1e18
     return jnp.clip(a, -bound, bound)

@@ -25,7 +25,7 @@ from rubberfric.materials.material import (
     Coatable,
     Material,
     Series,
-    plane_strain,
+    plane_strain_factor,
     series_modulus,
 )
 from rubberfric.materials.series.prony_and_spring import in_series
@@ -63,7 +63,7 @@ class Prony(Coatable):
 
     def reduced_series(self, scale: ArrayLike) -> Series:
         """E_r over a scale [Pa] as a Prony series."""
-        unit = plane_strain(self) / scale
+        unit = plane_strain_factor(self) / scale
         return Series(self.E_inf * unit, self.E * unit, self.tau)
 
     def relaxation_times(self) -> jax.Array:

@@ -10,7 +10,7 @@ from jax.typing import ArrayLike
 from rubberfric.base.checks import POSITIVE
 from rubberfric.base.objects.fields import Number, leaf, static
 from rubberfric.base.objects.physical import Kind, physical
-from rubberfric.materials.material import Material, Series, poisson_of, series_of, stiffer
+from rubberfric.materials.material import Material, Series, apply_vertical_shift, poisson_of, series_of
 from rubberfric.materials.shifts.laws import Shift
 
 # sinh(2x) - 2x = sum_{k>=1} (2x)^(2k+1) / (2k+1)!: exact to rounding for x <= 1.
@@ -57,7 +57,7 @@ class Layer(Kind):
         self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
     ) -> jax.Array:
         """E_r(0) Sbar of a body of this material over a scale [Pa] at q and temperature [K], any shapes."""
-        own = stiffer(material.static_reduced() / scale, material.shift, temperature)
+        own = apply_vertical_shift(material.static_reduced() / scale, material.shift, temperature)
         return own * self.stiffening(poisson_of(material), q)
 
     def glassy_stiffening(self, material: Material, q: jax.Array) -> jax.Array:
@@ -73,7 +73,7 @@ class Layer(Kind):
         and in units of 1/a_T of the material.
         """
         rest, weight, tau = series_of(material, scale)
-        rest, weight = (stiffer(x, material.shift, temperature) for x in (rest, weight))
+        rest, weight = (apply_vertical_shift(x, material.shift, temperature) for x in (rest, weight))
         factor = self.stiffening(poisson_of(material), q)
         weight = factor[:, None] * weight
         return Series(factor * rest, weight, jnp.broadcast_to(tau, weight.shape))

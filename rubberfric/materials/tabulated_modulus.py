@@ -12,7 +12,7 @@ from rubberfric.base.checks import PLAUSIBLE_STRESS, POSITIVE, check_increasing,
 from rubberfric.base.objects.fields import Number, Vector, child, leaf, static
 from rubberfric.base.objects.physical import physical
 from rubberfric.base.quadrature import typed
-from rubberfric.materials.material import POISSON, Material, plane_strain
+from rubberfric.materials.material import POISSON, Material, plane_strain_factor
 from rubberfric.materials.shifts.laws import Shift
 
 # A table may span this much of ln omega, 26 decades: so long is the grid of its angular means.
@@ -106,7 +106,7 @@ class TabulatedModulus(Material):
 
     def glassy_reduced(self) -> jax.Array:
         """The highest E_r' of the table [Pa]."""
-        return jnp.max(self.storage) * plane_strain(self)
+        return jnp.max(self.storage) * plane_strain_factor(self)
 
     def storage_and_loss(self, log_omega: jax.Array) -> tuple[jax.Array, jax.Array]:
         """E' and E'' [Pa] at ln omega, any shape."""

@@ -76,7 +76,7 @@ class Pair(NamedTuple):
         return self.spectrum.harmonic_count() if self.relaxes else 0
 
     @property
-    def softens_apart(self) -> bool:
+    def separate_storage_loss(self) -> bool:
         """Whether <E'^2> and <E''^2> count apart, for softening changes them differently."""
         return self.softened is not None and not self.both_deform
 

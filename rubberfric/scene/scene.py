@@ -111,7 +111,7 @@ class Scene(PhysicalObject):
                 "Scene: lower.material and upper.material are both Rigid; one of the solids must deform"
             )
         warn_of_scene(self)
-        parts = present(self)
+        parts = optional_parts(self)
         _check_apart("adhesion", ("heating",), parts)
         self._check_correlation(parts)
         bodies = self.lower, self.upper
@@ -144,7 +144,7 @@ def _check_apart(part, others, parts):
             raise ValueError(f"Scene.{part}: not together with {name}; one of them must be left out")
 
 
-def present(scene: Scene) -> set[str]:
+def optional_parts(scene: Scene) -> set[str]:
     """Names of the optional parts that a scene has; softening may also be a body's own."""
     names = ("shear", "heating", "softening", "adhesion", "correlation")
     found = {name for name in names if getattr(scene, name) is not None}
@@ -185,7 +185,7 @@ def check_background(scene: Scene, where: str = "", missing: str = "temperature 
 
 def check_without(scene: Scene, parts: Sequence[str], what: str) -> None:
     """ValueError for what is not defined with these parts of a scene."""
-    there = present(scene)
+    there = optional_parts(scene)
     for name in parts:
         if name in there:
             raise ValueError(f"scene.{name}: {what} is not defined with it; must be None")

@@ -11,7 +11,7 @@ from numpy.polynomial import legendre
 from rubberfric.base.quadrature import gauss, legendre_transform, typed
 from rubberfric.scene.adhesion import Adhesion
 from rubberfric.scene.pairs import PairTemperatures
-from rubberfric.theory.area.constant_area import Unloading, hold
+from rubberfric.theory.area.constant_area import Unloading, solve_energy_criterion
 from rubberfric.theory.area.constant_area import work_of_separation as work_at_constant_area
 from rubberfric.theory.area.long_range import Gaps, evaluate_attraction, solve_dmt_load
 from rubberfric.theory.area.partial_contact import contact_argument
@@ -32,7 +32,7 @@ def adhesive_contact(
     if contact.G is None:
         return contact
     if adhesion.limit == "short":
-        pressed = hold(_unloading(adhesion, contact, pressure))
+        pressed = solve_energy_criterion(_unloading(adhesion, contact, pressure))
     else:
         pressed = solve_dmt_load(_gaps(adhesion, roughness, contact, pressure), roughness.mesh.q.shape[1])
     return contact.under(*pressed)

@@ -18,7 +18,7 @@ from rubberfric.base.checks import (
     warn_caller,
 )
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.numerics.settings import ROBUST, fitting_quadrature
+from rubberfric.scene.numerics.settings import ROBUST, default_quadrature
 from rubberfric.scene.numerics.single_precision import check_single
 from rubberfric.scene.plausibility import warn_of_conditions
 from rubberfric.scene.scene import (
@@ -36,7 +36,7 @@ AT_REST: Rule = (
 )
 
 
-def settled(
+def validate(
     scene: Scene,
     velocity: ArrayLike,
     pressure: ArrayLike,
@@ -48,7 +48,7 @@ def settled(
     setting = ROBUST if quadrature is None else quadrature
     ready, conditions = checked(scene, velocity, pressure, temperature, setting)
     if quadrature is None:
-        setting = fitting_quadrature(scene, pressure, separation=separation)
+        setting = default_quadrature(scene, pressure, separation=separation)
     return ready, conditions, setting
 
 

@@ -25,11 +25,11 @@ import numpy as np
 from rubberfric.base.quadrature import cumulative, typed, weights_between
 from rubberfric.roughness.mesh.radial_mesh import Mesh
 from rubberfric.scene.pairs import Pair, PairTemperatures
-from rubberfric.theory.quantities import Needs
+from rubberfric.theory.quantities import RequiredMeans
 from rubberfric.theory.stiffness.angular_means import Means
-from rubberfric.theory.stiffness.excitation import Excitation, excitation
 from rubberfric.theory.stiffness.means_table import MeansTable
 from rubberfric.theory.stiffness.series import factors_at, static_stiffness
+from rubberfric.theory.stiffness.stiffness_means import StiffnessMeans, stiffness_means
 from rubberfric.theory.stiffness.tabulated_means import log_power
 
 
@@ -57,7 +57,7 @@ class StaticContribution(NamedTuple):
 class InterpolatedContribution(NamedTuple):
     """Roughness whose angular means are smooth in ln q; tuples have an entry for each mean of a kind."""
 
-    excitation: Excitation  # at the angular nodes
+    stiffness: StiffnessMeans  # at the angular nodes
     power: tuple[jax.Array, ...]  # weights of <|F|^2> at nodes i in the integral over a panel, (panels, i)
     within: tuple[jax.Array, ...] | None  # in that up to every contact node, (panels, order, i)
     others: Means  # weights of the other means at the contact nodes, (panels, order)
@@ -72,7 +72,7 @@ class InterpolatedContribution(NamedTuple):
         temperatures : of the two solids [K]: None, (points,), or (angular panels, points, angular
             order) if it differs from scale to scale
         """
-        means = self.excitation.means(mesh.angular_q, velocity, temperatures)
+        means = self.stiffness.means(mesh.angular_q, velocity, temperatures)
         # Without integrals up to the nodes the weights are those of the angular panels themselves.
         power = means["power"] if self.within is None else tuple(map(mesh.serving, means["power"]))
         return _terms(*_integrated(self.power, self.within, power), self.others, means, mesh.to_contact)
@@ -85,14 +85,14 @@ class LogarithmicContribution(NamedTuple):
     stays positive.
     """
 
-    excitation: Excitation  # at the angular nodes
+    stiffness: StiffnessMeans  # at the angular nodes
     power: tuple[jax.Array, ...]  # weights of <|F|^2> at the contact nodes, (panels, order)
     between: tuple[jax.Array, ...] | None  # at the nodes between them, (panels, nodes between)
     others: Means  # as of `InterpolatedContribution`
 
     def terms(self, mesh: Mesh, velocity: jax.Array, temperatures: PairTemperatures) -> Terms:
         """`Terms` at points; see `InterpolatedContribution.terms`."""
-        means = self.excitation.means(mesh.angular_q, velocity, temperatures)
+        means = self.stiffness.means(mesh.angular_q, velocity, temperatures)
         logarithms = [log_power(mesh.serving(mean)) for mean in means["power"]]
 
         def interpolated(basis):
@@ -111,7 +111,7 @@ class LogarithmicContribution(NamedTuple):
 class DirectContribution(NamedTuple):
     """Roughness whose angular means have kinks over q; as `InterpolatedContribution`, at contact nodes."""
 
-    excitation: Excitation
+    stiffness: StiffnessMeans
     power: tuple[jax.Array, ...]
     within: tuple[jax.Array, ...] | None
     others: Means
@@ -119,7 +119,7 @@ class DirectContribution(NamedTuple):
     def terms(self, mesh: Mesh, velocity: jax.Array, temperatures: PairTemperatures) -> Terms:
         """`Terms` at points; see `InterpolatedContribution.terms`."""
         at_nodes = jax.tree.map(lambda T: mesh.to_contact(T) if T.ndim > 1 else T, temperatures)
-        means = self.excitation.means(mesh.q, velocity, at_nodes)
+        means = self.stiffness.means(mesh.q, velocity, at_nodes)
         return _terms(*_integrated(self.power, self.within, means["power"]), self.others, means)
 
 
@@ -127,7 +127,7 @@ Contribution = StaticContribution | InterpolatedContribution | LogarithmicContri
 
 
 def contribution(
-    pair: Pair, mesh: Mesh, j: int, scale: jax.Array, needs: Needs, table: MeansTable | None = None
+    pair: Pair, mesh: Mesh, j: int, scale: jax.Array, needs: RequiredMeans, table: MeansTable | None = None
 ) -> Contribution:
     """What the roughness of a pair contributes.
 
@@ -137,8 +137,8 @@ def contribution(
     mesh : Mesh
     j : which of the spectra of the mesh it is
     scale : modulus scale [Pa]
-    needs : Needs
-    table : see `excitation`
+    needs : RequiredMeans
+    table : see `stiffness_means`
     """
     weights, between = mesh.roughness[j], None
     if pair.static:
@@ -152,7 +152,7 @@ def contribution(
         for kind in needs.kinds
         if kind != "power" and (kind != "transverse" or pair.harmonics)
     }
-    excited = excitation(pair, scale, mesh.q if pair.kinked else mesh.angular_q, needs, table)
+    excited = stiffness_means(pair, scale, mesh.q if pair.kinked else mesh.angular_q, needs, table)
     if mesh.between is not None:
         between = factors_at(pair, mesh.between.q).of("power", mesh.between.roughness[j])
     if pair.steep:

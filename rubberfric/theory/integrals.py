@@ -30,10 +30,10 @@ from rubberfric.theory.area.area_correction import correction_table
 from rubberfric.theory.area.partial_contact import separation_weight
 from rubberfric.theory.contact import Contact, Roughness
 from rubberfric.theory.contributions import contribution, total
-from rubberfric.theory.quantities import Needs, needs_of, parts_of
-from rubberfric.theory.stiffness.excitation import Tables
+from rubberfric.theory.quantities import RequiredMeans, needs_of, parts_of
 from rubberfric.theory.stiffness.means_table import MeansTable
 from rubberfric.theory.stiffness.series import modulus_scale
+from rubberfric.theory.stiffness.stiffness_means import Tables
 from rubberfric.theory.temperatures.heat_balance import (
     Temperatures,
     Thermal,
@@ -55,7 +55,7 @@ class Points(NamedTuple):
 class Prepared(NamedTuple):
     """A scene ready for many points."""
 
-    needs: Needs
+    needs: RequiredMeans
     integrated: Roughness | None  # None if nothing is needed of it
     thermal: Thermal | None
     shear: ContactShear | None
@@ -138,7 +138,7 @@ def _rough(scene, pairs, quadrature, needs, borders=None, tables=None, like=None
 
 def _tables_of(roughness, needs):
     """Tables of the means of every contribution that has one, if they are those needed."""
-    found = [getattr(one, "excitation", None) for one in roughness.contributions]
+    found = [getattr(one, "stiffness", None) for one in roughness.contributions]
     return tuple(
         one.stiffness
         if one is not None

@@ -23,10 +23,10 @@ from jax.typing import ArrayLike
 from rubberfric.base.blocks import over_points
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene
-from rubberfric.theory.arguments import check_heated, settled, warn_of_last_iterates
+from rubberfric.theory.arguments import check_heated, validate, warn_of_last_iterates
 from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.quantities import QUANTITIES, Solution, iterates
-from rubberfric.theory.stiffness.excitation import known_tables
+from rubberfric.theory.stiffness.stiffness_means import known_tables
 
 # Points evaluated at once.
 BLOCK = 512
@@ -52,7 +52,7 @@ def contact_area(
         temperature None: every shift at its reference temperature. A heated scene needs one: that
         far from the contact.
     quadrature : Quadrature, static, or None
-        None: of a handful that which fits the scene, to 1e-9 (`rf.analysis.fitting_quadrature`); the default
+        None: of a handful that which fits the scene, to 1e-9 (`rf.analysis.default_quadrature`); the default
         where `jit` or `vmap` traces a number of it.
 
     Returns
@@ -203,7 +203,7 @@ def solve(
             raise ValueError(f"quantities has {name!r}: must be out of {', '.join(Solution._fields)}")
     given = scene
     separated = "separation" in quantities
-    scene, conditions, quadrature = settled(scene, velocity, pressure, temperature, quadrature, separated)
+    scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature, separated)
     check_heated(scene, quantities)
     compute = functools.partial(_compute, compiler_options, quadrature)
     if not iterates(scene) or "converged" in quantities:

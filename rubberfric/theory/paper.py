@@ -20,11 +20,11 @@ from jax.scipy.special import erf
 from jax.typing import ArrayLike
 
 from rubberfric.base.quadrature import gauss, legendre_transform
-from rubberfric.materials.material import Material, complex_modulus, poisson_of, stiffer
+from rubberfric.materials.material import Material, apply_vertical_shift, complex_modulus, poisson_of
 from rubberfric.materials.prony import PronyShear
 from rubberfric.materials.slab import Slab
 from rubberfric.roughness.spectra import power_spectrum
-from rubberfric.scene.scene import Body, Scene, present
+from rubberfric.scene.scene import Body, Scene, optional_parts
 from rubberfric.scene.shear import shear_friction
 from rubberfric.theory.quantities import Solution
 
@@ -83,7 +83,7 @@ def covers(scene: Scene) -> bool:
     bodies = scene.lower, scene.upper
     slabs = all(isinstance(body.layer, Slab | None) for body in bodies)
     isotropic = not any(body.spectrum is not None and body.spectrum.harmonic_count() for body in bodies)
-    return slabs and isotropic and present(scene) <= {"shear", "area_correction"}
+    return slabs and isotropic and optional_parts(scene) <= {"shear", "area_correction"}
 
 
 def solve(
@@ -164,7 +164,7 @@ def M_j(body: Body, q: jax.Array, omega: jax.Array | None, T: jax.Array | None) 
 def E_r(material: Material, omega: jax.Array | None, T: jax.Array | None) -> jax.Array:
     """Return E / (1 - nu^2) [Pa] at omega of any sign [rad/s]; omega None stands for 0."""
     if omega is None:
-        E = stiffer(material.static_modulus(), material.shift, T)
+        E = apply_vertical_shift(material.static_modulus(), material.shift, T)
     else:
         E = complex_modulus(material, jnp.abs(omega), T)
         E = jnp.where(omega < 0, jnp.conj(E), E)

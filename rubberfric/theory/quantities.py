@@ -28,7 +28,7 @@ class Solution(NamedTuple):
 
 
 @dataclasses.dataclass(frozen=True)
-class Needs:
+class RequiredMeans:
     """What is integrated over the roughness; false where the structure of a scene makes it zero."""
 
     power: bool = False  # <|K|^2>, and so G(q)
@@ -37,9 +37,9 @@ class Needs:
     storage: bool = False  # <Re K>
     transverse: bool = False  # <sin(phi) Im K>
 
-    def __or__(self, other: "Needs") -> "Needs":
+    def __or__(self, other: "RequiredMeans") -> "RequiredMeans":
         pairs = zip(dataclasses.astuple(self), dataclasses.astuple(other), strict=True)
-        return Needs(*(one or two for one, two in pairs))
+        return RequiredMeans(*(one or two for one, two in pairs))
 
     @property
     def kinds(self) -> tuple[str, ...]:
@@ -53,15 +53,15 @@ class Needs:
         return self.dissipation or self.storage or self.transverse
 
 
-_AREA = Needs(power=True, area=True)
+_AREA = RequiredMeans(power=True, area=True)
 NEEDS = {
     "area": _AREA,
-    "separation": Needs(power=True, storage=True),
-    "viscoelastic_friction": _AREA | Needs(dissipation=True),
+    "separation": RequiredMeans(power=True, storage=True),
+    "viscoelastic_friction": _AREA | RequiredMeans(dissipation=True),
     "shear_friction": _AREA,
-    "transverse_friction": _AREA | Needs(transverse=True),
-    "flash_temperature": _AREA | Needs(dissipation=True),
-    "converged": _AREA | Needs(dissipation=True),
+    "transverse_friction": _AREA | RequiredMeans(transverse=True),
+    "flash_temperature": _AREA | RequiredMeans(dissipation=True),
+    "converged": _AREA | RequiredMeans(dissipation=True),
 }
 
 
@@ -73,9 +73,9 @@ def parts_of(quantities: Iterable[str]) -> set[str]:
     return parts
 
 
-def needs_of(scene: Scene, quantities: Iterable[str]) -> Needs:
+def needs_of(scene: Scene, quantities: Iterable[str]) -> RequiredMeans:
     """Return the integrals that quantities of a scene need; none for those that are constant in it."""
-    needs = Needs()
+    needs = RequiredMeans()
     if not rough_surfaces(scene):
         return needs
     absent = set()
@@ -83,14 +83,14 @@ def needs_of(scene: Scene, quantities: Iterable[str]) -> Needs:
         absent.add("shear_friction")
     if not dissipates(scene):
         absent.add("viscoelastic_friction")
-    if not pulls_aside(scene):
+    if not has_transverse_force(scene):
         absent.add("transverse_friction")
     for part in parts_of(quantities) - absent:
         needs |= NEEDS[part]
     if needs.power and scene.heating is not None:
         needs |= NEEDS["flash_temperature"]
     if needs.power and scene.adhesion is not None:
-        needs |= Needs(storage=True)
+        needs |= RequiredMeans(storage=True)
     return needs if dissipates(scene) else dataclasses.replace(needs, dissipation=False)
 
 
@@ -99,7 +99,7 @@ def quantities_of(scene: Scene) -> tuple[str, ...]:
     names: list[str] = list(QUANTITIES)
     if scene.shear is not None:
         names += ["viscoelastic_friction", "shear_friction"]
-    if pulls_aside(scene):
+    if has_transverse_force(scene):
         names.append("transverse_friction")
     if scene.heating is not None:
         names.append("flash_temperature")
@@ -118,6 +118,6 @@ def iterated(scene: Scene) -> str:
     return "areas" if scene.heating is None else "temperatures"
 
 
-def pulls_aside(scene: Scene) -> bool:
+def has_transverse_force(scene: Scene) -> bool:
     """Whether roughness that differs with the direction strains a viscoelastic solid."""
     return any(spectrum.harmonic_count() and relaxes(other) for spectrum, other in rough_surfaces(scene))

@@ -32,7 +32,7 @@ REFERENCE = rf.Quadrature(order=20, panels=24, graded=12, ratio=4.0, angular_ord
 
 @pytest.mark.parametrize("name", SETTINGS)
 def test_friction_curve_and_gradient_against_numpy(name):
-    settings = [SETTINGS[name] or rf.analysis.fitting_quadrature(scene, PRESSURE) for scene in (ONE, TWO)]
+    settings = [SETTINGS[name] or rf.analysis.default_quadrature(scene, PRESSURE) for scene in (ONE, TWO)]
 
     def compiled(quadrature):
         def curve(scene):
@@ -70,7 +70,7 @@ def test_friction_curve_and_gradient_against_numpy(name):
 @pytest.mark.parametrize("name", SETTINGS)
 def test_friction_curve_against_its_bound(name):
     """The closed form cannot do with less than a root and a division for each node, term and velocity."""
-    quadrature = SETTINGS[name] or rf.analysis.fitting_quadrature(ONE, PRESSURE)
+    quadrature = SETTINGS[name] or rf.analysis.default_quadrature(ONE, PRESSURE)
     q = jnp.geomspace(100.0, 3.1e4, quadrature.panels * quadrature.angular_order)
 
     def bound(q, velocity, tau, modulus):

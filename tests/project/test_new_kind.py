@@ -13,7 +13,7 @@ import rubberfric as rf
 from fitting.parameters.keypaths import find, scene_paths
 from rubberfric.base import POSITIVE, Number, between, child, forget, leaf, physical
 from rubberfric.base.checks import PLAUSIBLE_STRESS, PLAUSIBLE_TEMPERATURE
-from rubberfric.materials.material import Coatable, Material, Series, plane_strain
+from rubberfric.materials.material import Coatable, Material, Series, plane_strain_factor
 from rubberfric.materials.shifts.laws import Shift, saturated
 
 
@@ -48,7 +48,7 @@ def fractional_zener():
             # [Cole & Cole, J. Chem. Phys. 9 (1941) 341]
             below = jnp.cosh(self.alpha * x) + jnp.cos(self.alpha * np.pi)
             density = jnp.sin(self.alpha * np.pi) / (2 * np.pi * below)
-            unit = plane_strain(self) / scale
+            unit = plane_strain_factor(self) / scale
             weight = self.E_relaxing * unit * density * step
             return Series(self.E_inf * unit, weight, self.tau * jnp.exp(x))
 
@@ -189,7 +189,7 @@ def test_modulus(scene):
     hot = rf.complex_modulus(material, omega, 320.0)
     a_T = np.exp(900 / (320 - 170) - 900 / (293.15 - 170))
     np.testing.assert_allclose(hot, formula(material, a_T * omega), rtol=2e-4)
-    poisson = float(plane_strain(material))
+    poisson = float(plane_strain_factor(material))
     assert float(material.static_reduced()) == pytest.approx(3e6 * poisson, rel=1e-3)
     glassy = abs(formula(material, 1e30))
     assert float(material.glassy_reduced()) == pytest.approx(glassy * poisson, rel=1e-3)

@@ -15,8 +15,8 @@ from support.oracles import oracle
 from support.scenes.common import ROAD
 
 import rubberfric as rf
-from rubberfric.theory.quantities import Needs
-from rubberfric.theory.stiffness.angular_means import Relaxing
+from rubberfric.theory.quantities import RequiredMeans
+from rubberfric.theory.stiffness.angular_means import PronyStiffness
 
 NAMES = [name for name in CASES if name.startswith("grooved-")]
 # One compilation serves all but the last.
@@ -62,8 +62,8 @@ def by_quadrature(a, m):
 
 def mixed(shares, qv):
     """The four means of one term with shares of their harmonics, (4, nodes)."""
-    F = Relaxing(*as_arrays((REST, np.ones(1), np.ones(1))))
-    needs = Needs(power=True, dissipation=True, storage=True, transverse=True)
+    F = PronyStiffness(*as_arrays((REST, np.ones(1), np.ones(1))))
+    needs = RequiredMeans(power=True, dissipation=True, storage=True, transverse=True)
     found = F.means(qv[None], needs, harmonics=shares)
     return jnp.concatenate([found[kind][0] for kind in needs.kinds])
 
@@ -133,8 +133,8 @@ def test_means_with_harmonics_have_the_derivatives_of_the_quadrature():
 
     def means(numbers):
         rest, weight, tau, qv, cosine, sine = numbers
-        needs = Needs(power=True, dissipation=True, storage=True, transverse=True)
-        found = Relaxing(rest, weight, tau).means(qv[None], needs, harmonics=(cosine, sine))
+        needs = RequiredMeans(power=True, dissipation=True, storage=True, transverse=True)
+        found = PronyStiffness(rest, weight, tau).means(qv[None], needs, harmonics=(cosine, sine))
         return jnp.stack([found[kind][0][0] for kind in needs.kinds])
 
     numbers, exact = as_arrays(at), of_terms(*at)

@@ -14,11 +14,11 @@ from support.scenes.common import ROAD
 import rubberfric as rf
 from rubberfric.scene.numerics.settings import OTHER
 from rubberfric.scene.pairs import pairs_of
-from rubberfric.scene.scene import present
+from rubberfric.scene.scene import optional_parts
 from rubberfric.scene.softening import knots, softening_factors, strain
 from rubberfric.theory.paper import covers
-from rubberfric.theory.quantities import Needs
-from rubberfric.theory.stiffness.angular_means import Relaxing
+from rubberfric.theory.quantities import RequiredMeans
+from rubberfric.theory.stiffness.angular_means import PronyStiffness
 from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
 
 NAMES = [name for name in CASES if name.startswith("soft-")]
@@ -54,9 +54,9 @@ def test_derivatives(name):
 # Angular means.
 
 F = {
-    "four terms": Relaxing(1.0, [0.5, 30.0, 1e3, 2e4], [1e2, 1.0, 1e-3, 1e-8]),
-    "equal times": Relaxing(2.0, [1.0, 3.0, 0.0, 5.0], [1.0, 1.0, 1.0, 1.0]),
-    "liquid": Relaxing(0.0, [1.0, 1e-6, 1e6, 1.0], [1e-3, 1e3, 1.0, 2.0]),
+    "four terms": PronyStiffness(1.0, [0.5, 30.0, 1e3, 2e4], [1e2, 1.0, 1e-3, 1e-8]),
+    "equal times": PronyStiffness(2.0, [1.0, 3.0, 0.0, 5.0], [1.0, 1.0, 1.0, 1.0]),
+    "liquid": PronyStiffness(0.0, [1.0, 1e-6, 1e6, 1.0], [1e-3, 1e3, 1.0, 2.0]),
 }
 
 
@@ -74,14 +74,14 @@ def by_quadrature(rest, weight, tau, qv):
 
 
 def split_means(F, qv):
-    found = F.means(qv[None], Needs(power=True, dissipation=True, storage=True), split=True)
+    found = F.means(qv[None], RequiredMeans(power=True, dissipation=True, storage=True), split=True)
     return jnp.stack([*found["power"], *found["dissipation"], *found["storage"]])[:, 0]
 
 
 @pytest.mark.parametrize("name", F)
 def test_means_of_storage_and_loss_apart(name):
     """<F'^2> and <F''^2>, over 20 decades of velocity, the small ones to all their digits."""
-    given = Relaxing(*map(np.array, F[name]))
+    given = PronyStiffness(*map(np.array, F[name]))
     qv = np.logspace(-10, 10, 21)
     found = jax.jit(split_means)(as_arrays(given), jnp.asarray(qv))
     exact = np.array([by_quadrature(*given, x) for x in qv]).T
@@ -91,7 +91,7 @@ def test_means_of_storage_and_loss_apart(name):
 @pytest.mark.slow
 def test_means_have_the_derivatives_of_the_quadrature():
     """Of <F'^2> and <F''^2>: forward = reverse = the integrals' own derivatives, taken by complex steps."""
-    given, qv = Relaxing(*map(np.array, F["four terms"])), np.array([1e-4, 0.3, 1e3])
+    given, qv = PronyStiffness(*map(np.array, F["four terms"])), np.array([1e-4, 0.3, 1e3])
     at = as_arrays(given)
     forward, reverse = (
         jax.jit(d(lambda F: split_means(F, jnp.asarray(qv))))(at) for d in (jax.jacfwd, jax.jacrev)
@@ -137,10 +137,10 @@ def test_means_in_series_have_the_values_and_derivatives_of_the_quadrature():
     def means(numbers):
         *factors, rest, weight, tau, qv = numbers
         factors = (jnp.full((1, 2), x) for x in factors)
-        F = SoftenedInSeries(Relaxing(rest, weight, tau), *factors)
+        F = SoftenedInSeries(PronyStiffness(rest, weight, tau), *factors)
         # A second node at rest: what is 0 there must not spoil the sum.
         found = F.means(
-            jnp.stack([qv, 0.0 * qv])[None, None], Needs(power=True, dissipation=True, storage=True)
+            jnp.stack([qv, 0.0 * qv])[None, None], RequiredMeans(power=True, dissipation=True, storage=True)
         )
         return jnp.stack([found[kind][0][0, 0, 0] for kind in ("power", "dissipation", "storage")])
 
@@ -407,8 +407,8 @@ def test_a_table_of_one_body_counts_wherever_that_of_a_scene_does():
     """In settings, in what other methods cover, and in what is refused."""
     softened, road = rf.Body(RUBBER, softening=SOFTENING), rf.Body(rf.Rigid(), ROAD)
     for one in (rf.Scene(rf.Body(RUBBER), road, softening=SOFTENING), rf.Scene(softened, road)):
-        assert present(one) == {"softening"}
-        assert rf.analysis.fitting_quadrature(one, 1e5) == OTHER[0]
+        assert optional_parts(one) == {"softening"}
+        assert rf.analysis.default_quadrature(one, 1e5) == OTHER[0]
         assert not covers(one) and rf.analysis.theory_error(one, np.array([0.1])) is None
         with pytest.raises(
             ValueError, match=r"^boundary_element: the scene has softening; it must have none$"

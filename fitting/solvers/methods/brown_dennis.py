@@ -132,10 +132,10 @@ def taken(
         new = new._replace(rows=rows, jacobian=jacobian)
     lowest = min(cost, before)
     promised = _linear_promise(new, longest)
-    of_no_account = NEAR * max(lowest, 1.0)
-    near = promised <= _PROMISED * of_no_account
+    negligible = NEAR * max(lowest, 1.0)
+    near = promised <= _PROMISED * negligible
     # Data that are met need not end there, their cost falls on to rounding.
-    hidden = near and lowest > 20 * NEAR and new.costs[0] - lowest <= _GAINED * of_no_account
+    hidden = near and lowest > 20 * NEAR and new.costs[0] - lowest <= _GAINED * negligible
     if lowest <= rounding:
         status = PERFECT
     elif promised <= tolerance * lowest + 0.02 * np.sqrt(rounding * lowest):

@@ -21,7 +21,7 @@ from rubberfric.commands.explorer.points import Measured, curves_of
 from rubberfric.commands.explorer.sliders import changes, moved, sliders_of, with_cutoffs
 from rubberfric.io.results import Conditions, check_conditions
 from rubberfric.materials.material import Material, complex_modulus
-from rubberfric.scene.numerics.settings import fitting_quadrature
+from rubberfric.scene.numerics.settings import default_quadrature
 from rubberfric.scene.scene import Scene, cast, dissipates
 from rubberfric.theory.model import solve
 from rubberfric.theory.quantities import quantities_of
@@ -65,7 +65,7 @@ class Explorer:
                 f"{measured.path}: points over velocity: [run] of the scene must have two velocities > 0"
             )
         self.sliders = sliders_of(self.scene, conditions, self.axis)
-        self.quadrature = fitting_quadrature(
+        self.quadrature = default_quadrature(
             self.scene, conditions.pressure, margin=0.0 if adheres else math.inf
         )
         self.quantities = quantities_of(self.scene)

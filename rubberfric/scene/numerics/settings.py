@@ -25,7 +25,7 @@ from rubberfric.materials.prony import Prony
 from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.roughness.spectra import SelfAffine
 from rubberfric.roughness.tabulated import TabulatedSpectrum
-from rubberfric.scene.scene import Scene, present
+from rubberfric.scene.scene import Scene, optional_parts
 
 _ALL = math.inf, -math.inf, math.inf
 
@@ -97,7 +97,7 @@ class _TracedError(Exception):
     """A number is traced."""
 
 
-def fitting_quadrature(
+def default_quadrature(
     scene: Scene, pressure: ArrayLike, *, margin: float = 0.0, separation: bool = True
 ) -> Quadrature:
     """The setting of least work, out of a handful, that is good to 1e-9 for a scene.
@@ -147,7 +147,7 @@ def fitting_quadrature(
 
 def _rules_of(scene, rough, plain, separation, margin):
     """Settings and their limits that were measured for scenes of these parts, of increasing work."""
-    parts = present(scene)
+    parts = optional_parts(scene)
     bare = parts <= {"shear"}
     if plain and bare:
         return RULES[rough] if separation else (*WITHOUT_SEPARATION[rough], *RULES[rough])

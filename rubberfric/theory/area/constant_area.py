@@ -38,7 +38,7 @@ from rubberfric.base.fixed_points.secant import first, zero
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
 from rubberfric.theory.area.partial_contact import (
     TWO_OVER_ROOT_PI,
-    Pressed,
+    AdhesiveLoad,
     contact_fraction,
     energy_factor,
 )
@@ -70,7 +70,7 @@ class Unloading(NamedTuple):
 _POINTS = Unloading._make([0, 0, 0, 0, 0, None, None])
 
 
-def hold(unloading: Unloading) -> Pressed:
+def solve_energy_criterion(unloading: Unloading) -> AdhesiveLoad:
     """Solve for the load that makes the same area without adhesion.
 
     Parameters
@@ -79,8 +79,8 @@ def hold(unloading: Unloading) -> Pressed:
 
     Returns
     -------
-    Pressed, of the least load if there are several, the one that approaching solids come to; of full contact
-    where there is none. Derivatives are implicit.
+    AdhesiveLoad, the least of several loads, which approaching solids reach first; that of full contact if
+    there is none. Derivatives are implicit.
     """
     still = jax.lax.stop_gradient(unloading)
     solution, full, converged = jax.vmap(_solved, (_POINTS,))(still)
@@ -92,7 +92,7 @@ def hold(unloading: Unloading) -> Pressed:
 
     z = implicit(balance, solution[:, None])[:, 0]
     fall = jax.vmap(lambda point, z: _slopes(point, z)[1], (_POINTS, 0))(unloading, z)
-    return Pressed(jnp.exp(z), converged, lift=-jnp.expm1(-z) * fall)
+    return AdhesiveLoad(jnp.exp(z), converged, lift=-jnp.expm1(-z) * fall)
 
 
 def _solved(point):

@@ -37,7 +37,7 @@ from rubberfric.base.quadrature import gauss, typed
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
 from rubberfric.theory.area.partial_contact import (
     TWO_OVER_ROOT_PI,
-    Pressed,
+    AdhesiveLoad,
     contact_argument,
     contact_fraction,
     energy_factor,
@@ -81,7 +81,7 @@ class Gaps(NamedTuple):
 _POINTS = Gaps._make([0, 0, 0, 0, 0, None, None, None, None])
 
 
-def solve_dmt_load(gaps: Gaps, order: int) -> Pressed:
+def solve_dmt_load(gaps: Gaps, order: int) -> AdhesiveLoad:
     """Solve p_rep = sigma_0 + p_ad for the load that the contact bears.
 
     Parameters
@@ -91,7 +91,7 @@ def solve_dmt_load(gaps: Gaps, order: int) -> Pressed:
 
     Returns
     -------
-    Pressed, of the least load if there are several; derivatives are implicit
+    AdhesiveLoad, of the least load if there are several; derivatives are implicit
     """
     count = _counts(order)
     still = jax.lax.stop_gradient(gaps)
@@ -108,7 +108,7 @@ def solve_dmt_load(gaps: Gaps, order: int) -> Pressed:
     def balance(z):
         return jax.vmap(lambda gaps, z: _log_load(gaps, z, count), (_POINTS, 0))(gaps, z[:, 0])[:, None]
 
-    return Pressed(jnp.exp(implicit(balance, solution[:, None])[:, 0]), converged)
+    return AdhesiveLoad(jnp.exp(implicit(balance, solution[:, None])[:, 0]), converged)
 
 
 def evaluate_attraction(gaps: Gaps, order: int) -> jax.Array:

@@ -23,7 +23,7 @@ TWO_OVER_ROOT_PI = 2 / math.sqrt(math.pi)
 EULER = 0.57721566490153286
 
 
-class Pressed(NamedTuple):
+class AdhesiveLoad(NamedTuple):
     """Contact that adhesion presses together as a load would, (points,)."""
 
     load: jax.Array  # that makes it without adhesion, over sigma_0

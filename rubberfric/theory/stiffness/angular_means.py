@@ -26,8 +26,8 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from rubberfric.materials.material import squarable
-from rubberfric.theory.quantities import Needs
+from rubberfric.materials.material import clip_for_square
+from rubberfric.theory.quantities import RequiredMeans
 
 # By kind, "power", "dissipation", "storage" and "transverse": one array, but of the power two, <F'^2> and
 # <F''^2>, where they are needed apart.
@@ -36,7 +36,7 @@ Means = dict[str, tuple[jax.Array, ...]]
 Harmonics = tuple[jax.Array, jax.Array]
 
 
-class Relaxing(NamedTuple):
+class PronyStiffness(NamedTuple):
     """F(s) = rest + sum_i weight_i s tau_i / (1 + s tau_i), of every node or of all of them."""
 
     rest: jax.Array  # [-], shape () or (nodes,)
@@ -49,7 +49,7 @@ class Relaxing(NamedTuple):
         return self.tau.ndim > 1
 
     def means(
-        self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: Harmonics | None = None
+        self, qv: jax.Array, needs: RequiredMeans, split: bool = False, harmonics: Harmonics | None = None
     ) -> Means:
         """Means of F for roughness passing at q v.
 
@@ -57,7 +57,7 @@ class Relaxing(NamedTuple):
         ----------
         qv : q v a_T [1/s], any shape, (points, nodes) if every node has its own F; negative for
             reversed sliding
-        needs : Needs
+        needs : RequiredMeans
         split : whether <F'^2> and <F''^2> are needed apart
         harmonics : shares (c_m, s_m) of the harmonics, which are added to the means, shape (harmonics,)
             each, or (harmonics, ...) broadcastable with qv where they depend on q; None: there are
@@ -237,7 +237,7 @@ def _relaxation_jvp(primals, tangents):
 
 
 def _relaxation_parts(a):
-    a = squarable(a)
+    a = clip_for_square(a)
     r = jnp.sqrt(1 + a * a)
     inverse = 1 / (r * (1 + r))
     sine = a * inverse

@@ -17,7 +17,7 @@ import numpy as np
 from rubberfric.base.quadrature import typed
 from rubberfric.materials.material import Material
 from rubberfric.materials.tabulated_modulus import LONGEST, REACH
-from rubberfric.theory.quantities import Needs
+from rubberfric.theory.quantities import RequiredMeans
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means
 from rubberfric.theory.stiffness.circle_means import LEAD, Weights, circle_means, circle_weights, lead_in
 from rubberfric.theory.stiffness.splines import BEFORE, BESIDE, MARGIN, at, splines
@@ -59,7 +59,7 @@ class MeansTable(NamedTuple):
         q: jax.Array,
         velocity: jax.Array,
         log_shift: jax.Array | None,
-        needs: Needs,
+        needs: RequiredMeans,
         split: bool = False,
         harmonics: Harmonics | None = None,
     ) -> Means:
@@ -69,13 +69,13 @@ class MeansTable(NamedTuple):
         ----------
         q, velocity : [1/m], [m/s], shapes that broadcast
         log_shift : ln a_T, broadcastable with them; None: 0
-        needs, split, harmonics : as for the table, and `Relaxing.means`
+        needs, split, harmonics : as for the table, and `PronyStiffness.means`
         """
         passing, sign = _passing(self, jnp.log(q), velocity, log_shift)
         return of_direction(_by_table(self, passing, needs, split, harmonics), sign, harmonics)
 
 
-def means_table(F: Tabulated, needs: Needs, split: bool, harmonics: Harmonics | None) -> MeansTable:
+def means_table(F: Tabulated, needs: RequiredMeans, split: bool, harmonics: Harmonics | None) -> MeansTable:
     """Table of the means of an F that depends on q v alone; arguments as of `Tabulated.means`."""
     material, (count_of_harmonics, mix) = F.material, constant_shares(harmonics)
     step, reach = material.detail / PER_DETAIL, REACH * material.detail

@@ -16,13 +16,13 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from rubberfric.materials.material import plane_strain, stiffer
+from rubberfric.materials.material import apply_vertical_shift, plane_strain_factor
 from rubberfric.materials.series.prony_and_prony import two_in_series
 from rubberfric.materials.series.prony_and_spring import in_series
 from rubberfric.scene.pairs import AT_REFERENCE, Pair, PairTemperatures
 from rubberfric.scene.scene import Body, Scene
 from rubberfric.scene.softening import Softened, softening_factors
-from rubberfric.theory.stiffness.angular_means import Relaxing
+from rubberfric.theory.stiffness.angular_means import PronyStiffness
 from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
 from rubberfric.theory.stiffness.tabulated_means import Tabulated
 
@@ -61,7 +61,7 @@ def relaxing_stiffness(
     scale: jax.Array,
     q: jax.Array,
     temperatures: PairTemperatures = AT_REFERENCE,
-) -> Relaxing | Tabulated | SoftenedInSeries:
+) -> PronyStiffness | Tabulated | SoftenedInSeries:
     """F of K_j where the strained solid relaxes, without the factor of `layer_factor`.
 
     Parameters
@@ -73,7 +73,7 @@ def relaxing_stiffness(
 
     Returns
     -------
-    Relaxing or Tabulated, of all q in one row where F depends on q; or SoftenedInSeries
+    PronyStiffness or Tabulated, of all q in one row where F depends on q; or SoftenedInSeries
     """
     if pair.softens_in_series:
         return _softened(pair, scale, q)
@@ -85,17 +85,19 @@ def relaxing_stiffness(
         if spring is not None:
             nothing = jnp.zeros(0, q.dtype)
             series = two_in_series((series.rest, series.weight, series.tau), (spring, nothing, nothing))
-        return Relaxing(*series)
+        return PronyStiffness(*series)
     own = None if nodes is None else _layer(pair.strained, nodes)
     series = material.reduced_series(scale)
     if series is None:
-        unit = stiffer(plane_strain(material) / scale, material.shift, temperatures.strained)
+        unit = apply_vertical_shift(
+            plane_strain_factor(material) / scale, material.shift, temperatures.strained
+        )
         return Tabulated(material, unit if own is None else unit * own, spring)
-    rest, weight = (stiffer(x, material.shift, temperatures.strained) for x in series[:2])
+    rest, weight = (apply_vertical_shift(x, material.shift, temperatures.strained) for x in series[:2])
     series = rest, weight, series.tau
     if own is not None:
         series = own * rest, own[:, None] * weight, series[2]
-    return Relaxing(*(series if spring is None else in_series(*series, spring)))
+    return PronyStiffness(*(series if spring is None else in_series(*series, spring)))
 
 
 def tabulated_stiffness(pair: Pair, scale: jax.Array) -> Tabulated | None:
@@ -143,8 +145,8 @@ def _softened(pair: Pair, scale: jax.Array, q: jax.Array) -> SoftenedInSeries:
     material, factor = pair.strained.material, _layer(pair.strained, q)
     series = material.reduced_series(scale)
     if series is None:
-        factor = factor * (plane_strain(material) / scale)
-    modulus = material if series is None else Relaxing(*series)
+        factor = factor * (plane_strain_factor(material) / scale)
+    modulus = material if series is None else PronyStiffness(*series)
     storage = loss = factor
     if pair.softened is not None:
         storage, loss = (factor * x for x in softening_factors(pair.softened, q))
@@ -161,7 +163,7 @@ def _spring(
     """E_r(0) Sbar of a body over the scale, at q and a temperature; q None: of its half-space."""
     if q is not None and body.layer is not None and not body.layer.multiplies:
         return body.layer.static_reduced(body.material, scale, q, temperature)
-    own = stiffer(body.material.static_reduced() / scale, body.material.shift, temperature)
+    own = apply_vertical_shift(body.material.static_reduced() / scale, body.material.shift, temperature)
     if q is None:
         return own
     if softened is not None:

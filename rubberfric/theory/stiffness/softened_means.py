@@ -13,9 +13,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.materials.material import Material, squarable
-from rubberfric.theory.quantities import Needs
-from rubberfric.theory.stiffness.angular_means import Means, Relaxing
+from rubberfric.materials.material import Material, clip_for_square
+from rubberfric.theory.quantities import RequiredMeans
+from rubberfric.theory.stiffness.angular_means import Means, PronyStiffness
 from rubberfric.theory.stiffness.circle_means import circle_rule
 from rubberfric.theory.stiffness.tabulated_means import log_frequency, moduli_at, moduli_on_grid, rule_of_node
 
@@ -27,7 +27,7 @@ _STEP, _GROWTH = 0.3, 7.0
 class SoftenedInSeries(NamedTuple):
     """F of a softened solid in series with a spring, at given wavevectors, (panels, order) each."""
 
-    modulus: Material | Relaxing  # without a series, or its series in units of the scale
+    modulus: Material | PronyStiffness  # without a series, or its series in units of the scale
     storage: jax.Array  # f times what makes it a stiffness in units of the scale
     loss: jax.Array  # the same with g
     spring: jax.Array  # the other solid at rest [-]
@@ -37,7 +37,7 @@ class SoftenedInSeries(NamedTuple):
     def means(
         self,
         qv: jax.Array,
-        needs: Needs,
+        needs: RequiredMeans,
         strained: jax.Array | None = None,
         resting: jax.Array | None = None,
     ) -> Means:
@@ -46,7 +46,7 @@ class SoftenedInSeries(NamedTuple):
         strained, resting : b_T of either solid, broadcastable to qv; None: 1
         """
         modulus = self.modulus
-        if isinstance(modulus, Relaxing):
+        if isinstance(modulus, PronyStiffness):
             _, psi, weight = circle_rule(_STEP, _GROWTH)
             moduli_along = functools.partial(_series_modulus, modulus, np.sin(psi))
         else:
@@ -135,7 +135,7 @@ def _relaxing(omega, weight, tau):
     """Sums over the terms of weight a^2 / (1 + a^2) and weight a / (1 + a^2), a = omega tau."""
     storage, loss = jnp.zeros_like(omega), jnp.zeros_like(omega)
     for i in range(tau.shape[0]):
-        a = squarable(omega * tau[i])
+        a = clip_for_square(omega * tau[i])
         relaxing = weight[i] * a / (1 + a * a)
         storage, loss = storage + a * relaxing, loss + relaxing
     return storage, loss
@@ -150,7 +150,7 @@ def _relaxing_jvp(primals, tangents):
     @functools.partial(jax.checkpoint, prevent_cse=False)
     def add(sums, term):
         (weight, tau), (weight_dot, tau_dot) = term
-        a = squarable(omega * tau)
+        a = clip_for_square(omega * tau)
         inverse = 1 / (1 + a * a)
         loss = a * inverse
         a_dot = tangents[0] * tau + omega * _along(tau_dot, omega)

@@ -16,7 +16,7 @@ import numpy as np
 
 from rubberfric.materials.material import Material
 from rubberfric.materials.tabulated_modulus import LONGEST, REACH
-from rubberfric.theory.quantities import Needs
+from rubberfric.theory.quantities import RequiredMeans
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means
 from rubberfric.theory.stiffness.circle_means import circle_rule, harmonic
 from rubberfric.theory.stiffness.splines import BEFORE, BESIDE, MARGIN, at, splines
@@ -41,9 +41,9 @@ class Tabulated(NamedTuple):
         return self.scale.ndim > 0
 
     def means(
-        self, qv: jax.Array, needs: Needs, split: bool = False, harmonics: Harmonics | None = None
+        self, qv: jax.Array, needs: RequiredMeans, split: bool = False, harmonics: Harmonics | None = None
     ) -> Means:
-        """Means of F for roughness passing at q v; arguments as `Relaxing.means`."""
+        """Means of F for roughness passing at q v; arguments as `PronyStiffness.means`."""
         return means_of_log(
             self.material, qv, harmonics, lambda x: _by_node(self, x, needs, split, harmonics)
         )
@@ -58,7 +58,7 @@ def means_of_log(
     ----------
     material : whose modulus it is
     qv : q v a_T [1/s], any shape
-    harmonics : as of `Relaxing.means`
+    harmonics : as of `PronyStiffness.means`
     means : function of ln |q v|
     """
     log_qv, sign = log_frequency(material, qv)
@@ -170,7 +170,7 @@ class Kind(NamedTuple):
         return values**2 if self.squared else values
 
 
-def kinds_of(needs: Needs, split: bool, loss_beyond: str) -> list[Kind]:
+def kinds_of(needs: RequiredMeans, split: bool, loss_beyond: str) -> list[Kind]:
     """`Kind` of everything that is wanted, in the order of `Means`."""
     # Where E' steps up, a spline of <|F|^2> itself would swing below 0.
     powers = [Kind("power", "power", 0, positive=True)]

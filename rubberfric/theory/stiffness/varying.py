@@ -15,8 +15,8 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.scene.pairs import Pair, PairTemperatures
-from rubberfric.theory.quantities import Needs
-from rubberfric.theory.stiffness.angular_means import Harmonics, Means, Relaxing
+from rubberfric.theory.quantities import RequiredMeans
+from rubberfric.theory.stiffness.angular_means import Harmonics, Means, PronyStiffness
 from rubberfric.theory.stiffness.series import relaxing_stiffness, static_stiffness
 from rubberfric.theory.stiffness.tabulated_means import Tabulated
 
@@ -32,7 +32,7 @@ class VaryingSeries(NamedTuple):
         q: jax.Array,
         speed: jax.Array,
         temperatures: PairTemperatures,
-        needs: Needs,
+        needs: RequiredMeans,
         harmonics: Harmonics | None,
     ) -> Means:
         """Means of F.
@@ -42,7 +42,7 @@ class VaryingSeries(NamedTuple):
         q : [1/m], shape (panels, order)
         speed : v a_T of the strained solid [m/s], shape (points,) or (panels, points, order)
         temperatures : [K], shapes (points,) or (panels, points, order)
-        needs, harmonics : as of `Relaxing.means`; shares (harmonics,) or (harmonics, panels, order)
+        needs, harmonics : as of `PronyStiffness.means`; shares (harmonics,) or (harmonics, panels, order)
 
         Returns
         -------
@@ -89,12 +89,12 @@ class VaryingSeries(NamedTuple):
 
         def one(q, temperatures):
             F = relaxing_stiffness(self.pair, self.scale, q[None, None], temperatures)
-            assert isinstance(F, Relaxing | Tabulated)
-            if isinstance(F, Relaxing):
+            assert isinstance(F, PronyStiffness | Tabulated)
+            if isinstance(F, PronyStiffness):
                 return F.rest.reshape(()), F.weight.reshape(-1), F.tau.reshape(-1)
             return tuple(jnp.reshape(x, ()) for x in (F.scale, F.spring) if x is not None)
 
         found = jax.vmap(one)(q, temperatures)
         if len(found) == 3:
-            return Relaxing(*found)
+            return PronyStiffness(*found)
         return Tabulated(self.pair.strained.material, found[0], found[1])

@@ -7,7 +7,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from rubberfric.analysis.jacobian import BLOCK
 from support.cases.stored import h_rms, reference
 from support.cases.stored import scene as scene_of
 from support.counting.compilations import compilations
@@ -17,6 +16,7 @@ from support.scenes.fits import FAST
 
 import rubberfric as rf
 from fitting import sensitivity, sensitivity_names
+from rubberfric.analysis.jacobian import BLOCK
 
 ORACLE = reference("derivative_cases")
 

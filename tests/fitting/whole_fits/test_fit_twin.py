@@ -188,8 +188,8 @@ def test_a_fit_that_leaves_the_limits_of_its_quadrature_goes_on_with_a_finer_one
     free = {"lower.spectrum.q1": fitting.Positive(), "lower.spectrum.h_rms": fitting.Positive()}
     result = fitting.fit(scene(2e4, 2e-4), data, free, progress=told.append)
     ended, lowest = result.problem.structure.quadrature, np.min(data.pressure)
-    assert ended.panels >= rf.analysis.fitting_quadrature(truth, lowest, margin=-1.0, separation=False).panels
-    start = rf.analysis.fitting_quadrature(scene(2e4, 2e-4), lowest, margin=0.5, separation=False)
+    assert ended.panels >= rf.analysis.default_quadrature(truth, lowest, margin=-1.0, separation=False).panels
+    start = rf.analysis.default_quadrature(scene(2e4, 2e-4), lowest, margin=0.5, separation=False)
     assert start.panels < ended.panels and sum("needs" in one for one in told) == 1
     np.testing.assert_allclose(result.values, [1e8, 1e-4], rtol=1e-6)
     given = fitting.fit(scene(2e4, 2e-4), data, free, quadrature=start)

@@ -194,12 +194,12 @@ def test_errors_fall_along_the_ladder():
 
 def test_the_setting_of_calls_without_one_has_its_row_and_its_line():
     """Settings are sorted by increasing work."""
-    automatic = rf.analysis.fitting_quadrature(SCENE, 1e5)
+    automatic = rf.analysis.default_quadrature(SCENE, 1e5)
     settings = with_automatic(SCENE, automatic)
     assert automatic not in SETTINGS and set(settings) == {*SETTINGS, automatic}
     assert np.all(np.diff([node_count(SCENE, setting) for setting in settings]) >= 0)
     assert with_automatic(SCENE, SETTINGS[2]) == SETTINGS
-    assert found().automatic == rf.analysis.fitting_quadrature(*AT[::2])
+    assert found().automatic == rf.analysis.default_quadrature(*AT[::2])
     row = Row("panels", automatic, "float64", 100, Errors(*3 * [1e-8], *3 * [1e-7]), 1e-3, 2e-3, 1.0, 2.0)
     result = Accuracy(1e-9, (row,), Errors(*6 * [1e-12]), 1, 1, automatic=automatic)
     _, said = result.report().split("without a quadrature: ")

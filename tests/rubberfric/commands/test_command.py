@@ -78,7 +78,7 @@ def test_table_result_and_plot_agree_with_solve(call, scene_file, tmp_path):
     assert result.solution.viscoelastic_friction is None
     assert result.solution.shear_friction is None
     assert result.title == "Small scene"
-    assert result.quadrature == rf.analysis.fitting_quadrature(scene, p)
+    assert result.quadrature == rf.analysis.default_quadrature(scene, p)
 
     lines = printed.splitlines()
     assert max(map(len, lines)) <= 80

@@ -9,7 +9,7 @@ import rubberfric as rf
 from rubberfric.materials.material import (
     Material,
     Series,
-    plane_strain,
+    plane_strain_factor,
     poisson_of,
     relaxation,
     series_modulus,
@@ -27,7 +27,7 @@ def reduced(material, omega):
     if material.poisson is None:
         poisson = 0.5 - E / (6 * float(material.bulk))
         return E / (1 - poisson**2)
-    return E * float(plane_strain(material))
+    return E * float(plane_strain_factor(material))
 
 
 @pytest.mark.parametrize("material", [ELASTIC, PRONY, SHEAR, TABLE], ids=NAMES)

@@ -9,8 +9,8 @@ from support.cases.stored import slow_if
 from support.oracles.oracle import shift_factor, table_modulus
 
 import rubberfric as rf
-from rubberfric.materials.material import plane_strain
-from rubberfric.theory.quantities import Needs
+from rubberfric.materials.material import plane_strain_factor
+from rubberfric.theory.quantities import RequiredMeans
 from rubberfric.theory.stiffness.means_table import means_table
 from rubberfric.theory.stiffness.tabulated_means import Tabulated
 
@@ -111,7 +111,7 @@ def test_omega_and_temperature_broadcast():
 
 @pytest.mark.parametrize("poisson", [0.0, 0.3, 0.5])
 def test_plane_strain(poisson):
-    assert plane_strain(rf.Elastic(1e6, poisson)) == pytest.approx(1 / (1 - poisson**2), rel=1e-15)
+    assert plane_strain_factor(rf.Elastic(1e6, poisson)) == pytest.approx(1 / (1 - poisson**2), rel=1e-15)
 
 
 @pytest.mark.parametrize("material", [PRONY, rf.TabulatedModulus(**TABLE)], ids=["prony", "table"])
@@ -157,7 +157,7 @@ def test_a_table_on_a_liquid_at_rest():
 @pytest.mark.parametrize("outside", slow_if(lambda outside: outside != "none", ["fall", "hold", "none"]))
 def test_means_follow_their_powers_beyond_the_table_of_means(outside):
     """At q v of e^-30 ... e^40 beside the ends, against the angular integral at q v itself."""
-    needs = Needs(power=True, dissipation=True, storage=True, transverse=True)
+    needs = RequiredMeans(power=True, dissipation=True, storage=True, transverse=True)
     F = Tabulated(rf.TabulatedModulus(**TABLE, outside=outside), jnp.asarray(1e-9), jnp.asarray(0.01))
     harmonics = jnp.array([0.3, -0.1]), jnp.array([0.2, 0.4])
     ends = np.log(TABLE["omega"][[0, -1]])

@@ -159,7 +159,7 @@ def some(names, quick=QUICK):
     return [name if name in quick else pytest.param(name, marks=pytest.mark.slow) for name in names]
 
 
-def stiffer(scene, shift, b, a):
+def shifted_scene(scene, shift, b, a):
     """The scene with b times the moduli that move with a shift, whose times become a times as long."""
 
     def moved(part):
@@ -185,7 +185,7 @@ def test_scenes_with_scaled_moduli(name):
     scene = SCENES[name](law)
     found = rf.solve(scene, V, 3e5, T, quantities=QUANTITIES)
     for i, at in enumerate(T):
-        plain = stiffer(scene, law, factor(ENTROPIC, at), float(jnp.exp(law.log_factor(at))))
+        plain = shifted_scene(scene, law, factor(ENTROPIC, at), float(jnp.exp(law.log_factor(at))))
         has_shift = any(body.material.shift is not None for body in (plain.lower, plain.upper))
         wanted = rf.solve(plain, V[i], 3e5, at if has_shift else None, quantities=QUANTITIES)
         for quantity in QUANTITIES:

@@ -14,7 +14,7 @@ from support.oracles.tables import random_table
 from support.scenes.common import RIGID, ROAD, SOFT, TREAD, WORN, scene
 
 import rubberfric as rf
-from rubberfric.analysis import fitting_quadrature
+from rubberfric.analysis import default_quadrature
 from rubberfric.scene.numerics.settings import (
     HEATED,
     HEATED_TABLES,
@@ -45,24 +45,24 @@ def test_span_and_load_are_those_of_the_docstring():
     assert exact <= largest <= exact + 0.3 and least == pytest.approx(largest - math.log(10))
     flat = scene((RIGID, rf.SelfAffine(100.0, 1000.0, 3e4, 0.8, 0.0)), (TREAD,))
     assert loads_of(flat, PRESSURE) == (-math.inf, -math.inf)
-    assert fitting_quadrature(USUAL, []) == RULES[1][1][0]
+    assert default_quadrature(USUAL, []) == RULES[1][1][0]
     q = np.array([1e2, 1e3, 1e4])
     table = rf.TabulatedSpectrum(q, [1e-9, 1e-9, 1e-12])
     assert span_of(scene((RIGID, table), (TREAD,))) == pytest.approx(math.log(100) + math.log(10))
 
 
 def test_the_usual_scene_has_fewer_nodes_and_a_wide_or_traced_one_the_default():
-    small = fitting_quadrature(USUAL, PRESSURE)
+    small = default_quadrature(USUAL, PRESSURE)
     assert small.panels < ROBUST.panels
     wide = USUAL.replace("lower.spectrum.q1", 1e14)
-    assert fitting_quadrature(wide, PRESSURE) == WIDE
-    assert fitting_quadrature(USUAL, PRESSURE, margin=30.0) == WIDE
-    assert fitting_quadrature(USUAL, 1e-30) == WIDE  # lightest loads
-    assert fitting_quadrature(scene((RIGID,), (TREAD,)), PRESSURE) == ROBUST  # smooth
+    assert default_quadrature(wide, PRESSURE) == WIDE
+    assert default_quadrature(USUAL, PRESSURE, margin=30.0) == WIDE
+    assert default_quadrature(USUAL, 1e-30) == WIDE  # lightest loads
+    assert default_quadrature(scene((RIGID,), (TREAD,)), PRESSURE) == ROBUST  # smooth
     seen = []
 
     def traced(pressure, velocity=1.0):
-        seen.append(fitting_quadrature(USUAL, pressure))
+        seen.append(default_quadrature(USUAL, pressure))
         return rf.friction(USUAL, velocity, pressure)
 
     jax.eval_shape(jax.jit(traced), PRESSURE)
@@ -80,31 +80,31 @@ def test_parts_that_nothing_was_measured_for_have_more_nodes():
         scene((RIGID, ROAD), (TREAD,), area_correction=True),
         scene((RIGID, rf.TabulatedSpectrum([1e2, 1e3, 1e4], [1e-9, 1e-9, 1e-12])), (TREAD,)),
     ]
-    assert {fitting_quadrature(one, PRESSURE) for one in others} == {OTHER[0]}
+    assert {default_quadrature(one, PRESSURE) for one in others} == {OTHER[0]}
     heated = scene((RIGID, ROAD), (rf.Prony(1e6, [1e8], [1e-5], 0.5, rf.WLF(12.0, 150.0, 293.0)),))
     heated = heated.replace("heating", rf.Heating(1200.0, 1600.0, 0.23, 2e-3))
-    assert fitting_quadrature(heated, PRESSURE) == HEATED[0][0]
-    assert fitting_quadrature(heated, 1e-9 * PRESSURE) == OTHER[0]
-    assert fitting_quadrature(heated.replace("lower.spectrum.q1", 1e7), PRESSURE) == ROBUST
+    assert default_quadrature(heated, PRESSURE) == HEATED[0][0]
+    assert default_quadrature(heated, 1e-9 * PRESSURE) == OTHER[0]
+    assert default_quadrature(heated.replace("lower.spectrum.q1", 1e7), PRESSURE) == ROBUST
     anisotropic = scene((RIGID, rf.Anisotropic(ROAD, 0.5, 0.3)), (TREAD,))
-    assert fitting_quadrature(anisotropic, PRESSURE) == ROBUST
+    assert default_quadrature(anisotropic, PRESSURE) == ROBUST
 
 
 def test_tabulated_moduli_have_panels_by_the_range_of_the_roughness():
     known = scene((RIGID, ROAD), (TABLE,))
     panels = [
-        fitting_quadrature(known.replace("lower.spectrum.q1", q1), PRESSURE).panels for q1 in (2e3, 1e4, 2e5)
+        default_quadrature(known.replace("lower.spectrum.q1", q1), PRESSURE).panels for q1 in (2e3, 1e4, 2e5)
     ]
     assert panels == [7, 9, 13] and {one.order for one, *_ in TABULATED} == {8}
     step = [1e6, 1.05e6, 3e7, 3.1e7]
     table = rf.TabulatedModulus([1.0, 1e3, 1.1e3, 1e6], step, step)
-    assert fitting_quadrature(scene((RIGID, ROAD), (table,)), PRESSURE) == OTHER[0]
-    assert fitting_quadrature(known, 1e-6 * PRESSURE) == OTHER[0]  # light load
-    assert fitting_quadrature(dataclasses.replace(known, area_correction=True), PRESSURE).panels == 11
+    assert default_quadrature(scene((RIGID, ROAD), (table,)), PRESSURE) == OTHER[0]
+    assert default_quadrature(known, 1e-6 * PRESSURE) == OTHER[0]  # light load
+    assert default_quadrature(dataclasses.replace(known, area_correction=True), PRESSURE).panels == 11
     hot = known.replace("heating", rf.Heating(1200.0, 1600.0, 0.23, 2e-3))
-    assert fitting_quadrature(hot, PRESSURE) == HEATED_TABLES[0][0]
+    assert default_quadrature(hot, PRESSURE) == HEATED_TABLES[0][0]
     seen = []
-    jax.eval_shape(jax.jit(lambda one: seen.append(fitting_quadrature(one, PRESSURE))), known)
+    jax.eval_shape(jax.jit(lambda one: seen.append(default_quadrature(one, PRESSURE))), known)
     assert seen == [ROBUST]
 
 
@@ -119,7 +119,7 @@ def on_its_limits(seed, setting, longest, largest):
     road = rf.SelfAffine(q0, q0 * math.exp(plateau), q1, rng.uniform(0.6, 1.0), 0.1 / q0)
     one = scene((RIGID, road), (material,), area_correction=bool(seed % 8 < 4))
     pressure = math.exp(loads_of(one, 1.0)[1] - 0.999 * largest)
-    assert fitting_quadrature(one, pressure) in (setting, OTHER[0], ROBUST)  # these if it has steps
+    assert default_quadrature(one, pressure) in (setting, OTHER[0], ROBUST)  # these if it has steps
     velocity = np.exp(np.quantile(x, np.linspace(0.05, 0.95, 8))) / q0 * math.exp(-0.5 * longest)
     return one, velocity, pressure
 
@@ -141,7 +141,7 @@ def test_random_tables_are_good_to_1e_9(k):
     count, worst = 0, 0.0
     for seed in SEEDS if k != 2 else SEEDS[:12]:
         *at, pressure = on_its_limits(seed, setting, longest, largest)
-        if fitting_quadrature(at[0], pressure) != setting:
+        if default_quadrature(at[0], pressure) != setting:
             continue
         exact = values(*at, pressure, fine)
         error = jnp.where(exact[2] > 1e-12, jnp.abs(values(*at, pressure, setting) / exact - 1), 0.0)
@@ -176,7 +176,7 @@ def test_heated_tables_are_nearly_as_good_as_with_more_nodes():
     setting = HEATED_TABLES[0][0]
     fine = rf.Quadrature(order=13, panels=34, graded=12, ratio=4.0, angular_order=18)
     drawn = (heated_table(seed) for seed in range(1200) if (seed + seed // 4) % 4 == 2)
-    scenes = [at for at in drawn if fitting_quadrature(*at) == setting]
+    scenes = [at for at in drawn if default_quadrature(*at) == setting]
     exact = [np.asarray(values(*at, fine)) for at in scenes]
     assert len(scenes) > 100 and np.isfinite(exact).all()
     for one in (setting, ROBUST):
@@ -188,8 +188,8 @@ def test_heated_tables_are_nearly_as_good_as_with_more_nodes():
 
 def test_calls_are_made_with_the_setting_that_fits():
     """Values, derivatives outside of jit, maps, and fits from their start; fewer nodes for friction alone."""
-    alone = fitting_quadrature(USUAL, PRESSURE, separation=False)
-    fits = fitting_quadrature(USUAL, PRESSURE)
+    alone = default_quadrature(USUAL, PRESSURE, separation=False)
+    fits = default_quadrature(USUAL, PRESSURE)
     plain = rf.solve(USUAL, 1.0, PRESSURE)
     assert plain == rf.solve(USUAL, 1.0, PRESSURE, quadrature=fits)
     np.testing.assert_allclose(plain[:3], rf.solve(USUAL, 1.0, PRESSURE, quadrature=ROBUST)[:3], rtol=1e-9)
@@ -204,8 +204,8 @@ def test_calls_are_made_with_the_setting_that_fits():
     jax.tree.map(np.testing.assert_array_equal, jax.grad(by_scene)(USUAL), jax.grad(by_scene)(USUAL, alone))
 
     near_full = 1e7
-    alone = fitting_quadrature(USUAL, near_full, separation=False)
-    fits = fitting_quadrature(USUAL, near_full)
+    alone = default_quadrature(USUAL, near_full, separation=False)
+    fits = default_quadrature(USUAL, near_full)
     assert alone.panels < fits.panels
     assert rf.friction_map(USUAL, 1.0, near_full).quadrature == alone
     assert rf.friction_map(USUAL, 1.0, near_full, quantities=("separation",)).quadrature == fits
@@ -220,14 +220,14 @@ def test_calls_are_made_with_the_setting_that_fits():
 )
 def test_wrong_arguments_are_one_line(arguments, message):
     with pytest.raises(ValueError, match=message):
-        fitting_quadrature(*arguments)
+        default_quadrature(*arguments)
 
 
 def chosen(scenes, pressure, **options):
     """Positions of the scenes by the setting that they have."""
     found = collections.defaultdict(list)
     for i, one in enumerate(scenes):
-        found[fitting_quadrature(one, pressure[i], **options)].append(i)
+        found[default_quadrature(one, pressure[i], **options)].append(i)
     return {setting: np.array(positions) for setting, positions in found.items()}
 
 

@@ -10,7 +10,7 @@ from support.scenes.common import ROAD, TREAD, WLF, WORN
 
 import rubberfric as rf
 from rubberfric.base import NONNEGATIVE, POSITIVE, Number, Vector, child, forget, leaf, physical
-from rubberfric.materials.material import Material, Series, plane_strain
+from rubberfric.materials.material import Material, Series, plane_strain_factor
 from rubberfric.materials.shifts.laws import Shift
 
 GROOVES = rf.Anisotropic(ROAD, 2.0, 0.4, 4)
@@ -34,7 +34,7 @@ def by_series():
         shift: Shift | None = child(default=None)
 
         def reduced_series(self, scale):
-            unit = plane_strain(self) / scale
+            unit = plane_strain_factor(self) / scale
             return Series(self.E_inf * unit, self.E * unit, self.tau)
 
     return AnsweredBySeries

@@ -34,7 +34,7 @@ def draw(kind, count, seed):
 def draw_heated(kind, count, seed):
     """As `draw`, of a road or an elastic solid with contact shear, and temperatures (count, POINTS).
 
-    Of three decades and loads as `fitting_quadrature` has settings of their own for.
+    Of three decades and loads as `default_quadrature` has settings of their own for.
     """
     rng = np.random.default_rng(seed)
     scenes, pressure = [], []

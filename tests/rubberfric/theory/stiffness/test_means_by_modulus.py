@@ -11,13 +11,13 @@ from support.oracles.tables import law
 
 import rubberfric as rf
 from rubberfric.materials.material import Material
-from rubberfric.theory.quantities import Needs
-from rubberfric.theory.stiffness.angular_means import Relaxing
+from rubberfric.theory.quantities import RequiredMeans
+from rubberfric.theory.stiffness.angular_means import PronyStiffness
 from rubberfric.theory.stiffness.means_table import means_table
 from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
 from rubberfric.theory.stiffness.tabulated_means import Tabulated
 
-ALL = Needs(power=True, dissipation=True, storage=True, transverse=True)
+ALL = RequiredMeans(power=True, dissipation=True, storage=True, transverse=True)
 TABLE = {
     "omega": [1e-2, 1.0, 30.0, 1e4, 1e6],
     "storage": [3.7e6, 4.8e6, 7.3e6, 3.0e7, 9.0e8],
@@ -97,7 +97,9 @@ class Maxwell(Material):
 def alike(nodes=()):
     """The same solid by its series and by its modulus; a scale at every node if there are nodes."""
     scale = jnp.asarray(nodes) if nodes else jnp.ones(())
-    by_series = Relaxing(scale * Maxwell.rest, scale[..., None] * Maxwell.weight, jnp.asarray(Maxwell.tau))
+    by_series = PronyStiffness(
+        scale * Maxwell.rest, scale[..., None] * Maxwell.weight, jnp.asarray(Maxwell.tau)
+    )
     if nodes:
         by_series = by_series._replace(tau=jnp.broadcast_to(by_series.tau, by_series.weight.shape))
     return by_series, Tabulated(Maxwell(), scale, None)
@@ -113,7 +115,7 @@ def assert_alike(found, known, rtol):
 @pytest.mark.parametrize("options", [{}, {"split": True}, {"harmonics": HARMONICS}], ids=str)
 def test_a_smooth_modulus_has_the_means_of_its_series(options):
     series, modulus = alike()
-    needs = ALL if "harmonics" in options else Needs(power=True, dissipation=True, storage=True)
+    needs = ALL if "harmonics" in options else RequiredMeans(power=True, dissipation=True, storage=True)
     options = jax.tree.map(jnp.asarray, options) if "harmonics" in options else options
     qv = jnp.logspace(-6, 8, 29)[None] * jnp.array([[1.0], [-3.0]])
     known = series.means(qv, needs, **options)
@@ -137,7 +139,7 @@ def test_harmonics_that_vary_and_a_modulus_of_every_node():
 
 def test_softened_solids_in_series():
     """1 / (1/(f E' + i g E'') + 1/k), f and g of every node, against scipy; a series and a modulus alike."""
-    needs = Needs(power=True, dissipation=True, storage=True)
+    needs = RequiredMeans(power=True, dissipation=True, storage=True)
     factors = jnp.array([[1.0, 0.4]]), jnp.array([[1.0, 0.7]]), jnp.array([[50.0, 200.0]])
     qv = jnp.array([[[0.3, 7.0], [200.0, -4e3]]])  # panels, points, order
     found = [SoftenedInSeries(modulus, *factors).means(qv, needs) for modulus in (Maxwell(), alike()[0])]

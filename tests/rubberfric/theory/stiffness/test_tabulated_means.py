@@ -10,11 +10,11 @@ from support.cases.stored import slow_if
 from support.oracles.tables import by_quadrature, contact, law, random_table
 
 import rubberfric as rf
-from rubberfric.theory.quantities import Needs
+from rubberfric.theory.quantities import RequiredMeans
 from rubberfric.theory.stiffness.means_table import means_table
 from rubberfric.theory.stiffness.tabulated_means import Tabulated
 
-WANTED = Needs(power=True, dissipation=True, storage=True)
+WANTED = RequiredMeans(power=True, dissipation=True, storage=True)
 
 
 def velocities(table):

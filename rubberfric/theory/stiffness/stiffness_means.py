@@ -17,8 +17,8 @@ from rubberfric.base.process.compiler import quick_options
 from rubberfric.materials.shifts.laws import Shift, log_vertical
 from rubberfric.scene.pairs import AT_REFERENCE, Pair, PairTemperatures, pairs_of
 from rubberfric.scene.scene import Scene
-from rubberfric.theory.quantities import Needs, needs_of
-from rubberfric.theory.stiffness.angular_means import Harmonics, Means, Relaxing
+from rubberfric.theory.quantities import RequiredMeans, needs_of
+from rubberfric.theory.stiffness.angular_means import Harmonics, Means, PronyStiffness
 from rubberfric.theory.stiffness.means_table import MeansTable, means_table
 from rubberfric.theory.stiffness.series import modulus_scale, relaxing_stiffness, tabulated_stiffness
 from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
@@ -34,16 +34,16 @@ Tables = tuple[MeansTable | None, ...]
 _kept: dict[Any, Tables | None] = {}
 
 
-class Excitation(NamedTuple):
+class StiffnessMeans(NamedTuple):
     """The stiffness that roughness of given wavevectors meets, and which of its means are needed."""
 
-    stiffness: Relaxing | Tabulated | MeansTable | SoftenedInSeries | None  # None if nothing relaxes
+    stiffness: PronyStiffness | Tabulated | MeansTable | SoftenedInSeries | None  # None if nothing relaxes
     varying: VaryingSeries | None  # the same at temperatures that change its form
     shift: Shift | None  # of the strained solid
     resting: Shift | None  # of the rough one
     harmonics: Harmonics | None  # as `_harmonic_shares`
     split: bool  # whether <F'^2> and <F''^2> are needed apart
-    needs: Needs
+    needs: RequiredMeans
 
     def means(
         self, q: jax.Array, velocity: jax.Array, temperatures: PairTemperatures = AT_REFERENCE
@@ -127,28 +127,28 @@ def _by_points(values):
     return values[:, None] if values.ndim == 1 else values
 
 
-def excitation(
-    pair: Pair, scale: jax.Array, q: jax.Array, needs: Needs, table: MeansTable | None = None
-) -> Excitation:
-    """`Excitation` by roughness of wavevectors q.
+def stiffness_means(
+    pair: Pair, scale: jax.Array, q: jax.Array, needs: RequiredMeans, table: MeansTable | None = None
+) -> StiffnessMeans:
+    """`StiffnessMeans` by roughness of wavevectors q.
 
     Parameters
     ----------
     pair : Pair whose stiffness is no constant
     scale : modulus scale [Pa]
     q : [1/m], shape (panels, order)
-    needs : Needs
+    needs : RequiredMeans
     table : of the means of its stiffness, where it is known
     """
     varying = VaryingSeries(pair, scale) if pair.varies else None
     shifts = pair.strained.material.shift, pair.rough.material.shift
     if not pair.relaxes:
-        return Excitation(None, varying, *shifts, None, False, needs)
+        return StiffnessMeans(None, varying, *shifts, None, False, needs)
     F, harmonics = relaxing_stiffness(pair, scale, q), _harmonic_shares(pair, q)
-    split = pair.softens_apart
+    split = pair.separate_storage_loss
     if isinstance(F, Tabulated) and not F.by_node:
         F = means_table(F, needs, split, harmonics) if table is None else table
-    return Excitation(F, varying, *shifts, harmonics, split, needs)
+    return StiffnessMeans(F, varying, *shifts, harmonics, split, needs)
 
 
 def _harmonic_shares(pair: Pair, q: jax.Array) -> Harmonics | None:
@@ -212,4 +212,4 @@ def _build(scene, needs):
 
 def _table(pair: Pair, scale, needs):
     F = tabulated_stiffness(pair, scale)
-    return None if F is None or pair.harmonics else means_table(F, needs, pair.softens_apart, None)
+    return None if F is None or pair.harmonics else means_table(F, needs, pair.separate_storage_loss, None)
