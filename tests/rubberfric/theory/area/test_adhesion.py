@@ -277,7 +277,7 @@ def test_what_adhesion_does_not_define_is_refused():
         rf.analysis.stress_distribution(scene, 1e5, 0.0, 1e5)
     with pytest.raises(ValueError, match=r"^Scene.adhesion: not together with area_correction"):
         _elastic(0.05, area_correction=True)
-    with pytest.raises(ValueError, match=r"^scene.adhesion is None: must be an Adhesion"):
+    with pytest.raises(ValueError, match=r"^scene.adhesion is None; it must be an Adhesion"):
         pull_off_force(_elastic(), 1e-2, 1e5)
     with pytest.raises(ValueError, match=r"work"):
         rf.Adhesion(work=-1.0)
