@@ -28,7 +28,7 @@ sys.exit(command.main())
 COMPUTING = f"""
 import hashlib, sys
 from rubberfric.analysis import batches, collapse
-collapse.curve = lambda *_: None
+collapse.collapse = lambda *_: None
 from rubberfric.commands import main as command
 def launch(*arguments):
     print("now", flush=True)
@@ -39,7 +39,7 @@ sys.exit(command.main())
 FILLING = f"""
 import hashlib, sys
 from rubberfric.analysis import batches, collapse
-collapse.curve = lambda *_: None
+collapse.collapse = lambda *_: None
 from rubberfric.commands import main as command
 count = 0
 def launch(tiling, task, batch):
