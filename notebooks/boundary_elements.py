@@ -3,7 +3,7 @@
     python notebooks/boundary_elements.py [--seconds 500]    # goes on where it was stopped; then the page
     python notebooks/boundary_elements.py --page             # the page of what there is
 
-About 40 minutes of one core in all. RequiredMeans matplotlib. Lengths are over 1/q1, stresses over E(0), times over
+About 40 minutes of one core in all. Needs matplotlib. Lengths are over 1/q1, stresses over E(0), times over
 the longest relaxation time: the results depend on no other units. Every case is a mean over REALISATIONS
 surfaces, computed on the grid of the table and, the same surfaces, on half of it: the difference is the error
 of resolution.

@@ -2,7 +2,7 @@
 
     python notebooks/error_over_time.py
 
-RequiredMeans matplotlib. Every setting of `rubberfric.analysis.reference` is compared with the
+Needs matplotlib. Every setting of `rubberfric.analysis.reference` is compared with the
 reference that validates itself, and timed in turns with the textbook method in NumPy, in one run for
 each scene.
 """

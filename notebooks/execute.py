@@ -2,7 +2,7 @@
 
     python notebooks/execute.py [1_first_contact.ipynb ...]    # all of them without a name
 
-RequiredMeans `pip install 'rubberfric[notebooks]'`. What is stored has stable names of cells (cell-01, cell-02, ...),
+Needs `pip install 'rubberfric[notebooks]'`. What is stored has stable names of cells (cell-01, cell-02, ...),
 no metadata of the machine or of the run, and pictures in a palette of 255 colours: a third of the bytes, and
 the same to the eye.
 """

@@ -2,7 +2,7 @@
 
     python notebooks/growth.py [velocities] [terms] [members] [maps] [throughput] [page]
 
-Without a part named, all of them: some minutes; `page` alone measures nothing. RequiredMeans matplotlib. What was
+Without a part named, all of them: some minutes; `page` alone measures nothing. Needs matplotlib. What was
 measured is kept in growth.json, by device, so that the same command on another machine or a GPU adds its
 lines to the page.
 """

@@ -1,4 +1,4 @@
-"""Pictures of fits: data, fit, residuals; correlations. RequiredMeans matplotlib: pip install 'rubberfric[plot]'."""
+"""Pictures of fits: data, fit, residuals; correlations. Needs matplotlib: pip install 'rubberfric[plot]'."""
 
 import numpy as np
 

@@ -68,7 +68,7 @@ def contact_area(
 
     Notes
     -----
-    RequiredMeans G at the largest wavevector only: no graded panels and no cumulative integral.
+    Needs G at the largest wavevector only: no graded panels and no cumulative integral.
     """
     return _alone("area", scene, velocity, pressure, temperature, quadrature)
 

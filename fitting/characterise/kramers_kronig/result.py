@@ -117,7 +117,7 @@ class KramersKronig:
     def plot(self, ax: style.Panels | None = None) -> style.Panels:
         """E' and E'' with the E'' that E' implies, and below how far they are apart, with 95 % bars.
 
-        RequiredMeans matplotlib: pip install 'rubberfric[plot]'. Grey is what is not counted.
+        Needs matplotlib: pip install 'rubberfric[plot]'. Grey is what is not counted.
 
         Parameters
         ----------

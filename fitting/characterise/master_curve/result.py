@@ -169,7 +169,7 @@ class MasterCurve:
     def plot(self, ax: style.Panels | None = None) -> style.Panels:
         """Shifted E' and E'', a colour for every temperature, and ln a_T with 95 % bars and the laws.
 
-        RequiredMeans matplotlib: pip install 'rubberfric[plot]'.
+        Needs matplotlib: pip install 'rubberfric[plot]'.
 
         Parameters
         ----------

@@ -176,7 +176,7 @@ class PronyFit:
     def plot(self, ax: style.Panels | None = None) -> style.Panels:
         """Measured E' and E'', the series, its terms, and the residuals below.
 
-        RequiredMeans matplotlib: pip install 'rubberfric[plot]'.
+        Needs matplotlib: pip install 'rubberfric[plot]'.
 
         Parameters
         ----------
