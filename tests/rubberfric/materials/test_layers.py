@@ -61,6 +61,7 @@ def test_derivative_by_poisson_of_a_thin_slab_in_series(mode, thickness, young):
     """1e9 to 1e27 times as stiff as the solid that it is in series with, both modes to 12 digits."""
     rest, weight, tau, s = 4e6, np.array([8e8, 9e7]), np.array([1e-9, 1e-5]), 3e4
 
+    @jax.jit
     @mode
     def slope(poisson, q):
         spring = young / (1 - poisson**2) * rf.Slab(thickness).stiffening(poisson, q)
