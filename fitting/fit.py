@@ -22,7 +22,14 @@ from fitting.solvers.problem import ASSUMED, finer, make_problem
 from fitting.solvers.runs import BATCH, Callback, run
 from fitting.solvers.search import random_starts, search
 from fitting.uncertainty.covariance import linearised, uncertainty
-from fitting.uncertainty.discrepancy import check_discrepancy, likely, with_discrepancy
+from fitting.uncertainty.discrepancy import (
+    check_discrepancy,
+    first_guess,
+    is_open,
+    likely,
+    with_discrepancy,
+    with_remark,
+)
 from fitting.uncertainty.posterior.scatter import common_ratio, rescaled_errors
 
 # Fits, each weighted with the errors that the one before it estimated.
@@ -120,7 +127,7 @@ def fit(
     scenes = each_scene(scene, of)
     if discrepancy is not None:
         check_discrepancy(discrepancy, data, loss, scale_errors)
-        problem = with_discrepancy(problem, scenes, data, discrepancy)
+        problem = with_discrepancy(problem, scenes, data, first_guess(discrepancy))
     solver = make_solver(method, tolerance, max_steps)
     tell = progress or (lambda _: None)
     tell(f"compiling a fit of {problem.variables.size} numbers to {problem.targets.measured.size} values")
@@ -165,12 +172,15 @@ def fit(
         tell("fitting again, with errors from the scatter")
         end, model, known, spent = again(problem, end.x)
         evaluations += spent
-    if discrepancy is not None and discrepancy.amplitude is None:
-        for _ in range(ROUNDS if succeeded(end.status) else 0):
-            discrepancy = likely(problem, end.x, scenes, data, discrepancy)
+    if discrepancy is not None:
+        asked, discrepancy = discrepancy, first_guess(discrepancy)
+        for _ in range(ROUNDS if succeeded(end.status) and is_open(asked) else 0):
+            discrepancy = likely(problem, model, scenes, data, asked)
             problem = with_discrepancy(problem, scenes, data, discrepancy)
-            end, _, known, spent = again(problem, end.x)
+            end, model, known, spent = again(problem, end.x)
             evaluations += spent
+        judged = (problem, model, scenes, data, asked) if succeeded(end.status) else None
+        discrepancy = with_remark(discrepancy, asked, judged)
     return FitResult(
         scene_at_start=scene,
         free=dict(free),

@@ -32,8 +32,8 @@
     fit = { file = "moduli.h5", body = "upper" }    # what another fit knows; and widen; or a list of such
 
     [discrepancy]                       # optional: the theory may be off, see `fitting.Discrepancy`
-    amplitude = 0.25                    # or "estimated", from the data; missing: 0.5
-    width = 4.6                         # and shared = 0.8; missing: a decade, 0.6
+    amplitude = 0.25                    # or "estimated", from the data; so if it is missing
+    width = 4.6                         # likewise; and shared = 0.8, 0.6 if missing
 
     [fit]                               # optional: method, starts, seed, loss, loss_width, decades,
     starts = 8                          # max_steps, tolerance, scale_errors as in `fitting.fit`
@@ -255,7 +255,7 @@ def _prior(path, key, value):
 def _discrepancy(path, content):
     toml.check_keys(path, "discrepancy", content, ("amplitude", "width", "shared"))
     # There is no None in TOML.
-    given = {n: v for n, v in content.items() if (n, v) != ("amplitude", "estimated")}
+    given = {n: v for n, v in content.items() if v != "estimated" or n == "shared"}
     values = {n: _one(path, f"discrepancy.{n}", v) for n, v in given.items()}
     values |= {n: None for n in content if n not in given}
     return _made(path, "discrepancy", Discrepancy, values)

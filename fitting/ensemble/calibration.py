@@ -78,7 +78,7 @@ def calibration(
         what the truths are held against: the normal approximation that error bars are, or weighted draws from
         the posterior, which cost `draws` evaluations of the residuals for each fit
     draws : of each posterior
-    discrepancy : as for `fitting.fit`, with an amplitude; the data are drawn with it
+    discrepancy : as for `fitting.fit`, with amplitude and width; the data are drawn with it
     callback : as for `fitting.run_ensemble`; with "samples" called again from 0 while these are drawn
 
     Returns
@@ -106,8 +106,9 @@ def calibration(
     problem = make_problem(scene, data, free, prior, quadrature=quadrature)
     if discrepancy is not None:
         check_discrepancy(discrepancy, data, "linear", "auto")
-        if discrepancy.amplitude is None:
-            raise ValueError("discrepancy: amplitude = None: must be given, as data are drawn with it")
+        for name in ("amplitude", "width"):
+            if getattr(discrepancy, name) is None:
+                raise ValueError(f"discrepancy: {name} = None: must be given, as data are drawn with it")
         problem = with_discrepancy(problem, [scene] * len(data), data, discrepancy)
     key = jax.random.key(0) if key is None else key
     x, targets = _twins(problem, members, key)

@@ -210,8 +210,8 @@ def _words(variants: list[Variant], fits: dict[str, FitRecord], found: dict[str,
 
 
 def _amplitudes(fit):
-    """How many errors of the theory itself were estimated."""
-    return int(fit.discrepancy is not None and fit.discrepancy.estimated)
+    """How many numbers of the theory's own error were estimated: amplitude and width."""
+    return 0 if fit.discrepancy is None else fit.discrepancy.estimated + bool(fit.discrepancy.parts)
 
 
 def _place(fit, k):

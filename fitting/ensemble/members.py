@@ -6,6 +6,7 @@ compiled step, and one set of conditions and constants. `fitting.run_ensemble` r
 
 import dataclasses
 import hashlib
+import warnings
 from collections.abc import Mapping, Sequence
 
 import jax
@@ -21,8 +22,10 @@ from fitting.parameters.scenes import as_scenes
 from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.options import Solver, check_options, make_solver
 from fitting.solvers.problem import Problem, Targets, make_problem
+from fitting.solvers.runs import Runs
 from fitting.solvers.search import random_starts
-from fitting.uncertainty.intervals import Bootstrap, LikelihoodProfile, SolvedProblem
+from fitting.uncertainty.intervals import Bootstrap, SolvedProblem
+from fitting.uncertainty.profile import LikelihoodProfile
 
 # For fits that start near their minimum: a quarter of the steps less than with the damping that is
 # meant for starts far off.
@@ -74,16 +77,22 @@ class Members:
         return self.source.bootstrap_of(ensemble.x, ensemble.status)
 
     def profiles(self, ensemble: EnsembleResult) -> dict[str, LikelihoodProfile]:
-        """What a run of these members makes, by the names of the parameters."""
+        """The profiles that begin with a run of these members, by the names of the parameters.
+
+        Like those of `FitResult.profile` they go on to the threshold with a few more fits, and warn of a
+        minimum below the fit.
+        """
         if self.kind != "profile" or self.source is None:
             raise ValueError(f"members are of kind {self.kind!r}: must be 'profile'")
-        rows = {self.names[i]: self.parameter == i for i in dict.fromkeys(self.parameter.tolist())}
-        return {
-            name: self.source.profile_of(
-                name, self.level, self.starts[own], ensemble.cost[own], ensemble.status[own]
-            )
-            for name, own in rows.items()
-        }
+        found = {}
+        for i in dict.fromkeys(self.parameter.tolist()):
+            name, own = self.names[i], self.parameter == i
+            runs = Runs(*(getattr(ensemble, field)[own] for field in Runs._fields))
+            found[name] = self.source.profile_of(name, self.level, runs)
+            if found[name].warning:
+                text = f"profile of {name!r}: {found[name].warning}"
+                warnings.warn(text, RuntimeWarning, stacklevel=2)
+        return found
 
     def fingerprint(self) -> str:
         """sha256 of all that decides the numbers of a run: structure, constants, data, starts, solver."""

@@ -19,7 +19,8 @@
     /uncertainty        covariance and correlation of the values, and what else
                         `fitting.uncertainty.covariance.Uncertainty` holds
     /minima             cost, count and values of the distinct minima
-    /discrepancy        attributes amplitude, width, shared, estimated; missing if there is none
+    /discrepancy        attributes amplitude, width, shared, estimated, parts, remark; missing if
+                        there is none
     /estimated          relative error of every data set, NaN where errors were given
     /samples            draws from the posterior (`fitting.results.samples`), if it was they that were saved
 
@@ -113,7 +114,9 @@ def save(
         write_quadrature(file, structure.quadrature)
         if result.discrepancy is not None:
             own = dataclasses.asdict(result.discrepancy)
-            file.create_group("discrepancy").attrs.update({k: v for k, v in own.items() if v is not None})
+            file.create_group("discrepancy").attrs.update(
+                {k: v for k, v in own.items() if v not in (None, ())}
+            )
         estimated = [np.nan if scale is None else scale for scale in result.estimated]
         hdf5.write_values(file, "estimated", np.array(estimated), "-")
         parts.write_parameters(file.create_group("parameters"), result)

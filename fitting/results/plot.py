@@ -5,7 +5,7 @@ import numpy as np
 from fitting.results.pictures.correlations import plot_correlation
 from fitting.results.pictures.curves import curves_of, lines, measured_points
 from fitting.results.record import FitRecord
-from fitting.uncertainty.intervals import LikelihoodProfile
+from fitting.uncertainty.profile import LikelihoodProfile
 from rubberfric.base import StrPath
 from rubberfric.plot import save_figure, style
 

@@ -70,6 +70,8 @@ def _verdict(result):
     if result.discrepancy is not None:
         lines["theory"] = text_of(result.discrepancy)
     rows = _aligned(lines)
+    if result.discrepancy is not None and result.discrepancy.remark:
+        rows += [f"  {remark}" for remark in result.discrepancy.remark.split("; ")]
     reasons = [f"  {reason}" for reason in found.reasons]
     if found.explains is False and result.error_scale == 1 and np.isfinite(result.redchi):
         reasons.append(

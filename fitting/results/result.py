@@ -20,9 +20,9 @@ from fitting.results.report import headlines, report
 from fitting.results.samples import Samples, drawn
 from fitting.solvers.runs import Callback
 from fitting.uncertainty.density import log_density
-from fitting.uncertainty.intervals import LikelihoodProfile
 from fitting.uncertainty.posterior.as_prior import prior_of
 from fitting.uncertainty.posterior.nuts import Progress
+from fitting.uncertainty.profile import LikelihoodProfile
 from rubberfric.base import StrPath, html, object_html
 from rubberfric.plot import style
 

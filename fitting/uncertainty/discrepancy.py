@@ -1,24 +1,53 @@
-"""The theory's own error in a fit: the whitening of its residuals, and the amplitude the data make likely."""
+r"""The theory's own error in a fit: whitening of its residuals, and estimates of amplitude and width.
+
+Amplitude a and width w are averaged over their posterior on a grid. Its logarithm is the restricted
+likelihood of the model linearised about x with its parameters integrated out [Patterson & Thompson,
+Biometrika 58 (1971) 545], priors among the rows,
+
+.. math:: -2 \ln L = \ln|C| + \ln|J^T C^{-1} J| + \min_\theta (r + J\theta)^T C^{-1} (r + J\theta)
+
+plus the logarithm of the prior of the amplitude, half lognormal and half log-uniform. All widths
+are equally likely.
+
+Errors that are smooth over the whole range of the data can hardly be told from a change of parameters. The
+most likely amplitude is then too small, and intervals are too short. The fit is therefore weighted with the
+posterior mean of C.
+"""
 
 import dataclasses
+import math
 from collections.abc import Sequence
 
-import jax
-import jax.numpy as jnp
 import numpy as np
 import scipy
 
 import rubberfric as rf
 from fitting.data.kinds import FrictionData
 from fitting.data.measured import Measured
-from fitting.parameters.discrepancy import Discrepancy, correlations
+from fitting.parameters.discrepancy import (
+    WIDTHS,
+    Discrepancy,
+    between_curves,
+    covariances,
+    rational_quadratic,
+    squared_exponential,
+)
 from fitting.solvers.problem import Problem
-from fitting.solvers.residuals import data_rows, padded, residuals_and_jacobian
-from fitting.uncertainty.covariance import OPEN
+from fitting.solvers.residuals import data_rows
+from fitting.uncertainty.covariance import OPEN, Linearised, weighted_rows
 from rubberfric.scene import shifts
 
-# Amplitudes that are tried: beyond the last the theory says nothing, below the first nothing sees it.
-_TRIED = np.concatenate([[0.0], np.geomspace(1e-3, 2.0, 67)])
+# Amplitudes of the grid: beyond the last the theory says nothing, below the first nothing sees it.
+_AMPLITUDES = np.geomspace(1e-3, 2.0, 39)
+# Median of the prior of an amplitude, and the standard deviation of its logarithm. Friction is off by 0.3 to
+# 0.4 against boundary elements, and systematically: intervals hold the truth there with an amplitude of 0.5.
+_MEDIAN, _DEVIATION = 0.5, 0.5
+# Amplitude and width of the first fit where they are to be estimated.
+_GUESS = 0.3, math.log(10)
+# An amplitude beyond which the theory is off by more than a factor of two.
+_LARGE = math.log(2)
+# Difference of log likelihoods that speaks against the amplitude and the width that were given.
+_AGAINST = 5.0
 
 
 def check_discrepancy(
@@ -58,57 +87,165 @@ def with_discrepancy(
     """
     whitening = None
     if discrepancy is not None and discrepancy.amplitude:
-        covariance = discrepancy.amplitude**2 * _unit_covariance(problem, scenes, data, discrepancy)
+        scaled, x, curve = _places(problem, scenes, data)
+        covariance = scaled[:, None] * scaled * covariances(x, curve, discrepancy)
         factor = np.linalg.cholesky(np.eye(len(covariance)) + covariance)
         whitening = scipy.linalg.solve_triangular(factor, np.eye(len(factor)), lower=True)
         whitening = whitening.astype(problem.start.dtype)
     return problem._replace(numbers=problem.numbers._replace(whitening=whitening))
 
 
+def first_guess(discrepancy: Discrepancy) -> Discrepancy:
+    """The discrepancy of the fit before anything is estimated."""
+    amplitude, width = discrepancy.amplitude, discrepancy.width
+    return dataclasses.replace(
+        discrepancy,
+        amplitude=_GUESS[0] if amplitude is None else amplitude,
+        width=_GUESS[1] if width is None else width,
+    )
+
+
+def is_open(discrepancy: Discrepancy) -> bool:
+    """Return True if the amplitude or the width is to be estimated."""
+    return discrepancy.amplitude is None or (discrepancy.width is None and discrepancy.amplitude > 0)
+
+
+def with_remark(discrepancy: Discrepancy, asked: Discrepancy, judged: tuple | None) -> Discrepancy:
+    """Add the remark on given numbers, or on numbers that were not estimated, after a fit.
+
+    judged : arguments of `likely`; None: the fit did not succeed
+    """
+    if judged is None and is_open(asked):
+        remark = "amplitude and width are assumed, not estimated, because the fit did not succeed"
+        return dataclasses.replace(first_guess(asked), remark=remark)
+    if judged is None or is_open(asked) or not asked.amplitude:
+        return discrepancy
+    return dataclasses.replace(discrepancy, remark=likely(*judged).remark)
+
+
 def likely(
     problem: Problem,
-    x: np.ndarray,
+    model: Linearised,
     scenes: Sequence[rf.Scene],
     data: Sequence[Measured],
     discrepancy: Discrepancy,
 ) -> Discrepancy:
-    r"""The amplitude of largest marginal likelihood, the model linear about x, its parameters integrated out.
+    """The discrepancy with its amplitude and width averaged over their posterior where they are None.
 
-    .. math:: -2 \ln L = \ln|C| + \ln|J^T C^{-1} J| + \min_\theta (r + J\theta)^T C^{-1} (r + J\theta)
-
-    [restricted likelihood; Patterson & Thompson, Biometrika 58 (1971) 545], priors among the rows.
+    Parameters
+    ----------
+    problem : of the fit, whatever its whitening
+    model : of it, linearised at its solution
+    scenes, data : data sets, and the scene of each
+    discrepancy : as given to the fit; `remark` of the result says why it may not suit.
     """
-    of = padded(with_discrepancy(problem, scenes, data, None))
-    rows, jacobian = map(of.kept, _linearised(of.structure, of.numbers, of.targets, jnp.asarray(x)))
-    count, size = data_rows(problem.structure), len(x)
-    # What nothing determines, neither data nor priors, is integrated over a long but finite range.
-    known = np.append(rows[count:], np.zeros(size))
-    slopes = np.concatenate([jacobian[count:], np.eye(size) / OPEN])
-    unit = _unit_covariance(problem, scenes, data, discrepancy)
-
-    def worth(amplitude):
-        factor = np.linalg.cholesky(np.eye(count) + amplitude**2 * unit)
-        white = scipy.linalg.solve_triangular(
-            factor, np.column_stack([rows[:count], jacobian[:count]]), lower=True
+    likelihood = _Likelihood(problem, model, scenes, data, discrepancy.shared)
+    amplitude, width = discrepancy.amplitude, discrepancy.width
+    everything = np.array([likelihood(squared_exponential, w, _AMPLITUDES) for w in WIDTHS])
+    best = np.unravel_index(np.argmax(everything), everything.shape)
+    if amplitude is None and width is None:
+        found, amplitudes, widths = everything, _AMPLITUDES, WIDTHS
+    else:
+        amplitudes = _AMPLITUDES if amplitude is None else np.array([amplitude])
+        widths, kernel = (WIDTHS, squared_exponential) if width is None else ((width,), rational_quadratic)
+        found = np.array([likelihood(kernel, w, amplitudes) for w in widths])
+    remarks = []
+    gain = float(everything[best] - found.max())
+    if gain > _AGAINST:
+        decades = WIDTHS[best[0]] / math.log(10)
+        remarks.append(
+            f"the data are e^{gain:.0f} times as likely with an amplitude of"
+            f" {100 * _AMPLITUDES[best[1]]:.2g} % over {decades:.2g} decades: see fitting.Discrepancy()"
         )
-        q, upper = np.linalg.qr(np.concatenate([white[:, 1:], slopes]))
-        all_rows = np.append(white[:, 0], known)
-        left = all_rows @ all_rows - np.sum((q.T @ all_rows) ** 2)
-        return np.sum(np.log(np.diag(factor))) + np.sum(np.log(np.abs(np.diag(upper)))) + 0.5 * left
+    posterior = found
+    if amplitude is None:
+        posterior = found + np.log(_prior(amplitudes))
+    weight = np.exp(posterior - posterior.max())
+    weight /= weight.sum()
+    variances, of_width = weight @ amplitudes**2, weight.sum(1)
+    total = float(np.sqrt(variances.sum()))
+    if width is None:
+        remarks += _at_the_ends(of_width)
+    if amplitude is None and total > _LARGE:
+        remarks.append(
+            f"an amplitude of {100 * total:.3g} % is implausibly large: check the scene and the units of the"
+            " data, or free what the data tell about"
+        )
+    parts = tuple(zip(np.sqrt(variances).tolist(), widths, strict=True)) if width is None else ()
+    return dataclasses.replace(
+        discrepancy,
+        amplitude=total,
+        width=float(np.exp(of_width @ np.log(widths))),
+        estimated=amplitude is None,
+        parts=parts,
+        remark="; ".join(remarks),
+    )
 
-    best = int(np.argmin([worth(amplitude) for amplitude in _TRIED]))
-    return dataclasses.replace(discrepancy, amplitude=float(_TRIED[best]), estimated=True)
+
+def _prior(amplitudes):
+    """Prior density of ln a: half of it lognormal, half flat, so that theories may also be true."""
+    lognormal = scipy.stats.norm.pdf(np.log(amplitudes), np.log(_MEDIAN), _DEVIATION)
+    return 0.5 * lognormal + 0.5 / np.log(_AMPLITUDES[-1] / _AMPLITUDES[0])
 
 
-def _unit_covariance(problem, scenes, data, discrepancy):
-    """Covariance of all rows of the data in units of their errors, of amplitude 1."""
+def _at_the_ends(of_width):
+    """Remarks on widths that lie at the ends of the range, from the probability of each."""
+    first, last = (w / math.log(10) for w in (WIDTHS[0], WIDTHS[-1]))
+    if of_width[0] > 0.5:
+        return [
+            f"the width is most likely the shortest tried, {first:.2g} decades: the theory's error looks"
+            " like noise, so check the errors of the data"
+        ]
+    if of_width[-1] > 0.5:
+        return [
+            f"the width is most likely the longest tried, {last:.2g} decades: so smooth an error can"
+            " hardly be told from a change of parameters, so give priors"
+        ]
+    return []
+
+
+class _Likelihood:
+    """Restricted log likelihood of data as a function of kernel, width and amplitudes."""
+
+    def __init__(self, problem, model, scenes, data, shared):
+        bare = with_discrepancy(problem, scenes, data, None)
+        rows, _, jacobian = weighted_rows(bare, model)
+        count, size = data_rows(problem.structure), jacobian.shape[1]
+        rows, jacobian = np.asarray(rows, float), np.asarray(jacobian, float)
+        self.of_data = np.column_stack([rows, jacobian])[:count]
+        # Parameters that neither data nor priors determine are integrated over a long but finite range.
+        self.others = np.concatenate(
+            [
+                np.column_stack([rows, jacobian])[count:],
+                np.column_stack([np.zeros(size), np.eye(size) / OPEN]),
+            ]
+        )
+        self.scaled, self.x, self.curve = _places(problem, scenes, data)
+        self.shared = shared
+
+    def __call__(self, kernel, width, amplitudes):
+        """Return the log likelihood of every amplitude, up to a constant."""
+        unit = between_curves(kernel(self.x, width), self.curve, self.shared)
+        values, vectors = np.linalg.eigh(self.scaled[:, None] * self.scaled * unit)
+        values, turned = np.maximum(values, 0.0), vectors.T @ self.of_data
+        return np.array([self._of(1 + a**2 * values, turned) for a in amplitudes])
+
+    def _of(self, variances, turned):
+        white = np.concatenate([turned / np.sqrt(variances)[:, None], self.others])
+        # The last diagonal element of R is the norm of the residual after the fit.
+        upper = np.abs(np.diag(np.linalg.qr(np.roll(white, -1, axis=1), mode="r")))
+        return -0.5 * np.sum(np.log(variances)) - np.sum(np.log(upper[:-1])) - 0.5 * upper[-1] ** 2
+
+
+def _places(problem, scenes, data):
+    """1 over the relative error (0 except for friction), ln(v a_T) and curve number of the rows of data."""
     scaled, x, curve = (np.zeros(data_rows(problem.structure)) for _ in range(3))
     error = np.asarray(problem.targets.error)
     found: dict[tuple, int] = {}
     for number, (one, scene, rows) in enumerate(zip(data, scenes, problem.order, strict=True)):
         if not isinstance(one, FrictionData):
             continue
-        # The error of the logarithm is that of the value over it.
+        # The error of the logarithm is the error of the value divided by the value.
         scaled[rows] = (1.0 if one.logarithmic else np.abs(one.measured)) / error[rows]
         x[rows] = np.log(np.abs(one.velocity))
         moved = shifts(scene)
@@ -117,7 +254,4 @@ def _unit_covariance(problem, scenes, data, discrepancy):
         warm = np.zeros_like(one.velocity) if one.temperature is None else one.temperature
         keys = [(number, p, T) for p, T in zip(one.pressure.tolist(), warm.tolist(), strict=True)]
         curve[rows] = [found.setdefault(key, len(found)) for key in keys]
-    return scaled[:, None] * scaled * correlations(x, curve, discrepancy)
-
-
-_linearised = jax.jit(residuals_and_jacobian, static_argnums=0)
+    return scaled, x, curve

@@ -1,11 +1,12 @@
 r"""Intervals: from the covariance, from the profile of the cost, and from simulated data.
 
-The first are linear in x and cost nothing. A profile likelihood holds one parameter at a row of values,
-fits all others again, and takes as interval where the cost has risen by q^2/2, q being the
-normal (or Student's) quantile. A parametric bootstrap fits data drawn from the fitted model.
+The first are linear in x and cost nothing. A profile likelihood (`fitting.uncertainty.profile`) holds one
+parameter at a row of values and fits all others again. A parametric bootstrap fits data drawn from the fitted
+model.
 """
 
 import dataclasses
+import warnings
 from typing import NamedTuple
 
 import jax
@@ -23,36 +24,10 @@ from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.options import check_options
 from fitting.solvers.problem import CURVES, Problem, Targets
 from fitting.solvers.residuals import forward
-from fitting.solvers.runs import Callback, run
+from fitting.solvers.runs import Callback, Runs, run
 from fitting.uncertainty.covariance import OPEN, Uncertainty
+from fitting.uncertainty.profile import Anchor, LikelihoodProfile, profile_from
 from rubberfric.base import quick_jit
-
-
-class LikelihoodProfile(NamedTuple):
-    """Cost of a fit over one of its parameters."""
-
-    name: str
-    values: np.ndarray  # of the parameter, increasing
-    rise: np.ndarray  # twice the cost above its minimum; NaN where a fit did not converge
-    low: float  # ends of the interval; -inf and inf (0 and inf if Positive, a bound if Bounded)
-    high: float  # where the profile stays below
-    threshold: float  # rise at the ends of the interval
-    names: tuple[str, ...] = ()  # of all free elements
-    parameters: np.ndarray | None = None  # their values, fitted again, shape (values, elements)
-
-    def report(self) -> str:
-        """The interval, and a line for every value, as text."""
-        lines = [
-            f"[[Profile of {self.name}]]",
-            f"    {self.low:.6g} ... {self.high:.6g}, where chi-square rises by {self.threshold:.4g}",
-            f"    {'value':>12s} {'rise':>10s}  others, fitted again",
-        ]
-        parameters = np.zeros((self.values.size, 0)) if self.parameters is None else self.parameters
-        for value, rise, row in zip(self.values, self.rise, parameters, strict=True):
-            pairs = zip(self.names, row, strict=False)
-            others = ", ".join(f"{name} = {number:.4g}" for name, number in pairs if name != self.name)
-            lines.append(f"    {value:12.6g} {rise:10.4g}  {others}")
-        return "\n".join(lines) + "\n"
 
 
 class Bootstrap(NamedTuple):
@@ -194,24 +169,35 @@ class SolvedProblem:
     ) -> LikelihoodProfile:
         """Profile likelihood of one parameter, on both sides of its fitted value.
 
-        Not of a robust loss's outliers only: the cost is taken as -ln likelihood.
+        The cost is taken as -ln likelihood, also of a robust loss. Values are added on each side until
+        chi-square has risen by the threshold, or the parameter is a factor of 1e6 from the fit or a millionth
+        of its range from a bound. `ends` of the result says which.
 
         Parameters
         ----------
         name : one of `names`
         level : of the interval
-        points : on each side, reaching to 1.6 times the linear interval
+        points : on each side at first, reaching to 1.6 times the linear interval
         callback : as for `fitting.fit`
-        values : of the parameter, on both sides of the fitted one; None: as `points` says
+        values : of the parameter, on both sides of the fitted one, to which the profile is confined
+            None: as `points` says
 
         Raises
         ------
-        ValueError : the name is none of them, or `level` not between 0 and 1.
+        ValueError : the name is unknown, or `level` is not between 0 and 1.
+
+        Warns
+        -----
+        RuntimeWarning
+            the profile found a lower minimum than the fit, `better` of the result, or an interval of several
+            parts.
         """
         starts, targets = self.profile_fits(name, level, points, values)
         runs = run(LevenbergMarquardt(), self.problem, starts, targets, callback=callback)
-        found = self.profile_of(name, level, starts, runs.cost, runs.status)
-        return found._replace(names=self.names, parameters=self.problem.values(runs.x))
+        found = self.profile_of(name, level, runs, values is None, callback)
+        if found.warning:
+            warnings.warn(f"profile of {name!r}: {found.warning}", RuntimeWarning, stacklevel=2)
+        return found
 
     def profile_fits(
         self, name: str, level: float, points: int, values: ArrayLike | None = None
@@ -226,10 +212,10 @@ class SolvedProblem:
         offsets = reach * np.linspace(-1, 1, 2 * points + 1)
         if values is not None:
             offsets = np.sort(np.append(self._x_of(i, values) - self.x[i], 0.0))
-        # The others start where the covariance expects them, but for those at a bound.
+        # The others start where the covariance expects them, except at bounds.
         toward = np.where(known.stretch == 1, known.spread[i] / known.spread[i, i], 0.0)
         toward[i] = 1.0
-        # Far away what the covariance expects means nothing.
+        # Far away the covariance predicts nothing.
         others = offsets[:, None] * toward
         others = others if values is None else np.clip(others, -1.0, 1.0)
         others[:, i] = offsets
@@ -247,18 +233,11 @@ class SolvedProblem:
         return to_x(kind, np.asarray(low), np.asarray(width), wanted)
 
     def profile_of(
-        self, name: str, level: float, starts: np.ndarray, cost: np.ndarray, status: np.ndarray
+        self, name: str, level: float, runs: Runs, extend: bool = True, callback: Callback | None = None
     ) -> LikelihoodProfile:
-        """The profile that fits from `profile_fits` make."""
-        i, q = self.names.index(name), self.quantile(level)
-        points = int(np.argmin(np.abs(starts[:, i] - self.x[i])))
-        good = succeeded(status)
-        rise = np.where(good, 2 * (cost - min(self.cost, cost[good].min(initial=np.inf))), np.nan)
-        sides = np.arange(points, -1, -1), np.arange(points, len(starts))
-        ends = [_crossing(starts[side, i], np.sqrt(np.maximum(rise[side], 0.0)), q) for side in sides]
-        at = np.where(np.arange(self.x.size) == i, np.array(ends)[:, None], self.x)
-        low, high = self.problem.values(at)[:, i].tolist()
-        return LikelihoodProfile(name, self.problem.values(starts)[:, i], rise, low, high, q**2)
+        """The profile that begins with the fits from `profile_fits`, in their order."""
+        anchor, q = Anchor(self.problem, self.x, self.cost), self.quantile(level)
+        return profile_from(anchor, self.names.index(name), q, runs, extend, callback)
 
     def bootstrap(
         self, count: int = 100, key: jax.Array | None = None, callback: Callback | None = None
@@ -295,14 +274,3 @@ def drawn_errors(problem: Problem, count: int, key: jax.Array) -> np.ndarray:
     if problem.numbers.whitening is not None:
         noise = np.linalg.solve(np.asarray(problem.numbers.whitening), noise.T).T
     return np.asarray(problem.targets.error) * noise
-
-
-def _crossing(x, root, q):
-    """x where the root of the rise, nearly linear in x, first reaches q; +-inf if it does not."""
-    for k in range(1, x.size):
-        if not np.isfinite(root[k]):
-            break
-        if root[k] >= q:
-            part = (q - root[k - 1]) / (root[k] - root[k - 1])
-            return x[k - 1] + part * (x[k] - x[k - 1])
-    return np.inf * np.sign(x[-1] - x[0])

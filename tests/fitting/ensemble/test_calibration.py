@@ -113,6 +113,7 @@ def test_refusals():
         (PLAN, PRIOR, "on = 'chains': must be one of normal, samples", {"on": "chains"}),
         (PLAN, PRIOR, "draws = 5: must be an integer >= 10", {"draws": 5}),
         (PLAN, PRIOR, "amplitude = None: must be given", {"discrepancy": fitting.Discrepancy(None)}),
+        (PLAN, PRIOR, "width = None: must be given", {"discrepancy": fitting.Discrepancy(0.2)}),
     ):
         with pytest.raises(ValueError, match=words):
             fitting.calibration(SCENE, data, FREE, prior, 10, quadrature=FAST, **options)

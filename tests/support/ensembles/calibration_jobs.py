@@ -64,7 +64,7 @@ def discrepancy_job():
     moduli, height = np.asarray(scene.upper.material.E), float(scene.lower.spectrum.h_rms)
     prior = {f"{E}[{k}]": fitting.Gaussian(moduli[k], 0.3 * moduli[k]) for k in range(TERMS)}
     prior["lower.spectrum.h_rms"] = fitting.Gaussian(height, 0.3 * height)
-    return _job(scene, data, prior, quadrature=FAST, discrepancy=fitting.Discrepancy())
+    return _job(scene, data, prior, quadrature=FAST, discrepancy=fitting.Discrepancy(0.5, np.log(10)))
 
 
 JOBS = {"twin": twin_job, "modulus": modulus_job, "shear": shear_job, "discrepancy": discrepancy_job}

@@ -10,6 +10,7 @@ import fitting
 import rubberfric as rf
 from fitting.commands.job import read_job
 from fitting.solvers.evaluation import model_rows, residual_rows
+from fitting.uncertainty.covariance import linearised
 from fitting.uncertainty.discrepancy import likely
 
 SCENE, WARM = rf.Scene(ROAD, rf.Body(PLAIN)), rf.Scene(ROAD, rf.Body(SHIFTED))
@@ -99,10 +100,23 @@ def test_bars_and_verdict_follow(off):
     assert f"the theory may be off by {amplitude:.3g} % (estimated from the data" in off.report()
 
 
-def test_estimate_against_a_scan_of_the_likelihood(off):
-    """The marginal likelihood from the covariance of the data alone, all parameters integrated out."""
-    problem, x, data = off.problem, off.x, off.data
-    found = likely(problem, x, [SCENE] * len(data), data, fitting.Discrepancy(None, WIDTH))
+def waves(seed, shortest, longest):
+    """A smooth random error of amplitude 0.2: three waves between these lengths, in decades."""
+    random = np.random.default_rng(seed)
+    lengths = math.log(10) * np.exp(random.uniform(np.log(shortest), np.log(longest), 3))
+    phases = random.uniform(0, 2 * np.pi, 3)
+    delta = 0.2 * math.sqrt(2 / 3) * np.sum(np.cos(2 * np.pi * np.log(V)[:, None] / lengths + phases), 1)
+    exact = np.asarray(rf.friction(SCENE, V, 1e5, quadrature=FAST))
+    noisy = exact * np.exp(delta + ERROR * random.standard_normal(V.size))
+    return fitting.FrictionData(V, noisy, pressure=1e5, relative=ERROR)
+
+
+def scanned(off, kernels):
+    """log N(rows; 0, C + J (100^2) J^T) and the prior, (widths, amplitudes): all parameters integrated out.
+
+    Of the fit `off`, with kernels of amplitude 1, and the amplitudes scanned.
+    """
+    problem, x = off.problem, off.x
     rows = residual_rows(problem._replace(numbers=problem.numbers._replace(whitening=None)), x)[: V.size]
     step = 1e-5
     J = np.stack(
@@ -112,21 +126,79 @@ def test_estimate_against_a_scan_of_the_likelihood(off):
         ],
         1,
     )
-    unit = 1 / (1 + 0.5 * (np.log(V[:, None] / V) / WIDTH) ** 2) / ERROR**2
+    amplitudes = np.geomspace(1e-3, 2.0, 60)
+    found = np.empty((len(kernels), amplitudes.size))
+    for i, unit in enumerate(kernels):
+        for k, a in enumerate(amplitudes):
+            covariance = np.eye(V.size) + (a / ERROR) ** 2 * unit + 1e4 * J @ J.T
+            found[i, k] = -0.5 * np.linalg.slogdet(covariance)[1]
+            found[i, k] -= 0.5 * rows @ np.linalg.solve(covariance, rows)
+    lognormal = np.exp(-0.5 * (np.log(amplitudes / 0.5) / 0.5) ** 2) / (0.5 * math.sqrt(2 * math.pi))
+    return found + np.log(lognormal + 1 / math.log(2000)), amplitudes
 
-    def logarithm(a):
-        """Of N(rows; 0, C + J (100^2) J^T)."""
-        covariance = np.eye(V.size) + a**2 * unit + 1e4 * J @ J.T
-        return -0.5 * np.linalg.slogdet(covariance)[1] - 0.5 * rows @ np.linalg.solve(covariance, rows)
 
-    tried = found.amplitude * np.geomspace(0.8, 1.25, 21)
-    best = tried[np.argmax([logarithm(a) for a in tried])]
-    np.testing.assert_allclose(found.amplitude, best, rtol=0.08)
+def squares(found, amplitudes):
+    """Posterior means of the squared amplitude, of every width."""
+    weight = np.exp(found - found.max())
+    return weight @ amplitudes**2 / weight.sum()
+
+
+def test_amplitude_against_a_scan_of_the_likelihood(off):
+    distance = np.log(V[:, None] / V) / WIDTH
+    found = likely(
+        off.problem, linearised(off.problem, off.x), [SCENE], off.data, fitting.Discrepancy(None, WIDTH)
+    )
+    exact = squares(*scanned(off, [1 / (1 + 0.5 * distance**2)]))
+    np.testing.assert_allclose(found.amplitude, math.sqrt(exact[0]), rtol=0.02)
+    assert found.width == pytest.approx(WIDTH) and found.parts == () and found.remark == ""
+
+
+def test_parts_against_a_scan_of_the_likelihood(off):
+    found = likely(off.problem, linearised(off.problem, off.x), [SCENE], off.data, fitting.Discrepancy())
+    widths = math.log(10) * np.array([0.1, 0.2, 0.4, 0.8, 1.6])
+    kernels = [np.exp(-0.5 * (np.log(V[:, None] / V) / w) ** 2) for w in widths]
+    exact = squares(*scanned(off, kernels))
+    amplitudes, used = np.array(found.parts).T
+    np.testing.assert_allclose(used, widths)
+    np.testing.assert_allclose(found.amplitude, math.sqrt(exact.sum()), rtol=0.02)
+    np.testing.assert_allclose(amplitudes, np.sqrt(exact), rtol=0.03, atol=0.005)
 
 
 def test_true_theories_are_not_off():
-    found = fitted(data_of(2), fitting.Discrepancy(None))
+    found = fitted(data_of(2), fitting.Discrepancy(None, math.log(10)))
     assert found.discrepancy.amplitude < 0.03
+
+
+def test_width_is_estimated(tmp_path):
+    """With errors of 0.2 that bend within a decade; a width of a decade needs 0.8 for them."""
+    data = waves(2, 1.0, 1.6)
+    found, fixed = fitted(data, fitting.Discrepancy()), fitted(data, fitting.Discrepancy(None, math.log(10)))
+    assert 0.1 < found.discrepancy.amplitude < 0.3 and found.discrepancy.width < 0.6 * math.log(10)
+    assert found.discrepancy.remark == "" and len(found.discrepancy.parts) == 5
+    assert fixed.discrepancy.amplitude > 0.7 and fixed.discrepancy.width == pytest.approx(math.log(10))
+    assert "implausibly large" in fixed.discrepancy.remark and fixed.discrepancy.remark in fixed.report()
+    found.save(tmp_path / "fit.h5")
+    again = fitting.FitResult.load(tmp_path / "fit.h5")
+    assert again.discrepancy == found.discrepancy
+    np.testing.assert_array_equal(again.residuals[0], found.residuals[0])
+
+
+def test_given_numbers_are_kept_and_judged():
+    data = waves(3, 1.0, 1.6)
+    found = fitted(data, fitting.Discrepancy(0.1, 3 * math.log(10)))
+    assert (found.discrepancy.amplitude, found.discrepancy.width) == (0.1, 3 * math.log(10))
+    assert not found.discrepancy.estimated and "times as likely" in found.report()
+    found = fitted(data, fitting.Discrepancy(0.2))
+    assert found.discrepancy.amplitude == pytest.approx(0.2) and not found.discrepancy.estimated
+    assert found.discrepancy.width < 0.6 * math.log(10)
+
+
+def test_errors_like_noise_are_reported():
+    random = np.random.default_rng(5)
+    exact = np.asarray(rf.friction(SCENE, V, 1e5, quadrature=FAST))
+    noisy = exact * np.exp(0.2 * random.standard_normal(V.size))
+    found = fitted(fitting.FrictionData(V, noisy, pressure=1e5, relative=ERROR), fitting.Discrepancy())
+    assert "shortest tried, 0.1 decades" in found.report()
 
 
 def test_files(off, tmp_path):
@@ -175,6 +247,12 @@ def test_refusals():
             fitting.fit(
                 SCENE, wrong, {"upper.material.E_inf": fitting.Positive()}, **{"discrepancy": own} | options
             )
-    for wrong in ({"amplitude": -1.0}, {"width": 0.0}, {"shared": 1.5}, {"estimated": 1}):
+    for wrong in (
+        {"amplitude": -1.0},
+        {"width": 0.0},
+        {"shared": 1.5},
+        {"estimated": 1},
+        {"parts": ((1.0,),)},
+    ):
         with pytest.raises(ValueError, match="Discrepancy: "):
             fitting.Discrepancy(**wrong)

@@ -1,0 +1,385 @@
+r"""Profile likelihood of one parameter: the cost over its values, all other parameters fitted again.
+
+The interval is where twice the cost is less than q^2 above its minimum, q being the normal (or Student's)
+quantile. A profile begins as a row of fits about the solution. Three things follow:
+
+- A value that a neighbour's parameters fit better is fitted again from there, and the interval refers to the
+  lowest minimum found, which may lie below the fit.
+- Each side is extended geometrically until the threshold is crossed, or the parameter is at the end of the
+  range that its rule allows, or `FARTHEST` from the fit.
+- Near the threshold, values are added until interpolation finds the end.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.solvers.evaluation import errors_of_rows, evaluate
+from fitting.solvers.iterate import INTERRUPTED, NEAR, RUNNING, succeeded
+from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.problem import Problem
+from fitting.solvers.residuals import loss_of, padded
+from fitting.solvers.runs import BATCH, Runs, run
+
+# How far in x a profile goes: a factor of a million, or to a millionth of the range of a Bounded parameter.
+FARTHEST = np.log(1e6)
+# A Free parameter, which has no natural range, goes as many times as far as its first row of values.
+_FREE = 64.0
+# Factor by which the distance from the minimum grows.
+_GROWTH = 1.6
+# Rounds of shorter steps after a failed fit, and of values near the threshold.
+_ROUNDS, _NEARER = 4, 10
+# Change of slope between neighbours, as a difference of roots, beyond which a curve may have two branches.
+_JUMP = 0.1
+# Part of the distance from the minimum within which an end of the interval is found.
+_CLOSE = 0.005
+
+
+class LikelihoodProfile(NamedTuple):
+    """Cost of a fit over one of its parameters."""
+
+    name: str
+    values: np.ndarray  # of the parameter, increasing
+    rise: np.ndarray  # twice the cost above the lowest found; NaN where a fit did not converge
+    low: float  # ends of the interval; of an open end the limit of the parameter's rule: -inf or inf, 0 if
+    high: float  # Positive, a bound if Bounded; NaN where the profile ends before the threshold
+    threshold: float  # rise at the ends of the interval
+    names: tuple[str, ...] = ()  # of all free elements
+    parameters: np.ndarray | None = None  # their values, fitted again, shape (values, elements)
+    ends: tuple[str, str] = ("reached", "reached")  # of each end "reached", or why it was not
+    better: dict[str, float] | None = None  # values of a minimum below the fit, by name
+    warning: str = ""  # about that minimum, or an interval of several parts
+
+    def report(self) -> str:
+        """The interval, and a line for every value, as text."""
+        ends = [f"{end:.6g}" if np.isfinite(end) else _OPEN.get(end, "?") for end in (self.low, self.high)]
+        lines = [
+            f"[[Profile of {self.name}]]",
+            f"    {ends[0]} ... {ends[1]}, where chi-square rises by {self.threshold:.4g}",
+        ]
+        named = zip(("lower", "upper"), self.ends, strict=True)
+        lines += [f"    {side} end {text}" for side, text in named if text != "reached"]
+        lines += [f"    {self.warning}"] * bool(self.warning)
+        lines.append(f"    {'value':>12s} {'rise':>10s}  others, fitted again")
+        parameters = np.zeros((self.values.size, 0)) if self.parameters is None else self.parameters
+        for value, rise, row in zip(self.values, self.rise, parameters, strict=True):
+            pairs = zip(self.names, row, strict=False)
+            others = ", ".join(f"{name} = {number:.4g}" for name, number in pairs if name != self.name)
+            lines.append(f"    {value:12.6g} {rise:10.4g}  {others}")
+        return "\n".join(lines) + "\n"
+
+
+_OPEN = {np.inf: "inf", -np.inf: "-inf"}
+
+
+class Anchor(NamedTuple):
+    """The solution that a profile is of."""
+
+    problem: Problem
+    x: np.ndarray
+    cost: float
+
+
+def profile_from(
+    anchor: Anchor,
+    i: int,
+    q: float,
+    runs: Runs,
+    extend: bool = True,
+    callback: Callable[[int, float], object] | None = None,
+) -> LikelihoodProfile:
+    """The profile of element i that begins with these fits.
+
+    Parameters
+    ----------
+    anchor : the solution
+    i : which element
+    q : root of the rise at the ends of the interval
+    runs : of the first fits, `x[:, i]` increasing; x, cost and status are used
+    extend : whether to go on to the threshold; False: the values are those that were asked for
+    callback : as for `fitting.solvers.runs.run`
+    """
+    trace = _Trace(anchor, i, runs, callback)
+    trace.mend()
+    trace.descend()
+    ends = tuple(_end(trace, side, q, extend) for side in (-1, 1))
+    # Values beyond may have found a lower minimum, which moves both ends.
+    if trace.descend():
+        ends = tuple(_end(trace, side, q, extend) for side in (-1, 1))
+    return _told(trace, q, ends)
+
+
+class _Trace:
+    """Fits of a profile in the order of the element's value, better ones in place of worse."""
+
+    def __init__(self, anchor, i, runs, callback):
+        self.anchor, self.i, self.callback = anchor, i, callback
+        self.batch = min(BATCH, len(runs.x))
+        self.stopped = bool(np.isin(runs.status, (INTERRUPTED, RUNNING)).any())
+        self.x, self.cost, self.good = (
+            np.array(runs.x, float),
+            np.array(runs.cost, float),
+            succeeded(runs.status),
+        )
+        self.better = None  # the lowest minimum, (x, cost), if it is not the anchor
+        self._with_anchor()
+        self._sort()
+
+    def _with_anchor(self):
+        """Make the solution itself one of the values, also if a fit from there did not converge."""
+        k = int(np.argmin(np.abs(self.at - self.anchor.x[self.i])))
+        if self.at[k] != self.anchor.x[self.i]:
+            self.x = np.concatenate([self.x, self.anchor.x[None]])
+            self.cost, self.good = np.append(self.cost, self.anchor.cost), np.append(self.good, True)
+        elif not self.good[k] or self.cost[k] > self.anchor.cost:
+            self.x[k], self.cost[k], self.good[k] = self.anchor.x, self.anchor.cost, True
+
+    @property
+    def at(self):
+        """Of the element, increasing."""
+        return self.x[:, self.i]
+
+    @property
+    def lowest(self):
+        """The lowest cost found."""
+        return min(self.anchor.cost, self.cost[self.good].min(initial=np.inf))
+
+    @property
+    def best(self):
+        """Index of the lowest cost among values that were fitted."""
+        return int(np.argmin(np.where(self.good, self.cost, np.inf)))
+
+    def root(self):
+        """Root of the rise, nearly linear in x; NaN where a fit did not converge."""
+        with np.errstate(invalid="ignore"):
+            rise = np.maximum(2 * (self.cost - self.lowest), 0.0)
+        return np.sqrt(np.where(self.good, rise, np.nan))
+
+    def little(self, cost):
+        """Difference of costs that is of no account."""
+        return NEAR * max(1.0, cost)
+
+    def add(self, starts, free=False):
+        """Fit from starts, all with the element held or, if `free`, none; the runs."""
+        problem, size = self.anchor.problem, self.x.shape[1]
+        moving = np.ones((1, size)) if free else (np.arange(size) != self.i).astype(float)[None]
+        targets = problem.targets._replace(
+            measured=np.asarray(problem.targets.measured)[None],
+            error=np.asarray(problem.targets.error)[None],
+            moving=moving.astype(problem.start.dtype),
+        )
+        starts = np.asarray(starts, problem.start.dtype)
+        runs = run(LevenbergMarquardt(), problem, starts, targets, None, self.callback, self.batch)
+        self.stopped |= bool(np.isin(runs.status, (INTERRUPTED, RUNNING)).any())
+        return runs
+
+    def include(self, runs):
+        """Put fits at new values among the others."""
+        self.x = np.concatenate([self.x, runs.x])
+        self.cost, self.good = np.append(self.cost, runs.cost), np.append(self.good, succeeded(runs.status))
+        self._sort()
+
+    def _sort(self):
+        order = np.argsort(self.at, kind="stable")
+        self.x, self.cost, self.good = self.x[order], self.cost[order], self.good[order]
+
+    def mend(self):
+        """Fit values again that their neighbours' parameters fit better."""
+        if self.is_smooth():
+            return
+        # A lower branch passes from neighbour to neighbour.
+        for _ in range(len(self.x)):
+            pairs = [(k, n) for k in range(len(self.x)) for n in (k - 1, k + 1) if 0 <= n < len(self.x)]
+            pairs = [(k, n) for k, n in pairs if self.good[n]]
+            if self.stopped or not pairs:
+                return
+            starts = np.array([self.x[n] for _, n in pairs])
+            starts[:, self.i] = [self.at[k] for k, _ in pairs]
+            costs, chosen = self._costs(starts), {}
+            for row, (k, _) in enumerate(pairs):
+                worse = not self.good[k] or costs[row] < self.cost[k] - self.little(self.cost[k])
+                if np.isfinite(costs[row]) and worse and (k not in chosen or costs[row] < costs[chosen[k]]):
+                    chosen[k] = row
+            if not chosen:
+                return
+            runs = self.add(starts[list(chosen.values())])
+            mended = False
+            for place, k in enumerate(chosen):
+                if succeeded(runs.status[place]) and (not self.good[k] or runs.cost[place] < self.cost[k]):
+                    self.x[k], self.cost[k], self.good[k] = runs.x[place], runs.cost[place], True
+                    mended = True
+            if not mended:
+                return
+
+    def is_smooth(self):
+        """Return True if the root of the rise, with its sign, has no jumps, as that of a single branch."""
+        root = self.root()
+        signed = np.where(np.arange(root.size) < self.best, -root, root)
+        steps = np.diff(signed) / np.diff(self.at)
+        return bool(np.all(np.abs(np.diff(steps)) * np.diff(self.at)[1:] < _JUMP))
+
+    def _costs(self, x):
+        """Costs at rows of x."""
+        problem = self.anchor.problem
+        of = padded(problem)
+        rows, _ = evaluate(of.structure, of.numbers, x.astype(problem.start.dtype))
+        loss = loss_of(of.structure, of.numbers)
+        return np.array([loss.cost(errors_of_rows(of.structure, of.numbers, of.targets, r)) for r in rows])
+
+    def descend(self):
+        """Fit all parameters from the best value if it beats the minimum known; whether it does."""
+        known = self.anchor.cost if self.better is None else self.better[1]
+        k = self.best
+        if self.stopped or not self.good.any() or self.cost[k] >= known - self.little(known):
+            return False
+        runs = self.add(self.x[k : k + 1], free=True)
+        lower = bool(succeeded(runs.status[0])) and runs.cost[0] <= self.cost[k]
+        self.better = (runs.x[0], float(runs.cost[0])) if lower else (self.x[k], float(self.cost[k]))
+        if lower:
+            self.include(runs)
+            self.mend()
+        return True
+
+    def range(self):
+        """x of the element between which a profile may go."""
+        problem, here = self.anchor.problem, float(self.anchor.x[self.i])
+        group = next(g for g in problem.variables.own if g.slot[0] <= self.i < g.slot[1])
+        if group.kind == "Bounded":
+            return min(-FARTHEST, here), max(FARTHEST, here)
+        reach = FARTHEST
+        if group.kind == "Free":
+            reach = max(FARTHEST, _FREE * float(np.max(np.abs(self.at - here))))
+        return here - reach, here + reach
+
+
+def _outermost(trace, side, q):
+    """Indices of the last value below the threshold on a side, and of the next beyond; None without."""
+    order = np.arange(trace.best, len(trace.x)) if side > 0 else np.arange(trace.best, -1, -1)
+    order = order[trace.good[order]]
+    below = np.flatnonzero(trace.root()[order] < q)
+    last = int(below[-1])
+    return int(order[last]), int(order[last + 1]) if last + 1 < order.size else None
+
+
+def _end(trace, side, q, extend):
+    """x of an end of the interval, and "reached" or why it was not."""
+    if not trace.good.any():
+        return np.nan, "not found: no fit converged"
+    limit = trace.range()[side > 0]
+    shorter = 0
+    while True:
+        inner, outer = _outermost(trace, side, q)
+        if outer is not None or not extend or trace.stopped or shorter >= _ROUNDS:
+            break
+        here, distance = trace.at[inner], abs(trace.at[inner] - trace.at[trace.best])
+        if side * (limit - here) <= 1e-9 * max(1.0, abs(limit)):
+            break
+        others = np.sort(np.abs(trace.at[trace.good] - here))
+        step = max((_GROWTH - 1) * distance, others[1] if others.size > 1 else 1e-3) / 2**shorter
+        target = here + side * min(step, side * (limit - here))
+        runs = trace.add([_ahead(trace, inner, side, target)])
+        if succeeded(runs.status[0]):
+            trace.include(runs)
+            shorter = 0
+        else:
+            shorter += 1
+    if outer is None:
+        return _left_open(trace, side, q, inner, extend, shorter)
+    # Values that were asked for get none beside them.
+    return _approach(trace, side, q) if extend else _crossing(trace, side, q)[0], "reached"
+
+
+def _ahead(trace, inner, side, target):
+    """Start of a fit beyond the last value: along the line through the last two, others by one at most."""
+    start, before = trace.x[inner].copy(), inner - side
+    if 0 <= before < len(trace.x) and trace.good[before]:
+        change = trace.x[inner] - trace.x[before]
+        span = change[trace.i]
+        if span:
+            start += np.clip(change * (target - start[trace.i]) / span, -1.0, 1.0)
+    start[trace.i] = target
+    return start
+
+
+def _crossing(trace, side, q):
+    """x where the root reaches q, by three values, and by two or inf where there are not three."""
+    inner, outer = _outermost(trace, side, q)
+    root, x = trace.root(), trace.at
+    line = x[inner] + (q - root[inner]) / (root[outer] - root[inner]) * (x[outer] - x[inner])
+    before = inner - side
+    if not (0 <= before < len(x) and root[before] < root[inner]):
+        return line, np.inf
+    known = np.array([before, inner, outer])
+    # The parabola x(root): weights of Lagrange's interpolation.
+    weights = [np.prod([(q - root[m]) / (root[k] - root[m]) for m in known if m != k]) for k in known]
+    curve = float(np.dot(weights, x[known]))
+    low, high = sorted((x[inner], x[outer]))
+    return float(np.clip(curve, low, high)), line
+
+
+def _approach(trace, side, q):
+    """Add values near the threshold until interpolation finds it; x there."""
+    last = np.inf
+    for turn in range(_NEARER):
+        curve, line = _crossing(trace, side, q)
+        enough = _CLOSE * abs(curve - trace.at[trace.best])
+        if trace.stopped or abs(curve - (line if turn == 0 else last)) <= enough:
+            return curve
+        inner, outer = _outermost(trace, side, q)
+        part = (curve - trace.at[inner]) / (trace.at[outer] - trace.at[inner])
+        part = float(np.clip(part, 0.1, 0.9))
+        runs = trace.add([trace.x[inner] + part * (trace.x[outer] - trace.x[inner])])
+        if not succeeded(runs.status[0]):
+            return curve
+        trace.include(runs)
+        last = curve
+    return curve
+
+
+def _left_open(trace, side, q, inner, extend, shorter):
+    """The end of a profile that stays below its threshold, and why."""
+    value = trace.anchor.problem.values(trace.x[inner])[trace.i]
+    rise = trace.root()[inner] ** 2
+    tried = f"chi-square rises by {rise:.4g}, less than {q**2:.4g}, at {value:.6g}"
+    if trace.stopped:
+        return np.nan, f"not found: interrupted; {tried}"
+    if not extend:
+        return np.nan, f"not reached by the values given: {tried}"
+    if shorter >= _ROUNDS:
+        return np.nan, f"not found: fits beyond did not converge; {tried}"
+    group = next(g for g in trace.anchor.problem.variables.own if g.slot[0] <= trace.i < g.slot[1])
+    where = {"Bounded": "a millionth of its range from its bound", "Positive": "a factor of 1e6 from the fit"}
+    before = trace.root()[inner - side] ** 2 if 0 <= inner - side < len(trace.x) else np.nan
+    there = trace.anchor.problem.values(trace.x[inner - side])[trace.i]
+    return side * np.inf, (
+        f"open: {tried}, the last value tried, {where.get(group.kind, 'as far as a profile goes')}"
+        f" (by {before:.4g} at {there:.6g})"
+    )
+
+
+def _told(trace, q, ends):
+    """The profile as a user sees it."""
+    anchor, i, names = trace.anchor, trace.i, trace.anchor.problem.names
+    at = np.where(np.arange(anchor.x.size) == i, np.array([[x] for x, _ in ends]), anchor.x)
+    low, high = anchor.problem.values(at)[:, i].tolist()
+    better, warning = None, ""
+    if trace.better is not None:
+        x, cost = trace.better
+        better = dict(zip(names, anchor.problem.values(x).tolist(), strict=True))
+        values = ", ".join(f"{name} = {value:.6g}" for name, value in better.items())
+        warning = (
+            f"the fit is not at the lowest minimum: cost {cost:.6g} instead of {anchor.cost:.6g} with"
+            f" {values}; the interval refers to that minimum; continue with"
+            " fitting.fit(scene.replace(profile.better), data, free)"
+        )
+    texts = [text for _, text in ends]
+    inside = trace.good & (trace.at > ends[0][0]) & (trace.at < ends[1][0])
+    if np.any(trace.root()[inside] >= q):
+        apart = "the interval is not connected: within it chi-square rises above the threshold"
+        warning += "; " * bool(warning) + apart
+    values = anchor.problem.values(trace.x)
+    rise = trace.root() ** 2
+    return LikelihoodProfile(
+        names[i], values[:, i], rise, low, high, q**2, names, values, (texts[0], texts[1]), better, warning
+    )
