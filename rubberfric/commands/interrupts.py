@@ -128,7 +128,7 @@ class Interrupts:
         """Exit status of what the last signal ended."""
         return 128 + int(self.which)
 
-    def solve_energy_criterion(self) -> None:
+    def hold(self) -> None:
         """Hold the first signal back from now on."""
         self._holding = True
 
