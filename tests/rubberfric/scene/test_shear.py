@@ -57,12 +57,23 @@ def exact_log_factor(shift, T):
     if isinstance(shift, rf.Arrhenius):
         return shift.energy / mp.mpf("8.617333262e-5") * (1 / T - 1 / shift.T_ref)
 
+    # Monotone cubics: slopes are weighted harmonic means, at the ends those of the lines.
+    log, knots = [mp.log(a) for a in shift.aT], list(shift.T)
+    h = [b - a for a, b in itertools.pairwise(knots)]
+    d = [(b - a) / step for (a, b), step in zip(itertools.pairwise(log), h, strict=True)]
+    slopes = [d[0], *(3 * (h[k] + h[k + 1]) / _weighted(h, d, k) for k in range(len(h) - 1)), d[-1]]
+
     def table(x):
-        k = max(i for i in range(len(shift.T) - 1) if shift.T[i] <= x)
-        share = (x - shift.T[k]) / (shift.T[k + 1] - shift.T[k])
-        return (1 - share) * mp.log(shift.aT[k]) + share * mp.log(shift.aT[k + 1])
+        k = max(i for i in range(len(h)) if knots[i] <= x)
+        t = (x - knots[k]) / h[k]
+        ends = (1 + 2 * t) * (1 - t) ** 2 * log[k] + t**2 * (3 - 2 * t) * log[k + 1]
+        return ends + h[k] * (t * (1 - t) ** 2 * slopes[k] - t**2 * (1 - t) * slopes[k + 1])
 
     return table(T) - table(shift.T_ref)
+
+
+def _weighted(h, d, k):
+    return (h[k] + 2 * h[k + 1]) / d[k] + (2 * h[k] + h[k + 1]) / d[k + 1]
 
 
 def exact(tree):
