@@ -9,6 +9,7 @@ those inside the order of a scene, and very far from the data at some of the oth
 
 from collections.abc import Callable
 
+import jax.numpy as jnp
 import numpy as np
 import scipy
 
@@ -95,8 +96,8 @@ def costs_at(problem: Problem, x: np.ndarray) -> np.ndarray:
     of, loss = padded(problem), loss_of(problem.structure, problem.numbers)
     rows, _ = evaluate(of.structure, of.numbers, x.astype(problem.start.dtype))
     costs = [
-        float(loss.cost(of.kept(np.asarray(errors_of_rows(of.structure, of.numbers, of.targets, one)))))
-        for one in rows
+        float(loss.cost(jnp.asarray(of.kept(np.asarray(errors)))))
+        for errors in (errors_of_rows(of.structure, of.numbers, of.targets, one) for one in rows)
     ]
     return np.where(np.isfinite(costs), costs, np.inf)
 

@@ -46,15 +46,17 @@ def aim(structure: Structure, numbers: Numbers, targets: Targets) -> Objective:
     if not variables.order:
         return plain
 
-    def to(z):
-        return x_of(variables, numbers.constants, z, targets.moving)
+    def to(z: jax.Array) -> jax.Array:
+        return jnp.asarray(x_of(variables, numbers.constants, z, targets.moving))
 
     def both(z):
         x, slopes = forward(to, z)
         rows, jacobian = plain.residuals_and_jacobian(x)
         return rows, jacobian @ slopes * targets.moving
 
-    return plain._replace(residuals=lambda z: plain.residuals(to(z)), residuals_and_jacobian=both)
+    return plain._replace(
+        residuals=lambda z: plain.residuals(to(jnp.asarray(z))), residuals_and_jacobian=both
+    )
 
 
 def loss_of(structure: Structure, numbers: Numbers) -> Loss:
