@@ -289,7 +289,7 @@ def test_picture(noisy):
     np.testing.assert_allclose(lines["terms $E_i$ at $1/\\tau_i$"].get_ydata(), noisy.values[:-1], rtol=1e-12)
     np.testing.assert_allclose(lower.lines[1].get_ydata(), noisy.residuals[1])
     upper.figure.canvas.draw()
-    with pytest.raises(ValueError, match="must have 2 .moduli, residuals"):
+    with pytest.raises(ValueError, match=r"must have 2 .moduli, residuals"):
         noisy.plot(upper)
 
 
