@@ -5,7 +5,7 @@ below and above (`fitting.parameters.order`),
 
 .. math:: x = a + s(z - a) - s(z - b),\qquad s(t) = \frac1k \ln(1 + e^{kt})
 
-lies between a and b and is z far from both: with k = 4, within 5 % of a distance of 0.5. Neighbours that
+lies between a and b and is z far from both: with k = 12, to rounding at a distance of 3. Neighbours that
 are free are bounds from below only, found first; from above the next number that stays is the bound. A number
 that stays in one fit, as in a profile, is a bound there and has z = x. Everything but the solvers is in x.
 """
@@ -22,7 +22,7 @@ from fitting.parameters.order import End
 from fitting.parameters.variables import Array, Constants, Variables, from_x, slopes_of, to_scene, to_x
 
 # k: so much farther from a bound than 1/k in x, z is x.
-_SHARP = 4.0
+_SHARP = 12.0
 # How far inside, in x, a start begins that is at its bound, where no step would move it.
 INSIDE = 0.05
 # So near to its bound, in x, an element is tried on it, and so far beyond in z it is as good as on it: by
