@@ -44,14 +44,18 @@ class Adhesion(PhysicalObject):
     contact is full. Derivatives are those of the solution, without bounds next to a jump, and 0 where contact
     is full: a fit of the work begins with little of it.
 
-    Long range: area, separation, and S P of the viscoelastic friction are those without adhesion under the
-    pressure p_rep. The exponential law has the work as its
-    integral, is the one of boundary elements too, and its mean over Gaussian separations is closed. It acts
-    on the area of contact as well, which bears it: exact where r is far more than all gaps, p_rep = sigma_0 +
-    work / r. Of several solutions it is the least, where approaching solids come to rest: they jump into
-    closer contact where that one ends, and there derivatives grow without bounds. Against boundary elements
-    areas are good to 4 % at Tabor 0.1 (with S in G); at 0.3 they are up to 22 % too large at light load, for
-    the attraction deforms the solids.
+    Long range: area, separation, and S P of the viscoelastic friction equal those without adhesion under the
+    pressure p_rep = sigma_0 + p_ad. The attraction decays exponentially, integrates to the work, and its mean
+    over Gaussian separations has a closed form. Boundary elements use the same law. The attraction also acts
+    on the area of contact, which bears it. This is exact where r far exceeds all gaps: p_rep = sigma_0 +
+    work / r. If several p_rep satisfy the equation, the least is returned. Approaching solids, which start
+    without adhesion, come to rest there. They jump into closer contact where this solution ends, and
+    derivatives grow without bounds there. Two solutions closer than a twelfth of ln(1 + work / (r sigma_0))
+    may be missed: then the next one is returned.
+    Areas solve the equation to about 1e-6 where more than 1 % touches, and to 1e-3 at the lightest loads if r
+    is less than a tenth of the rms height. Derivatives agree with differences to 1e-9.
+    Against boundary elements areas are good to 4 % at Tabor 0.1 (with S in G); at 0.3 they are up to 22 % too
+    large at light load, because the attraction deforms the solids.
 
     Limits: E_r is that of the moduli at the frequencies of sliding, at rest the relaxed one; no energy is
     lost in the rubber by the opening of cracks. Not together with heating. The tables of boundary elements

@@ -45,22 +45,22 @@ from rubberfric.theory.area.partial_contact import (
 from rubberfric.theory.area.separations import LossTable, cubic, loss_factor, loss_weight, spread
 
 # Loads tried to bracket the first solution, evenly spaced in ln p, and the nodes used for them.
-_LOADS, _FEW = 16, (8, 12)
+_LOADS, _FEW = 12, (8, 8)
 
 # Outer and inner nodes per node of a contact panel.
-_OUTER, _INNER = 4, 3
+_OUTER, _INNER = 3, 2
 
 # G below which hardly any area has left contact (1 - P = 1e-14).
 _FIRST = 0.0085
 
-# ln of the largest 1/x^2 at which k is still negligible (1e-12): the inner integral starts there.
-_LOG_CLOSEST = -math.log(28.0)
+# x above which k is negligible (1e-12): the inner integral starts there.
+_CLOSEST = math.sqrt(28.0)
+
+# Root of x_end / x in which the inner nodes are spaced.
+_ROOT = 5
 
 # Share of the outer interval next to q1 within which nodes crowd towards q1.
 _BEND = 0.2
-
-# Length of the inner interval over ln(g' - g) above which its nodes crowd towards q1.
-_SHORT = 8.0
 
 
 class Gaps(NamedTuple):
@@ -75,6 +75,14 @@ class Gaps(NamedTuple):
     gamma: jax.Array
     correction: CorrectionTable | None
     lost: LossTable
+
+
+class _Beyond(NamedTuple):
+    """U and the mean square height beyond g, by cubic Hermite polynomials between the knots."""
+
+    knots: jax.Array
+    storage: tuple[jax.Array, jax.Array]  # values and slopes at the knots
+    heights: tuple[jax.Array, jax.Array]
 
 
 # Batched axes.
@@ -98,35 +106,42 @@ def solve_dmt_load(gaps: Gaps, order: int) -> AdhesiveLoad:
 
     def solved(gaps):
         # Quadrature nodes follow each load: nodes placed for another load miss where contact is lost.
+        beyond = jax.lax.optimization_barrier(_interpolate_beyond(gaps))
         top = jnp.log1p(gaps.strength)
-        near = first(lambda z: z - _log_load(gaps, z, _FEW), top, _LOADS)
-        near = zero(lambda z: z - _log_load(gaps, z, _FEW), near, top)[2]
-        return zero(lambda z: z - _log_load(gaps, z, count), near, top)[:2]
+        near = first(lambda z: z - _log_load(gaps, beyond, z, _FEW), top, _LOADS)
+        near = zero(lambda z: z - _log_load(gaps, beyond, z, _FEW), near, top)[2]
+        return zero(lambda z: z - _log_load(gaps, beyond, z, count), near, top)[:2]
 
     solution, converged = jax.vmap(solved, (_POINTS,))(still)
 
+    def log_load(gaps, z):
+        return _log_load(gaps, _interpolate_beyond(gaps), z, count)
+
     def balance(z):
-        return jax.vmap(lambda gaps, z: _log_load(gaps, z, count), (_POINTS, 0))(gaps, z[:, 0])[:, None]
+        return jax.vmap(log_load, (_POINTS, 0))(gaps, z[:, 0])[:, None]
 
     return AdhesiveLoad(jnp.exp(implicit(balance, solution[:, None])[:, 0]), converged)
 
 
 def evaluate_attraction(gaps: Gaps, order: int) -> jax.Array:
     """Evaluate <e^-u/r>, p_ad over its value in full contact, of contact that bears sigma_0, (points,)."""
-    count = _counts(order)
-    return jax.vmap(lambda gaps: _share(gaps, jnp.zeros_like(gaps.stiffness), count), (_POINTS,))(gaps)
+
+    def share(gaps):
+        return _share(gaps, _interpolate_beyond(gaps), jnp.zeros_like(gaps.stiffness), _counts(order))
+
+    return jax.vmap(share, (_POINTS,))(gaps)
 
 
 def _counts(order):
     return _OUTER * order, _INNER * order
 
 
-def _log_load(gaps, z, count):
+def _log_load(gaps, beyond, z, count):
     """Return ln(1 + p_ad / sigma_0) of contact that bears the load sigma_0 e^z."""
-    return jnp.log1p(gaps.strength * _share(gaps, z, count))
+    return jnp.log1p(gaps.strength * _share(gaps, beyond, z, count))
 
 
-def _share(gaps, z, count):
+def _share(gaps, beyond, z, count):
     """Return <e^-u/r> of contact that bears the load sigma_0 e^z.
 
     count : number of outer nodes, and of inner nodes for each of them
@@ -135,7 +150,7 @@ def _share(gaps, z, count):
     ahead, weight = _outer_nodes(stiffness, g_end, count[0])
     g, rest = g_end * jnp.exp(-ahead), -g_end * jnp.expm1(-ahead)
     X, last = contact_argument(stiffness**2 * g), contact_argument(stiffness**2 * g_end)
-    u1, width = _separations(gaps, stiffness, g, rest, X, count[1])
+    u1, width = _separations(gaps, beyond, stiffness, (g, rest), X, count[1])
     lost, corrected = 1.0, X
     if gaps.correction is not None:
         corrected, last = correct_argument(gaps.correction, X), correct_argument(gaps.correction, last)
@@ -159,25 +174,23 @@ def _outer_nodes(stiffness, g_end, count):
     return length * back, length * stretch * weight
 
 
-def _separations(gaps, stiffness, g, rest, X, count):
-    """Return u1 and h at g, from as many inner nodes; `rest` is g_end - g."""
+def _separations(gaps, beyond, stiffness, at, X, count):
+    """Return u1 and h from so many inner nodes; `at`: g and g_end - g."""
+    g, rest = at
     node, weight = (typed(table, g) for table in gauss(count))
-    slopes = _slopes(gaps.knots, gaps.storage)
-    U = _between(gaps.knots, gaps.storage, slopes, g)
-    heights = _between(gaps.knots, gaps.heights, _slopes(gaps.knots, gaps.heights), g)
+    cell = _find_cells(beyond.knots, g)
+    U = _evaluate(beyond.knots, beyond.storage, cell, g)
+    heights = _evaluate(beyond.knots, beyond.heights, cell, g)
     P, c = contact_fraction(X), loss_factor(X)
     x_end = contact_argument((stiffness * P) ** 2 * rest)
-    log_x = jnp.log(x_end)[:, None]
-    # ln of (g_end - g) / (g' - g), from q1 back to where k is negligible.
-    length = jnp.maximum(-_LOG_CLOSEST - 2 * log_x, 0.0)
-    crowding = jnp.maximum(length / _SHORT - 1, 0.0)
-    back = length * node / (1 + crowding * (1 - node))
-    stretch = length * (1 + crowding) / (1 + crowding * (1 - node)) ** 2
-    passed = U[:, None] - _between(
-        gaps.knots, gaps.storage, slopes, g[:, None] + rest[:, None] * jnp.exp(-back)
-    )
-    fall = gaps.lost(log_x + 0.5 * back, c[:, None])
-    integral = loss_weight(x_end, c, gaps.gamma) * U - jnp.sum(0.5 * stretch * weight * fall * passed, -1)
+    # The integrand is smooth in a root of x_end / x, down to 0; g' - g falls as the square of x_end / x.
+    least = jnp.minimum(x_end / _CLOSEST, 1.0)[:, None] ** (1 / _ROOT)
+    root = least + (1 - least) * node
+    further = g[:, None] + rest[:, None] * root ** (2 * _ROOT)
+    passed = U[:, None] - _evaluate(beyond.knots, beyond.storage, _find_cells(beyond.knots, further), further)
+    fall = gaps.lost(jnp.log(x_end)[:, None] - _ROOT * jnp.log(root), c[:, None])
+    within = _ROOT * (1 - least) * jnp.sum(weight * fall * passed / root, -1, keepdims=True)
+    integral = loss_weight(x_end, c, gaps.gamma) * U - within[:, 0]
     u1 = jnp.pi / 2 * stiffness * P * jnp.maximum(integral, 0.0)
     smallest = jnp.finfo(g.dtype).tiny ** 0.5
     return u1, jnp.sqrt(jnp.maximum(heights, smallest))
@@ -194,9 +207,20 @@ def _slopes(knots, values):
     return jnp.concatenate([slope[:1], jnp.where(some, middle, 0.0), slope[-1:]])
 
 
-def _between(knots, values, slopes, at):
-    """Interpolate by cubic Hermite polynomials."""
-    k = jnp.clip(jnp.searchsorted(knots, at, side="right") - 1, 0, knots.shape[0] - 2)
+def _interpolate_beyond(gaps):
+    """Return `_Beyond` of a point."""
+    knots, storage, heights = gaps.knots, gaps.storage, gaps.heights
+    return _Beyond(knots, (storage, _slopes(knots, storage)), (heights, _slopes(knots, heights)))
+
+
+def _find_cells(knots, at):
+    """Return the index of the cell of each value."""
+    return jnp.clip(jnp.searchsorted(knots, at, side="right") - 1, 0, knots.shape[0] - 2)
+
+
+def _evaluate(knots, curve, k, at):
+    """Evaluate a curve of `_Beyond` within the cells k."""
+    values, slopes = curve
     step = knots[k + 1] - knots[k]
     some = step > 0
     t = jnp.clip((at - knots[k]) / jnp.where(some, step, 1.0), 0.0, 1.0)

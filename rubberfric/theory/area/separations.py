@@ -59,27 +59,56 @@ def cubic(t: jax.Array, f0: jax.Array, f1: jax.Array, d0: jax.Array, d1: jax.Arr
 
 
 class LossTable(NamedTuple):
-    """The slope -dk / d ln x at uniform ln x: the part without c and what c multiplies, and their slopes."""
+    """The slope -dk / d ln x at uniform ln x: the part without c, the factor of c, and their slopes."""
 
-    value: jax.Array  # (2, entries)
+    gamma: jax.Array
+    value: jax.Array  # for this gamma, (2, entries)
     slope: jax.Array  # times the step
 
     def __call__(self, log_x: jax.Array, c: jax.Array) -> jax.Array:
-        """The slope at x, 0 where x > 5.4; to 3e-8 of its largest value."""
-        place = jnp.clip((log_x - _LOWEST) / _STEP, 0.0, _ENTRIES - 1)
-        k = jnp.minimum(jax.lax.stop_gradient(place).astype(int), _ENTRIES - 2)
-        t = place - k
+        """Return the slope at x, 0 where x > 5.4; error 3e-8 of its largest value."""
+        return _fall(self.gamma, jax.lax.stop_gradient((self.value, self.slope)), log_x, c)
 
-        def part(i):
-            return cubic(t, self.value[i][k], self.value[i][k + 1], self.slope[i][k], self.slope[i][k + 1])
 
-        return part(0) + c * part(1)
+@jax.custom_jvp
+def _fall(gamma, table, log_x, c):
+    """Return the slope of a table for gamma."""
+    del gamma
+    without, times_c = _parts(table, log_x, cubic)
+    return without + c * times_c
+
+
+@_fall.defjvp
+def _fall_jvp(primals, tangents):
+    # The table is linear in gamma. The derivative with respect to each entry would cost a scatter per node.
+    (_, table, log_x, c), (by_gamma, _, by_log_x, by_c) = primals, tangents
+    low, high = typed(_loss_tables(), log_x)
+    without, times_c = _parts(table, log_x, cubic)
+    without_slope, times_c_slope = (one / _STEP for one in _parts(table, log_x, _cubic_slope))
+    a, b = _parts(high - low, log_x, cubic)
+    tangent = (without_slope + c * times_c_slope) * by_log_x + times_c * by_c + (a + c * b) * by_gamma
+    return without + c * times_c, tangent
+
+
+def _parts(table, log_x, polynomial):
+    """Evaluate both parts of a table; values and slopes are 0 beyond its ends."""
+    place = (log_x - _LOWEST) / _STEP
+    k = jnp.clip(place, 0, _ENTRIES - 2).astype(int)
+    t = jnp.clip(place - k, 0.0, 1.0)
+    value, slope = table
+    return [polynomial(t, value[i][k], value[i][k + 1], slope[i][k], slope[i][k + 1]) for i in range(2)]
+
+
+def _cubic_slope(t, f0, f1, d0, d1):
+    """Return the derivative of `cubic` with respect to t."""
+    rise = f1 - f0
+    return d0 + t * (2 * (3 * rise - 2 * d0 - d1) + 3 * t * (d0 + d1 - 2 * rise))
 
 
 def loss_table(gamma: jax.Array) -> LossTable:
-    """Table for one gamma in 0 ... 1."""
+    """Return the table for one gamma in 0 ... 1."""
     tables = typed(_loss_tables(), gamma)
-    return LossTable(*(tables[0] + gamma * (tables[1] - tables[0])))
+    return LossTable(gamma, *(tables[0] + gamma * (tables[1] - tables[0])))
 
 
 @functools.cache

@@ -9,9 +9,12 @@ import pytest
 from scipy import special
 from scipy.interpolate import make_interp_spline
 from scipy.optimize import brentq
+from support.oracles.dmt_attraction import DmtAttraction
 
 import rubberfric as rf
+from rubberfric.scene.pairs import PairTemperatures
 from rubberfric.theory.area.separations import loss_table, loss_weight, scaled_erfc, spread
+from rubberfric.theory.integrals import prepare
 
 Q0, Q1, HURST, H_RMS, YOUNG = 1e4, 1e6, 0.8, 2e-7, 1e7
 FINE = rf.SelfAffine(q0=Q0, qr=Q0, q1=Q1, hurst=HURST, h_rms=H_RMS)
@@ -154,6 +157,78 @@ def test_attraction_enlarges_the_area_and_brings_the_solids_together():
     assert np.all(np.diff(areas, axis=0) >= 0) and np.all(np.diff(gaps, axis=0) <= 0)
     np.testing.assert_allclose(areas[-1], 1.0, atol=1e-12)
     assert np.all([one.converged for one in found])
+
+
+def _plateau(work=None, reach=1.5e-6):
+    """A plateau, and areas of 1e-7 to 1e-3."""
+    adhesion = None if work is None else rf.Adhesion(work, limit="long", range=reach)
+    spectrum = rf.SelfAffine(5.8e4, 1.8e5, 2.5e6, 0.62, 3.1e-6)
+    return rf.Scene(
+        rf.Body(rf.Rigid(), spectrum), rf.Body(rf.Elastic(4e6, 0.49)), gamma=1.0, adhesion=adhesion
+    )
+
+
+def test_light_loads_agree_with_brute_force():
+    """Nodes about another load than the one that is borne gave areas 2 to 800 times too large."""
+    brute = DmtAttraction(5.8e4, 1.8e5, 2.5e6, 0.62, 3.1e-6, 4e6 / (1 - 0.49**2), 1.0)
+    pressure = np.array([1.0, 30.0, 200.0, 2e3, 2e4])
+    found = rf.solve(_plateau(0.3), 0.0, pressure, quantities=AREA)
+    for p, area in zip(pressure[1:4], found.area[1:4], strict=True):
+        assert float(area) == pytest.approx(brute.area(brute.load(p, 0.3, 1.5e-6)), rel=1e-6)
+    assert found.converged.all()
+    # At light load the attraction is a share of the load, and so is the area.
+    gain = found.area / rf.contact_area(_plateau(), 0.0, pressure)
+    np.testing.assert_allclose(gain[:3], gain[0], rtol=1e-5)
+
+
+@pytest.mark.parametrize("pressure", [1.0, 1e3, 2e5, pytest.param(5e5, marks=pytest.mark.slow)])
+def test_the_attraction_agrees_with_brute_force(pressure):
+    brute = DmtAttraction(5.8e4, 1.8e5, 2.5e6, 0.62, 3.1e-6, 4e6 / (1 - 0.49**2), 1.0)
+    prepared = prepare(_plateau(0.3), ("area", "separation"), rf.Quadrature())
+    at = jnp.array([pressure])
+    share = prepared.roughness.attraction(0 * at, at, [PairTemperatures(None, None)])[1]
+    assert float(share[0]) == pytest.approx(brute.attraction(pressure, 1.5e-6), rel=1e-5)
+
+
+def _random_scenes(count):
+    """Parameters of scenes, (9, count): spectrum, modulus, gamma, and the range and work of adhesion."""
+    unit = np.random.default_rng(7).uniform(size=(9, count))
+    q0 = 10 ** (3 + 2 * unit[0])
+    qr = q0 * 10 ** unit[1]
+    q1 = qr * 10 ** (1 + 2 * unit[2])
+    h_rms = 10 ** (-2 + 2 * unit[4]) / qr
+    young = 10 ** (6 + 2 * unit[5])
+    reach = h_rms * 10 ** (-1.5 + 2.5 * unit[7])
+    stress = young * h_rms * qr
+    return np.array(
+        [q0, qr, q1, 0.4 + 0.5 * unit[3], h_rms, young, unit[6], reach, 0.3 * unit[8] * stress * reach]
+    )
+
+
+@pytest.mark.parametrize("count", [6, pytest.param(20, marks=pytest.mark.slow)])
+def test_areas_grow_with_load_and_work(count):
+    base = _scene(1.0, 1.0, ROLLING)
+
+    def area(parameters, work, pressure):
+        q0, qr, q1, hurst, h_rms, young, gamma, reach, _ = parameters
+        scene = base.replace({"lower.spectrum.q0": q0, "lower.spectrum.qr": qr, "lower.spectrum.q1": q1})
+        scene = scene.replace({"lower.spectrum.hurst": hurst, "lower.spectrum.h_rms": h_rms, "gamma": gamma})
+        scene = scene.replace({"upper.material.young": young, "adhesion.range": reach, "adhesion.work": work})
+        found = rf.solve(scene, 0.0, pressure, quantities=AREA, quadrature=rf.Quadrature())
+        return found.area, found.converged
+
+    parameters = _random_scenes(20)[:, :count]
+    loads = np.broadcast_to(np.geomspace(1.0, 1e5, 18), (count, 18))
+    works = np.broadcast_to(parameters[8][:, None], loads.shape)
+    along_work = parameters[8][:, None] * np.geomspace(1e-3, 1.0, 7)
+    pressures = np.concatenate([loads, np.full(along_work.shape, 1.0), np.full(along_work.shape, 1e3)], 1)
+    works = np.concatenate([works, along_work, along_work], 1)
+    areas, converged = jax.jit(jax.vmap(jax.vmap(area, (None, 0, 0)), (1, 0, 0)))(
+        parameters, works, pressures
+    )
+    assert np.all(converged)
+    for part in np.split(np.asarray(areas), [18, 25], axis=1):
+        assert np.all(np.diff(part, axis=1) >= -1e-9 * part[:, 1:])
 
 
 @pytest.mark.parametrize(("share", "reach"), [(30.0, 1e-8), (300.0, 3e-9), (10.0, 1e-7)])
