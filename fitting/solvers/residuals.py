@@ -46,10 +46,10 @@ def aim(structure: Structure, numbers: Numbers, targets: Targets) -> Objective:
     if not variables.order:
         return plain
 
-    def to(z):
-        return x_of(variables, numbers.constants, z, targets.moving)
+    def to(z: jax.Array) -> jax.Array:
+        return jnp.asarray(x_of(variables, numbers.constants, z, targets.moving))
 
-    def both(z):
+    def both(z: jax.Array) -> tuple[jax.Array, jax.Array]:
         x, slopes = forward(to, z)
         rows, jacobian = plain.residuals_and_jacobian(x)
         return rows, jacobian @ slopes * targets.moving

@@ -83,7 +83,8 @@ def run(
     at = np.arange(batch) % fits  # which fit has a place
     waiting, done, steps = min(batch, fits), np.arange(batch) >= fits, np.zeros(batch, int)
     variables, constants = structure.variables, numbers.constants
-    starts = inside(variables, constants, starts, targets.moving)
+    moving: np.ndarray = np.asarray(targets.moving)  # pyright: ignore[reportOptionalMemberAccess]
+    starts = inside(variables, constants, starts, moving)
     ends = Runs(starts.copy(), np.full(fits, np.inf), *(np.full(fits, RUNNING, int) for _ in range(3)))
 
     def loaded(at):
@@ -119,7 +120,7 @@ def run(
                 done[free], steps[free] = False, 0
                 continue
             if done.all():
-                return ends._replace(x=outside(variables, constants, ends.x, targets.moving))
+                return ends._replace(x=outside(variables, constants, ends.x, moving))
             iterate = advance(solver, structure, numbers, here, iterate)
             steps += 1
             total += 1
@@ -128,4 +129,4 @@ def run(
                 callback(total, float(min(lowest, ends.cost.min())))
     except KeyboardInterrupt:
         keep(iterate, ~done, INTERRUPTED)
-        return ends._replace(x=outside(variables, constants, ends.x, targets.moving))
+        return ends._replace(x=outside(variables, constants, ends.x, moving))
