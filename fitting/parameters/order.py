@@ -10,7 +10,7 @@ from fitting.parameters.keypaths import leaf_names, scene_paths
 from fitting.parameters.scenes import Scenes, by_name
 from rubberfric.base import parts_of, rising_of
 
-# Of a start that goes by its x, and of float32.
+# Relative difference that the way through x, or float32, makes between equal start values.
 _ROUNDING = 1e-6
 
 
@@ -29,7 +29,7 @@ class Pair(NamedTuple):
 
 
 def pairs_of(scene: Scenes) -> tuple[Pair, ...]:
-    """Neighbouring numbers of a scene, or of several, the first of which must not exceed the second."""
+    """Pairs of neighbours low <= high in the chains of a scene, or of several."""
     names, pairs = {name: i for i, name in enumerate(scene_paths(scene))}, []
     for prefix, one in by_name(scene).items():
         for path, part in parts_of(one, prefix):
@@ -44,7 +44,7 @@ def pairs_of(scene: Scenes) -> tuple[Pair, ...]:
 
 
 def in_order(pairs: tuple[Pair, ...], leaves: Any) -> Any:
-    """Whether the leaves of a scene rise along all pairs, a scalar array; True without any."""
+    """Return a scalar, True if low <= high in all pairs of the leaves of a scene."""
     found = True
     for low, high in dict.fromkeys((pair.low.leaf, pair.high.leaf) for pair in pairs):
         own = [pair for pair in pairs if (pair.low.leaf, pair.high.leaf) == (low, high)]

@@ -1,4 +1,4 @@
-"""Whether the end of a fit is a minimum: what speaks against it, and a way on where there is one.
+"""Checks of fits that claim a minimum, and restarts from lower places.
 
 A solver stops where its linear model promises nothing more. That is so as well where no parameter moves the
 data, as in full contact, and where a parameter went so near to a bound that nothing depends on it. So at a
@@ -22,7 +22,7 @@ from fitting.solvers.residuals import data_rows, loss_of, padded
 from fitting.solvers.runs import Runs
 from fitting.solvers.search import random_starts
 
-# Chance by which a minimum may be as high as one that is looked at more closely.
+# Significance level of the chi-square test above which a claim is checked.
 _CHANCE = 1e-3
 # Places that are drawn, steps along each x, and the most of both, which take as long as a few steps of a fit.
 _DRAWN, _STEPS, _MOST = 8, (1.0, -1.0), 32
@@ -96,20 +96,20 @@ def costs_at(problem: Problem, x: np.ndarray) -> np.ndarray:
     of, loss = padded(problem), loss_of(problem.structure, problem.numbers)
     rows, _ = evaluate(of.structure, of.numbers, x.astype(problem.start.dtype))
     costs = [
-        float(loss.cost(jnp.asarray(of.kept(np.asarray(errors)))))
-        for errors in (errors_of_rows(of.structure, of.numbers, of.targets, one) for one in rows)
+        float(loss.cost(jnp.asarray(of.kept(errors_of_rows(of.structure, of.numbers, of.targets, one)))))
+        for one in rows
     ]
     return np.where(np.isfinite(costs), costs, np.inf)
 
 
 def _is_high(problem, cost):
-    """Whether chance does not make such residuals."""
+    """Return True if chance does not make residuals of this cost."""
     count = problem.targets.measured.size
     return 2 * cost > 2 * float(scipy.special.gammainccinv(count / 2, _CHANCE))
 
 
 def _moves(problem, x):
-    """Whether the data depend on any free parameter at x."""
+    """Return True if the data depend on any free parameter at x."""
     of = padded(problem)
     rows, slopes = (part[0] for part in evaluate(of.structure, of.numbers, np.asarray(x)[None], slopes=True))
     plain = of.kept(np.asarray(errors_of_rows(of.structure, of.numbers, of.targets, rows)))

@@ -67,7 +67,7 @@ def _places(variables):
 
 @functools.lru_cache(maxsize=64)
 def _steps(variables: Variables) -> tuple[_Step, ...]:
-    """The elements that an order bounds, each after those that bound it from below."""
+    """Return the bounded elements of x, each after its free lower neighbours."""
     places = _places(variables)
     below: dict[int, list[_Bound]] = {}
     above: dict[int, list[_Bound]] = {}
@@ -102,7 +102,7 @@ class _Place(NamedTuple):
 
 
 class _Walk:
-    """Bounds of the elements, one after the other; `x` is what is known of them, by element."""
+    """Iterate over the bounds of the elements; the caller fills in their `x` one by one."""
 
     def __init__(self, variables: Variables, constants: Constants, given: Array, moving: Array):
         self.xp: Any = np if isinstance(given, np.ndarray) else jnp
@@ -113,7 +113,9 @@ class _Walk:
         margin = _ROUNDING * float(jnp.finfo(given.dtype).eps)
         # From above only what stays is a bound, and what bounds those above.
         top: dict[int, Any] = {}
-        self.above: dict[int, int] = {}  # the longest chain of free ones above, each of which needs its room
+        self.above: dict[
+            int, int
+        ] = {}  # number of free elements in the longest chain above; each needs a margin
         for step in reversed(self.steps):
             limits = [self._range(step.element)[1]]
             for bound in step.above:
@@ -171,7 +173,7 @@ class _Walk:
         """x of a value, of one beyond the element's own range at its end."""
         xp, (low, high) = self.xp, self._range(i)
         inside = (value > low) & (value < high)
-        # Some value inside, so that what is not taken has a finite derivative.
+        # A value inside, so that the branch not taken has a finite derivative.
         safe = low + 0.5 * self.constants.width[i] if self.kinds[i] == "Bounded" else 1.0
         x = to_x(self.kinds[i], self.constants.low[i], self.constants.width[i], xp.where(inside, value, safe))
         return xp.where(inside, x, xp.where(value <= low, -np.inf, np.inf))

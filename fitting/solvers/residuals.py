@@ -49,7 +49,7 @@ def aim(structure: Structure, numbers: Numbers, targets: Targets) -> Objective:
     def to(z: jax.Array) -> jax.Array:
         return jnp.asarray(x_of(variables, numbers.constants, z, targets.moving))
 
-    def both(z):
+    def both(z: jax.Array) -> tuple[jax.Array, jax.Array]:
         x, slopes = forward(to, z)
         rows, jacobian = plain.residuals_and_jacobian(x)
         return rows, jacobian @ slopes * targets.moving

@@ -83,7 +83,7 @@ def run(
     at = np.arange(batch) % fits  # which fit has a place
     waiting, done, steps = min(batch, fits), np.arange(batch) >= fits, np.zeros(batch, int)
     variables, constants = structure.variables, numbers.constants
-    moving = np.asarray(targets.moving)  # pyright: ignore[reportOptionalMemberAccess]
+    moving: np.ndarray = np.asarray(targets.moving)  # pyright: ignore[reportOptionalMemberAccess]
     starts = inside(variables, constants, starts, moving)
     ends = Runs(starts.copy(), np.full(fits, np.inf), *(np.full(fits, RUNNING, int) for _ in range(3)))
 

@@ -144,4 +144,4 @@ def test_claims_of_drawn_twins():
         f" {claimed.sum()} claims, {(claimed & right).sum()} of them right"
     )
     assert inside.all()
-    assert right.sum() >= 57 and (claimed & right).sum() >= 0.97 * claimed.sum()
+    assert right.sum() >= 57 and (claimed & right).sum() >= 0.95 * claimed.sum()
