@@ -53,7 +53,8 @@ class Adhesion(PhysicalObject):
     derivatives grow without bounds there. Two solutions closer than a twelfth of ln(1 + work / (r sigma_0))
     may be missed: then the next one is returned.
     Areas solve the equation to about 1e-6 where more than 1 % touches, and to 1e-3 at the lightest loads if r
-    is less than a tenth of the rms height. Derivatives agree with differences to 1e-9.
+    is less than a tenth of the rms height. Where more than 1 % touches, derivatives agree with differences to
+    1e-9.
     Against boundary elements areas are good to 4 % at Tabor 0.1 (with S in G); at 0.3 they are up to 22 % too
     large at light load, because the attraction deforms the solids.
 

@@ -64,7 +64,7 @@ _BEND = 0.2
 
 
 class Gaps(NamedTuple):
-    """Roughness and attraction at each point; knots in a row, from q0 to q1."""
+    """Roughness and attraction at each point; the knots lie along the last axis, from q0 to q1."""
 
     knots: jax.Array  # g, ascending from 0
     storage: jax.Array  # U beyond each knot, 0 at the last [m]
@@ -165,7 +165,7 @@ def _share(gaps, beyond, z, count):
 def _outer_nodes(stiffness, g_end, count):
     """Return ln(g_end / g) at the nodes of the outer integral, and their weights."""
     node, weight = (typed(table, g_end) for table in gauss(count))
-    # Without roughness g_end is 0 and nothing is lost.
+    # g_end is 0 if there is no roughness; then no area is lost.
     log_end = jnp.log(jnp.maximum(g_end, jnp.finfo(g_end.dtype).tiny))
     length = jnp.maximum(log_end + 2 * jnp.log(stiffness) - math.log(_FIRST), 0.0)
     # Next to q1 the width falls as a square root of g_end - g, which is smooth in the nodes.

@@ -115,7 +115,7 @@ class DmtAttraction:
         low = 0.0
         for high in np.linspace(0.0, math.log1p(work / reach / pressure), tried)[1:]:
             if excess(high) > 0:
-                return pressure * math.exp(brentq(excess, low, high, xtol=1e-12))
+                return pressure * math.exp(float(brentq(excess, low, high, xtol=1e-12)))  # pyright: ignore[reportArgumentType]
             low = high
         return pressure + work / reach
 
