@@ -125,10 +125,10 @@ class Roughness(NamedTuple):
         if not within:
             # Contributions have panels of their own where only the whole integral is needed.
             panels = [jnp.sum(one, 0, keepdims=True) for one in panels]
-        factor = jnp.pi / 4 * modulus**2
-        G_panels, G = factor * total(panels), None
+        square = modulus**2
+        G_panels, G = square * (jnp.pi / 4 * total(panels)), None
         if within:
-            G = _sum_before(G_panels)[..., None] + factor[:, None] * total(within)  # (A11)
+            G = _sum_before(G_panels)[..., None] + square[:, None] * (jnp.pi / 4 * total(within))  # (A11)
         return Contact(terms, modulus, G_panels, G, self.gamma, self.correction)
 
 

@@ -111,7 +111,7 @@ def test_without_adhesion_nothing_of_it_is_traced(monkeypatch):
 
     rubber = scene((TREAD,), (RIGID, ROAD))
     kinds = {
-        "hold": rf.Adhesion(0.05),
+        "solve_energy_criterion": rf.Adhesion(0.05),
         "solve_dmt_load": rf.Adhesion(0.05, limit="long", range=1e-9),
     }
     for adhesion in kinds.values():

@@ -241,7 +241,7 @@ def test_a_fit_finds_the_work_of_adhesion_across_jumps():
 def test_what_adhesion_does_not_define_is_refused():
     with pytest.raises(ValueError, match=r"^scene.adhesion: the distribution of stresses is not"):
         rf.analysis.stress_distribution(_scene(0.05), 1e5, 0.0, 1e5)
-    with pytest.raises(ValueError, match=r"^scene.adhesion is None: must be an Adhesion"):
+    with pytest.raises(ValueError, match=r"^scene.adhesion is None; it must be an Adhesion"):
         rf.analysis.pull_off_force(_scene(), 1e-2, 1e5)
     with pytest.raises(ValueError, match=r"work"):
         rf.Adhesion(work=-1.0)
