@@ -45,10 +45,12 @@ def contact_argument(G: jax.Array) -> jax.Array:
     G : >= 0 [-], any shape
     """
     dtype = jnp.result_type(G)
-    # No roughness at all (G = 0) gives the largest x. Infinite G (float32, very light load) must not give
-    # x = 0, whose logarithm the separation takes.
-    root = jnp.clip(2 * jnp.sqrt(G), 1 / _largest(dtype), float(jnp.finfo(dtype).max) ** 0.5)
-    return 1 / root
+    # No roughness at all (G = 0) gives the largest x.
+    root = jnp.maximum(jnp.sqrt(G), 0.5 / _largest(dtype))
+    if dtype == jnp.float32:
+        # At very light load G is infinite there: x must not be 0, because the separation takes its logarithm.
+        root = jnp.minimum(root, float(jnp.finfo(dtype).max) ** 0.5)
+    return 0.5 / root
 
 
 @contact_argument.defjvp
