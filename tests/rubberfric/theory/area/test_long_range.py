@@ -13,6 +13,7 @@ from support.oracles.dmt_attraction import DmtAttraction
 
 import rubberfric as rf
 from rubberfric.scene.pairs import PairTemperatures
+from rubberfric.theory.adhesive_contact import relative_attraction
 from rubberfric.theory.area.separations import loss_table, loss_weight, scaled_erfc, spread
 from rubberfric.theory.integrals import prepare
 
@@ -186,7 +187,8 @@ def test_the_attraction_agrees_with_brute_force(pressure):
     brute = DmtAttraction(5.8e4, 1.8e5, 2.5e6, 0.62, 3.1e-6, 4e6 / (1 - 0.49**2), 1.0)
     prepared = prepare(_plateau(0.3), ("area", "separation"), rf.Quadrature())
     at = jnp.array([pressure])
-    share = prepared.roughness.attraction(0 * at, at, [PairTemperatures(None, None)])[1]
+    given = prepared.adhesion, prepared.roughness, 0 * at, at, [PairTemperatures(None, None)]
+    share = relative_attraction(*given)[1]
     assert float(share[0]) == pytest.approx(brute.attraction(pressure, 1.5e-6), rel=1e-5)
 
 
