@@ -50,7 +50,7 @@ class Adhesion(PhysicalObject):
     on the area of contact, which bears it. This is exact where r far exceeds all gaps: p_rep = sigma_0 +
     work / r. If several p_rep satisfy the equation, the least is returned. Approaching solids, which start
     without adhesion, come to rest there. They jump into closer contact where this solution ends, and
-    derivatives grow without bounds there. Two solutions closer than a twelfth of ln(1 + work / (r sigma_0))
+    derivatives grow without bounds there. Two solutions closer than an eleventh of ln(1 + work / (r sigma_0))
     may be missed: then the next one is returned.
     Areas solve the equation to about 1e-6 where more than 1 % touches, and to 1e-3 at the lightest loads if r
     is less than a tenth of the rms height. Where more than 1 % touches, derivatives agree with differences to
