@@ -97,7 +97,7 @@ def start(solver: Solver, structure: Structure, numbers: Numbers, targets: Targe
     """Iterates of several fits at their start vectors; arguments but the first three with a leading axis."""
     if not isinstance(solver, LevenbergMarquardt):
         return _init(solver, structure, numbers, targets, x)
-    if use_brown_dennis(structure, numbers, targets, x):
+    if _use_brown_dennis(structure, numbers, targets, x):
         found = _weighed(
             structure, numbers, targets, *_evaluated(structure, numbers, targets, x, slopes=True)
         )
@@ -122,7 +122,7 @@ def advance(
     running = np.flatnonzero(np.asarray(iterate.status) == RUNNING)
     if running.size == 0:
         return iterate
-    if use_brown_dennis(structure, numbers, targets, iterate.x):
+    if _use_brown_dennis(structure, numbers, targets, iterate.x):
         return _moved(solver, structure, numbers, targets, iterate, running)
 
     def rows_at(x, which, slopes=False):
@@ -197,8 +197,8 @@ def _costs(structure, numbers, targets, rows):
     return jax.vmap(one)(targets, rows)
 
 
-def use_brown_dennis(structure, numbers, targets, x):
-    """Whether evaluations are to be spared: the model takes long, and residuals may bend."""
+def _use_brown_dennis(structure, numbers, targets, x):
+    """Return True if the model takes so long that steps of Brown and Dennis, with fewer evaluations, pay."""
     size = np.shape(x)[-1]
     few = np.shape(targets.measured)[-1] * size**2 <= _MOST_BENDS
     return few and structure.loss == "linear" and takes_long(structure, numbers)
