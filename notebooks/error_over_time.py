@@ -2,9 +2,9 @@
 
     python notebooks/error_over_time.py
 
-Needs matplotlib. Every setting of `rubberfric.analysis.reference` is compared with the
-reference that validates itself, and timed in turns with the textbook method in NumPy, in one run for
-each scene.
+Needs matplotlib. Every setting of `rubberfric.analysis.reference` is compared with the reference that
+validates itself. It is timed in turns with the textbook method (compiled trapezoids of the paper's equations),
+in one run for each scene.
 """
 
 import os
@@ -78,7 +78,7 @@ def draw(path, sweeps):
         ax.set_ylabel("")
         handles, labels = ax.get_legend_handles_labels()
         ax.get_legend().remove()
-    figure.supxlabel("run time / that of the textbook method in NumPy with 200 x 64 nodes", fontsize="medium")
+    figure.supxlabel("run time / that of the textbook method with 200 x 64 nodes", fontsize="medium")
     figure.supylabel("largest relative error of area, friction and separation", fontsize="medium")
     figure.legend(handles, labels, loc="outside upper center", ncols=3, fontsize="small")
     figure.savefig(path, dpi=120)
@@ -98,7 +98,7 @@ def page(sweeps, seconds, load=0.0):
         "velocities; of the "
         "gradients, the largest error of a relative sensitivity over the largest sensitivity "
         "(`rubberfric/analysis/reference.py`). Times are given as how many times as long "
-        "the textbook method takes in the same run, in turns (NumPy, trapezoids of 200 ln q x 64 phi, "
+        "the textbook method takes in the same run, in turns (compiled trapezoids of 200 ln q x 64 phi, "
         "values only); the last column is the time to compile the values and the gradient. *Automatic* is "
         "what a call takes that says no setting and whose scene is known (not traced by `jit` or `vmap`); "
         "`Quadrature()` is for any scene."
