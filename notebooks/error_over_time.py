@@ -3,8 +3,8 @@
     python notebooks/error_over_time.py
 
 Needs matplotlib. Every setting of `rubberfric.analysis.reference` is compared with the reference that
-validates itself. It is timed in turns with the textbook method, compiled trapezoids of the paper's equations, in
-one run for each scene.
+validates itself. It is timed in turns with the textbook method, compiled trapezoids of the paper's equations,
+in one run for each scene.
 """
 
 import os
