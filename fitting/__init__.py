@@ -35,11 +35,11 @@ if TYPE_CHECKING:
     from fitting.parameters.constraints import Positive as Positive
     from fitting.parameters.constraints import RmsSlope as RmsSlope
     from fitting.parameters.constraints import Tied as Tied
+    from fitting.parameters.correlated import Correlated as Correlated
     from fitting.parameters.discrepancy import Discrepancy as Discrepancy
-    from fitting.parameters.priors.correlated import Correlated as Correlated
-    from fitting.parameters.priors.gaussian import Gaussian as Gaussian
-    from fitting.parameters.priors.smooth import Smooth as Smooth
-    from fitting.parameters.priors.sums import Sum as Sum
+    from fitting.parameters.priors import Gaussian as Gaussian
+    from fitting.parameters.priors import Smooth as Smooth
+    from fitting.parameters.priors import Sum as Sum
     from fitting.results import plot as plot
     from fitting.results.result import FitResult as FitResult
     from fitting.results.samples import Samples as Samples

@@ -7,10 +7,10 @@ import jax
 import numpy as np
 
 import rubberfric as rf
-from fitting.data.by_scene import DataSets, data_by_scene
+from fitting.data.kinds import DataSets, data_by_scene
 from fitting.parameters.constraints import Rule
 from fitting.parameters.discrepancy import Discrepancy
-from fitting.parameters.priors.rows import Prior
+from fitting.parameters.priors import Prior
 from fitting.parameters.scenes import as_scenes, each_scene
 from fitting.results.record import Minimum
 from fitting.results.result import FitResult

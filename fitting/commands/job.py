@@ -57,10 +57,7 @@ from fitting.data.measured import Measured
 from fitting.parameters.constraints import RULES as CLASSES
 from fitting.parameters.constraints import Rule
 from fitting.parameters.discrepancy import Discrepancy
-from fitting.parameters.priors.gaussian import Gaussian
-from fitting.parameters.priors.rows import Prior
-from fitting.parameters.priors.smooth import Smooth
-from fitting.parameters.priors.sums import Sum
+from fitting.parameters.priors import Gaussian, Prior, Smooth, Sum
 from fitting.results.result import FitResult
 from fitting.solvers.options import IN_FILES, check_options
 from rubberfric.base import StrPath, closest, shown

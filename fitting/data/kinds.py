@@ -1,23 +1,23 @@
-"""Measured data: what a fit compares a model with.
+"""Kinds of measured data that a fit compares a model with, and their assignment to scenes.
 
 Four kinds, FrictionData, AreaData, ModulusData and SpectrumData, hold float64 NumPy arrays
 in SI units, one element for each measured point. A fit sees all of them in the same way:
-`measured`, `error` and `logarithmic`, which say that the residual of a point is
+`measured`, `error` and `logarithmic` say that the residual of a point is
 
     (model - measured) / error              with absolute errors (sigma),
     ln(model / measured) / error            with relative errors (relative),
-    ln(model / measured), scale unknown     with none.
+    ln(model / measured), scale unknown     without errors.
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
 
 from fitting.data.fields import Field, Numbers, OptionalNumbers, array, likely, measurement
 from fitting.data.measured import Measured
-from rubberfric.base import POSITIVE
+from rubberfric.base import POSITIVE, closest, shown
 
 _VELOCITY = Field(
     "v",
@@ -218,3 +218,53 @@ def as_data_sets(data: Measured | Sequence[Measured]) -> list[Measured]:
         if not isinstance(one, Measured):
             raise ValueError(f"data[{i}] is a {type(one).__name__}: must be {kinds}")
     return list(data)
+
+
+DataSets = Measured | Sequence[Measured]
+
+
+def data_by_scene(
+    data: DataSets | Mapping[str, DataSets], names: Collection[str] | None
+) -> tuple[list[Measured], list[str]]:
+    """Data sets, and the name of the scene that each is of.
+
+    Parameters
+    ----------
+    data : one set or several; of several scenes a dict of those of each
+    names : of the scenes, None of a single one
+
+    Returns
+    -------
+    (data sets, names of their scenes), "" of a single scene. Of several, labels begin with the scene's name.
+
+    Raises
+    ------
+    ValueError : the dict is none, or does not have the scenes' names.
+    """
+    if names is None:
+        sets = as_data_sets(data)  # pyright: ignore[reportArgumentType]  # or its error
+        return sets, [""] * len(sets)
+    if not isinstance(data, Mapping):
+        known = ", ".join(f"{name!r}: ..." for name in names)
+        raise ValueError(f"data is a {type(data).__name__}: must be a dict by scenes, {{{known}}}")
+    for name in data:
+        if name not in names:
+            raise ValueError(f"data has the name {shown(name)}, which no scene has: {closest(name, names)}")
+    sets, of = [], []
+    for name in names:
+        if name not in data:
+            raise ValueError(f"scene {name!r} has no data: must have some, or be left out")
+        try:
+            own = as_data_sets(data[name])
+        except ValueError as error:
+            raise ValueError(f"scene {name!r}: {error}") from None
+        sets += [_named(one, name) for one in own]
+        of += [name] * len(own)
+    return sets, of
+
+
+def _named(data: Measured, scene: str) -> Measured:
+    """The same data with the scene's name before its own."""
+    if data.name.split(":")[0] == scene:
+        return data
+    return dataclasses.replace(data, name=f"{scene}: {data.label}", check_units=False)

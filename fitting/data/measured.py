@@ -9,8 +9,16 @@ import h5py
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fitting.data.fields import Field, Numbers, OptionalNumbers, array, likely, measurement, numbers
-from fitting.data.frames import fields_in
+from fitting.data.fields import (
+    Field,
+    Numbers,
+    OptionalNumbers,
+    array,
+    fields_in,
+    likely,
+    measurement,
+    numbers,
+)
 from rubberfric.base import POSITIVE, StrPath, check_values, check_writable, replacing, shown
 from rubberfric.io import hdf5, write_table
 

@@ -34,8 +34,7 @@ from fitting.ensemble.members import NEAR, Members
 from fitting.ensemble.run import run_ensemble
 from fitting.parameters.constraints import Rule
 from fitting.parameters.discrepancy import Discrepancy
-from fitting.parameters.priors.gaussian import GaussianRows
-from fitting.parameters.priors.rows import Prior
+from fitting.parameters.priors import GaussianRows, Prior
 from fitting.solvers.iterate import succeeded
 from fitting.solvers.options import check_options
 from fitting.solvers.problem import Problem, Targets, make_problem

@@ -14,10 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import rubberfric as rf
-from fitting.data.by_scene import DataSets, data_by_scene
+from fitting.data.kinds import DataSets, data_by_scene
 from fitting.ensemble.result import EnsembleResult
 from fitting.parameters.constraints import Rule
-from fitting.parameters.priors.rows import Prior
+from fitting.parameters.priors import Prior
 from fitting.parameters.scenes import as_scenes
 from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.options import Solver, check_options, make_solver

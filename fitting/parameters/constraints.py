@@ -1,8 +1,18 @@
-"""Which values a free parameter may take; `fitting.parameters.variables` says how a fit sees them."""
+"""Rules of free parameters: which values they may take, where they start, and the range that they allow.
+
+`fitting.parameters.variables` says how a fit sees the values.
+"""
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+
+import jax
+import numpy as np
+
+from fitting.parameters.scenes import Scenes, by_name, owner_of, paths_of
+from rubberfric.base import Leaf, PhysicalObject, fields_of
+from rubberfric.roughness import cutoff
 
 Start = float | Sequence[float] | None
 
@@ -106,3 +116,141 @@ Rule = Positive | Bounded | Free | Tied | RmsSlope
 RULES: dict[str, type[Rule]] = {cls.__name__: cls for cls in (Positive, Bounded, Free, Tied, RmsSlope)}
 # Those without an element of their own in x: their value follows from others.
 FOLLOWING = ("Tied", "RmsSlope", "Shared")
+
+
+# Which leaf of the scene, and which elements of it; None: a scalar.
+Place = tuple[int, tuple[int, ...] | None]
+
+
+def common_values(
+    path: str,
+    rule: Positive | Bounded | Free,
+    paths: list[str],
+    places: list[Place],
+    leaves: list[np.ndarray],
+) -> np.ndarray:
+    """The scene's values of the elements that a path names.
+
+    Those of a shared one must be the same in all scenes, or the rule gives them.
+
+    Parameters
+    ----------
+    path, rule : of `free`
+    paths : that it stands for, one a scene
+    places : leaf and elements of each
+    leaves : of the scenes
+    """
+    values = [leaves[leaf][list(elements)] if elements else leaves[leaf][None] for leaf, elements in places]
+    for one, (_, elements), here in zip(paths, places, values, strict=True):
+        if elements != places[0][1]:
+            raise ValueError(
+                f"free[{path!r}]: {paths[0]} has {values[0].size} elements, {one} has {here.size}: what"
+                " scenes share must be alike in all; free it by the name of each, or tie"
+            )
+        if rule.start is None and not np.array_equal(here, values[0]):
+            k = int(np.flatnonzero(here != values[0])[0])
+            raise ValueError(
+                f"free[{path!r}]: starts at {values[0][k]:g} in {paths[0].split('.')[0]}, at {here[k]:g} in"
+                f" {one.split('.')[0]}: one number must start at one value; give start="
+            )
+    return values[0]
+
+
+def start_values(path: str, rule: Positive | Bounded | Free, values: np.ndarray) -> np.ndarray:
+    """Start values of a group: `values` of the scene, or those that the rule gives."""
+    if rule.start is None:
+        return values
+    try:
+        start = np.asarray(rule.start)
+        if start.dtype.kind not in "fiu":  # NumPy takes text for a number
+            raise TypeError
+        start = start.astype(float)
+        values = np.broadcast_to(start, values.shape).copy()
+    except (TypeError, ValueError):
+        raise ValueError(
+            f"free[{path!r}]: start = {rule.start!r}: must be one number or {values.size} of them"
+        ) from None
+    if not np.isfinite(values).all():
+        raise ValueError(f"free[{path!r}]: start = {rule.start!r}: must be finite")
+    return values
+
+
+def value_range(
+    path: str, rule: Positive | Bounded | Free, values: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """(low, width) of a group, its start values checked."""
+    zero, one = np.zeros(values.shape), np.ones(values.shape)
+    if isinstance(rule, Positive):
+        if not (values > 0).all():
+            raise ValueError(
+                f"free[{path!r}]: starts at {values.min():g}: a Positive one must start > 0; give start="
+            )
+        return zero, one
+    if isinstance(rule, Bounded):
+        inside = np.minimum(values - rule.low, rule.high - values)
+        if not (inside > 0).all():
+            worst = values[np.argmin(inside)]
+            raise ValueError(
+                f"free[{path!r}]: starts at {worst:g}: must start inside the bounds"
+                f" {rule.low:g} ... {rule.high:g}, not on them; give start="
+            )
+        return rule.low * one, (rule.high - rule.low) * one
+    return zero, one * (rule.scale or np.where(values != 0, np.abs(values), 1.0))
+
+
+def with_starts(scene: Scenes, free: Mapping[str, Rule]) -> Scenes:
+    """The scene with the numbers that it may do without, such as the q1 of a table, where rules give them."""
+    given = {}
+    for path, rule in ((path, rule) for key, rule in free.items() for path in paths_of(scene, key)):
+        owner, name = owner_of(scene, path)
+        field = fields_of(type(owner)).get(name) if isinstance(owner, PhysicalObject) else None
+        if not (isinstance(field, Leaf) and field.optional and getattr(owner, name) is None):
+            continue
+        if isinstance(rule, RmsSlope):
+            given[path] = cutoff_of(scene, path, rule.slope)
+        elif isinstance(rule, Tied):
+            continue
+        elif isinstance(rule.start, int | float):
+            given[path] = rule.start
+        elif name == "q1" and (power_law := getattr(owner, "power_law", None)):
+            given[path] = power_law().q[-1]  # a table without a cut-off ends with its last entry
+    if isinstance(scene, dict):
+        for path, value in given.items():
+            name, _, below = path.partition(".")
+            scene = scene | {name: scene[name].replace({below: value})}
+        return scene
+    return scene.replace(given) if given else scene
+
+
+def cutoff_of(scene: Scenes, path: str, slope: float | jax.Array) -> jax.Array:
+    """q1 with which the spectrum that a key path ends in has an rms slope; ValueError if it has none."""
+    owner, name = owner_of(scene, path)
+    if name != "q1" or not (hasattr(owner, "power_law") and name in fields_of(type(owner))):
+        raise ValueError(f"free[{path!r}]: RmsSlope is for the q1 of a spectrum; must end in .q1")
+    try:
+        return cutoff(owner, slope, keep="h_rms")
+    except ValueError as error:
+        raise ValueError(f"free[{path!r}]: {error}") from None
+
+
+def cutoff_path(scene: Scenes, path: str | None) -> str:
+    """Key path of the q1 of a spectrum; ValueError unless it is one, or there is one only."""
+    known = [
+        f"{name}.{side}.spectrum.q1".lstrip(".")
+        for name, one in by_name(scene).items()
+        for side in ("lower", "upper")
+        if hasattr(getattr(one, side).spectrum, "q1")
+    ]
+    if path is None and len(known) == 1:
+        return known[0]
+    if path is None or any(one not in known for one in paths_of(scene, path)):
+        raise ValueError(
+            f"path = {path!r}: must end in .q1 of a spectrum: {', '.join(known) or 'there is none'}"
+        )
+    return path
+
+
+def last_wavevector(scene: Scenes, path: str) -> float:
+    """How far the q1 at a key path may go [1/m]: to the end of a table."""
+    ends = [getattr(owner_of(scene, one)[0], "q", None) for one in paths_of(scene, path)]
+    return min((float(q[-1]) for q in ends if q is not None), default=float("inf"))

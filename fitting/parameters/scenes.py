@@ -1,15 +1,32 @@
-"""Several scenes that are fitted together: their names, and key paths in them.
+"""Scenes of a fit: one, or several by their names, the key paths in them, and the order of their numbers.
 
-A key path in several scenes begins with the name of one, "R20.shear.tau_f0", or with "*" for a number
-that all of them share: "*.shear.tau_f0". Scenes are a dict, which is a pytree as one scene is.
+A key path names a number, "upper.material.E[3]". In several scenes it begins with the name of one,
+"R20.shear.tau_f0", or with "*" for a number that all of them share: "*.shear.tau_f0". Scenes are a dict,
+which is a pytree like a single scene. Some numbers keep an order, such as q0 <= qr <= q1; objects declare it
+by `rising`.
 """
 
+import itertools
 import re
 from collections.abc import Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
+
+import jax
+import jax.numpy as jnp
+import numpy as np
 
 import rubberfric as rf
-from rubberfric.base import closest, shown
+from rubberfric.base import (
+    Leaf,
+    PhysicalObject,
+    Static,
+    closest,
+    fields_of,
+    parse_key_path,
+    parts_of,
+    rising_of,
+    shown,
+)
 
 Scenes = rf.Scene | dict[str, rf.Scene]
 S = TypeVar("S")
@@ -69,3 +86,144 @@ def paths_of(scenes: Scenes, path: Any) -> list[str]:
 def next_step(owner: Any, step: str) -> Any:
     """What a step of a key path leads to, None if nothing."""
     return owner.get(step) if isinstance(owner, dict) else getattr(owner, step, None)
+
+
+def scene_paths(scene: Scenes) -> list[str]:
+    """Key path of every leaf of a scene, or of several, in the order of flattening."""
+    flat = jax.tree_util.tree_flatten_with_path(scene)[0]
+    return [jax.tree_util.keystr(path, simple=True, separator=".") for path, _ in flat]
+
+
+def find(scene: Scenes, path: str) -> tuple[int, tuple[int, ...] | None]:
+    """Which leaf of the scene a key path names, and which elements of it (None for a scalar).
+
+    Of a number that several scenes share it is that of the first.
+
+    Raises
+    ------
+    ValueError
+        the path names nothing (the message has the close ones), a static field or an
+        object, or elements that are not there.
+    """
+    parsed = parse_key_path(paths_of(scene, path)[0])
+    names = scene_paths(scene)
+    if parsed.name not in names:
+        raise ValueError(f"{path!r}: {_why_not(scene, parsed.name, names)}")
+    leaf = names.index(parsed.name)
+    return leaf, parsed.elements(np.shape(jax.tree_util.tree_leaves(scene)[leaf]))
+
+
+def owner_of(scene: Scenes, path: str) -> tuple[Any, str]:
+    """The object whose number a key path names, None if there is no such thing, and the number's name."""
+    *steps, name = parse_key_path(paths_of(scene, path)[0]).names
+    owner: Any = scene
+    for step in steps:
+        owner = next_step(owner, step)
+    return owner, name
+
+
+def path_over(scene: Scenes, path: str) -> str | None:
+    """Key path of what says where the elements of a vector are; None if nothing does.
+
+    Of E of a Prony series tau, of the columns of a table their first.
+    """
+    owner, name = owner_of(scene, path)
+    field = fields_of(type(owner)).get(name) if isinstance(owner, PhysicalObject) else None
+    if not (isinstance(field, Leaf) and field.over is not None):
+        return None
+    return f"{path.split('[')[0].rpartition('.')[0]}.{field.over}"
+
+
+def leaf_names(path: str, elements: tuple[int, ...] | None) -> list[str]:
+    """Names of the elements of a key path."""
+    name = path.split("[")[0]
+    return [name] if elements is None else [f"{name}[{i}]" for i in elements]
+
+
+def _why_not(scene, name, names):
+    """Why a path names no leaf."""
+    below = [other for other in names if other.startswith(name + ".")]
+    if below:
+        return f"is an object; must be one of its numbers: {', '.join(below)}"
+    value, steps = scene, name.split(".")
+    if isinstance(scene, dict):
+        if steps[0] not in scene:
+            known = ", ".join(scene)
+            return f"must begin with the name of a scene, {known}, or with * for a number of all"
+        names = [other for other in names if other.startswith(f"{steps[0]}.")]
+        value = scene[steps.pop(0)]
+    for step in steps:
+        fields = fields_of(type(value)) if isinstance(value, PhysicalObject) else {}
+        if step not in fields:
+            break
+        if isinstance(fields[step], Static):
+            return "is a static field, an option of the scene; only numbers can be fitted"
+        value = getattr(value, step)
+        if value is None:
+            return f"the scene has no {step}; it must be there at the start of a fit"
+    return f"unknown key path; {closest(name, tuple(names))}"
+
+
+# Relative difference that the way through x, or float32, makes between equal start values.
+_ROUNDING = 1e-6
+
+
+class End(NamedTuple):
+    """A number of a scene."""
+
+    leaf: int
+    element: int | None  # None: a scalar leaf
+
+
+class Pair(NamedTuple):
+    """Two numbers of a scene: low <= high."""
+
+    low: End
+    high: End
+
+
+def pairs_of(scene: Scenes) -> tuple[Pair, ...]:
+    """Pairs of neighbours low <= high in the chains of a scene, or of several."""
+    names, pairs = {name: i for i, name in enumerate(scene_paths(scene))}, []
+    for prefix, one in by_name(scene).items():
+        for path, part in parts_of(one, prefix):
+            for chain in rising_of(part):
+                ends = [
+                    End(names[f"{path}.{field}" if path else field], element)
+                    for field, elements in chain
+                    for element in elements or (None,)
+                ]
+                pairs += [Pair(*two) for two in itertools.pairwise(ends)]
+    return tuple(pairs)
+
+
+def in_order(pairs: tuple[Pair, ...], leaves: Any) -> Any:
+    """Return a scalar, True if low <= high in all pairs of the leaves of a scene."""
+    found = True
+    for low, high in dict.fromkeys((pair.low.leaf, pair.high.leaf) for pair in pairs):
+        own = [pair for pair in pairs if (pair.low.leaf, pair.high.leaf) == (low, high)]
+        below, above = (
+            leaves[leaf] if ends[0] is None else leaves[leaf][np.array(ends)]
+            for leaf, ends in ((low, [p.low.element for p in own]), (high, [p.high.element for p in own]))
+        )
+        found = found & jnp.all(below <= above)
+    return found
+
+
+def check_start(scene: Scenes, pairs: tuple[Pair, ...], leaves: list[np.ndarray]) -> None:
+    """ValueError where the start values of a fit are out of order."""
+    names = scene_paths(scene)
+    for low, high in pairs:
+        below, above = (
+            float(leaves[end.leaf] if end.element is None else leaves[end.leaf][end.element])
+            for end in (low, high)
+        )
+        if below - above > _ROUNDING * abs(above):
+            one, other = (
+                leaf_names(names[end.leaf], None if end.element is None else (end.element,))[0]
+                for end in (high, low)
+            )
+            raise ValueError(
+                f"free: {one} starts at {above:g}, {other} at {below:g}: the first must be >= the second;"
+                " give start="
+            )

@@ -5,9 +5,7 @@ from typing import Any
 
 import jax
 
-from fitting.parameters.keypaths import scene_paths
-from fitting.parameters.order import Pair
-from fitting.parameters.scenes import by_name
+from fitting.parameters.scenes import Pair, by_name, scene_paths
 from fitting.parameters.variables import Constants, Variables
 from rubberfric.base import Kind, PhysicalObject, fields_of
 

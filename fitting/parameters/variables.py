@@ -23,12 +23,18 @@ import jax.numpy as jnp
 import numpy as np
 import scipy
 
-from fitting.parameters.constraints import FOLLOWING, RULES, RmsSlope, Rule, Tied
-from fitting.parameters.cutoffs import cutoff_of
-from fitting.parameters.keypaths import find, leaf_names
-from fitting.parameters.order import Pair, check_start, pairs_of
-from fitting.parameters.scenes import Scenes, paths_of
-from fitting.parameters.starts import common_values, start_values, value_range
+from fitting.parameters.constraints import (
+    FOLLOWING,
+    RULES,
+    RmsSlope,
+    Rule,
+    Tied,
+    common_values,
+    cutoff_of,
+    start_values,
+    value_range,
+)
+from fitting.parameters.scenes import Pair, Scenes, check_start, find, leaf_names, pairs_of, paths_of
 from rubberfric.base import as_array
 
 # A Positive element that fell by more than this factor was driven towards zero.

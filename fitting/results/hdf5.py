@@ -38,7 +38,7 @@ import numpy as np
 from fitting.data.files import read_group
 from fitting.parameters.constraints import RULES
 from fitting.parameters.discrepancy import Discrepancy
-from fitting.parameters.priors.rows import PRIORS
+from fitting.parameters.priors import PRIORS
 from fitting.parameters.scenes import each_scene
 from fitting.results import hdf5_parts as parts
 from fitting.results.record import FitRecord

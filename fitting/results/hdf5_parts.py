@@ -8,7 +8,7 @@ import h5py
 import numpy as np
 
 from fitting.parameters.constraints import Rule
-from fitting.parameters.priors.rows import Prior
+from fitting.parameters.priors import Prior
 from fitting.parameters.scenes import Scenes
 from fitting.results.numbers import unit
 from fitting.results.record import FitRecord, Minimum

@@ -4,8 +4,7 @@ import jax
 import numpy as np
 
 from fitting.parameters.constraints import FOLLOWING, RmsSlope, Tied
-from fitting.parameters.keypaths import owner_of
-from fitting.parameters.scenes import Scenes, paths_of
+from fitting.parameters.scenes import Scenes, owner_of, paths_of
 from fitting.results.record import FitRecord
 from rubberfric.base import unit_of
 

@@ -9,7 +9,7 @@ import numpy as np
 from fitting.data.measured import Measured
 from fitting.parameters.constraints import Positive, Rule
 from fitting.parameters.discrepancy import Discrepancy
-from fitting.parameters.priors.rows import Prior
+from fitting.parameters.priors import Prior
 from fitting.parameters.scenes import ALL, Scenes
 from fitting.parameters.variables import Variables
 from fitting.solvers.evaluation import residual_rows

@@ -4,12 +4,11 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from fitting.parameters.correlated import Correlated
 from fitting.parameters.discrepancy import text_of
-from fitting.parameters.keypaths import leaf_names
-from fitting.parameters.priors.correlated import Correlated
-from fitting.parameters.priors.selection import Place
-from fitting.parameters.priors.smooth import Smooth
-from fitting.parameters.priors.sums import Sum
+from fitting.parameters.priors import Smooth, Sum
+from fitting.parameters.scenes import leaf_names
+from fitting.parameters.selection import Place
 from fitting.results.numbers import tied_lines, unit, variable_rows
 from fitting.results.record import FitRecord
 from fitting.solvers.options import SOLVERS

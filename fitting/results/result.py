@@ -8,8 +8,8 @@ import numpy as np
 from jax.typing import ArrayLike
 
 import rubberfric as rf
-from fitting.parameters.cutoffs import cutoff_path, last_wavevector
-from fitting.parameters.priors.rows import Prior
+from fitting.parameters.constraints import cutoff_path, last_wavevector
+from fitting.parameters.priors import Prior
 from fitting.parameters.scenes import by_name, chosen_scene
 from fitting.parameters.variables import Array
 from fitting.results import hdf5

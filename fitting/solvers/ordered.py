@@ -1,7 +1,7 @@
 r"""Variables of solvers, in which the numbers of a scene keep the order that it demands.
 
 Solvers see z in place of x (`fitting.parameters.variables`). With a and b the x of the nearest neighbours
-below and above (`fitting.parameters.order`),
+below and above (`fitting.parameters.scenes`),
 
 .. math:: x = a + s(z - a) - s(z - b),\qquad s(t) = \frac1k \ln(1 + e^{kt})
 
@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from fitting.parameters.order import End
+from fitting.parameters.scenes import End
 from fitting.parameters.variables import Array, Constants, Variables, from_x, slopes_of, to_scene, to_x
 
 # k: so much farther from a bound than 1/k in x, z is x.

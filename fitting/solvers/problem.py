@@ -12,9 +12,8 @@ import numpy as np
 
 import rubberfric as rf
 from fitting.data.measured import Measured
-from fitting.parameters.constraints import Rule
-from fitting.parameters.cutoffs import with_starts
-from fitting.parameters.priors.rows import Prior, PriorNumbers, PriorStructure, prior_size, read_priors
+from fitting.parameters.constraints import Rule, with_starts
+from fitting.parameters.priors import Prior, PriorNumbers, PriorStructure, prior_size, read_priors
 from fitting.parameters.scenes import as_scenes, by_name
 from fitting.parameters.variables import (
     Array,

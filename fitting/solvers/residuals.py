@@ -4,7 +4,7 @@ r"""Residuals of a problem, and their derivatives.
           r_i = \frac{model_i - measured_i}{sigma_i}
 
 the first for data with relative errors; what is compiled has rows of infinite error besides, so that
-6 points run what 7 compiled (`padded`); then the rows of the priors (`fitting.parameters.priors.rows`), and
+6 points run what 7 compiled (`padded`); then the rows of the priors (`fitting.parameters.priors`), and
 those that keep arrays smooth while a start is searched for (`fitting.solvers.search`).
 """
 
@@ -16,9 +16,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import rubberfric as rf
-from fitting.parameters.order import in_order
-from fitting.parameters.priors.rows import prior_residuals
-from fitting.parameters.scenes import by_name
+from fitting.parameters.priors import prior_residuals
+from fitting.parameters.scenes import by_name, in_order
 from fitting.parameters.tables import with_longer_tables
 from fitting.parameters.variables import Array, Variables, to_scene
 from fitting.solvers.losses import Loss, Objective

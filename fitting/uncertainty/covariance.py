@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.parameters.keypaths import leaf_names, scene_paths
+from fitting.parameters.scenes import leaf_names, scene_paths
 from fitting.parameters.variables import VANISHED, Variables, element_names, slopes
 from fitting.solvers.evaluation import errors_of_rows, evaluate
 from fitting.solvers.ordered import edges

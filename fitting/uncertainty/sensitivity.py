@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import rubberfric as rf
-from fitting.parameters.keypaths import find, leaf_names
+from fitting.parameters.scenes import find, leaf_names
 from rubberfric.analysis import value_and_jacobian
 from rubberfric.base import as_leaf, shown
 from rubberfric.scene import cast, result_dtype

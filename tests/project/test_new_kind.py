@@ -10,7 +10,7 @@ from support.scenes.fits import FAST
 
 import fitting
 import rubberfric as rf
-from fitting.parameters.keypaths import find, scene_paths
+from fitting.parameters.scenes import find, scene_paths
 from rubberfric.base import POSITIVE, Number, between, child, forget, leaf, physical
 from rubberfric.base.checks import PLAUSIBLE_STRESS, PLAUSIBLE_TEMPERATURE
 from rubberfric.materials.material import Coatable, Material, Series, plane_strain_factor

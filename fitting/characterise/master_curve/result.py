@@ -9,7 +9,7 @@ from fitting.characterise.master_curve.laws import ShiftLaw
 from fitting.characterise.master_curve.overlap import Shifts
 from fitting.characterise.master_curve.picture import plot_master_curve
 from fitting.data.kinds import ModulusData
-from fitting.parameters.priors.rows import Prior
+from fitting.parameters.priors import Prior
 from fitting.uncertainty.posterior.as_prior import joint_prior
 from rubberfric.plot import style
 

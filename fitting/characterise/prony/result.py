@@ -11,8 +11,7 @@ from fitting.characterise.prony.series import Solution
 from fitting.data.kinds import ModulusData
 from fitting.fit import fit
 from fitting.parameters.constraints import Positive, Rule
-from fitting.parameters.priors.rows import Prior
-from fitting.parameters.priors.smooth import Smooth
+from fitting.parameters.priors import Prior, Smooth
 from fitting.results.result import FitResult
 from fitting.solvers.iterate import CONVERGED, MESSAGES, PERFECT, STALLED
 from fitting.uncertainty.covariance import Direction

@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from fitting.parameters.constraints import is_number
-from fitting.parameters.keypaths import find, path_over
-from fitting.parameters.priors.correlated import Correlated
+from fitting.parameters.correlated import Correlated
+from fitting.parameters.scenes import find, path_over
 from fitting.uncertainty.intervals import SolvedProblem
 from rubberfric.base import shown
 

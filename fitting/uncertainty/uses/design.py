@@ -9,7 +9,7 @@ from jax.typing import ArrayLike
 
 import rubberfric as rf
 from fitting.parameters.constraints import Rule
-from fitting.parameters.priors.rows import Prior
+from fitting.parameters.priors import Prior
 from fitting.uncertainty.intervals import SolvedProblem
 from fitting.uncertainty.uses import picture
 from fitting.uncertainty.uses.exchange import exchange, gain, information, variance

@@ -14,9 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 
 import rubberfric as rf
-from fitting.parameters.constraints import Rule
-from fitting.parameters.cutoffs import with_starts
-from fitting.parameters.priors.rows import Prior, prior_residuals, read_priors
+from fitting.parameters.constraints import Rule, with_starts
+from fitting.parameters.priors import Prior, prior_residuals, read_priors
 from fitting.parameters.variables import Constants, Variables, element_names, free_parameters, to_scene
 from fitting.solvers.residuals import forward
 from fitting.uncertainty.covariance import OPEN

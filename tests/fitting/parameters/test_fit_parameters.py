@@ -12,7 +12,7 @@ from support.scenes.fits import ROAD, E
 
 import rubberfric as rf
 from fitting import Bounded, Free, Positive, Tied
-from fitting.parameters.keypaths import find, scene_paths
+from fitting.parameters.scenes import find, scene_paths
 from fitting.parameters.variables import (
     element_names,
     free_parameters,

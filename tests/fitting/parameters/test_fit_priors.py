@@ -13,7 +13,7 @@ from support.scenes.fits import ROAD, E
 
 import rubberfric as rf
 from fitting import Bounded, Free, Gaussian, ModulusData, Positive, Smooth, Sum, Tied, fit
-from fitting.parameters.priors.rows import prior_residuals, prior_size, read_priors
+from fitting.parameters.priors import prior_residuals, prior_size, read_priors
 from fitting.parameters.variables import free_parameters, to_scene, to_values
 from fitting.solvers.losses import WIDTHS, factors, rho
 from fitting.solvers.problem import make_problem

@@ -10,9 +10,9 @@ from support.scenes.fits import E_INF, ROAD, E
 import fitting
 import rubberfric as rf
 from fitting import Bounded, Correlated, Free, ModulusData, Positive, Smooth, Sum
-from fitting.parameters.keypaths import path_over, scene_paths
-from fitting.parameters.priors.correlated import whitener
-from fitting.parameters.priors.rows import prior_residuals, prior_size, read_priors
+from fitting.parameters.correlated import whitener
+from fitting.parameters.priors import prior_residuals, prior_size, read_priors
+from fitting.parameters.scenes import path_over, scene_paths
 from fitting.parameters.variables import free_parameters, to_scene
 from fitting.solvers.evaluation import residual_rows
 from fitting.solvers.problem import make_problem

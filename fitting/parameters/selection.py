@@ -6,8 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from fitting.parameters.keypaths import find, leaf_names
-from fitting.parameters.scenes import Scenes
+from fitting.parameters.scenes import Scenes, find, leaf_names
 from fitting.parameters.variables import Array, Constants, Group, Variables
 
 

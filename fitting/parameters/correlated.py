@@ -9,8 +9,8 @@ import numpy as np
 import scipy
 from numpy.typing import ArrayLike
 
-from fitting.parameters.keypaths import find, path_over
-from fitting.parameters.priors.selection import Place, Selection
+from fitting.parameters.scenes import find, path_over
+from fitting.parameters.selection import Place, Selection
 from fitting.parameters.variables import Array
 
 # Chance by which numbers that a fit holds may lie as far from what is known of them.

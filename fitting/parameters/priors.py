@@ -1,0 +1,288 @@
+"""Priors of a fit: the kinds of them, and the rows that they put beside the residuals.
+
+`Gaussian` is for a free parameter, `Smooth` for a curve such as a relaxation spectrum, `Sum` for a sum such
+as the glassy modulus, and `Correlated` (`fitting.parameters.correlated`) for the result of another fit.
+"""
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from fitting.parameters.constraints import FOLLOWING, is_number
+from fitting.parameters.correlated import Correlated
+from fitting.parameters.scenes import Scenes, find, owner_of, path_over
+from fitting.parameters.selection import Place, Rows, Selection
+from fitting.parameters.variables import Array, Constants, Variables, slopes_of, to_x
+from rubberfric.base import unit_of
+
+
+@dataclasses.dataclass(frozen=True)
+class Gaussian:
+    r"""A free parameter is about `mean`, give or take `sigma`: Gaussian in the fit's variable x.
+
+    .. math:: r = (x - x(mean)) \, / \, (sigma \; dx/d value)
+
+    Parameters
+    ----------
+    mean, sigma : in the parameter's unit, numbers for all elements of the path, or one for each element
+        For a Positive parameter sigma / mean is the standard deviation of its logarithm. Arrays are kept
+        as tuples.
+    """
+
+    mean: float | tuple[float, ...] | np.ndarray
+    sigma: float | tuple[float, ...] | np.ndarray
+
+    def __post_init__(self) -> None:
+        for name, rule in (("mean", ""), ("sigma", " > 0")):
+            values = getattr(self, name)
+            several = isinstance(values, np.ndarray | list | tuple) and np.ndim(values) == 1
+            each: tuple[Any, ...] = tuple(values) if several else (values,)
+            if not each or not all(is_number(x) and (x > 0 or not rule) for x in each):
+                raise ValueError(f"Gaussian: {name} = {values!r}: must be a finite number{rule}")
+            if several:
+                object.__setattr__(self, name, tuple(map(float, each)))
+
+    def read(self, place: Place) -> list[tuple["GaussianRows", tuple[np.ndarray, np.ndarray]]]:
+        """Structure and numbers; ValueError unless the key is a free parameter."""
+        find(place.scene, place.key)  # or its error, with the close ones
+        group, variables, constants = place.group(), place.variables, place.constants
+        if group is None or group.kind in FOLLOWING:
+            known = ", ".join(g.path for g in variables.own)
+            raise ValueError(f"{place.where}: must be a free parameter: {known}")
+        part = np.arange(*group.slot)
+        for name in ("mean", "sigma"):
+            size = np.size(getattr(self, name))
+            if size not in (1, part.size):
+                raise ValueError(f"{place.where}: {name} has {size} numbers: must have {part.size}, or one")
+        mean = np.broadcast_to(np.asarray(self.mean, float), part.shape)
+        at = _x_of_mean(place.where, group, mean, constants.low[part], constants.width[part])
+        sigma = np.asarray(self.sigma, float) / slopes_of(group.kind, np.asarray(constants.width)[part], at)
+        return [(GaussianRows(tuple(part.tolist())), (at, sigma))]
+
+
+class GaussianRows(NamedTuple):
+    """Rows of a `Gaussian`; numbers are its mean and sigma in x."""
+
+    elements: tuple[int, ...]  # in x
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return len(self.elements)
+
+    def rows(self, numbers: tuple[Array, Array], leaves: list[Array], x: jax.Array) -> jax.Array:
+        """The rows at x, shape (size,)."""
+        del leaves
+        mean, sigma = numbers
+        return (x[np.array(self.elements)] - mean) / sigma
+
+    def moved(self, to: dict[int, int]) -> "GaussianRows":
+        """The same: it knows no leaves."""
+        del to
+        return self
+
+
+def _x_of_mean(where, group, mean, low, width):
+    """x at the mean of every element of a group."""
+    if group.kind == "Positive" and not (mean > 0).all():
+        raise ValueError(f"{where}: mean = {mean.min():g}: must be > 0, for the parameter is Positive")
+    inside = (low < mean) & (mean < low + width)
+    if group.kind == "Bounded" and not inside.all():
+        bad = mean[np.argmin(inside)]
+        raise ValueError(f"{where}: mean = {bad:g}: must be inside the parameter's bounds")
+    return to_x(group.kind, low, width, mean)
+
+
+# A table of temperatures spans a small part of a decade: of these the slope is per so much [K].
+_STEP = 10.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Smooth:
+    r"""A vector y of the scene is smooth over what it stands over: its slope changes little.
+
+    .. math:: r_i = \frac{1}{sigma} \left( \frac{\ln y_{i+1} - \ln y_i}{u_{i+1} - u_i}
+              - \frac{\ln y_i - \ln y_{i-1}}{u_i - u_{i-1}} \right),\qquad u = \log_{10} x
+
+    E of a Prony series over tau, E' and E'' of a table over omega, C over q, the factors of a softening
+    over the strain; a_T and b_T over the temperature, u = T / 10 K. Its key is the path of a whole vector,
+    or of several separated by commas, each of which is smooth for itself.
+
+    Parameters
+    ----------
+    sigma : change of d ln y / du from one element to the next that is usual [-]
+    """
+
+    sigma: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (is_number(self.sigma) and self.sigma > 0):
+            raise ValueError(f"Smooth: sigma = {self.sigma!r}: must be a finite number > 0")
+
+    def read(self, place: Place) -> list[tuple["SmoothRows", float]]:
+        """Structure and numbers of every vector; ValueError unless it is one, free, over three places."""
+        found = []
+        for path in (path.strip() for path in place.key.split(",")):
+            leaf, elements = find(place.scene, path)
+            over = None if "[" in path or elements is None else path_over(place.scene, path)
+            if over is None:
+                raise ValueError(
+                    f"{place.where}: Smooth is for a whole vector over something; must be the path of one,"
+                    " such as E of a Prony series or storage of a table"
+                )
+            if not any(group.leaf == leaf for group in place.variables.groups):
+                raise ValueError(f"{place.where}: must be a key of free, wholly or in elements")
+            at, _ = find(place.scene, over)
+            values, where = np.asarray(place.start[leaf]), np.asarray(place.start[at])
+            if where.size < 3 or np.unique(where).size < where.size:
+                raise ValueError(f"{place.where}: {over} must hold three or more different numbers")
+            if not (values > 0).all():
+                raise ValueError(
+                    f"{place.where}: {path} starts at {values.min():g}: Smooth is of logarithms, must be > 0"
+                )
+            owner, name = owner_of(place.scene, over)
+            warm = unit_of(type(owner), name) == "K"
+            found.append((SmoothRows(leaf, at, values.size, warm), float(self.sigma)))
+        return found
+
+
+class SmoothRows(NamedTuple):
+    """Rows of a `Smooth` vector; its number is sigma."""
+
+    leaf: int
+    over: int
+    count: int  # elements of the vector
+    warm: bool  # it stands over temperatures
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return self.count - 2
+
+    def rows(self, sigma: Array, leaves: list[Array], x: jax.Array) -> jax.Array:
+        """The rows of a scene, shape (size,)."""
+        del x
+        at = jnp.asarray(leaves[self.over])
+        order = jnp.argsort(at)
+        u = at[order] / _STEP if self.warm else jnp.log10(at[order])
+        return jnp.diff(jnp.diff(jnp.log(jnp.asarray(leaves[self.leaf])[order])) / jnp.diff(u)) / sigma
+
+    def moved(self, to: dict[int, int]) -> "SmoothRows":
+        """The same of a scene whose leaves are elsewhere."""
+        return self._replace(leaf=to[self.leaf], over=to[self.over])
+
+
+@dataclasses.dataclass(frozen=True)
+class Sum:
+    r"""A sum s of numbers of the scene lies within limits, give or take `sigma`.
+
+    .. math:: r = \frac{\max(\ln s - \ln high,\, 0) - \max(\ln low - \ln s,\, 0)}{sigma}
+
+    It says nothing within the limits, and is half a Gaussian in ln s beyond each. Its key are the paths of
+    what is added, separated by "+"; of a vector all elements are: {"upper.material.E_inf +
+    upper.material.E": Sum(high=2e9)} keeps the glassy modulus of a Prony series below 2 GPa.
+
+    Parameters
+    ----------
+    low, high : limits in the unit of the numbers, > 0, low < high; None: there is none on this side
+    sigma : relative error of the limits [-]
+    """
+
+    low: float | None = None
+    high: float | None = None
+    sigma: float = 0.05
+
+    def __post_init__(self) -> None:
+        given = [limit for limit in (self.low, self.high) if limit is not None]
+        if not given or not all(is_number(limit) and limit > 0 for limit in given):
+            raise ValueError(
+                f"Sum: low = {self.low!r}, high = {self.high!r}: must be numbers > 0, one of them at least"
+            )
+        if self.low is not None and self.high is not None and not self.low < self.high:
+            raise ValueError(f"Sum: low = {self.low!r}, high = {self.high!r}: must be low < high")
+        if not (is_number(self.sigma) and self.sigma > 0):
+            raise ValueError(f"Sum: sigma = {self.sigma!r}: must be a finite number > 0")
+
+    def read(self, place: Place) -> list[tuple["SumRows", tuple[float, float, float]]]:
+        """Structure and numbers; ValueError unless the sum is > 0 and a fit changes it."""
+        chosen = place.selection("+", " or a sum with some")
+        start = float(np.sum(np.asarray(chosen.of(place.start))))
+        if not start > 0:
+            raise ValueError(f"{place.where}: the sum starts at {start:g}: must be > 0")
+        low = -np.inf if self.low is None else float(np.log(self.low))
+        high = np.inf if self.high is None else float(np.log(self.high))
+        return [(SumRows(chosen), (low, high, float(self.sigma)))]
+
+
+class SumRows(NamedTuple):
+    """The row of a `Sum`; its numbers are ln low, ln high and sigma."""
+
+    chosen: Selection
+
+    @property
+    def size(self) -> int:
+        """Number of rows."""
+        return 1
+
+    def rows(self, numbers: tuple[Array, Array, Array], leaves: list[Array], x: jax.Array) -> jax.Array:
+        """The row of a scene, shape (1,)."""
+        del x
+        low, high, sigma = numbers
+        log_sum = jnp.log(jnp.sum(self.chosen.of(leaves)))
+        beyond = jnp.maximum(log_sum - high, 0.0) - jnp.maximum(low - log_sum, 0.0)
+        return (beyond / sigma)[None]
+
+    def moved(self, to: dict[int, int]) -> "SumRows":
+        """The same of a scene whose leaves are elsewhere."""
+        return SumRows(self.chosen.moved(to))
+
+
+Prior = Gaussian | Smooth | Sum | Correlated
+PRIORS: dict[str, type[Prior]] = {cls.__name__: cls for cls in (Gaussian, Smooth, Sum, Correlated)}
+
+
+class PriorStructure(NamedTuple):
+    """Structure of the priors; hashable."""
+
+    terms: tuple[Rows, ...]
+
+    def moved(self, to: dict[int, int]) -> "PriorStructure":
+        """The same of a scene whose leaves are elsewhere."""
+        return PriorStructure(tuple(term.moved(to) for term in self.terms))
+
+
+# Numbers of the priors, one pytree for each term.
+PriorNumbers = tuple[Any, ...]
+
+
+def read_priors(
+    scene: Scenes, variables: Variables, constants: Constants, prior: Mapping[str, Prior] | None
+) -> tuple[PriorStructure, PriorNumbers]:
+    """Structure and numbers of the priors of a fit; ValueError naming the path that is wrong."""
+    terms, numbers = [], []
+    for key, rule in (prior or {}).items():
+        where = f"prior[{key!r}]"
+        if not isinstance(rule, tuple(PRIORS.values())):
+            raise ValueError(f"{where} = {rule!r}: must be Gaussian, Smooth, Sum or Correlated")
+        for term, own in rule.read(Place(where, key, scene, variables, constants)):
+            terms.append(term)
+            numbers.append(own)
+    return PriorStructure(tuple(terms)), tuple(numbers)
+
+
+def prior_residuals(
+    structure: PriorStructure, numbers: PriorNumbers, scene: Scenes, x: jax.Array
+) -> jax.Array:
+    """Rows of the priors at x, shape (rows,), in the order in which they were given."""
+    leaves = jax.tree.leaves(scene) if structure.terms else []
+    rows = [term.rows(own, leaves, x) for term, own in zip(structure.terms, numbers, strict=True)]
+    return jnp.concatenate(rows) if rows else jnp.zeros(0, x.dtype)
+
+
+def prior_size(structure: PriorStructure) -> int:
+    """Number of rows that say something wherever the fit is, which those of sums do not."""
+    return sum(term.size for term in structure.terms if not isinstance(term, SumRows))

@@ -1,1 +1,0 @@
-"""What is known before the data: kinds of it, and the rows that stand beside the residuals."""
