@@ -19,15 +19,15 @@ if TYPE_CHECKING:
     from fitting.data.kinds import FrictionData as FrictionData
     from fitting.data.kinds import ModulusData as ModulusData
     from fitting.data.kinds import SpectrumData as SpectrumData
+    from fitting.ensemble.calibration import Calibration as Calibration
     from fitting.ensemble.calibration import calibration as calibration
-    from fitting.ensemble.calibration_result import Calibration as Calibration
     from fitting.ensemble.comparison import Comparison as Comparison
     from fitting.ensemble.comparison import compare as compare
+    from fitting.ensemble.members import EnsembleResult as EnsembleResult
     from fitting.ensemble.members import Members as Members
     from fitting.ensemble.members import bootstrap_members as bootstrap_members
     from fitting.ensemble.members import multi_start as multi_start
     from fitting.ensemble.members import profile_members as profile_members
-    from fitting.ensemble.result import EnsembleResult as EnsembleResult
     from fitting.ensemble.run import run_ensemble as run_ensemble
     from fitting.fit import fit as fit
     from fitting.parameters.constraints import Bounded as Bounded

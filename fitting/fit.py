@@ -14,13 +14,12 @@ from fitting.parameters.priors import Prior
 from fitting.parameters.scenes import as_scenes, each_scene
 from fitting.results.record import Minimum
 from fitting.results.result import FitResult
-from fitting.solvers.claims import confirmed
 from fitting.solvers.evaluation import residual_rows
 from fitting.solvers.iterate import NEAR, succeeded
 from fitting.solvers.options import check_options, make_solver
 from fitting.solvers.problem import ASSUMED, finer, make_problem
 from fitting.solvers.runs import BATCH, Callback, run
-from fitting.solvers.search import random_starts, search
+from fitting.solvers.search import confirmed, random_starts, search
 from fitting.uncertainty.covariance import linearised, uncertainty
 from fitting.uncertainty.discrepancy import (
     check_discrepancy,

@@ -7,8 +7,8 @@ import dataclasses
 import typing
 from pathlib import Path
 
-from fitting.commands.design import KEYS as DESIGN
 from fitting.commands.job import CONDITIONS, EXTRA, PRIOR_KEYS, RULES, TEXTS
+from fitting.commands.planning import KEYS as DESIGN
 from fitting.solvers.options import IN_FILES
 from rubberfric.base.objects.fields import Child, Leaf, Static
 from rubberfric.base.objects.physical import Kind, fields_of, kinds

@@ -39,17 +39,19 @@
     starts = 8                          # max_steps, tolerance, scale_errors as in `fitting.fit`
     ...
 
-    [design]                            # optional, for `rubberfric-fit design`: `fitting.commands.design`
+    [design]                            # optional, for `rubberfric-fit design`: `fitting.commands.planning`
     ...
 """
 
 import dataclasses
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import jax
+import numpy as np
 
 import rubberfric as rf
 from fitting.data.files import read
@@ -82,7 +84,7 @@ class Job(NamedTuple):
     prior: dict[str, Prior]
     options: dict[str, Any]
     title: str
-    design: Any = None  # the table [design], see `fitting.commands.design`
+    design: Any = None  # the table [design], see `fitting.commands.planning`
 
 
 def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
@@ -276,3 +278,14 @@ def _options(path, content):
     if "seed" in options:
         options["key"] = jax.random.key(options.pop("seed"))
     return options
+
+
+@contextmanager
+def about(path: StrPath) -> Iterator[None]:
+    """Put the name of a job file before the ValueErrors of its input."""
+    try:
+        yield
+    except np.linalg.LinAlgError:  # a ValueError, but not about the input
+        raise
+    except ValueError as error:
+        raise ValueError(f"{path}: {error}") from None

@@ -43,7 +43,7 @@ def _run(given: Sequence[str], interrupts: Interrupts, process: bool) -> int:
 
     from rubberfric.commands import begin_jax, check_input, check_outputs, progress
 
-    kind = given[0] if given and given[0] in _SUB_COMMANDS else "work"
+    kind = given[0] if given and given[0] in _SUB_COMMANDS else "fit"
     if kind in _SUB_COMMANDS:
         arguments = _SUB_COMMANDS[kind]().parse_args(given[1:])
         check_input(arguments.job, (".toml",))
@@ -54,7 +54,8 @@ def _run(given: Sequence[str], interrupts: Interrupts, process: bool) -> int:
     with progress(arguments.verbose) as show:
         show("loading JAX")
         begin_jax(process=process, cache=not arguments.no_cache)
-        return import_module(f"fitting.commands.{kind}").run(arguments, interrupts, show)
+        module = import_module(f"fitting.commands.{'work' if kind == 'fit' else 'planning'}")
+        return getattr(module, f"run_{kind}")(arguments, interrupts, show)
 
 
 def check_arguments(arguments: argparse.Namespace) -> None:
@@ -160,5 +161,5 @@ def _count(text: str) -> int:
 
 # Fits whose data would fill the memory of many machines.
 _MOST = 10**6
-# Parsers of sub-commands, whose work is in modules of their names.
+# Parsers of the sub-commands, which `fitting.commands.planning` runs.
 _SUB_COMMANDS = {"design": _design_parser, "calibration": _calibration_parser}

@@ -2,10 +2,8 @@
 
 import argparse
 
-from fitting.commands.job import Job, read_job
-from fitting.commands.refusals import about
-from fitting.ensemble.members import bootstrap_members
-from fitting.ensemble.result import EnsembleResult
+from fitting.commands.job import Job, about, read_job
+from fitting.ensemble.members import EnsembleResult, bootstrap_members
 from fitting.ensemble.run import run_ensemble
 from fitting.fit import fit
 from fitting.results.hdf5 import save
@@ -18,7 +16,7 @@ from rubberfric.commands import Interrupts, complain, write_outputs
 PROGRAM = "rubberfric-fit"
 
 
-def run(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
+def run_fit(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
     """Fit a job file, write what was asked for, print the report; returns the exit status."""
     show(f"reading {arguments.job}")
     outputs = (arguments.out, arguments.plot, arguments.checkpoint)

@@ -4,7 +4,7 @@ A fit asks for rows at several x, of trial steps and of several starts, and for 
 of them: at every step, for the error bars, for bands and pictures. All of it is one program, or two where
 derivatives are by reverse mode: places for a few x, of which as many are computed as there are, one after
 the other, and derivatives along as many directions as are wanted. What is done with the rows, which takes
-no time to compile, is apart (`fitting.solvers.methods.levenberg_marquardt`).
+no time to compile, is apart (`fitting.solvers.levenberg_marquardt`).
 """
 
 import functools

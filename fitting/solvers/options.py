@@ -7,9 +7,9 @@ from typing import Any
 import jax
 
 from fitting.parameters.constraints import is_number
+from fitting.solvers.first_order import LBFGS, Adam
+from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.losses import WIDTHS
-from fitting.solvers.methods.first_order import LBFGS, Adam
-from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt
 from rubberfric.base import closest, shown
 
 Solver = LevenbergMarquardt | LBFGS | Adam

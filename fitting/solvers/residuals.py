@@ -8,7 +8,7 @@ the first for data with relative errors; what is compiled has rows of infinite e
 those that keep arrays smooth while a start is searched for (`fitting.solvers.search`).
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any, NamedTuple
 
 import jax
@@ -17,14 +17,13 @@ import numpy as np
 
 import rubberfric as rf
 from fitting.parameters.priors import prior_residuals
-from fitting.parameters.scenes import by_name, in_order
-from fitting.parameters.tables import with_longer_tables
-from fitting.parameters.variables import Array, Variables, to_scene
+from fitting.parameters.scenes import Pair, by_name, in_order, scene_paths
+from fitting.parameters.variables import Array, Constants, Variables, to_scene
 from fitting.solvers.losses import Loss, Objective
 from fitting.solvers.ordered import x_of
 from fitting.solvers.problem import CURVES, Numbers, Problem, Structure, Targets
 from rubberfric.analysis import value_and_jacobian
-from rubberfric.base import recurring_length
+from rubberfric.base import Kind, PhysicalObject, fields_of, recurring_length
 from rubberfric.roughness import log_power_spectrum
 
 
@@ -221,7 +220,7 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
 
     Every block repeats its last conditions up to a length that recurs. The error of these rows is infinite:
     residual and derivatives are 0 to the last bit, whatever the loss. Tables that stay as they are have
-    lengths that recur as well (`fitting.parameters.tables`).
+    lengths that recur as well.
 
     Parameters
     ----------
@@ -240,7 +239,7 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
         blocks.append(block._replace(rows=(first, first + parts * length)))
         first += parts * length
     rows = np.concatenate(data)
-    variables, constants, moved = with_longer_tables(problem.structure.variables, problem.numbers.constants)
+    variables, constants, moved = _with_longer_tables(problem.structure.variables, problem.numbers.constants)
     prior = problem.structure.prior.moved(moved)
 
     def spread(values, added):
@@ -261,3 +260,37 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
         targets._replace(measured=spread(targets.measured, 0.0), error=spread(targets.error, np.inf)),
         rows,
     )
+
+
+def _with_longer_tables(
+    variables: Variables, constants: Constants
+) -> tuple[Variables, Constants, dict[int, int]]:
+    """Variables and constants of the same scene with padded tables, and where each leaf is in it.
+
+    Objects with free numbers stay as they are.
+    """
+    scene = jax.tree.unflatten(variables.tree, constants.leaves)
+    paths = scene_paths(scene)
+    free = {paths[group.leaf].rpartition(".")[0] for group in variables.groups}
+    padded: Any = {name: _with_padded_tables(one, name, free) for name, one in by_name(scene).items()}
+    padded = padded if isinstance(scene, dict) else padded[""]
+    leaves, tree = jax.tree.flatten(padded)
+    after = {path: i for i, path in enumerate(scene_paths(padded))}
+    moved = {i: after[path] for i, path in enumerate(paths)}
+    groups = tuple(group._replace(leaf=moved[group.leaf]) for group in variables.groups)
+    order = tuple(Pair(*(end._replace(leaf=moved[end.leaf]) for end in pair)) for pair in variables.order)
+    longer = variables._replace(tree=tree, groups=groups, order=order)
+    return longer, constants._replace(leaves=tuple(leaves)), moved
+
+
+def _with_padded_tables(value: PhysicalObject, path: str, free: Collection[str]) -> PhysicalObject:
+    """An object with the tables in it padded, but for those of objects at the key paths `free`."""
+    changes: dict[str, Any] = {}
+    for name in fields_of(type(value)):
+        content = getattr(value, name)
+        if isinstance(content, PhysicalObject):
+            new = _with_padded_tables(content, f"{path}.{name}" if path else name, free)
+            changes |= {name: new} if new is not content else {}
+    if changes:
+        value = value.replace(**changes)
+    return value if path in free or not isinstance(value, Kind) else value.padded()

@@ -1,24 +1,35 @@
-"""From start values to a minimum, past two traps that least squares in logarithms has.
+"""Search for a minimum: random starts, smoothing, and checks of fits that claim one.
 
-A robust loss takes all data for outliers while the fit is far off, and has minima everywhere:
-its fits begin where least squares - the same loss, much wider - ends. And a Positive parameter
-that one bad step drives to nothing, or a Bounded one that it drives to a bound, tends to stay
-there, its neighbours having taken its place. Fits that end so are tried again with rows that keep
-the elements of an array smooth - as relaxation spectra are - and that are weakened to nothing;
-the lower of both minima is kept.
+Least squares in logarithms has two traps. A robust loss treats all data as outliers while the fit is far off,
+and has minima everywhere: its fits begin where least squares - the same loss, much wider - ends. And a
+Positive parameter that one bad step drives to nothing, or a Bounded one that it drives to a bound, tends to
+stay there, because its neighbours have taken its place. Fits that end so are tried again with rows that keep
+the elements of an array smooth, like relaxation spectra, and whose weight falls to zero; the lower of both
+minima is kept.
+
+A solver stops where its linear model promises nothing more. This happens also where no parameter moves the
+data, as in full contact, and where a parameter went so near to a bound that nothing depends on it. So places
+inside a bound are tried, and, where the data lie farther from the model than chance allows, places all
+around. The fit goes on from a lower one. Where none is lower, but a fit takes little time, more fits begin at
+the places inside the order of a scene, and, very far from the data, at some of the others; the lowest end
+counts.
 """
 
 import math
+from collections.abc import Callable
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+import scipy
 
 from fitting.parameters.variables import VANISHED, Array, Variables
-from fitting.solvers.iterate import INTERRUPTED, STALLED, succeeded
+from fitting.solvers.evaluation import errors_of_rows, errors_of_slopes, evaluate, takes_long
+from fitting.solvers.iterate import INTERRUPTED, NEAR, PERFECT, STALLED, UNMOVED, succeeded
 from fitting.solvers.options import Solver
+from fitting.solvers.ordered import edges, inside, outside
 from fitting.solvers.problem import Problem
-from fitting.solvers.residuals import has_arrays
+from fitting.solvers.residuals import data_rows, has_arrays, loss_of, padded
 from fitting.solvers.runs import BATCH, Callback, Runs, run
 
 WIDE = 1e4  # times the width of a robust loss: least squares
@@ -105,3 +116,135 @@ def _escaped(problem, x, start):
         kinds[slice(*group.slot)] = group.kind
     far = np.log(VANISHED)
     return ((kinds == "Positive") & (x < start - far)) | ((kinds == "Bounded") & (np.abs(x - start) > far))
+
+
+# Significance level of the chi-square test above which a claim is checked.
+_CHANCE = 1e-3
+# Places that are drawn, steps along each x, and the most of both, which take as long as a few steps of a fit.
+_DRAWN, _STEPS, _MOST = 8, (1.0, -1.0), 32
+# Steps from a neighbour.
+_INWARD = (0.01, 0.1, 0.3, 1.0)
+# Mean square of residuals beyond which fits begin at the lowest of the drawn places, and how many.
+_FAR, _FITS = 3.0, 3
+# How often a fit goes on from a lower place.
+_TIMES = 3
+# A parameter that changes the residuals by less than this part of them, in a step of one, does not move data.
+_UNMOVED = 1e-6
+
+
+def confirmed(problem: Problem, end: Runs, onward: Callable[[np.ndarray], Runs]) -> tuple[Runs, np.ndarray]:
+    """The end of a fit that claims a minimum, or of one that goes on from a lower place.
+
+    Parameters
+    ----------
+    problem, end : solved, and its solution, one row
+    onward : x, shape (size,), to the end of a fit from there
+
+    Returns
+    -------
+    (end, evaluations of residuals and of their derivatives); its status is UNMOVED where no free parameter
+    changes the data
+    """
+    spent = np.zeros(2, int)
+    for _ in range(_TIMES):
+        if not succeeded(end.status) or end.status == PERFECT:
+            break
+        places, drawn, inner = _places(problem, end)
+        if not len(places):
+            break
+        costs = costs_at(problem, places)
+        spent[0] += len(places)
+        least = end.cost - NEAR * max(1.0, end.cost)
+        tried = (
+            [int(np.argmin(costs))]
+            if costs.min() < least
+            else _to_fit(problem, end.cost, costs, drawn, inner)
+        )
+        before = end
+        for i in tried:
+            again = onward(places[i])
+            spent += again.nfev, again.njev
+            end = again if again.cost < least else end
+            if again.status == INTERRUPTED:
+                return end._replace(status=INTERRUPTED), spent
+            if end is again:
+                break
+        if end is before:
+            break
+    if succeeded(end.status) and end.status != PERFECT and _is_high(problem, end.cost):
+        spent += 1
+        if not _moves(problem, end.x):
+            end = end._replace(status=UNMOVED)
+    return end, spent
+
+
+def _to_fit(problem, cost, costs, drawn, inner):
+    """Which of the places to fit from although they are not lower, where a fit takes little time."""
+    if takes_long(problem.structure, problem.numbers):
+        return []
+    far = 2 * cost > _FAR * problem.targets.measured.size
+    lowest = drawn[np.argsort(costs[drawn])][:_FITS] if far else drawn[:0]
+    return [int(i) for i in (*inner, *lowest) if np.isfinite(costs[i])]
+
+
+def costs_at(problem: Problem, x: np.ndarray) -> np.ndarray:
+    """Costs at rows of x, inf where the model is not finite."""
+    of, loss = padded(problem), loss_of(problem.structure, problem.numbers)
+    rows, _ = evaluate(of.structure, of.numbers, x.astype(problem.start.dtype))
+    costs = [
+        float(loss.cost(jnp.asarray(of.kept(errors_of_rows(of.structure, of.numbers, of.targets, one)))))
+        for one in rows
+    ]
+    return np.where(np.isfinite(costs), costs, np.inf)
+
+
+def _is_high(problem, cost):
+    """Return True if chance does not make residuals of this cost."""
+    count = problem.targets.measured.size
+    return 2 * cost > 2 * float(scipy.special.gammainccinv(count / 2, _CHANCE))
+
+
+def _moves(problem, x):
+    """Return True if the data depend on any free parameter at x."""
+    of = padded(problem)
+    rows, slopes = (part[0] for part in evaluate(of.structure, of.numbers, np.asarray(x)[None], slopes=True))
+    plain = of.kept(np.asarray(errors_of_rows(of.structure, of.numbers, of.targets, rows)))
+    jacobian = of.kept(np.asarray(errors_of_slopes(of.structure, of.numbers, of.targets, slopes)))
+    count = data_rows(problem.structure)
+    size = np.linalg.norm(jacobian[:count], axis=0)
+    return bool(np.any(size > _UNMOVED * np.linalg.norm(plain[:count])))
+
+
+def _places(problem, end):
+    """Rows of x a little inside of bounds and all around a high cost; which are drawn, which inside by 1."""
+    x, variables, constants = np.asarray(end.x), problem.variables, problem.numbers.constants
+    places, drawn, inner = [], np.arange(0), []
+
+    def moved(i, value):
+        there = x.copy()
+        there[i] = value
+        places.append(there)
+
+    for i, side, _ in edges(variables, constants, x):
+        for far in _INWARD:
+            moved(i, x[i] + far * (1 if side == "lower" else -1))
+        inner.append(len(places) - 1)
+    for group in variables.own:
+        for i in range(*group.slot):
+            vanished = group.kind == "Positive" and x[i] < problem.start[i] - np.log(VANISHED)
+            # e^-7 is a thousandth of the range.
+            bounded = group.kind == "Bounded" and abs(x[i]) > max(7.0, abs(problem.start[i]))
+            if vanished or bounded:
+                moved(i, problem.start[i])
+    if _is_high(problem, end.cost):
+        pairs = [(step, i) for step in _STEPS for i in range(x.size)]
+        for step, i in pairs[: _MOST - _DRAWN]:
+            moved(i, x[i] + step)
+        drawn = len(places) + np.arange(_DRAWN)
+        places += list(np.asarray(random_starts(variables, x, None, 1 + _DRAWN)))[1:]
+    if not places:
+        return np.empty((0, x.size)), drawn, inner
+    # In the order that the scene demands.
+    moving = np.broadcast_to(problem.targets.moving, (len(places), x.size))
+    z = inside(variables, constants, np.stack(places), moving)
+    return outside(variables, constants, z, moving), drawn, inner

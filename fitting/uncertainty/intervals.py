@@ -20,7 +20,7 @@ from fitting.parameters.scenes import chosen_scene
 from fitting.parameters.variables import to_x
 from fitting.solvers.evaluation import at_conditions, model_rows
 from fitting.solvers.iterate import succeeded
-from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.options import check_options
 from fitting.solvers.problem import CURVES, Problem, Targets
 from fitting.solvers.residuals import forward

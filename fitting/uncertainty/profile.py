@@ -17,7 +17,7 @@ import numpy as np
 
 from fitting.solvers.evaluation import errors_of_rows, evaluate
 from fitting.solvers.iterate import INTERRUPTED, NEAR, RUNNING, succeeded
-from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import loss_of, padded
 from fitting.solvers.runs import BATCH, Runs, run

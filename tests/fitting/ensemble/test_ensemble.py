@@ -23,7 +23,7 @@ from support.folders import PYTHONPATH
 import fitting
 from fitting.ensemble.batches import make_batch
 from fitting.solvers.iterate import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, PERFECT
-from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.runs import run
 
 PROGRAM = Path(cases.__file__)

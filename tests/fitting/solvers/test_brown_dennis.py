@@ -20,8 +20,8 @@ from support.oracles.least_squares import (
     wood,
 )
 
+from fitting.solvers.brown_dennis import begun, proposed, taken
 from fitting.solvers.iterate import CONVERGED, MESSAGES, NOT_FINITE, PERFECT, PRECISE, RUNNING, STALLED
-from fitting.solvers.methods.brown_dennis import begun, proposed, taken
 
 # Evaluations at most; of Levenberg-Marquardt they are five times its steps.
 EVALUATIONS = {

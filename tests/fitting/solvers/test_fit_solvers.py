@@ -16,11 +16,11 @@ from support.scenes.fits import ROAD, E
 import rubberfric as rf
 from fitting import AreaData, Bounded, Free, FrictionData, ModulusData, Positive, Smooth, fit
 from fitting.parameters.variables import to_values
+from fitting.solvers import runs
+from fitting.solvers.first_order import LBFGS, Adam
 from fitting.solvers.iterate import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, PERFECT
+from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.losses import WIDTHS
-from fitting.solvers.methods import steps
-from fitting.solvers.methods.first_order import LBFGS, Adam
-from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import objective, residuals, residuals_and_jacobian
 from fitting.solvers.runs import run
@@ -77,7 +77,7 @@ def test_spared_evaluations_reach_the_same_minima(monkeypatch):
     problem = master()
     starts = problem.start + 0.4 * np.random.default_rng(2).standard_normal((6, problem.start.size))
     usual = run(LM, problem, starts)
-    monkeypatch.setattr(steps, "takes_long", lambda *_: True)
+    monkeypatch.setattr(runs, "takes_long", lambda *_: True)
     spared = run(LM, problem, starts)
     np.testing.assert_array_equal(spared.status, CONVERGED)
     np.testing.assert_allclose(spared.cost, usual.cost, rtol=1e-8)

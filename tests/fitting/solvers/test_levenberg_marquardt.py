@@ -36,8 +36,8 @@ from fitting.solvers.iterate import (
     STALLED,
     begin,
 )
+from fitting.solvers.levenberg_marquardt import STIFFEST, step
 from fitting.solvers.losses import SQUARES, WIDTHS, Loss
-from fitting.solvers.methods.levenberg_marquardt import STIFFEST, step
 
 # Steps at most.
 STEPS = {

@@ -13,7 +13,7 @@ from support.scenes.fits import E_INF, FAST, E
 import fitting
 import rubberfric as rf
 from fitting import Bounded, Free, FrictionData, Gaussian, ModulusData, Positive, fit, log_density
-from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import residuals
 

@@ -15,7 +15,7 @@ import fitting
 import rubberfric as rf
 from fitting import AreaData, Bounded, Free, FrictionData, Gaussian, ModulusData, Positive, Smooth, fit
 from fitting.solvers.iterate import CONVERGED, PERFECT
-from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import make_problem
 from fitting.solvers.runs import run
 from fitting.uncertainty.covariance import OPEN, uncertainty

@@ -12,7 +12,7 @@ import fitting
 import rubberfric as rf
 from fitting.parameters.variables import element_names, to_values
 from fitting.solvers.iterate import CONVERGED, PERFECT
-from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import make_problem
 from fitting.solvers.runs import run
 from fitting.solvers.search import search

@@ -26,7 +26,7 @@ if __name__ == "__main__":
 from support.ensembles.twin import FREE, TRUTH, twin  # noqa: E402
 
 import fitting  # noqa: E402
-from fitting.solvers.methods.levenberg_marquardt import LevenbergMarquardt  # noqa: E402
+from fitting.solvers.levenberg_marquardt import LevenbergMarquardt  # noqa: E402
 from fitting.solvers.residuals import residuals, residuals_and_jacobian  # noqa: E402
 from fitting.solvers.runs import run  # noqa: E402
 

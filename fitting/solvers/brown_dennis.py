@@ -26,7 +26,7 @@ from fitting.solvers.iterate import (
     STALLED,
     Iterate,
 )
-from fitting.solvers.methods.levenberg_marquardt import LONGEST
+from fitting.solvers.levenberg_marquardt import LONGEST
 
 # Radius of trust at the begin, in x, where a Positive parameter moves by a factor e; and where a fit stalls.
 _FIRST, _LAST = 1.0, 1e-9

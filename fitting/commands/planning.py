@@ -1,6 +1,6 @@
-"""The command `rubberfric-fit design`: fit a job, and say what to measure next.
+"""Commands on planned measurements: `rubberfric-fit design` and `rubberfric-fit calibration`.
 
-The job has a table more, of what could be measured:
+`design` fits a job and says what to measure next. The job has an additional table of what could be measured:
 
     [design]
     velocity = { from = 1e-5, to = 0.1, points = 17 }   # as in [run] of a scene file; every combination
@@ -12,6 +12,11 @@ The job has a table more, of what could be measured:
     relative = 0.05                                     # optional: error of a measurement; draws, seed
 
 Exit status as of `rubberfric-fit`, whose verdict is on the fit that the design rests on.
+
+`calibration` tests the error bars that a job would give. Truths are drawn from the priors of the job, which
+must be Gaussian for every free number; data are drawn from their scenes, at the conditions and with the
+errors of the job's data. The measured values are not used. Exit status as of `rubberfric-fit`; 3: the error
+bars, or the draws, of a number that the data determine are wrong.
 """
 
 import argparse
@@ -22,8 +27,8 @@ import jax
 import numpy as np
 
 import rubberfric as rf
-from fitting.commands.job import read_job
-from fitting.commands.refusals import about
+from fitting.commands.job import about, read_job
+from fitting.ensemble.calibration import calibration
 from fitting.fit import fit
 from fitting.uncertainty.uses.design import Design, design, prediction
 from rubberfric.base import Progress, StrPath, shown
@@ -31,12 +36,14 @@ from rubberfric.commands import Interrupts, complain, write_outputs
 from rubberfric.io import read_conditions, toml
 from rubberfric.plot import save_figure
 
-PROGRAM = "rubberfric-fit design"
+_DESIGN, _CALIBRATION = "rubberfric-fit design", "rubberfric-fit calibration"
 _POINTS = ("velocity", "pressure", "temperature")
 KEYS = (*_POINTS, "n", "criterion", "relative", "draws", "seed")
+# Options in the table [fit] of a job that a calibration has as well; the others concern the search.
+_SHARED_OPTIONS = ("key", "discrepancy")
 
 
-def run(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
+def run_design(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
     """Fit, design, write what was asked for, print the report."""
     show(f"reading {arguments.job}")
     job = read_job(arguments.job, [path for path in (arguments.out, arguments.plot) if path is not None])
@@ -55,7 +62,7 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -
             job.scene, job.data, job.free, prior=job.prior, callback=callback, progress=show, **job.options
         )
     if not result.success:
-        return complain(PROGRAM, result.message, 1)
+        return complain(_DESIGN, result.message, 1)
     show("choosing measurements")
     with about(arguments.job):
         plan: Design = design(result, **options)
@@ -69,7 +76,9 @@ def run(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -
     if failure is not None:
         raise failure
     if result.verdict.explains is False:
-        return complain(PROGRAM, "the scene does not explain the data: rubberfric-fit says why", 3)
+        return complain(
+            "rubberfric-fit design", "the scene does not explain the data: rubberfric-fit says why", 3
+        )
     return 0
 
 
@@ -101,3 +110,44 @@ def _grid(path, table, content, scene):
     v, p, T = read_conditions(path, table, given, scene).grid()
     found = np.broadcast_arrays(*(x for x in (v, p, T) if x is not None))
     return tuple(np.array(x).ravel() for x in found)
+
+
+def run_calibration(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
+    """Calibrate, draw what was asked for, print the report."""
+    show(f"reading {arguments.job}")
+    job = read_job(arguments.job, [] if arguments.plot is None else [arguments.plot])
+    if not isinstance(job.scene, rf.Scene) or isinstance(job.data, dict):
+        raise ValueError(f"{arguments.job}: scenes: must be one scene, not several, for a calibration")
+    if job.options.get("loss", "linear") != "linear":
+        raise ValueError(f"{arguments.job}: fit.loss: must be 'linear' for a calibration")
+    options: dict[str, Any] = {name: job.options[name] for name in _SHARED_OPTIONS if name in job.options}
+
+    def callback(done: int, members: int) -> None:
+        show(f"calibration: {done} of {members}")
+        interrupts.check()
+
+    show("calibration: compiling")
+    with about(arguments.job):
+        found = calibration(
+            job.scene,
+            job.data,
+            job.free,
+            job.prior,
+            arguments.members,
+            on=arguments.on,
+            callback=callback,
+            **options,
+        )
+    failure = write_outputs(
+        show,
+        ("drawing", arguments.plot, lambda path: save_figure(path, found.plot())),
+    )
+    show.end()
+    print(job.title + "\n" * bool(job.title) + found.report(), end="", flush=True)
+    if failure is not None:
+        raise failure
+    if not found.inside()[found.identified].all():
+        return complain(
+            "rubberfric-fit calibration", "error bars are not what they say: see NOT CALIBRATED above", 3
+        )
+    return 0

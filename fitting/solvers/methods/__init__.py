@@ -1,1 +1,0 @@
-"""Methods that find a minimum, behind the same init and step."""
