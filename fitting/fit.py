@@ -15,11 +15,11 @@ from fitting.parameters.scenes import as_scenes, each_scene
 from fitting.results.record import Minimum
 from fitting.results.result import FitResult
 from fitting.solvers.evaluation import residual_rows
-from fitting.solvers.iterate import NEAR, succeeded
+from fitting.solvers.iterate import NEGLIGIBLE, succeeded
 from fitting.solvers.options import check_options, make_solver
 from fitting.solvers.problem import ASSUMED, finer, make_problem
 from fitting.solvers.runs import BATCH, Callback, run
-from fitting.solvers.search import confirmed, random_starts, search
+from fitting.solvers.search import confirm_minimum, random_starts, search
 from fitting.uncertainty.covariance import linearised, uncertainty
 from fitting.uncertainty.discrepancy import (
     check_discrepancy,
@@ -141,7 +141,9 @@ def fit(
     if quadrature is None:
         problem, end, spent = _resolved(solver, problem, end, data, max_steps, callback, starts, tell)
         evaluations += spent
-    end, spent = confirmed(problem, end, lambda x: _from(solver, problem, x, max_steps, callback, starts)[0])
+    end, spent = confirm_minimum(
+        problem, end, lambda x: _from(solver, problem, x, max_steps, callback, starts)[0]
+    )
     evaluations += spent
     tell("compiling and computing the covariance")
     model = linearised(problem, end.x)
@@ -228,7 +230,7 @@ def _minima(problem, runs):
         if not succeeded(runs.status[i]):
             continue
         cost = float(runs.cost[i])
-        if found and cost - found[-1].cost <= NEAR * max(1.0, found[-1].cost):
+        if found and cost - found[-1].cost <= NEGLIGIBLE * max(1.0, found[-1].cost):
             found[-1] = found[-1]._replace(count=found[-1].count + 1)
         else:
             found.append(Minimum(cost, 1, problem.values(runs.x[i])))

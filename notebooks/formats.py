@@ -7,9 +7,9 @@ import dataclasses
 import typing
 from pathlib import Path
 
-from fitting.commands.job import CONDITIONS, EXTRA, PRIOR_KEYS, RULES, TEXTS
+from fitting.commands.job import CONDITIONS, EXTRA, FILE_RULES, PRIOR_KEYS, TEXTS
 from fitting.commands.planning import KEYS as DESIGN
-from fitting.solvers.options import IN_FILES
+from fitting.solvers.options import FILE_OPTIONS
 from rubberfric.base.objects.fields import Child, Leaf, Static
 from rubberfric.base.objects.physical import Kind, fields_of, kinds
 from rubberfric.io.columns import COLUMNS, SPELLINGS, UNIT_SPELLINGS
@@ -130,13 +130,13 @@ def _role(role):
 
 def _jobs():
     rules = []
-    for name, cls in RULES.items():
+    for name, cls in FILE_RULES.items():
         keys = ", ".join(_code(field.name) for field in dataclasses.fields(cls))
         rules.append((f'`"{name}"`' if name == "positive" else f'`rule = "{name}"`', keys))
     lists = {
         "`[[data]]`": ("file", *CONDITIONS, *TEXTS, *EXTRA),
         "`[prior]`": PRIOR_KEYS,
-        "`[fit]`": IN_FILES,
+        "`[fit]`": FILE_OPTIONS,
         "`[design]`": DESIGN,
     }
     parts = [

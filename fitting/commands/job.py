@@ -56,17 +56,16 @@ import numpy as np
 import rubberfric as rf
 from fitting.data.files import read
 from fitting.data.measured import Measured
-from fitting.parameters.constraints import RULES as CLASSES
-from fitting.parameters.constraints import Rule
+from fitting.parameters.constraints import RULES, Rule
 from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import Gaussian, Prior, Smooth, Sum
 from fitting.results.result import FitResult
-from fitting.solvers.options import IN_FILES, check_options
+from fitting.solvers.options import FILE_OPTIONS, check_options
 from rubberfric.base import StrPath, closest, shown
 from rubberfric.io import toml
 
-RULES = {re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower(): cls for name, cls in CLASSES.items()}
-RULE_KEYS = ("rule", *dict.fromkeys(f.name for cls in RULES.values() for f in dataclasses.fields(cls)))
+FILE_RULES = {re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower(): cls for name, cls in RULES.items()}
+RULE_KEYS = ("rule", *dict.fromkeys(f.name for cls in FILE_RULES.values() for f in dataclasses.fields(cls)))
 PRIOR_KEYS = ("mean", "sigma", "smooth", "low", "high")
 FIT_KEYS = ("file", "body", "widen")
 CONDITIONS = ("pressure", "temperature", "relative", "hurst", "poisson")
@@ -218,14 +217,14 @@ def _rule(path, key, value):
         raise ValueError(f'{path}: {key} = {shown(value)}: must be "positive" or a table with the key rule')
     toml.check_keys(path, key, table, RULE_KEYS, ("rule",))
     kind = table["rule"]
-    if not isinstance(kind, str) or kind not in RULES:
-        raise ValueError(f"{path}: {key}: rule = {shown(kind)}: {closest(kind, tuple(RULES))}")
-    fields = dataclasses.fields(RULES[kind])
+    if not isinstance(kind, str) or kind not in FILE_RULES:
+        raise ValueError(f"{path}: {key}: rule = {shown(kind)}: {closest(kind, tuple(FILE_RULES))}")
+    fields = dataclasses.fields(FILE_RULES[kind])
     needed = [field.name for field in fields if field.default is dataclasses.MISSING]
     toml.check_keys(path, key, table, ("rule", *(field.name for field in fields)), needed)
     readers = {"to": _text, "start": toml.number}
     values = {n: readers.get(n, _one)(path, f"{key}.{n}", v) for n, v in table.items() if n != "rule"}
-    return _made(path, key, RULES[kind], values)
+    return _made(path, key, FILE_RULES[kind], values)
 
 
 def _known(path, value):
@@ -269,7 +268,7 @@ def _made(path, key, cls, values):
 
 def _options(path, content):
     """Keyword arguments of `fitting.fit`."""
-    toml.check_keys(path, "fit", content, IN_FILES)
+    toml.check_keys(path, "fit", content, FILE_OPTIONS)
     try:
         check_options(**content)
     except ValueError as error:

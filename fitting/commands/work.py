@@ -13,7 +13,7 @@ from fitting.uncertainty.profile import LikelihoodProfile
 from rubberfric.base import Progress, StrPath
 from rubberfric.commands import Interrupts, complain, write_outputs
 
-PROGRAM = "rubberfric-fit"
+_PROGRAM = "rubberfric-fit"
 
 
 def run_fit(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
@@ -47,11 +47,11 @@ def run_fit(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
     if failure is not None:
         raise failure
     if interrupts.asked:
-        return complain(PROGRAM, f"interrupted: {_left(result, spread, interrupts)}", interrupts.status)
+        return complain(_PROGRAM, f"interrupted: {_left(result, spread, interrupts)}", interrupts.status)
     if not result.success:
-        return complain(PROGRAM, result.message, 1)
+        return complain(_PROGRAM, result.message, 1)
     if result.verdict.explains is False:
-        return complain(PROGRAM, "the scene does not explain the data: see the verdict above", 3)
+        return complain(_PROGRAM, "the scene does not explain the data: see the verdict above", 3)
     return 0
 
 

@@ -10,11 +10,11 @@ from numpy.typing import ArrayLike
 from rubberfric.base import FINITE, closest, shown
 from rubberfric.io import COLUMNS, known_name, known_unit
 
-Rule = tuple[str, Callable[[np.ndarray], np.ndarray]]
-T = TypeVar("T")
+ValueRule = tuple[str, Callable[[np.ndarray], np.ndarray]]
+_T = TypeVar("_T")
 
 
-def likely(text: str, test: Callable[[np.ndarray], np.ndarray]) -> Rule:
+def unit_rule(text: str, test: Callable[[np.ndarray], np.ndarray]) -> ValueRule:
     """Rule that only a wrong unit, or noise, would break."""
     return (f"{text} (check_units=False accepts it)", test)
 
@@ -24,8 +24,8 @@ class Field(NamedTuple):
 
     column: str  # its name in tables
     unit: str
-    rule: Rule = FINITE  # always
-    plausible: tuple[Rule, ...] = ()  # unless check_units=False
+    rule: ValueRule = FINITE  # always
+    plausible: tuple[ValueRule, ...] = ()  # unless check_units=False
 
 
 def numbers(value: ArrayLike) -> np.ndarray:
@@ -46,7 +46,7 @@ def numbers(value: ArrayLike) -> np.ndarray:
     return array
 
 
-class Numbers:
+class GivenArray:
     """Annotation of a field: an array that must be given.
 
     To a type checker it is what the constructor takes (`__set__`) and what the data have (`__get__`).
@@ -56,7 +56,7 @@ class Numbers:
     def __set__(self, instance: object, value: ArrayLike) -> None: ...
 
 
-class OptionalNumbers:
+class OptionalArray:
     """Annotation of a field: an array, or None."""
 
     def __get__(self, instance: object, owner: type) -> np.ndarray | None: ...
@@ -75,7 +75,7 @@ def array(about: Field, *, default: Any = dataclasses.MISSING, kw_only: bool = F
 
 
 @dataclass_transform(field_specifiers=(array, dataclasses.field), frozen_default=True, eq_default=False)
-def measurement(cls: type[T]) -> type[T]:
+def measurement(cls: type[_T]) -> type[_T]:
     """Class decorator of the kinds of measured data: a frozen dataclass."""
     return dataclasses.dataclass(frozen=True, eq=False, repr=False)(cls)
 

@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fitting.data.kinds import KINDS, SpectrumData
-from fitting.data.measured import FORMAT, Measured
+from fitting.data.measured import DATA_FORMAT, Measured
 from rubberfric.base import TABLE_SUFFIXES, StrPath, as_path, closest, shown
 from rubberfric.io import COLUMNS, column_hint, hdf5, read_names, read_table
 from rubberfric.roughness import LINES, NORMALISATION_RULE, check_normalisation, spectrum_from
@@ -82,7 +82,7 @@ def read(
     if suffix == ".h5":
         _refuse(path, _present(columns=columns, poisson=poisson, kind=kind), "it is for tables")
         _refuse(path, scaling, "it is for CSV spectra")
-        with hdf5.reading(path, FORMAT) as file:
+        with hdf5.reading(path, DATA_FORMAT) as file:
             hdf5.check_names(file, ("data",), ("format", "format_version", "rubberfric_version"))
             if "data" not in file:
                 raise ValueError("/data: is missing; must be a group")

@@ -15,22 +15,22 @@ from typing import ClassVar
 
 import numpy as np
 
-from fitting.data.fields import Field, Numbers, OptionalNumbers, array, likely, measurement
+from fitting.data.fields import Field, GivenArray, OptionalArray, array, measurement, unit_rule
 from fitting.data.measured import Measured
 from rubberfric.base import POSITIVE, closest, shown
 
 _VELOCITY = Field(
     "v",
     "m/s",
-    plausible=(likely("must be -1000 ... 1000 m/s; is it in mm/s or um/s?", lambda v: np.abs(v) <= 1e3),),
+    plausible=(unit_rule("must be -1000 ... 1000 m/s; is it in mm/s or um/s?", lambda v: np.abs(v) <= 1e3),),
 )
 _PRESSURE = Field(
     "p",
     "Pa",
     POSITIVE,
     (
-        likely("must be >= 1 Pa; is it in MPa or GPa?", lambda p: p >= 1),
-        likely("must be <= 1e10 Pa", lambda p: p <= 1e10),
+        unit_rule("must be >= 1 Pa; is it in MPa or GPa?", lambda p: p >= 1),
+        unit_rule("must be <= 1e10 Pa", lambda p: p <= 1e10),
     ),
 )
 _TEMPERATURE = Field(
@@ -38,40 +38,43 @@ _TEMPERATURE = Field(
     "K",
     POSITIVE,
     (
-        likely("must be >= 100 K; is it in °C? then add 273.15", lambda T: T >= 100),
-        likely("must be <= 2000 K", lambda T: T <= 2000),
+        unit_rule("must be >= 100 K; is it in °C? then add 273.15", lambda T: T >= 100),
+        unit_rule("must be <= 2000 K", lambda T: T <= 2000),
     ),
 )
 _FREQUENCY = Field("omega", "rad/s", POSITIVE)
 _WAVENUMBER = Field(
-    "q", "1/m", POSITIVE, (likely("must be 1e-6 ... 1e12 1/m", lambda q: (q >= 1e-6) & (q <= 1e12)),)
+    "q", "1/m", POSITIVE, (unit_rule("must be 1e-6 ... 1e12 1/m", lambda q: (q >= 1e-6) & (q <= 1e12)),)
 )
 _FRICTION = Field(
-    "mu", "-", plausible=(likely("must be -50 ... 50; is it in percent?", lambda mu: np.abs(mu) <= 50),)
+    "mu", "-", plausible=(unit_rule("must be -50 ... 50; is it in percent?", lambda mu: np.abs(mu) <= 50),)
 )
 _AREA = Field(
     "A_over_A0",
     "-",
     plausible=(
         POSITIVE,
-        likely("must be <= 1; is it in percent, or not divided by A0?", lambda A: A <= 1),
+        unit_rule("must be <= 1; is it in percent, or not divided by A0?", lambda A: A <= 1),
     ),
 )
-_MODULUS = (POSITIVE, likely("must be <= 1e13 Pa", lambda E: E <= 1e13))
+_MODULUS = (POSITIVE, unit_rule("must be <= 1e13 Pa", lambda E: E <= 1e13))
 _STORAGE = Field(
     "E_stor",
     "Pa",
-    plausible=(*_MODULUS, likely("must be >= 1e3 Pa; is it in MPa or GPa?", lambda E: E >= 1e3)),
+    plausible=(*_MODULUS, unit_rule("must be >= 1e3 Pa; is it in MPa or GPa?", lambda E: E >= 1e3)),
 )
 _LOSS = Field(
     "E_loss",
     "Pa",
-    plausible=(*_MODULUS, likely("must be >= 1 Pa; is it in MPa or GPa, or tan(delta)?", lambda E: E >= 1)),
+    plausible=(
+        *_MODULUS,
+        unit_rule("must be >= 1 Pa; is it in MPa or GPa, or tan(delta)?", lambda E: E >= 1),
+    ),
 )
 _SPECTRUM = Field(
     "C",
     "m^4",
-    plausible=(POSITIVE, likely("must be <= 1e3 m^4; is it in mm^4 or um^4?", lambda C: C <= 1e3)),
+    plausible=(POSITIVE, unit_rule("must be <= 1e3 m^4; is it in mm^4 or um^4?", lambda C: C <= 1e3)),
 )
 _RATIO_ERROR = Field("sigma", "-", POSITIVE)
 
@@ -106,11 +109,11 @@ class FrictionData(Measured):
     values: ClassVar[tuple[str, ...]] = ("friction",)
     sigmas: ClassVar[tuple[str, ...]] = ("sigma",)
 
-    velocity: Numbers = array(_VELOCITY)
-    friction: Numbers = array(_FRICTION)
-    sigma: OptionalNumbers = array(_RATIO_ERROR, default=None)
-    pressure: Numbers = array(_PRESSURE, default=None)
-    temperature: OptionalNumbers = array(_TEMPERATURE, default=None)
+    velocity: GivenArray = array(_VELOCITY)
+    friction: GivenArray = array(_FRICTION)
+    sigma: OptionalArray = array(_RATIO_ERROR, default=None)
+    pressure: GivenArray = array(_PRESSURE, default=None)
+    temperature: OptionalArray = array(_TEMPERATURE, default=None)
 
 
 @measurement
@@ -131,11 +134,11 @@ class AreaData(Measured):
     values: ClassVar[tuple[str, ...]] = ("area",)
     sigmas: ClassVar[tuple[str, ...]] = ("sigma",)
 
-    velocity: Numbers = array(_VELOCITY)
-    area: Numbers = array(_AREA)
-    sigma: OptionalNumbers = array(_RATIO_ERROR, default=None)
-    pressure: Numbers = array(_PRESSURE, default=None)
-    temperature: OptionalNumbers = array(_TEMPERATURE, default=None)
+    velocity: GivenArray = array(_VELOCITY)
+    area: GivenArray = array(_AREA)
+    sigma: OptionalArray = array(_RATIO_ERROR, default=None)
+    pressure: GivenArray = array(_PRESSURE, default=None)
+    temperature: OptionalArray = array(_TEMPERATURE, default=None)
 
 
 @measurement
@@ -164,12 +167,12 @@ class ModulusData(Measured):
     sigmas: ClassVar[tuple[str, ...]] = ("sigma_storage", "sigma_loss")
     others: ClassVar[tuple[str, ...]] = ("G_stor", "E_comp", "G_comp")
 
-    omega: Numbers = array(_FREQUENCY)
-    storage: Numbers = array(_STORAGE)
-    loss: Numbers = array(_LOSS)
-    sigma_storage: OptionalNumbers = array(Field("sigma_stor", "Pa", POSITIVE), default=None)
-    sigma_loss: OptionalNumbers = array(Field("sigma_loss", "Pa", POSITIVE), default=None)
-    temperature: OptionalNumbers = array(_TEMPERATURE, default=None)
+    omega: GivenArray = array(_FREQUENCY)
+    storage: GivenArray = array(_STORAGE)
+    loss: GivenArray = array(_LOSS)
+    sigma_storage: OptionalArray = array(Field("sigma_stor", "Pa", POSITIVE), default=None)
+    sigma_loss: OptionalArray = array(Field("sigma_loss", "Pa", POSITIVE), default=None)
+    temperature: OptionalArray = array(_TEMPERATURE, default=None)
     body: str | None = dataclasses.field(default=None, kw_only=True)
 
 
@@ -196,9 +199,9 @@ class SpectrumData(Measured):
     sigmas: ClassVar[tuple[str, ...]] = ("sigma",)
     others: ClassVar[tuple[str, ...]] = ("C_1D",)
 
-    q: Numbers = array(_WAVENUMBER)
-    C: Numbers = array(_SPECTRUM)
-    sigma: OptionalNumbers = array(Field("sigma_C", "m^4", POSITIVE), default=None)
+    q: GivenArray = array(_WAVENUMBER)
+    C: GivenArray = array(_SPECTRUM)
+    sigma: OptionalArray = array(Field("sigma_C", "m^4", POSITIVE), default=None)
     body: str | None = dataclasses.field(default=None, kw_only=True)
 
 

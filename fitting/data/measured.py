@@ -11,24 +11,24 @@ from numpy.typing import ArrayLike
 
 from fitting.data.fields import (
     Field,
-    Numbers,
-    OptionalNumbers,
+    GivenArray,
+    OptionalArray,
     array,
     fields_in,
-    likely,
     measurement,
     numbers,
+    unit_rule,
 )
 from rubberfric.base import POSITIVE, StrPath, check_values, check_writable, replacing, shown
 from rubberfric.io import hdf5, write_table
 
-FORMAT = "rubberfric data"
+DATA_FORMAT = "rubberfric data"
 
 _RELATIVE = Field(
     "relative_sigma",
     "-",
     POSITIVE,
-    (likely("must be <= 1; is it in percent? 3 % is 0.03", lambda error: error <= 1),),
+    (unit_rule("must be <= 1; is it in percent? 3 % is 0.03", lambda error: error <= 1),),
 )
 
 
@@ -45,7 +45,7 @@ class Measured:
     sigmas: ClassVar[tuple[str, ...]]  # fields of their absolute errors, in the same order
     others: ClassVar[tuple[str, ...]] = ()  # columns of a table that give the first value, too
 
-    relative: OptionalNumbers = array(_RELATIVE, default=None, kw_only=True)
+    relative: OptionalArray = array(_RELATIVE, default=None, kw_only=True)
     name: str = dataclasses.field(default="", kw_only=True)
     check_units: dataclasses.InitVar[bool] = dataclasses.field(default=True, kw_only=True)
 
@@ -116,7 +116,7 @@ class Measured:
     @classmethod
     def needed(cls) -> list[str]:
         """Names of the arrays that must be given."""
-        return [field.name for field in dataclasses.fields(cls) if field.type is Numbers]
+        return [field.name for field in dataclasses.fields(cls) if field.type is GivenArray]
 
     @property
     def measured(self) -> np.ndarray:
@@ -226,7 +226,7 @@ class Measured:
         """
         check_writable(path, (".csv", ".h5"))
         if Path(path).suffix.lower() == ".h5":
-            with replacing(path) as temporary, hdf5.creating(temporary, FORMAT) as file:
+            with replacing(path) as temporary, hdf5.creating(temporary, DATA_FORMAT) as file:
                 self.write_group(file.create_group("data"))
             return
         body = getattr(self, "body", None)

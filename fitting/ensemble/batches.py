@@ -22,9 +22,9 @@ from jax.sharding import PartitionSpec as P
 
 from fitting.ensemble.members import Members
 from fitting.solvers.iterate import CONVERGED, RUNNING, Iterate
-from fitting.solvers.ordered import inside
+from fitting.solvers.ordered import start_z
 from fitting.solvers.problem import Numbers, Targets
-from fitting.solvers.residuals import aim
+from fitting.solvers.residuals import solver_objective
 
 AXIS = "members"
 # Members of a device's batch, if memory allows: in turn as many as hide the host's part of a step.
@@ -100,15 +100,17 @@ def blank_iterate(members: Members) -> Iterate:
     blank = jax.tree.map(lambda s: np.zeros((len(members), *s.shape), s.dtype), shapes)
     moving = np.broadcast_to(members.targets.moving, members.starts.shape)
     variables, constants = members.problem.variables, members.problem.numbers.constants
-    x = inside(variables, constants, members.starts.copy(), moving)
+    x = start_z(variables, constants, members.starts.copy(), moving)
     return blank._replace(x=x, status=blank.status + RUNNING)
 
 
 def _begin(members, numbers, targets, x):
-    return members.solver.init(aim(members.problem.structure, numbers, targets), x)
+    return members.solver.init(solver_objective(members.problem.structure, numbers, targets), x)
 
 
-def advance(batch: Batch, program: Program, members: Members, iterate: Iterate, which: np.ndarray) -> Iterate:
+def advance_members(
+    batch: Batch, program: Program, members: Members, iterate: Iterate, which: np.ndarray
+) -> Iterate:
     """Rows `which` of the ensemble's iterate after one call of a program, as NumPy arrays.
 
     Parameters
@@ -138,7 +140,7 @@ def _compiled(solver, structure, mesh, vectorised, tree, shapes, stepping):
     """The step of a batch, or its start, for arguments of certain shapes; results on every device."""
 
     def one(numbers, targets, iterate):
-        objective = aim(structure, numbers, targets)
+        objective = solver_objective(structure, numbers, targets)
 
         def work(iterate):
             return solver.step(objective, iterate) if stepping else solver.init(objective, iterate.x)

@@ -28,7 +28,7 @@ import scipy
 import rubberfric as rf
 from fitting.data.kinds import as_data_sets
 from fitting.data.measured import Measured
-from fitting.ensemble.members import NEAR, Members
+from fitting.ensemble.members import NEAR_MINIMUM, Members
 from fitting.ensemble.run import run_ensemble
 from fitting.parameters.constraints import Rule
 from fitting.parameters.discrepancy import Discrepancy
@@ -253,7 +253,9 @@ def calibration(
         problem = with_discrepancy(problem, [scene] * len(data), data, discrepancy)
     key = jax.random.key(0) if key is None else key
     x, targets = _twins(problem, members, key)
-    fits = Members("calibration", problem, x, targets, NEAR, NEAR.max_steps, np.full(members, -1))
+    fits = Members(
+        "calibration", problem, x, targets, NEAR_MINIMUM, NEAR_MINIMUM.max_steps, np.full(members, -1)
+    )
     found = run_ensemble(fits, callback=callback)
     good = succeeded(found.status)
     x, targets = x[good], targets._replace(measured=targets.measured[good])

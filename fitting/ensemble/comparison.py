@@ -56,7 +56,7 @@ class Comparison:
     @property
     def alike(self) -> tuple[Variant, ...]:
         """Those that the data cannot tell from the one that predicts best."""
-        return tuple(one for one in self.variants if not told(one))
+        return tuple(one for one in self.variants if not is_distinguishable(one))
 
     def __getitem__(self, name: str) -> Variant:
         """The variant of a name."""
@@ -161,14 +161,17 @@ def compare(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> Compariso
     return Comparison(tuple(variants), tuple(_words(variants, named, found)))
 
 
-def told(one: Variant) -> bool:
+def is_distinguishable(one: Variant) -> bool:
     """Whether the data tell a variant from the one that predicts best."""
     return one.worse > max(2 * SMALL, ERRORS * one.worse_stderr)
 
 
 def _words(variants: list[Variant], fits: dict[str, FitRecord], found: dict[str, Criteria]) -> list[str]:
     """What a table means, a line each."""
-    alike, worse = [one for one in variants if not told(one)], [one for one in variants if told(one)]
+    alike, worse = (
+        [one for one in variants if not is_distinguishable(one)],
+        [one for one in variants if is_distinguishable(one)],
+    )
     first = alike[0].name
     if len(alike) == 1:
         lines = [f"{first!r} predicts values that are left out best, by more than chance"]
@@ -183,7 +186,7 @@ def _words(variants: list[Variant], fits: dict[str, FitRecord], found: dict[str,
         errors = one.worse / one.worse_stderr if one.worse_stderr > 0 else np.inf
         lines.append(f"{one.name!r} predicts worse than {first!r}, by {one.worse:.3g} ({errors:.2g} errors)")
     by_aicc = min(variants, key=lambda one: one.aicc)
-    if told(by_aicc):
+    if is_distinguishable(by_aicc):
         lines.append(
             f"AICc prefers {by_aicc.name!r}: it fits the values better than it predicts them; do not"
             " rely on it"

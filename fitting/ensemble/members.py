@@ -38,10 +38,10 @@ from fitting.uncertainty.profile import LikelihoodProfile
 from rubberfric.base import StrPath, check_writable, replacing
 from rubberfric.io import hdf5
 
-FORMAT = "rubberfric ensemble"
-ATTRIBUTES = {"kind": str, "seconds": float, "devices": int, "batch": int, "peak": int}
-UNITS = {"x": "-", "values": "as of the parameters", "cost": "-"}
-COUNTS = ("status", "nfev", "njev")
+_FORMAT = "rubberfric ensemble"
+_ATTRIBUTES = {"kind": str, "seconds": float, "devices": int, "batch": int, "peak": int}
+_UNITS = {"x": "-", "values": "as of the parameters", "cost": "-"}
+_COUNTS = ("status", "nfev", "njev")
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -129,35 +129,35 @@ class EnsembleResult:
     def save(self, path: StrPath) -> None:
         """Write an HDF5 file (.h5), whole or not at all."""
         check_writable(path, (".h5",))
-        with replacing(path) as temporary, hdf5.creating(temporary, FORMAT) as file:
-            for name, kind in ATTRIBUTES.items():
+        with replacing(path) as temporary, hdf5.creating(temporary, _FORMAT) as file:
+            for name, kind in _ATTRIBUTES.items():
                 file.attrs[name] = kind(getattr(self, name))
             file["report"] = self.report()
             hdf5.write_texts(file, "names", self.names)
-            for name, units in UNITS.items():
+            for name, units in _UNITS.items():
                 hdf5.write_values(file, name, getattr(self, name), units)
-            for name in COUNTS:
+            for name in _COUNTS:
                 file[name] = getattr(self, name)
 
     @classmethod
     def load(cls, path: StrPath) -> Self:
         """Read back what `save` wrote; ValueError, one line, for anything else."""
-        with hdf5.reading(path, FORMAT) as file:
-            shown = ("format", "format_version", "rubberfric_version", *ATTRIBUTES)
-            hdf5.check_names(file, ("report", "names", *UNITS, *COUNTS), shown)
+        with hdf5.reading(path, _FORMAT) as file:
+            shown = ("format", "format_version", "rubberfric_version", *_ATTRIBUTES)
+            hdf5.check_names(file, ("report", "names", *_UNITS, *_COUNTS), shown)
             names = tuple(hdf5.read_texts(file, "names"))
-            count = np.size(hdf5.read_values(file, "cost", UNITS["cost"]))
-            rows = {name: (count,) if name == "cost" else (count, len(names)) for name in UNITS}
-            arrays = {name: hdf5.read_array(file, name, UNITS[name], shape) for name, shape in rows.items()}
-            arrays |= {name: hdf5.read_counts(file, name, count) for name in COUNTS}
+            count = np.size(hdf5.read_values(file, "cost", _UNITS["cost"]))
+            rows = {name: (count,) if name == "cost" else (count, len(names)) for name in _UNITS}
+            arrays = {name: hdf5.read_array(file, name, _UNITS[name], shape) for name, shape in rows.items()}
+            arrays |= {name: hdf5.read_counts(file, name, count) for name in _COUNTS}
             if not np.isin(arrays["status"], list(MESSAGES)).all():
                 raise ValueError(f"/status: must be out of {', '.join(map(str, MESSAGES))}")
-            return cls(names=names, **arrays, **hdf5.attributes(file, ATTRIBUTES))
+            return cls(names=names, **arrays, **hdf5.attributes(file, _ATTRIBUTES))
 
 
 # For fits that start near their minimum: a quarter of the steps less than with the damping that is
 # meant for starts far off.
-NEAR = LevenbergMarquardt(damping=1e-7)
+NEAR_MINIMUM = LevenbergMarquardt(damping=1e-7)
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -303,7 +303,7 @@ def bootstrap_members(
     """
     check_options(count=count)
     starts, targets = result.bootstrap_fits(count, key)
-    solver = NEAR if tolerance is None else dataclasses.replace(NEAR, tolerance=tolerance)
+    solver = NEAR_MINIMUM if tolerance is None else dataclasses.replace(NEAR_MINIMUM, tolerance=tolerance)
     return _members("bootstrap", result.problem, starts, targets, solver, source=result)
 
 
@@ -329,7 +329,7 @@ def profile_members(
     targets = jax.tree.map(lambda a: a[None], result.problem.targets)._replace(moving=moving)
     parameter = np.argmin(moving, axis=1)
     starts = np.concatenate([starts for starts, _ in fits])
-    return _members("profile", result.problem, starts, targets, NEAR, None, parameter, result, level)
+    return _members("profile", result.problem, starts, targets, NEAR_MINIMUM, None, parameter, result, level)
 
 
 def _members(kind, problem, starts, targets, solver, max_steps=None, parameter=None, source=None, level=0.95):

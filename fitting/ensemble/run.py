@@ -24,15 +24,15 @@ import jax
 import numpy as np
 from jax.experimental import multihost_utils
 
-from fitting.ensemble.batches import advance, blank_iterate, make_batch
+from fitting.ensemble.batches import advance_members, blank_iterate, make_batch
 from fitting.ensemble.members import EnsembleResult, Members
 from fitting.solvers.iterate import INTERRUPTED, OUT_OF_STEPS, RUNNING, Iterate
 from fitting.solvers.options import check_options
-from fitting.solvers.ordered import outside
+from fitting.solvers.ordered import end_x
 from rubberfric.base import VERSION, StrPath, check_writable, shown, write_durably
 from rubberfric.io import hdf5
 
-FORMAT = "rubberfric ensemble checkpoint"
+_FORMAT = "rubberfric ensemble checkpoint"
 
 
 class Checkpoint(NamedTuple):
@@ -47,7 +47,7 @@ class Checkpoint(NamedTuple):
 def write_checkpoint(path: StrPath, fingerprint: str, checkpoint: Checkpoint) -> None:
     """Write a checkpoint, whole or not at all; OSError says why it could not be."""
     image = io.BytesIO()
-    with hdf5.creating(image, FORMAT) as file:
+    with hdf5.creating(image, _FORMAT) as file:
         file.attrs.update(fingerprint=fingerprint, seconds=float(checkpoint.seconds))
         file["begun"], file["steps"] = checkpoint.begun, checkpoint.steps
         group = file.create_group("iterate")
@@ -69,7 +69,7 @@ def read_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint) -> Check
     ValueError
         one line naming the file: it is truncated or no checkpoint, or one of another job or version.
     """
-    with hdf5.reading(path, FORMAT) as file:
+    with hdf5.reading(path, _FORMAT) as file:
         found = hdf5.plain(file.attrs.get("rubberfric_version"))
         if found != VERSION:
             raise ValueError(
@@ -213,7 +213,7 @@ def run_ensemble(
                 began = time.monotonic()
             stepping = running.sum() >= compiled.count or not fresh.size
             which = (np.flatnonzero(running) if stepping else fresh)[: compiled.count]
-            new = advance(
+            new = advance_members(
                 compiled, compiled.step if stepping else compiled.start, members, far.iterate, which
             )
             record.keep(which, new, stepping, before + time.monotonic() - began)
@@ -226,7 +226,7 @@ def run_ensemble(
     iterate = far.iterate
     problem = members.problem
     moving = np.broadcast_to(members.targets.moving, members.starts.shape)
-    x = outside(problem.variables, problem.numbers.constants, np.asarray(iterate.x), moving)
+    x = end_x(problem.variables, problem.numbers.constants, np.asarray(iterate.x), moving)
     return EnsembleResult(
         kind=members.kind,
         names=members.names,

@@ -119,14 +119,14 @@ FOLLOWING = ("Tied", "RmsSlope", "Shared")
 
 
 # Which leaf of the scene, and which elements of it; None: a scalar.
-Place = tuple[int, tuple[int, ...] | None]
+LeafElements = tuple[int, tuple[int, ...] | None]
 
 
 def common_values(
     path: str,
     rule: Positive | Bounded | Free,
     paths: list[str],
-    places: list[Place],
+    places: list[LeafElements],
     leaves: list[np.ndarray],
 ) -> np.ndarray:
     """The scene's values of the elements that a path names.

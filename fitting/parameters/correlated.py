@@ -10,7 +10,7 @@ import scipy
 from numpy.typing import ArrayLike
 
 from fitting.parameters.scenes import find, path_over
-from fitting.parameters.selection import Place, Selection
+from fitting.parameters.selection import PriorContext, Selection
 from fitting.parameters.variables import Array
 
 # Chance by which numbers that a fit holds may lie as far from what is known of them.
@@ -68,7 +68,7 @@ class Correlated:
         if not jnp.isfinite(coordinates(*map(np.array, (self.mean, self.low, self.high)))).all():
             raise ValueError("Correlated: mean must be finite and between low and high")
 
-    def read(self, place: Place) -> list[tuple["CorrelatedRows", tuple[np.ndarray, ...]]]:
+    def read(self, place: PriorContext) -> list[tuple["CorrelatedRows", tuple[np.ndarray, ...]]]:
         """Structure and numbers; ValueError where it does not speak of this scene."""
         where, chosen = place.where, place.selection(",", ", or several separated by commas")
         mean, low, high = (np.array(value) for value in (self.mean, self.low, self.high))
@@ -100,7 +100,7 @@ class Correlated:
                 )
         return [(CorrelatedRows(chosen), (centre, whitener(covariance), low, high))]
 
-    def _check_places(self, place: Place, chosen: Selection) -> None:
+    def _check_places(self, place: PriorContext, chosen: Selection) -> None:
         """ValueError unless every element stands where it stood."""
         if self.places is None:
             return

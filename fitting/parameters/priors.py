@@ -15,7 +15,7 @@ import numpy as np
 from fitting.parameters.constraints import FOLLOWING, is_number
 from fitting.parameters.correlated import Correlated
 from fitting.parameters.scenes import Scenes, find, owner_of, path_over
-from fitting.parameters.selection import Place, Rows, Selection
+from fitting.parameters.selection import PriorContext, Rows, Selection
 from fitting.parameters.variables import Array, Constants, Variables, slopes_of, to_x
 from rubberfric.base import unit_of
 
@@ -46,7 +46,7 @@ class Gaussian:
             if several:
                 object.__setattr__(self, name, tuple(map(float, each)))
 
-    def read(self, place: Place) -> list[tuple["GaussianRows", tuple[np.ndarray, np.ndarray]]]:
+    def read(self, place: PriorContext) -> list[tuple["GaussianRows", tuple[np.ndarray, np.ndarray]]]:
         """Structure and numbers; ValueError unless the key is a free parameter."""
         find(place.scene, place.key)  # or its error, with the close ones
         group, variables, constants = place.group(), place.variables, place.constants
@@ -123,7 +123,7 @@ class Smooth:
         if not (is_number(self.sigma) and self.sigma > 0):
             raise ValueError(f"Smooth: sigma = {self.sigma!r}: must be a finite number > 0")
 
-    def read(self, place: Place) -> list[tuple["SmoothRows", float]]:
+    def read(self, place: PriorContext) -> list[tuple["SmoothRows", float]]:
         """Structure and numbers of every vector; ValueError unless it is one, free, over three places."""
         found = []
         for path in (path.strip() for path in place.key.split(",")):
@@ -207,7 +207,7 @@ class Sum:
         if not (is_number(self.sigma) and self.sigma > 0):
             raise ValueError(f"Sum: sigma = {self.sigma!r}: must be a finite number > 0")
 
-    def read(self, place: Place) -> list[tuple["SumRows", tuple[float, float, float]]]:
+    def read(self, place: PriorContext) -> list[tuple["SumRows", tuple[float, float, float]]]:
         """Structure and numbers; ValueError unless the sum is > 0 and a fit changes it."""
         chosen = place.selection("+", " or a sum with some")
         start = float(np.sum(np.asarray(chosen.of(place.start))))
@@ -268,7 +268,7 @@ def read_priors(
         where = f"prior[{key!r}]"
         if not isinstance(rule, tuple(PRIORS.values())):
             raise ValueError(f"{where} = {rule!r}: must be Gaussian, Smooth, Sum or Correlated")
-        for term, own in rule.read(Place(where, key, scene, variables, constants)):
+        for term, own in rule.read(PriorContext(where, key, scene, variables, constants)):
             terms.append(term)
             numbers.append(own)
     return PriorStructure(tuple(terms)), tuple(numbers)

@@ -67,7 +67,7 @@ class Selection(NamedTuple):
         return np.array([(leaf, one) in free for leaf, chosen in pairs for one in chosen or (None,)])
 
 
-class Place(NamedTuple):
+class PriorContext(NamedTuple):
     """What a prior is read from, beside its own numbers."""
 
     where: str  # for errors: "prior['gamma']"

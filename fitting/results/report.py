@@ -8,7 +8,7 @@ from fitting.parameters.correlated import Correlated
 from fitting.parameters.discrepancy import text_of
 from fitting.parameters.priors import Smooth, Sum
 from fitting.parameters.scenes import leaf_names
-from fitting.parameters.selection import Place
+from fitting.parameters.selection import PriorContext
 from fitting.results.numbers import tied_lines, unit, variable_rows
 from fitting.results.record import FitRecord
 from fitting.solvers.options import SOLVERS
@@ -183,7 +183,7 @@ def _priors(result):
 
 def _of_several(result, key, prior):
     """One line on a prior of several numbers: what it says, and where the fit is."""
-    place = Place("", key, result.scene, result.variables, result.problem.numbers.constants)
+    place = PriorContext("", key, result.scene, result.variables, result.problem.numbers.constants)
     [(rows, numbers)] = prior.read(place)
     leaves = jax.tree.leaves(result.scene)
     if isinstance(prior, Sum):

@@ -18,7 +18,7 @@ import numpy as np
 
 from fitting.solvers.iterate import (
     CONVERGED,
-    NEAR,
+    NEGLIGIBLE,
     NOT_FINITE,
     PERFECT,
     PRECISE,
@@ -44,59 +44,59 @@ _FLAT = 1e-13
 _EVALUATIONS, _GAINED, _PROMISED = 3, 0.1, 10.0
 
 
-class Known(NamedTuple):
+class QuadraticModel(NamedTuple):
     """What a fit keeps from one step to the next; arrays, for one fit or with an axis of several before."""
 
     rows: np.ndarray  # residuals at x, (rows,)
     jacobian: np.ndarray  # (rows, size)
-    bends: np.ndarray  # H, (rows, size, size)
+    hessians: np.ndarray  # H, (rows, size, size)
     radius: np.ndarray  # of trust
     costs: np.ndarray  # before each of the last evaluations, the latest last
 
 
-def begun(x: np.ndarray, rows: np.ndarray, jacobian: np.ndarray) -> Iterate:
+def begin_quadratic(x: np.ndarray, rows: np.ndarray, jacobian: np.ndarray) -> Iterate:
     """The iterate of a fit before its first step, from residuals (rows,) and Jacobian (rows, size) at x."""
     finite = np.isfinite(rows).all() and np.isfinite(jacobian).all()
-    bends, costs = np.zeros((*jacobian.shape, x.size)), np.full(_EVALUATIONS, np.inf)
-    known = Known(rows, jacobian, bends, np.asarray(_FIRST), costs)
+    hessians, costs = np.zeros((*jacobian.shape, x.size)), np.full(_EVALUATIONS, np.inf)
+    model = QuadraticModel(rows, jacobian, hessians, np.asarray(_FIRST), costs)
     cost = 0.5 * np.sum(rows**2) if finite else np.asarray(np.nan)
     one = np.asarray(1)
-    return Iterate(x, cost, np.asarray(RUNNING if finite else NOT_FINITE), one, one, known)
+    return Iterate(x, cost, np.asarray(RUNNING if finite else NOT_FINITE), one, one, model)
 
 
-def proposed(iterate: Iterate, longest: float = LONGEST) -> np.ndarray:
+def propose_move(iterate: Iterate, longest: float = LONGEST) -> np.ndarray:
     """The next move, shape (size,): at most `longest` in any x."""
-    known = iterate.own
-    largest = np.linalg.norm(known.jacobian, 2) ** 2
+    model = iterate.own
+    largest = np.linalg.norm(model.jacobian, 2) ** 2
 
     def within(move):
-        return np.linalg.norm(move) <= known.radius and np.max(np.abs(move)) <= longest
+        return np.linalg.norm(move) <= model.radius and np.max(np.abs(move)) <= longest
 
-    move = nothing = np.zeros(known.jacobian.shape[1])
+    move = nothing = np.zeros(model.jacobian.shape[1])
     if not largest > 0:  # nothing to gain, and no step
         return nothing
-    free = _least(known, _SOFTEST * largest, nothing)
+    free = _least(model, _SOFTEST * largest, nothing)
     if within(free):
         return free
     # So stiff that the linear functions' move is half as long as it may be.
-    stiff = 2 * np.linalg.norm(known.jacobian.T @ known.rows) / min(float(known.radius), longest)
-    further = _least(known, stiff, nothing)
+    stiff = 2 * np.linalg.norm(model.jacobian.T @ model.rows) / min(float(model.radius), longest)
+    further = _least(model, stiff, nothing)
     while not within(further):
         stiff *= _SOFTER**2
-        further = _least(known, stiff, nothing)
+        further = _least(model, stiff, nothing)
     soft, move = stiff / _SOFTER, further
-    while within(further := _least(known, soft, move)) and soft > _SOFTEST * largest:
+    while within(further := _least(model, soft, move)) and soft > _SOFTEST * largest:
         stiff, move, soft = soft, further, soft / _SOFTER
     for _ in range(_HALVINGS):
         between = np.sqrt(stiff * soft)
-        if within(further := _least(known, between, move)):
+        if within(further := _least(model, between, move)):
             stiff, move = between, further
         else:
             soft = between
     return move
 
 
-def taken(
+def after_move(
     iterate: Iterate,
     move: np.ndarray,
     rows: np.ndarray,
@@ -114,28 +114,30 @@ def taken(
     rows, jacobian : where it leads
     tolerance : done when the linear model promises a lower cost by less than this part of it
     rounding : cost below which the residuals are met perfectly
-    longest : as of `proposed`
+    longest : as of `propose_move`
     """
-    known, before = iterate.own, float(iterate.cost)
+    model, before = iterate.own, float(iterate.cost)
     finite = bool(np.isfinite(rows).all() and np.isfinite(jacobian).all())
     cost = 0.5 * float(np.sum(rows**2)) if finite else np.inf
     length, accepted = float(np.linalg.norm(move)), cost < before
-    share = (before - cost) / max(_promise(known, move), np.finfo(float).tiny)
-    radius = float(known.radius)
+    share = (before - cost) / max(_promise(model, move), np.finfo(float).tiny)
+    radius = float(model.radius)
     if share > _MUCH:
         radius = max(radius, 2 * length)
     elif share < _LITTLE:
         radius = 0.5 * min(length, radius)
-    bends = _bent(known, move, jacobian) if finite and length > 0 else known.bends
-    new = known._replace(bends=bends, radius=np.asarray(radius), costs=np.append(known.costs[1:], before))
+    hessians = _updated_hessians(model, move, jacobian) if finite and length > 0 else model.hessians
+    new = model._replace(
+        hessians=hessians, radius=np.asarray(radius), costs=np.append(model.costs[1:], before)
+    )
     if accepted:
         new = new._replace(rows=rows, jacobian=jacobian)
     lowest = min(cost, before)
     promised = _linear_promise(new, longest)
-    negligible = NEAR * max(lowest, 1.0)
+    negligible = NEGLIGIBLE * max(lowest, 1.0)
     near = promised <= _PROMISED * negligible
     # Data that are met need not end there, their cost falls on to rounding.
-    hidden = near and lowest > 20 * NEAR and new.costs[0] - lowest <= _GAINED * negligible
+    hidden = near and lowest > 20 * NEGLIGIBLE and new.costs[0] - lowest <= _GAINED * negligible
     if lowest <= rounding:
         status = PERFECT
     elif promised <= tolerance * lowest + 0.02 * np.sqrt(rounding * lowest):
@@ -148,39 +150,39 @@ def taken(
     return Iterate(x, np.asarray(lowest), np.asarray(status), iterate.nfev + 1, iterate.njev + 1, new)
 
 
-def _at(known, move):
+def _predicted(model, move):
     """Residuals and Jacobian of the quadratic functions."""
-    bent = known.bends @ move
-    return known.rows + known.jacobian @ move + 0.5 * bent @ move, known.jacobian + bent
+    bend = model.hessians @ move
+    return model.rows + model.jacobian @ move + 0.5 * bend @ move, model.jacobian + bend
 
 
-def _promise(known, move):
+def _promise(model, move):
     """What the quadratic functions promise of a move."""
-    return 0.5 * float(np.sum(known.rows**2) - np.sum(_at(known, move)[0] ** 2))
+    return 0.5 * float(np.sum(model.rows**2) - np.sum(_predicted(model, move)[0] ** 2))
 
 
-def _linear_promise(known, longest):
+def _linear_promise(model, longest):
     """What the linear functions promise, but for directions so flat that it would take a longer step."""
-    U, s, _ = np.linalg.svd(known.jacobian, full_matrices=False)
-    along = np.abs(U.T @ known.rows)
+    U, s, _ = np.linalg.svd(model.jacobian, full_matrices=False)
+    along = np.abs(U.T @ model.rows)
     return float(np.sum(np.minimum(0.5 * along**2, along * s * longest)))
 
 
-def _least(known, damping, move):
+def _least(model, damping, move):
     """The minimum of the quadratic functions' squares and damping d^2, by damped Newton steps from a move."""
     one = np.eye(move.size)
-    (rows, jacobian), extra = _at(known, move), 0.0
+    (rows, jacobian), extra = _predicted(model, move), 0.0
     cost = rows @ rows + damping * move @ move
     for _ in range(_INNER_STEPS):
         gradient, plain = jacobian.T @ rows + damping * move, jacobian.T @ jacobian + damping * one
-        hessian = plain + np.tensordot(rows, known.bends, 1)
+        hessian = plain + np.tensordot(rows, model.hessians, 1)
         values = np.linalg.eigvalsh(hessian)
         if values[0] < -_FLAT * np.abs(values).max():  # no minimum that way
             hessian = plain
         largest = np.trace(plain)
         for _ in range(_INNER_TRIALS):
             there = move - np.linalg.solve(hessian + max(extra, 2 * _FLAT * largest) * one, gradient)
-            found = _at(known, there)
+            found = _predicted(model, there)
             lower = found[0] @ found[0] + damping * there @ there
             if lower < cost:
                 break
@@ -194,10 +196,10 @@ def _least(known, damping, move):
     return move
 
 
-def _bent(known, move, jacobian):
+def _updated_hessians(model, move, jacobian):
     """H after a move that led to a Jacobian."""
     unit, length = move / np.linalg.norm(move), np.linalg.norm(move)
-    left = (jacobian - known.jacobian) / length - known.bends @ unit
+    left = (jacobian - model.jacobian) / length - model.hessians @ unit
     both = left[:, :, None] * unit
     along = (left @ unit)[:, None, None] * np.outer(unit, unit)
-    return known.bends + both + np.swapaxes(both, 1, 2) - along
+    return model.hessians + both + np.swapaxes(both, 1, 2) - along

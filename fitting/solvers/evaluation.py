@@ -17,7 +17,7 @@ import numpy as np
 import rubberfric as rf
 from fitting.parameters.scenes import by_name
 from fitting.parameters.variables import Array
-from fitting.solvers.problem import CURVES, Numbers, Problem, Structure
+from fitting.solvers.problem import CURVE_QUANTITIES, Numbers, Problem, Structure
 from fitting.solvers.residuals import in_errors, padded, rows_and_slopes, rows_of, slopes_in_errors
 from rubberfric.base import quick_jit
 
@@ -61,7 +61,7 @@ def _by_forward_mode(structure, numbers):
     """Whether all derivatives are taken forward: one program serves with them and without."""
     scenes = _scenes(structure, numbers)
     return all(
-        block.quantity not in CURVES
+        block.quantity not in CURVE_QUANTITIES
         or any(
             body.material.needs_quadrature for body in (scenes[block.scene].lower, scenes[block.scene].upper)
         )
@@ -73,7 +73,7 @@ def takes_long(structure: Structure, numbers: Numbers) -> bool:
     """Whether one evaluation takes as long as hundreds of others: where a scene is iterated for."""
     scenes = _scenes(structure, numbers)
     return any(
-        block.quantity in CURVES and "converged" in rf.quantities_of(scenes[block.scene])
+        block.quantity in CURVE_QUANTITIES and "converged" in rf.quantities_of(scenes[block.scene])
         for block in structure.blocks
     )
 

@@ -12,7 +12,7 @@ RUNNING, CONVERGED, PERFECT, STALLED, OUT_OF_STEPS, NOT_FINITE, INTERRUPTED, PRE
 
 # Gain in cost that is of no account, for costs of order one and as a part of larger ones: a parameter that
 # is a hundredth of its standard error off costs this much.
-NEAR = 5e-5
+NEGLIGIBLE = 5e-5
 
 MESSAGES = {
     RUNNING: "still running",

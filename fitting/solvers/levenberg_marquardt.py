@@ -4,7 +4,7 @@ r"""Levenberg-Marquardt: nonlinear least squares by damped Gauss-Newton steps.
 
 with geodesic acceleration [Transtrum & Sethna, arXiv:1201.5885], which halves the number
 of steps in the curved valleys of relaxation spectra. One singular value decomposition of the
-Jacobian serves two dampings. The stiffer is tried where the softer brings less than `ENOUGH` of what the
+Jacobian serves two dampings. The stiffer is tried where the softer brings less than `SUFFICIENT` of what the
 linear model promises, and the better of them is taken: residuals cost a small part of the Jacobian.
 Directions that the data do not see (s = 0) are left where they are.
 """
@@ -17,12 +17,12 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from fitting.solvers.iterate import NEAR, Iterate, begin, ended, unless_done
+from fitting.solvers.iterate import NEGLIGIBLE, Iterate, begin, ended, unless_done
 from fitting.solvers.losses import SQUARES, Loss, Objective, Residuals, ResidualsAndJacobian
 
 TRIALS = (0.1, 3.0)  # times the damping of the last step
 SOFTEST, STIFFEST = 1e-30, 1e9  # damping over the largest singular value squared
-ENOUGH = 0.9  # of the promised decrease of the cost, for a step to be taken without another trial
+SUFFICIENT = 0.9  # of the promised decrease of the cost, for a step to be taken without another trial
 PROBE = 0.1  # part of a step at which its curvature is measured
 LONGEST = 3.0  # of a step in any x of a fit: a factor 20 in a Positive parameter
 
@@ -84,15 +84,15 @@ def step(
     Iterate
     """
     x = jnp.asarray(iterate.x)
-    plan = planned(*residuals_and_jacobian(x), iterate, loss, longest)
+    plan = plan_step(*residuals_and_jacobian(x), iterate, loss, longest)
 
     def evaluated(state):
         """One evaluation more: ahead along a velocity, and then where the move that it bends to leads."""
         count, moves, rows, _ = state
         i, ahead = count // 2, count % 2 == 0
-        move = jnp.where(ahead, PROBE * plan.velocities[i], bent(plan, i, rows[i]))
+        move = jnp.where(ahead, PROBE * plan.velocities[i], accelerated_move(plan, i, rows[i]))
         moves, rows = moves.at[i].set(move), rows.at[i].set(residuals(x + move))
-        return count + 1, moves, rows, brings_enough(plan, rows[0], iterate, loss)
+        return count + 1, moves, rows, is_sufficient(plan, rows[0], iterate, loss)
 
     def needed(state):
         count, _, _, enough = state
@@ -102,7 +102,9 @@ def step(
     rows = jnp.zeros((len(TRIALS), *plan.plain.shape), plan.plain.dtype)
     begun = jnp.asarray(0), jnp.zeros_like(plan.velocities), rows, jnp.asarray(False)
     _, moves, rows, _ = jax.lax.while_loop(needed, evaluated, begun)
-    return taken(plan, moves, rows, iterate, loss, tolerance=tolerance, rounding=rounding, longest=longest)
+    return accept_better(
+        plan, moves, rows, iterate, loss, tolerance=tolerance, rounding=rounding, longest=longest
+    )
 
 
 class Plan(NamedTuple):
@@ -121,7 +123,7 @@ class Plan(NamedTuple):
     finite: jax.Array
 
 
-def planned(
+def plan_step(
     plain: jax.Array, jacobian: jax.Array, iterate: Iterate, loss: Loss = SQUARES, longest: float = LONGEST
 ) -> Plan:
     """The first part of a step, from the residuals and their Jacobian."""
@@ -144,28 +146,28 @@ def planned(
     return Plan(plain, factor, jacobian, U, s, V, along, dampings, gains, velocities, finite)
 
 
-def bent(plan: Plan, i: int | jax.Array, ahead: jax.Array) -> jax.Array:
+def accelerated_move(plan: Plan, i: int | jax.Array, ahead: jax.Array) -> jax.Array:
     """The move of damping i, from the residuals at PROBE times its velocity, shape (rows,)."""
     velocity = plan.velocities[i]
     # How the residuals bend along the step, from their values a little way along.
-    bends = 2 / PROBE * (plan.factor * (ahead - plan.plain) / PROBE - plan.jacobian @ velocity)
-    acceleration = -0.5 * (plan.gains[i] * (bends @ plan.U)) @ plan.V
+    second = 2 / PROBE * (plan.factor * (ahead - plan.plain) / PROBE - plan.jacobian @ velocity)
+    acceleration = -0.5 * (plan.gains[i] * (second @ plan.U)) @ plan.V
     # Beyond half the step the expansion means nothing; inf * 0 where the model breaks down.
     half = 0.5 * jnp.max(jnp.abs(velocity), keepdims=True)
     acceleration = jnp.where(jnp.isfinite(acceleration), acceleration, 0.0)
     return velocity + acceleration * _limited(acceleration, half)
 
 
-def brings_enough(plan: Plan, tried: jax.Array, iterate: Iterate, loss: Loss = SQUARES) -> jax.Array:
+def is_sufficient(plan: Plan, tried: jax.Array, iterate: Iterate, loss: Loss = SQUARES) -> jax.Array:
     """Whether the softer step, which leads to these residuals, makes a trial of the other needless."""
     # (|r|^2 - |r + J v|^2) / 2 for the velocity before it was limited: of one that was, the other damping
     # may make more, and steps would be as short for ever.
     moved = plan.s * plan.gains[0]
     promised = jnp.sum(moved * (1 - 0.5 * moved) * plan.along**2)
-    return jnp.asarray(iterate.cost) - loss.cost(tried) >= ENOUGH * promised
+    return jnp.asarray(iterate.cost) - loss.cost(tried) >= SUFFICIENT * promised
 
 
-def taken(
+def accept_better(
     plan: Plan,
     moves: jax.Array,
     tried: jax.Array,
@@ -178,10 +180,10 @@ def taken(
 ) -> Iterate:
     """The iterate after the better of the moves, from the residuals that they lead to, shape (2, rows).
 
-    Where the first `brings_enough` the second is whatever it is, and was no evaluation.
+    Where the first `is_sufficient` the second is whatever it is, and was no evaluation.
     """
     x, damping = jnp.asarray(iterate.x), iterate.own
-    enough = brings_enough(plan, tried[0], iterate, loss)
+    enough = is_sufficient(plan, tried[0], iterate, loss)
     costs = jax.vmap(loss.cost)(tried)
     known = jnp.isfinite(costs) & jnp.stack([jnp.asarray(True), ~enough])
     costs = jnp.where(known, costs, jnp.inf)
@@ -196,8 +198,8 @@ def taken(
     done = (promised <= little) & (iterate.cost - lowest <= little)
     # Rounding, and the tolerance to which temperatures are found, may hide the last of the way: shorter steps
     # would not find it either. Data that are met need not end there, their cost falls on to rounding.
-    near = promised <= NEAR * jnp.maximum(iterate.cost, 1.0)
-    hidden = near & (iterate.cost > 2 * NEAR)
+    near = promised <= NEGLIGIBLE * jnp.maximum(iterate.cost, 1.0)
+    hidden = near & (iterate.cost > 2 * NEGLIGIBLE)
     stalled = ~accepted & (hidden | (damping >= STIFFEST))
     new = Iterate(
         jnp.where(accepted, x + moves[best], x),

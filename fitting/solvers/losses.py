@@ -24,7 +24,7 @@ from fitting.parameters.variables import Array
 Scalar = jax.Array | float
 
 # Losses, and the width at which the estimate from Gaussian data is 95 % efficient.
-WIDTHS = {"linear": 1.0, "huber": 1.345, "soft_l1": 1.287, "cauchy": 2.385}
+LOSS_WIDTHS = {"linear": 1.0, "huber": 1.345, "soft_l1": 1.287, "cauchy": 2.385}
 
 
 def rho(loss: str, width: Scalar, residual: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:

@@ -9,16 +9,16 @@ import jax
 from fitting.parameters.constraints import is_number
 from fitting.solvers.first_order import LBFGS, Adam
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
-from fitting.solvers.losses import WIDTHS
+from fitting.solvers.losses import LOSS_WIDTHS
 from rubberfric.base import closest, shown
 
 Solver = LevenbergMarquardt | LBFGS | Adam
 SOLVERS = {"lm": LevenbergMarquardt, "lbfgs": LBFGS, "adam": Adam}
 
-Rule = Callable[[Any], str]  # what is wrong with a value, "" if nothing is
+OptionRule = Callable[[Any], str]  # what is wrong with a value, "" if nothing is
 
 
-def _choice(names: Collection[str]) -> Rule:
+def _choice(names: Collection[str]) -> OptionRule:
     def rule(value):
         text = value if isinstance(value, str) else ""
         return "" if text in names else closest(text, tuple(names))
@@ -26,11 +26,11 @@ def _choice(names: Collection[str]) -> Rule:
     return rule
 
 
-def _rule(text: str, test: Callable[[Any], bool]) -> Rule:
+def _rule(text: str, test: Callable[[Any], bool]) -> OptionRule:
     return lambda value: "" if test(value) else f"must be {text}"
 
 
-def _integer(smallest: int) -> Rule:
+def _integer(smallest: int) -> OptionRule:
     def test(value):
         whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
         return whole and smallest <= int(value) < 2**31
@@ -38,7 +38,7 @@ def _integer(smallest: int) -> Rule:
     return _rule(f"an integer >= {smallest}", test)
 
 
-def _or_none(rule: Rule) -> Rule:
+def _or_none(rule: OptionRule) -> OptionRule:
     return lambda value: "" if value is None else rule(value)
 
 
@@ -46,18 +46,18 @@ _POSITIVE = _rule(
     "a finite number > 0", lambda value: not isinstance(value, bool) and is_number(value) and value > 0
 )
 # Those that a job file may hold.
-IN_FILES: dict[str, Rule] = {
+FILE_OPTIONS: dict[str, OptionRule] = {
     "method": _choice(SOLVERS),
     "starts": _integer(1),
     "seed": _integer(0),  # of job files, for key
-    "loss": _choice(WIDTHS),
+    "loss": _choice(LOSS_WIDTHS),
     "loss_width": _or_none(_POSITIVE),
     "decades": _POSITIVE,
     "max_steps": _or_none(_integer(1)),
     "tolerance": _or_none(_POSITIVE),
     "scale_errors": _rule('"auto", True or False', lambda value: isinstance(value, bool) or value == "auto"),
 }
-RULES: dict[str, Rule] = IN_FILES | {
+OPTION_RULES: dict[str, OptionRule] = FILE_OPTIONS | {
     "key": _or_none(
         _rule("a jax.random.key, such as jax.random.key(1)", lambda value: isinstance(value, jax.Array))
     ),
@@ -83,7 +83,7 @@ RULES: dict[str, Rule] = IN_FILES | {
 def check_options(**options: object) -> None:
     """ValueError naming the option that is wrong; see `fitting.fit` for what they are."""
     for name, value in options.items():
-        if wrong := RULES[name](value):
+        if wrong := OPTION_RULES[name](value):
             raise ValueError(f"{name} = {shown(value)}: {wrong}")
 
 

@@ -92,7 +92,7 @@ def _steps(variables: Variables) -> tuple[_Step, ...]:
     return tuple(_Step(i, tuple(below.get(i, ())), tuple(above.get(i, ()))) for i in order)
 
 
-class _Place(NamedTuple):
+class _Bounds(NamedTuple):
     """An element on the way through all in their order, a and b the x of its bounds."""
 
     element: int
@@ -130,7 +130,7 @@ class _Walk:
             top[step.element] = functools.reduce(self.xp.minimum, limits)
         self.top, self.margin = top, margin
 
-    def __iter__(self) -> Iterator[_Place]:
+    def __iter__(self) -> Iterator[_Bounds]:
         xp = self.xp
         for step in self.steps:
             i, source, low = step.element, None, None
@@ -143,7 +143,7 @@ class _Walk:
             b = self._inverse(i, self.top[i])
             # Rounding must not take a value across.
             a, b = a + self._clear(a), b - (1 + 2 * self.above[i]) * self._clear(b)
-            yield _Place(i, source, a, b)
+            yield _Bounds(i, source, a, b)
 
     def _clear(self, end):
         finite = self.xp.isfinite(end)
@@ -172,11 +172,11 @@ class _Walk:
     def _inverse(self, i, value):
         """x of a value, of one beyond the element's own range at its end."""
         xp, (low, high) = self.xp, self._range(i)
-        inside = (value > low) & (value < high)
+        within = (value > low) & (value < high)
         # A value inside, so that the branch not taken has a finite derivative.
         safe = low + 0.5 * self.constants.width[i] if self.kinds[i] == "Bounded" else 1.0
-        x = to_x(self.kinds[i], self.constants.low[i], self.constants.width[i], xp.where(inside, value, safe))
-        return xp.where(inside, x, xp.where(value <= low, -np.inf, np.inf))
+        x = to_x(self.kinds[i], self.constants.low[i], self.constants.width[i], xp.where(within, value, safe))
+        return xp.where(within, x, xp.where(value <= low, -np.inf, np.inf))
 
 
 def _between(xp, a, b, z):
@@ -190,8 +190,8 @@ def x_of(variables: Variables, constants: Constants, z: Array, moving: Array) ->
         return z
     walk = _Walk(variables, constants, z, moving)
     for i, _, a, b in walk:
-        inside = _between(walk.xp, a, b, z[i])
-        walk.x[i] = walk.xp.where(moving[i], inside, z[i])
+        start_z = _between(walk.xp, a, b, z[i])
+        walk.x[i] = walk.xp.where(moving[i], start_z, z[i])
     return _put(z, walk.x)
 
 
@@ -220,14 +220,14 @@ def z_of(variables: Variables, constants: Constants, x: np.ndarray, moving: np.n
     return _put(x, z)
 
 
-def inside(variables: Variables, constants: Constants, x: np.ndarray, moving: np.ndarray) -> np.ndarray:
+def start_z(variables: Variables, constants: Constants, x: np.ndarray, moving: np.ndarray) -> np.ndarray:
     """z of several starts, shape (fits, size), as `z_of` has it."""
     if not variables.order:
         return x
     return np.stack([z_of(variables, constants, *pair) for pair in zip(x, np.asarray(moving), strict=True)])
 
 
-def outside(variables: Variables, constants: Constants, z: np.ndarray, moving: np.ndarray) -> np.ndarray:
+def end_x(variables: Variables, constants: Constants, z: np.ndarray, moving: np.ndarray) -> np.ndarray:
     """x of several ends, shape (fits, size)."""
     if not variables.order:
         return z

@@ -24,11 +24,11 @@ from fitting.parameters.variables import (
     to_scene,
     to_values,
 )
-from fitting.solvers.losses import WIDTHS
+from fitting.solvers.losses import LOSS_WIDTHS
 from fitting.solvers.options import check_options
 from rubberfric.scene import cast, check_background, dissipates, result_dtype, shifts, takes_temperature
 
-CURVES = ("friction", "area")  # measured over velocity, pressure and temperature
+CURVE_QUANTITIES = ("friction", "area")  # measured over velocity, pressure and temperature
 
 # Relative error that data without errors begin with, and keep if they are too few to say.
 ASSUMED = 0.1
@@ -128,7 +128,7 @@ def make_problem(
     if quadrature is not None and not isinstance(quadrature, rf.Quadrature):
         raise ValueError(f"quadrature is a {type(quadrature).__name__}: must be a Quadrature, or None")
     check_options(loss=loss, loss_width=width)
-    width = WIDTHS[loss] if width is None else width
+    width = LOSS_WIDTHS[loss] if width is None else width
     dtype = result_dtype(scene, 1.0)
     scene = cast(scene, dtype)
     scene = with_starts(scene, free) if isinstance(free, dict) else scene
@@ -177,7 +177,7 @@ def _blocks(scenes, data, of):
 def _block_key(scene, data):
     """What data sets must share to be predicted by one call; ValueError if the scene cannot."""
     temperature = getattr(data, "temperature", None)
-    if data.quantity in CURVES:
+    if data.quantity in CURVE_QUANTITIES:
         _check_curve(scene, data)
         return data.quantity, None, data.logarithmic, temperature is not None
     body = _body(scene, data)

@@ -21,7 +21,7 @@ from fitting.parameters.scenes import Pair, by_name, in_order, scene_paths
 from fitting.parameters.variables import Array, Constants, Variables, to_scene
 from fitting.solvers.losses import Loss, Objective
 from fitting.solvers.ordered import x_of
-from fitting.solvers.problem import CURVES, Numbers, Problem, Structure, Targets
+from fitting.solvers.problem import CURVE_QUANTITIES, Numbers, Problem, Structure, Targets
 from rubberfric.analysis import value_and_jacobian
 from rubberfric.base import Kind, PhysicalObject, fields_of, recurring_length
 from rubberfric.roughness import log_power_spectrum
@@ -38,7 +38,7 @@ def objective(structure: Structure, numbers: Numbers, targets: Targets) -> Objec
     )
 
 
-def aim(structure: Structure, numbers: Numbers, targets: Targets) -> Objective:
+def solver_objective(structure: Structure, numbers: Numbers, targets: Targets) -> Objective:
     """The same in the variables z of solvers; see `fitting.solvers.ordered`."""
     plain, variables = objective(structure, numbers, targets), structure.variables
     if not variables.order:
@@ -78,7 +78,7 @@ def _if_in_order(structure, scene, rows):
 
 def _predicted(structure, block, conditions, scene):
     """Rows of one block; their logarithm where it is logarithmic."""
-    if block.quantity in CURVES:
+    if block.quantity in CURVE_QUANTITIES:
         heated = () if "converged" not in rf.quantities_of(scene) else ("converged",)
         solution = rf.solve(
             scene, *conditions, quadrature=structure.quadrature, quantities=(block.quantity, *heated)
@@ -101,7 +101,9 @@ def rows_of(structure: Structure, numbers: Numbers, x: jax.Array) -> jax.Array:
     """Predictions, and below them the rows of the priors and of the smoothing, in units of their errors."""
     model, scene = predictions(structure, numbers, x)
     prior = prior_residuals(structure.prior, numbers.prior, scene, x)
-    return jnp.concatenate([model, prior, numbers.smoothing * (_bends(structure.variables, x.dtype) @ x)])
+    return jnp.concatenate(
+        [model, prior, numbers.smoothing * (_second_differences(structure.variables, x.dtype) @ x)]
+    )
 
 
 def rows_and_slopes(structure: Structure, numbers: Numbers, x: jax.Array) -> tuple[jax.Array, jax.Array]:
@@ -116,7 +118,7 @@ def rows_and_slopes(structure: Structure, numbers: Numbers, x: jax.Array) -> tup
         def own_scene(x, name=block.scene):
             return by_name(scene_of(x))[name]
 
-        if block.quantity in CURVES:
+        if block.quantity in CURVE_QUANTITIES:
             values, slopes = value_and_jacobian(
                 own_scene, x, conditions, block.quantity, structure.quadrature
             )
@@ -128,8 +130,8 @@ def rows_and_slopes(structure: Structure, numbers: Numbers, x: jax.Array) -> tup
             )
         parts.append((_if_in_order(structure, scene_of(x), values), slopes))
     parts.append(forward(lambda x: prior_residuals(structure.prior, numbers.prior, scene_of(x), x), x))
-    bends = numbers.smoothing * _bends(structure.variables, x.dtype)
-    parts.append((bends @ x, bends))
+    differences = numbers.smoothing * _second_differences(structure.variables, x.dtype)
+    parts.append((differences @ x, differences))
     rows, slopes = (jnp.concatenate(part) for part in zip(*parts, strict=True))
     return rows, slopes
 
@@ -166,7 +168,7 @@ def _whitened(numbers, rows):
     return rows if numbers.whitening is None else numbers.whitening @ rows
 
 
-def _bends(variables: Variables, dtype):
+def _second_differences(variables: Variables, dtype):
     """Second differences of x along the arrays of Positive elements, shape (rows, size)."""
     rows = [np.zeros((0, variables.size))]
     for group in variables.groups:

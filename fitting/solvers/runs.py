@@ -25,21 +25,21 @@ from fitting.solvers.iterate import CONVERGED, INTERRUPTED, OUT_OF_STEPS, RUNNIN
 from fitting.solvers.levenberg_marquardt import (
     PROBE,
     LevenbergMarquardt,
-    bent,
-    brings_enough,
-    planned,
-    taken,
+    accelerated_move,
+    accept_better,
+    is_sufficient,
+    plan_step,
 )
 from fitting.solvers.options import Solver
-from fitting.solvers.ordered import inside, outside, put_on_bounds, slopes_of_x, x_of
+from fitting.solvers.ordered import end_x, put_on_bounds, slopes_of_x, start_z, x_of
 from fitting.solvers.problem import Numbers, Problem, Structure, Targets
 from fitting.solvers.residuals import (
-    aim,
     in_errors,
     loss_of,
     padded,
     rounding,
     slopes_in_errors,
+    solver_objective,
 )
 from rubberfric.base import quick_jit
 
@@ -106,7 +106,7 @@ def run(
     waiting, done, steps = min(batch, fits), np.arange(batch) >= fits, np.zeros(batch, int)
     variables, constants = structure.variables, numbers.constants
     moving: np.ndarray = np.asarray(targets.moving)  # pyright: ignore[reportOptionalMemberAccess]
-    starts = inside(variables, constants, starts, moving)
+    starts = start_z(variables, constants, starts, moving)
     ends = Runs(starts.copy(), np.full(fits, np.inf), *(np.full(fits, RUNNING, int) for _ in range(3)))
 
     def loaded(at):
@@ -142,7 +142,7 @@ def run(
                 done[free], steps[free] = False, 0
                 continue
             if done.all():
-                return ends._replace(x=outside(variables, constants, ends.x, moving))
+                return ends._replace(x=end_x(variables, constants, ends.x, moving))
             iterate = advance(solver, structure, numbers, here, iterate)
             steps += 1
             total += 1
@@ -151,7 +151,7 @@ def run(
                 callback(total, float(min(lowest, ends.cost.min())))
     except KeyboardInterrupt:
         keep(iterate, ~done, INTERRUPTED)
-        return ends._replace(x=outside(variables, constants, ends.x, moving))
+        return ends._replace(x=end_x(variables, constants, ends.x, moving))
 
 
 # Numbers of the curvature of all residuals: beyond, to keep it takes longer than to compute the model.
@@ -160,14 +160,16 @@ _MOST_BENDS = 1_000_000
 
 @functools.partial(jax.jit, static_argnums=(0, 1))
 def _init(solver, structure, numbers, targets, x):
-    return jax.vmap(lambda targets, x: solver.init(aim(structure, numbers, targets), x))(targets, x)
+    return jax.vmap(lambda targets, x: solver.init(solver_objective(structure, numbers, targets), x))(
+        targets, x
+    )
 
 
 @functools.partial(jax.jit, static_argnums=(0, 1))
 def _step(solver, structure, numbers, targets, iterate):
-    return jax.vmap(lambda targets, iterate: solver.step(aim(structure, numbers, targets), iterate))(
-        targets, iterate
-    )
+    return jax.vmap(
+        lambda targets, iterate: solver.step(solver_objective(structure, numbers, targets), iterate)
+    )(targets, iterate)
 
 
 @quick_jit(static_argnums=(0, 1))
@@ -180,32 +182,34 @@ def _begun(solver, structure, numbers, targets, x, rows):
 
 
 @quick_jit(static_argnums=(0,))
-def _planned(structure, numbers, targets, iterate, rows, slopes):
+def _plan_step(structure, numbers, targets, iterate, rows, slopes):
     def one(targets, iterate, rows, slopes):
         plain = in_errors(structure, numbers, targets, rows)
         jacobian = slopes_in_errors(structure, numbers, targets, slopes)
-        plan = planned(plain, jacobian, iterate, loss_of(structure, numbers))
+        plan = plan_step(plain, jacobian, iterate, loss_of(structure, numbers))
         return plan, iterate.x + PROBE * plan.velocities
 
     return jax.vmap(one)(targets, iterate, rows, slopes)
 
 
 @quick_jit(static_argnums=(0,))
-def _bent(structure, numbers, targets, iterate, plan, i, ahead):
+def _accelerated_move(structure, numbers, targets, iterate, plan, i, ahead):
     def one(targets, iterate, plan, ahead):
-        move = bent(plan, i, in_errors(structure, numbers, targets, ahead))
+        move = accelerated_move(plan, i, in_errors(structure, numbers, targets, ahead))
         return move, iterate.x + move
 
     return jax.vmap(one)(targets, iterate, plan, ahead)
 
 
 @quick_jit(static_argnums=(0, 1))
-def _taken(solver, structure, numbers, targets, iterate, plan, moves, tried):
+def _accept_better(solver, structure, numbers, targets, iterate, plan, moves, tried):
     def one(targets, iterate, plan, moves, tried):
         rows = jax.vmap(lambda rows: in_errors(structure, numbers, targets, rows))(tried)
         limits = {"tolerance": solver.tolerance, "rounding": rounding(structure, targets)}
         loss = loss_of(structure, numbers)
-        return taken(plan, moves, rows, iterate, loss, **limits), brings_enough(plan, rows[0], iterate, loss)
+        return accept_better(plan, moves, rows, iterate, loss, **limits), is_sufficient(
+            plan, rows[0], iterate, loss
+        )
 
     return jax.vmap(one)(targets, iterate, plan, moves, tried)
 
@@ -219,7 +223,7 @@ def start(solver: Solver, structure: Structure, numbers: Numbers, targets: Targe
             structure, numbers, targets, *_evaluated(structure, numbers, targets, x, slopes=True)
         )
         each = zip(np.asarray(x), *map(np.asarray, found[:2]), strict=True)
-        return _side_by_side([brown_dennis.begun(*one) for one in each])
+        return _side_by_side([brown_dennis.begin_quadratic(*one) for one in each])
     rows, _ = _evaluated(structure, numbers, targets, x)
     return _begun(solver, structure, numbers, targets, x, rows)
 
@@ -240,7 +244,7 @@ def advance(
     if running.size == 0:
         return iterate
     if _use_brown_dennis(structure, numbers, targets, iterate.x):
-        return _moved(solver, structure, numbers, targets, iterate, running)
+        return _brown_dennis_step(solver, structure, numbers, targets, iterate, running)
 
     def rows_at(x, which, slopes=False):
         """Rows at x, shape (fits, size), of some fits; those of the others are never looked at."""
@@ -251,16 +255,16 @@ def advance(
     def trial(i, which):
         """The move of damping i, and the rows that it leads to."""
         known = structure, numbers, targets, iterate, plan, i
-        move, there = _bent(*known, rows_at(ahead[:, i], which)[0])
+        move, there = _accelerated_move(*known, rows_at(ahead[:, i], which)[0])
         return np.asarray(move), rows_at(there, which)[0]
 
-    plan, ahead = _planned(structure, numbers, targets, iterate, *rows_at(iterate.x, running, slopes=True))
+    plan, ahead = _plan_step(structure, numbers, targets, iterate, *rows_at(iterate.x, running, slopes=True))
     ahead = np.asarray(ahead)  # a part of which is no program
     first = trial(0, running)
 
     def after(second):
         both = (np.stack(pair, 1) for pair in zip(first, second, strict=True))
-        return _taken(solver, structure, numbers, targets, iterate, plan, *both)
+        return _accept_better(solver, structure, numbers, targets, iterate, plan, *both)
 
     found, enough = after(first)
     again = running[~np.asarray(enough)[running]]
@@ -330,10 +334,10 @@ def _weighed(structure, numbers, targets, rows, slopes):
     return jax.vmap(one)(targets, rows, slopes)
 
 
-def _moved(solver, structure, numbers, targets, iterate, running):
+def _brown_dennis_step(solver, structure, numbers, targets, iterate, running):
     """Iterates after one evaluation each, of fits whose evaluations are spared."""
     each = [jax.tree.map(lambda a, i=i: np.asarray(a)[i], iterate) for i in range(len(iterate.status))]
-    moves = {i: brown_dennis.proposed(each[i]) for i in running}
+    moves = {i: brown_dennis.propose_move(each[i]) for i in running}
     x = np.stack([one.x for one in each])
     for i, move in moves.items():
         x[i] += move.astype(x.dtype)
@@ -342,7 +346,7 @@ def _moved(solver, structure, numbers, targets, iterate, running):
     rows, slopes = (_filled(part, running, len(x)) for part in found)
     rows, slopes, least = map(np.asarray, _weighed(structure, numbers, targets, rows, slopes))
     for i, move in moves.items():
-        each[i] = brown_dennis.taken(
+        each[i] = brown_dennis.after_move(
             each[i], move, rows[i], slopes[i], tolerance=solver.tolerance, rounding=float(least[i])
         )
     return _side_by_side(each)

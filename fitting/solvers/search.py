@@ -25,9 +25,9 @@ import scipy
 
 from fitting.parameters.variables import VANISHED, Array, Variables
 from fitting.solvers.evaluation import errors_of_rows, errors_of_slopes, evaluate, takes_long
-from fitting.solvers.iterate import INTERRUPTED, NEAR, PERFECT, STALLED, UNMOVED, succeeded
+from fitting.solvers.iterate import INTERRUPTED, NEGLIGIBLE, PERFECT, STALLED, UNMOVED, succeeded
 from fitting.solvers.options import Solver
-from fitting.solvers.ordered import edges, inside, outside
+from fitting.solvers.ordered import edges, end_x, start_z
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import data_rows, has_arrays, loss_of, padded
 from fitting.solvers.runs import BATCH, Callback, Runs, run
@@ -132,7 +132,9 @@ _TIMES = 3
 _UNMOVED = 1e-6
 
 
-def confirmed(problem: Problem, end: Runs, onward: Callable[[np.ndarray], Runs]) -> tuple[Runs, np.ndarray]:
+def confirm_minimum(
+    problem: Problem, end: Runs, onward: Callable[[np.ndarray], Runs]
+) -> tuple[Runs, np.ndarray]:
     """The end of a fit that claims a minimum, or of one that goes on from a lower place.
 
     Parameters
@@ -149,12 +151,12 @@ def confirmed(problem: Problem, end: Runs, onward: Callable[[np.ndarray], Runs])
     for _ in range(_TIMES):
         if not succeeded(end.status) or end.status == PERFECT:
             break
-        places, drawn, inner = _places(problem, end)
+        places, drawn, inner = _places_to_try(problem, end)
         if not len(places):
             break
         costs = costs_at(problem, places)
         spent[0] += len(places)
-        least = end.cost - NEAR * max(1.0, end.cost)
+        least = end.cost - NEGLIGIBLE * max(1.0, end.cost)
         tried = (
             [int(np.argmin(costs))]
             if costs.min() < least
@@ -215,7 +217,7 @@ def _moves(problem, x):
     return bool(np.any(size > _UNMOVED * np.linalg.norm(plain[:count])))
 
 
-def _places(problem, end):
+def _places_to_try(problem, end):
     """Rows of x a little inside of bounds and all around a high cost; which are drawn, which inside by 1."""
     x, variables, constants = np.asarray(end.x), problem.variables, problem.numbers.constants
     places, drawn, inner = [], np.arange(0), []
@@ -246,5 +248,5 @@ def _places(problem, end):
         return np.empty((0, x.size)), drawn, inner
     # In the order that the scene demands.
     moving = np.broadcast_to(problem.targets.moving, (len(places), x.size))
-    z = inside(variables, constants, np.stack(places), moving)
-    return outside(variables, constants, z, moving), drawn, inner
+    z = start_z(variables, constants, np.stack(places), moving)
+    return end_x(variables, constants, z, moving), drawn, inner

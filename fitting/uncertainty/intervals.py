@@ -22,7 +22,7 @@ from fitting.solvers.evaluation import at_conditions, model_rows
 from fitting.solvers.iterate import succeeded
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.options import check_options
-from fitting.solvers.problem import CURVES, Problem, Targets
+from fitting.solvers.problem import CURVE_QUANTITIES, Problem, Targets
 from fitting.solvers.residuals import forward
 from fitting.solvers.runs import Callback, Runs, run
 from fitting.uncertainty.covariance import OPEN, Uncertainty
@@ -139,7 +139,7 @@ class SolvedProblem:
         x = jnp.asarray(self.uncertainty.x)
         shape = jax.eval_shape(predicted, x).shape  # refuses what is wrong, and computes nothing
         found = None
-        if quantity in CURVES:
+        if quantity in CURVE_QUANTITIES:
             found = at_conditions(self.problem, (quantity, None, scene or ""), columns, x)
         if found is None:
             value, slope = map(np.asarray, quick_jit()(lambda x: forward(predicted, x))(x))

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fitting.solvers.evaluation import errors_of_rows, evaluate
-from fitting.solvers.iterate import INTERRUPTED, NEAR, RUNNING, succeeded
+from fitting.solvers.iterate import INTERRUPTED, NEGLIGIBLE, RUNNING, succeeded
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import loss_of, padded
@@ -158,7 +158,7 @@ class _Trace:
 
     def little(self, cost):
         """Difference of costs that is of no account."""
-        return NEAR * max(1.0, cost)
+        return NEGLIGIBLE * max(1.0, cost)
 
     def add(self, starts, free=False):
         """Fit from starts, all with the element held or, if `free`, none; the runs."""

@@ -20,7 +20,7 @@ from support.oracles.least_squares import (
     wood,
 )
 
-from fitting.solvers.brown_dennis import begun, proposed, taken
+from fitting.solvers.brown_dennis import after_move, begin_quadratic, propose_move
 from fitting.solvers.iterate import CONVERGED, MESSAGES, NOT_FINITE, PERFECT, PRECISE, RUNNING, STALLED
 
 # Evaluations at most; of Levenberg-Marquardt they are five times its steps.
@@ -48,11 +48,11 @@ def both(residuals):
 def minimum(evaluate, x, most=300, longest=3.0, **options):
     """The iterate at which moves from x end."""
     x = np.asarray(x, float)
-    iterate = begun(x, *evaluate(x))
+    iterate = begin_quadratic(x, *evaluate(x))
     while iterate.status == RUNNING and iterate.nfev < most:
-        move = proposed(iterate, longest)
+        move = propose_move(iterate, longest)
         assert np.max(np.abs(move)) <= longest * (1 + 1e-12)
-        iterate = taken(iterate, move, *evaluate(iterate.x + move), longest=longest, **options)
+        iterate = after_move(iterate, move, *evaluate(iterate.x + move), longest=longest, **options)
     return iterate
 
 
@@ -93,10 +93,10 @@ def test_directions_that_the_residuals_do_not_see_are_left():
 def test_no_move_is_longer_than_allowed_nor_than_trusted():
     evaluate = both(lambda x: x - 1e3)
     x = np.zeros(2)
-    iterate = begun(x, *evaluate(x))
-    assert np.linalg.norm(proposed(iterate)) == pytest.approx(0.85, rel=0.18)
+    iterate = begin_quadratic(x, *evaluate(x))
+    assert np.linalg.norm(propose_move(iterate)) == pytest.approx(0.85, rel=0.18)
     wide = iterate._replace(own=iterate.own._replace(radius=np.asarray(1e9)))
-    assert np.max(np.abs(proposed(wide, longest=0.5))) == pytest.approx(0.42, rel=0.2)
+    assert np.max(np.abs(propose_move(wide, longest=0.5))) == pytest.approx(0.42, rel=0.2)
 
 
 def test_where_the_model_is_no_number_the_way_is_shorter():
@@ -104,7 +104,7 @@ def test_where_the_model_is_no_number_the_way_is_shorter():
     end = minimum(evaluate, [3.0], tolerance=1e-12)
     assert end.status == CONVERGED and np.isfinite(end.x).all()
     x = np.array([-1.0])
-    assert begun(x, *evaluate(x)).status == NOT_FINITE
+    assert begin_quadratic(x, *evaluate(x)).status == NOT_FINITE
 
 
 def test_ends():

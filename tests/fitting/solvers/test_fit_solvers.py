@@ -20,7 +20,7 @@ from fitting.solvers import runs
 from fitting.solvers.first_order import LBFGS, Adam
 from fitting.solvers.iterate import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, PERFECT
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
-from fitting.solvers.losses import WIDTHS
+from fitting.solvers.losses import LOSS_WIDTHS
 from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import objective, residuals, residuals_and_jacobian
 from fitting.solvers.runs import run
@@ -121,7 +121,7 @@ def deviations(problem, x):
 # --- against other programs
 
 
-@pytest.mark.parametrize("loss", list(WIDTHS))
+@pytest.mark.parametrize("loss", list(LOSS_WIDTHS))
 def test_minimum_of_every_loss_is_that_of_scipy(loss):
     problem = master(loss)
     plain, both = other_program(problem)
@@ -130,7 +130,7 @@ def test_minimum_of_every_loss_is_that_of_scipy(loss):
         problem.start,
         lambda x: np.asarray(both(x)[1]),
         loss=loss,
-        f_scale=WIDTHS[loss],
+        f_scale=LOSS_WIDTHS[loss],
         xtol=1e-15,
         ftol=1e-15,
         gtol=1e-12,

@@ -37,7 +37,7 @@ from fitting.solvers.iterate import (
     begin,
 )
 from fitting.solvers.levenberg_marquardt import STIFFEST, step
-from fitting.solvers.losses import SQUARES, WIDTHS, Loss
+from fitting.solvers.losses import LOSS_WIDTHS, SQUARES, Loss
 
 # Steps at most.
 STEPS = {
@@ -86,13 +86,13 @@ def test_standard_problems(residuals):
     assert 1 + 2 * end.njev <= end.nfev <= 1 + 4 * end.njev
 
 
-@pytest.mark.parametrize("loss", WIDTHS)
+@pytest.mark.parametrize("loss", LOSS_WIDTHS)
 def test_robust_losses_of_a_straight_line_against_scipy(loss):
     rng = np.random.default_rng(0)
     t = np.linspace(0.0, 1.0, 30)
     y = 2.0 + 3.0 * t + 0.1 * rng.standard_normal(30)
     y[[3, 17, 25]] += [4.0, -6.0, 5.0]
-    width = 0.1 * WIDTHS[loss]
+    width = 0.1 * LOSS_WIDTHS[loss]
 
     def residuals(x):
         return x[0] + x[1] * t - y

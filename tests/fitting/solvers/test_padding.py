@@ -12,7 +12,7 @@ import fitting
 import rubberfric as rf
 from fitting import Positive
 from fitting.solvers.evaluation import residual_rows
-from fitting.solvers.losses import WIDTHS
+from fitting.solvers.losses import LOSS_WIDTHS
 from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import objective, padded
 from rubberfric.base import recurring_length
@@ -45,7 +45,7 @@ def test_lengths_recur():
     assert recurring_length(6) == recurring_length(7) == 8
 
 
-@pytest.mark.parametrize("loss", slow_if(lambda loss: loss != "linear", list(WIDTHS)))
+@pytest.mark.parametrize("loss", slow_if(lambda loss: loss != "linear", list(LOSS_WIDTHS)))
 def test_added_rows_count_for_nothing(loss):
     """Of every loss: cost, residuals, their derivatives and what the loss makes of them."""
     problem = make_problem(SCENE, [curve(6), modulus(5)], FREE, loss=loss, quadrature=FAST)
