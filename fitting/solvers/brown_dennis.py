@@ -1,15 +1,15 @@
-r"""Least squares with few evaluations: residuals as quadratic functions, whose curvature secants tell.
+r"""Least squares with few evaluations: quadratic models of the residuals with secant Hessians.
 
 .. math:: r(x + d) \approx r + J d + \tfrac12 d^T H d,\qquad H_+ d = J_+ - J
 
-H of every residual changes by the least symmetric matrix that a new Jacobian asks for [Brown & Dennis, New
-computational algorithms for minimizing a sum of squares of nonlinear functions, Yale University report 71-6
-(1971); Powell's symmetric Broyden update]. The next move minimises the sum of squares of these functions
-within a radius of trust, which costs nothing beside a model that takes longer than all that is done with it.
-Where residuals stay large at the minimum, Gauss-Newton steps shrink by a constant factor only; these end as
-Newton's do, and a step that failed tells how residuals bend where the next one goes.
+The Hessian H of each residual changes by the smallest symmetric matrix that agrees with the new Jacobian
+[Brown & Dennis, New computational algorithms for minimizing a sum of squares of nonlinear functions, Yale
+University report 71-6 (1971); Powell's symmetric Broyden update]. The next move minimises the sum of squares
+of these functions within a trust radius. This pays where an evaluation of the model takes longer than the
+linear algebra. Where residuals stay large at the minimum, Gauss-Newton steps shrink only by a constant
+factor, while these steps converge superlinearly. A rejected step still updates H.
 
-NumPy, one fit at a time. All memory is that of H: (rows, size, size).
+The functions use NumPy and treat one fit at a time. They store H, shape (rows, size, size).
 """
 
 from typing import NamedTuple
@@ -28,29 +28,30 @@ from fitting.solvers.iterate import (
 )
 from fitting.solvers.levenberg_marquardt import LONGEST
 
-# Radius of trust at the begin, in x, where a Positive parameter moves by a factor e; and where a fit stalls.
+# Trust radius in x at the start, where a Positive parameter changes by a factor e, and where a fit stalls.
 _FIRST, _LAST = 1.0, 1e-9
-# Part of the promised gain that a radius is trusted for, or not.
+# Parts of the predicted gain above which the trust radius grows, and below which it shrinks.
 _MUCH, _LITTLE = 0.75, 0.25
-# Least damping of the inner problem over the largest singular value squared, what it is divided by until the
-# move is longer than it may be, and how often the last two are halved, in the logarithm.
+# Smallest damping of the inner problem over the largest singular value squared, the factor by which the
+# damping falls until the move is too long, and the number of bisections, in the logarithm, between the last
+# two.
 _SOFTEST, _SOFTER, _HALVINGS = 1e-16, 4.0, 2
 _INNER_STEPS, _INNER_TRIALS = 30, 12
-# An eigenvalue over the largest that is 0, as of what does not move in a profile.
+# Ratio of eigenvalues below which one counts as 0, for example of the fixed parameter of a profile.
 _FLAT = 1e-13
-# A kink at the minimum, as the shift factors of a table make, or noise may hide the last of the way. So a fit
-# ends where as many evaluations together gained less than this part of what is of no account, and the linear
-# functions promise no more than so many times that.
+# A kink at the minimum, as in tabulated shift factors, or noise may hide the rest of the way. So a fit ends
+# where this number of evaluations gained less than this part of a negligible gain, and the linear functions
+# predict at most this multiple of one.
 _EVALUATIONS, _GAINED, _PROMISED = 3, 0.1, 10.0
 
 
 class QuadraticModel(NamedTuple):
-    """What a fit keeps from one step to the next; arrays, for one fit or with an axis of several before."""
+    """Quadratic models of the residuals of one fit; arrays of several fits have a leading axis."""
 
     rows: np.ndarray  # residuals at x, (rows,)
     jacobian: np.ndarray  # (rows, size)
     hessians: np.ndarray  # H, (rows, size, size)
-    radius: np.ndarray  # of trust
+    radius: np.ndarray  # trust radius
     costs: np.ndarray  # before each of the last evaluations, the latest last
 
 
@@ -112,8 +113,8 @@ def after_move(
     ----------
     iterate, move : before it
     rows, jacobian : where it leads
-    tolerance : done when the linear model promises a lower cost by less than this part of it
-    rounding : cost below which the residuals are met perfectly
+    tolerance : the fit is done when the linear model predicts a smaller relative gain in cost
+    rounding : cost below which the data are met to rounding
     longest : as of `propose_move`
     """
     model, before = iterate.own, float(iterate.cost)
@@ -136,7 +137,7 @@ def after_move(
     promised = _linear_promise(new, longest)
     negligible = NEGLIGIBLE * max(lowest, 1.0)
     near = promised <= _PROMISED * negligible
-    # Data that are met need not end there, their cost falls on to rounding.
+    # Data that are met exactly go on until their cost is at rounding.
     hidden = near and lowest > 20 * NEGLIGIBLE and new.costs[0] - lowest <= _GAINED * negligible
     if lowest <= rounding:
         status = PERFECT
@@ -157,19 +158,19 @@ def _predicted(model, move):
 
 
 def _promise(model, move):
-    """What the quadratic functions promise of a move."""
+    """Gain in cost that the quadratic models predict for a move."""
     return 0.5 * float(np.sum(model.rows**2) - np.sum(_predicted(model, move)[0] ** 2))
 
 
 def _linear_promise(model, longest):
-    """What the linear functions promise, but for directions so flat that it would take a longer step."""
+    """Gain in cost that the linear models predict for a step of at most `longest` in each direction."""
     U, s, _ = np.linalg.svd(model.jacobian, full_matrices=False)
     along = np.abs(U.T @ model.rows)
     return float(np.sum(np.minimum(0.5 * along**2, along * s * longest)))
 
 
 def _least(model, damping, move):
-    """The minimum of the quadratic functions' squares and damping d^2, by damped Newton steps from a move."""
+    """Minimise the squares of the quadratic models plus damping d^2, by damped Newton steps from a move."""
     one = np.eye(move.size)
     (rows, jacobian), extra = _predicted(model, move), 0.0
     cost = rows @ rows + damping * move @ move
@@ -177,7 +178,7 @@ def _least(model, damping, move):
         gradient, plain = jacobian.T @ rows + damping * move, jacobian.T @ jacobian + damping * one
         hessian = plain + np.tensordot(rows, model.hessians, 1)
         values = np.linalg.eigvalsh(hessian)
-        if values[0] < -_FLAT * np.abs(values).max():  # no minimum that way
+        if values[0] < -_FLAT * np.abs(values).max():  # not a minimum
             hessian = plain
         largest = np.trace(plain)
         for _ in range(_INNER_TRIALS):

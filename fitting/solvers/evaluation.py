@@ -1,10 +1,10 @@
-"""What a problem predicts, compiled once for a whole fit.
+"""Predictions of a problem and their derivatives, compiled once for a whole fit.
 
-A fit asks for rows at several x, of trial steps and of several starts, and for their derivatives at some
-of them: at every step, for the error bars, for bands and pictures. All of it is one program, or two where
-derivatives are by reverse mode: places for a few x, of which as many are computed as there are, one after
-the other, and derivatives along as many directions as are wanted. What is done with the rows, which takes
-no time to compile, is apart (`fitting.solvers.levenberg_marquardt`).
+A fit needs predictions at several x, of trial steps and of several starts. It needs derivatives at some of
+them: at every step, for error bars, bands and figures. One compiled function does all of this, or two where
+derivatives use reverse mode. It has places for a few x and computes only those given, one after the other,
+with derivatives along as many directions as are wanted. The steps, which are quick to compile, are separate
+(`fitting.solvers.levenberg_marquardt`).
 """
 
 import functools
@@ -21,9 +21,9 @@ from fitting.solvers.problem import CURVE_QUANTITIES, Numbers, Problem, Structur
 from fitting.solvers.residuals import in_errors, padded, rows_and_slopes, rows_of, slopes_in_errors
 from rubberfric.base import quick_jit
 
-# x in one call of a program.
+# Number of x in one call of a compiled function.
 PLACES = 8
-# Calls of a program that take less time than to compile another.
+# Calls of a compiled function that take less time than another compilation.
 CALLS = 100
 
 
@@ -34,7 +34,7 @@ def evaluate(
 
     Parameters
     ----------
-    structure, numbers : of a problem, `padded` so that others run what it compiled
+    structure, numbers : of a problem, `padded` so that other problems share the compiled function
     x : shape (k, size)
     slopes : whether derivatives are wanted
 
@@ -58,7 +58,7 @@ def evaluate(
 
 
 def _by_forward_mode(structure, numbers):
-    """Whether all derivatives are taken forward: one program serves with them and without."""
+    """Return True if all derivatives use forward mode: one compiled function then serves all calls."""
     scenes = _scenes(structure, numbers)
     return all(
         block.quantity not in CURVE_QUANTITIES
@@ -70,7 +70,7 @@ def _by_forward_mode(structure, numbers):
 
 
 def takes_long(structure: Structure, numbers: Numbers) -> bool:
-    """Whether one evaluation takes as long as hundreds of others: where a scene is iterated for."""
+    """Return True if a scene is solved by iteration, which takes hundreds of times as long."""
     scenes = _scenes(structure, numbers)
     return any(
         block.quantity in CURVE_QUANTITIES and "converged" in rf.quantities_of(scenes[block.scene])
@@ -107,7 +107,7 @@ def along(structure: Structure, numbers: Numbers, x: jax.Array, directions: jax.
 
 
 def _at_places(kind):
-    """The same at the first of several x; vectorised on an accelerator, which is idle with one."""
+    """Evaluate a function at the first `count` of several x, in a loop, or vectorised on an accelerator."""
     # Jitted, so that it is traced once.
     traced = jax.jit(kind, static_argnums=0)
 
@@ -138,13 +138,13 @@ def residual_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
     return of.kept(np.asarray(errors_of_rows(of.structure, of.numbers, of.targets, _rows_at(of, x))))
 
 
-# Not NumPy's: where the model is not finite, rows that were added divide infinity by infinity.
+# Not with NumPy: where the model is not finite, padded rows divide infinity by infinity.
 errors_of_rows = quick_jit(static_argnums=(0,))(in_errors)
 errors_of_slopes = quick_jit(static_argnums=(0,))(slopes_in_errors)
 
 
 def model_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """What the model predicts in place of the measured values (their logarithms, where relative)."""
+    """Model predictions for the measured values, or for their logarithms if errors are relative."""
     of = padded(problem)
     return _rows_at(of, x)[of.data]
 
@@ -156,7 +156,7 @@ def _rows_at(of, x):
 def at_conditions(
     problem: Problem, key: tuple[str, str | None, str], conditions: tuple[Array | None, ...], x: Array
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """What a fit's own program predicts at other conditions, and its derivatives with respect to x.
+    """Predictions at other conditions by the compiled function of a fit, with their derivatives by x.
 
     Parameters
     ----------

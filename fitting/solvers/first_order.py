@@ -1,7 +1,7 @@
 """First-order solvers from optax, behind the same init and step as `LevenbergMarquardt`.
 
-They see the gradient of the cost only, by reverse mode, and are for comparison and for
-problems with more parameters than residuals; for curves, Levenberg-Marquardt is faster by far.
+They use only the gradient of the cost, by reverse mode. They are meant for comparison and for
+problems with more parameters than residuals. Levenberg-Marquardt is much faster for curves.
 """
 
 import abc
@@ -16,7 +16,7 @@ from fitting.solvers.losses import Objective
 
 
 class FirstOrder(abc.ABC):
-    """What the solvers share."""
+    """Base of the first-order solvers."""
 
     tolerance: float
     patience: int
@@ -24,7 +24,7 @@ class FirstOrder(abc.ABC):
 
     @abc.abstractmethod
     def optimiser(self) -> Any:
-        """The transformation of gradients, of optax."""
+        """Return the gradient transformation of optax."""
 
     def init(self, objective: Objective, x: jax.Array) -> Iterate:
         """The iterate at a start vector x."""
@@ -82,7 +82,7 @@ class LBFGS(FirstOrder):
     patience: int = 5
 
     def optimiser(self) -> Any:
-        """With optax's zoom line search."""
+        """L-BFGS with the zoom line search."""
         return _optax().lbfgs(memory_size=self.memory)
 
 
@@ -106,12 +106,12 @@ class Adam(FirstOrder):
     patience: int = 200
 
     def optimiser(self) -> Any:
-        """At the rate of its own count of steps."""
+        """Adam with its rate schedule."""
         return _optax().adam(_optax().cosine_decay_schedule(self.rate, self.max_steps))
 
 
 def _optax() -> Any:
-    """The module, imported where it is used: that takes a quarter of the time of `import fitting`."""
+    """Import optax where it is used, because its import takes a quarter of the time of `import fitting`."""
     import optax
 
     return optax

@@ -1,4 +1,4 @@
-"""Where a fit stands, and how it can end."""
+"""Iterates of a fit, and the ways in which it can end."""
 
 from typing import Any, NamedTuple
 
@@ -10,8 +10,8 @@ from fitting.parameters.variables import Array
 
 RUNNING, CONVERGED, PERFECT, STALLED, OUT_OF_STEPS, NOT_FINITE, INTERRUPTED, PRECISE, UNMOVED = range(9)
 
-# Gain in cost that is of no account, for costs of order one and as a part of larger ones: a parameter that
-# is a hundredth of its standard error off costs this much.
+# Negligible gain in cost, absolute for costs up to 1 and relative for larger ones. A parameter that is off by
+# a hundredth of its standard error costs this much.
 NEGLIGIBLE = 5e-5
 
 MESSAGES = {
@@ -29,14 +29,14 @@ MESSAGES = {
 
 
 class Iterate(NamedTuple):
-    """Where a fit stands; a pytree."""
+    """State of a fit; a pytree."""
 
     x: Array  # the best so far
     cost: Array
     status: Array  # one of the above
     nfev: Array  # evaluations of the residuals, or of the cost
     njev: Array  # and of their Jacobian, or its gradient
-    own: Any  # arrays that the solver keeps for itself
+    own: Any  # arrays of the solver
 
 
 def begin(cost: jax.Array, x: jax.Array, own: Any) -> Iterate:
@@ -47,7 +47,7 @@ def begin(cost: jax.Array, x: jax.Array, own: Any) -> Iterate:
 
 
 def unless_done(before: Iterate, after: Iterate) -> Iterate:
-    """The iterate after a step; one that is done stays as it is."""
+    """The iterate after a step, unchanged if the fit was done before."""
     running = before.status == RUNNING
     return jax.tree.map(lambda new, old: jnp.where(running, new, old), after, before)
 
@@ -59,9 +59,9 @@ def ended(
     stalled: Array | bool = False,
     near: Array | bool = False,
 ) -> jax.Array:
-    """The status after a step, of which these are true or false.
+    """Status after a step.
 
-    `near`: whether what a step may still gain is of no account, should the fit have stalled.
+    `near`: whether the gain that a step may still bring is negligible, if the fit has stalled.
     """
     stalled, near = jnp.asarray(stalled), jnp.asarray(near)
     ends = [NOT_FINITE, PERFECT, CONVERGED, PRECISE, STALLED]
@@ -69,5 +69,5 @@ def ended(
 
 
 def succeeded(status: np.ndarray | int) -> np.ndarray:
-    """Which fits ended at a minimum."""
+    """Return True for fits that ended at a minimum."""
     return np.isin(status, (CONVERGED, PERFECT, PRECISE))

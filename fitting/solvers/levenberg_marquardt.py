@@ -2,11 +2,11 @@ r"""Levenberg-Marquardt: nonlinear least squares by damped Gauss-Newton steps.
 
 .. math:: dx = -V \, \mathrm{diag}\frac{s}{s^2 + \lambda} \, U^T r, \qquad J = U \, \mathrm{diag}(s) \, V^T
 
-with geodesic acceleration [Transtrum & Sethna, arXiv:1201.5885], which halves the number
-of steps in the curved valleys of relaxation spectra. One singular value decomposition of the
-Jacobian serves two dampings. The stiffer is tried where the softer brings less than `SUFFICIENT` of what the
-linear model promises, and the better of them is taken: residuals cost a small part of the Jacobian.
-Directions that the data do not see (s = 0) are left where they are.
+with geodesic acceleration [Transtrum & Sethna, arXiv:1201.5885], which halves the number of steps in the
+curved valleys of relaxation spectra. One singular value decomposition of the Jacobian serves two dampings.
+The larger one is tried if the smaller one brings less than `SUFFICIENT` of the gain that the linear model
+predicts, and the better of both is accepted, because residuals take a small part of the time of the Jacobian.
+Directions that do not change the data (s = 0) stay unchanged.
 """
 
 import dataclasses
@@ -22,9 +22,9 @@ from fitting.solvers.losses import SQUARES, Loss, Objective, Residuals, Residual
 
 TRIALS = (0.1, 3.0)  # times the damping of the last step
 SOFTEST, STIFFEST = 1e-30, 1e9  # damping over the largest singular value squared
-SUFFICIENT = 0.9  # of the promised decrease of the cost, for a step to be taken without another trial
+SUFFICIENT = 0.9  # part of the predicted decrease of the cost that makes a second trial unnecessary
 PROBE = 0.1  # part of a step at which its curvature is measured
-LONGEST = 3.0  # of a step in any x of a fit: a factor 20 in a Positive parameter
+LONGEST = 3.0  # largest change of any x in a step: a factor of 20 for a Positive parameter
 
 
 @dataclasses.dataclass(frozen=True)
@@ -34,10 +34,10 @@ class LevenbergMarquardt:
     Parameters
     ----------
     tolerance : float
-        done when the linear model promises, and the step brings, a lower cost by less than
-        this part of it.
+        the fit is done when both the predicted and the actual relative decrease of the cost
+        are smaller.
     damping : float
-        that the first step is made with; less where fits start near their minimum.
+        of the first step; smaller where fits start near their minimum.
     """
 
     title: ClassVar[str] = "Levenberg-Marquardt"
@@ -72,12 +72,12 @@ def step(
     ----------
     residuals : function of x, shape (size,), to residuals, shape (rows,)
     residuals_and_jacobian : function of x to the same and their derivatives, shape (rows, size)
-    iterate : of `fitting.solvers.iterate.begin`, its own: lambda / (largest singular value)^2; or of the
-        last step. One that is done stays as it is.
+    iterate : from `fitting.solvers.iterate.begin` with `own` = lambda / (largest singular
+        value)^2, or from the last step; unchanged if it is done
     loss : of the residuals
     tolerance : as of `LevenbergMarquardt`
-    rounding : cost below which the residuals are met perfectly
-    longest : length of a step in any x; beyond, a linear model means nothing
+    rounding : cost below which the data are met to rounding
+    longest : largest change of any x, beyond which the linear model is useless
 
     Returns
     -------
@@ -87,7 +87,7 @@ def step(
     plan = plan_step(*residuals_and_jacobian(x), iterate, loss, longest)
 
     def evaluated(state):
-        """One evaluation more: ahead along a velocity, and then where the move that it bends to leads."""
+        """Evaluate ahead along a velocity, or at the accelerated move."""
         count, moves, rows, _ = state
         i, ahead = count // 2, count % 2 == 0
         move = jnp.where(ahead, PROBE * plan.velocities[i], accelerated_move(plan, i, rows[i]))
@@ -108,7 +108,7 @@ def step(
 
 
 class Plan(NamedTuple):
-    """What the linear model makes of a step: two of them, one a damping."""
+    """Two steps by the linear model, one for each damping."""
 
     plain: jax.Array  # residuals, shape (rows,)
     factor: jax.Array  # of the rows of the Jacobian, by the loss
@@ -134,7 +134,7 @@ def plan_step(
     # LAPACK may not return from a matrix with NaN in it.
     jacobian = jnp.where(finite, jacobian, 0.0)
     U, s, V = jnp.linalg.svd(jacobian, full_matrices=False)
-    # Of a number that may not move, whose column is 0, rounding leaves 1e-17 there, and a step 1e-11.
+    # Rounding leaves 1e-17 in the column of a fixed parameter, which would move it by 1e-11.
     V = V * jnp.any(jacobian != 0, 0)
     along = U.T @ rows
     dampings = jnp.clip(damping * np.asarray(TRIALS, dtype), SOFTEST, STIFFEST)
@@ -149,19 +149,19 @@ def plan_step(
 def accelerated_move(plan: Plan, i: int | jax.Array, ahead: jax.Array) -> jax.Array:
     """The move of damping i, from the residuals at PROBE times its velocity, shape (rows,)."""
     velocity = plan.velocities[i]
-    # How the residuals bend along the step, from their values a little way along.
+    # Second derivative of the residuals along the step, by a finite difference.
     second = 2 / PROBE * (plan.factor * (ahead - plan.plain) / PROBE - plan.jacobian @ velocity)
     acceleration = -0.5 * (plan.gains[i] * (second @ plan.U)) @ plan.V
-    # Beyond half the step the expansion means nothing; inf * 0 where the model breaks down.
+    # Longer accelerations are outside the range of the expansion; inf * 0 where the model is not finite.
     half = 0.5 * jnp.max(jnp.abs(velocity), keepdims=True)
     acceleration = jnp.where(jnp.isfinite(acceleration), acceleration, 0.0)
     return velocity + acceleration * _limited(acceleration, half)
 
 
 def is_sufficient(plan: Plan, tried: jax.Array, iterate: Iterate, loss: Loss = SQUARES) -> jax.Array:
-    """Whether the softer step, which leads to these residuals, makes a trial of the other needless."""
-    # (|r|^2 - |r + J v|^2) / 2 for the velocity before it was limited: of one that was, the other damping
-    # may make more, and steps would be as short for ever.
+    """Return True if the residuals after the step with less damping make the other trial unnecessary."""
+    # (|r|^2 - |r + J v|^2) / 2 for the velocity before its length was limited. A limited velocity would
+    # predict less, so that the other damping is never tried and all steps stay short.
     moved = plan.s * plan.gains[0]
     promised = jnp.sum(moved * (1 - 0.5 * moved) * plan.along**2)
     return jnp.asarray(iterate.cost) - loss.cost(tried) >= SUFFICIENT * promised
@@ -180,7 +180,7 @@ def accept_better(
 ) -> Iterate:
     """The iterate after the better of the moves, from the residuals that they lead to, shape (2, rows).
 
-    Where the first `is_sufficient` the second is whatever it is, and was no evaluation.
+    If the first `is_sufficient`, the second was not evaluated and is ignored.
     """
     x, damping = jnp.asarray(iterate.x), iterate.own
     enough = is_sufficient(plan, tried[0], iterate, loss)
@@ -190,14 +190,14 @@ def accept_better(
     best = jnp.argmin(costs)
     cost, accepted = costs[best], costs[best] < iterate.cost
     lowest = jnp.minimum(cost, iterate.cost)
-    # What the linear model promises: all of the cost along the columns of J, but for those so
-    # flat that it would take a longer step.
+    # Gain that the linear model predicts: all of the cost along the columns of J, less where a column is so
+    # flat that the step would be longer than allowed.
     promised = jnp.sum(jnp.minimum(0.5 * plan.along**2, jnp.abs(plan.along) * plan.s * longest))
-    # The second part is the rounding of the cost itself, all there is to gain in float32.
+    # The second part is the rounding of the cost, which dominates in float32.
     little = tolerance * iterate.cost + 0.02 * jnp.sqrt(rounding * iterate.cost)
     done = (promised <= little) & (iterate.cost - lowest <= little)
-    # Rounding, and the tolerance to which temperatures are found, may hide the last of the way: shorter steps
-    # would not find it either. Data that are met need not end there, their cost falls on to rounding.
+    # Rounding, and the tolerance of the temperatures, may hide the rest of the way, also from shorter steps.
+    # Data that are met exactly go on until their cost is at rounding.
     near = promised <= NEGLIGIBLE * jnp.maximum(iterate.cost, 1.0)
     hidden = near & (iterate.cost > 2 * NEGLIGIBLE)
     stalled = ~accepted & (hidden | (damping >= STIFFEST))

@@ -1,4 +1,4 @@
-r"""What a fit minimises: squares of residuals, or robust losses, as half the sum of rho(r^2).
+r"""Losses of a fit: squares of residuals, or robust losses, as half the sum of rho(r^2).
 
 ============  =============================  =====================================
 loss          rho(z), z = (r / width)^2      influence of an outlier
@@ -45,7 +45,7 @@ def rho(loss: str, width: Scalar, residual: jax.Array) -> tuple[jax.Array, jax.A
 
 
 def factors(loss: str, width: Scalar, residual: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """What to multiply residuals and rows of their Jacobian with, for the step of the robust cost.
+    """Factors of the residuals and of the rows of their Jacobian in a step of the robust cost.
 
     The gradient is exact; the curvature rho' + 2 r^2 rho'' is kept positive, as Triggs et
     al. (Bundle adjustment, 2000, sec. 4.3) do, so that the step goes downhill.
@@ -57,7 +57,7 @@ def factors(loss: str, width: Scalar, residual: jax.Array) -> tuple[jax.Array, j
 
 
 class Loss(NamedTuple):
-    """A loss of the first rows; the others, those of priors, count by their squares."""
+    """A loss of the first rows. The other rows, of the priors, enter by their squares."""
 
     kind: str = "linear"
     width: Scalar = 1.0
@@ -69,7 +69,7 @@ class Loss(NamedTuple):
         return 0.5 * (jnp.sum(robust) + jnp.sum(residuals[self.rows :] ** 2))
 
     def factors(self, residuals: jax.Array) -> list[jax.Array]:
-        """As `factors`: of all residuals, and of all rows of their Jacobian."""
+        """`factors` for all residuals and for all rows of their Jacobian."""
         ones = jnp.ones(residuals.size - self.rows, residuals.dtype)
         robust = factors(self.kind, self.width, residuals[: self.rows])
         return [jnp.concatenate([part, ones]) for part in robust]
@@ -82,12 +82,12 @@ ResidualsAndJacobian = Callable[[jax.Array], tuple[jax.Array, jax.Array]]
 
 
 class Objective(NamedTuple):
-    """What solvers see of a problem: functions of x, shape (size,)."""
+    """A problem as functions of x, shape (size,), for solvers."""
 
     residuals: Residuals  # shape (rows,)
     residuals_and_jacobian: ResidualsAndJacobian  # shapes (rows,) and (rows, size); 0 where x does not move
     loss: Loss
-    rounding: jax.Array  # the cost that rounding leaves: nothing below it means anything
+    rounding: jax.Array  # cost due to rounding; smaller costs have no meaning
     moving: Array  # shape (size,), 0 where x stays at its start, else 1
 
     def cost(self, x: jax.Array) -> jax.Array:

@@ -1,4 +1,4 @@
-"""Options of fits and ensembles: what they are called, in Python and in job files, and the rule of each."""
+"""Options of fits and ensembles: their names in Python and in job files, and the rule of each."""
 
 import numbers
 from collections.abc import Callable, Collection
@@ -15,7 +15,7 @@ from rubberfric.base import closest, shown
 Solver = LevenbergMarquardt | LBFGS | Adam
 SOLVERS = {"lm": LevenbergMarquardt, "lbfgs": LBFGS, "adam": Adam}
 
-OptionRule = Callable[[Any], str]  # what is wrong with a value, "" if nothing is
+OptionRule = Callable[[Any], str]  # of a value to an error text, "" if the value is right
 
 
 def _choice(names: Collection[str]) -> OptionRule:
@@ -45,7 +45,7 @@ def _or_none(rule: OptionRule) -> OptionRule:
 _POSITIVE = _rule(
     "a finite number > 0", lambda value: not isinstance(value, bool) and is_number(value) and value > 0
 )
-# Those that a job file may hold.
+# Options that a job file may hold.
 FILE_OPTIONS: dict[str, OptionRule] = {
     "method": _choice(SOLVERS),
     "starts": _integer(1),
@@ -81,7 +81,7 @@ OPTION_RULES: dict[str, OptionRule] = FILE_OPTIONS | {
 
 
 def check_options(**options: object) -> None:
-    """ValueError naming the option that is wrong; see `fitting.fit` for what they are."""
+    """Raise a ValueError that names the wrong option; `fitting.fit` describes them."""
     for name, value in options.items():
         if wrong := OPTION_RULES[name](value):
             raise ValueError(f"{name} = {shown(value)}: {wrong}")

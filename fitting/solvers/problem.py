@@ -1,4 +1,4 @@
-r"""A fit as a least-squares problem: what is measured and what predicts it, over the free parameters.
+r"""A fit as a least-squares problem: measured values and their predictions over the free parameters.
 
 A problem is split into its structure, which is hashable and decides what is compiled, and its
 numbers: a second fit of the same kind, a bootstrap or a profile compiles nothing new.
@@ -51,7 +51,7 @@ _MARGIN, _BEYOND = 0.5, 1.0
 
 
 class Structure(NamedTuple):
-    """All about a problem that is not a number; hashable."""
+    """Everything about a problem except its numbers; hashable."""
 
     variables: Variables
     blocks: tuple[Block, ...]
@@ -64,7 +64,7 @@ class Numbers(NamedTuple):
     """The numbers of a problem that every start and every resampled data set share; a pytree."""
 
     constants: Constants
-    conditions: tuple[Any, ...]  # of every block, arrays of those of its kind of data, or None
+    conditions: tuple[Any, ...]  # for every block, arrays of the conditions of its kind of data, or None
     prior: PriorNumbers
     width: Any  # of the robust loss, a scalar
     smoothing: Any  # of the rows of x along arrays, a scalar, 0 in the end; see `fitting.solvers.search`
@@ -74,7 +74,7 @@ class Numbers(NamedTuple):
 
 
 class Targets(NamedTuple):
-    """What the model is compared with; a pytree, one for every resampled data set."""
+    """Measured values with errors, and what may move; a pytree, one for every resampled data set."""
 
     measured: Array  # shape (rows,); the logarithm where the block is logarithmic
     error: Array  # shape (rows,)
@@ -175,7 +175,7 @@ def _blocks(scenes, data, of):
 
 
 def _block_key(scene, data):
-    """What data sets must share to be predicted by one call; ValueError if the scene cannot."""
+    """Key that data sets of one block share; ValueError if the scene cannot predict the data."""
     temperature = getattr(data, "temperature", None)
     if data.quantity in CURVE_QUANTITIES:
         _check_curve(scene, data)
@@ -242,7 +242,7 @@ def finer(problem: Problem, x: Array, data: Sequence[Measured]) -> Problem | Non
 
 
 def _fitting(scene, data, margin=_MARGIN):
-    """The quadrature that fits the scene, or scenes, and those that a fit may come by."""
+    """Quadrature for the scene, or scenes, and for scenes that a fit may pass through."""
     pressures = [np.min(one.pressure) for one in data if hasattr(one, "pressure")]
     lowest = min(pressures, default=1.0)
     settings = [

@@ -3,9 +3,9 @@ r"""Residuals of a problem, and their derivatives.
 .. math:: r_i = \frac{\ln(model_i / measured_i)}{relative_i} \quad\text{or}\quad
           r_i = \frac{model_i - measured_i}{sigma_i}
 
-the first for data with relative errors; what is compiled has rows of infinite error besides, so that
-6 points run what 7 compiled (`padded`); then the rows of the priors (`fitting.parameters.priors`), and
-those that keep arrays smooth while a start is searched for (`fitting.solvers.search`).
+The first form is for data with relative errors. Compiled functions have additional rows of infinite error, so
+that 6 and 7 points share one (`padded`). Below follow the rows of the priors (`fitting.parameters.priors`)
+and the rows that keep arrays smooth in a search (`fitting.solvers.search`).
 """
 
 from collections.abc import Callable, Collection
@@ -28,7 +28,7 @@ from rubberfric.roughness import log_power_spectrum
 
 
 def objective(structure: Structure, numbers: Numbers, targets: Targets) -> Objective:
-    """What is minimised of a problem."""
+    """The functions of x that solvers minimise."""
     return Objective(
         lambda x: residuals(structure, numbers, targets, x),
         lambda x: residuals_and_jacobian(structure, numbers, targets, x),
@@ -39,7 +39,7 @@ def objective(structure: Structure, numbers: Numbers, targets: Targets) -> Objec
 
 
 def solver_objective(structure: Structure, numbers: Numbers, targets: Targets) -> Objective:
-    """The same in the variables z of solvers; see `fitting.solvers.ordered`."""
+    """`objective` in the variables z of solvers; see `fitting.solvers.ordered`."""
     plain, variables = objective(structure, numbers, targets), structure.variables
     if not variables.order:
         return plain
@@ -63,7 +63,7 @@ def loss_of(structure: Structure, numbers: Numbers) -> Loss:
 
 
 def predictions(structure: Structure, numbers: Numbers, x: jax.Array) -> tuple[jax.Array, Any]:
-    """What the model says in place of every measured value, shape (rows,), and the scene, or scenes."""
+    """Model predictions for all data, shape (rows,), and the scene, or scenes."""
     scene = to_scene(structure.variables, numbers.constants, x)
     scenes, pairs = by_name(scene), zip(structure.blocks, numbers.conditions, strict=True)
     rows = [_predicted(structure, block, at, scenes[block.scene]) for block, at in pairs]
@@ -71,7 +71,7 @@ def predictions(structure: Structure, numbers: Numbers, x: jax.Array) -> tuple[j
 
 
 def _if_in_order(structure, scene, rows):
-    """Rows, NaN where free numbers have left the order that the scene demands: it means nothing there."""
+    """Rows, or NaN if free numbers violate the order that the scene demands."""
     order = structure.variables.order
     return jnp.where(in_order(order, jax.tree.leaves(scene)), rows, jnp.nan) if order else rows
 
@@ -85,20 +85,21 @@ def _predicted(structure, block, conditions, scene):
         )
         values = getattr(solution, block.quantity)
         if solution.converged is not None:
-            # Of a last iterate nothing is learned: no step leads there, and a start there is refused.
+            # NaN where the temperatures did not converge, so that no step is accepted there and a start is
+            # refused.
             values = jnp.where(solution.converged, values, jnp.nan)
     elif block.quantity == "modulus":
         modulus = rf.complex_modulus(getattr(scene, block.body).material, *conditions)
         values = jnp.concatenate([modulus.real, modulus.imag])
     else:
-        # Continued beyond the ends, which may move past a measured wavevector on the way.
+        # Continued beyond the ends, which a fit may move past a measured wavevector.
         log_C = log_power_spectrum(getattr(scene, block.body).spectrum.power_law(), *conditions)
         return log_C if block.logarithmic else jnp.exp(log_C)
     return jnp.log(values) if block.logarithmic else values
 
 
 def rows_of(structure: Structure, numbers: Numbers, x: jax.Array) -> jax.Array:
-    """Predictions, and below them the rows of the priors and of the smoothing, in units of their errors."""
+    """Predictions, followed by the rows of priors and smoothing in units of their errors."""
     model, scene = predictions(structure, numbers, x)
     prior = prior_residuals(structure.prior, numbers.prior, scene, x)
     return jnp.concatenate(
@@ -107,7 +108,7 @@ def rows_of(structure: Structure, numbers: Numbers, x: jax.Array) -> jax.Array:
 
 
 def rows_and_slopes(structure: Structure, numbers: Numbers, x: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """The same rows, and their derivatives with respect to x, shape (rows, size)."""
+    """`rows_of` and their derivatives with respect to x, shape (rows, size)."""
 
     def scene_of(x):
         return to_scene(structure.variables, numbers.constants, x)
@@ -137,14 +138,14 @@ def rows_and_slopes(structure: Structure, numbers: Numbers, x: jax.Array) -> tup
 
 
 def in_errors(structure: Structure, numbers: Numbers, targets: Targets, rows: Array) -> jax.Array:
-    """Residuals from `rows_of`: those of the data in units of their errors."""
+    """Residuals from `rows_of`, in units of the errors."""
     count = data_rows(structure)
     of_data = (rows[:count] - targets.measured) / targets.error
     return jnp.concatenate([_whitened(numbers, of_data), rows[count:]])
 
 
 def slopes_in_errors(structure: Structure, numbers: Numbers, targets: Targets, slopes: Array) -> jax.Array:
-    """Their Jacobian from that of `rows_of`; 0 where x does not move."""
+    """Jacobian of the residuals from the derivatives of `rows_of`; 0 where x does not move."""
     count = data_rows(structure)
     of_data = _whitened(numbers, slopes[:count] / targets.error[:, None])
     return jnp.concatenate([of_data, slopes[count:]]) * targets.moving
@@ -158,7 +159,7 @@ def residuals(structure: Structure, numbers: Numbers, targets: Targets, x: jax.A
 def residuals_and_jacobian(
     structure: Structure, numbers: Numbers, targets: Targets, x: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """The same rows, and their derivatives with respect to x, shape (rows, size); 0 where x does not move."""
+    """`residuals` and their Jacobian, shape (rows, size), 0 where x does not move."""
     rows, slopes = rows_and_slopes(structure, numbers, x)
     return in_errors(structure, numbers, targets, rows), slopes_in_errors(structure, numbers, targets, slopes)
 
@@ -179,7 +180,7 @@ def _second_differences(variables: Variables, dtype):
 
 
 def has_arrays(variables: Variables) -> bool:
-    """Whether there is an array of Positive elements that may be kept smooth."""
+    """Return True if the search can smooth an array of Positive elements."""
     return any(g.kind == "Positive" and g.slot[1] - g.slot[0] >= 3 for g in variables.groups)
 
 
@@ -195,39 +196,39 @@ def data_rows(structure: Structure) -> int:
 
 
 def rounding(structure: Structure, targets: Targets) -> jax.Array:
-    """The cost that rounding leaves when the data are met exactly."""
+    """Cost due to rounding if the data are met exactly."""
     error = 100 * float(jnp.finfo(targets.measured.dtype).eps)  # of a prediction, relative
     offset = np.zeros(data_rows(structure))
     for block in structure.blocks:
-        offset[slice(*block.rows)] = block.logarithmic  # ln 1 = 0 is no better known than ln 2
+        offset[slice(*block.rows)] = block.logarithmic  # ln 1 = 0 has the same absolute error as ln 2
     scale = jnp.abs(targets.measured) + offset.astype(targets.measured.dtype)
     return 0.5 * jnp.sum((error * scale / targets.error) ** 2)
 
 
 class Padded(NamedTuple):
-    """A problem whose blocks have one of a few lengths: what compiled functions see of it."""
+    """A problem whose blocks have one of a few lengths, for compiled functions."""
 
     structure: Structure
     numbers: Numbers
     targets: Targets
-    data: np.ndarray  # where the rows of the data stand among all of the blocks
+    data: np.ndarray  # positions of the data among the rows of all blocks
 
     def kept(self, rows: Array) -> np.ndarray:
-        """Rows without those that were added, the first axis."""
+        """Remove the padding from the rows, the first axis."""
         return np.concatenate([np.asarray(rows)[self.data], np.asarray(rows)[data_rows(self.structure) :]])
 
 
 def padded(problem: Problem, targets: Targets | None = None) -> Padded:
-    """A problem with more points, which count for nothing, so that another number of data compiles nothing.
+    """Pad a problem with points without weight, so that another number of data needs no compilation.
 
     Every block repeats its last conditions up to a length that recurs. The error of these rows is infinite:
-    residual and derivatives are 0 to the last bit, whatever the loss. Tables that stay as they are have
+    residual and derivatives are exactly 0 for every loss. Tables without free numbers are padded to
     lengths that recur as well.
 
     Parameters
     ----------
     problem : as `make_problem` makes it
-    targets : of other data, with any axes before the rows; None: those of the problem
+    targets : of other data, with any axes before the rows; None: the targets of the problem
     """
     targets = problem.targets if targets is None else targets
     blocks, conditions, data, first = [], [], [], 0
@@ -269,7 +270,7 @@ def _with_longer_tables(
 ) -> tuple[Variables, Constants, dict[int, int]]:
     """Variables and constants of the same scene with padded tables, and where each leaf is in it.
 
-    Objects with free numbers stay as they are.
+    Objects with free numbers are not padded.
     """
     scene = jax.tree.unflatten(variables.tree, constants.leaves)
     paths = scene_paths(scene)
@@ -286,7 +287,7 @@ def _with_longer_tables(
 
 
 def _with_padded_tables(value: PhysicalObject, path: str, free: Collection[str]) -> PhysicalObject:
-    """An object with the tables in it padded, but for those of objects at the key paths `free`."""
+    """An object with padded tables, except in objects at the key paths `free`."""
     changes: dict[str, Any] = {}
     for name in fields_of(type(value)):
         content = getattr(value, name)

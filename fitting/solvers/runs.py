@@ -1,4 +1,4 @@
-"""Runs of solvers: many fits of one structure side by side, stopped one by one.
+"""Run solvers: many fits of one structure side by side, each stopped at its minimum.
 
 A solver is a hashable object with pure functions `init` and `step`. Fits that differ in their start, their
 data or what may move run in a batch of a few; the next fit takes the place of one that is done. So what is
@@ -154,8 +154,8 @@ def run(
         return ends._replace(x=end_x(variables, constants, ends.x, moving))
 
 
-# Numbers of the curvature of all residuals: beyond, to keep it takes longer than to compute the model.
-_MOST_BENDS = 1_000_000
+# Largest number of elements of all Hessians, beyond which storing them takes longer than the model.
+_MOST_HESSIAN_ELEMENTS = 1_000_000
 
 
 @functools.partial(jax.jit, static_argnums=(0, 1))
@@ -237,7 +237,7 @@ def advance(
     *,
     at_bounds: bool = True,
 ) -> Iterate:
-    """Iterates after one step each; at_bounds: whether a step on the bounds of an order is tried as well."""
+    """Iterates after one step each; at_bounds: whether to try a step from the bounds of an order as well."""
     if not isinstance(solver, LevenbergMarquardt):
         return _step(solver, structure, numbers, targets, iterate)
     running = np.flatnonzero(np.asarray(iterate.status) == RUNNING)
@@ -247,19 +247,19 @@ def advance(
         return _brown_dennis_step(solver, structure, numbers, targets, iterate, running)
 
     def rows_at(x, which, slopes=False):
-        """Rows at x, shape (fits, size), of some fits; those of the others are never looked at."""
+        """Rows at x, shape (fits, size), of the fits `which`, zero for the others."""
         some = targets._replace(moving=np.asarray(targets.moving)[which])
         found = _evaluated(structure, numbers, some, np.asarray(x)[which], slopes)
         return [_filled(part, which, len(x)) for part in found]
 
     def trial(i, which):
-        """The move of damping i, and the rows that it leads to."""
+        """The move of damping i, and the rows after it."""
         known = structure, numbers, targets, iterate, plan, i
         move, there = _accelerated_move(*known, rows_at(ahead[:, i], which)[0])
         return np.asarray(move), rows_at(there, which)[0]
 
     plan, ahead = _plan_step(structure, numbers, targets, iterate, *rows_at(iterate.x, running, slopes=True))
-    ahead = np.asarray(ahead)  # a part of which is no program
+    ahead = np.asarray(ahead)  # NumPy, because slicing a JAX array compiles
     first = trial(0, running)
 
     def after(second):
@@ -288,7 +288,7 @@ def _evaluated(structure, numbers, targets, z, slopes=False):
 
 
 def _at_bounds(solver, structure, numbers, targets, before, after):
-    """Iterates after a step, or a step from the bounds of an order that it brought them near to, if lower."""
+    """Iterates after a step, or after a further step from bounds of the order nearby if that is lower."""
     x, fits = np.array(after.x), np.flatnonzero(np.asarray(after.status) == RUNNING)
     for i in fits:
         known = structure.variables, numbers.constants, np.asarray(before.x)[i], x[i]
@@ -321,7 +321,7 @@ def _costs(structure, numbers, targets, rows):
 def _use_brown_dennis(structure, numbers, targets, x):
     """Return True if the model takes so long that steps of Brown and Dennis, with fewer evaluations, pay."""
     size = np.shape(x)[-1]
-    few = np.shape(targets.measured)[-1] * size**2 <= _MOST_BENDS
+    few = np.shape(targets.measured)[-1] * size**2 <= _MOST_HESSIAN_ELEMENTS
     return few and structure.loss == "linear" and takes_long(structure, numbers)
 
 
@@ -335,7 +335,7 @@ def _weighed(structure, numbers, targets, rows, slopes):
 
 
 def _brown_dennis_step(solver, structure, numbers, targets, iterate, running):
-    """Iterates after one evaluation each, of fits whose evaluations are spared."""
+    """Iterates after one step of Brown and Dennis, with one evaluation each."""
     each = [jax.tree.map(lambda a, i=i: np.asarray(a)[i], iterate) for i in range(len(iterate.status))]
     moves = {i: brown_dennis.propose_move(each[i]) for i in running}
     x = np.stack([one.x for one in each])
@@ -353,7 +353,7 @@ def _brown_dennis_step(solver, structure, numbers, targets, iterate, running):
 
 
 def _filled(part, which, count):
-    """Arrays of some fits among those of all, zeros elsewhere."""
+    """Arrays with rows for all fits, zero except for the fits `which`."""
     whole = np.zeros((count, *part.shape[1:]), part.dtype)
     whole[which] = part
     return whole

@@ -80,7 +80,7 @@ def search(
         spent += np.stack([runs.nfev, runs.njev])
         escaped = _escaped(problem, runs.x, starts).any(1)
         again = np.flatnonzero(escaped & (succeeded(runs.status) | (runs.status == STALLED)))
-        # Without an array to keep smooth it would be the same fit again, six times.
+        # If there is no array to smooth, all six fits would be the same.
         if again.size and has_arrays(problem.variables):
             second = _smoothed(solver, stage, starts[again], max_steps, callback, min(BATCH, len(starts)))
             spent[:, again] += np.stack([second.nfev, second.njev])
@@ -92,7 +92,7 @@ def search(
                     kept[again[lower]] = new[lower]
         if INTERRUPTED in runs.status:
             break
-        # Outliers may drive least squares where the data do not want to be.
+        # Outliers may drive least squares far from the other data.
         x = np.where(_escaped(problem, runs.x, starts), starts, runs.x)
     return runs._replace(nfev=spent[0], njev=spent[1])
 
@@ -110,7 +110,7 @@ def _smoothed(solver, problem, starts, max_steps, callback, batch):
 
 
 def _escaped(problem, x, start):
-    """Which elements went to where their value hardly depends on x any more, shape of x."""
+    """Return True for elements so far out that their value hardly depends on x, shape of x."""
     kinds = np.empty(x.shape[1], object)
     for group in problem.variables.own:
         kinds[slice(*group.slot)] = group.kind
@@ -135,7 +135,7 @@ _UNMOVED = 1e-6
 def confirm_minimum(
     problem: Problem, end: Runs, onward: Callable[[np.ndarray], Runs]
 ) -> tuple[Runs, np.ndarray]:
-    """The end of a fit that claims a minimum, or of one that goes on from a lower place.
+    """Check a fit that claims a minimum, and go on from a lower place if there is one.
 
     Parameters
     ----------
@@ -181,7 +181,7 @@ def confirm_minimum(
 
 
 def _to_fit(problem, cost, costs, drawn, inner):
-    """Which of the places to fit from although they are not lower, where a fit takes little time."""
+    """Indices of places to fit from although they are not lower, if a fit takes little time."""
     if takes_long(problem.structure, problem.numbers):
         return []
     far = 2 * cost > _FAR * problem.targets.measured.size

@@ -15,7 +15,7 @@ import rubberfric as rf
 from fitting import Bounded, Free, Gaussian, ModulusData, Positive, Smooth, Sum, Tied, fit
 from fitting.parameters.priors import prior_residuals, prior_size, read_priors
 from fitting.parameters.variables import free_parameters, to_scene, to_values
-from fitting.solvers.losses import WIDTHS, factors, rho
+from fitting.solvers.losses import LOSS_WIDTHS, factors, rho
 from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import objective, residuals
 from rubberfric.scene.scene import cast
@@ -24,7 +24,7 @@ TAU = np.array([1e-7, 1e-4, 1e-5, 1e-1])  # neither in order nor evenly spaced
 MODULI = np.array([5e8, 8e6, 5e7, 2e6])
 RUBBER = rf.Prony(3e6, MODULI, TAU)
 SCENE = cast(rf.Scene(ROAD, rf.Body(RUBBER)), np.float64)
-LOSSES = tuple(WIDTHS)
+LOSSES = tuple(LOSS_WIDTHS)
 
 
 def rows(free, prior, shift=0.0):
@@ -223,7 +223,7 @@ def test_robust_losses_leave_priors_quadratic():
         residuals(problem.structure, problem.numbers, problem.targets, jnp.asarray(problem.start))
     )
     assert found[-1] == pytest.approx(np.log(1e-3) / 0.01, rel=1e-12)
-    width = WIDTHS["cauchy"]
+    width = LOSS_WIDTHS["cauchy"]
     expected = 0.5 * (width**2 * np.sum(np.log1p((found[:-1] / width) ** 2)) + found[-1] ** 2)
     loss = objective(problem.structure, problem.numbers, problem.targets).loss
     assert float(loss.cost(found)) == pytest.approx(expected, rel=1e-14)
@@ -284,7 +284,7 @@ def test_values_and_derivatives_of_the_losses(loss, width):
 
 @pytest.mark.parametrize("loss", LOSSES)
 def test_factors_give_the_gradient_and_a_positive_curvature(loss):
-    width = WIDTHS[loss]
+    width = LOSS_WIDTHS[loss]
     first, second = factors(loss, width, jnp.asarray(RESIDUALS))
     slope = jax.vmap(jax.grad(lambda r: 0.5 * rho(loss, width, r)[0]))(jnp.asarray(RESIDUALS))
     # d(rho / 2) / dr = r rho': rows times both factors.
@@ -313,7 +313,7 @@ def test_widths_make_gaussian_data_95_percent_efficient(loss):
     r = jnp.linspace(-12, 12, 200_001)
     weight = np.exp(-0.5 * np.asarray(r) ** 2)
     weight /= weight.sum()
-    slope = jax.grad(lambda r: 0.5 * rho(loss, WIDTHS[loss], r)[0])
+    slope = jax.grad(lambda r: 0.5 * rho(loss, LOSS_WIDTHS[loss], r)[0])
     psi, bend = np.asarray(jax.vmap(slope)(r)), np.asarray(jax.vmap(jax.grad(slope))(r))
     assert np.sum(weight * bend) ** 2 / np.sum(weight * psi**2) == pytest.approx(0.95, abs=1e-3)
 
