@@ -75,7 +75,7 @@ REALS = ("loss_width", "decades", "tolerance")  # which TOML may have written as
 
 
 class Job(NamedTuple):
-    """What a job file says: fitting.fit(job.scene, job.data, job.free, prior=job.prior, **job.options)."""
+    """Content of a job file: fitting.fit(job.scene, job.data, job.free, prior=job.prior, **job.options)."""
 
     scene: rf.Scene | dict[str, rf.Scene]
     data: list[Measured] | dict[str, list[Measured]]
@@ -92,13 +92,13 @@ def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
     Parameters
     ----------
     path : of the file
-    outputs : paths that are to be written to: none may be that of a file which is read
+    outputs : paths to be written to, which must not be files of the job
 
     Raises
     ------
     ValueError
-        one line naming the file, the key, its value and the rule it breaks, or what is wrong
-        in the scene or the data.
+        one line naming the file, the key, its value and the rule it breaks, or the error in
+        the scene or the data.
     """
     path = Path(path)
     if path.suffix.lower() != ".toml":
@@ -175,7 +175,7 @@ def _one(path, key, value):
 
 
 def _read(path, key, name, reader):
-    """What `reader` makes of a file that lies relative to the job; the job's name comes before its errors."""
+    """Read a file whose path is relative to the job; errors name the job first."""
     file = path.parent / _text(path, key, name)
     try:
         return reader(file)
@@ -205,7 +205,7 @@ def _check_paths(path, table, content, keys):
         while isinstance(value, dict) and value and not set(value) & set(keys):
             step, value = next(iter(value.items()))
             steps.append(step)
-        # gamma is the one key path without a dot: what stands in it is no path.
+        # gamma is the only key path without a dot: the content of its table is not a path.
         if len(steps) > 1 and "." not in key and key != "gamma":
             whole = ".".join(steps)
             raise ValueError(f'{path}: {table}.{whole}: put the key path in quotes: "{whole}" = ...')

@@ -1,11 +1,11 @@
 """The command `rubberfric-fit`.
 
-Exit status: 0 fitted; 3 fitted, but the scene does not explain the data (`fitting.uncertainty.verdict`);
-1 not converged, or the work failed; 2 bad input, with one line on stderr and nothing written; 130 or 143
-interrupted, by Ctrl-C (SIGINT) or SIGTERM. A fit that was interrupted after its first step says so at once,
-and is reported and written as far as it came, as is one that did not converge. An interrupt before the first
-step, and a second one, do not wait for that: the process ends within a second. A bootstrap that was
-interrupted, or killed, goes on with --resume.
+Exit status: 0 fitted; 3 fitted, but the scene does not explain the data (`fitting.uncertainty.verdict`); 1
+not converged, or the work failed; 2 bad input, with one line on stderr and nothing written; 130 or 143
+interrupted, by Ctrl-C (SIGINT) or SIGTERM. An interrupt after the first step of a fit gives a message at
+once. The best values so far are reported and written, as for a fit that did not converge. An interrupt before
+the first step, or a second one, ends the process within a second. A bootstrap that was interrupted, or
+killed, goes on with --resume.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ PROGRAM = "rubberfric-fit"
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with arguments `argv`; returns the exit status.
 
-    None: those of the process, which a signal then may end (`rubberfric.commands.interrupts`).
+    None: the arguments of the process, which a signal may then end (`rubberfric.commands.interrupts`).
     """
     if argv is None:
         leave_at_once(PROGRAM)
@@ -59,7 +59,7 @@ def _run(given: Sequence[str], interrupts: Interrupts, process: bool) -> int:
 
 
 def check_arguments(arguments: argparse.Namespace) -> None:
-    """ValueError that says what is wrong with the arguments, before any work begins."""
+    """Raise a ValueError if the arguments are wrong, before any work begins."""
     from pathlib import Path
 
     from rubberfric.base import check_writable

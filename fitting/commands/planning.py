@@ -44,7 +44,7 @@ _SHARED_OPTIONS = ("key", "discrepancy")
 
 
 def run_design(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
-    """Fit, design, write what was asked for, print the report."""
+    """Fit, choose measurements, write the requested files, print the report."""
     show(f"reading {arguments.job}")
     job = read_job(arguments.job, [path for path in (arguments.out, arguments.plot) if path is not None])
     if job.design is None:
@@ -113,7 +113,7 @@ def _grid(path, table, content, scene):
 
 
 def run_calibration(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
-    """Calibrate, draw what was asked for, print the report."""
+    """Calibrate, draw the requested figure, print the report."""
     show(f"reading {arguments.job}")
     job = read_job(arguments.job, [] if arguments.plot is None else [arguments.plot])
     if not isinstance(job.scene, rf.Scene) or isinstance(job.data, dict):

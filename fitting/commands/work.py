@@ -1,4 +1,4 @@
-"""What `rubberfric-fit` does once its arguments are known to be right."""
+"""Work of the command `rubberfric-fit` after its arguments are checked."""
 
 import argparse
 
@@ -17,7 +17,7 @@ _PROGRAM = "rubberfric-fit"
 
 
 def run_fit(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
-    """Fit a job file, write what was asked for, print the report; returns the exit status."""
+    """Fit a job file, write the requested files, print the report; return the exit status."""
     show(f"reading {arguments.job}")
     outputs = (arguments.out, arguments.plot, arguments.checkpoint)
     job = read_job(arguments.job, [path for path in outputs if path is not None])
@@ -56,7 +56,7 @@ def run_fit(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
 
 
 def _left(result: FitResult, spread: EnsembleResult | None, interrupts: Interrupts) -> str:
-    """What an interrupt left."""
+    """Describe the results that an interrupt left."""
     if not result.success:
         return "these are the best values so far"
     if not interrupts.stopped:

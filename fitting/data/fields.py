@@ -15,12 +15,12 @@ _T = TypeVar("_T")
 
 
 def unit_rule(text: str, test: Callable[[np.ndarray], np.ndarray]) -> ValueRule:
-    """Rule that only a wrong unit, or noise, would break."""
+    """Rule that only values in a wrong unit, or noise, break."""
     return (f"{text} (check_units=False accepts it)", test)
 
 
 class Field(NamedTuple):
-    """What a field of measured data is."""
+    """Description of a field of measured data."""
 
     column: str  # its name in tables
     unit: str
@@ -49,7 +49,7 @@ def numbers(value: ArrayLike) -> np.ndarray:
 class GivenArray:
     """Annotation of a field: an array that must be given.
 
-    To a type checker it is what the constructor takes (`__set__`) and what the data have (`__get__`).
+    For type checkers: the constructor takes an ArrayLike (`__set__`), the data hold an array (`__get__`).
     """
 
     def __get__(self, instance: object, owner: type) -> np.ndarray: ...
@@ -92,7 +92,7 @@ def fields_in(
         other programs spell them (`rubberfric.io.known_name`: velocity, E', Temperature (°C), ...), or
         "name [unit]".
     fields : of the kind of data
-    needed : those that must be there
+    needed : fields that must be present
     units : of titles that do not say them, such as {"v": "mm/s"}; SI else
 
     Raises

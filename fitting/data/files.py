@@ -51,14 +51,14 @@ def read(
     ----------
     path : path of the file
     pressure, temperature, body, relative : as in the constructors
-        what the file lacks: pressure [Pa] must be in one of both places for friction and
-        area, and body never is in a CSV file.
+        values that the file lacks. Friction and area need a pressure [Pa], in the file or here. A CSV file
+        never contains the body.
     normalisation, hurst : of the spectrum in a CSV file, see `rubberfric.roughness.normalisation`
         None: "C". One along a line must be given, with H, and is converted as of a self-affine surface.
     poisson : Poisson's ratio [-], needed for a table of shear moduli, E = 2 (1 + poisson) G; a "storage
         modulus" is one of E without it.
     columns : list of "name [unit]", or None
-        what the columns are of a table that does not say so, "-" for one not read.
+        the columns of a table without names, "-" for a column that is not read
     kind : "friction", "area", "modulus" or "spectrum"; needed for a table that holds several
     check_units : bool
         whether values of a table that look like ones in another unit are errors.
@@ -127,7 +127,7 @@ def write(path: StrPath, data: Measured) -> None:
 
 
 def read_group(group: h5py.Group | h5py.Dataset | h5py.Datatype, **given: Any) -> Measured:
-    """Measured data that `Measured.write_group` stored, with what they lack `given` as to `read`.
+    """Measured data that `Measured.write_group` stored; `given` adds missing values as in `read`.
 
     ValueError in one line if the group holds no such data.
     """
@@ -150,7 +150,7 @@ def read_group(group: h5py.Group | h5py.Dataset | h5py.Datatype, **given: Any) -
 
 
 def _present(**arguments):
-    """Those that are not None."""
+    """Arguments that are not None."""
     return {name: value for name, value in arguments.items() if value is not None}
 
 
@@ -178,7 +178,7 @@ def _arguments(cls):
 
 
 def _made(cls, values, given, check_units):
-    """Data from the fields of a file and what is given beside it."""
+    """Data from the fields of a file and from additional arguments."""
     for name, value in given.items():
         if name not in _arguments(cls):
             raise ValueError(f"{name} = {shown(value)}: must not be given; {cls.quantity} data have none")
@@ -212,7 +212,7 @@ def _kind(path, columns, poisson, kind):
 
 
 def _spellings(cls):
-    """What tables may call every column that a kind of data needs."""
+    """Names that tables may use for each column that a kind of data needs."""
     for name in cls.needed():
         column = cls.fields()[name].column
         yield " or ".join(

@@ -233,16 +233,15 @@ def data_by_scene(
 
     Parameters
     ----------
-    data : one set or several; of several scenes a dict of those of each
+    data : one set or several; for several scenes a dict of them by scene
     names : of the scenes, None of a single one
 
-    Returns
-    -------
-    (data sets, names of their scenes), "" of a single scene. Of several, labels begin with the scene's name.
+    Returns ------- (data sets, names of their scenes), "" for a single scene. Labels begin with the name if
+    there are several.
 
     Raises
     ------
-    ValueError : the dict is none, or does not have the scenes' names.
+    ValueError : `data` is not a dict, or does not have the names of the scenes.
     """
     if names is None:
         sets = as_data_sets(data)  # pyright: ignore[reportArgumentType]  # or its error
@@ -267,7 +266,7 @@ def data_by_scene(
 
 
 def _named(data: Measured, scene: str) -> Measured:
-    """The same data with the scene's name before its own."""
+    """Put the name of the scene before the name of the data."""
     if data.name.split(":")[0] == scene:
         return data
     return dataclasses.replace(data, name=f"{scene}: {data.label}", check_units=False)

@@ -1,4 +1,4 @@
-"""What the kinds of measured data share: how they are checked, how a fit sees them, how they are written."""
+"""Base of the kinds of measured data: checks, the quantities that a fit uses, and files."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -109,7 +109,7 @@ class Measured:
 
     @classmethod
     def fields(cls) -> dict[str, Field]:
-        """The fields that hold arrays, those that all kinds have last."""
+        """The fields that hold arrays; fields of all kinds come last."""
         fields = sorted(dataclasses.fields(cls), key=lambda field: bool(field.kw_only))
         return {field.name: field.metadata["about"] for field in fields if "about" in field.metadata}
 
@@ -125,7 +125,7 @@ class Measured:
 
     @property
     def logarithmic(self) -> bool:
-        """Whether residuals are those of logarithms: relative errors are given, or none."""
+        """Whether residuals are differences of logarithms: with relative errors, or without errors."""
         return all(getattr(self, name) is None for name in self.sigmas)
 
     @property
@@ -137,7 +137,7 @@ class Measured:
 
     @property
     def label(self) -> str:
-        """The name, or what was measured in a few words."""
+        """The name, or a short description of the data."""
         if self.name:
             return self.name
         points = getattr(self, self.values[0]).size
@@ -161,7 +161,7 @@ class Measured:
         )
 
     def replaced(self, measured: ArrayLike) -> Self:
-        """The same data with other measured values, such as resampled or simulated ones.
+        """Replace the measured values, for example by resampled or simulated ones.
 
         Parameters
         ----------
@@ -189,7 +189,7 @@ class Measured:
         frame : titles are names of columns as in files (v, mu, T, ...; `fitting.data.files`), or
             "name [unit]"; others are left out.
         units : of titles that do not say them, such as {"v": "mm/s", "p": "MPa"}; SI else
-        given : what the frame lacks, or has otherwise, as in the constructor: pressure=3e5, name="R20"
+        given : arguments of the constructor that the frame lacks or that replace its columns: pressure=3e5
 
         Raises
         ------
@@ -202,7 +202,7 @@ class Measured:
         return cls(**found | given)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """What was measured and where, by titles "name [unit]" in SI, which `from_frame` reads."""
+        """Measured values and conditions in SI by titles "name [unit]", which `from_frame` reads."""
         given = {about: getattr(self, name) for name, about in self.fields().items()}
         return {f"{a.column} [{a.unit}]": values for a, values in given.items() if values is not None}
 

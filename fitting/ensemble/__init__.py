@@ -1,1 +1,1 @@
-"""Many fits: thousands as one program, and a few side by side."""
+"""Ensembles of thousands of fits, calibration of error bars, and comparison of a few fits."""

@@ -7,7 +7,7 @@ size of the batch, as each is computed by the same program. On an accelerator, w
 fit, the batch is one vectorised program.
 
 Nothing is exchanged between devices in a step. Its results, a few numbers a member, go to all
-processes, each of which keeps the whole ensemble's bookkeeping.
+processes. Each process keeps the state of the whole ensemble.
 """
 
 import functools
@@ -174,7 +174,7 @@ def _shapes(members, count, mesh):
 
 
 def _put(array, mesh, spec):
-    """An array on the devices of all processes, each of which has it whole."""
+    """Put a copy of an array, whole or sharded by `spec`, on the devices of all processes."""
     array = np.asarray(array)
     return jax.make_array_from_callback(array.shape, NamedSharding(mesh, spec), lambda index: array[index])
 

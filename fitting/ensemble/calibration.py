@@ -12,7 +12,7 @@ distribution is compared with an envelope that a uniform one leaves with a given
 The normal approximation can be off by a tenth or two of a standard deviation for wide priors and for numbers
 that trade with each other along a curve. A thousand fits show this. Weighted draws from the posterior
 (`fitting.uncertainty.posterior.importance`) have no such error: the place of the truth among them is uniform
-if the fit's posterior is that of the data, however curved it is.
+if the posterior is right, also along curved valleys.
 """
 
 import dataclasses
@@ -28,12 +28,13 @@ import scipy
 import rubberfric as rf
 from fitting.data.kinds import as_data_sets
 from fitting.data.measured import Measured
-from fitting.ensemble.members import NEAR_MINIMUM, Members
+from fitting.ensemble.members import Members
 from fitting.ensemble.run import run_ensemble
 from fitting.parameters.constraints import Rule
 from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import GaussianRows, Prior
 from fitting.solvers.iterate import succeeded
+from fitting.solvers.levenberg_marquardt import NEAR_MINIMUM
 from fitting.solvers.options import check_options
 from fitting.solvers.problem import Problem, Targets, make_problem
 from fitting.solvers.residuals import padded, predictions, residuals_and_jacobian
@@ -45,7 +46,7 @@ from fitting.uncertainty.posterior.weights import doubtful, effective, tail_inde
 from rubberfric.base import shown
 from rubberfric.plot import style
 
-# Where the distributions are compared, and uniform samples that the envelope is made of.
+# Number of points at which the distributions are compared, and of uniform samples for the envelope.
 _POINTS, _SAMPLES = 100, 2000
 # Lines of a figure that can be told apart, and doubtful fits that a text names.
 _NAMED = 8
@@ -62,7 +63,7 @@ class Calibration:
     place : share of the posterior below the truth, shape (members, size)
     deviation : standard deviation of x by the fit, shape (members, size)
     failed : fits that did not converge
-    on : "normal" or "samples", what the posterior is taken for, see `fitting.calibration`
+    on : "normal" or "samples", how the posterior was represented; see `fitting.calibration`
     normal : place of the same fits in the normal approximation, where on is "samples"
     draws : of every posterior; 0 in the normal approximation
     effective, tail : of every fit, the number of equal draws that its own are worth, and the tail index k of
@@ -94,7 +95,7 @@ class Calibration:
         return np.flatnonzero(doubtful(self.effective, self.tail, self.draws))
 
     def on_normal(self) -> "Calibration":
-        """The same fits, held against their normal approximations."""
+        """The calibration of the same fits with their normal approximations."""
         if self.normal is None:
             return self
         bare = {"normal": None, "draws": 0, "effective": None, "tail": None}
@@ -118,7 +119,7 @@ class Calibration:
         """Lower and upper shares at these points that a uniform u stays between, everywhere at once."""
         check_options(level=level)
         count, at = len(self.place), np.arange(1, _POINTS) / _POINTS
-        # Of uniform samples, how many are below every point: a multinomial, summed up.
+        # Number of uniform samples below every point: cumulative sums of a multinomial distribution.
         parts = np.random.default_rng(0).multinomial(count, np.full(_POINTS, 1 / _POINTS), _SAMPLES)
         below = np.cumsum(parts, 1)[:, :-1]
         binomial = scipy.stats.binom(count, at)
@@ -147,7 +148,7 @@ class Calibration:
         return "\n".join(lines) + "\n"
 
     def doubts(self) -> str:
-        """What speaks against the draws, on one line; "" if nothing does."""
+        """Return a one-line warning about unreliable draws, or ""."""
         rows = self.doubtful
         if not rows.size:
             return ""
@@ -158,7 +159,7 @@ class Calibration:
         )
 
     def _posterior(self):
-        """What the truths are held against, in words."""
+        """Describe the representation of the posterior."""
         if self.effective is None or self.tail is None:
             return "normal approximation"
         middle, least = np.median(self.effective), self.effective.min()
@@ -169,7 +170,7 @@ class Calibration:
     def plot(self, ax: style.Axes | None = None) -> style.Axes:
         """Share of u below each point minus the expected one, a line a parameter, and the 99 % envelope.
 
-        Of more than eight only those that leave the envelope have a name and a colour.
+        If there are more than eight lines, only those that leave the envelope have a name and a colour.
         """
         ax = style.one_axes(ax, (6.0, 4.0))
         at, share = self.distribution()
@@ -188,7 +189,7 @@ class Calibration:
 
 
 POSTERIORS = ("normal", "samples")
-# Draws of which a tail can be seen.
+# Smallest number of draws from which a tail index can be estimated.
 _LEAST = 10
 
 
@@ -206,14 +207,14 @@ def calibration(
     quadrature: rf.Quadrature | None = None,
     callback: Callable[[int, int], object] | None = None,
 ) -> Calibration:
-    """Simulation-based calibration of a fit that is planned, as one ensemble.
+    """Simulation-based calibration of a planned fit, run as one ensemble.
 
     Parameters
     ----------
     scene, free, quadrature : as for `fitting.fit`
-    data_plan : data sets, of which conditions and errors count; the values are drawn
+    data_plan : data sets that give conditions and errors; the values are drawn
     prior : of every free number a Gaussian; truths are drawn from it
-    members : number of fits, each of its own truth and data; they start at the truth
+    members : number of fits, each with another truth and other data; they start at the truth
     key : jax.random.key, or None for key(0)
     on : "normal" or "samples"
         what the truths are held against: the normal approximation that error bars are, or weighted draws from
@@ -307,7 +308,7 @@ def _twins(problem: Problem, members: int, key: jax.Array) -> tuple[np.ndarray, 
 
 @functools.partial(jax.jit, static_argnums=0)
 def _models(structure, numbers, x):
-    """What the model predicts at every x, one after the other: the values of one keep a core busy."""
+    """Model predictions at every x, one after the other because one evaluation keeps a core busy."""
     return jax.lax.map(lambda x: predictions(structure, numbers, x)[0], x)
 
 

@@ -30,7 +30,7 @@ class Variant(NamedTuple):
     aicc: float
     bic: float
     loo: float  # -2 ln p of the values, each left out
-    worse: float  # loo above that of the best
+    worse: float  # loo minus the lowest loo
     worse_stderr: float  # standard error of the difference; 0 of the best
     explains: bool | None  # the fit's verdict
 
@@ -41,8 +41,8 @@ class Comparison:
 
     Attributes
     ----------
-    variants : tuple of `Variant`, that of the lowest loo first
-    words : what the differences mean, a line each
+    variants : tuple of `Variant`, the lowest loo first
+    words : interpretation of the differences, in lines of text
     """
 
     variants: tuple[Variant, ...]
@@ -50,12 +50,12 @@ class Comparison:
 
     @property
     def best(self) -> str:
-        """Name of the simplest of those that predict best as far as the data can tell."""
+        """Name of the simplest variant that the data do not distinguish from the best prediction."""
         return min(self.alike, key=lambda one: one.parameters).name
 
     @property
     def alike(self) -> tuple[Variant, ...]:
-        """Those that the data cannot tell from the one that predicts best."""
+        """Variants that the data do not distinguish from the one that predicts best."""
         return tuple(one for one in self.variants if not is_distinguishable(one))
 
     def __getitem__(self, name: str) -> Variant:
@@ -120,7 +120,7 @@ def compare(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> Compariso
 
     Returns
     -------
-    Comparison : the variants, best first, and in words what the differences mean.
+    Comparison : the variants, best first, and an interpretation of their differences.
 
     Raises
     ------
@@ -162,12 +162,12 @@ def compare(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> Compariso
 
 
 def is_distinguishable(one: Variant) -> bool:
-    """Whether the data tell a variant from the one that predicts best."""
+    """Return True if the data distinguish a variant from the one that predicts best."""
     return one.worse > max(2 * SMALL, ERRORS * one.worse_stderr)
 
 
 def _words(variants: list[Variant], fits: dict[str, FitRecord], found: dict[str, Criteria]) -> list[str]:
-    """What a table means, a line each."""
+    """Interpretation of a comparison, in lines of text."""
     alike, worse = (
         [one for one in variants if not is_distinguishable(one)],
         [one for one in variants if is_distinguishable(one)],
@@ -251,7 +251,7 @@ def _named(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> dict[str, 
 
 
 def _what(fit: FitRecord) -> str:
-    """What the scene of a fit has, beside roughness and moduli."""
+    """Describe the optional parts of the scene of a fit."""
     scene: Any = fit.scene_at_start
     scenes = scene.values() if isinstance(scene, dict) else [scene]
     parts = [name for name in _OPTIONS if any(getattr(one, name) is not None for one in scenes)]
@@ -283,7 +283,7 @@ def _check_same(name: str, fit: FitRecord, other_name: str, other: FitRecord) ->
 
 
 def _same(one: Measured, other: Measured) -> bool:
-    """Whether data sets hold the same numbers."""
+    """Return True if data sets hold the same numbers."""
     if type(one) is not type(other) or getattr(one, "body", None) != getattr(other, "body", None):
         return False
     pairs = [(getattr(one, name), getattr(other, name)) for name in one.fields()]

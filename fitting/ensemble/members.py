@@ -28,7 +28,7 @@ from fitting.parameters.constraints import Rule
 from fitting.parameters.priors import Prior
 from fitting.parameters.scenes import as_scenes
 from fitting.solvers.iterate import MESSAGES, succeeded
-from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.levenberg_marquardt import NEAR_MINIMUM
 from fitting.solvers.options import Solver, check_options, make_solver
 from fitting.solvers.problem import Problem, Targets, make_problem
 from fitting.solvers.runs import Runs
@@ -155,11 +155,6 @@ class EnsembleResult:
             return cls(names=names, **arrays, **hdf5.attributes(file, _ATTRIBUTES))
 
 
-# For fits that start near their minimum: a quarter of the steps less than with the damping that is
-# meant for starts far off.
-NEAR_MINIMUM = LevenbergMarquardt(damping=1e-7)
-
-
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Members:
     """Fits to be run; made by `multi_start`, `bootstrap_members` or `profile_members`.
@@ -199,7 +194,7 @@ class Members:
         return self.problem.names
 
     def bootstrap(self, ensemble: EnsembleResult) -> Bootstrap:
-        """What a run of these members makes."""
+        """Bootstrap from a run of these members."""
         if self.kind != "bootstrap" or self.source is None:
             raise ValueError(f"members are of kind {self.kind!r}: must be 'bootstrap'")
         return self.source.bootstrap_of(ensemble.x, ensemble.status)
@@ -207,8 +202,8 @@ class Members:
     def profiles(self, ensemble: EnsembleResult) -> dict[str, LikelihoodProfile]:
         """The profiles that begin with a run of these members, by the names of the parameters.
 
-        Like those of `FitResult.profile` they go on to the threshold with a few more fits, and warn of a
-        minimum below the fit.
+        A few more fits reach the threshold, as in `FitResult.profile`. A warning reports a minimum below
+        the fit.
         """
         if self.kind != "profile" or self.source is None:
             raise ValueError(f"members are of kind {self.kind!r}: must be 'profile'")
@@ -225,7 +220,7 @@ class Members:
     def fingerprint(self) -> str:
         """sha256 of all that decides the numbers of a run: structure, constants, data, starts, solver."""
         digest = hashlib.sha256()
-        # Of the scene's tree and the variables the text says all: classes, static fields, key paths.
+        # The text of the scene's tree and the variables is complete: classes, static fields, key paths.
         for part in (self.kind, self.problem.structure, self.solver, self.max_steps):
             digest.update(repr(part).encode() + b"\0")
         for array in jax.tree.leaves((self.problem.numbers, self.targets, self.starts)):

@@ -62,7 +62,7 @@ def read_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint) -> Check
     Parameters
     ----------
     fingerprint : of the job that is to go on
-    blank : of that job before its first step, for the shapes
+    blank : the checkpoint of that job before its first step, which gives the shapes
 
     Raises
     ------
@@ -117,7 +117,7 @@ def check_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint, resume:
         )
     checkpoint = read_checkpoint(path, fingerprint, blank) if Path(path).exists() else blank
     try:
-        # Twice: the second lies beside the first for a moment, as all later ones will.
+        # Twice, because the disk holds both files for a moment, as at all later times.
         write_checkpoint(path, fingerprint, checkpoint)
         write_checkpoint(path, fingerprint, checkpoint)
     except OSError as error:
@@ -159,8 +159,8 @@ def run_ensemble(
     Returns
     -------
     EnsembleResult
-        A member that fails (a start that is not finite, no minimum within its steps) is told
-        in `status` and `failed`, and the others do not notice.
+        `status` and `failed` report a member that fails (a start that is not finite, or no minimum within its
+        steps). It does not affect the others.
 
     Raises
     ------
@@ -176,7 +176,7 @@ def run_ensemble(
 
     Notes
     -----
-    A processor's cores are devices only if JAX is told so at the start of the program, by
+    Make the cores of a processor devices of JAX at the start of the program, by
     ``jax.config.update("jax_num_cpu_devices", n)``. For several processes the program, the same
     in each, begins with ``jax.distributed.initialize(address, processes, id)`` (this library
     never does that), gives all of them the same members, and runs them in each; all get the
@@ -257,7 +257,7 @@ class _Record:
         self.written, self.changed, self.pending = time.monotonic(), False, None
 
     def begin(self, resume):
-        """Read or make the checkpoint; what is wrong with it is found here, and told in all processes."""
+        """Read or make the checkpoint; all processes raise the error if it cannot be used."""
         error = None
         if self.path is not None and self.writes:
             try:
@@ -293,7 +293,7 @@ class _Record:
         self.pending, self.changed = None, True
 
     def write(self):
-        """Write the checkpoint; a failure is no reason to lose the run."""
+        """Write the checkpoint; a failure is a warning, so that the run goes on."""
         self._take_in()
         if self.path is None or not (self.writes and self.changed):
             return
@@ -307,7 +307,7 @@ class _Record:
 
 
 def _several_processes(devices):
-    """Whether the devices belong to several processes; ValueError if only to some of all, or to others."""
+    """Return True if the devices are of all of several processes; ValueError if only of some or others."""
     owners = {device.process_index for device in devices}
     if owners != {jax.process_index()} and owners != set(range(jax.process_count())):
         raise ValueError(
@@ -320,7 +320,7 @@ def _several_processes(devices):
 def _from_first(checkpoint):
     """The checkpoint of the first process, in all."""
     leaves, tree = jax.tree.flatten(checkpoint)
-    # As bytes: a sum over processes, by which they are sent, would lose the bits of a NaN.
+    # As bytes, because the sum over processes that sends them would change the bits of a NaN.
     sent = [multihost_utils.broadcast_one_to_all(_bytes(leaf)) for leaf in leaves]
     pairs = zip(sent, leaves, strict=True)
     arrays = [np.asarray(new).view(leaf.dtype).reshape(leaf.shape).copy() for new, leaf in pairs]

@@ -1,1 +1,1 @@
-"""Free parameters: which numbers of a scene a fit may change, how far, and what is known before."""
+"""Free parameters of a scene, the values that they may take, and their priors."""

@@ -18,7 +18,7 @@ Start = float | Sequence[float] | None
 
 
 def is_number(value: object) -> bool:
-    """Whether a value is one finite real number."""
+    """Return True if a value is one finite real number."""
     try:
         return math.isfinite(value)  # pyright: ignore[reportArgumentType]  # tells by its TypeError
     except (TypeError, ValueError, OverflowError):
@@ -114,7 +114,7 @@ class RmsSlope:
 
 Rule = Positive | Bounded | Free | Tied | RmsSlope
 RULES: dict[str, type[Rule]] = {cls.__name__: cls for cls in (Positive, Bounded, Free, Tied, RmsSlope)}
-# Those without an element of their own in x: their value follows from others.
+# Rules without an element in x: the value follows from other parameters.
 FOLLOWING = ("Tied", "RmsSlope", "Shared")
 
 
@@ -129,9 +129,9 @@ def common_values(
     places: list[LeafElements],
     leaves: list[np.ndarray],
 ) -> np.ndarray:
-    """The scene's values of the elements that a path names.
+    """Values of the scene for the elements that a path names.
 
-    Those of a shared one must be the same in all scenes, or the rule gives them.
+    All scenes must have the same value of a shared element, unless the rule gives it.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def common_values(
 
 
 def start_values(path: str, rule: Positive | Bounded | Free, values: np.ndarray) -> np.ndarray:
-    """Start values of a group: `values` of the scene, or those that the rule gives."""
+    """Start values of a group: `values` of the scene, unless the rule gives others."""
     if rule.start is None:
         return values
     try:

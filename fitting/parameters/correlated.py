@@ -1,4 +1,4 @@
-"""What another fit knows of several numbers together: a normal distribution with its correlations."""
+"""Joint normal prior of several numbers, with correlations, as another fit determines it."""
 
 import dataclasses
 from typing import NamedTuple
@@ -13,7 +13,7 @@ from fitting.parameters.scenes import find, path_over
 from fitting.parameters.selection import PriorContext, Selection
 from fitting.parameters.variables import Array
 
-# Chance by which numbers that a fit holds may lie as far from what is known of them.
+# Smallest probability of the distance of constant numbers from their prior that is accepted.
 _CHANCE = 1e-3
 # Relative difference of places, as of relaxation times, that rounding makes.
 _SAME = 1e-6
@@ -21,14 +21,14 @@ _SAME = 1e-6
 
 @dataclasses.dataclass(frozen=True)
 class Correlated:
-    r"""Several numbers of the scene are jointly normal, each in a coordinate of its own.
+    r"""Joint normal prior of several numbers of the scene, each in its own coordinate.
 
     .. math:: r = C^{-1/2} (t(v) - t(mean)),\qquad t(v) = \ln\frac{v - low}{high - v},\;
               \ln(v - low),\; v
 
-    for numbers with two limits, with one, and with none: what a fit is free in of a Bounded, a Positive and
-    a Free number. `as_prior` of a result makes it. Its key are the paths of the numbers, separated by
-    commas. Those that a fit does not change stay what they are, and the others follow from them.
+    for numbers with two limits, one, and none, like the variables of Bounded, Positive and Free parameters.
+    `as_prior` of a result makes it. Its key contains the paths of the numbers, separated by commas. If a fit
+    keeps some of them constant, the prior of the others is the conditional one.
 
     Parameters
     ----------
@@ -136,14 +136,14 @@ class CorrelatedRows(NamedTuple):
         return jnp.asarray(whiten) @ (coordinates(self.chosen.of(leaves), low, high) - centre)
 
     def moved(self, to: dict[int, int]) -> "CorrelatedRows":
-        """The same of a scene whose leaves are elsewhere."""
+        """The rows for a scene with the same leaves at other indices."""
         return CorrelatedRows(self.chosen.moved(to))
 
 
 def coordinates(v: Array, low: Array, high: Array) -> jax.Array:
     """t of numbers, not finite outside their limits."""
     floor, roof = jnp.isfinite(low), jnp.isfinite(high)
-    # What is not taken must not have a derivative that is infinite.
+    # The branch that is not selected must have a finite derivative.
     above = jnp.log(jnp.where(floor, v - jnp.where(floor, low, 0.0), 1.0))
     below = jnp.log(jnp.where(roof, jnp.where(roof, high, 0.0) - v, 1.0))
     return jnp.where(floor, above - below, jnp.asarray(v))

@@ -1,4 +1,4 @@
-"""Priors of a fit: the kinds of them, and the rows that they put beside the residuals.
+"""Priors of a fit: the kinds of them, and the rows that they add to the residuals.
 
 `Gaussian` is for a free parameter, `Smooth` for a curve such as a relaxation spectrum, `Sum` for a sum such
 as the glassy modulus, and `Correlated` (`fitting.parameters.correlated`) for the result of another fit.
@@ -81,7 +81,7 @@ class GaussianRows(NamedTuple):
         return (x[np.array(self.elements)] - mean) / sigma
 
     def moved(self, to: dict[int, int]) -> "GaussianRows":
-        """The same: it knows no leaves."""
+        """Return the rows unchanged, because they do not depend on leaves."""
         del to
         return self
 
@@ -89,7 +89,7 @@ class GaussianRows(NamedTuple):
 def _x_of_mean(where, group, mean, low, width):
     """x at the mean of every element of a group."""
     if group.kind == "Positive" and not (mean > 0).all():
-        raise ValueError(f"{where}: mean = {mean.min():g}: must be > 0, for the parameter is Positive")
+        raise ValueError(f"{where}: mean = {mean.min():g}: must be > 0, because the parameter is Positive")
     inside = (low < mean) & (mean < low + width)
     if group.kind == "Bounded" and not inside.all():
         bad = mean[np.argmin(inside)]
@@ -103,14 +103,14 @@ _STEP = 10.0
 
 @dataclasses.dataclass(frozen=True)
 class Smooth:
-    r"""A vector y of the scene is smooth over what it stands over: its slope changes little.
+    r"""Smoothness prior: the slope of a vector y of the scene changes little along its abscissa x.
 
     .. math:: r_i = \frac{1}{sigma} \left( \frac{\ln y_{i+1} - \ln y_i}{u_{i+1} - u_i}
               - \frac{\ln y_i - \ln y_{i-1}}{u_i - u_{i-1}} \right),\qquad u = \log_{10} x
 
     E of a Prony series over tau, E' and E'' of a table over omega, C over q, the factors of a softening
     over the strain; a_T and b_T over the temperature, u = T / 10 K. Its key is the path of a whole vector,
-    or of several separated by commas, each of which is smooth for itself.
+    or of several vectors separated by commas, each with its own prior.
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ class SmoothRows(NamedTuple):
         return jnp.diff(jnp.diff(jnp.log(jnp.asarray(leaves[self.leaf])[order])) / jnp.diff(u)) / sigma
 
     def moved(self, to: dict[int, int]) -> "SmoothRows":
-        """The same of a scene whose leaves are elsewhere."""
+        """The rows for a scene with the same leaves at other indices."""
         return self._replace(leaf=to[self.leaf], over=to[self.over])
 
 
@@ -182,13 +182,13 @@ class Sum:
 
     .. math:: r = \frac{\max(\ln s - \ln high,\, 0) - \max(\ln low - \ln s,\, 0)}{sigma}
 
-    It says nothing within the limits, and is half a Gaussian in ln s beyond each. Its key are the paths of
-    what is added, separated by "+"; of a vector all elements are: {"upper.material.E_inf +
+    It is zero within the limits, and half a Gaussian in ln s beyond each. Its key contains the paths of the
+    summands, separated by "+". All elements of a vector are added: {"upper.material.E_inf +
     upper.material.E": Sum(high=2e9)} keeps the glassy modulus of a Prony series below 2 GPa.
 
     Parameters
     ----------
-    low, high : limits in the unit of the numbers, > 0, low < high; None: there is none on this side
+    low, high : limits in the unit of the numbers, > 0, low < high; None: no limit on this side
     sigma : relative error of the limits [-]
     """
 
@@ -237,7 +237,7 @@ class SumRows(NamedTuple):
         return (beyond / sigma)[None]
 
     def moved(self, to: dict[int, int]) -> "SumRows":
-        """The same of a scene whose leaves are elsewhere."""
+        """The rows for a scene with the same leaves at other indices."""
         return SumRows(self.chosen.moved(to))
 
 
@@ -251,7 +251,7 @@ class PriorStructure(NamedTuple):
     terms: tuple[Rows, ...]
 
     def moved(self, to: dict[int, int]) -> "PriorStructure":
-        """The same of a scene whose leaves are elsewhere."""
+        """The rows for a scene with the same leaves at other indices."""
         return PriorStructure(tuple(term.moved(to) for term in self.terms))
 
 
@@ -284,5 +284,5 @@ def prior_residuals(
 
 
 def prior_size(structure: PriorStructure) -> int:
-    """Number of rows that say something wherever the fit is, which those of sums do not."""
+    """Number of rows that are informative everywhere, which excludes sums."""
     return sum(term.size for term in structure.terms if not isinstance(term, SumRows))

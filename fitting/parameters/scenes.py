@@ -32,7 +32,7 @@ Scenes = rf.Scene | dict[str, rf.Scene]
 S = TypeVar("S")
 
 ALL = "*."
-# What a step of a key path may be.
+# Pattern of a step of a key path.
 _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 
 
@@ -56,7 +56,7 @@ def as_scenes(scene: rf.Scene | Mapping[str, rf.Scene]) -> Scenes:
 
 
 def by_name(scenes: S | dict[str, S]) -> dict[str, S]:
-    """Scenes, or what belongs to each, by their names; that of a single one is ""."""
+    """Scenes, or their belongings, by name; a single scene has the name ""."""
     return scenes if isinstance(scenes, dict) else {"": scenes}
 
 
@@ -66,7 +66,7 @@ def each_scene(scenes: Scenes, names: Sequence[str]) -> list[rf.Scene]:
 
 
 def chosen_scene(scenes: Scenes, name: str | None) -> rf.Scene:
-    """The one scene of a fit, or that of a name; ValueError unless it says which."""
+    """The only scene of a fit, or the one of a name; ValueError if the name is wrong or missing."""
     if name is None and isinstance(scenes, rf.Scene):
         return scenes
     if isinstance(scenes, rf.Scene):
@@ -84,7 +84,7 @@ def paths_of(scenes: Scenes, path: Any) -> list[str]:
 
 
 def next_step(owner: Any, step: str) -> Any:
-    """What a step of a key path leads to, None if nothing."""
+    """The object that a step of a key path leads to, None if there is none."""
     return owner.get(step) if isinstance(owner, dict) else getattr(owner, step, None)
 
 
@@ -97,7 +97,7 @@ def scene_paths(scene: Scenes) -> list[str]:
 def find(scene: Scenes, path: str) -> tuple[int, tuple[int, ...] | None]:
     """Which leaf of the scene a key path names, and which elements of it (None for a scalar).
 
-    Of a number that several scenes share it is that of the first.
+    For shared parameters, the leaf of the first scene.
 
     Raises
     ------
@@ -114,7 +114,7 @@ def find(scene: Scenes, path: str) -> tuple[int, tuple[int, ...] | None]:
 
 
 def owner_of(scene: Scenes, path: str) -> tuple[Any, str]:
-    """The object whose number a key path names, None if there is no such thing, and the number's name."""
+    """The object whose number a key path names, or None, and the name of the number."""
     *steps, name = parse_key_path(paths_of(scene, path)[0]).names
     owner: Any = scene
     for step in steps:
@@ -123,7 +123,7 @@ def owner_of(scene: Scenes, path: str) -> tuple[Any, str]:
 
 
 def path_over(scene: Scenes, path: str) -> str | None:
-    """Key path of what says where the elements of a vector are; None if nothing does.
+    """Key path of the abscissa of a vector; None if it has none.
 
     Of E of a Prony series tau, of the columns of a table their first.
     """

@@ -1,4 +1,4 @@
-"""Numbers of a scene that a prior speaks of, and what every kind of prior must answer."""
+"""Numbers of a scene that a prior constrains, and the interface of all kinds of priors."""
 
 from typing import Any, NamedTuple, Protocol, Self
 
@@ -11,9 +11,9 @@ from fitting.parameters.variables import Array, Constants, Group, Variables
 
 
 class Rows(Protocol):
-    """Structure of one prior, hashable: the rows that it puts beside the residuals.
+    """Structure of one prior, hashable: the rows that it adds to the residuals.
 
-    Its numbers are a pytree of their own, so that other numbers compile nothing.
+    Its numbers are a separate pytree, so that other numbers need no compilation.
     """
 
     @property
@@ -26,7 +26,7 @@ class Rows(Protocol):
         ...
 
     def moved(self, to: dict[int, int]) -> Self:
-        """The same of a scene whose leaves are elsewhere."""
+        """The same for a scene with the leaves at other indices."""
         ...
 
 
@@ -57,7 +57,7 @@ class Selection(NamedTuple):
         return jnp.concatenate(parts)
 
     def moved(self, to: dict[int, int]) -> "Selection":
-        """The same of a scene whose leaves are elsewhere."""
+        """The same for a scene with the leaves at other indices."""
         return self._replace(leaves=tuple(to[leaf] for leaf in self.leaves))
 
     def changing(self, variables: Variables) -> np.ndarray:
@@ -68,7 +68,7 @@ class Selection(NamedTuple):
 
 
 class PriorContext(NamedTuple):
-    """What a prior is read from, beside its own numbers."""
+    """Key and scene of a prior, from which it is read."""
 
     where: str  # for errors: "prior['gamma']"
     key: str  # the key paths that it is given for
@@ -86,7 +86,7 @@ class PriorContext(NamedTuple):
         return next((group for group in self.variables.groups if group.path == self.key), None)
 
     def selection(self, separator: str, separated: str) -> Selection:
-        """What the key names, its paths separated; ValueError unless a fit changes some of it."""
+        """Elements that the key names; ValueError unless a fit changes some of them."""
         paths = tuple(path.strip() for path in self.key.split(separator))
         found = [find(self.scene, path) for path in paths]
         chosen = Selection(paths, tuple(leaf for leaf, _ in found), tuple(one for _, one in found))

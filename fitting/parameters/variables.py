@@ -63,7 +63,7 @@ class Variables(NamedTuple):
 
     @property
     def own(self) -> list[Group]:
-        """Groups with elements of their own in x: all but those that follow others."""
+        """Groups with elements in x: all except those that follow others."""
         return [group for group in self.groups if group.kind not in FOLLOWING]
 
 
@@ -176,7 +176,7 @@ def slopes_of(kind: str, width: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def _follow(rules, groups, leaves, tree):
-    """Groups with the slots of the tied ones filled in, and the ratios, or slopes, of those that follow."""
+    """Fill in the slots of Tied groups; return the groups with the ratios, or slopes, of dependent ones."""
     by_path = {group.path: group for group in groups}
     done, ratios = [], []
     for group in groups:
@@ -216,7 +216,7 @@ def to_values(variables: Variables, constants: Constants, x: Array) -> Array:
 
 
 def _by_slot(variables, constants, x) -> dict[tuple[int, int], Array]:
-    """The same in pieces: what is made of one depends on nothing else in x, which derivatives use."""
+    """Values by slot: each piece depends on its slot of x only, which derivatives use."""
     xp = np if isinstance(x, np.ndarray) else jnp
     low, width, parts = xp.asarray(constants.low), xp.asarray(constants.width), {}
     for group in variables.own:

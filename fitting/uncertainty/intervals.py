@@ -20,7 +20,7 @@ from fitting.parameters.scenes import chosen_scene
 from fitting.parameters.variables import to_x
 from fitting.solvers.evaluation import at_conditions, model_rows
 from fitting.solvers.iterate import succeeded
-from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
+from fitting.solvers.levenberg_marquardt import NEAR_MINIMUM, LevenbergMarquardt
 from fitting.solvers.options import check_options
 from fitting.solvers.problem import CURVE_QUANTITIES, Problem, Targets
 from fitting.solvers.residuals import forward
@@ -193,7 +193,9 @@ class SolvedProblem:
             parts.
         """
         starts, targets = self.profile_fits(name, level, points, values)
-        runs = run(LevenbergMarquardt(), self.problem, starts, targets, callback=callback)
+        # Values that a user gives may lie far from the fit.
+        solver = NEAR_MINIMUM if values is None else LevenbergMarquardt()
+        runs = run(solver, self.problem, starts, targets, callback=callback)
         found = self.profile_of(name, level, runs, values is None, callback)
         if found.warning:
             warnings.warn(f"profile of {name!r}: {found.warning}", RuntimeWarning, stacklevel=2)
@@ -251,7 +253,7 @@ class SolvedProblem:
         callback : as for `fitting.fit`
         """
         starts, targets = self.bootstrap_fits(count, key)
-        runs = run(LevenbergMarquardt(), self.problem, starts, targets, callback=callback)
+        runs = run(NEAR_MINIMUM, self.problem, starts, targets, callback=callback)
         return self.bootstrap_of(runs.x, runs.status)
 
     def bootstrap_fits(self, count: int, key: jax.Array | None) -> tuple[np.ndarray, Targets]:

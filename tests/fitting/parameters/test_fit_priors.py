@@ -139,7 +139,7 @@ def test_smooth_and_gaussian_priors_side_by_side():
         ({"upper.material.tau": Gaussian(1, 1)}, f"must be a free parameter: {E}, gamma"),
         ({E + "[1]": Gaussian(1e7, 1e6)}, f"must be a free parameter: {E}, gamma"),
         ({"upper.material.E_inf": Gaussian(1e7, 1e6)}, f"must be a free parameter: {E}, gamma"),
-        ({E: Gaussian(-1e7, 1e6)}, "mean = -1e+07: must be > 0, for the parameter is Positive"),
+        ({E: Gaussian(-1e7, 1e6)}, "mean = -1e+07: must be > 0, because the parameter is Positive"),
         ({E: Gaussian([1e7, 2e7], 1e6)}, "mean has 2 numbers: must have 4, or one"),
         ({"gamma": Gaussian(1.0, 0.1)}, "mean = 1: must be inside the parameter's bounds"),
         ({"gamma": Gaussian(7.0, 0.1)}, "mean = 7: must be inside the parameter's bounds"),
