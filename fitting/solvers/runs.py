@@ -21,7 +21,7 @@ import numpy as np
 from fitting.parameters.variables import Array
 from fitting.solvers import brown_dennis
 from fitting.solvers.evaluation import evaluate, takes_long
-from fitting.solvers.iterate import CONVERGED, INTERRUPTED, OUT_OF_STEPS, RUNNING, Iterate, begin
+from fitting.solvers.iterate import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, RUNNING, Iterate
 from fitting.solvers.levenberg_marquardt import (
     PROBE,
     LevenbergMarquardt,
@@ -158,164 +158,112 @@ def run(
 _MOST_HESSIAN_ELEMENTS = 1_000_000
 
 
-@functools.partial(jax.jit, static_argnums=(0, 1))
-def _init(solver, structure, numbers, targets, x):
-    return jax.vmap(lambda targets, x: solver.init(solver_objective(structure, numbers, targets), x))(
-        targets, x
-    )
-
-
-@functools.partial(jax.jit, static_argnums=(0, 1))
-def _step(solver, structure, numbers, targets, iterate):
-    return jax.vmap(
-        lambda targets, iterate: solver.step(solver_objective(structure, numbers, targets), iterate)
-    )(targets, iterate)
-
-
-@quick_jit(static_argnums=(0, 1))
-def _begun(solver, structure, numbers, targets, x, rows):
-    def one(targets, x, rows):
-        cost = loss_of(structure, numbers).cost(in_errors(structure, numbers, targets, rows))
-        return begin(cost, x, jnp.asarray(solver.damping, x.dtype))
-
-    return jax.vmap(one)(targets, x, rows)
-
-
-@quick_jit(static_argnums=(0,))
-def _plan_step(structure, numbers, targets, iterate, rows, slopes):
-    def one(targets, iterate, rows, slopes):
-        plain = in_errors(structure, numbers, targets, rows)
-        jacobian = slopes_in_errors(structure, numbers, targets, slopes)
-        plan = plan_step(plain, jacobian, iterate, loss_of(structure, numbers))
-        return plan, iterate.x + PROBE * plan.velocities
-
-    return jax.vmap(one)(targets, iterate, rows, slopes)
-
-
-@quick_jit(static_argnums=(0,))
-def _accelerated_move(structure, numbers, targets, iterate, plan, i, ahead):
-    def one(targets, iterate, plan, ahead):
-        move = accelerated_move(plan, i, in_errors(structure, numbers, targets, ahead))
-        return move, iterate.x + move
-
-    return jax.vmap(one)(targets, iterate, plan, ahead)
-
-
-@quick_jit(static_argnums=(0, 1))
-def _accept_better(solver, structure, numbers, targets, iterate, plan, moves, tried):
-    def one(targets, iterate, plan, moves, tried):
-        rows = jax.vmap(lambda rows: in_errors(structure, numbers, targets, rows))(tried)
-        limits = {"tolerance": solver.tolerance, "rounding": rounding(structure, targets)}
-        loss = loss_of(structure, numbers)
-        return accept_better(plan, moves, rows, iterate, loss, **limits), is_sufficient(
-            plan, rows[0], iterate, loss
-        )
-
-    return jax.vmap(one)(targets, iterate, plan, moves, tried)
-
-
 def start(solver: Solver, structure: Structure, numbers: Numbers, targets: Targets, x: Array) -> Iterate:
-    """Iterates of several fits at their start vectors; arguments but the first three with a leading axis."""
+    """Iterates of several fits at their starts; targets and x have a leading axis of fits."""
     if not isinstance(solver, LevenbergMarquardt):
-        return _init(solver, structure, numbers, targets, x)
-    if _use_brown_dennis(structure, numbers, targets, x):
-        found = _weighed(
-            structure, numbers, targets, *_evaluated(structure, numbers, targets, x, slopes=True)
-        )
-        each = zip(np.asarray(x), *map(np.asarray, found[:2]), strict=True)
+        return _by_solver("init", solver, structure, numbers, targets, x)
+    problem, x = (structure, numbers, targets), np.asarray(x)
+    if _use_brown_dennis(*problem, x):
+        plain, jacobian, _ = _in_errors(*problem, *_evaluated(*problem, x, slopes=True))
+        each = zip(x, np.asarray(plain), np.asarray(jacobian), strict=True)
         return _side_by_side([brown_dennis.begin_quadratic(*one) for one in each])
-    rows, _ = _evaluated(structure, numbers, targets, x)
-    return _begun(solver, structure, numbers, targets, x, rows)
+    costs = np.asarray(_costs(*problem, _evaluated(*problem, x)[0]))
+    status, one = np.where(np.isfinite(costs), RUNNING, NOT_FINITE), np.ones(len(x), int)
+    return Iterate(x, costs, status, one, 0 * one, np.full(len(x), solver.damping, x.dtype))
 
 
 def advance(
-    solver: Solver,
-    structure: Structure,
-    numbers: Numbers,
-    targets: Targets,
-    iterate: Iterate,
-    *,
-    at_bounds: bool = True,
+    solver: Solver, structure: Structure, numbers: Numbers, targets: Targets, iterate: Iterate
 ) -> Iterate:
-    """Iterates after one step each; at_bounds: whether to try a step from the bounds of an order as well."""
+    """Iterates of several fits after one step each."""
     if not isinstance(solver, LevenbergMarquardt):
-        return _step(solver, structure, numbers, targets, iterate)
-    running = np.flatnonzero(np.asarray(iterate.status) == RUNNING)
-    if running.size == 0:
+        return _by_solver("step", solver, structure, numbers, targets, iterate)
+    problem = structure, numbers, targets
+    if not np.any(np.asarray(iterate.status) == RUNNING):
         return iterate
-    if _use_brown_dennis(structure, numbers, targets, iterate.x):
-        return _brown_dennis_step(solver, structure, numbers, targets, iterate, running)
+    if _use_brown_dennis(*problem, iterate.x):
+        return _brown_dennis_step(solver, *problem, iterate)
+    after = _levenberg_marquardt_step(solver, *problem, iterate)
+    return _at_bounds(solver, *problem, iterate, after) if structure.variables.order else after
 
-    def rows_at(x, which, slopes=False):
-        """Rows at x, shape (fits, size), of the fits `which`, zero for the others."""
-        some = targets._replace(moving=np.asarray(targets.moving)[which])
-        found = _evaluated(structure, numbers, some, np.asarray(x)[which], slopes)
-        return [_filled(part, which, len(x)) for part in found]
+
+@functools.partial(jax.jit, static_argnums=(0, 1, 2))
+def _by_solver(name, solver, structure, numbers, targets, state):
+    """`init` or `step` of a first-order solver, for several fits."""
+
+    def one(targets, state):
+        return getattr(solver, name)(solver_objective(structure, numbers, targets), state)
+
+    return jax.vmap(one)(targets, state)
+
+
+def _over_fits(function):
+    """Compile a function for several fits: all arguments except structure and numbers get a leading axis."""
+
+    @quick_jit(static_argnums=(0,))
+    @functools.wraps(function)
+    def several(structure, numbers, *arguments):
+        return jax.vmap(functools.partial(function, structure, numbers))(*arguments)
+
+    return several
+
+
+@_over_fits
+def _costs(structure, numbers, targets, rows):
+    return loss_of(structure, numbers).cost(in_errors(structure, numbers, targets, rows))
+
+
+@_over_fits
+def _in_errors(structure, numbers, targets, rows, slopes):
+    plain = in_errors(structure, numbers, targets, rows)
+    return plain, slopes_in_errors(structure, numbers, targets, slopes), rounding(structure, targets)
+
+
+@_over_fits
+def _plan_step(structure, numbers, targets, iterate, rows, slopes):
+    plain = in_errors(structure, numbers, targets, rows)
+    jacobian = slopes_in_errors(structure, numbers, targets, slopes)
+    plan = plan_step(plain, jacobian, iterate, loss_of(structure, numbers))
+    return plan, iterate.x + PROBE * plan.velocities
+
+
+@_over_fits
+def _accelerated_move(structure, numbers, targets, iterate, plan, i, ahead):
+    move = accelerated_move(plan, i, in_errors(structure, numbers, targets, ahead))
+    return move, iterate.x + move
+
+
+@_over_fits
+def _accept_better(structure, numbers, targets, iterate, plan, moves, tried, tolerance):
+    rows = jax.vmap(lambda rows: in_errors(structure, numbers, targets, rows))(tried)
+    limits = {"tolerance": tolerance, "rounding": rounding(structure, targets)}
+    loss = loss_of(structure, numbers)
+    after = accept_better(plan, moves, rows, iterate, loss, **limits)
+    return after, is_sufficient(plan, rows[0], iterate, loss)
+
+
+def _levenberg_marquardt_step(solver, structure, numbers, targets, iterate):
+    """Iterates after one step of Levenberg-Marquardt, with two to four evaluations and one Jacobian each."""
+    problem, x = (structure, numbers, targets), np.asarray(iterate.x)
+    running = np.flatnonzero(np.asarray(iterate.status) == RUNNING)
+    plan, ahead = _plan_step(*problem, iterate, *_evaluated(*problem, x, running, slopes=True))
+    ahead = np.asarray(ahead)  # NumPy, because slicing a JAX array compiles
 
     def trial(i, which):
-        """The move of damping i, and the rows after it."""
-        known = structure, numbers, targets, iterate, plan, i
-        move, there = _accelerated_move(*known, rows_at(ahead[:, i], which)[0])
-        return np.asarray(move), rows_at(there, which)[0]
+        """The moves of damping i, and the rows after them, of the fits `which`."""
+        rows, _ = _evaluated(*problem, ahead[:, i], which)
+        move, there = _accelerated_move(*problem, iterate, plan, np.full(len(x), i), rows)
+        return np.asarray(move), _evaluated(*problem, there, which)[0]
 
-    plan, ahead = _plan_step(structure, numbers, targets, iterate, *rows_at(iterate.x, running, slopes=True))
-    ahead = np.asarray(ahead)  # NumPy, because slicing a JAX array compiles
+    def better(first, second):
+        moves, rows = (np.stack(pair, 1) for pair in zip(first, second, strict=True))
+        tolerance = np.full(len(x), solver.tolerance, x.dtype)
+        return _accept_better(*problem, iterate, plan, moves, rows, tolerance)
+
     first = trial(0, running)
-
-    def after(second):
-        both = (np.stack(pair, 1) for pair in zip(first, second, strict=True))
-        return _accept_better(solver, structure, numbers, targets, iterate, plan, *both)
-
-    found, enough = after(first)
+    after, enough = better(first, first)
     again = running[~np.asarray(enough)[running]]
-    found = found if again.size == 0 else after(trial(1, again))[0]
-    if not (at_bounds and structure.variables.order):
-        return found
-    return _at_bounds(solver, structure, numbers, targets, iterate, found)
-
-
-def _evaluated(structure, numbers, targets, z, slopes=False):
-    """Rows of the model, and their derivatives by z, of fits at rows of z."""
-    variables, constants, z = structure.variables, numbers.constants, np.asarray(z)
-    if not variables.order:
-        return evaluate(structure, numbers, z, slopes)
-    pairs = list(zip(z, np.asarray(targets.moving), strict=True))
-    x = np.stack([x_of(variables, constants, *pair) for pair in pairs])
-    rows, by_x = evaluate(structure, numbers, x, slopes)
-    if slopes:
-        by_x = by_x @ np.stack([slopes_of_x(variables, constants, *pair) for pair in pairs])
-    return rows, by_x
-
-
-def _at_bounds(solver, structure, numbers, targets, before, after):
-    """Iterates after a step, or after a further step from bounds of the order nearby if that is lower."""
-    x, fits = np.array(after.x), np.flatnonzero(np.asarray(after.status) == RUNNING)
-    for i in fits:
-        known = structure.variables, numbers.constants, np.asarray(before.x)[i], x[i]
-        x[i] = put_on_bounds(*known, np.asarray(targets.moving)[i])
-    tried = (x != np.asarray(after.x)).any(1)
-    if not tried.any():
-        return after
-    rows, _ = _evaluated(structure, numbers, targets, x)
-    costs = _costs(structure, numbers, targets, rows)
-    status = np.where(tried & np.isfinite(costs), after.status, CONVERGED)
-    there = after._replace(x=x, cost=costs, status=status, nfev=after.nfev + 1, njev=after.njev + 1)
-    there = advance(solver, structure, numbers, targets, there, at_bounds=False)
-    lower = tried & (np.asarray(there.cost) < np.asarray(after.cost))
-    return jax.tree.map(lambda new, old: np.where(_column(lower, old), new, old), there, after)
-
-
-def _column(mask, like):
-    """A mask over fits with as many axes as an array."""
-    return mask.reshape(-1, *[1] * (np.ndim(like) - 1))
-
-
-@quick_jit(static_argnums=(0,))
-def _costs(structure, numbers, targets, rows):
-    def one(targets, rows):
-        return loss_of(structure, numbers).cost(in_errors(structure, numbers, targets, rows))
-
-    return jax.vmap(one)(targets, rows)
+    return after if again.size == 0 else better(first, trial(1, again))[0]
 
 
 def _use_brown_dennis(structure, numbers, targets, x):
@@ -325,40 +273,56 @@ def _use_brown_dennis(structure, numbers, targets, x):
     return few and structure.loss == "linear" and takes_long(structure, numbers)
 
 
-@quick_jit(static_argnums=(0,))
-def _weighed(structure, numbers, targets, rows, slopes):
-    def one(targets, rows, slopes):
-        plain = in_errors(structure, numbers, targets, rows)
-        return plain, slopes_in_errors(structure, numbers, targets, slopes), rounding(structure, targets)
-
-    return jax.vmap(one)(targets, rows, slopes)
-
-
-def _brown_dennis_step(solver, structure, numbers, targets, iterate, running):
+def _brown_dennis_step(solver, structure, numbers, targets, iterate):
     """Iterates after one step of Brown and Dennis, with one evaluation each."""
+    problem, running = (structure, numbers, targets), np.flatnonzero(iterate.status == RUNNING)
     each = [jax.tree.map(lambda a, i=i: np.asarray(a)[i], iterate) for i in range(len(iterate.status))]
     moves = {i: brown_dennis.propose_move(each[i]) for i in running}
     x = np.stack([one.x for one in each])
     for i, move in moves.items():
         x[i] += move.astype(x.dtype)
-    some = targets._replace(moving=np.asarray(targets.moving)[running])
-    found = _evaluated(structure, numbers, some, x[running], slopes=True)
-    rows, slopes = (_filled(part, running, len(x)) for part in found)
-    rows, slopes, least = map(np.asarray, _weighed(structure, numbers, targets, rows, slopes))
+    found = _in_errors(*problem, *_evaluated(*problem, x, running, slopes=True))
+    rows, slopes, least = map(np.asarray, found)
     for i, move in moves.items():
-        each[i] = brown_dennis.after_move(
-            each[i], move, rows[i], slopes[i], tolerance=solver.tolerance, rounding=float(least[i])
-        )
+        limits = {"tolerance": solver.tolerance, "rounding": float(least[i])}
+        each[i] = brown_dennis.after_move(each[i], move, rows[i], slopes[i], **limits)
     return _side_by_side(each)
-
-
-def _filled(part, which, count):
-    """Arrays with rows for all fits, zero except for the fits `which`."""
-    whole = np.zeros((count, *part.shape[1:]), part.dtype)
-    whole[which] = part
-    return whole
 
 
 def _side_by_side(iterates: list[Iterate]) -> Any:
     """One iterate with an axis of fits."""
     return jax.tree.map(lambda *a: np.stack(a), *iterates)
+
+
+def _at_bounds(solver, structure, numbers, targets, before, after):
+    """Iterates after a step, or after a further step from bounds of the order nearby if that is lower."""
+    problem, x = (structure, numbers, targets), np.array(after.x)
+    for i in np.flatnonzero(np.asarray(after.status) == RUNNING):
+        known = structure.variables, numbers.constants, np.asarray(before.x)[i], x[i]
+        x[i] = put_on_bounds(*known, np.asarray(targets.moving)[i])
+    tried = (x != np.asarray(after.x)).any(1)
+    if not tried.any():
+        return after
+    costs = _costs(*problem, _evaluated(*problem, x)[0])
+    status = np.where(tried & np.isfinite(costs), after.status, CONVERGED)
+    if not np.any(status == RUNNING):
+        return after
+    there = after._replace(x=x, cost=costs, status=status, nfev=after.nfev + 1, njev=after.njev + 1)
+    there = _levenberg_marquardt_step(solver, *problem, there)
+    return _choose(there, tried & (np.asarray(there.cost) < np.asarray(after.cost)), after)
+
+
+def _evaluated(structure, numbers, targets, z, which=None, slopes=False):
+    """Rows of the model, and their derivatives by z, at rows of z; zero except for the fits `which`."""
+    variables, constants, z = structure.variables, numbers.constants, np.asarray(z)
+    which = np.arange(len(z)) if which is None else which
+    pairs = list(zip(z[which], np.asarray(targets.moving)[which], strict=True))
+    x = np.stack([x_of(variables, constants, *pair) for pair in pairs]) if variables.order else z[which]
+    rows, by_x = evaluate(structure, numbers, x, slopes)
+    if slopes and variables.order:
+        by_x = by_x @ np.stack([slopes_of_x(variables, constants, *pair) for pair in pairs])
+    found = []
+    for part in (rows, by_x):
+        found.append(np.zeros((len(z), *part.shape[1:]), part.dtype))
+        found[-1][which] = part
+    return found
