@@ -18,7 +18,7 @@ from fitting.solvers.evaluation import residual_rows
 from fitting.solvers.iterate import NEGLIGIBLE, succeeded
 from fitting.solvers.options import check_options, make_solver
 from fitting.solvers.problem import ASSUMED, finer, make_problem
-from fitting.solvers.runs import BATCH, Callback, run
+from fitting.solvers.runs import BATCH, Callback, run_fits
 from fitting.solvers.search import confirm_minimum, random_starts, search
 from fitting.uncertainty.covariance import linearised, uncertainty
 from fitting.uncertainty.discrepancy import (
@@ -208,7 +208,7 @@ def fit(
 def _from(solver, problem, x, max_steps, callback, starts):
     """The end of a fit that begins at x, and its evaluations."""
     # As many places as before: another number would be another program.
-    end = run(solver, problem, x[None], None, max_steps, callback, min(BATCH, starts)).row(0)
+    end = run_fits(solver, problem, x[None], None, max_steps, callback, min(BATCH, starts)).row(0)
     return end, np.array([end.nfev, end.njev])
 
 

@@ -50,7 +50,7 @@ def _run(given: Sequence[str], interrupts: Interrupts, process: bool) -> int:
         check_outputs(arguments, ".csv")
     else:
         arguments = _parser().parse_args(given)
-        check_arguments(arguments)
+        check_fit_arguments(arguments)
     with progress(arguments.verbose) as show:
         show("loading JAX")
         begin_jax(process=process, cache=not arguments.no_cache)
@@ -58,7 +58,7 @@ def _run(given: Sequence[str], interrupts: Interrupts, process: bool) -> int:
         return getattr(module, f"run_{kind}")(arguments, interrupts, show)
 
 
-def check_arguments(arguments: argparse.Namespace) -> None:
+def check_fit_arguments(arguments: argparse.Namespace) -> None:
     """Raise a ValueError if the arguments are wrong, before any work begins."""
     from pathlib import Path
 

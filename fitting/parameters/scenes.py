@@ -29,7 +29,7 @@ from rubberfric.base import (
 )
 
 Scenes = rf.Scene | dict[str, rf.Scene]
-S = TypeVar("S")
+_S = TypeVar("_S")
 
 ALL = "*."
 # Pattern of a step of a key path.
@@ -55,7 +55,7 @@ def as_scenes(scene: rf.Scene | Mapping[str, rf.Scene]) -> Scenes:
     return dict(scene)
 
 
-def by_name(scenes: S | dict[str, S]) -> dict[str, S]:
+def by_name(scenes: _S | dict[str, _S]) -> dict[str, _S]:
     """Scenes, or their belongings, by name; a single scene has the name ""."""
     return scenes if isinstance(scenes, dict) else {"": scenes}
 
@@ -175,14 +175,14 @@ class End(NamedTuple):
     element: int | None  # None: a scalar leaf
 
 
-class Pair(NamedTuple):
+class OrderedPair(NamedTuple):
     """Two numbers of a scene: low <= high."""
 
     low: End
     high: End
 
 
-def pairs_of(scene: Scenes) -> tuple[Pair, ...]:
+def ordered_pairs(scene: Scenes) -> tuple[OrderedPair, ...]:
     """Pairs of neighbours low <= high in the chains of a scene, or of several."""
     names, pairs = {name: i for i, name in enumerate(scene_paths(scene))}, []
     for prefix, one in by_name(scene).items():
@@ -193,11 +193,11 @@ def pairs_of(scene: Scenes) -> tuple[Pair, ...]:
                     for field, elements in chain
                     for element in elements or (None,)
                 ]
-                pairs += [Pair(*two) for two in itertools.pairwise(ends)]
+                pairs += [OrderedPair(*two) for two in itertools.pairwise(ends)]
     return tuple(pairs)
 
 
-def in_order(pairs: tuple[Pair, ...], leaves: Any) -> Any:
+def in_order(pairs: tuple[OrderedPair, ...], leaves: Any) -> Any:
     """Return a scalar, True if low <= high in all pairs of the leaves of a scene."""
     found = True
     for low, high in dict.fromkeys((pair.low.leaf, pair.high.leaf) for pair in pairs):
@@ -210,7 +210,7 @@ def in_order(pairs: tuple[Pair, ...], leaves: Any) -> Any:
     return found
 
 
-def check_start(scene: Scenes, pairs: tuple[Pair, ...], leaves: list[np.ndarray]) -> None:
+def check_start(scene: Scenes, pairs: tuple[OrderedPair, ...], leaves: list[np.ndarray]) -> None:
     """ValueError where the start values of a fit are out of order."""
     names = scene_paths(scene)
     for low, high in pairs:

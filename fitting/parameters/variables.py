@@ -34,7 +34,15 @@ from fitting.parameters.constraints import (
     start_values,
     value_range,
 )
-from fitting.parameters.scenes import Pair, Scenes, check_start, find, leaf_names, pairs_of, paths_of
+from fitting.parameters.scenes import (
+    OrderedPair,
+    Scenes,
+    check_start,
+    find,
+    leaf_names,
+    ordered_pairs,
+    paths_of,
+)
 from rubberfric.base import as_array
 
 # A Positive element that fell by more than this factor was driven towards zero.
@@ -59,7 +67,7 @@ class Variables(NamedTuple):
     tree: Hashable  # structure of the scene, as jax.tree flattens it
     groups: tuple[Group, ...]
     size: int  # number of free elements
-    order: tuple[Pair, ...] = ()  # that the scene demands of these and their neighbours
+    order: tuple[OrderedPair, ...] = ()  # that the scene demands of these and their neighbours
 
     @property
     def own(self) -> list[Group]:
@@ -132,7 +140,7 @@ def free_parameters(scene: Scenes, free: Mapping[str, Rule]) -> tuple[Variables,
     groups, ratios = _follow(rules, groups, leaves, tree)
     constants = Constants(tuple(leaves), np.concatenate(low), np.concatenate(width), tuple(ratios))
     changing = {(group.leaf, one) for group in groups for one in group.elements or (None,)}
-    order = tuple(pair for pair in pairs_of(scene) if not changing.isdisjoint(pair))
+    order = tuple(pair for pair in ordered_pairs(scene) if not changing.isdisjoint(pair))
     variables, x = Variables(tree, tuple(groups), size, order), np.concatenate(x)
     check_start(scene, order, jax.tree.leaves(to_scene(variables, constants, x)))
     return variables, constants, x

@@ -26,7 +26,7 @@ from fitting.solvers.iterate import (
     STALLED,
     Iterate,
 )
-from fitting.solvers.levenberg_marquardt import LONGEST
+from fitting.solvers.levenberg_marquardt import LONGEST_STEP
 
 # Trust radius in x at the start, where a Positive parameter changes by a factor e, and where a fit stalls.
 _FIRST, _LAST = 1.0, 1e-9
@@ -65,7 +65,7 @@ def begin_quadratic(x: np.ndarray, rows: np.ndarray, jacobian: np.ndarray) -> It
     return Iterate(x, cost, np.asarray(RUNNING if finite else NOT_FINITE), one, one, model)
 
 
-def propose_move(iterate: Iterate, longest: float = LONGEST) -> np.ndarray:
+def propose_move(iterate: Iterate, longest: float = LONGEST_STEP) -> np.ndarray:
     """The next move, shape (size,): at most `longest` in any x."""
     model = iterate.own
     largest = np.linalg.norm(model.jacobian, 2) ** 2
@@ -105,7 +105,7 @@ def after_move(
     *,
     tolerance: float = 1e-9,
     rounding: float = 0.0,
-    longest: float = LONGEST,
+    longest: float = LONGEST_STEP,
 ) -> Iterate:
     """The iterate after a move.
 

@@ -27,7 +27,7 @@ PLACES = 8
 CALLS = 100
 
 
-def evaluate(
+def evaluate_rows(
     structure: Structure, numbers: Numbers, x: Array, slopes: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """`fitting.solvers.residuals.rows_of` at every row of x, and their derivatives.
@@ -150,7 +150,7 @@ def model_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
 
 
 def _rows_at(of, x):
-    return evaluate(of.structure, of.numbers, np.asarray(x)[None])[0][0]
+    return evaluate_rows(of.structure, of.numbers, np.asarray(x)[None])[0][0]
 
 
 def at_conditions(
@@ -193,7 +193,7 @@ def at_conditions(
         )
         others = (*of.numbers.conditions[:i], filled, *of.numbers.conditions[i + 1 :])
         numbers = of.numbers._replace(conditions=others)
-        parts = evaluate(of.structure, numbers, np.asarray(x)[None], slopes=True)
+        parts = evaluate_rows(of.structure, numbers, np.asarray(x)[None], slopes=True)
         values, slopes = (part[0, first:last] for part in parts)
         if block.logarithmic:
             values = np.exp(values)

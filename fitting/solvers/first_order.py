@@ -11,7 +11,7 @@ from typing import Any, ClassVar
 import jax
 import jax.numpy as jnp
 
-from fitting.solvers.iterate import Iterate, begin, ended, unless_done
+from fitting.solvers.iterate import Iterate, first_iterate, status_after, unless_done
 from fitting.solvers.losses import Objective
 
 
@@ -30,7 +30,7 @@ class FirstOrder(abc.ABC):
         """The iterate at a start vector x."""
         # Its own: the solver's x, the arrays of its transformation, and the steps since the cost
         # last fell by more than the tolerance.
-        return begin(objective.cost(x), x, (x, self.optimiser().init(x), jnp.asarray(0)))
+        return first_iterate(objective.cost(x), x, (x, self.optimiser().init(x), jnp.asarray(0)))
 
     def step(self, objective: Objective, iterate: Iterate) -> Iterate:
         """The iterate after one step."""
@@ -55,7 +55,7 @@ class FirstOrder(abc.ABC):
         new = Iterate(
             jnp.where(better, here, iterate.x),
             jnp.where(better, cost, iterate.cost),
-            ended(finite, perfect, quiet >= self.patience),
+            status_after(finite, perfect, quiet >= self.patience),
             iterate.nfev + evaluations + 1,
             iterate.njev + evaluations,
             (here, inner, quiet),

@@ -39,7 +39,7 @@ class Iterate(NamedTuple):
     own: Any  # arrays of the solver
 
 
-def begin(cost: jax.Array, x: jax.Array, own: Any) -> Iterate:
+def first_iterate(cost: jax.Array, x: jax.Array, own: Any) -> Iterate:
     """The iterate of a fit before its first step; `own` is the solver's."""
     status = jnp.where(jnp.isfinite(cost), RUNNING, NOT_FINITE)
     zero = jnp.asarray(0)
@@ -52,7 +52,7 @@ def unless_done(before: Iterate, after: Iterate) -> Iterate:
     return jax.tree.map(lambda new, old: jnp.where(running, new, old), after, before)
 
 
-def ended(
+def status_after(
     finite: Array,
     perfect: Array,
     converged: Array,

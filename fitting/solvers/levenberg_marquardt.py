@@ -17,14 +17,14 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from fitting.solvers.iterate import NEGLIGIBLE, Iterate, begin, ended, unless_done
+from fitting.solvers.iterate import NEGLIGIBLE, Iterate, first_iterate, status_after, unless_done
 from fitting.solvers.losses import SQUARES, Loss, Objective, Residuals, ResidualsAndJacobian
 
 TRIALS = (0.1, 3.0)  # times the damping of the last step
 SOFTEST, STIFFEST = 1e-30, 1e9  # damping over the largest singular value squared
 SUFFICIENT = 0.9  # part of the predicted decrease of the cost that makes a second trial unnecessary
 PROBE = 0.1  # part of a step at which its curvature is measured
-LONGEST = 3.0  # largest change of any x in a step: a factor of 20 for a Positive parameter
+LONGEST_STEP = 3.0  # largest change of any x in a step: a factor of 20 for a Positive parameter
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,7 +48,7 @@ class LevenbergMarquardt:
 
     def init(self, objective: Objective, x: jax.Array) -> Iterate:
         """The iterate at a start vector x."""
-        return begin(objective.cost(x), x, jnp.asarray(self.damping, x.dtype))
+        return first_iterate(objective.cost(x), x, jnp.asarray(self.damping, x.dtype))
 
     def step(self, objective: Objective, iterate: Iterate) -> Iterate:
         """The iterate after one step."""
@@ -69,7 +69,7 @@ def step(
     *,
     tolerance: float = 1e-9,
     rounding: ArrayLike = 0.0,
-    longest: float = LONGEST,
+    longest: float = LONGEST_STEP,
 ) -> Iterate:
     """One step of least squares, or of robust losses; a pure function, that jit and vmap go through.
 
@@ -77,7 +77,7 @@ def step(
     ----------
     residuals : function of x, shape (size,), to residuals, shape (rows,)
     residuals_and_jacobian : function of x to the same and their derivatives, shape (rows, size)
-    iterate : from `fitting.solvers.iterate.begin` with `own` = lambda / (largest singular
+    iterate : from `fitting.solvers.iterate.first_iterate` with `own` = lambda / (largest singular
         value)^2, or from the last step; unchanged if it is done
     loss : of the residuals
     tolerance : as of `LevenbergMarquardt`
@@ -129,7 +129,11 @@ class Plan(NamedTuple):
 
 
 def plan_step(
-    plain: jax.Array, jacobian: jax.Array, iterate: Iterate, loss: Loss = SQUARES, longest: float = LONGEST
+    plain: jax.Array,
+    jacobian: jax.Array,
+    iterate: Iterate,
+    loss: Loss = SQUARES,
+    longest: float = LONGEST_STEP,
 ) -> Plan:
     """The first part of a step, from the residuals and their Jacobian."""
     damping, dtype = iterate.own, jnp.asarray(iterate.x).dtype
@@ -181,7 +185,7 @@ def accept_better(
     *,
     tolerance: float = 1e-9,
     rounding: ArrayLike = 0.0,
-    longest: float = LONGEST,
+    longest: float = LONGEST_STEP,
 ) -> Iterate:
     """The iterate after the better of the moves, from the residuals that they lead to, shape (2, rows).
 
@@ -209,7 +213,7 @@ def accept_better(
     new = Iterate(
         jnp.where(accepted, x + moves[best], x),
         jnp.where(accepted, cost, iterate.cost),
-        ended(plan.finite, lowest <= rounding, done, stalled, near),
+        status_after(plan.finite, lowest <= rounding, done, stalled, near),
         iterate.nfev + jnp.where(enough, 2, 4),
         iterate.njev + 1,
         jnp.where(accepted, plan.dampings[best], jnp.minimum(damping * 1e4, STIFFEST)),

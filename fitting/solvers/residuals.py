@@ -17,7 +17,7 @@ import numpy as np
 
 import rubberfric as rf
 from fitting.parameters.priors import prior_residuals
-from fitting.parameters.scenes import Pair, by_name, in_order, scene_paths
+from fitting.parameters.scenes import OrderedPair, by_name, in_order, scene_paths
 from fitting.parameters.variables import Array, Constants, Variables, to_scene
 from fitting.solvers.losses import Loss, Objective
 from fitting.solvers.ordered import x_of
@@ -281,7 +281,9 @@ def _with_longer_tables(
     after = {path: i for i, path in enumerate(scene_paths(padded))}
     moved = {i: after[path] for i, path in enumerate(paths)}
     groups = tuple(group._replace(leaf=moved[group.leaf]) for group in variables.groups)
-    order = tuple(Pair(*(end._replace(leaf=moved[end.leaf]) for end in pair)) for pair in variables.order)
+    order = tuple(
+        OrderedPair(*(end._replace(leaf=moved[end.leaf]) for end in pair)) for pair in variables.order
+    )
     longer = variables._replace(tree=tree, groups=groups, order=order)
     return longer, constants._replace(leaves=tuple(leaves)), moved
 

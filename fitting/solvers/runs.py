@@ -20,7 +20,7 @@ import numpy as np
 
 from fitting.parameters.variables import Array
 from fitting.solvers import brown_dennis
-from fitting.solvers.evaluation import evaluate, takes_long
+from fitting.solvers.evaluation import evaluate_rows, takes_long
 from fitting.solvers.iterate import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, RUNNING, Iterate
 from fitting.solvers.levenberg_marquardt import (
     PROBE,
@@ -68,7 +68,7 @@ def _choose(new, mask, old):
     return jax.tree.map(lambda n, o: jnp.where(mask.reshape(-1, *[1] * (n.ndim - 1)), n, o), new, old)
 
 
-def run(
+def run_fits(
     solver: Solver,
     problem: Problem,
     starts: Array,
@@ -318,7 +318,7 @@ def _evaluated(structure, numbers, targets, z, which=None, slopes=False):
     which = np.arange(len(z)) if which is None else which
     pairs = list(zip(z[which], np.asarray(targets.moving)[which], strict=True))
     x = np.stack([x_of(variables, constants, *pair) for pair in pairs]) if variables.order else z[which]
-    rows, by_x = evaluate(structure, numbers, x, slopes)
+    rows, by_x = evaluate_rows(structure, numbers, x, slopes)
     if slopes and variables.order:
         by_x = by_x @ np.stack([slopes_of_x(variables, constants, *pair) for pair in pairs])
     found = []

@@ -24,13 +24,13 @@ import numpy as np
 import scipy
 
 from fitting.parameters.variables import VANISHED, Array, Variables
-from fitting.solvers.evaluation import errors_of_rows, errors_of_slopes, evaluate, takes_long
+from fitting.solvers.evaluation import errors_of_rows, errors_of_slopes, evaluate_rows, takes_long
 from fitting.solvers.iterate import INTERRUPTED, NEGLIGIBLE, PERFECT, STALLED, UNMOVED, succeeded
 from fitting.solvers.options import Solver
 from fitting.solvers.ordered import edges, end_x, start_z
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import data_rows, has_arrays, loss_of, padded
-from fitting.solvers.runs import BATCH, Callback, Runs, run
+from fitting.solvers.runs import BATCH, Callback, Runs, run_fits
 
 WIDE = 1e4  # times the width of a robust loss: least squares
 SMOOTHING = (30.0, 10.0, 3.0, 1.0, 0.3, 0.0)  # standard errors for a factor e between slopes
@@ -70,13 +70,13 @@ def search(
     max_steps: int | None = None,
     callback: Callback | None = None,
 ) -> Runs:
-    """Fits from every row of `starts`; `Runs` as of `fitting.solvers.runs.run`."""
+    """Fits from every row of `starts`; `Runs` as of `fitting.solvers.runs.run_fits`."""
     spent = np.zeros((2, len(starts)), int)
     x = starts = np.asarray(starts)
     for times in (1.0,) if problem.structure.loss == "linear" else (WIDE, 1.0):
         width = problem.numbers.width if times == 1.0 else times * problem.numbers.width
         stage = problem._replace(numbers=problem.numbers._replace(width=width))
-        runs = run(solver, stage, x, None, max_steps, callback)
+        runs = run_fits(solver, stage, x, None, max_steps, callback)
         spent += np.stack([runs.nfev, runs.njev])
         escaped = _escaped(problem, runs.x, starts).any(1)
         again = np.flatnonzero(escaped & (succeeded(runs.status) | (runs.status == STALLED)))
@@ -102,7 +102,7 @@ def _smoothed(solver, problem, starts, max_steps, callback, batch):
     x, spent = starts, np.zeros((2, len(starts)), int)
     for weight in SMOOTHING:
         numbers = problem.numbers._replace(smoothing=jnp.asarray(weight, problem.numbers.smoothing.dtype))
-        ends = run(solver, problem._replace(numbers=numbers), x, None, max_steps, callback, batch)
+        ends = run_fits(solver, problem._replace(numbers=numbers), x, None, max_steps, callback, batch)
         x, spent = ends.x, spent + np.stack([ends.nfev, ends.njev])
         if INTERRUPTED in ends.status:
             break
@@ -192,7 +192,7 @@ def _to_fit(problem, cost, costs, drawn, inner):
 def costs_at(problem: Problem, x: np.ndarray) -> np.ndarray:
     """Costs at rows of x, inf where the model is not finite."""
     of, loss = padded(problem), loss_of(problem.structure, problem.numbers)
-    rows, _ = evaluate(of.structure, of.numbers, x.astype(problem.start.dtype))
+    rows, _ = evaluate_rows(of.structure, of.numbers, x.astype(problem.start.dtype))
     costs = [
         float(loss.cost(jnp.asarray(of.kept(errors_of_rows(of.structure, of.numbers, of.targets, one)))))
         for one in rows
@@ -209,7 +209,9 @@ def _is_high(problem, cost):
 def _moves(problem, x):
     """Return True if the data depend on any free parameter at x."""
     of = padded(problem)
-    rows, slopes = (part[0] for part in evaluate(of.structure, of.numbers, np.asarray(x)[None], slopes=True))
+    rows, slopes = (
+        part[0] for part in evaluate_rows(of.structure, of.numbers, np.asarray(x)[None], slopes=True)
+    )
     plain = of.kept(np.asarray(errors_of_rows(of.structure, of.numbers, of.targets, rows)))
     jacobian = of.kept(np.asarray(errors_of_slopes(of.structure, of.numbers, of.targets, slopes)))
     count = data_rows(problem.structure)

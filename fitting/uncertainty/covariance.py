@@ -19,7 +19,7 @@ import numpy as np
 
 from fitting.parameters.scenes import leaf_names, scene_paths
 from fitting.parameters.variables import VANISHED, Variables, element_names, slopes
-from fitting.solvers.evaluation import errors_of_rows, evaluate
+from fitting.solvers.evaluation import errors_of_rows, evaluate_rows
 from fitting.solvers.ordered import edges
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import data_rows, in_errors, loss_of, padded, slopes_in_errors
@@ -77,9 +77,9 @@ def linearised(problem: Problem, x: np.ndarray) -> Linearised:
     """The model of a problem at its solution x, shape (size,)."""
     of, x = padded(problem), np.asarray(x)
     _, inside, _ = _at_bounds(problem, x)
-    rows, slopes = (part[0] for part in evaluate(of.structure, of.numbers, inside[None], slopes=True))
+    rows, slopes = (part[0] for part in evaluate_rows(of.structure, of.numbers, inside[None], slopes=True))
     same = np.array_equal(inside, x)
-    at = rows if same else evaluate(of.structure, of.numbers, x[None])[0][0]
+    at = rows if same else evaluate_rows(of.structure, of.numbers, x[None])[0][0]
     return Linearised(at, rows, slopes)
 
 

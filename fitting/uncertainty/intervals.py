@@ -24,7 +24,7 @@ from fitting.solvers.levenberg_marquardt import NEAR_MINIMUM, LevenbergMarquardt
 from fitting.solvers.options import check_options
 from fitting.solvers.problem import CURVE_QUANTITIES, Problem, Targets
 from fitting.solvers.residuals import forward
-from fitting.solvers.runs import Callback, Runs, run
+from fitting.solvers.runs import Callback, Runs, run_fits
 from fitting.uncertainty.covariance import OPEN, Uncertainty
 from fitting.uncertainty.profile import Anchor, LikelihoodProfile, profile_from
 from rubberfric.base import quick_jit
@@ -195,7 +195,7 @@ class SolvedProblem:
         starts, targets = self.profile_fits(name, level, points, values)
         # Values that a user gives may lie far from the fit.
         solver = NEAR_MINIMUM if values is None else LevenbergMarquardt()
-        runs = run(solver, self.problem, starts, targets, callback=callback)
+        runs = run_fits(solver, self.problem, starts, targets, callback=callback)
         found = self.profile_of(name, level, runs, values is None, callback)
         if found.warning:
             warnings.warn(f"profile of {name!r}: {found.warning}", RuntimeWarning, stacklevel=2)
@@ -253,7 +253,7 @@ class SolvedProblem:
         callback : as for `fitting.fit`
         """
         starts, targets = self.bootstrap_fits(count, key)
-        runs = run(NEAR_MINIMUM, self.problem, starts, targets, callback=callback)
+        runs = run_fits(NEAR_MINIMUM, self.problem, starts, targets, callback=callback)
         return self.bootstrap_of(runs.x, runs.status)
 
     def bootstrap_fits(self, count: int, key: jax.Array | None) -> tuple[np.ndarray, Targets]:

@@ -15,12 +15,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.solvers.evaluation import errors_of_rows, evaluate
+from fitting.solvers.evaluation import errors_of_rows, evaluate_rows
 from fitting.solvers.iterate import INTERRUPTED, NEGLIGIBLE, RUNNING, succeeded
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import loss_of, padded
-from fitting.solvers.runs import BATCH, Runs, run
+from fitting.solvers.runs import BATCH, Runs, run_fits
 
 # How far in x a profile goes: a factor of a million, or to a millionth of the range of a Bounded parameter.
 FARTHEST = np.log(1e6)
@@ -98,7 +98,7 @@ def profile_from(
     q : root of the rise at the ends of the interval
     runs : of the first fits, `x[:, i]` increasing; x, cost and status are used
     extend : whether to go on to the threshold; False: the values are those that were asked for
-    callback : as for `fitting.solvers.runs.run`
+    callback : as for `fitting.solvers.runs.run_fits`
     """
     trace = _Trace(anchor, i, runs, callback)
     trace.mend()
@@ -170,7 +170,7 @@ class _Trace:
             moving=moving.astype(problem.start.dtype),
         )
         starts = np.asarray(starts, problem.start.dtype)
-        runs = run(LevenbergMarquardt(), problem, starts, targets, None, self.callback, self.batch)
+        runs = run_fits(LevenbergMarquardt(), problem, starts, targets, None, self.callback, self.batch)
         self.stopped |= bool(np.isin(runs.status, (INTERRUPTED, RUNNING)).any())
         return runs
 
@@ -223,7 +223,7 @@ class _Trace:
         """Costs at rows of x."""
         problem = self.anchor.problem
         of = padded(problem)
-        rows, _ = evaluate(of.structure, of.numbers, x.astype(problem.start.dtype))
+        rows, _ = evaluate_rows(of.structure, of.numbers, x.astype(problem.start.dtype))
         loss = loss_of(of.structure, of.numbers)
         return np.array([loss.cost(errors_of_rows(of.structure, of.numbers, of.targets, r)) for r in rows])
 

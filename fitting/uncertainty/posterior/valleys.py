@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fitting.solvers.evaluation import errors_of_rows, errors_of_slopes, evaluate
+from fitting.solvers.evaluation import errors_of_rows, errors_of_slopes, evaluate_rows
 from fitting.solvers.residuals import padded
 from fitting.uncertainty.intervals import SolvedProblem
 
@@ -99,7 +99,7 @@ def _refitted(solved, x, held):
     best, cost = x, np.full(len(x), np.inf)
     step = np.zeros_like(x)
     for _ in range(_STEPS + 1):
-        found = evaluate(of.structure, of.numbers, x.astype(solved.problem.start.dtype), slopes=True)
+        found = evaluate_rows(of.structure, of.numbers, x.astype(solved.problem.start.dtype), slopes=True)
         # One by one, as error bars have them: nothing is compiled.
         rows = np.array([errors_of_rows(of.structure, of.numbers, of.targets, r) for r in found[0]])
         slopes = [errors_of_slopes(of.structure, of.numbers, of.targets, s) for s in found[1]]

@@ -24,7 +24,7 @@ import fitting
 from fitting.ensemble.batches import make_batch
 from fitting.solvers.iterate import CONVERGED, INTERRUPTED, NOT_FINITE, OUT_OF_STEPS, PERFECT
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
-from fitting.solvers.runs import run
+from fitting.solvers.runs import run_fits
 
 PROGRAM = Path(cases.__file__)
 
@@ -85,7 +85,7 @@ def refused(call, *words):
 def test_members_end_where_single_fits_do(members, whole):
     assert len(whole) == 17 and whole.failed.size == 0
     for i in range(0, 17, 4):
-        one = run(members.solver, members.problem, members.starts[i][None]).row(0)
+        one = run_fits(members.solver, members.problem, members.starts[i][None]).row(0)
         assert one.cost == pytest.approx(whole.cost[i], rel=1e-10)
         assert one.status == whole.status[i] and one.njev == whole.njev[i]
         np.testing.assert_allclose(one.x, whole.x[i], rtol=1e-8)

@@ -23,7 +23,7 @@ from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.losses import LOSS_WIDTHS
 from fitting.solvers.problem import make_problem
 from fitting.solvers.residuals import objective, residuals, residuals_and_jacobian
-from fitting.solvers.runs import run
+from fitting.solvers.runs import run_fits
 from fitting.solvers.search import random_starts
 
 LM = LevenbergMarquardt()
@@ -76,29 +76,29 @@ def test_spared_evaluations_reach_the_same_minima(monkeypatch):
     """As where a model takes long: side by side, one evaluation with derivatives for every step."""
     problem = master()
     starts = problem.start + 0.4 * np.random.default_rng(2).standard_normal((6, problem.start.size))
-    usual = run(LM, problem, starts)
+    usual = run_fits(LM, problem, starts)
     monkeypatch.setattr(runs, "takes_long", lambda *_: True)
-    spared = run(LM, problem, starts)
+    spared = run_fits(LM, problem, starts)
     np.testing.assert_array_equal(spared.status, CONVERGED)
     np.testing.assert_allclose(spared.cost, usual.cost, rtol=1e-8)
     np.testing.assert_allclose(spared.x, usual.x, atol=1e-4)
     np.testing.assert_array_equal(spared.nfev, spared.njev)
     assert np.all(spared.nfev < usual.nfev), (spared.nfev, usual.nfev)
     held = problem.targets._replace(moving=np.array([1.0, 0.0, 1.0, 1.0, 1.0]))
-    end = run(LM, problem._replace(targets=held), starts[:1]).row(0)
+    end = run_fits(LM, problem._replace(targets=held), starts[:1]).row(0)
     assert end.status == CONVERGED and end.x[1] == starts[0, 1] and end.nfev <= spared.nfev[0] + 2
-    alone = run(LM, problem, starts[3:4]).row(0)
+    alone = run_fits(LM, problem, starts[3:4]).row(0)
     assert alone.nfev == spared.nfev[3]
     np.testing.assert_allclose(alone.x, spared.x[3], rtol=1e-10)
     # Robust losses have steps of their own.
-    assert run(LM, master("cauchy"), master("cauchy").start[None]).nfev[0] > 4
+    assert run_fits(LM, master("cauchy"), master("cauchy").start[None]).nfev[0] > 4
 
 
 def best(problem, starts, solver=LM):
     """The lowest end of fits from the rows of `starts`, four side by side."""
     starts = np.atleast_2d(starts)
     starts = np.concatenate([starts, np.tile(problem.start, (max(0, 4 - len(starts)), 1))])
-    runs = run(solver, problem, starts)
+    runs = run_fits(solver, problem, starts)
     return runs.row(int(np.argmin(runs.cost)))
 
 
@@ -136,7 +136,7 @@ def test_minimum_of_every_loss_is_that_of_scipy(loss):
         gtol=1e-12,
         max_nfev=2000,
     )
-    ours = run(LevenbergMarquardt(tolerance=1e-12), problem, problem.start[None]).row(0)
+    ours = run_fits(LevenbergMarquardt(tolerance=1e-12), problem, problem.start[None]).row(0)
     assert ours.status == CONVERGED
     assert float(ours.cost) == pytest.approx(theirs.cost, rel=1e-8)
     # A cost that is 1e-9 of itself too high is this far from the minimum.
@@ -176,8 +176,8 @@ def test_friction_minimum_is_that_of_scipy_and_optimistix():
 @pytest.mark.slow
 def test_first_order_methods_reach_the_same_minimum(solver, loss):
     problem = master(loss)
-    ours = run(LM, problem, problem.start[None]).row(0)
-    other = run(solver, problem, (problem.start + 0.5)[None]).row(0)
+    ours = run_fits(LM, problem, problem.start[None]).row(0)
+    other = run_fits(solver, problem, (problem.start + 0.5)[None]).row(0)
     assert other.status == CONVERGED
     assert float(other.cost) == pytest.approx(float(ours.cost), rel=1e-5)
     assert other.njev > 3 * ours.njev
@@ -209,7 +209,9 @@ def test_jacobian_is_that_of_the_residuals(problem):
 def test_data_without_noise_are_met_to_rounding():
     problem = with_data(curve(), friction())
     signs = np.array(list(itertools.product([-1, 1], repeat=2)))
-    runs = run(LM, problem, problem.start + 2.0 * signs @ np.array([[1, 1, 0, -1, 0.3], [0, -1, 1, 1, 0.5]]))
+    runs = run_fits(
+        LM, problem, problem.start + 2.0 * signs @ np.array([[1, 1, 0, -1, 0.3], [0, -1, 1, 1, 0.5]])
+    )
     assert np.all(runs.status == PERFECT)
     assert runs.cost.max() < 1e-18
     values = np.asarray(to_values(problem.structure.variables, problem.numbers.constants, runs.x[0]))
@@ -219,11 +221,11 @@ def test_data_without_noise_are_met_to_rounding():
 def test_a_fit_that_starts_at_its_minimum_stays_there():
     exact = np.asarray(rf.complex_modulus(SCENE.upper.material, OMEGA))
     problem = with_data(master(), np.concatenate([exact.real, exact.imag]))
-    end = run(LM, problem, problem.start[None]).row(0)
+    end = run_fits(LM, problem, problem.start[None]).row(0)
     assert end.status == PERFECT and end.njev <= 1
     np.testing.assert_allclose(end.x, problem.start, atol=1e-12)
-    first = run(LM, master(), master().start[None]).row(0)
-    again = run(LM, master(), first.x[None]).row(0)
+    first = run_fits(LM, master(), master().start[None]).row(0)
+    again = run_fits(LM, master(), first.x[None]).row(0)
     assert again.status == CONVERGED and again.cost <= first.cost
     np.testing.assert_allclose(again.x, first.x, atol=1e-4)
 
@@ -237,7 +239,7 @@ def test_starts_off_by_ten_in_every_modulus_reach_the_same_minimum():
         hurst = 0.5 if i % 2 else 0.99
         shift = np.log(10) * np.array([*signs, (-1) ** (i // 2)])
         starts.append([*(problem.start[:4] + shift), np.log((hurst - 0.3) / (1 - hurst))])
-    runs = run(LM, problem, starts)
+    runs = run_fits(LM, problem, starts)
     assert np.all(runs.status == CONVERGED)
     np.testing.assert_allclose(runs.cost, near, rtol=1e-6)
 
@@ -257,7 +259,7 @@ def test_wild_starts_give_numbers():
         float(objective(problem.structure, problem.numbers, problem.targets).cost(jnp.asarray(x)))
         for x in starts[:3]
     ]
-    runs = run(LM, problem, starts)
+    runs = run_fits(LM, problem, starts)
     assert np.isfinite(runs.x).all() and np.isfinite(runs.cost).all()
     assert NOT_FINITE not in runs.status
     assert np.all(runs.cost[:3] < begun)
@@ -270,7 +272,7 @@ def test_starts_that_are_not_finite_spoil_no_other():
     starts[1, 2] = np.nan
     starts[3, 0] = 1e4  # exp of it is beyond all numbers
     for solver in (LM, Adam(max_steps=20)):
-        runs = run(solver, problem, starts, batch=2)
+        runs = run_fits(solver, problem, starts, batch=2)
         assert (runs.status == NOT_FINITE).tolist() == [False, True, False, True, False]
         assert np.isfinite(runs.cost[[0, 2, 4]]).all() and np.isfinite(runs.x[[0, 2, 4]]).all()
         np.testing.assert_allclose(runs.x[[2, 4]], runs.x[[0, 0]], rtol=1e-12)
@@ -297,7 +299,7 @@ def lead(targets):
 def test_the_size_of_a_batch_does_not_change_a_fit():
     problem = master()
     starts = problem.start + np.random.default_rng(0).uniform(-3, 3, (5, 5))
-    first, second = (run(LM, problem, starts, batch=n) for n in (1, 3))
+    first, second = (run_fits(LM, problem, starts, batch=n) for n in (1, 3))
     np.testing.assert_allclose(second.cost, first.cost, rtol=1e-12)
     # Products of other sizes round differently, and a fit stops within 1e-5 of its standard errors: maybe a
     # step later.
@@ -311,10 +313,10 @@ def test_fits_of_different_data_keep_to_their_own():
     measured = np.stack([np.log(modulus_data(seed).measured) for seed in range(5)])
     targets = lead(problem.targets)._replace(measured=measured)
     starts = np.tile(problem.start, (5, 1))
-    runs = run(LM, problem, starts, targets, batch=3)
+    runs = run_fits(LM, problem, starts, targets, batch=3)
     for i in range(5):
         alone = problem._replace(targets=problem.targets._replace(measured=measured[i]))
-        np.testing.assert_allclose(runs.x[i], run(LM, alone, starts[:1]).x[0], rtol=1e-10)
+        np.testing.assert_allclose(runs.x[i], run_fits(LM, alone, starts[:1]).x[0], rtol=1e-10)
     assert len(np.unique(runs.cost)) == 5
 
 
@@ -345,10 +347,10 @@ def test_parameters_that_may_not_move_stay_exactly(solver):
     moving = np.array([1.0, 0.0, 1.0, 1.0, 0.0])
     start = problem.start + 0.3
     fixed = problem._replace(targets=problem.targets._replace(moving=moving))
-    end = run(solver, fixed, start[None]).row(0)
+    end = run_fits(solver, fixed, start[None]).row(0)
     assert np.all(end.x[moving == 0] == start[moving == 0])
     assert np.all(np.abs(end.x - start)[moving == 1] > 0.01)
-    free = run(LM, problem, start[None]).row(0)
+    free = run_fits(LM, problem, start[None]).row(0)
     assert end.cost > 1.1 * free.cost
 
 
@@ -403,7 +405,7 @@ def test_an_interrupt_of_several_fits_keeps_those_that_are_done():
         if step == 5:
             raise KeyboardInterrupt
 
-    runs = run(LM, problem, starts, callback=interrupt, batch=2)
+    runs = run_fits(LM, problem, starts, callback=interrupt, batch=2)
     assert runs.status[0] == CONVERGED and INTERRUPTED in runs.status
     never = ~np.isin(runs.status, (CONVERGED, INTERRUPTED))
     assert never.any() and np.isinf(runs.cost[never]).all()

@@ -34,7 +34,7 @@ from fitting.solvers.iterate import (
     PRECISE,
     RUNNING,
     STALLED,
-    begin,
+    first_iterate,
 )
 from fitting.solvers.levenberg_marquardt import STIFFEST, step
 from fitting.solvers.losses import LOSS_WIDTHS, SQUARES, Loss
@@ -61,7 +61,7 @@ def both(residuals):
 
 def started(residuals, x, loss=SQUARES):
     x = jnp.asarray(x, float)
-    return begin(loss.cost(residuals(x)), x, jnp.asarray(1e-3))
+    return first_iterate(loss.cost(residuals(x)), x, jnp.asarray(1e-3))
 
 
 def minimum(residuals, x, loss=SQUARES, max_steps=200, **options):
@@ -180,7 +180,7 @@ def test_vmap_is_a_loop():
 
     def two(x):
         one = functools.partial(step, rosenbrock, both(rosenbrock))
-        return one(one(begin(SQUARES.cost(rosenbrock(x)), x, jnp.asarray(1e-3))))
+        return one(one(first_iterate(SQUARES.cost(rosenbrock(x)), x, jnp.asarray(1e-3))))
 
     together = jax.jit(jax.vmap(two))(starts)
     for i, x in enumerate(starts):

@@ -17,7 +17,7 @@ from fitting import AreaData, Bounded, Free, FrictionData, Gaussian, ModulusData
 from fitting.solvers.iterate import CONVERGED, PERFECT
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import make_problem
-from fitting.solvers.runs import run
+from fitting.solvers.runs import run_fits
 from fitting.uncertainty.covariance import OPEN, uncertainty
 from fitting.uncertainty.intervals import quantile
 
@@ -463,7 +463,7 @@ def many_dry_fits(problem, count):
     measured = exact + 0.1 * np.random.default_rng(7).standard_normal((count, exact.size))
     targets = jax.tree.map(lambda a: a[None], problem.targets)._replace(measured=measured)
     starts = np.tile(problem.start, (count, 1))
-    runs = run(LevenbergMarquardt(), problem, starts, targets, batch=100)
+    runs = run_fits(LevenbergMarquardt(), problem, starts, targets, batch=100)
     assert np.isin(runs.status, (CONVERGED, PERFECT)).all()
     return runs, measured
 

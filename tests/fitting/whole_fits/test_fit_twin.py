@@ -14,7 +14,7 @@ from fitting.parameters.variables import element_names, to_values
 from fitting.solvers.iterate import CONVERGED, PERFECT
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import make_problem
-from fitting.solvers.runs import run
+from fitting.solvers.runs import run_fits
 from fitting.solvers.search import search
 from fitting.uncertainty.covariance import uncertainty
 
@@ -135,7 +135,7 @@ def test_coverage_of_the_intervals():
         moving=problem.targets.moving[None],
     )
     starts = np.tile(problem.start, (seeds, 1))
-    runs = run(LevenbergMarquardt(), problem, starts, targets)
+    runs = run_fits(LevenbergMarquardt(), problem, starts, targets)
     inside, chisqr = [], []
     for x, measured in zip(runs.x, targets.measured, strict=True):
         one = problem._replace(targets=problem.targets._replace(measured=measured))

@@ -28,7 +28,7 @@ from support.ensembles.twin import FREE, TRUTH, twin  # noqa: E402
 import fitting  # noqa: E402
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt  # noqa: E402
 from fitting.solvers.residuals import residuals, residuals_and_jacobian  # noqa: E402
-from fitting.solvers.runs import run  # noqa: E402
+from fitting.solvers.runs import run_fits  # noqa: E402
 
 
 def peak():
@@ -68,7 +68,7 @@ def loop(count):
     for i in range(-1, count):  # the first compiles
         one = jax.tree.map(lambda a, i=i: a[min(max(i, 0), len(a) - 1)][None], members.targets)
         begin = time.perf_counter()
-        end = run(LevenbergMarquardt(), members.problem, members.starts[:1], one, batch=1)
+        end = run_fits(LevenbergMarquardt(), members.problem, members.starts[:1], one, batch=1)
         if i >= 0:
             seconds += time.perf_counter() - begin
             steps += int(end.njev[0])
