@@ -66,7 +66,7 @@ def fit(
     Parameters
     ----------
     scene : Scene, or dict of name -> Scene
-        gives every number that is not free, and the start of those that are.
+        gives the values of fixed numbers, and the start values of free ones.
     data : FrictionData, AreaData, ModulusData, SpectrumData, or a list of them, fitted jointly
         of several scenes a dict of them by the scenes' names: {"R20": data, "R40": [more, of_it]}.
     free : dict of key path -> Positive, Bounded, Free, Tied or RmsSlope
@@ -83,8 +83,8 @@ def fit(
     decades : random starts of Positive parameters lie within a factor 10^decades
     max_steps, tolerance : of the method; None: its own
     quadrature : Quadrature of the forward model
-        None: the one that fits the scene at the start; if the scene at the end needs a finer one, the
-        fit goes on with that.
+        None: chosen for the scene at the start; if the scene at the end needs a finer one, the fit goes
+        on with that.
     scale_errors : "auto", True or False
         whether the size of errors is taken from the scatter about the fit; bars, bands and densities
         follow. "auto": where none were given; those given stand, and where the scene does not explain
@@ -115,7 +115,7 @@ def fit(
     Data without errors are taken to have one relative error each, which is estimated from
     their scatter about the fit (twice, the second fit weighted with the first estimate, where that
     can move the minimum: of several data sets, with priors or a robust loss); the report says so.
-    Whether the scene explains the data is the result's `verdict`.
+    The `verdict` of the result says whether the scene explains the data.
     """
     began = time.perf_counter()
     check_options(method=method, starts=starts, key=key, prior=prior, callback=callback)
@@ -154,7 +154,7 @@ def fit(
     to_estimate, assumed = unknown and scale_errors is not False, unknown
 
     def again(problem, x):
-        """The end of a fit that begins at x, the model and what is known there, and its evaluations."""
+        """The end of a fit from x, the linearised model there, its uncertainty, and the evaluations."""
         end, spent = _from(solver, problem, x, max_steps, callback, starts)
         model = linearised(problem, end.x)
         return end, model, uncertainty(problem, end.x, model), spent
@@ -207,13 +207,13 @@ def fit(
 
 def _from(solver, problem, x, max_steps, callback, starts):
     """The end of a fit that begins at x, and its evaluations."""
-    # As many places as before: another number would be another program.
+    # The same batch size as before, because another one would need a compilation.
     end = run_fits(solver, problem, x[None], None, max_steps, callback, min(BATCH, starts)).row(0)
     return end, np.array([end.nfev, end.njev])
 
 
 def _resolved(solver, problem, end, data, max_steps, callback, starts, tell):
-    """The fit gone on with, until its quadrature is the one that the scene at its end needs."""
+    """Go on with a fit until its quadrature is fine enough for the scene at its end."""
     evaluations = np.zeros(2, int)
     while succeeded(end.status) and (with_more := finer(problem, end.x, data)) is not None:
         tell("fitting on, with the quadrature that the scene at the end of the fit needs")

@@ -217,8 +217,8 @@ def calibration(
     members : number of fits, each with another truth and other data; they start at the truth
     key : jax.random.key, or None for key(0)
     on : "normal" or "samples"
-        what the truths are held against: the normal approximation that error bars are, or weighted draws from
-        the posterior, which cost `draws` evaluations of the residuals for each fit
+        representation of the posterior: the normal approximation of the error bars, or weighted draws, which
+        take `draws` evaluations of the residuals for each fit
     draws : of each posterior
     discrepancy : as for `fitting.fit`, with amplitude and width; the data are drawn with it
     callback : as for `fitting.run_ensemble`; with "samples" called again from 0 while these are drawn

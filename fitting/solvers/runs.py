@@ -1,8 +1,8 @@
 """Run solvers: many fits of one structure side by side, each stopped at its minimum.
 
 A solver is a hashable object with pure functions `init` and `step`. Fits that differ in their start, their
-data or what may move run in a batch of a few; the next fit takes the place of one that is done. So what is
-compiled once serves a thousand fits, none waits for the slowest, and memory stays that of the batch.
+data or what may move run in a batch of a few; the next fit takes the place of one that is done. So a
+thousand fits share one compiled function, none waits for the slowest, and only the batch takes memory.
 
 For least squares one compiled function computes the model, and others the step, because the model takes most
 of the time to compile. A step of Levenberg-Marquardt evaluates the residuals up to four times. A model that
@@ -85,7 +85,7 @@ def run_fits(
     problem : whose structure and numbers the fits share
     starts : shape (fits, size)
     targets : Targets, every array with a leading axis of one entry a fit, or of one for all;
-        None: those of the problem
+        None: the targets of the problem
     max_steps : of a fit; None: the solver's own
     callback : called as callback(step, lowest cost) after every step of the batch, or None
         KeyboardInterrupt, from it or the keyboard, ends the run with the values reached.
