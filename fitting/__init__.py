@@ -4,15 +4,15 @@ from rubberfric.base import lazily
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
-    from fitting.characterise.kramers_kronig.check import kramers_kronig as kramers_kronig
-    from fitting.characterise.kramers_kronig.result import KramersKronig as KramersKronig
-    from fitting.characterise.master_curve.fit import fit_master_curve as fit_master_curve
-    from fitting.characterise.master_curve.result import MasterCurve as MasterCurve
-    from fitting.characterise.prony.fit import fit_prony as fit_prony
-    from fitting.characterise.prony.result import PronyFit as PronyFit
+    from fitting.characterise.kramers_kronig import KramersKronig as KramersKronig
+    from fitting.characterise.kramers_kronig import kramers_kronig as kramers_kronig
+    from fitting.characterise.master_curve import MasterCurve as MasterCurve
+    from fitting.characterise.master_curve import fit_master_curve as fit_master_curve
+    from fitting.characterise.prony import PronyFit as PronyFit
+    from fitting.characterise.prony import fit_prony as fit_prony
     from fitting.characterise.softening import softening_from_sweep as softening_from_sweep
+    from fitting.characterise.spectrum import SpectrumFit as SpectrumFit
     from fitting.characterise.spectrum import fit_spectrum as fit_spectrum
-    from fitting.characterise.spectrum_result import SpectrumFit as SpectrumFit
     from fitting.data.files import read as read
     from fitting.data.files import write as write
     from fitting.data.kinds import AreaData as AreaData

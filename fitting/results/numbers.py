@@ -1,5 +1,7 @@
 """Numbers of a fit as texts: values with as many digits as their errors leave, and why some have no bar."""
 
+from typing import Any
+
 import jax
 import numpy as np
 
@@ -91,8 +93,11 @@ def tied_lines(result: FitRecord) -> list[str]:
     return lines
 
 
-def error_text(result: FitRecord, name: str, value: float) -> str:
-    """Error of a fitted value, why it has none, or that it was fixed; `name` ends a key path."""
+def error_text(result: Any, name: str, value: float) -> str:
+    """Error of a fitted value, why it has none, or that it was fixed.
+
+    `result` is a FitResult or PronyFit; `name` ends a key path.
+    """
     errors = dict(zip((full.rsplit(".", 1)[1] for full in result.names), result.stderr, strict=True))
     withheld = {full.rsplit(".", 1)[1]: why for full, why in result.withheld.items()}
     if name in withheld:
