@@ -42,14 +42,14 @@ if TYPE_CHECKING:
     from fitting.parameters.priors.sums import Sum as Sum
     from fitting.results import plot as plot
     from fitting.results.result import FitResult as FitResult
+    from fitting.results.result import friction_table as friction_table
     from fitting.results.samples import Samples as Samples
-    from fitting.uncertainty.density import LogDensity as LogDensity
-    from fitting.uncertainty.density import log_density as log_density
+    from fitting.uncertainty.design import Design as Design
+    from fitting.uncertainty.design import design as design
+    from fitting.uncertainty.design import prediction as prediction
+    from fitting.uncertainty.posterior import LogDensity as LogDensity
+    from fitting.uncertainty.posterior import log_density as log_density
     from fitting.uncertainty.sensitivity import sensitivity as sensitivity
     from fitting.uncertainty.sensitivity import sensitivity_names as sensitivity_names
-    from fitting.uncertainty.uses.design import Design as Design
-    from fitting.uncertainty.uses.design import design as design
-    from fitting.uncertainty.uses.design import prediction as prediction
-    from fitting.uncertainty.uses.friction_table import friction_table as friction_table
 
 lazily(__name__, __file__)

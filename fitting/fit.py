@@ -30,7 +30,7 @@ from fitting.uncertainty.discrepancy import (
     with_discrepancy,
     with_remark,
 )
-from fitting.uncertainty.posterior.scatter import common_ratio, rescaled_errors
+from fitting.uncertainty.verdict import common_ratio, rescaled_errors
 
 # Fits, each weighted with the errors that the one before it estimated.
 ROUNDS = 2

@@ -14,7 +14,7 @@ from fitting.characterise.sweep_shifts import Shifts, check_overlap, shifts_of, 
 from fitting.data.kinds import ModulusData
 from fitting.parameters.constraints import is_number
 from fitting.parameters.priors.rows import Prior
-from fitting.uncertainty.posterior.as_prior import joint_prior
+from fitting.uncertainty.posterior import joint_prior
 from rubberfric.base import shown
 from rubberfric.plot import style
 

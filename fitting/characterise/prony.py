@@ -32,11 +32,11 @@ from fitting.fit import fit
 from fitting.parameters.constraints import Positive, Rule, is_number
 from fitting.parameters.priors.rows import Prior
 from fitting.parameters.priors.smooth import Smooth
-from fitting.results.numbers import error_text
+from fitting.results.report import error_text
 from fitting.results.result import FitResult
 from fitting.solvers.iterate import CONVERGED, MESSAGES, PERFECT, STALLED
 from fitting.uncertainty.covariance import Direction
-from fitting.uncertainty.posterior.as_prior import joint_prior
+from fitting.uncertainty.posterior import joint_prior
 from rubberfric.base import html, shown
 from rubberfric.materials import Shift
 from rubberfric.plot import style

@@ -17,7 +17,7 @@ import rubberfric as rf
 from fitting.data.kinds import SpectrumData
 from fitting.fit import fit
 from fitting.parameters.constraints import Bounded, Positive, Rule, is_number
-from fitting.results.numbers import error_text
+from fitting.results.report import error_text
 from fitting.results.result import FitResult
 from rubberfric.base import html, shown, unit_of
 

@@ -12,7 +12,7 @@ arXiv:2103.10522].
 
 The normal approximation can be off by a tenth or two of a standard deviation, of wide priors and of numbers
 that trade with each other along a curve, which a thousand fits show. Against the posterior itself stand draws
-with weights (`fitting.uncertainty.posterior.importance`): the place of the truth among them is uniform where
+with weights (`fitting.uncertainty.importance`): the place of the truth among them is uniform where
 the fit's posterior is that of the data, however bent it is.
 """
 
@@ -41,9 +41,8 @@ from fitting.solvers.options import check_options
 from fitting.solvers.problem import Problem, Targets, make_problem
 from fitting.solvers.residuals import padded, predictions, residuals_and_jacobian
 from fitting.uncertainty.discrepancy import check_discrepancy, with_discrepancy
+from fitting.uncertainty.importance import effective, guided, log_weights, places, tail_index
 from fitting.uncertainty.intervals import drawn_errors
-from fitting.uncertainty.posterior.importance import guided, log_weights, places
-from fitting.uncertainty.posterior.weights import effective, tail_index
 from rubberfric.base import shown
 
 POSTERIORS = ("normal", "samples")

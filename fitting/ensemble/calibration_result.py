@@ -7,7 +7,7 @@ import scipy
 
 from fitting.solvers.options import check_options
 from fitting.uncertainty.covariance import KNOWN
-from fitting.uncertainty.posterior.weights import doubtful
+from fitting.uncertainty.importance import doubtful
 from rubberfric.plot import style
 
 # Where the distributions are compared, and uniform samples that the envelope is made of.

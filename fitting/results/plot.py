@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from fitting.results.pictures.correlations import plot_correlation
-from fitting.results.pictures.curves import curves_of, lines, measured_points
+from fitting.results.pictures import curves_of, lines, measured_points, plot_correlation
 from fitting.results.record import FitRecord
 from fitting.uncertainty.profile import LikelihoodProfile
 from rubberfric.base import StrPath
@@ -32,7 +31,7 @@ def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
     ----------
     result : FitResult
         Velocities <= 0 have no logarithm and are left out. Data at more than
-        `fitting.results.pictures.curves.CURVES` conditions have no lines: small crosses are fitted values.
+        `fitting.results.pictures.CURVES` conditions have no lines: small crosses are fitted values.
     ax : sequence of matplotlib axes, or None
         for every quantity among the data, in the order friction, area, modulus, spectrum, a
         panel and one for its residuals. None: axes of a new figure of its own,

@@ -16,8 +16,7 @@ from fitting.solvers.evaluation import residual_rows
 from fitting.solvers.iterate import MESSAGES, succeeded
 from fitting.solvers.problem import make_problem
 from fitting.uncertainty.covariance import Direction, uncertainty
-from fitting.uncertainty.intervals import SolvedProblem
-from fitting.uncertainty.posterior.valleys import Valley, valleys
+from fitting.uncertainty.intervals import SolvedProblem, Valley, valleys
 from fitting.uncertainty.verdict import Verdict, verdict
 from rubberfric.base import closest
 

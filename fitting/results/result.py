@@ -1,6 +1,10 @@
-"""What a fit gives back, and what can be asked of it."""
+r"""What a fit gives back, and what can be asked of it.
+
+A table of the fitted friction for other programs, with the error bars that the fit leaves it.
+"""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Self
 
 import jax
@@ -13,18 +17,20 @@ from fitting.parameters.priors.rows import Prior
 from fitting.parameters.scenes import by_name, chosen_scene
 from fitting.parameters.variables import Array
 from fitting.results import hdf5
-from fitting.results.numbers import tied_lines, variable_rows
 from fitting.results.plot import plot_fit
 from fitting.results.record import FitRecord
-from fitting.results.report import headlines, report
+from fitting.results.report import headlines, report, tied_lines, variable_rows
 from fitting.results.samples import Samples, drawn
 from fitting.solvers.runs import Callback
-from fitting.uncertainty.density import log_density
-from fitting.uncertainty.posterior.as_prior import prior_of
-from fitting.uncertainty.posterior.nuts import Progress
+from fitting.uncertainty.intervals import SolvedProblem
+from fitting.uncertainty.posterior import Progress, log_density, prior_of
 from fitting.uncertainty.profile import LikelihoodProfile
+from rubberfric.analysis import friction_table as table_of_scene
 from rubberfric.base import StrPath, html, object_html
+from rubberfric.io import FrictionTable
 from rubberfric.plot import style
+
+_LEVEL = 0.95
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
@@ -93,7 +99,7 @@ class FitResult(FitRecord):
         """Draws from the posterior: of the same residuals, errors, loss, priors and bounds as the fit.
 
         By the No-U-Turn sampler of numpyro (pip install 'rubberfric[sampling]'), whose metric and starts are
-        those of the fit's covariance; see `fitting.uncertainty.posterior.nuts`.
+        those of the fit's covariance; see `fitting.uncertainty.posterior`.
 
         Parameters
         ----------
@@ -187,3 +193,41 @@ def _html(result: FitRecord) -> str:
         ),
     )
     return "\n".join([html.table(rows, headings, caption), *below])
+
+
+def friction_table(
+    result: SolvedProblem,
+    velocity: float | Sequence[float],
+    pressure: float | Sequence[float],
+    temperature: float | Sequence[float] | None = None,
+    *,
+    error: float = 0.01,
+    title: str = "",
+) -> FrictionTable:
+    """mu(v, p, T) of a fit on a grid for multilinear interpolation, with a standard error at each point.
+
+    Parameters
+    ----------
+    result : FitResult
+    velocity, pressure, temperature, error, title : as for `rubberfric.analysis.friction_table`
+
+    Returns
+    -------
+    FrictionTable with `sigma`, one standard error of mu, as half the width of `FitResult.band` says it
+
+    Raises
+    ------
+    ValueError : as `rubberfric.analysis.friction_table`.
+    """
+    quadrature = result.problem.structure.quadrature
+    table = table_of_scene(
+        result.problem.scene(result.x),
+        *(velocity, pressure, temperature),
+        error=error,
+        quadrature=quadrature,
+        title=title,
+    )
+    T = None if table.temperature is None else table.temperature[:, None, None]
+    band = result.band(table.velocity, table.pressure[:, None], T, level=_LEVEL)
+    sigma = band.value * np.log(band.high / band.value) / result.quantile(_LEVEL)
+    return table._replace(sigma=sigma.reshape(table.friction.shape))

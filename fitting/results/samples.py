@@ -15,9 +15,8 @@ import rubberfric as rf
 from fitting.results import hdf5 as fit_files
 from fitting.results.record import FitRecord
 from fitting.solvers.options import check_options
-from fitting.uncertainty.density import FLAT
 from fitting.uncertainty.intervals import Band
-from fitting.uncertainty.posterior.nuts import Progress, diagnosed, run_chains
+from fitting.uncertainty.posterior import FLAT, Progress, diagnosed, run_chains
 from rubberfric.base import StrPath, html, quick_jit
 from rubberfric.io import hdf5
 

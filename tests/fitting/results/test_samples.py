@@ -144,7 +144,7 @@ def test_file_and_frame(linear, samples, tmp_path):
 
 
 def test_diagnostics_see_chains_that_disagree(samples):
-    from fitting.uncertainty.posterior.nuts import diagnosed
+    from fitting.uncertainty.posterior import diagnosed
 
     rng = np.random.default_rng(0)
     same = rng.standard_normal((4, 500, 1))

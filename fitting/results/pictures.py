@@ -1,6 +1,9 @@
-"""What the plot of a fit shows: measured points, the curves they lie on, fitted lines with their bands."""
+r"""What the plot of a fit shows: measured points, the curves they lie on, fitted lines with their bands.
 
-from typing import NamedTuple
+Picture of the correlations that a fit leaves. It needs matplotlib: pip install 'rubberfric[plot]'.
+"""
+
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -19,6 +22,11 @@ CURVES = 10
 POINTS = 120
 # Stands for a temperature or pressure that there is not.
 ABSENT = -1.0
+# Parameters up to which every number is written, and up to which the sign of the large ones is.
+_NUMBERS, _SIGNS = 14, 40
+_LARGE = 0.5
+# Sides of the cells in a figure of its own, and what surrounds them [inch].
+_CELL, _AROUND = 0.38, 2.6
 
 
 class Points(NamedTuple):
@@ -160,3 +168,68 @@ def _compiled(result, block, columns, x):
     numbers = result.problem.numbers._replace(conditions=(columns,))
     found = quick_jit()(lambda x: forward(lambda x: predictions(structure, numbers, x)[0], x))(jnp.asarray(x))
     return tuple(map(np.asarray, found))
+
+
+def plot_correlation(result: Any, ax: style.Axes | None = None) -> style.Axes:
+    """Draw the correlation matrix of a fit's free parameters, named.
+
+    Numbers stand in the cells; of more than 14 parameters the signs of those beyond +-0.5. Hatched is what
+    has no correlation, because the error bar is withheld.
+
+    Parameters
+    ----------
+    result : FitResult, PronyFit or SpectrumFit
+    ax : matplotlib axes, or None
+        None: axes of a new figure of its own, `ax.figure`, which pyplot does not know. The scale of
+        colours is the last of `ax.figure.axes`.
+
+    Returns
+    -------
+    the axes
+
+    Raises
+    ------
+    ValueError : `result` is no fit, or `ax` is no axes.
+    """
+    if not hasattr(result, "correlation"):
+        result = getattr(result, "fit", result)
+    if not (hasattr(result, "names") and hasattr(result, "correlation")):
+        raise ValueError(f"result is a {type(result).__name__}: must be a FitResult, PronyFit or SpectrumFit")
+    names, correlation = list(result.names), np.asarray(result.correlation)
+    side = _AROUND + max(_CELL * min(len(names), 2 * _NUMBERS), 1.5)
+    axes = style.one_axes(ax, (side + 0.8, side))
+    mesh = axes.imshow(correlation, cmap=style.diverging(), vmin=-1, vmax=1, interpolation="nearest")
+    axes.grid(False)  # which a notebook may have switched on
+    small = "small" if len(names) <= _NUMBERS else "x-small"
+    axes.set_xticks(range(len(names)), names, rotation=90, fontsize=small)
+    axes.set_yticks(range(len(names)), names, fontsize=small)
+    _write(axes, correlation)
+    _hatch(axes, correlation)
+    axes.figure.colorbar(mesh, ax=axes, shrink=0.8).set_label("correlation [-]")
+    return axes
+
+
+def _write(axes, correlation):
+    """Numbers or signs in the cells, for what colours do not tell in grey."""
+    count = len(correlation)
+    if count > _SIGNS:
+        return
+    for (i, j), value in np.ndenumerate(correlation):
+        if not np.isfinite(value):
+            continue
+        text = f"{round(value, 2) + 0.0:.2f}".replace("-", "\N{MINUS SIGN}")
+        if count > _NUMBERS:
+            text = "" if i == j or abs(value) < _LARGE else "\N{MINUS SIGN}" if value < 0 else "+"
+        axes.text(j, i, text, ha="center", va="center", fontsize="x-small")
+
+
+def _hatch(axes, correlation):
+    """Cells without a correlation, and a legend above the matrix that says so."""
+    from matplotlib.patches import Patch, Rectangle
+
+    look = {"facecolor": "0.9", "edgecolor": "0.6", "hatch": "////", "linewidth": 0}
+    for i, j in np.argwhere(~np.isfinite(correlation)):
+        axes.add_patch(Rectangle((j - 0.5, i - 0.5), 1, 1, **look))
+    if not np.isfinite(correlation).all():
+        patch = Patch(label="error bar withheld", **look)
+        axes.legend(handles=[patch], fontsize="small", loc="lower left", bbox_to_anchor=(0, 1))

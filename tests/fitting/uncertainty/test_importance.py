@@ -7,8 +7,7 @@ from support.scenes.fits import PLAIN, ROAD
 
 import fitting
 import rubberfric as rf
-from fitting.uncertainty.posterior.importance import Proposal, log_weights, places
-from fitting.uncertainty.posterior.weights import effective, tail_index
+from fitting.uncertainty.importance import Proposal, effective, log_weights, places, tail_index
 
 SCENE = rf.Scene(ROAD, rf.Body(PLAIN))
 

@@ -1,7 +1,11 @@
-"""The next experiment: which measurements tell most of what is unknown, or of what is to be predicted."""
+r"""The next experiment: which measurements tell most of what is unknown, or of what is to be predicted.
+
+Picture of a design. It needs matplotlib: pip install 'rubberfric[plot]'.
+"""
 
 import dataclasses
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import jax
 import numpy as np
@@ -10,10 +14,8 @@ from jax.typing import ArrayLike
 import rubberfric as rf
 from fitting.parameters.constraints import Rule
 from fitting.parameters.priors.rows import Prior
+from fitting.uncertainty.information import Points, exchange, gain, information, known_of, variance
 from fitting.uncertainty.intervals import SolvedProblem
-from fitting.uncertainty.uses import picture
-from fitting.uncertainty.uses.exchange import exchange, gain, information, variance
-from fitting.uncertainty.uses.known import Points, known_of
 from rubberfric.base import POSITIVE, StrPath, as_leaf, check_values, shown
 from rubberfric.io import write_table
 from rubberfric.plot import style
@@ -23,6 +25,8 @@ DRAWS = 16
 # Relative error of a new measurement where nothing says it.
 ERROR = 0.05
 CRITERIA = ("D", "A")
+# Panels of a figure; a picture has no room for more.
+_PANELS = 4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -92,7 +96,7 @@ class Design:
 
     def plot(self, ax: style.Panels | None = None) -> style.Panels:
         """Where one measurement would tell how much, and the measurements chosen."""
-        return picture.plot_design(self, ax)
+        return plot_design(self, ax)
 
     def write(self, path: StrPath) -> None:
         """Write the conditions to measure at as a CSV table with the columns v, p and T."""
@@ -157,7 +161,7 @@ def design(
     Errors are those of the model linearised at the scene: exact derivatives, but no better than the scene.
     Where it may be off, say by how much, as a `prior`, and what is lost is little. What is to be predicted
     should lie outside of what can be measured: inside, error bars fall with the number of measurements,
-    wherever they are (`tests/fitting/uncertainty/uses/test_design_twins.py` has both in numbers).
+    wherever they are (`tests/fitting/uncertainty/test_design_twins.py` has both in numbers).
     """
     known = known_of(source, free, prior, quadrature)
     at = _points(candidates)
@@ -254,3 +258,79 @@ def _target(known, xs, criterion):
 
 def _percent(error: float) -> str:
     return f"{100 * error:.3g} %" if error < 10 else "open"
+
+
+def plot_design(design: Any, ax: style.Panels | None = None) -> style.Panels:
+    """Draw what one measurement would tell over log10 v and temperature or pressure, and those chosen.
+
+    A panel for each pressure where there are several temperatures; the number in a circle is how often one
+    measures there. Over the velocity alone, a line.
+
+    Parameters
+    ----------
+    design : fitting.Design
+    ax : sequence of as many matplotlib axes as there are panels, or None for those of a new figure
+
+    Returns
+    -------
+    sequence of the axes
+    """
+    v, p, T = design.candidates
+    over_temperature = T is not None and np.unique(T).size > 1
+    celsius = np.zeros_like(v) if T is None else rf.units.to_celsius(T)
+    groups = np.unique(p) if over_temperature else np.unique(T) if T is not None else np.array([np.nan])
+    groups = [g for g in groups if _chosen(design, g, over_temperature).any()][:_PANELS]
+    y = celsius if over_temperature else np.log10(p / 1e6)
+    names = [_title(g, over_temperature) for g in groups]
+    if np.unique(p).size == 1 and not over_temperature:
+        names = [", ".join(filter(None, (_title(p[0], True), name))) for name in names]
+    ax = style.several_axes(ax, names, (1.8 + 3.6 * len(names), 3.9), across=True)
+    label = "gain of one measurement\n" + (
+        "[nat]" if design.criterion == "D" else "[part of the variance, -]"
+    )
+    flat = np.unique(y).size == 1
+    low, high = float(design.gain.min()), float(design.gain.max())
+    for group, axes, name in zip(groups, ax, names, strict=True):
+        shown = _group(design, group, over_temperature)
+        axes.set_title(name, fontsize="small", loc="left")
+        axes.set_xlabel(style.LOG_V)
+        height = design.gain if flat else y
+        if flat:
+            order = np.flatnonzero(shown)[np.argsort(v[shown])]
+            axes.plot(np.log10(v[order]), design.gain[order], color="0.3", linewidth=1.4)
+            axes.grid(alpha=0.3)
+        else:
+            look: dict[str, Any] = {"vmin": low, "vmax": high, "cmap": "cividis", "linewidths": 0}
+            drawn = axes.scatter(np.log10(v[shown]), y[shown], c=design.gain[shown], s=46, marker="s", **look)
+        chosen = np.flatnonzero(_chosen(design, group, over_temperature))
+        for i in chosen:
+            where = (np.log10(v[i]), height[i])
+            box = {"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": "black"}
+            count = int(np.sum(design.index == i))
+            axes.annotate(str(count), where, ha="center", va="center", fontsize="small", bbox=box)
+    if flat:
+        ax[0].set_ylabel(label)
+    else:
+        ax[0].set_ylabel("temperature [°C]" if over_temperature else "$\\log_{10}(p\\;/\\;\\mathrm{MPa})$")
+        ax[0].figure.colorbar(drawn, ax=list(ax)).set_label(label)
+    return ax
+
+
+def _group(design, value, over_temperature):
+    """Which candidates belong to a panel."""
+    _, p, T = design.candidates
+    if over_temperature:
+        return p == value
+    return np.ones(p.size, bool) if T is None else value == T
+
+
+def _chosen(design, value, over_temperature):
+    mask = np.zeros(design.gain.size, bool)
+    mask[design.index] = True
+    return mask & _group(design, value, over_temperature)
+
+
+def _title(value, over_temperature):
+    if over_temperature:
+        return f"{value / 1e6:.4g} MPa"
+    return "" if np.isnan(value) else f"{style.signed(rf.units.to_celsius(value), 4)} °C"
