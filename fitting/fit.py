@@ -23,10 +23,10 @@ from fitting.solvers.runs import BATCH, Callback, run
 from fitting.solvers.search import random_starts, search
 from fitting.uncertainty.covariance import linearised, uncertainty
 from fitting.uncertainty.discrepancy import (
+    averaged,
     check_discrepancy,
     first_guess,
     is_open,
-    likely,
     with_discrepancy,
     with_remark,
 )
@@ -175,7 +175,7 @@ def fit(
     if discrepancy is not None:
         asked, discrepancy = discrepancy, first_guess(discrepancy)
         for _ in range(ROUNDS if succeeded(end.status) and is_open(asked) else 0):
-            discrepancy = likely(problem, model, scenes, data, asked)
+            discrepancy = averaged(problem, model, scenes, data, asked)
             problem = with_discrepancy(problem, scenes, data, discrepancy)
             end, model, known, spent = again(problem, end.x)
             evaluations += spent

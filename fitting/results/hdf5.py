@@ -1,6 +1,4 @@
-r"""Parts of a fit file (`fitting.results.hdf5`): rules, parameters, uncertainty, minima.
-
-Fits in HDF5: all that it takes to use or repeat a fit, as plain arrays and attributes.
+"""Fits in HDF5: everything needed to use or repeat a fit, as plain arrays and attributes.
 
 ::
 
@@ -13,18 +11,18 @@ Fits in HDF5: all that it takes to use or repeat a fit, as plain arrays and attr
                         by their names
     /data/0, 1, ...     the data sets, as in data files (`fitting.data.files`)
     /data_scenes        name of the scene that each is of, "" of a single one
-    /free/0, 1, ...     attributes path and rule, and what the rule holds: low, high, start, to, ...
-    /prior/0, 1, ...    the same of the priors
+    /free/0, 1, ...     attributes path and rule, and the fields of the rule: low, high, start, to, ...
+    /prior/0, 1, ...    likewise for the priors
     /quadrature         attributes: the accuracy settings
     /parameters         of every free element: names, values, start, stderr, units, withheld, and x,
                         the variables of the solver
-    /uncertainty        covariance and correlation of the values, and what else
-                        `fitting.uncertainty.covariance.Uncertainty` holds
+    /uncertainty        covariance and correlation of the values, and the other fields of
+                        `fitting.uncertainty.covariance.Uncertainty`
     /minima             cost, count and values of the distinct minima
-    /discrepancy        attributes amplitude, width, shared, estimated, parts, remark; missing if
-                        there is none
+    /discrepancy        attributes amplitude, width, shared, estimated, parts, remark; missing
+                        without a discrepancy
     /estimated          relative error of every data set, NaN where errors were given
-    /samples            draws from the posterior (`fitting.results.samples`), if it was they that were saved
+    /samples            draws from the posterior, in files saved by `fitting.results.samples`
 
 The uncertainty is stored, not computed again: reading compiles nothing, and gives the same
 numbers to the last bit on any machine.
@@ -52,10 +50,10 @@ from fitting.uncertainty.discrepancy import with_discrepancy
 from rubberfric.base import StrPath, check_writable, closest, replacing
 from rubberfric.io import hdf5, read_object, read_quadrature, write_object, write_quadrature
 
-T = TypeVar("T", bound=Rule | Prior)
+RuleOrPrior = TypeVar("RuleOrPrior", bound=Rule | Prior)
 
-# Arrays and numbers of the uncertainty that are stored as they are.
-ARRAYS = {
+# Arrays and numbers of the uncertainty, stored unchanged.
+_ARRAYS = {
     "deviation": "-",
     "covariance": "products of /parameters/units",
     "correlation": "-",
@@ -65,10 +63,10 @@ ARRAYS = {
     "x": "-",
     "stretch": "-",
 }
-NUMBERS = {"rank": int, "condition": float, "parameters": float, "chisqr": float}
+_NUMBERS = {"rank": int, "condition": float, "parameters": float, "chisqr": float}
 Result = TypeVar("Result", bound=FitRecord)
 
-FORMAT = "rubberfric fit"
+FIT_FORMAT = "rubberfric fit"
 
 # Attributes of the file that are fields of the result.
 FIELDS = {
@@ -81,9 +79,9 @@ FIELDS = {
     "error_scale": float,
 }
 DISCREPANCY = tuple(field.name for field in dataclasses.fields(Discrepancy))
-# Of its problem.
+# Attributes of the file that are settings of the problem.
 OPTIONS = {"loss": str, "loss_width": float}
-ATTRIBUTES = (
+_ATTRIBUTES = (
     *("format", "format_version", "rubberfric_version", "title", "message", "assumed"),
     *FIELDS,
     *OPTIONS,
@@ -92,7 +90,7 @@ GROUPS = ("scene_at_start", "data", "free", "prior", "quadrature", "parameters",
 
 
 def write_scenes(parent: h5py.Group, name: str, scenes: Scenes) -> None:
-    """A scene as the group `name`, or a group that has those of several, by their names."""
+    """Write a scene as the group `name`, or several scenes as its subgroups by name."""
     if not isinstance(scenes, dict):
         write_object(parent, name, scenes)
         return
@@ -102,14 +100,14 @@ def write_scenes(parent: h5py.Group, name: str, scenes: Scenes) -> None:
 
 
 def read_scenes(group: h5py.Group) -> Any:
-    """What `write_scenes` wrote; whether it is a scene, or several, `make_problem` finds."""
+    """Read what `write_scenes` wrote: a scene, or a dict of several."""
     if "kind" in group.attrs:
         return read_object(group)
     return {name: read_object(one) for name, one in group.items()}
 
 
 def write_rules(group: h5py.Group, rules: Mapping[str, Rule | Prior]) -> None:
-    """Rules or priors, one numbered group each, since a key path is no name of a group."""
+    """Write rules or priors as numbered groups, because a key path cannot name a group."""
     for i, (path, rule) in enumerate(rules.items()):
         one = group.create_group(str(i))
         one.attrs.update(path=path, rule=type(rule).__name__)
@@ -121,7 +119,7 @@ def write_rules(group: h5py.Group, rules: Mapping[str, Rule | Prior]) -> None:
                 one.attrs[field.name] = value if isinstance(value, str) else np.asarray(value, float)
 
 
-def read_rules(group: h5py.Group, classes: Mapping[str, type[T]]) -> dict[str, T]:
+def read_rules(group: h5py.Group, classes: Mapping[str, type[RuleOrPrior]]) -> dict[str, RuleOrPrior]:
     """dict of key path -> rule or prior that `write_rules` wrote, or ValueError naming the wrong group."""
     rules = {}
     for one in numbered(group):
@@ -154,9 +152,9 @@ def write_parameters(group: h5py.Group, result: FitRecord) -> None:
 
 def write_uncertainty(group: h5py.Group, known: Uncertainty) -> None:
     """All but why an error bar is withheld, which stands with the parameters."""
-    for name, units in ARRAYS.items():
+    for name, units in _ARRAYS.items():
         hdf5.write_values(group, name, getattr(known, name), units)
-    for name, kind in NUMBERS.items():
+    for name, kind in _NUMBERS.items():
         group.attrs[name] = kind(getattr(known, name))
     below = group.create_group("unidentified")
     loadings = [direction.loadings for direction in known.unidentified]
@@ -167,11 +165,11 @@ def write_uncertainty(group: h5py.Group, known: Uncertainty) -> None:
 
 def read_uncertainty(group: h5py.Group, parameters: h5py.Group, size: int) -> Uncertainty:
     """The `Uncertainty` that `write_uncertainty` and `write_parameters` wrote."""
-    hdf5.check_names(group, (*ARRAYS, "unidentified"), tuple(NUMBERS))
+    hdf5.check_names(group, (*_ARRAYS, "unidentified"), tuple(_NUMBERS))
     vectors = ("deviation", "deviations", "x", "stretch")
     arrays = {
         name: hdf5.read_array(group, name, units, (size,) if name in vectors else (size, size))
-        for name, units in ARRAYS.items()
+        for name, units in _ARRAYS.items()
     }
     below = hdf5.subgroup(group, "unidentified")
     texts = hdf5.read_texts(below, "text")
@@ -180,7 +178,7 @@ def read_uncertainty(group: h5py.Group, parameters: h5py.Group, size: int) -> Un
     names, reasons = hdf5.read_texts(parameters, "names"), hdf5.read_texts(parameters, "withheld")
     return Uncertainty(
         **arrays,
-        **hdf5.attributes(group, NUMBERS),
+        **hdf5.attributes(group, _NUMBERS),
         withheld={name: reason for name, reason in zip(names, reasons, strict=True) if reason},
         unidentified=tuple(map(Direction, loadings, deviations, texts)),
     )
@@ -230,7 +228,7 @@ def save(
     """
     check_writable(path, (".h5",))
     text = report(result)
-    with replacing(path) as temporary, hdf5.creating(temporary, FORMAT) as file:
+    with replacing(path) as temporary, hdf5.creating(temporary, FIT_FORMAT) as file:
         for name, kind in FIELDS.items():
             file.attrs[name] = kind(getattr(result, name))
         structure, numbers = result.problem.structure, result.problem.numbers
@@ -267,7 +265,7 @@ def save(
 def load(path: StrPath, cls: type[Result]) -> Result:
     """The fit that `save` wrote, as a `fitting.FitResult` or another class of records.
 
-    Numbers are equal to the last bit with the precision of the fit (what was float64 becomes
+    Numbers are equal to the last bit with the precision of the fit (float64 becomes
     float32 unless JAX's x64 mode is on).
 
     Raises
@@ -275,11 +273,11 @@ def load(path: StrPath, cls: type[Result]) -> Result:
     ValueError
         one line naming the file, what in it is wrong, and the rule.
     """
-    with hdf5.reading(path, FORMAT) as file:
+    with hdf5.reading(path, FIT_FORMAT) as file:
         hdf5.check_names(
             file,
             ("report", "scene", "data_scenes", "estimated", "discrepancy", "samples", *GROUPS),
-            ATTRIBUTES,
+            _ATTRIBUTES,
         )
         return cls(**_read(file, {name: hdf5.subgroup(file, name) for name in GROUPS}))
 

@@ -1,7 +1,4 @@
-r"""Numbers of a fit as texts: values with as many digits as their errors leave, and why some have no bar.
-
-A fit as text, laid out as lmfit's fit_report does.
-"""
+"""Report of a fit as text, in the layout of lmfit's fit_report; values are rounded to their errors."""
 
 from typing import Any
 
@@ -22,12 +19,12 @@ from fitting.solvers.options import SOLVERS
 from fitting.solvers.problem import ASSUMED
 from rubberfric.base import unit_of
 
-# Elements of one key path that are listed; of longer ones only the first and the last.
+# Greatest number of elements listed for a key path; longer arrays show the first and the last.
 LISTED = 24
-# Correlations that are reported: above this size, and how many.
-CORRELATED, PAIRS = 0.5, 20
-# Names without an error bar that the verdict lists.
-BARE = 4
+# Least correlation that is reported, and the greatest number of them.
+_CORRELATED, _PAIRS = 0.5, 20
+# Greatest number of names without an error bar in the headlines.
+_BARE = 4
 
 
 def unit(scene: Scenes, path: str) -> str:
@@ -87,7 +84,7 @@ def _digits(value, error):
 
 
 def tied_lines(result: FitRecord) -> list[str]:
-    """A line for every key path that follows others: its value, and what it follows."""
+    """A line for every key path tied to another: its value, and the rule."""
     leaves, lines = jax.tree.leaves(result.scene), []
     groups = [group for group in result.variables.groups if group.kind in ("Tied", "RmsSlope")]
     rules = [
@@ -124,10 +121,10 @@ def report(result: FitRecord) -> str:
     """The report of a `fitting.FitResult` as text of several lines.
 
     Sections: [[Verdict]], [[Fit]], [[Data]], [[Statistics]], [[Variables]] with value, standard error and
-    start; where there are any, [[Tied]], [[Priors]], [[Not identified]] (what the reasons of
-    withheld error bars refer to by number), [[Minima]] (of several starts), [[Correlations]].
+    start; where there are any, [[Tied]], [[Priors]], [[Not identified]] (directions, numbered for the
+    reasons of withheld error bars), [[Minima]] (of several starts), [[Correlations]].
     A fit that did not succeed, or a scene that does not explain the data, says so in the first line.
-    Of an array with more free elements than `fitting.results.report.LISTED` only the first and the last
+    For an array with more free elements than `LISTED` only the first and the last
     are listed.
     """
     lines = [line for line in headlines(result) for line in (line, "")]
@@ -150,7 +147,7 @@ def report(result: FitRecord) -> str:
 
 
 def headlines(result: FitRecord) -> list[str]:
-    """What comes before everything else, a line each; none where all is well."""
+    """Headlines on failures and rejected scenes, a line each; empty for a good fit."""
     if not result.success:
         return [f"THE FIT DID NOT SUCCEED: {result.message}"]
     found = result.verdict
@@ -164,7 +161,7 @@ def _verdict(result):
     open_, bare = len(result.unidentified), len(result.withheld)
     lines["left open"] = "nothing"
     if open_ or bare:
-        names = ", ".join(list(result.withheld)[:BARE]) + ", ..." * (bare > BARE)
+        names = ", ".join(list(result.withheld)[:_BARE]) + ", ..." * (bare > _BARE)
         lines["left open"] = f"{_count(open_, 'direction')}; without an error bar: {names or 'none'}"
     if result.discrepancy is not None:
         lines["theory"] = text_of(result.discrepancy)
@@ -282,7 +279,7 @@ def _priors(result):
 
 
 def _of_several(result, key, prior):
-    """One line on a prior of several numbers: what it says, and where the fit is."""
+    """One line on a prior of several parameters: its statement, and the fitted value."""
     place = Place("", key, result.scene, result.variables, result.problem.numbers.constants)
     [(rows, numbers)] = prior.read(place)
     leaves = jax.tree.leaves(result.scene)
@@ -316,15 +313,15 @@ def _correlations(result):
         (abs(correlation[i, j]), correlation[i, j], names[i], names[j])
         for i in range(len(names))
         for j in range(i + 1, len(names))
-        if abs(correlation[i, j]) > CORRELATED  # False for NaN, which withheld ones have
+        if abs(correlation[i, j]) > _CORRELATED  # False for NaN, which withheld ones have
     ]
     if not pairs:
         return []
     pairs.sort(key=lambda pair: -pair[0])
-    shown = [(f"C({one}, {two})", value) for _, value, one, two in pairs[:PAIRS]]
+    shown = [(f"C({one}, {two})", value) for _, value, one, two in pairs[:_PAIRS]]
     width = max(len(name) for name, _ in shown)
     # Rounded up, to stay above the largest that is left out.
-    below = CORRELATED if len(pairs) <= PAIRS else np.ceil(1000 * pairs[PAIRS][0]) / 1000
+    below = _CORRELATED if len(pairs) <= _PAIRS else np.ceil(1000 * pairs[_PAIRS][0]) / 1000
     return [
         *(f"{name:<{width}} = {value:+.4f}" for name, value in shown),
         f"(unreported correlations are < {below:.3f})",

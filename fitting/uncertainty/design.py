@@ -1,6 +1,6 @@
-r"""The next experiment: which measurements tell most of what is unknown, or of what is to be predicted.
+"""Design of the next experiment: the measurements that reduce errors of parameters or predictions most.
 
-Picture of a design. It needs matplotlib: pip install 'rubberfric[plot]'.
+Plots need matplotlib: pip install 'rubberfric[plot]'.
 """
 
 import dataclasses
@@ -20,12 +20,12 @@ from rubberfric.base import POSITIVE, StrPath, as_leaf, check_values, shown
 from rubberfric.io import write_table
 from rubberfric.plot import style
 
-# Draws about a scene that nothing was fitted to: it may be off by some ten per cent.
-DRAWS = 16
-# Relative error of a new measurement where nothing says it.
-ERROR = 0.05
-CRITERIA = ("D", "A")
-# Panels of a figure; a picture has no room for more.
+# Draws about a scene without a fit, which may be off by some ten per cent.
+_DRAWS = 16
+# Default relative error of a new measurement.
+_ERROR = 0.05
+_CRITERIA = ("D", "A")
+# Greatest number of panels of a figure.
 _PANELS = 4
 
 
@@ -47,7 +47,7 @@ class prediction:
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Design:
-    """Measurements to make, most useful first, and what they will tell.
+    """Measurements to make, most useful first, and the expected errors.
 
     Attributes
     ----------
@@ -77,7 +77,7 @@ class Design:
     rows: np.ndarray
 
     def report(self) -> str:
-        """The measurements and what they tell, as text of several lines."""
+        """The measurements and the expected errors, as text of several lines."""
         lines = [f"Design of {self.index.size} measurements ({self.criterion}), most useful first"]
         repeats = {i: int(np.sum(self.index == i)) for i in self.index.tolist()}
         for i, count in repeats.items():
@@ -122,27 +122,27 @@ def design(
     already: Design | None = None,
     quadrature: rf.Quadrature | None = None,
 ) -> Design:
-    """Choose the measurements that tell most, among candidates, given what is known.
+    """Choose the most informative measurements among candidates.
 
     Parameters
     ----------
-    source : FitResult, whose data and priors are what is known; or a Scene, for a first experiment
+    source : FitResult, whose data and priors are the prior information; or a Scene, for a first experiment
     free : of a Scene: dict of key path -> rule, as for `fitting.fit`
     candidates : (velocity, pressure) or (velocity, pressure, temperature), broadcastable [m/s], [Pa], [K]
         where one could measure, such as (v[:, None], p) for every combination
-    n : number of measurements, or what they may cost together; those at one candidate are repetitions
+    n : number of measurements, or their greatest total cost; a candidate may be repeated
     criterion : "D", "A" or `prediction(...)`
         the volume of the ellipsoid of errors; the mean variance of x, which is relative for Positive
-        parameters; the mean variance of what is predicted.
+        parameters; the mean variance of the prediction.
     cost : of every candidate, or a function of (velocity, pressure, temperature) that says it; None: 1 each
     relative : error of a measurement, one or for every candidate
         None: the mean of the relative errors of the fit's friction data; 5 % of a scene.
-    quantity : "friction" or "area", what is measured
+    quantity : measured quantity, "friction" or "area"
     prior : of a Scene: dict of key path -> Gaussian or Smooth
-    draws : over how many draws from what is known the criterion is averaged; 1: the values themselves alone
+    draws : number of draws from the prior information to average over; 1: the values themselves alone
         None: 16 about a scene, 1 of a fit. Of D, A and predictions logarithms are averaged.
     reach : a draw is moved by no more than this along a direction, 0.3 being 30 %
-        what is not known at all would else be drawn from anywhere.
+        this limits draws of parameters that are not known at all.
     key : jax.random.key of the draws, or None for key(0)
     already : a Design whose measurements will be made as well, an earlier batch of the same candidates
     quadrature : of a Scene
@@ -158,10 +158,10 @@ def design(
 
     Notes
     -----
-    Errors are those of the model linearised at the scene: exact derivatives, but no better than the scene.
-    Where it may be off, say by how much, as a `prior`, and what is lost is little. What is to be predicted
-    should lie outside of what can be measured: inside, error bars fall with the number of measurements,
-    wherever they are (`tests/fitting/uncertainty/test_design_twins.py` has both in numbers).
+    Errors come from the model linearised at the scene, with exact derivatives; they are as good as the scene.
+    If the scene is uncertain, say by how much with a `prior`: the loss is small. A design pays for
+    predictions outside the range of the candidates. Inside it, errors fall with the number of measurements,
+    wherever these are (`tests/fitting/uncertainty/test_design_twins.py` has both in numbers).
     """
     known = known_of(source, free, prior, quadrature)
     at = _points(candidates)
@@ -170,7 +170,7 @@ def design(
     price = _cost(cost, at)
     if isinstance(n, bool) or not isinstance(n, int | float) or not n >= price.min():
         raise ValueError(f"n = {shown(n)}: must be >= {price.min():g}, for one measurement at least")
-    draws = draws if draws is not None else 1 if isinstance(source, SolvedProblem) else DRAWS
+    draws = draws if draws is not None else 1 if isinstance(source, SolvedProblem) else _DRAWS
     if not isinstance(draws, int) or draws < 1:
         raise ValueError(f"draws = {shown(draws)}: must be an integer >= 1")
     key = jax.random.key(0) if key is None else key
@@ -236,10 +236,10 @@ def _cost(cost, at):
 def _error(source, quantity):
     """Relative error that the fit's data of a quantity have, in the mean."""
     if not isinstance(source, SolvedProblem):
-        return ERROR
+        return _ERROR
     blocks = [b for b in source.problem.structure.blocks if b.quantity == quantity and b.logarithmic]
     errors = [np.asarray(source.problem.targets.error)[slice(*b.rows)] for b in blocks]
-    return float(np.mean(np.concatenate(errors))) if errors else ERROR
+    return float(np.mean(np.concatenate(errors))) if errors else _ERROR
 
 
 def _target(known, xs, criterion):
@@ -250,7 +250,7 @@ def _target(known, xs, criterion):
         at = _points(conditions)
         slopes = np.stack([known.rows(x, at, criterion.quantity) for x in xs])
         return np.swapaxes(slopes, 1, 2) @ slopes / at[0].size
-    if not isinstance(criterion, str) or criterion not in CRITERIA:
+    if not isinstance(criterion, str) or criterion not in _CRITERIA:
         raise ValueError(f"criterion = {shown(criterion)}: must be 'D', 'A' or fitting.prediction(...)")
     # Variances of x, not of x / stretch.
     return None if criterion == "D" else np.tile(np.diag(known.stretch**2), (len(xs), 1, 1))
@@ -261,7 +261,7 @@ def _percent(error: float) -> str:
 
 
 def plot_design(design: Any, ax: style.Panels | None = None) -> style.Panels:
-    """Draw what one measurement would tell over log10 v and temperature or pressure, and those chosen.
+    """Draw the gain of one measurement over log10 v and temperature or pressure, and the chosen ones.
 
     A panel for each pressure where there are several temperatures; the number in a circle is how often one
     measures there. Over the velocity alone, a line.
@@ -269,7 +269,7 @@ def plot_design(design: Any, ax: style.Panels | None = None) -> style.Panels:
     Parameters
     ----------
     design : fitting.Design
-    ax : sequence of as many matplotlib axes as there are panels, or None for those of a new figure
+    ax : sequence of as many matplotlib axes as there are panels; None: a new figure
 
     Returns
     -------

@@ -1,23 +1,21 @@
-r"""What is known before the next experiment, and what measurements of the friction would add to it.
+r"""Information before the next experiment, and linear optimal design of its measurements by exchange.
 
-A row of the Jacobian of ln Q (of Q itself for absolute errors), in units of the error that the measurement
-will have, and in the variables x of a fit (`fitting.parameters.variables`):
+A measurement i has a row of the Jacobian of ln Q (of Q itself for absolute errors) in units of its error and
+in the variables x of a fit (`fitting.parameters.variables`):
 
 .. math:: a_i = \frac{1}{\epsilon_i} \frac{\partial \ln Q(v_i, p_i, T_i)}{\partial x}
 
-Which measurements to choose among candidates: linear optimal design by exchange.
-
-A measurement i adds a_i a_i^T to the information M, a_i being its row of the Jacobian in units of its error,
-and M^-1 is the covariance of what is fitted. With M_0 for what is known, n measurements of
+It adds a_i a_i^T to the information M, and M^-1 is the covariance of the fitted parameters. With the prior
+information M_0, n measurements of
 
 .. math:: \max_i \; \frac1K \sum_k \phi\Big(M_0 + \sum_i a_{ik} a_{ik}^T\Big),\qquad
           \phi_D = \ln\det M,\quad \phi_L = -\ln\mathrm{tr}(L\, M^{-1})
 
-are found by adding the best one by one, then exchanging each for a better one until none is
+are found by adding the best one by one, then exchanging each for a better one until no exchange improves
 [Fedorov, Theory of Optimal Experiments, Academic Press 1972; Atkinson, Donev & Tobias, Optimum Experimental
-Designs, Oxford 2007, chapter 12]. K sets of rows, of draws from what is known, make the design robust; as
-logarithms are averaged [Chaloner & Larntz, J. Stat. Plan. Inference 21, 191 (1989)], no draw counts more than
-another because its variance is large. One more row changes both criteria by
+Designs, Oxford 2007, chapter 12]. K sets of rows, from draws of the prior
+information, make the design robust. Logarithms are averaged [Chaloner & Larntz, J. Stat. Plan. Inference 21,
+191 (1989)], so that a large variance gives a draw no more weight. One more row changes both criteria by
 
 .. math:: \Delta\phi_D = \ln(1 + a^T M^{-1} a),\qquad
           \Delta\phi_L = -\ln\Big(1 - \frac{1}{\mathrm{tr}(L\, M^{-1})}
@@ -49,21 +47,21 @@ from rubberfric.scene import cast, result_dtype
 Points = tuple[np.ndarray, np.ndarray, np.ndarray | None]  # velocity, pressure, temperature
 # Passes through all chosen points; a few are enough.
 _PASSES = 50
-# An exchange must gain more than this: of rounding it would go in circles.
+# An exchange must gain more than this; rounding alone would cycle.
 _LEAST = 1e-10
-# Of the variance one row takes less than all; rounding must not say otherwise.
+# One row removes less than the whole variance, also after rounding.
 _MOST = 1 - 1e-15
 
 
-class Known(NamedTuple):
-    """What is known of the free parameters of a scene."""
+class PriorInformation(NamedTuple):
+    """Prior information on the free parameters of a scene."""
 
     variables: Variables
     constants: Constants
     quadrature: rf.Quadrature
     x: np.ndarray  # shape (size,)
     stretch: np.ndarray  # of the variables, see `fitting.uncertainty.covariance`
-    information: np.ndarray  # M_0, of y = x / stretch; no direction is less known than OPEN
+    information: np.ndarray  # M_0, of y = x / stretch; standard deviations are limited to OPEN
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -120,8 +118,8 @@ def known_of(
     free: Mapping[str, Rule] | None,
     prior: Mapping[str, Prior] | None,
     quadrature: rf.Quadrature | None,
-) -> Known:
-    """What a fit knows; or what is known of the `free` parameters of a scene, priors alone."""
+) -> PriorInformation:
+    """Information of a fit, or of the priors on the `free` parameters of a scene."""
     if isinstance(source, SolvedProblem):
         for name, value in (("free", free), ("prior", prior), ("quadrature", quadrature)):
             if value is not None:
@@ -129,7 +127,9 @@ def known_of(
         of, known = source.problem, source.uncertainty
         quadrature = of.structure.quadrature
         information = np.linalg.inv(known.spread)
-        return Known(of.variables, of.numbers.constants, quadrature, known.x, known.stretch, information)
+        return PriorInformation(
+            of.variables, of.numbers.constants, quadrature, known.x, known.stretch, information
+        )
     if not isinstance(source, rf.Scene):
         raise ValueError(f"source is a {type(source).__name__}: must be a FitResult or a Scene")
     if not isinstance(free, dict):
@@ -140,7 +140,9 @@ def known_of(
     static = {"structure": structure, "variables": variables}
     rows = np.asarray(_prior_slopes(numbers, constants, jnp.asarray(x), **static))
     information = np.eye(x.size) / OPEN**2 + rows.T @ rows
-    return Known(variables, constants, quadrature or rf.Quadrature(), x, np.ones(x.size), information)
+    return PriorInformation(
+        variables, constants, quadrature or rf.Quadrature(), x, np.ones(x.size), information
+    )
 
 
 def exchange(
@@ -150,13 +152,13 @@ def exchange(
     cost: np.ndarray | None = None,
     target: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Indices of the candidates to measure, one as often as it is to be repeated, most useful first.
+    """Indices of the candidates to measure, most useful first; repetitions appear several times.
 
     Parameters
     ----------
     rows : of every candidate, in units of its error, shape (draws, candidates, size)
     base : information already there, positive definite, shape (size, size)
-    budget : number of measurements, or what they may cost together
+    budget : number of measurements, or their greatest total cost
     cost : of every candidate, > 0, shape (candidates,); None: 1 each
     target : L, shape (draws, size, size); None: D-optimal
 
@@ -200,7 +202,7 @@ def variance(information: np.ndarray, target: np.ndarray) -> np.ndarray:
 
 
 def gain(rows: np.ndarray, information: np.ndarray, target: np.ndarray | None) -> np.ndarray:
-    """What each candidate would add to phi, shape (candidates,)."""
+    """Gain in phi of each candidate, shape (candidates,)."""
     covariance = np.linalg.inv(information)
     moved = rows @ covariance
     seen = np.sum(moved * rows, -1)
@@ -212,7 +214,7 @@ def gain(rows: np.ndarray, information: np.ndarray, target: np.ndarray | None) -
 
 
 def _filled(rows, base, budget, cost, target, chosen):
-    """Chosen candidates and, as far as the budget goes, those that add most for what they cost."""
+    """The chosen candidates, filled up to the budget with the largest gain per cost."""
     chosen = list(chosen)
     while True:
         allowed = cost <= budget - cost[chosen].sum() + 1e-9 * budget
@@ -223,7 +225,7 @@ def _filled(rows, base, budget, cost, target, chosen):
 
 
 def _ordered(rows, base, cost, target, chosen):
-    """The chosen, each the best of those left for what it costs."""
+    """The chosen candidates, ordered by gain per cost."""
     left, order = list(chosen), []
     while left:
         gains = gain(rows[:, left], information(rows, base, order), target) / cost[left]
