@@ -1,33 +1,28 @@
-r"""The posterior of a fit as a function, for samplers.
+r"""The posterior of a fit: its log density, draws by the No-U-Turn sampler, and the prior of another fit.
 
 .. math:: \ln p(x \,|\, data) = -\frac12 \sum_i \rho(r_i^2) - \frac12 \sum_k p_k^2 + const
 
-over the fit's own variables x, which know no bounds (`fitting.parameters.variables`): any sampler that
-takes an unconstrained log density and its gradient can use it, numpyro's NUTS or blackjax.
+over the unbounded variables x of the fit (`fitting.parameters.variables`). Any sampler that takes an
+unconstrained log density and its gradient can use it, such as numpyro's NUTS or blackjax.
 
-Draws from the posterior of a fit by the No-U-Turn sampler.
+`run_chains` draws by the No-U-Turn sampler [Hoffman & Gelman, J. Mach. Learn. Res. 15 (2014) 1593,
+arXiv:1111.4246; numpyro: Phan, Pradhan & Jankowiak, arXiv:1912.11554]. The sampler works in z, with
+x = x_fit + L z and L L^T the covariance of the fit (its Laplace approximation), so it starts with a suitable
+metric. Chains start from draws of the Laplace approximation. Sampling needs numpyro and arviz-stats:
+pip install 'rubberfric[sampling]'.
 
-[Hoffman & Gelman, J. Mach. Learn. Res. 15 (2014) 1593, arXiv:1111.4246; numpyro: Phan, Pradhan & Jankowiak,
-arXiv:1912.11554]
-
-The density is that of `fitting.log_density`: the fit's own residuals, errors, loss, priors and bounds. The
-sampler sees z of x = x_fit + L z, where L L^T is the covariance of the fit (its Laplace approximation), so
-that it starts with the right metric; chains start from draws of that approximation.
-
-It needs numpyro: pip install 'rubberfric[sampling]'.
-
-What a fit knows of its numbers, as the prior of another fit.
+`prior_of` gives the Laplace approximation as the prior of another fit.
 """
 
 import dataclasses
 import functools
+import importlib
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-import scipy
 
 from fitting.parameters.constraints import is_number
 from fitting.parameters.keypaths import find, path_over
@@ -39,31 +34,30 @@ from fitting.uncertainty.covariance import OPEN
 from fitting.uncertainty.intervals import SolvedProblem
 from rubberfric.base import shown
 
-# What a prior that says nothing is flat in.
+# Variables in which parameters without a prior have a flat density.
 FLAT = ("x", "values")
 # Called as callback(chain, draw), warm-up included, after every draw.
 Progress = Callable[[int, int], object]
 
-# Halvings of the way to a chain's start, until the model is finite there.
+# Greatest number of halvings of a chain's start towards the fit, until the model is finite there.
 _HALVINGS = 20
-# Of a direction that the data leave open: a part in it that matters.
+# Least loading of a parameter in an unidentified direction that matters.
 _PART = 0.1
 _BODIES = ("lower", "upper")
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class LogDensity:
-    """A log density over x, and the way from x to values; made by `log_density`.
+    """A log density over x, with the values and scene at x; made by `log_density`.
 
-    Called with x, shape (n,), it gives the logarithm of the density but for a constant, a scalar;
-    jit, vmap and grad go through.
+    Called with x, shape (n,), it returns the log density up to a constant, a scalar. jit, vmap and grad work.
     """
 
     problem: Problem
     flat: str
 
     def __call__(self, x: Array) -> jax.Array:
-        """The logarithm of the density at x, shape (n,), but for a constant."""
+        """The log density at x, shape (n,), up to a constant."""
         structure, numbers, targets, _ = padded(self.problem)
         return _density(structure, self.flat, numbers, targets, jnp.asarray(x))
 
@@ -79,7 +73,7 @@ class LogDensity:
     def scene(self, x: Array) -> Any:
         """The scene with the free elements at x, shape (n,), or the scenes by their names.
 
-        What a draw predicts is computed from it.
+        Predictions of a draw are computed from it.
         """
         return self.problem.scene(x)
 
@@ -93,11 +87,11 @@ def log_density(result: SolvedProblem, flat: str = "x") -> LogDensity:
     Parameters
     ----------
     result : FitResult
-        whose data, errors (estimated ones as estimated), loss and priors are taken as they are.
+        fit whose data, errors (given or estimated), loss and priors are used.
     flat : "x" or "values"
-        what a parameter without a prior is evenly distributed in: the fit's variable (for a
+        the variable in which a parameter without a prior is uniform: the fit's variable (for a
         Positive one its logarithm, for a Bounded one its logit), or the value itself. With "x"
-        the density is highest at the fit, and the covariance is that of its Gaussian approximation.
+        the density is highest at the fit, and its Gaussian approximation has the covariance of the fit.
 
     Returns
     -------
@@ -110,10 +104,10 @@ def log_density(result: SolvedProblem, flat: str = "x") -> LogDensity:
 
     Notes
     -----
-    A density need not have a finite integral: what the data leave open (`result.unidentified`)
-    stays open in x, and a sampler walks away along it. Give such a parameter a Gaussian prior, or
-    hold it; a Bounded one is safe with "values". For a robust loss exp(-cost) is a density whose width
-    is not that of the fit's standard errors, which allow for outliers in another way.
+    A density need not have a finite integral: along unidentified directions (`result.unidentified`) it does
+    not fall off, and a sampler diverges. Give such a parameter a Gaussian prior, or hold it; a Bounded one is
+    safe with "values". For a robust loss the width of exp(-cost) differs from the fit's standard errors,
+    which allow for outliers in another way.
     """
     if flat not in FLAT:
         raise ValueError(f"flat = {flat!r}: must be one of {', '.join(FLAT)}")
@@ -137,7 +131,7 @@ def _log_slopes(variables, width, x):
 def density_at(
     structure: Structure, flat: str, numbers: Numbers, targets: Targets, x: jax.Array
 ) -> jax.Array:
-    """The density as `LogDensity` has it, of what a problem holds, for what compiles it with more."""
+    """Log density of the parts of a problem, for use inside other compiled functions."""
     density = -objective(structure, numbers, targets).cost(x)
     if flat == "x":
         return density
@@ -152,8 +146,8 @@ class Chains(NamedTuple):
     """Draws by chain, without the warm-up."""
 
     x: np.ndarray  # shape (chains, draws, size)
-    log_density: np.ndarray  # but for a constant, shape (chains, draws)
-    diverging: np.ndarray  # whether the trajectory left what the steps resolve, shape (chains, draws)
+    log_density: np.ndarray  # up to a constant, shape (chains, draws)
+    diverging: np.ndarray  # True if the steps did not resolve the trajectory, shape (chains, draws)
     accepted: np.ndarray  # mean acceptance probability, shape (chains, draws)
     steps: np.ndarray  # evaluations of the density and its gradient, shape (chains, draws)
 
@@ -178,10 +172,11 @@ def run_chains(
 
     Raises
     ------
-    ModuleNotFoundError : numpyro is not installed; the message says how to install it.
+    ModuleNotFoundError : numpyro or arviz-stats is not installed; the message says how to install it.
     ValueError : the data and priors leave a direction open, along which the density has no finite integral.
     """
-    numpyro = _numpyro()
+    numpyro = _installed("numpyro", "numpyro.infer")
+    _installed("arviz-stats", "arviz_stats.base")
     check_proper(solved, flat)
     known, of = solved.uncertainty, padded(solved.problem)
     covariance = known.spread * np.outer(known.stretch, known.stretch)
@@ -198,7 +193,7 @@ def run_chains(
 
 
 def check_proper(solved: SolvedProblem, flat: str) -> None:
-    """ValueError if the density does not fall off along a direction that the data leave open."""
+    """Raise ValueError if the density does not fall off along an unidentified direction."""
     known, variables = solved.uncertainty, solved.problem.variables
     bounded = np.zeros(variables.size, bool)
     for group in variables.own:
@@ -212,21 +207,21 @@ def check_proper(solved: SolvedProblem, flat: str) -> None:
 
 
 def diagnosed(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """R-hat and effective number of draws of every number, of normalised ranks, (size,) each.
+    """R-hat and bulk effective sample size of every parameter by arviz-stats, shape (size,) each.
 
-    Chains are split in two [Vehtari, Gelman, Simpson, Carpenter & Buerkner, Bayesian Anal. 16 (2021) 667,
+    R-hat is the larger of rank-normalised split R-hat and its folded version, which compares the spread of
+    the chains [Vehtari, Gelman, Simpson, Carpenter & Buerkner, Bayesian Anal. 16 (2021) 667,
     arXiv:1903.08008].
 
     Parameters
     ----------
     x : draws, shape (chains, draws, size)
     """
-    from numpyro.diagnostics import effective_sample_size, split_gelman_rubin
-
-    chains, draws, size = x.shape
-    rank = scipy.stats.rankdata(x.reshape(-1, size), axis=0).reshape(x.shape)
-    normal = scipy.special.ndtri((rank - 0.375) / (chains * draws + 0.25))
-    return np.asarray(split_gelman_rubin(normal)), np.asarray(effective_sample_size(normal))
+    stats, half = _installed("arviz-stats", "arviz_stats.base").array_stats, x.shape[1] // 2
+    if len(x) == 1:  # arviz-stats needs two chains
+        x = np.concatenate([x[:, :half], x[:, -half:]])
+    axes = {"chain_axis": 0, "draw_axis": 1}
+    return np.asarray(stats.rhat(x, **axes)), np.asarray(stats.ess(x, **axes))
 
 
 def _chain(fixed, number, key, draws, warmup, callback):
@@ -250,15 +245,14 @@ def _chain(fixed, number, key, draws, warmup, callback):
     return [np.array(jax.device_get(column)) for column in zip(*kept, strict=True)]
 
 
-def _numpyro() -> Any:
-    """The sampler's module."""
+def _installed(package: str, module: str) -> Any:
+    """The module of a package of the extra `sampling`."""
     try:
-        from numpyro import infer
+        return importlib.import_module(module)
     except ModuleNotFoundError:
         raise ModuleNotFoundError(
-            "sample needs numpyro, which is not installed: pip install 'rubberfric[sampling]'"
+            f"sample needs {package}, which is not installed: pip install 'rubberfric[sampling]'"
         ) from None
-    return infer
 
 
 def _energy(structure: Structure, flat: str, numbers: Numbers, targets: Targets, laplace: _Laplace, z):
@@ -270,7 +264,7 @@ _potential = jax.jit(_energy, static_argnums=(0, 1))
 
 
 def _kernel(infer, structure, flat, warmup, numbers, targets, laplace, key, z):
-    """The sampler and its state at z; made anew while tracing, so that other numbers compile nothing."""
+    """The sampler and its state at z; built while tracing, so other numbers compile nothing."""
     kernel = infer.NUTS(
         potential_fn=lambda z: _energy(structure, flat, numbers, targets, laplace, z), dense_mass=True
     )
@@ -289,9 +283,9 @@ def _draw(infer, structure, flat, warmup, numbers, targets, laplace, state):
 
 
 def prior_of(solved: SolvedProblem, body: str | None = None, widen: float = 1.0) -> dict[str, Correlated]:
-    """What a solved problem knows of its free numbers; see `joint_prior`.
+    """The Laplace approximation of a solved problem as a prior; see `joint_prior`.
 
-    What its data leave open is known to a factor e^100, that is, not at all.
+    Unidentified directions have a standard deviation of 100 in x, practically none.
     """
     variables, constants = solved.problem.variables, solved.problem.numbers.constants
     scene = solved.problem.scene(jnp.asarray(solved.x))
@@ -336,10 +330,10 @@ def joint_prior(
 
     Parameters
     ----------
-    paths : key paths of the numbers, each of one or more of them
+    paths : key paths of the parameters, each of one or more elements
     mean, covariance, limits, places : as of `Correlated`; limits (low, high)
-    body : of the other scene, that the paths which begin with "lower" or "upper" are of there; None: the same
-    widen : factor of all deviations
+    body : body of the other scene that replaces "lower" or "upper" in the paths; None: the same
+    widen : factor of all standard deviations
     """
     if not (is_number(widen) and widen > 0):
         raise ValueError(f"widen = {shown(widen)}: must be a number > 0")
