@@ -4,15 +4,15 @@ from rubberfric.base import lazily
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
-    from fitting.characterise.kramers_kronig.check import kramers_kronig as kramers_kronig
-    from fitting.characterise.kramers_kronig.result import KramersKronig as KramersKronig
-    from fitting.characterise.master_curve.fit import fit_master_curve as fit_master_curve
-    from fitting.characterise.master_curve.result import MasterCurve as MasterCurve
-    from fitting.characterise.prony.fit import fit_prony as fit_prony
-    from fitting.characterise.prony.result import PronyFit as PronyFit
+    from fitting.characterise.kramers_kronig import KramersKronig as KramersKronig
+    from fitting.characterise.kramers_kronig import kramers_kronig as kramers_kronig
+    from fitting.characterise.master_curve import MasterCurve as MasterCurve
+    from fitting.characterise.master_curve import fit_master_curve as fit_master_curve
+    from fitting.characterise.prony import PronyFit as PronyFit
+    from fitting.characterise.prony import fit_prony as fit_prony
     from fitting.characterise.softening import softening_from_sweep as softening_from_sweep
+    from fitting.characterise.spectrum import SpectrumFit as SpectrumFit
     from fitting.characterise.spectrum import fit_spectrum as fit_spectrum
-    from fitting.characterise.spectrum_result import SpectrumFit as SpectrumFit
     from fitting.data.files import read as read
     from fitting.data.files import write as write
     from fitting.data.kinds import AreaData as AreaData
@@ -42,14 +42,14 @@ if TYPE_CHECKING:
     from fitting.parameters.priors import Sum as Sum
     from fitting.results import plot as plot
     from fitting.results.result import FitResult as FitResult
+    from fitting.results.result import friction_table as friction_table
     from fitting.results.samples import Samples as Samples
-    from fitting.uncertainty.density import LogDensity as LogDensity
-    from fitting.uncertainty.density import log_density as log_density
+    from fitting.uncertainty.design import Design as Design
+    from fitting.uncertainty.design import design as design
+    from fitting.uncertainty.design import prediction as prediction
+    from fitting.uncertainty.posterior import LogDensity as LogDensity
+    from fitting.uncertainty.posterior import log_density as log_density
     from fitting.uncertainty.sensitivity import sensitivity as sensitivity
     from fitting.uncertainty.sensitivity import sensitivity_names as sensitivity_names
-    from fitting.uncertainty.uses.design import Design as Design
-    from fitting.uncertainty.uses.design import design as design
-    from fitting.uncertainty.uses.design import prediction as prediction
-    from fitting.uncertainty.uses.friction_table import friction_table as friction_table
 
 lazily(__name__, __file__)

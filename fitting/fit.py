@@ -22,14 +22,14 @@ from fitting.solvers.runs import BATCH, Callback, run_fits
 from fitting.solvers.search import confirm_minimum, random_starts, search
 from fitting.uncertainty.covariance import linearised, uncertainty
 from fitting.uncertainty.discrepancy import (
+    averaged,
     check_discrepancy,
     first_guess,
     is_open,
-    likely,
     with_discrepancy,
     with_remark,
 )
-from fitting.uncertainty.posterior.scatter import common_ratio, rescaled_errors
+from fitting.uncertainty.verdict import common_ratio, rescaled_errors
 
 # Fits, each weighted with the errors that the one before it estimated.
 ROUNDS = 2
@@ -176,7 +176,7 @@ def fit(
     if discrepancy is not None:
         asked, discrepancy = discrepancy, first_guess(discrepancy)
         for _ in range(ROUNDS if succeeded(end.status) and is_open(asked) else 0):
-            discrepancy = likely(problem, model, scenes, data, asked)
+            discrepancy = averaged(problem, model, scenes, data, asked)
             problem = with_discrepancy(problem, scenes, data, discrepancy)
             end, model, known, spent = again(problem, end.x)
             evaluations += spent

@@ -2,7 +2,7 @@ r"""Softening of filled rubber from a measured strain sweep (Payne effect) [J. A
 
 .. math:: f(\varepsilon) = E'(\varepsilon) / E'_{lin},\qquad g(\varepsilon) = E''(\varepsilon) / E''_{lin}
 
-at one frequency; E'_lin and E''_lin are those of small strains.
+at one frequency; E'_lin and E''_lin hold at small strains.
 """
 
 import warnings
@@ -36,8 +36,8 @@ def softening_from_sweep(
     Parameters
     ----------
     strain : amplitudes [-], > 0, shape (n,), in any order
-        single amplitudes: half of what is called peak to peak or double. Of a shear sweep the
-        amplitude of shear, with G' and G'' for the moduli.
+        single amplitudes, half of the peak-to-peak value. For a shear sweep give the amplitude of
+        shear, with G' and G'' for the moduli.
     storage, loss : E' and E'' [Pa], or any other unit, > 0, shape (n,)
     temperature : of every row [K], shape (n,), or one for all, or None
         rows within 1 K belong to one sweep.

@@ -1,10 +1,10 @@
-r"""A self-affine spectrum from a measured one: how rough, how fractal, where it rolls off, how certain.
+r"""Fit a self-affine spectrum to a measured one: h_rms, H, q_r and their errors.
 
 .. math:: \ln C = \ln C_0 \; (q < q_r), \qquad \ln C = \ln C_0 - 2(1 + H) \ln(q/q_r) \; (q > q_r)
 
-For a roll-off between two given neighbours among the data this is linear in what is left: every
-such gap is searched, so that the start is the minimum itself, and no other has to be feared.
-`fitting.fit` starts there and gives errors, correlations and what the data leave open.
+With the roll-off between two neighbouring points of the data this is linear in the other parameters. Every
+such gap is searched, so the start is the global minimum. `fitting.fit` starts there and gives errors,
+correlations and the directions that the data leave open.
 """
 
 import dataclasses
@@ -14,17 +14,85 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 import rubberfric as rf
-from fitting.characterise.spectrum_result import SpectrumFit
 from fitting.data.kinds import SpectrumData
 from fitting.fit import fit
 from fitting.parameters.constraints import Bounded, Positive, Rule, is_number
-from rubberfric.base import shown
+from fitting.results.report import error_text
+from fitting.results.result import FitResult
+from rubberfric.base import html, shown, unit_of
 
 # Slopes that H = 0 and 1 stand for, and how near to them H is fixed there instead of fitted.
 _SLOPES = (2.0, 4.0)
 _AT_END = 1e-6
 # Variance of ln C that is rounding, not scatter.
 _EXACT = 1e-20
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class SpectrumFit:
+    """A self-affine spectrum and how well it meets the one it was fitted to.
+
+    Attributes
+    ----------
+    spectrum : SelfAffine
+    residuals : ln(fit / measured) of the points within q0 ... q1; NaN where measured <= 0
+    remarks : tuple of text: parameters fixed because the data do not show them, and points left out
+    fit : FitResult of the free parameters, with `stderr`, `correlation`, `interval`, `profile` ...
+    """
+
+    spectrum: rf.SelfAffine
+    residuals: np.ndarray
+    remarks: tuple[str, ...]
+    fit: FitResult
+
+    @property
+    def rms(self) -> float:
+        """Root-mean-square of the residuals."""
+        return float(np.sqrt(np.nanmean(self.residuals**2)))
+
+    @property
+    def stderr(self) -> dict[str, float]:
+        """Standard errors of the fields that were fitted, by name; NaN where withheld."""
+        return dict(zip((name.rsplit(".", 1)[1] for name in self.fit.names), self.fit.stderr, strict=True))
+
+    def __repr__(self) -> str:
+        s = self.spectrum
+        return (
+            f"<SpectrumFit: h_rms {float(s.h_rms):.3g} m, H {float(s.hurst):.3g}, qr {float(s.qr):.3g} 1/m,"
+            f" {self.rms:.2g} rms of ln C>"
+        )
+
+    def report(self) -> str:
+        """The spectrum and its error bars, as text of several lines."""
+        lines = [
+            f"Self-affine spectrum of {self.fit.data[0].label}",
+            f"    {self.fit.message}",
+            f"    rms of ln(fit / measured): {self.rms:.2%}",
+            *(f"    {remark}" for remark in self.remarks),
+        ]
+        lines += [f"    {name:>6} [{unit}] {value:>11}  {more}" for name, unit, value, more in self._rows()]
+        slope = float(rf.rms_slope(self.spectrum))
+        lines.append(f"    rms slope up to q1: {slope:.3g}")
+        return "\n".join(lines)
+
+    def _repr_html_(self) -> str:
+        """A table for notebooks."""
+        rows = [
+            (name, f"{value} {unit}".removesuffix(" -"), more) for name, unit, value, more in self._rows()
+        ]
+        rows += [*self.remarks, f"rms of ln(fit / measured): {self.rms:.2%}"]
+        caption = f"Self-affine spectrum of {self.fit.data[0].label}: {self.fit.message}"
+        return html.table(rows, ("parameter", "value", "error"), caption)
+
+    def _rows(self):
+        """Texts of every parameter: name, unit, value, and its error or why it has none."""
+        rows = []
+        for name in ("h_rms", "hurst", "qr", "q0", "q1"):
+            value = float(getattr(self.spectrum, name))
+            rows.append(
+                (name, unit_of(rf.SelfAffine, name), f"{value:.4g}", error_text(self.fit, name, value))
+            )
+        return rows
 
 
 class Line(NamedTuple):
@@ -56,7 +124,7 @@ def fit_spectrum(
     Parameters
     ----------
     data : SpectrumData, TabulatedSpectrum, or a pair (q, C) [1/m], [m^4]
-    q0, q1 : cut-offs of the surface [1/m]; None: those of a table that has them, else the first and
+    q0, q1 : cut-offs of the surface [1/m]; None: the table's, if it has them, else the first and
         the last wavevector of the data.
         Data outside are not used; h_rms counts q0 < q < q1 whether or not the data reach as far.
     qr : "fit", or the roll-off wavevector [1/m], fixed; q0 is a surface without plateau
@@ -70,7 +138,7 @@ def fit_spectrum(
 
     Raises
     ------
-    ValueError : one line: what the data are instead, cut-offs in wrong order, fewer values than unknowns.
+    ValueError : one line: data of another type, cut-offs in wrong order, fewer values than unknowns.
 
     Notes
     -----
@@ -118,7 +186,7 @@ def fit_spectrum(
             remarks.append(f"the fall is {steeper}: H is held there")
     if fixed_qr is None and not no_kink:
         free[f"{body}.spectrum.qr"] = Positive()
-    # Some solid must deform; its modulus is not asked for.
+    # A scene needs a deformable solid; its modulus is not used.
     own, other = rf.Body(rf.Rigid(), spectrum), rf.Body(rf.Elastic(1e6, 0.5))
     scene = rf.Scene(own, other) if body == "lower" else rf.Scene(other, own)
     result = fit(scene, data, free)
@@ -190,7 +258,7 @@ def _start(t, y, weight, slopes, fixed_qr, q0, q1, known):
         return _line(t, y, weight, slopes, np.log(fixed_qr)), []
     flat = _line(t, y, weight, slopes, np.log(q0))
     broken = broken_line(t, y, weight, slopes, np.log(q0), np.log(q1))
-    # Schwarz: what one more parameter must be worth. Errors that are unknown follow from the scatter.
+    # Schwarz's penalty of one more parameter. Unknown errors follow from the scatter.
     floor = _EXACT * t.size
     ratio = (flat.cost + floor) / (broken.cost + floor)
     gain = flat.cost - broken.cost if known else t.size * np.log(ratio)

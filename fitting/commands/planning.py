@@ -30,7 +30,7 @@ import rubberfric as rf
 from fitting.commands.job import about, read_job
 from fitting.ensemble.calibration import calibration
 from fitting.fit import fit
-from fitting.uncertainty.uses.design import Design, design, prediction
+from fitting.uncertainty.design import Design, design, prediction
 from rubberfric.base import Progress, StrPath, shown
 from rubberfric.commands import Interrupts, complain, write_outputs
 from rubberfric.io import read_conditions, toml

@@ -11,7 +11,7 @@ distribution is compared with an envelope that a uniform one leaves with a given
 
 The normal approximation can be off by a tenth or two of a standard deviation for wide priors and for numbers
 that trade with each other along a curve. A thousand fits show this. Weighted draws from the posterior
-(`fitting.uncertainty.posterior.importance`) have no such error: the place of the truth among them is uniform
+(`fitting.uncertainty.importance`) have no such error: the place of the truth among them is uniform
 if the posterior is right, also along curved valleys.
 """
 
@@ -40,9 +40,8 @@ from fitting.solvers.problem import Problem, Targets, make_problem
 from fitting.solvers.residuals import padded, predictions, residuals_and_jacobian
 from fitting.uncertainty.covariance import KNOWN
 from fitting.uncertainty.discrepancy import check_discrepancy, with_discrepancy
+from fitting.uncertainty.importance import doubtful, effective, guided, log_weights, places, tail_index
 from fitting.uncertainty.intervals import drawn_errors
-from fitting.uncertainty.posterior.importance import guided, log_weights, places
-from fitting.uncertainty.posterior.weights import doubtful, effective, tail_index
 from rubberfric.base import shown
 from rubberfric.plot import style
 

@@ -9,7 +9,7 @@ import numpy as np
 import rubberfric as rf
 from fitting.data.measured import Measured
 from fitting.results.record import FitRecord
-from fitting.uncertainty.posterior.criteria import ALONE, Criteria, criteria
+from fitting.uncertainty.criteria import ALONE, Criteria, criteria
 from rubberfric.base import html
 
 # Differences of the sum of ln p that are small whatever their error, and errors that make one large
@@ -111,7 +111,7 @@ def compare(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> Compariso
               s^2 = n \, \mathrm{var}_i \, (-2 \ln p_i^A + 2 \ln p_i^B)
 
     s the standard error of a difference of two scenes A and B [Vehtari, Gelman & Gabry, Stat. Comput. 27
-    (2017) 1413, arXiv:1507.04544]; how each is computed says `fitting.uncertainty.posterior.criteria`.
+    (2017) 1413, arXiv:1507.04544]; how each is computed says `fitting.uncertainty.criteria`.
 
     Parameters
     ----------

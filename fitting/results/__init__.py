@@ -1,1 +1,1 @@
-"""What a fit gives back: report, file, pictures."""
+"""Results of fits: report, file, plots, draws from the posterior."""

@@ -1,4 +1,4 @@
-"""Fits in HDF5: all that it takes to use or repeat a fit, as plain arrays and attributes.
+"""Fits in HDF5: everything needed to use or repeat a fit, as plain arrays and attributes.
 
 ::
 
@@ -11,48 +11,62 @@
                         by their names
     /data/0, 1, ...     the data sets, as in data files (`fitting.data.files`)
     /data_scenes        name of the scene that each is of, "" of a single one
-    /free/0, 1, ...     attributes path and rule, and what the rule holds: low, high, start, to, ...
-    /prior/0, 1, ...    the same of the priors
+    /free/0, 1, ...     attributes path and rule, and the fields of the rule: low, high, start, to, ...
+    /prior/0, 1, ...    likewise for the priors
     /quadrature         attributes: the accuracy settings
     /parameters         of every free element: names, values, start, stderr, units, withheld, and x,
                         the variables of the solver
-    /uncertainty        covariance and correlation of the values, and what else
-                        `fitting.uncertainty.covariance.Uncertainty` holds
+    /uncertainty        covariance and correlation of the values, and the other fields of
+                        `fitting.uncertainty.covariance.Uncertainty`
     /minima             cost, count and values of the distinct minima
-    /discrepancy        attributes amplitude, width, shared, estimated, parts, remark; missing if
-                        there is none
+    /discrepancy        attributes amplitude, width, shared, estimated, parts, remark; missing
+                        without a discrepancy
     /estimated          relative error of every data set, NaN where errors were given
-    /samples            draws from the posterior (`fitting.results.samples`), if it was they that were saved
+    /samples            draws from the posterior, in files saved by `fitting.results.samples`
 
 The uncertainty is stored, not computed again: reading compiles nothing, and gives the same
 numbers to the last bit on any machine.
 """
 
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any, TypeVar
 
 import h5py
 import numpy as np
 
 from fitting.data.files import read_group
-from fitting.parameters.constraints import RULES
+from fitting.parameters.constraints import RULES, Rule
 from fitting.parameters.discrepancy import Discrepancy
-from fitting.parameters.priors import PRIORS
-from fitting.parameters.scenes import each_scene
-from fitting.results import hdf5_parts as parts
-from fitting.results.record import FitRecord
-from fitting.results.report import report
+from fitting.parameters.priors import PRIORS, Prior
+from fitting.parameters.scenes import Scenes, each_scene
+from fitting.results.record import FitRecord, Minimum
+from fitting.results.report import report, unit
 from fitting.solvers.iterate import MESSAGES
 from fitting.solvers.options import SOLVERS
 from fitting.solvers.problem import ASSUMED, make_problem
+from fitting.uncertainty.covariance import Direction, Uncertainty
 from fitting.uncertainty.discrepancy import with_discrepancy
 from rubberfric.base import StrPath, check_writable, closest, replacing
-from rubberfric.io import hdf5, read_quadrature, write_quadrature
+from rubberfric.io import hdf5, read_object, read_quadrature, write_object, write_quadrature
 
+RuleOrPrior = TypeVar("RuleOrPrior", bound=Rule | Prior)
+
+# Arrays and numbers of the uncertainty, stored unchanged.
+_ARRAYS = {
+    "deviation": "-",
+    "covariance": "products of /parameters/units",
+    "correlation": "-",
+    "directions": "-",
+    "deviations": "-",
+    "spread": "-",
+    "x": "-",
+    "stretch": "-",
+}
+_NUMBERS = {"rank": int, "condition": float, "parameters": float, "chisqr": float}
 Result = TypeVar("Result", bound=FitRecord)
 
-FORMAT = "rubberfric fit"
+FIT_FORMAT = "rubberfric fit"
 
 # Attributes of the file that are fields of the result.
 FIELDS = {
@@ -65,14 +79,136 @@ FIELDS = {
     "error_scale": float,
 }
 DISCREPANCY = tuple(field.name for field in dataclasses.fields(Discrepancy))
-# Of its problem.
+# Attributes of the file that are settings of the problem.
 OPTIONS = {"loss": str, "loss_width": float}
-ATTRIBUTES = (
+_ATTRIBUTES = (
     *("format", "format_version", "rubberfric_version", "title", "message", "assumed"),
     *FIELDS,
     *OPTIONS,
 )
 GROUPS = ("scene_at_start", "data", "free", "prior", "quadrature", "parameters", "uncertainty", "minima")
+
+
+def write_scenes(parent: h5py.Group, name: str, scenes: Scenes) -> None:
+    """Write a scene as the group `name`, or several scenes as its subgroups by name."""
+    if not isinstance(scenes, dict):
+        write_object(parent, name, scenes)
+        return
+    group = parent.create_group(name, track_order=True)
+    for own, scene in scenes.items():
+        write_object(group, own, scene)
+
+
+def read_scenes(group: h5py.Group) -> Any:
+    """Read what `write_scenes` wrote: a scene, or a dict of several."""
+    if "kind" in group.attrs:
+        return read_object(group)
+    return {name: read_object(one) for name, one in group.items()}
+
+
+def write_rules(group: h5py.Group, rules: Mapping[str, Rule | Prior]) -> None:
+    """Write rules or priors as numbered groups, because a key path cannot name a group."""
+    for i, (path, rule) in enumerate(rules.items()):
+        one = group.create_group(str(i))
+        one.attrs.update(path=path, rule=type(rule).__name__)
+        for field in dataclasses.fields(rule):
+            value = getattr(rule, field.name)
+            if np.ndim(value) == 2:  # too large for an attribute
+                hdf5.write_values(one, field.name, value, "-")
+            elif value is not None:
+                one.attrs[field.name] = value if isinstance(value, str) else np.asarray(value, float)
+
+
+def read_rules(group: h5py.Group, classes: Mapping[str, type[RuleOrPrior]]) -> dict[str, RuleOrPrior]:
+    """dict of key path -> rule or prior that `write_rules` wrote, or ValueError naming the wrong group."""
+    rules = {}
+    for one in numbered(group):
+        found = {name: _python(value) for name, value in one.attrs.items()}
+        found |= {name: hdf5.read_values(one, name, "-").tolist() for name in list(one)}
+        kind, path = found.pop("rule", None), found.pop("path", None)
+        if kind not in classes:
+            raise ValueError(f"{one.name}: rule = {kind!r}: {closest(kind, tuple(classes))}")
+        fields = tuple(field.name for field in dataclasses.fields(classes[kind]))
+        hdf5.check_names(one, fields, ("path", "rule", *fields))
+        try:
+            rules[path] = classes[kind](**found)
+        except (ValueError, TypeError) as error:
+            raise ValueError(f"{one.name}: {error}") from None
+    return rules
+
+
+def write_parameters(group: h5py.Group, result: FitRecord) -> None:
+    """Names, values, units and x of the free elements."""
+    hdf5.write_values(group, "x", result.x, "-")
+    units = []
+    for free in result.variables.own:
+        units += [unit(result.scene_at_start, free.path) or "-"] * (free.slot[1] - free.slot[0])
+    hdf5.write_texts(group, "names", result.names)
+    hdf5.write_texts(group, "units", units)
+    hdf5.write_texts(group, "withheld", [result.withheld.get(name, "") for name in result.names])
+    for name in ("values", "start_values", "stderr"):
+        hdf5.write_values(group, name, np.asarray(getattr(result, name)), "as in units")
+
+
+def write_uncertainty(group: h5py.Group, known: Uncertainty) -> None:
+    """All but why an error bar is withheld, which stands with the parameters."""
+    for name, units in _ARRAYS.items():
+        hdf5.write_values(group, name, getattr(known, name), units)
+    for name, kind in _NUMBERS.items():
+        group.attrs[name] = kind(getattr(known, name))
+    below = group.create_group("unidentified")
+    loadings = [direction.loadings for direction in known.unidentified]
+    hdf5.write_values(below, "loadings", np.array(loadings, float).reshape(-1, known.deviation.size), "-")
+    hdf5.write_values(below, "deviation", np.array([d.deviation for d in known.unidentified], float), "-")
+    hdf5.write_texts(below, "text", [direction.text for direction in known.unidentified])
+
+
+def read_uncertainty(group: h5py.Group, parameters: h5py.Group, size: int) -> Uncertainty:
+    """The `Uncertainty` that `write_uncertainty` and `write_parameters` wrote."""
+    hdf5.check_names(group, (*_ARRAYS, "unidentified"), tuple(_NUMBERS))
+    vectors = ("deviation", "deviations", "x", "stretch")
+    arrays = {
+        name: hdf5.read_array(group, name, units, (size,) if name in vectors else (size, size))
+        for name, units in _ARRAYS.items()
+    }
+    below = hdf5.subgroup(group, "unidentified")
+    texts = hdf5.read_texts(below, "text")
+    loadings = hdf5.read_array(below, "loadings", "-", (len(texts), size))
+    deviations = hdf5.read_array(below, "deviation", "-", (len(texts),)).tolist()
+    names, reasons = hdf5.read_texts(parameters, "names"), hdf5.read_texts(parameters, "withheld")
+    return Uncertainty(
+        **arrays,
+        **hdf5.attributes(group, _NUMBERS),
+        withheld={name: reason for name, reason in zip(names, reasons, strict=True) if reason},
+        unidentified=tuple(map(Direction, loadings, deviations, texts)),
+    )
+
+
+def write_minima(group: h5py.Group, minima: Iterable[Minimum], size: int) -> None:
+    """Cost, values and number of starts of every minimum, one row each."""
+    hdf5.write_values(group, "cost", np.array([minimum.cost for minimum in minima], float), "-")
+    hdf5.write_values(
+        group, "values", np.array([m.values for m in minima], float).reshape(-1, size), "as in units"
+    )
+    group["count"] = np.array([minimum.count for minimum in minima], int)
+
+
+def read_minima(group: h5py.Group, size: int) -> tuple[Minimum, ...]:
+    """The tuple of `Minimum` that `write_minima` wrote."""
+    cost = np.asarray(hdf5.read_values(group, "cost", "-"))
+    values = hdf5.read_array(group, "values", "as in units", (cost.size, size))
+    count = hdf5.read_counts(group, "count", cost.size)
+    return tuple(map(Minimum, cost.tolist(), count.tolist(), values))
+
+
+def numbered(group: h5py.Group) -> Iterator[h5py.Group]:
+    """The groups "0", "1", ... that a group holds, in this order."""
+    return (hdf5.subgroup(group, str(i)) for i in range(len(group)))
+
+
+def _python(value):
+    """An attribute as a string, a float or a list of floats."""
+    return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
 
 
 def save(
@@ -92,25 +228,25 @@ def save(
     """
     check_writable(path, (".h5",))
     text = report(result)
-    with replacing(path) as temporary, hdf5.creating(temporary, FORMAT) as file:
+    with replacing(path) as temporary, hdf5.creating(temporary, FIT_FORMAT) as file:
         for name, kind in FIELDS.items():
             file.attrs[name] = kind(getattr(result, name))
         structure, numbers = result.problem.structure, result.problem.numbers
         file.attrs.update(message=result.message, title=title, loss=structure.loss)
         file.attrs["loss_width"], file.attrs["assumed"] = float(numbers.width), result.assumed
         file["report"] = text
-        parts.write_scenes(file, "scene_at_start", result.scene_at_start)
+        write_scenes(file, "scene_at_start", result.scene_at_start)
         hdf5.write_texts(file, "data_scenes", result.data_scenes)
         try:
-            parts.write_scenes(file, "scene", result.scene)
+            write_scenes(file, "scene", result.scene)
         except ValueError:  # a fit may end where no constructor would
             if "scene" in file:
                 del file["scene"]
         group = file.create_group("data")
         for i, one in enumerate(result.data):
             one.write_group(group.create_group(str(i)))
-        parts.write_rules(file.create_group("free"), result.free)
-        parts.write_rules(file.create_group("prior"), result.prior)
+        write_rules(file.create_group("free"), result.free)
+        write_rules(file.create_group("prior"), result.prior)
         write_quadrature(file, structure.quadrature)
         if result.discrepancy is not None:
             own = dataclasses.asdict(result.discrepancy)
@@ -119,9 +255,9 @@ def save(
             )
         estimated = [np.nan if scale is None else scale for scale in result.estimated]
         hdf5.write_values(file, "estimated", np.array(estimated), "-")
-        parts.write_parameters(file.create_group("parameters"), result)
-        parts.write_uncertainty(file.create_group("uncertainty"), result.uncertainty)
-        parts.write_minima(file.create_group("minima"), result.minima, len(result.names))
+        write_parameters(file.create_group("parameters"), result)
+        write_uncertainty(file.create_group("uncertainty"), result.uncertainty)
+        write_minima(file.create_group("minima"), result.minima, len(result.names))
         if samples is not None:
             samples(file.create_group("samples"))
 
@@ -129,7 +265,7 @@ def save(
 def load(path: StrPath, cls: type[Result]) -> Result:
     """The fit that `save` wrote, as a `fitting.FitResult` or another class of records.
 
-    Numbers are equal to the last bit with the precision of the fit (what was float64 becomes
+    Numbers are equal to the last bit with the precision of the fit (float64 becomes
     float32 unless JAX's x64 mode is on).
 
     Raises
@@ -137,11 +273,11 @@ def load(path: StrPath, cls: type[Result]) -> Result:
     ValueError
         one line naming the file, what in it is wrong, and the rule.
     """
-    with hdf5.reading(path, FORMAT) as file:
+    with hdf5.reading(path, FIT_FORMAT) as file:
         hdf5.check_names(
             file,
             ("report", "scene", "data_scenes", "estimated", "discrepancy", "samples", *GROUPS),
-            ATTRIBUTES,
+            _ATTRIBUTES,
         )
         return cls(**_read(file, {name: hdf5.subgroup(file, name) for name in GROUPS}))
 
@@ -153,10 +289,10 @@ def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
         raise ValueError(f"status = {found['status']!r}: must be one of {', '.join(map(str, MESSAGES))}")
     if found["method"] not in SOLVERS:
         raise ValueError(f"method = {found['method']!r}: {closest(found['method'], tuple(SOLVERS))}")
-    scene = parts.read_scenes(groups["scene_at_start"])
+    scene = read_scenes(groups["scene_at_start"])
     of = hdf5.read_texts(file, "data_scenes") if "data_scenes" in file else [""] * len(groups["data"])
-    data = tuple(read_group(group) for group in parts.numbered(groups["data"]))
-    free, prior = parts.read_rules(groups["free"], RULES), parts.read_rules(groups["prior"], PRIORS)
+    data = tuple(read_group(group) for group in numbered(groups["data"]))
+    free, prior = read_rules(groups["free"], RULES), read_rules(groups["prior"], PRIORS)
     quadrature = read_quadrature(file)
     problem = make_problem(scene, data, free, prior, options["loss"], options["loss_width"], quadrature, of)
     scales = hdf5.read_array(file, "estimated", "-", (len(data),)).tolist()
@@ -182,10 +318,10 @@ def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
         "problem": problem,
         "discrepancy": discrepancy,
         "x": hdf5.read_array(groups["parameters"], "x", "-", (size,)),
-        "minima": parts.read_minima(groups["minima"], size),
+        "minima": read_minima(groups["minima"], size),
         "estimated": estimated,
         # Files without it are from a time when the value was the sign.
         "assumed": bool(file.attrs.get("assumed", ASSUMED in scales)),
-        "uncertainty": parts.read_uncertainty(groups["uncertainty"], groups["parameters"], size),
+        "uncertainty": read_uncertainty(groups["uncertainty"], groups["parameters"], size),
         **found,
     }

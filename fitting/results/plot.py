@@ -1,9 +1,8 @@
-"""Pictures of fits: data, fit, residuals; correlations. Needs matplotlib: pip install 'rubberfric[plot]'."""
+"""Plots of fits: data, fit, residuals; correlations. They need matplotlib: pip install 'rubberfric[plot]'."""
 
 import numpy as np
 
-from fitting.results.pictures.correlations import plot_correlation
-from fitting.results.pictures.curves import curves_of, lines, measured_points
+from fitting.results.pictures import curves_of, lines, measured_points, plot_correlation
 from fitting.results.record import FitRecord
 from fitting.uncertainty.profile import LikelihoodProfile
 from rubberfric.base import StrPath
@@ -18,24 +17,24 @@ LABELS = {
     "modulus": ("angular frequency $\\omega$ [rad/s]", "modulus\n$E'$, $E''$ [Pa]"),
     "spectrum": ("wavenumber $q$ [1/m]", "power spectrum\n$C$ [m$^4$]"),
 }
-LEVEL = 0.95
+_LEVEL = 0.95
 
 
 def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
     """Draw measured and fitted values, and below each panel the residuals in standard errors.
 
     Friction and area over log10 v, one curve for each temperature and pressure; E' and E''
-    (open symbols, dashed) over omega and C over q, in log-log. Shaded is the 95 % band that
-    the fit leaves the curve; measured points have the error bars that the fit used.
+    (open symbols, dashed) over omega and C over q, in log-log. The 95 % band of the
+    curve is shaded; measured points have the error bars that the fit used.
 
     Parameters
     ----------
     result : FitResult
-        Velocities <= 0 have no logarithm and are left out. Data at more than
-        `fitting.results.pictures.curves.CURVES` conditions have no lines: small crosses are fitted values.
+        Velocities <= 0 have no logarithm and are left out. Data at more than ten conditions have no
+        lines: small crosses are fitted values.
     ax : sequence of matplotlib axes, or None
         for every quantity among the data, in the order friction, area, modulus, spectrum, a
-        panel and one for its residuals. None: axes of a new figure of its own,
+        panel and one for its residuals. None: axes of a new figure,
         `ax[0].figure`, which pyplot does not know.
 
     Returns
@@ -59,20 +58,20 @@ def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
     for quantity, upper, lower in zip(present, ax[::2], ax[1::2], strict=True):
         points = measured_points(result, quantity)
         curves = curves_of(points)
-        fitted = lines(result, quantity, points, curves, LEVEL)
+        fitted = lines(result, quantity, points, curves, _LEVEL)
         _draw(quantity, points, curves, fitted, upper, lower)
         _dress(quantity, points, upper, lower)
     return ax
 
 
 def plot_profile(profile: LikelihoodProfile, ax: style.Panels | None = None) -> style.Panels:
-    """Draw the cost over a parameter with its interval, and below what the others become.
+    """Draw the cost over a parameter with its interval, and the other parameters below.
 
     Parameters
     ----------
     profile : of `FitResult.profile` or `FitResult.profile_cutoff`
     ax : two matplotlib axes, or None
-        None: of a new figure of its own, `ax[0].figure`.
+        None: axes of a new figure, `ax[0].figure`.
 
     Returns
     -------
@@ -153,7 +152,7 @@ def _draw(quantity, points, curves, fitted, upper, lower):
             look["linestyle"] = dashes
         handles.append(upper.plot([], [], label=curve.text or "data, fit", **look)[0])
     if any(fitted):
-        handles.append(Patch(color="0.75", label=f"{100 * LEVEL:g} % band"))
+        handles.append(Patch(color="0.75", label=f"{100 * _LEVEL:g} % band"))
     if handles:
         upper.legend(handles=handles, fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.02))
 

@@ -1,4 +1,4 @@
-"""What a fit gives back, as a record: all that reports, files and pictures read."""
+"""Record of a fit: everything that reports, files and plots read."""
 
 import dataclasses
 import functools
@@ -16,8 +16,7 @@ from fitting.solvers.evaluation import residual_rows
 from fitting.solvers.iterate import MESSAGES, succeeded
 from fitting.solvers.problem import make_problem
 from fitting.uncertainty.covariance import Direction, uncertainty
-from fitting.uncertainty.intervals import SolvedProblem
-from fitting.uncertainty.posterior.valleys import Valley, valleys
+from fitting.uncertainty.intervals import SolvedProblem, Valley, valleys
 from fitting.uncertainty.verdict import Verdict, verdict
 from rubberfric.base import closest
 
@@ -40,7 +39,7 @@ class Fitted(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class FitRecord(SolvedProblem):
-    """All that it takes to use or repeat a fit.
+    """Everything needed to use or repeat a fit.
 
     Attributes
     ----------
@@ -68,7 +67,7 @@ class FitRecord(SolvedProblem):
     assumed: bool = False
 
     def __getitem__(self, path: str) -> Fitted:
-        """What became of a free number, or of all free elements of an array: result["gamma"].stderr.
+        """A free parameter, or all free elements of an array, after the fit: result["gamma"].stderr.
 
         Raises
         ------
@@ -86,7 +85,7 @@ class FitRecord(SolvedProblem):
         return Fitted(*(column[which] for column in columns))
 
     def freed(self, path: str, rule: Rule | None = None) -> Self:
-        """The same fit with one number more free, which stands where it was: not at a minimum in it.
+        """The same fit with one more free parameter at its present value, not at a minimum in it.
 
         Parameters
         ----------
@@ -106,7 +105,7 @@ class FitRecord(SolvedProblem):
         return dataclasses.replace(self, free=free, problem=problem, x=problem.start, uncertainty=known)
 
     def _shared(self, path):
-        """The name of what a key path of one scene names, which all of them may share."""
+        """Name of the parameter at a key path of one scene; it may be shared by all."""
         scene, _, below = path.partition(".")
         shared = f"{ALL}{below}"
         known = {name.split("[")[0] for name in self.names}
@@ -162,12 +161,12 @@ class FitRecord(SolvedProblem):
 
     @property
     def unidentified(self) -> tuple[Direction, ...]:
-        """What the data leave open."""
+        """Directions that the data do not determine."""
         return self.uncertainty.unidentified
 
     @property
     def success(self) -> bool:
-        """Whether the fit ended at a minimum."""
+        """True if the fit ended at a minimum."""
         return bool(succeeded(self.status))
 
     @property
@@ -184,18 +183,18 @@ class FitRecord(SolvedProblem):
 
     @functools.cached_property
     def verdict(self) -> Verdict:
-        """Whether the scene explains the data; see `fitting.uncertainty.verdict`."""
+        """Does the scene explain the data? See `fitting.uncertainty.verdict`."""
         loss, known = self.problem.structure.loss, self.uncertainty.parameters
         return verdict(self.data, self.residuals, known, self.estimated, loss)
 
     @functools.cached_property
     def valleys(self) -> tuple[Valley, ...]:
-        """Numbers that trade with each other closely, and whether their error bars hold along that."""
+        """Closely correlated parameters, and whether their error bars hold."""
         return valleys(self)
 
     @functools.cached_property
     def verdicts(self) -> dict[str, Verdict]:
-        """The same of every scene, by its name; of a single one by ""."""
+        """Verdict of every scene, by its name; "" for a single scene."""
         loss, total = self.problem.structure.loss, self.problem.targets.measured.size
         found = {}
         for name in dict.fromkeys(self.data_scenes):
@@ -215,7 +214,7 @@ class FitRecord(SolvedProblem):
 
     @property
     def redchi(self) -> float:
-        """The same by the degrees of freedom, NaN without any."""
+        """Reduced chi-square: `chisqr` by the degrees of freedom, NaN without any."""
         return self.chisqr / self.freedom if self.freedom > 0.5 else np.nan
 
     def __repr__(self) -> str:

@@ -1,33 +1,128 @@
-"""A fit as text, laid out as lmfit's fit_report does."""
+"""Report of a fit as text, in the layout of lmfit's fit_report; values are rounded to their errors."""
+
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from fitting.parameters.constraints import FOLLOWING, RmsSlope, Tied
 from fitting.parameters.correlated import Correlated
 from fitting.parameters.discrepancy import text_of
 from fitting.parameters.priors import Smooth, Sum
-from fitting.parameters.scenes import leaf_names
+from fitting.parameters.scenes import Scenes, leaf_names, owner_of, paths_of
 from fitting.parameters.selection import PriorContext
-from fitting.results.numbers import tied_lines, unit, variable_rows
 from fitting.results.record import FitRecord
 from fitting.solvers.options import SOLVERS
 from fitting.solvers.problem import ASSUMED
+from rubberfric.base import unit_of
 
-# Correlations that are reported: above this size, and how many.
-CORRELATED, PAIRS = 0.5, 20
-# Names without an error bar that the verdict lists.
-BARE = 4
+# Greatest number of elements listed for a key path; longer arrays show the first and the last.
+LISTED = 24
+# Least correlation that is reported, and the greatest number of them.
+_CORRELATED, _PAIRS = 0.5, 20
+# Greatest number of names without an error bar in the headlines.
+_BARE = 4
+
+
+def unit(scene: Scenes, path: str) -> str:
+    """Unit of the number of a scene, or of several, that a key path names, "" if it is dimensionless."""
+    owner, name = owner_of(scene, path)
+    found = unit_of(type(owner), name)
+    return "" if found == "-" else found
+
+
+def variable_rows(result: FitRecord) -> list[tuple[str, ...] | str]:
+    """Texts of every free element: name, value, error, unit, relative error, start and a remark.
+
+    One text stands for the elements of a long array that are left out.
+    """
+    values, starts, errors = result.values, result.start_values, result.stderr
+    names, rows = result.names, []
+    for group in result.variables.groups:
+        if group.kind in FOLLOWING:
+            continue
+        slot, scale = list(range(*group.slot)), unit(result.scene_at_start, group.path)
+        hidden = slot[LISTED // 2 : -(LISTED // 2)] if len(slot) > LISTED else []
+        for i in slot:
+            if i in hidden:
+                if i == hidden[0]:
+                    rows.append(_left_out(result, hidden))
+                continue
+            reason = result.withheld.get(names[i])
+            error, share, remark = "?", "", f"error bar withheld: {reason}"
+            if reason is None:
+                error, remark = f"{errors[i]:#.2g}", _by_scatter(result, errors[i])
+                share = f"{100 * abs(errors[i] / values[i]):.2f} %" if values[i] else ""
+            value = _digits(values[i], np.nan if reason else errors[i])
+            rows.append((names[i], value, error, scale, share, f"{starts[i]:.6g}", remark))
+    return rows
+
+
+def _by_scatter(result, error):
+    """The error bar that the scatter would give, where the errors given cannot be all there is."""
+    if result.verdict.explains is not False or result.error_scale != 1 or not result.redchi > 1:
+        return ""
+    return f"[{error * np.sqrt(result.redchi):#.2g}]"
+
+
+def _left_out(result, elements):
+    """One line for the elements of a long array that are not listed."""
+    bare = sum(result.names[i] in result.withheld for i in elements)
+    remark = f", {bare} of them without an error bar" if bare else ""
+    return f"... {len(elements)} more, see result.values{remark}"
+
+
+def _digits(value, error):
+    """A value with as many digits as its error deserves: two of the error's."""
+    if not (error > 0 and value and np.isfinite(value)):
+        return f"{value:.6g}"
+    digits = int(np.floor(np.log10(abs(value))) - np.floor(np.log10(error))) + 2
+    return f"{value:#.{min(max(digits, 2), 12)}g}"
+
+
+def tied_lines(result: FitRecord) -> list[str]:
+    """A line for every key path tied to another: its value, and the rule."""
+    leaves, lines = jax.tree.leaves(result.scene), []
+    groups = [group for group in result.variables.groups if group.kind in ("Tied", "RmsSlope")]
+    rules = [
+        rule
+        for path, rule in result.free.items()
+        if isinstance(rule, Tied | RmsSlope)
+        for _ in paths_of(result.scene_at_start, path)
+    ]
+    for group, rule, ratio in zip(groups, rules, result.problem.numbers.constants.ratios, strict=True):
+        values, ratio = np.atleast_1d(leaves[group.leaf])[list(group.elements or (0,))], np.asarray(ratio)
+        scale = unit(result.scene_at_start, group.path)
+        said = f"{ratio[0]:.6g} times" if np.ptp(ratio) == 0 else "in a fixed ratio to"
+        if isinstance(rule, RmsSlope):
+            lines.append(f"{group.path}: {values[0]:.6g} {scale}, where the rms slope is {rule.slope:.6g}")
+            continue
+        ends = f"{values[0]:.6g}" if values.size == 1 else f"{values[0]:.6g} ... {values[-1]:.6g}"
+        lines.append(f"{group.path}: {ends}{f' {scale}' * bool(scale)}, {said} {rule.to}")
+    return lines
+
+
+def error_text(result: Any, name: str, value: float) -> str:
+    """Error of a fitted value, why it has none, or that it was fixed.
+
+    `result` is a FitResult or PronyFit; `name` ends a key path.
+    """
+    errors = dict(zip((full.rsplit(".", 1)[1] for full in result.names), result.stderr, strict=True))
+    withheld = {full.rsplit(".", 1)[1]: why for full, why in result.withheld.items()}
+    if name in withheld:
+        return f"error bar withheld: {withheld[name]}"
+    return f"+/- {errors[name]:.2g} ({errors[name] / value:.1%})" if name in errors else "(fixed)"
 
 
 def report(result: FitRecord) -> str:
     """The report of a `fitting.FitResult` as text of several lines.
 
     Sections: [[Verdict]], [[Fit]], [[Data]], [[Statistics]], [[Variables]] with value, standard error and
-    start; where there are any, [[Tied]], [[Priors]], [[Not identified]] (what the reasons of
-    withheld error bars refer to by number), [[Minima]] (of several starts), [[Correlations]].
+    start; where there are any, [[Tied]], [[Priors]], [[Not identified]] (directions, numbered for the
+    reasons of withheld error bars), [[Minima]] (of several starts), [[Correlations]].
     A fit that did not succeed, or a scene that does not explain the data, says so in the first line.
-    Of an array with more free elements than `fitting.results.numbers.LISTED` only the first and the last
+    For an array with more free elements than `LISTED` only the first and the last
     are listed.
     """
     lines = [line for line in headlines(result) for line in (line, "")]
@@ -50,7 +145,7 @@ def report(result: FitRecord) -> str:
 
 
 def headlines(result: FitRecord) -> list[str]:
-    """What comes before everything else, a line each; none where all is well."""
+    """Headlines on failures and rejected scenes, a line each; empty for a good fit."""
     if not result.success:
         return [f"THE FIT DID NOT SUCCEED: {result.message}"]
     found = result.verdict
@@ -64,7 +159,7 @@ def _verdict(result):
     open_, bare = len(result.unidentified), len(result.withheld)
     lines["left open"] = "nothing"
     if open_ or bare:
-        names = ", ".join(list(result.withheld)[:BARE]) + ", ..." * (bare > BARE)
+        names = ", ".join(list(result.withheld)[:_BARE]) + ", ..." * (bare > _BARE)
         lines["left open"] = f"{_count(open_, 'direction')}; without an error bar: {names or 'none'}"
     if result.discrepancy is not None:
         lines["theory"] = text_of(result.discrepancy)
@@ -182,7 +277,7 @@ def _priors(result):
 
 
 def _of_several(result, key, prior):
-    """One line on a prior of several numbers: what it says, and where the fit is."""
+    """One line on a prior of several parameters: its statement, and the fitted value."""
     place = PriorContext("", key, result.scene, result.variables, result.problem.numbers.constants)
     [(rows, numbers)] = prior.read(place)
     leaves = jax.tree.leaves(result.scene)
@@ -216,15 +311,15 @@ def _correlations(result):
         (abs(correlation[i, j]), correlation[i, j], names[i], names[j])
         for i in range(len(names))
         for j in range(i + 1, len(names))
-        if abs(correlation[i, j]) > CORRELATED  # False for NaN, which withheld ones have
+        if abs(correlation[i, j]) > _CORRELATED  # False for NaN, which withheld ones have
     ]
     if not pairs:
         return []
     pairs.sort(key=lambda pair: -pair[0])
-    shown = [(f"C({one}, {two})", value) for _, value, one, two in pairs[:PAIRS]]
+    shown = [(f"C({one}, {two})", value) for _, value, one, two in pairs[:_PAIRS]]
     width = max(len(name) for name, _ in shown)
     # Rounded up, to stay above the largest that is left out.
-    below = CORRELATED if len(pairs) <= PAIRS else np.ceil(1000 * pairs[PAIRS][0]) / 1000
+    below = _CORRELATED if len(pairs) <= _PAIRS else np.ceil(1000 * pairs[_PAIRS][0]) / 1000
     return [
         *(f"{name:<{width}} = {value:+.4f}" for name, value in shown),
         f"(unreported correlations are < {below:.3f})",

@@ -1,6 +1,7 @@
-"""What a fit gives back, and what can be asked of it."""
+"""The result of a fit: values, uncertainty, predictions, and friction tables for other programs."""
 
 import dataclasses
+from collections.abc import Sequence
 from typing import Self
 
 import jax
@@ -13,26 +14,24 @@ from fitting.parameters.priors import Prior
 from fitting.parameters.scenes import by_name, chosen_scene
 from fitting.parameters.variables import Array
 from fitting.results import hdf5
-from fitting.results.numbers import tied_lines, variable_rows
 from fitting.results.plot import plot_fit
 from fitting.results.record import FitRecord
-from fitting.results.report import headlines, report
+from fitting.results.report import headlines, report, tied_lines, variable_rows
 from fitting.results.samples import Samples, drawn
 from fitting.solvers.runs import Callback
-from fitting.uncertainty.density import log_density
-from fitting.uncertainty.posterior.as_prior import prior_of
-from fitting.uncertainty.posterior.nuts import Progress
+from fitting.uncertainty.posterior import Progress, log_density, prior_of
 from fitting.uncertainty.profile import LikelihoodProfile
+from rubberfric.analysis import friction_table as table_of_scene
 from rubberfric.base import StrPath, html, object_html
+from rubberfric.io import FrictionTable
 from rubberfric.plot import style
+
+_LEVEL = 0.95
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class FitResult(FitRecord):
-    """A fit: its values, what they are worth, and all that it takes to use or repeat it.
-
-    What it knows are its attributes, what can be asked of it its methods.
-    """
+    """A fit: its values and uncertainty as attributes, and methods to use or repeat it."""
 
     def predict(
         self,
@@ -56,7 +55,7 @@ class FitResult(FitRecord):
         values: ArrayLike | None = None,
         callback: Callback | None = None,
     ) -> LikelihoodProfile:
-        """How well the data know where a spectrum ends: the cost over its q1, all else fitted again.
+        """Profile likelihood of the cut-off q1 of a spectrum, all other parameters fitted again.
 
         Parameters
         ----------
@@ -67,7 +66,7 @@ class FitResult(FitRecord):
         Returns
         -------
         LikelihoodProfile
-            its `parameters` are what the others become: `fitting.plot.plot_profile` draws them.
+            its `parameters` are the other parameters, fitted again: `fitting.plot.plot_profile` draws them.
         """
         path = cutoff_path(self.scene, path)
         fit = self if path in self.names else self.freed(path)
@@ -77,7 +76,7 @@ class FitResult(FitRecord):
         return fit.profile(path, level, callback=callback, values=values)
 
     def log_density(self, x: Array) -> jax.Array:
-        """Log density at x but for a constant, -cost; see `fitting.log_density`."""
+        """Log density at x up to a constant, -cost; see `fitting.log_density`."""
         return log_density(self)(x)
 
     def sample(
@@ -92,8 +91,9 @@ class FitResult(FitRecord):
     ) -> Samples:
         """Draws from the posterior: of the same residuals, errors, loss, priors and bounds as the fit.
 
-        By the No-U-Turn sampler of numpyro (pip install 'rubberfric[sampling]'), whose metric and starts are
-        those of the fit's covariance; see `fitting.uncertainty.posterior.nuts`.
+        Uses the No-U-Turn sampler of numpyro and the diagnostics of arviz-stats (pip install
+        'rubberfric[sampling]'). The metric and starts come from the fit's covariance; see
+        `fitting.uncertainty.posterior`.
 
         Parameters
         ----------
@@ -112,7 +112,7 @@ class FitResult(FitRecord):
         ------
         ValueError : an option is wrong, or data and priors leave a direction open, along which the density
             has no finite integral.
-        ModuleNotFoundError : numpyro is not installed.
+        ModuleNotFoundError : numpyro or arviz-stats is not installed.
 
         Notes
         -----
@@ -122,13 +122,13 @@ class FitResult(FitRecord):
         return drawn(self, n, warmup, chains, key, flat, callback)
 
     def as_prior(self, body: str | None = None, widen: float = 1.0) -> dict[str, Prior]:
-        """What this fit knows of its free numbers, for the `prior` of another fit, correlations included.
+        """The fitted values and covariance as the `prior` of another fit.
 
         Parameters
         ----------
-        body : "lower" or "upper", whose numbers they are in the other scene, if they were the other body's
-        widen : factor of all deviations
-            for what this fit's model leaves out, or where its scene does not explain its data.
+        body : "lower" or "upper", the body in the other scene; None: the same as here
+        widen : factor of all standard deviations
+            for model error, or a scene that does not explain its data.
 
         Returns
         -------
@@ -136,7 +136,7 @@ class FitResult(FitRecord):
 
         Raises
         ------
-        ValueError : the fit did not succeed, or the numbers are of both bodies and `body` is given.
+        ValueError : the fit did not succeed, or the parameters are of both bodies and `body` is given.
         """
         if not self.success:
             raise ValueError(f"as_prior: the fit did not succeed, {self.message}: must have converged")
@@ -187,3 +187,41 @@ def _html(result: FitRecord) -> str:
         ),
     )
     return "\n".join([html.table(rows, headings, caption), *below])
+
+
+def friction_table(
+    result: FitResult,
+    velocity: float | Sequence[float],
+    pressure: float | Sequence[float],
+    temperature: float | Sequence[float] | None = None,
+    *,
+    error: float = 0.01,
+    title: str = "",
+) -> FrictionTable:
+    """mu(v, p, T) of a fit on a grid for multilinear interpolation, with a standard error at each point.
+
+    Parameters
+    ----------
+    result : FitResult
+    velocity, pressure, temperature, error, title : as for `rubberfric.analysis.friction_table`
+
+    Returns
+    -------
+    FrictionTable with `sigma`, the standard error of mu from the width of `FitResult.band`
+
+    Raises
+    ------
+    ValueError : as `rubberfric.analysis.friction_table`.
+    """
+    quadrature = result.problem.structure.quadrature
+    table = table_of_scene(
+        result.problem.scene(result.x),
+        *(velocity, pressure, temperature),
+        error=error,
+        quadrature=quadrature,
+        title=title,
+    )
+    T = None if table.temperature is None else table.temperature[:, None, None]
+    band = result.band(table.velocity, table.pressure[:, None], T, level=_LEVEL)
+    sigma = band.value * np.log(band.high / band.value) / result.quantile(_LEVEL)
+    return table._replace(sigma=sigma.reshape(table.friction.shape))

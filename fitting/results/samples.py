@@ -1,4 +1,4 @@
-"""Draws from the posterior of a fit, how good they are, and what follows from them."""
+"""Draws from the posterior of a fit, their diagnostics, quantiles and bands."""
 
 import dataclasses
 import time
@@ -15,17 +15,16 @@ import rubberfric as rf
 from fitting.results import hdf5 as fit_files
 from fitting.results.record import FitRecord
 from fitting.solvers.options import check_options
-from fitting.uncertainty.density import FLAT
 from fitting.uncertainty.intervals import Band
-from fitting.uncertainty.posterior.nuts import Progress, diagnosed, run_chains
+from fitting.uncertainty.posterior import FLAT, Progress, diagnosed, run_chains
 from rubberfric.base import StrPath, html, quick_jit
 from rubberfric.io import hdf5
 
-# Draws can be relied on below this R-hat and above this effective number for each chain [Vehtari, Gelman,
+# Draws are reliable below this R-hat and above this effective sample size per chain [Vehtari, Gelman,
 # Simpson, Carpenter & Buerkner, Bayesian Anal. 16 (2021) 667, arXiv:1903.08008].
 _RHAT, _ESS = 1.01, 100.0
 _QUANTILES = (0.025, 0.5, 0.975)
-# Arrays of a file, of every draw.
+# Arrays of a file with a value for every draw.
 _ARRAYS = ("log_density", "diverging", "accepted", "steps")
 
 
@@ -35,16 +34,16 @@ class Samples:
 
     Attributes
     ----------
-    fit : whose posterior it is
+    fit : fit whose posterior was sampled
     x : draws in the variables of the solver, shape (chains, draws, size)
     values : draws of the free numbers, in their units, shape (chains, draws, size)
-    log_density : but for a constant, shape (chains, draws)
-    diverging, accepted, steps : of every draw: whether its trajectory was not resolved, its mean acceptance
-        probability, and evaluations of the density, shape (chains, draws)
-    rhat : split R-hat of the ranks of every number: chains agree where it is 1, shape (size,)
-    ess : effective number of draws of every number, shape (size,)
-    flat : what numbers without a prior are evenly distributed in, "x" or "values"
-    warmup : draws of each chain that were thrown away
+    log_density : up to a constant, shape (chains, draws)
+    diverging, accepted, steps : whether the trajectory of a draw diverged, its mean acceptance probability,
+        and its evaluations of the density, shape (chains, draws)
+    rhat : rank-normalised split R-hat of every parameter, 1 if the chains agree, shape (size,)
+    ess : bulk effective sample size of every parameter, shape (size,)
+    flat : variable in which parameters without a prior have a flat density, "x" or "values"
+    warmup : discarded draws of each chain
     seconds : wall time
     """
 
@@ -92,8 +91,8 @@ class Samples:
 
     @property
     def reliable(self) -> bool:
-        """Whether chains agree, and enough of the draws are independent: R-hat < 1.01, ess > 100 a chain."""
-        return not self._doubts()
+        """True if R-hat < 1.01, the effective sample size exceeds 100 a chain, and no trajectory diverged."""
+        return not self._warnings()
 
     def quantiles(self, levels: Sequence[float] | float = _QUANTILES) -> np.ndarray:
         """Quantiles of the values at levels within 0 ... 1, shape (levels, size); of one level (size,).
@@ -131,8 +130,8 @@ class Samples:
             as for `rubberfric.solve`.
         quantity : any that `rubberfric.solve` knows
         level : of the band
-        draws : how many are used, evenly out of all
-        scene : name of the one that is meant, of a fit of several
+        draws : number of draws to use, evenly spaced
+        scene : name of the scene, for a fit of several
         """
         check_options(level=level, count=draws)
         x = self.x.reshape(-1, self.x.shape[-1])
@@ -159,12 +158,12 @@ class Samples:
         return pandas.DataFrame(columns | {"log_density": self.log_density.ravel()})
 
     def report(self) -> str:
-        """The draws as text of several lines: whether they can be relied on, and quantiles of all numbers."""
+        """The draws as text of several lines: diagnostics, and quantiles of all parameters."""
         chains, draws, _ = self.x.shape
-        doubts = self._doubts()
+        found = self._warnings()
         lines = [
             f"{chains * draws} draws of {chains} chain{'s' * (chains > 1)}, flat in {self.flat}",
-            *(f"    NOT RELIABLE: {doubt}" for doubt in doubts),
+            *(f"    NOT RELIABLE: {text}" for text in found),
             f"    largest R-hat {self.rhat.max():.4f}, smallest effective number {self.ess.min():.0f}",
         ]
         rows = self._table()
@@ -179,7 +178,7 @@ class Samples:
         """A table for notebooks."""
         headings = ("parameter", "2.5 %", "median", "97.5 %", "fit", "R-hat", "effective draws")
         chains, draws, _ = self.x.shape
-        caption = "; ".join(self._doubts()) or f"{chains * draws} draws of {chains} chains"
+        caption = "; ".join(self._warnings()) or f"{chains * draws} draws of {chains} chains"
         return html.table(self._table(), headings, caption)
 
     def __repr__(self) -> str:
@@ -195,8 +194,8 @@ class Samples:
             for i, name in enumerate(self.names)
         ]
 
-    def _doubts(self):
-        """What speaks against the draws, a line each, with what to do."""
+    def _warnings(self):
+        """Reasons why the draws are unreliable, a line each, with advice."""
         found, chains = [], self.x.shape[0]
         worst = int(np.argmax(self.rhat))
         if not self.rhat[worst] < _RHAT:
@@ -234,7 +233,7 @@ class Samples:
     def load(cls, path: StrPath) -> Self:
         """Read back what `save` wrote; ValueError naming the file and what in it is wrong."""
         fit = fit_files.load(path, FitRecord)
-        with hdf5.reading(path, fit_files.FORMAT) as file:
+        with hdf5.reading(path, fit_files.FIT_FORMAT) as file:
             group = hdf5.subgroup(file, "samples")
             hdf5.check_names(group, ("x", "values", "rhat", "ess", *_ARRAYS), ("flat", "warmup", "seconds"))
             attributes = hdf5.attributes(group, {"flat": str, "warmup": int, "seconds": float})

@@ -1,1 +1,1 @@
-"""What the data say about the free parameters, and what they do not."""
+"""Uncertainty of fits: covariance, intervals, posterior, tests of the residuals, design of experiments."""

@@ -1,13 +1,13 @@
-r"""What the data say about the free parameters, and what they do not.
+r"""Covariance of the free parameters, and the directions that the data do not identify.
 
 With the Jacobian at the minimum, J = U diag(s) V^T (rows in units of their errors, priors
-included), the covariance of x is V diag(1/s^2) V^T. A direction V_k whose deviation 1/s_k
-exceeds one - a factor e in Positive parameters - is not identified: linear error bars
-along it would be an invention. Parameters that it leaves open by more than that get none.
+included), the covariance of x is V diag(1/s^2) V^T. A direction V_k whose standard deviation 1/s_k
+exceeds one - a factor e in Positive parameters - is not identified, and linear error bars along it are
+meaningless. Parameters that such a direction leaves open by more than that get no error bar.
 
-A parameter that ended at a bound, or was driven to zero, hardly moves with its x: there the
-rows would not see it, and what trades with it would look known. Its column is the one for a
-change of its value by a quarter of its range, or by its start value.
+The value of a parameter at a bound, or driven to zero, hardly changes with its x. The Jacobian would be zero
+there, and correlated parameters would look well determined. The column is therefore scaled to a change of
+the value by a quarter of its range, or by its start value.
 
 For robust losses the covariance is the sandwich A^-1 B A^-1 of M-estimators, A = J^T J with
 the curvature of the loss, B from the squared slopes.
@@ -23,19 +23,134 @@ from fitting.solvers.evaluation import errors_of_rows, evaluate_rows
 from fitting.solvers.ordered import edges
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import data_rows, in_errors, loss_of, padded, slopes_in_errors
-from fitting.uncertainty.directions import describe
 from rubberfric.base import quick_jit
 
-# Deviation in x beyond which nothing is called known: a factor e, or a bounded parameter's
-# whole middle range.
+# Loadings below this part of the largest are not mentioned.
+_MENTIONED = 0.1
+# Loadings of one array that differ by less than this are described together.
+ALIKE = 0.15
+
+MODULI = ("E", "E_inf", "young", "storage", "loss")
+HEIGHTS = ("h_rms", "C", "gamma", "q1", "qr", "q0", "hurst")
+SHEAR = ("tau_f0", "c", "v0")
+# Parameters that make the surface rougher as they rise, or smoother.
+ROUGHER, SMOOTHER = ("h_rms", "C", "q1"), ("hurst",)
+
+# (condition on the last steps of the key paths, whether all must have the same sign, advice).
+HINTS = (
+    (
+        lambda leaves: leaves <= set(MODULI),
+        True,
+        "at light load friction depends on ratios of moduli only: add a measured modulus"
+        " (one point is enough), an area curve, or a known modulus",
+    ),
+    (
+        lambda leaves: leaves <= set(HEIGHTS) and len(leaves) > 1,
+        False,
+        "at light load friction depends on gamma sqrt(C0) and the cut-off together: add a measured"
+        " spectrum or an area curve, or hold gamma or the cut-off",
+    ),
+    (
+        lambda leaves: leaves <= {*HEIGHTS, *SHEAR} and leaves & set(HEIGHTS) and leaves & set(SHEAR),
+        False,
+        "contact shear stands in for the roughness: hold the cut-off or give it by RmsSlope, or add an area"
+        " curve, other temperatures or a lubricated run",
+    ),
+    (
+        lambda leaves: leaves <= {"tau", "v0"},
+        True,
+        "velocity only enters times a relaxation time: hold one of them",
+    ),
+    (
+        lambda leaves: "tau_f0" in leaves and leaves & set(MODULI),
+        False,
+        "contact shear only sees tau_f0 times the contact area: add an area curve or a measured modulus",
+    ),
+)
+# Standard deviation in x beyond which a parameter is not identified: a factor e, or the whole middle range of
+# a bounded parameter.
 KNOWN = 1.0
-# An unidentified direction counts as this long: a parameter with a thousandth of a part in
-# it is known still.
+# Standard deviation assigned to unidentified directions: a parameter with a loading of 0.001 in one is still
+# identified.
 OPEN = 100.0
-# Of a Bounded parameter's range: closer to a bound than this, it is at it.
+# A Bounded parameter closer to a bound than this part of its range counts as at the bound.
 AT_BOUND = 1e-3
-# Rows are linearised no closer to a bound than this, where the slope still has digits.
+# Least distance from a bound at which rows are linearised, where the slope still has digits.
 EDGE = 1e-6
+
+
+class Part(NamedTuple):
+    """Loading of one parameter, or of an array with equal loadings, in a direction."""
+
+    name: str
+    leaf: str  # the last step of its key path
+    kind: str
+    loading: float
+    several: bool  # an array
+
+
+def describe(variables: Variables, loadings: np.ndarray, deviation: float) -> str:
+    """One line of text on a direction: the changes it makes, their size within the errors, and advice."""
+    parts = _parts(variables, loadings)
+    leaves = {part.leaf for part in parts}
+    # Advice on trade-offs needs several parameters.
+    several = len(parts) > 1 or parts[0].several
+    same = len({part.loading > 0 for part in parts}) == 1
+    leading = max((part.loading for part in parts), key=abs)
+    # λ is the factor of Positive parameters only.
+    far = deviation * abs(leading)
+    scaled = any(part.kind == "Positive" for part in parts)
+    if deviation > 1e6:
+        reach = "without any effect"
+    elif scaled and far < 100:
+        reach = f"within one standard error up to λ = {np.exp(far):.2g}"
+    else:
+        reach = "by far within one standard error"
+    said = ", ".join(_change(part, part.loading / leading) for part in parts)
+    hint = next((text for test, alike, text in HINTS if several and test(leaves) and same >= alike), None)
+    if hint is None and len(parts) == 1:
+        hint = "the data do not reach it: hold it, or give it a prior"
+    traded = _traded(parts)
+    return f"{said}: {reach}" + (f"; {traded}" if traded else "") + (f"; {hint}" if hint else "")
+
+
+def _traded(parts):
+    """Text on the parameters that compensate for roughness; empty without such a trade-off."""
+    rougher = {p.name: p.loading > 0 for p in parts if p.leaf in ROUGHER}
+    rougher |= {p.name: p.loading < 0 for p in parts if p.leaf in SMOOTHER}
+    others = {p.name: p.loading > 0 for p in parts if p.leaf in ("gamma", *SHEAR)}
+    if not rougher or not others or len(set(rougher.values())) > 1:
+        return ""
+    # The text describes more roughness, whatever the sign of the direction.
+    up = next(iter(rougher.values()))
+    ways = ", ".join(f"{'more' if more == up else 'less'} {name}" for name, more in others.items())
+    return f"more roughness ({', '.join(rougher)}) with {ways} gives the same curve"
+
+
+def _parts(variables, loadings):
+    """Largest loadings of a direction; arrays with equal loadings have one entry."""
+    names, largest, parts = element_names(variables), np.max(np.abs(loadings)), []
+    for group in variables.own:
+        leaf = group.path.split("[")[0].rsplit(".", 1)[-1]
+        here = loadings[slice(*group.slot)]
+        size = np.max(np.abs(here))
+        if here.size > 1 and np.ptp(here) <= ALIKE * size and size >= _MENTIONED * largest:
+            name = f"{group.path} (all {here.size} elements)"
+            parts.append(Part(name, leaf, group.kind, float(here.mean()), True))
+            continue
+        parts += [
+            Part(names[i], leaf, group.kind, float(loadings[i]), False)
+            for i in range(*group.slot)
+            if abs(loadings[i]) >= _MENTIONED * largest
+        ]
+    return parts
+
+
+def _change(part, power):
+    """How one parameter moves, as a power of the factor λ that the leading one moves by."""
+    if part.kind == "Positive":
+        return f"{part.name} * λ" if abs(power - 1) < 0.05 else f"{part.name} * λ^{power:.2g}"
+    return f"{part.name} {'up' if power > 0 else 'down'}"
 
 
 class Direction(NamedTuple):
@@ -66,7 +181,7 @@ class Uncertainty(NamedTuple):
 
 
 class Linearised(NamedTuple):
-    """What the model predicts at a solution, whatever the errors of the data are; all rows, as `padded`."""
+    """Predictions of the model at a solution, independent of the data's errors; all rows, as `padded`."""
 
     at: np.ndarray  # at the solution, (rows,)
     inside: np.ndarray  # where it is linearised, a little inside the bounds
@@ -100,7 +215,7 @@ def weighted_rows(problem: Problem, model: Linearised) -> tuple[np.ndarray, np.n
 
 @quick_jit(static_argnums=(0,))
 def _weighted(structure, numbers, targets, rows, slopes):
-    """As `weighted_rows`, of padded rows; one program."""
+    """`weighted_rows` for padded rows in one XLA computation."""
     rows = in_errors(structure, numbers, targets, rows)
     of_rows, of_jacobian = loss_of(structure, numbers).factors(rows)
     return rows, of_rows, slopes_in_errors(structure, numbers, targets, slopes) * of_jacobian[:, None]
@@ -149,15 +264,15 @@ def from_jacobian(
     count : how many of the rows are data
     slope : d value / d (x / stretch), shape (size,)
     chisqr, x, stretch : as in `Uncertainty`; stretch None: 1
-    withheld : name -> why it has no error bar, of those that stand at a bound
+    withheld : name -> why a parameter at a bound has no error bar
     influence : residuals times the slope of a robust loss, shape (rows,); None: squares
     """
     names, withheld = element_names(variables), dict(withheld or {})
-    # All of V is needed, also where there are fewer rows than columns; all of U never.
+    # V is needed in full even with fewer rows than columns; U is not.
     U, s, Vt = np.linalg.svd(jacobian, full_matrices=jacobian.shape[0] < jacobian.shape[1])
     V = Vt.T
     s = np.concatenate([s, np.zeros(V.shape[0] - s.size)])
-    # Below this a singular value is the rounding of the Jacobian.
+    # Singular values below this are rounding of the Jacobian.
     noise = s[0] * np.finfo(jacobian.dtype).eps * max(jacobian.shape)
     seen = s > noise
     deviations = np.where(seen, 1 / np.where(seen, s, 1.0), np.inf)
@@ -166,7 +281,7 @@ def from_jacobian(
     spread, along = _spread(jacobian, count, influence, V, deviations, determined)
     deviation = np.sqrt(np.diag(spread))
     far = along > KNOWN
-    # Of a sandwich the directions are no principal axes: all may be short, and a parameter not.
+    # V is not the eigenbasis of a sandwich: all directions may be short while a parameter is not identified.
     if np.any(deviation > KNOWN) and not far.any():
         far[np.argmax(along)] = True
     unidentified = tuple(

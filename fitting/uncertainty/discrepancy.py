@@ -53,7 +53,7 @@ _AGAINST = 5.0
 def check_discrepancy(
     discrepancy: Discrepancy, data: Sequence[Measured], loss: str, scale_errors: bool | str
 ) -> None:
-    """ValueError naming what a discrepancy does not go together with."""
+    """Raise ValueError if the fit's options do not allow a discrepancy."""
     if not isinstance(discrepancy, Discrepancy):
         kind = type(discrepancy).__name__
         raise ValueError(f"discrepancy is a {kind}: must be a fitting.Discrepancy, or None")
@@ -113,17 +113,17 @@ def is_open(discrepancy: Discrepancy) -> bool:
 def with_remark(discrepancy: Discrepancy, asked: Discrepancy, judged: tuple | None) -> Discrepancy:
     """Add the remark on given numbers, or on numbers that were not estimated, after a fit.
 
-    judged : arguments of `likely`; None: the fit did not succeed
+    judged : arguments of `averaged`; None: the fit did not succeed
     """
     if judged is None and is_open(asked):
         remark = "amplitude and width are assumed, not estimated, because the fit did not succeed"
         return dataclasses.replace(first_guess(asked), remark=remark)
     if judged is None or is_open(asked) or not asked.amplitude:
         return discrepancy
-    return dataclasses.replace(discrepancy, remark=likely(*judged).remark)
+    return dataclasses.replace(discrepancy, remark=averaged(*judged).remark)
 
 
-def likely(
+def averaged(
     problem: Problem,
     model: Linearised,
     scenes: Sequence[rf.Scene],

@@ -1,8 +1,14 @@
-r"""Intervals: from the covariance, from the profile of the cost, and from simulated data.
+r"""Confidence intervals: from the covariance, from the profile of the cost, and from simulated data.
 
-The first are linear in x and cost nothing. A profile likelihood (`fitting.uncertainty.profile`) holds one
-parameter at a row of values and fits all others again. A parametric bootstrap fits data drawn from the fitted
-model.
+Intervals from the covariance are linear in x and cost nothing. A profile likelihood
+(`fitting.uncertainty.profile`) holds one parameter at a row of values and fits all others again. A parametric
+bootstrap fits data drawn from the fitted model.
+
+`valleys` checks the linear intervals of closely correlated parameters. At their ends, :math:`\hat x_i \pm q
+\sigma_i`, all others are fitted again by a few Gauss-Newton steps. If the rows are linear in x, twice the
+cost rises by q^2 there, as in the profile [Bates & Watts, Nonlinear Regression Analysis and Its Applications,
+Wiley 1988, ch. 6]. If it does not, the profile's end is extrapolated from the root of the rise, which is
+nearly linear in x.
 """
 
 import dataclasses
@@ -18,16 +24,29 @@ from jax.typing import ArrayLike
 import rubberfric as rf
 from fitting.parameters.scenes import chosen_scene
 from fitting.parameters.variables import to_x
-from fitting.solvers.evaluation import at_conditions, model_rows
+from fitting.solvers.evaluation import (
+    at_conditions,
+    errors_of_rows,
+    errors_of_slopes,
+    evaluate_rows,
+    model_rows,
+)
 from fitting.solvers.iterate import succeeded
 from fitting.solvers.levenberg_marquardt import NEAR_MINIMUM, LevenbergMarquardt
 from fitting.solvers.options import check_options
 from fitting.solvers.problem import CURVE_QUANTITIES, Problem, Targets
-from fitting.solvers.residuals import forward
+from fitting.solvers.residuals import forward, padded
 from fitting.solvers.runs import Callback, Runs, run_fits
 from fitting.uncertainty.covariance import OPEN, Uncertainty
 from fitting.uncertainty.profile import Anchor, LikelihoodProfile, profile_from
 from rubberfric.base import quick_jit
+
+# Correlation above which a pair's error bars are checked, their confidence level, and the number of pairs.
+_CORRELATED, _LEVEL, _PAIRS = 0.98, 0.95, 2
+# Rise over the expected rise at which error bars hold: within a tenth of their length.
+_HOLD = (0.8, 1.25)
+# Gauss-Newton steps at the ends of an interval, and a gain in cost that ends them.
+_STEPS, _LITTLE = 4, 0.05
 
 
 class Bootstrap(NamedTuple):
@@ -109,10 +128,10 @@ class SolvedProblem:
         level: float = 0.95,
         scene: str | None = None,
     ) -> Band:
-        """Prediction of the fitted scene and the band that the fit's uncertainty leaves it.
+        """Prediction of the fitted scene and its confidence band.
 
-        Linear in the logarithm of the quantity (in the quantity itself where it is not > 0). What
-        the data leave open widens the band only as far as the prediction depends on it.
+        Linear in the logarithm of the quantity (in the quantity itself where it is not > 0). Unidentified
+        directions widen the band only as far as the prediction depends on them.
 
         Parameters
         ----------
@@ -120,7 +139,7 @@ class SolvedProblem:
             as for `rubberfric.solve`.
         quantity : any that `rubberfric.solve` knows
         level : of the band
-        scene : name of the one that is meant, of a fit of several
+        scene : name of the scene, for a fit of several
 
         Returns
         -------
@@ -137,7 +156,7 @@ class SolvedProblem:
             return getattr(solution, quantity)
 
         x = jnp.asarray(self.uncertainty.x)
-        shape = jax.eval_shape(predicted, x).shape  # refuses what is wrong, and computes nothing
+        shape = jax.eval_shape(predicted, x).shape  # checks the arguments without computing
         found = None
         if quantity in CURVE_QUANTITIES:
             found = at_conditions(self.problem, (quantity, None, scene or ""), columns, x)
@@ -153,7 +172,7 @@ class SolvedProblem:
         slope = slope * known.stretch
         reach = self.quantile(level) * np.sqrt(np.einsum("...i,ij,...j->...", slope, known.spread, slope))
         positive = value > 0
-        # exp(700) is the largest power of e: a band beyond it is no band.
+        # exp(700) is near the largest float64; a wider band has no meaning.
         factor = np.exp(np.minimum(reach / np.where(positive, value, 1.0), 700.0))
         low = np.where(positive, value / factor, value - reach)
         return Band(value, low, np.where(positive, value * factor, value + reach))
@@ -265,7 +284,7 @@ class SolvedProblem:
         return np.tile(self.x, (count, 1)), targets
 
     def bootstrap_of(self, x: np.ndarray, status: np.ndarray) -> Bootstrap:
-        """What fits from `bootstrap_fits` make."""
+        """Bootstrap from the fits of `bootstrap_fits`."""
         good = succeeded(status)
         return Bootstrap(self.names, self.problem.values(x[good]), int((~good).sum()))
 
@@ -276,3 +295,105 @@ def drawn_errors(problem: Problem, count: int, key: jax.Array) -> np.ndarray:
     if problem.numbers.whitening is not None:
         noise = np.linalg.solve(np.asarray(problem.numbers.whitening), noise.T).T
     return np.asarray(problem.targets.error) * noise
+
+
+class Valley(NamedTuple):
+    """A parameter that is closely correlated with another, and its rise of the cost."""
+
+    name: str
+    other: str
+    correlation: float
+    expected: float  # rise of twice the cost at the ends of its linear interval, if error bars hold
+    rises: tuple[float, float]  # rise found at the lower and the upper end
+    linear: tuple[float, float]  # its linear interval
+    interval: tuple[float, float]  # estimate of the profile's; an end is inf where the cost does not rise
+
+    @property
+    def holds(self) -> bool:
+        """True if the linear interval agrees with the profile."""
+        low, high = _HOLD
+        return all(low <= rise / self.expected <= high for rise in self.rises)
+
+    @property
+    def text(self) -> str:
+        """The intervals in words, and how to get the exact one."""
+        (a, b), (low, high) = self.linear, self.interval
+        return (
+            f"{self.name} trades with {self.other} (correlation {self.correlation:+.3f}):"
+            f" {100 * _LEVEL:.0f} % by its bar {a:.3g} ... {b:.3g},"
+            f" by profile about {low:.3g} ... {high:.3g}: see profile({self.name!r})"
+        )
+
+
+def valleys(solved: SolvedProblem) -> tuple[Valley, ...]:
+    """Parameters of the (at most two) pairs with the largest correlations above 0.98, largest first.
+
+    Uses the compiled function of the fit, with six to ten evaluations of rows and derivatives per parameter.
+    Empty for robust losses, whose cost is not a likelihood; without parameters whose ends are not finite.
+    """
+    known, names = solved.uncertainty, solved.names
+    size = np.triu(np.abs(known.correlation), 1)
+    # NaN, of parameters without an error bar, is not above it.
+    pairs = sorted(np.argwhere(size > _CORRELATED).tolist(), key=lambda pair: -size[*pair])[:_PAIRS]
+    if not pairs or solved.problem.structure.loss != "linear":
+        return ()
+    partners = {}
+    for i, j in pairs:
+        partners.setdefault(i, j)
+        partners.setdefault(j, i)
+    which, q = np.array(list(partners)), solved.quantile(_LEVEL)
+    deviation = np.sqrt(known.spread[which, which])
+    steps = q * known.spread[which] / deviation[:, None]
+    ends = np.concatenate([solved.x - steps, solved.x + steps])
+    rises = np.maximum(2 * (_refitted(solved, ends, np.tile(which, 2)) - solved.cost), 0.0).reshape(2, -1)
+    with np.errstate(divide="ignore"):
+        reach = q * deviation * (q / np.sqrt(rises)) * np.array([[-1], [1]])
+    linear, interval = (
+        np.stack([_values(solved, which, side) for side in offsets], 1)
+        for offsets in ((-q * deviation, q * deviation), reach)
+    )
+    return tuple(
+        Valley(names[i], names[j], float(known.correlation[i, j]), q**2, *map(tuple, rows))
+        for (i, j), *rows in zip(
+            partners.items(), rises.T.tolist(), linear.tolist(), interval.tolist(), strict=True
+        )
+        if np.isfinite(rows[0]).all()
+    )
+
+
+def _values(solved, which, offsets):
+    """Values of parameters at offsets in x from the solution."""
+    x = np.tile(solved.x, (len(which), 1))
+    x[np.arange(len(which)), which] += offsets
+    return solved.problem.values(x)[np.arange(len(which)), which]
+
+
+def _refitted(solved, x, held):
+    """Costs at rows of x with all other parameters fitted again; inf where the model is not finite."""
+    of = padded(solved.problem)
+    best, cost = x, np.full(len(x), np.inf)
+    step = np.zeros_like(x)
+    for _ in range(_STEPS + 1):
+        found = evaluate_rows(of.structure, of.numbers, x.astype(solved.problem.start.dtype), slopes=True)
+        # One by one, with the shapes of the covariance: nothing is compiled.
+        rows = np.array([errors_of_rows(of.structure, of.numbers, of.targets, r) for r in found[0]])
+        slopes = [errors_of_slopes(of.structure, of.numbers, of.targets, s) for s in found[1]]
+        here = 0.5 * np.sum(rows**2, 1)
+        better = here < cost  # False where not finite
+        done = np.all(here > cost - _LITTLE)
+        cost, best = np.where(better, here, cost), np.where(better[:, None], x, best)
+        if done:
+            break
+        for k in range(len(x)):
+            # Half the way back to the best, or a whole step on.
+            step[k] = _step(rows[k], np.asarray(slopes[k]), held[k]) if better[k] else 0.5 * step[k]
+        x = best + step
+    return cost
+
+
+def _step(rows, slopes, held):
+    """The Gauss-Newton step with one parameter held."""
+    others = np.delete(np.arange(slopes.shape[1]), held)
+    step = np.zeros(slopes.shape[1])
+    step[others] = -np.linalg.lstsq(slopes[:, others], rows, rcond=None)[0]
+    return step

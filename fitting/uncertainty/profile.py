@@ -97,7 +97,7 @@ def profile_from(
     i : which element
     q : root of the rise at the ends of the interval
     runs : of the first fits, `x[:, i]` increasing; x, cost and status are used
-    extend : whether to go on to the threshold; False: the values are those that were asked for
+    extend : whether to go on to the threshold; False: only the given values are used
     callback : as for `fitting.solvers.runs.run_fits`
     """
     trace = _Trace(anchor, i, runs, callback)
@@ -213,7 +213,7 @@ class _Trace:
                 return
 
     def is_smooth(self):
-        """Return True if the root of the rise, with its sign, has no jumps, as that of a single branch."""
+        """Return True if the root of the rise, with its sign, has no jumps, as for a single branch."""
         root = self.root()
         signed = np.where(np.arange(root.size) < self.best, -root, root)
         steps = np.diff(signed) / np.diff(self.at)
@@ -286,7 +286,7 @@ def _end(trace, side, q, extend):
             shorter += 1
     if outer is None:
         return _left_open(trace, side, q, inner, extend, shorter)
-    # Values that were asked for get none beside them.
+    # Given values get no neighbours.
     return _approach(trace, side, q) if extend else _crossing(trace, side, q)[0], "reached"
 
 

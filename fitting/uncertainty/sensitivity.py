@@ -66,7 +66,7 @@ def sensitivity(
     result: points are taken in blocks, and the derivatives of all parameters together cost a
     few evaluations (with a TabulatedModulus, each costs one).
     """
-    known = [name for name in rf.Solution._fields if name != "converged"]  # which is no number
+    known = [name for name in rf.Solution._fields if name != "converged"]  # a flag
     if quantity not in known:
         raise ValueError(f"quantity = {quantity!r}: must be one of {', '.join(known)}")
     velocity, pressure = (
@@ -76,7 +76,7 @@ def sensitivity(
     if temperature is not None:
         temperature = as_leaf("temperature", temperature, np.ndim(temperature))
     conditions = velocity, pressure, temperature
-    # `solve` refuses what is wrong before it computes anything, and here it computes nothing.
+    # `solve` checks its arguments; nothing is computed here.
     jax.eval_shape(lambda: rf.solve(scene, *conditions, quadrature=quadrature, quantities=(quantity,)))
     quadrature = quadrature or rf.analysis.default_quadrature(scene, pressure)
     rows = tuple(row for path in _paths(parameters) for row in _rows(scene, path))

@@ -1,17 +1,21 @@
-r"""Whether a scene explains its data: what chance allows the residuals, and what they are.
+r"""Test of the residuals: does the scene explain its data? Errors estimated from the scatter.
 
-Against it speak, each at the level of one in a thousand,
+Three tests reject the scene, each at a level of 0.001:
 
-- the sum of squares, of all data and of each set, against :math:`\chi^2` with as many degrees of freedom
-  as values are left after the parameters (of a robust fit the median of the squares, which outliers leave
-  where it is);
-- too few changes of sign along a curve, as a curve that bends otherwise than the data has: of independent
-  residuals a neighbour's sign differs with probability 1/2 [Wald and Wolfowitz, Ann. Math. Stat. 11 (1940)
-  147, for signs as probable as not];
-- single values far off: the largest of n normal deviates, or, where errors are those of the scatter
-  itself, of n studentised residuals [Grubbs, Ann. Math. Stat. 21 (1950) 27].
+- the sum of squares, of all data and of each set, against :math:`\chi^2` with the remaining degrees of
+  freedom (for a robust fit the median of the squares, which outliers do not change);
+- too few changes of sign along a curve, from a systematic misfit: signs of independent residuals differ
+  between neighbours with probability 1/2 [Wald and Wolfowitz, Ann. Math. Stat. 11 (1940) 147, for equally
+  probable signs];
+- outliers: the largest of n normal deviates, or, if errors were estimated from the scatter, of n studentised
+  residuals [Grubbs, Ann. Math. Stat. 21 (1950) 27].
 
-Where errors were estimated from the scatter, only the last two can speak.
+If errors were estimated from the scatter, only the last two apply. The estimate is
+
+.. math:: \hat\sigma = \sigma \sqrt{\frac{\sum_i r_i^2}{n} \Big/ \left(1 - \frac{p}{N}\right)}
+
+with the residuals r of a data set of n values in units of the errors it was fitted with, p the effective
+number of parameters and N the number of all values. For a robust loss the median of |r| replaces the mean.
 """
 
 from collections.abc import Sequence
@@ -21,23 +25,25 @@ import numpy as np
 import scipy
 
 from fitting.data.measured import Measured
+from fitting.solvers.problem import Problem
+from fitting.uncertainty.covariance import Linearised, Uncertainty, data_residuals
 
-# Of an explained set, one in so many is called unexplained by each of the checks.
-LEVEL = 1e-3
-# Values that are named.
-WORST = 3
-# Variance of the squared median of normal deviates over that of their mean square.
+# Significance level of each test.
+_SIGNIFICANCE = 1e-3
+# Greatest number of outliers that are named.
+_WORST = 3
+# Variance of the squared median of normal deviates over the variance of their mean square.
 _MEDIAN = 2.72
 # Median of |r| to standard deviation.
 _NORMAL = 1.4826
 
 
 class Verdict(NamedTuple):
-    """What the residuals say of the scene."""
+    """Result of the tests of the residuals."""
 
-    explains: bool | None  # None: they cannot tell
+    explains: bool | None  # None: undecided
     text: str  # on one line
-    reasons: tuple[str, ...]  # what speaks against the scene, a line each
+    reasons: tuple[str, ...]  # reasons for rejecting the scene, a line each
 
 
 class _Set(NamedTuple):
@@ -85,38 +91,38 @@ def verdict(
         return Verdict(None, text, ())
     total, freedom = sum(np.sum(one.rows**2) for one in given), sum(one.freedom for one in given)
     text = f"explains the data: chi-square {total:.4g} for {freedom:.4g} degrees of freedom"
-    if not robust and scipy.special.gammainc(freedom / 2, total / 2) < LEVEL:
+    if not robust and scipy.special.gammainc(freedom / 2, total / 2) < _SIGNIFICANCE:
         text += ", so few by chance in less than one of 1000: the errors given are too large"
     return Verdict(True, text, ())
 
 
 def _size(sets, robust):
-    """Sums of squares that chance does not make."""
+    """Sums of squares that are too large for chance."""
     if not sets:
         return []
     everything = ("", np.concatenate([one.rows for one in sets]), sum(one.freedom for one in sets))
     parts = [(f"data {one.data.label!r}: ", one.rows, one.freedom) for one in sets] * (len(sets) > 1)
     by, found = "by the median " * robust, []
     for where, rows, freedom in [everything, *parts]:
-        worth, squares = 1.0, float(np.sum(rows**2))
+        ratio, squares = 1.0, float(np.sum(rows**2))
         if robust:
-            worth, squares = _MEDIAN, rows.size * float(_NORMAL * np.median(np.abs(rows))) ** 2
-        allowed = worth * _bound(freedom / worth)
+            ratio, squares = _MEDIAN, rows.size * float(_NORMAL * np.median(np.abs(rows))) ** 2
+        allowed = ratio * _bound(freedom / ratio)
         if squares > allowed:
             found.append(
                 f"{where}chi-square {by}{squares:.4g} for {freedom:.4g} degrees of freedom, where chance"
-                f" exceeds {allowed:.4g} once in {1 / LEVEL:.0f}"
+                f" exceeds {allowed:.4g} once in {1 / _SIGNIFICANCE:.0f}"
             )
     return found
 
 
 def _bound(freedom):
-    """Chi-square that is exceeded with probability LEVEL."""
-    return 2 * float(scipy.special.gammainccinv(freedom / 2, LEVEL))
+    """Chi-square that is exceeded with probability _SIGNIFICANCE."""
+    return 2 * float(scipy.special.gammainccinv(freedom / 2, _SIGNIFICANCE))
 
 
 def _order(one):
-    """Curves along which the residuals keep their sign for too long."""
+    """Curves along which the residuals change sign too rarely."""
     data, parts = one.data, len(one.data.values)
     conditions = [getattr(data, name) for name in data.conditions]
     # lexsort takes its last key first: along the first condition, the others fixed.
@@ -127,7 +133,7 @@ def _order(one):
         signs = signs[signs != 0]
         changes, neighbours = int(np.sum(signs[1:] != signs[:-1])), max(signs.size - 1, 1)
         chance = float(scipy.special.bdtr(changes, neighbours, 0.5))
-        if chance < LEVEL:
+        if chance < _SIGNIFICANCE:
             what = f" of {name}" * (parts > 1)
             found.append(
                 f"data {data.label!r}: residuals{what} change their sign {changes} times in {signs.size}"
@@ -145,13 +151,13 @@ def _far(sets):
             chance = 2 * count * scipy.special.ndtr(-size)
         else:
             freedom = max(one.freedom, 1.5)
-            # Their own part of the scatter taken out of it; all of it is infinitely far.
+            # Studentised: the scatter without the value's own part; inf if the value is all of it.
             rest = np.maximum(freedom - size**2, 1e-12 * freedom)
             chance = 2 * count * scipy.special.stdtr(freedom - 1, -size * np.sqrt((freedom - 1) / rest))
-        found += [(float(size[k]), one, int(k)) for k in np.flatnonzero(chance < LEVEL)]
+        found += [(float(size[k]), one, int(k)) for k in np.flatnonzero(chance < _SIGNIFICANCE)]
     found.sort(key=lambda far: -far[0])
-    lines = [_named(*far) for far in found[:WORST]]
-    return lines + [f"and {len(found) - WORST} values more that are too far off"] * (len(found) > WORST)
+    lines = [_named(*far) for far in found[:_WORST]]
+    return lines + [f"and {len(found) - _WORST} values more that are too far off"] * (len(found) > _WORST)
 
 
 def _named(size, one, k):
@@ -160,3 +166,63 @@ def _named(size, one, k):
         f"data {one.data.label!r}: at {one.data.place(k)} the fit is {size:.3g} errors {way} the measured"
         f" {value:.4g}"
     )
+
+
+def rescaled_errors(
+    problem: Problem,
+    scales: Sequence[float | None],
+    known: Uncertainty,
+    model: Linearised,
+    rescaled: bool,
+    error_scale: float,
+) -> tuple[Problem, list[float | None], float]:
+    """The problem with errors from the scatter about its fit.
+
+    Parameters
+    ----------
+    problem, known, model : the solved problem, and its uncertainty and linearisation at the solution
+    scales : for every data set its relative error as estimated so far, None where errors were given
+    rescaled : whether errors that were given are to be scaled as well
+    error_scale : their factor so far
+
+    Returns
+    -------
+    (problem, scales, factor); the factor applies to all errors that were given, 1 unless `rescaled`
+    """
+    rows = data_residuals(problem, model)
+    error, found, factor = np.array(problem.targets.error), list(scales), 1.0
+    # Noise-free data are fitted to rounding; their error must not become zero.
+    if rescaled:
+        pairs = zip(problem.order, scales, strict=True)
+        given = np.concatenate([where for where, scale in pairs if scale is None])
+        factor = max(_scatter(problem, known, rows[given]), 1e-10 / error_scale)
+        error[given] *= factor
+    for i, (scale, where) in enumerate(zip(scales, problem.order, strict=True)):
+        if scale is not None:
+            found[i] = max(scale * _scatter(problem, known, rows[where]), 1e-10)
+            error[where] = found[i]
+    return problem._replace(targets=problem.targets._replace(error=error)), found, factor
+
+
+def common_ratio(before: Problem, after: Problem) -> float | None:
+    """Common factor of all errors if the minimum does not move; None if it may.
+
+    A sum of squared residuals alone scales as a whole, so a second estimate would equal the first.
+    """
+    if before.structure.loss != "linear" or before.structure.prior.terms:
+        return None
+    if before.numbers.whitening is not None:
+        return None
+    ratios = np.asarray(after.targets.error) / np.asarray(before.targets.error)
+    same = np.ptp(ratios) <= 8 * np.finfo(ratios.dtype).eps * ratios[0]
+    return float(ratios[0]) if same else None
+
+
+def _scatter(problem, known, rows):
+    """Standard deviation of residuals about the fit, in units of their errors."""
+    if problem.structure.loss == "linear":
+        scatter = np.sqrt(np.mean(rows**2))
+    else:
+        # Outliers, which a robust fit allows for, must not widen all error bars.
+        scatter = 1.4826 * np.median(np.abs(rows))
+    return float(scatter / np.sqrt(1 - known.parameters / problem.targets.measured.size))

@@ -15,7 +15,7 @@ from support.html_tables import cells
 
 import rubberfric as rf
 from fitting import FrictionData, ModulusData, PronyFit, fit_prony
-from fitting.characterise.prony.bounded import nonnegative, nonnegative_logarithmic
+from fitting.characterise.prony_series import nonnegative, nonnegative_logarithmic
 
 TAU = np.geomspace(1e-6, 1.0, 7)
 TRUTH = rf.Prony(2e6, np.array([9e8, 2e8, 5e7, 8e6, 3e6, 2e6, 1e6]), TAU, 0.49)

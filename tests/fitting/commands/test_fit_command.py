@@ -361,7 +361,7 @@ def test_a_full_disk_does_not_cost_the_report(call, job, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("fitting.results.hdf5_parts.write_object", full)
+    monkeypatch.setattr("fitting.results.hdf5.write_object", full)
     status, printed, complaint = call(job, "--out", "fit.h5", "--plot", "fit.png")
     assert (status, complaint) == (1, "rubberfric-fit: [Errno 28] No space left on device: 'fit.h5'\n")
     assert "[[Variables]]" in printed
@@ -532,7 +532,7 @@ def test_a_second_interrupt_does_not_wait_and_leaves_no_half_file(call, job, mon
         os.kill(os.getpid(), signal.SIGINT)
         os.kill(os.getpid(), signal.SIGINT)
 
-    monkeypatch.setattr("fitting.results.hdf5_parts.write_minima", impatient)
+    monkeypatch.setattr("fitting.results.hdf5.write_minima", impatient)
     status, printed, complaint = call(job, "--out", "fit.h5")
     assert (status, printed) == (130, "")
     assert complaint == "rubberfric-fit: interrupted; what was not yet complete is not written\n"

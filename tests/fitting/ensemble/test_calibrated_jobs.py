@@ -21,7 +21,7 @@ from support.ensembles.calibration_jobs import JOBS
 
 import fitting
 import rubberfric as rf
-from fitting.uncertainty.posterior import importance, weights
+from fitting.uncertainty import importance
 
 MEMBERS, PARTS = 1000, 4
 ARRAYS = ("truth", "values", "place", "deviation", "normal", "effective", "tail")
@@ -96,13 +96,13 @@ def test_draws_are_those_of_a_chain(name):
     proposal = importance.Proposal.of(fit.x[None], fit.uncertainty.spread[None])
     x = proposal.draws(3000, random)
     log_weight = importance.log_weights(fit.problem, targets, proposal, x)
-    weight = weights.relative(log_weight)[0] / weights.relative(log_weight).sum()
+    weight = importance.relative(log_weight)[0] / importance.relative(log_weight).sum()
     z = (x[0] - fit.x) / fit.uncertainty.deviation
     mean = weight @ z
     spread = np.sqrt(weight @ (z - mean) ** 2)
     chains = fit.sample(800, warmup=200, chains=2)
     by_chain = (chains.x.reshape(-1, len(fit.names)) - fit.x) / fit.uncertainty.deviation
-    worth = weights.effective(log_weight)[0]
+    worth = importance.effective(log_weight)[0]
     error = np.sqrt(1 / chains.ess + 1 / worth)
     away = np.abs(mean - by_chain.mean(0))
     print(f"\neffective: {worth:.0f} of 3000 weighted, {chains.ess.min():.0f} of 800 in chains")

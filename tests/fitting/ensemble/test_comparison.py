@@ -9,7 +9,7 @@ from support.scenes.fits import AFFINE, FAST
 import fitting
 import rubberfric as rf
 from fitting import Free, ModulusData
-from fitting.uncertainty.posterior.criteria import criteria
+from fitting.uncertainty.criteria import criteria
 
 OMEGA = np.logspace(0, 6, 14)
 ROAD, TERMS = rf.Body(rf.Rigid(), AFFINE), ([5e7, 8e6, 1e5], [1e-5, 1e-3, 1e-4])

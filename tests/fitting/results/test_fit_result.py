@@ -13,9 +13,9 @@ from support.scenes.fits import FAST
 import fitting
 import rubberfric as rf
 from fitting.results.hdf5 import GROUPS, save
-from fitting.results.numbers import LISTED, unit
 from fitting.results.plot import plot_fit, save_plot
 from fitting.results.record import Minimum
+from fitting.results.report import LISTED, unit
 from fitting.solvers.iterate import INTERRUPTED, OUT_OF_STEPS
 from fitting.solvers.problem import make_problem
 from fitting.uncertainty.covariance import uncertainty
@@ -470,7 +470,7 @@ def test_an_earlier_file_survives_a_failure(quick, tmp_path, monkeypatch, failur
     def fail(*_):
         raise failure
 
-    monkeypatch.setattr("fitting.results.hdf5_parts.write_minima", fail)
+    monkeypatch.setattr("fitting.results.hdf5.write_minima", fail)
     with pytest.raises(type(failure)):
         quick.save(path)
     assert path.read_bytes() == before

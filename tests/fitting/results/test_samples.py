@@ -14,6 +14,7 @@ import rubberfric as rf
 from fitting import Bounded, FitResult, Free, FrictionData, Gaussian, ModulusData, Positive, Samples, Sum
 
 pytest.importorskip("numpyro")
+pytest.importorskip("arviz_stats")
 
 TAU = [1e-5, 1e-3]
 RUBBER = rf.Prony(3e6, [5e7, 8e6], TAU)
@@ -144,13 +145,18 @@ def test_file_and_frame(linear, samples, tmp_path):
 
 
 def test_diagnostics_see_chains_that_disagree(samples):
-    from fitting.uncertainty.posterior.nuts import diagnosed
+    from fitting.uncertainty.posterior import diagnosed
 
     rng = np.random.default_rng(0)
     same = rng.standard_normal((4, 500, 1))
     rhat, ess = diagnosed(same)
     assert abs(rhat[0] - 1) < 0.01 and 1500 < ess[0] < 2600
     rhat, ess = diagnosed(same + np.array([0, 0, 0, 2.0])[:, None, None])
+    assert rhat[0] > 1.1 and ess[0] < 100
+    # Of equal means and different spread: seen by the folded draws alone.
+    rhat, ess = diagnosed(same * np.array([2.0, 1.0, 1.0, 1.0])[:, None, None])
+    assert rhat[0] > 1.03
+    rhat, ess = diagnosed(np.cumsum(same[:1], 1))
     assert rhat[0] > 1.1 and ess[0] < 100
     apart = dataclasses.replace(samples, rhat=np.array([1.0, 1.2, 1.0]))
     assert not apart.reliable and f"chains disagree on {E}[1], R-hat 1.200" in apart.report()
@@ -190,9 +196,11 @@ def test_what_has_bounds_is_drawn_between_them(linear):
     np.testing.assert_allclose(found, 0.2 + 0.4 * levels, atol=0.4 * 2.5 / np.sqrt(draws.ess[-1]))
 
 
-def test_without_numpyro_the_message_says_what_to_install(linear, monkeypatch):
-    monkeypatch.setitem(sys.modules, "numpyro", None)
-    with pytest.raises(ModuleNotFoundError, match=r"pip install 'rubberfric\[sampling\]'"):
+@pytest.mark.parametrize("package", ["numpyro", "arviz-stats"])
+def test_without_the_extra_the_message_says_what_to_install(linear, monkeypatch, package):
+    modules = {"numpyro": "numpyro.infer", "arviz-stats": "arviz_stats.base"}
+    monkeypatch.setitem(sys.modules, modules[package], None)
+    with pytest.raises(ModuleNotFoundError, match=rf"needs {package}.*pip install 'rubberfric\[sampling\]'"):
         linear.sample(10)
 
 

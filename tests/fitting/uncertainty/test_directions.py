@@ -7,7 +7,7 @@ from support.scenes.fits import AFFINE, PLAIN
 import rubberfric as rf
 from fitting import Bounded, Positive
 from fitting.parameters.variables import free_parameters
-from fitting.uncertainty.directions import describe
+from fitting.uncertainty.covariance import describe
 
 SCENE = rf.Scene(
     rf.Body(rf.Rigid(), AFFINE), rf.Body(PLAIN), gamma=0.5, shear=rf.ContactShear(5e6, 0.1, 1e-3)

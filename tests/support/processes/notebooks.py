@@ -14,7 +14,7 @@ SECONDS = 150  # for one notebook; on a quiet core each takes a part of it
 def run(path, folder, monkeypatch):
     """In a copy of its folder beside the data, against this checkout, compiled as `conftest` has it."""
     why = "notebooks need pip install 'rubberfric[notebooks]'"
-    for name in ("matplotlib", "ipykernel", "numpyro"):
+    for name in ("matplotlib", "ipykernel", "numpyro", "arviz_stats"):
         pytest.importorskip(name, reason=why)
     nbformat, nbclient = (pytest.importorskip(name, reason=why) for name in ("nbformat", "nbclient"))
     notebooks = folder / "notebooks"

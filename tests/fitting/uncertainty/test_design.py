@@ -9,7 +9,7 @@ from support.scenes.common import RIGID, SHIFTED_TREAD, scene
 
 import fitting
 import rubberfric as rf
-from fitting.uncertainty.uses.exchange import criterion, exchange, gain, information
+from fitting.uncertainty.information import criterion, exchange, gain, information
 
 # --- linear models
 

@@ -11,7 +11,7 @@ import rubberfric as rf
 from fitting.commands.job import read_job
 from fitting.solvers.evaluation import model_rows, residual_rows
 from fitting.uncertainty.covariance import linearised
-from fitting.uncertainty.discrepancy import likely
+from fitting.uncertainty.discrepancy import averaged
 
 SCENE, WARM = rf.Scene(ROAD, rf.Body(PLAIN)), rf.Scene(ROAD, rf.Body(SHIFTED))
 V = np.geomspace(1e-4, 1e1, 30)
@@ -145,7 +145,7 @@ def squares(found, amplitudes):
 
 def test_amplitude_against_a_scan_of_the_likelihood(off):
     distance = np.log(V[:, None] / V) / WIDTH
-    found = likely(
+    found = averaged(
         off.problem, linearised(off.problem, off.x), [SCENE], off.data, fitting.Discrepancy(None, WIDTH)
     )
     exact = squares(*scanned(off, [1 / (1 + 0.5 * distance**2)]))
@@ -154,7 +154,7 @@ def test_amplitude_against_a_scan_of_the_likelihood(off):
 
 
 def test_parts_against_a_scan_of_the_likelihood(off):
-    found = likely(off.problem, linearised(off.problem, off.x), [SCENE], off.data, fitting.Discrepancy())
+    found = averaged(off.problem, linearised(off.problem, off.x), [SCENE], off.data, fitting.Discrepancy())
     widths = math.log(10) * np.array([0.1, 0.2, 0.4, 0.8, 1.6])
     kernels = [np.exp(-0.5 * (np.log(V[:, None] / V) / w) ** 2) for w in widths]
     exact = squares(*scanned(off, kernels))

@@ -1,28 +1,38 @@
-r"""Draws from the posteriors of many fits at once: from the normal one about each minimum, with weights.
+r"""Importance sampling from the posteriors of many fits at once, and diagnostics of the weights.
 
 .. math:: x_s = m + L z_s, \qquad \ln w_s = \ln p(x_s | data) - \sum_k \ln t_\nu(z_{sk}), \qquad
           L L^T = C
 
-A draw costs one evaluation of the residuals and depends on no other: the posteriors of a thousand fits take
-minutes; a chain (`FitResult.sample`) is worth more where no normal distribution is a guide. Along the
-principal axes of C, the columns of L, z has Student's distribution, whose tails are longer than those of any
-posterior with Gaussian priors: weights are bounded. Of d axes it has d degrees of freedom, and C is widened
-by 1 + 1/d, which costs a fifth of the draws and finds what a bent posterior has beside its normal one.
+A draw costs one evaluation of the residuals and is independent of the others, so the posteriors of a thousand
+fits take minutes. A chain (`FitResult.sample`) is better for posteriors that are far from normal. Along the
+principal axes of C, the columns of L, z has Student's distribution with d degrees of freedom in d dimensions.
+Its tails exceed any posterior with Gaussian priors, so the weights are bounded. C is widened by 1 + 1/d,
+which costs a fifth of the draws and covers posteriors that deviate from the normal one.
 
-m and C are the fit's minimum and covariance. Where a few draws say that these are a poor guide, mean and
-covariance of weighted draws take their place, as far as these are worth it [population Monte Carlo: Cappé,
-Guillin, Marin & Robert, J. Comput. Graph. Stat. 13 (2004) 907]; they are thrown away then.
+m and C are the fit's minimum and covariance. If a pilot run shows that they are a poor proposal, the mean and
+covariance of its weighted draws replace them in part, by their effective sample size [population Monte
+Carlo: Cappé, Guillin, Marin & Robert, J. Comput. Graph. Stat. 13 (2004) 907]. Pilot draws are discarded.
 
-Where one row of x is no such draw but the truth behind the data, drawn from the prior, it is a draw from the
-posterior itself. Of all rows, not told apart, each is that one with a probability as its weight, so that
+The effective sample size of weights is
+
+.. math:: n_\mathrm{eff} = \Big(\sum_s w_s\Big)^2 \Big/ \sum_s w_s^2
+
+A rare large weight can invalidate it. The index k of a generalised Pareto distribution of the largest weights
+measures this risk, which is too high above 0.7 [Vehtari, Simpson, Gelman, Yao & Gabry, J. Mach. Learn. Res.
+25 (2024) 72, arXiv:1507.02646; Zhang & Stephens, Technometrics 51 (2009) 316]. A hundred draws give k to 0.4
+only, so two standard errors of k are allowed for. Weights are given as logarithms up to a constant of each
+fit, shape (fits, draws).
+
+If one row of x is the truth behind the data, drawn from the prior, it is a draw from the posterior itself.
+Each of the exchangeable rows is that one with a probability proportional to its weight, so that
 
 .. math:: u = \frac{\sum_s w_s \, [x_s < x_\mathrm{true}] + U w_\mathrm{true}}
                    {\sum_s w_s + w_\mathrm{true}}
 
-with uniform U is uniform between 0 and 1, however many draws there are and however well they are placed: of
-equal weights it is the rank of the truth [weighted exchangeability: Tibshirani, Foygel Barber, Candès &
-Ramdas, Adv. Neural Inf. Process. Syst. 32 (2019), arXiv:1904.06019, section 3]. What it can see is
-another matter: as much as the weights are worth (`fitting.uncertainty.posterior.weights`).
+with uniform U is uniform between 0 and 1, for any number of draws and any proposal. With equal weights it is
+the rank of the truth [weighted exchangeability: Tibshirani, Foygel Barber, Candès &
+Ramdas, Adv. Neural Inf. Process. Syst. 32 (2019), arXiv:1904.06019, section 3]. The power of a test
+of uniformity depends on the effective sample size.
 """
 
 import functools
@@ -32,23 +42,83 @@ from typing import NamedTuple
 
 import jax
 import numpy as np
+import scipy
 
 from fitting.solvers.problem import Problem, Targets
 from fitting.solvers.residuals import padded
-from fitting.uncertainty.density import density_at
-from fitting.uncertainty.posterior.weights import effective, relative
+from fitting.uncertainty.posterior import density_at
 from rubberfric.base import cores
 
-# Degrees of freedom of draws in few dimensions, where they cost little.
+# Weights that differ by less than this part of the largest have no tail.
+_EVEN = 1e-6
+# Least effective sample size, and greatest tail index, of weights that describe a posterior.
+_ENOUGH, _HEAVY = 10, 0.7
+# Least degrees of freedom; in few dimensions they cost little.
 _FEWEST = 4
-# Draws that are thrown away: part of all, what of them must be effective, and rounds where it is not.
+# Pilot draws as part of all, the part of them that must be effective, and the number of rounds if it is not.
 _PILOT, _GUIDE, _ROUNDS = 0.2, 0.25, 4
-# Points in one call of the compiled program: shared out over cores.
+# Points in one call of the compiled function; calls are distributed over cores.
 _POINTS = 256
 
 
+def relative(log_weight: np.ndarray) -> np.ndarray:
+    """Weights, the largest of each fit 1."""
+    largest = np.max(log_weight, 1, keepdims=True)
+    # All are 0 if the model is finite nowhere.
+    return np.exp(log_weight - np.where(np.isfinite(largest), largest, 0.0))
+
+
+def effective(log_weight: np.ndarray) -> np.ndarray:
+    """Effective sample size of every fit, shape (fits,)."""
+    weight = relative(log_weight)
+    squares = np.sum(weight**2, 1)
+    return np.sum(weight, 1) ** 2 / np.where(squares > 0, squares, 1.0)
+
+
+def tail_index(log_weight: np.ndarray) -> np.ndarray:
+    """k of the largest weights of every fit, shape (fits,); -inf where weights are all the same."""
+    rows = log_weight.shape[1]
+    count = _tail(rows)
+    ordered = np.sort(relative(log_weight), 1)
+    return np.array([_pareto_shape(one[-count:] - one[-count - 1]) for one in ordered])
+
+
+def doubtful(size: np.ndarray, index: np.ndarray, draws: int) -> np.ndarray:
+    """Fits whose weighted draws are unreliable, shape (fits,).
+
+    True for an effective sample size below 10, or a tail index above 0.7 by two of its standard errors.
+    """
+    tail = np.maximum(index, -1.0)
+    return (size < _ENOUGH) | (tail - 2 * (1 + tail) / np.sqrt(_tail(draws)) > _HEAVY)
+
+
+def _tail(draws):
+    """Number of the largest weights."""
+    return int(min(0.2 * draws, 3 * np.sqrt(draws)))
+
+
+def _pareto_shape(excess):
+    """Shape of the generalised Pareto distribution of values > 0 in increasing order (Zhang & Stephens).
+
+    Regularised as if ten more values had a shape of 1/2 (Vehtari et al.).
+    """
+    if not excess[-1] > _EVEN:
+        return -np.inf
+    count = excess.size
+    tried = 30 + int(np.sqrt(count))
+    quartile = excess[int(count / 4 + 0.5) - 1]
+    steps = 1 - np.sqrt(tried / (np.arange(1, tried + 1) - 0.5))
+    # The quartile is 0 if weights equal the smallest one of the tail.
+    theta = 1 / excess[-1] + steps / (3 * max(quartile, _EVEN * excess[-1]))
+    shape = np.mean(np.log1p(-theta[:, None] * excess), 1)
+    likelihood = count * (np.log(-theta / shape) - shape - 1)
+    best = np.sum(theta * scipy.special.softmax(likelihood))
+    found = np.mean(np.log1p(-best * excess))
+    return (count * found + 10 * 0.5) / (count + 10)
+
+
 class Proposal(NamedTuple):
-    """Where draws of every fit are taken from."""
+    """Proposal distribution of every fit."""
 
     centre: np.ndarray  # m, shape (fits, size)
     axes: np.ndarray  # L, shape (fits, size, size)
@@ -67,13 +137,13 @@ class Proposal(NamedTuple):
         return self.centre[:, None] + np.einsum("fij,fsj->fsi", self.axes, z)
 
     def log_density(self, x: np.ndarray) -> np.ndarray:
-        """At points (fits, rows, size), but for a constant of every fit, shape (fits, rows)."""
+        """Log density at points (fits, rows, size) up to a constant of every fit, shape (fits, rows)."""
         z = np.linalg.solve(self.axes, np.swapaxes(np.asarray(x - self.centre[:, None], float), 1, 2))
         freedom = max(_FEWEST, x.shape[2])
         return -0.5 * (freedom + 1) * np.sum(np.log1p(z**2 / freedom), 1)
 
     def some(self, rows: np.ndarray) -> "Proposal":
-        """Those of some fits."""
+        """The proposals of some fits."""
         return Proposal(self.centre[rows], self.axes[rows])
 
 
@@ -85,7 +155,7 @@ def guided(
     count: int,
     random: np.random.Generator,
 ) -> Proposal:
-    """Where `count` draws of every fit are best taken from.
+    """Proposal for `count` draws of every fit, improved by pilot runs.
 
     Parameters
     ----------
@@ -100,16 +170,16 @@ def guided(
         here = found.some(rows)
         x = here.draws(pilot, random)
         weight = log_weights(problem, _some(targets, rows), here, x)
-        worth = effective(weight)
-        poor = (worth > 0) & (worth < _GUIDE * pilot)
+        size = effective(weight)
+        poor = (size > 0) & (size < _GUIDE * pilot)
         if not poor.any():
             break
-        rows, x, weight, worth = rows[poor], x[poor], relative(weight[poor]), worth[poor]
-        if pilot < count:  # from now on of few fits, and as many draws as it takes
+        rows, x, weight, size = rows[poor], x[poor], relative(weight[poor]), size[poor]
+        if pilot < count:  # repeat for the remaining fits with as many draws as the final run
             pilot = count
             continue
         weight /= np.sum(weight, 1, keepdims=True)
-        part = (worth / (worth + x.shape[2]))[:, None]
+        part = (size / (size + x.shape[2]))[:, None]
         centres, axes = here.some(poor)
         mean = np.einsum("fs,fsi->fi", weight, x)
         away = x - mean[:, None]
@@ -129,7 +199,7 @@ def log_weights(
     x: np.ndarray,
     callback: Callable[[int, int], object] | None = None,
 ) -> np.ndarray:
-    """ln w of the module's docstring but for a constant of each fit, shape (fits, rows); -inf: not finite.
+    """ln w of the module's docstring up to a constant of each fit, shape (fits, rows); -inf: not finite.
 
     Parameters
     ----------

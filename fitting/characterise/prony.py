@@ -1,22 +1,43 @@
-"""What a fit of a Prony series gives back."""
+r"""Fit a Prony series to a measured modulus.
+
+.. math:: E'(\omega) = E_\infty + \sum_i E_i \frac{\omega^2\tau_i^2}{1 + \omega^2\tau_i^2},\qquad
+          E''(\omega) = \sum_i E_i \frac{\omega\tau_i}{1 + \omega^2\tau_i^2}
+
+On a fixed grid of times the model is linear in E >= 0, so bounded least squares finds the global minimum
+and the terms that vanish there. Errors, correlations and unidentified directions follow from the
+derivatives by ln E, which are the terms themselves.
+"""
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 import rubberfric as rf
-from fitting.characterise.prony.picture import plot_series
-from fitting.characterise.prony.series import Solution
+from fitting.characterise.pictures import plot_series
+from fitting.characterise.prony_series import (
+    SeriesMinimum,
+    SeriesProblem,
+    check_gaps,
+    columns,
+    fixed_modulus,
+    given,
+    grid,
+    reduced,
+)
 from fitting.data.kinds import ModulusData
 from fitting.fit import fit
-from fitting.parameters.constraints import Positive, Rule
+from fitting.parameters.constraints import Positive, Rule, is_number
 from fitting.parameters.priors import Prior, Smooth
+from fitting.results.report import error_text
 from fitting.results.result import FitResult
 from fitting.solvers.iterate import CONVERGED, MESSAGES, PERFECT, STALLED
 from fitting.uncertainty.covariance import Direction
-from fitting.uncertainty.posterior.as_prior import joint_prior
-from rubberfric.base import html
+from fitting.uncertainty.posterior import joint_prior
+from rubberfric.base import html, shown
+from rubberfric.materials import Shift
 from rubberfric.plot import style
 
 # Cosine between the residuals and a change of ln E that is a minimum still, and rms that is rounding.
@@ -29,11 +50,11 @@ class PronyFit:
 
     Attributes
     ----------
-    material : Prony, terms that the data want absent left out
+    material : Prony, without the terms that vanish at the minimum
     dropped : relaxation times of those [s]; inf stands for E_inf
     residuals : ln(fit / measured) of E' and of E'', shape (2, n); NaN where measured <= 0
     rms_storage, rms_loss : their root mean squares
-    data : what was fitted
+    data : the data that were fitted
     smooth : sigma of the prior that was used, the one found for "auto", or None
     weights : of E' and of E''
     names : key paths of the moduli that were fitted
@@ -53,7 +74,7 @@ class PronyFit:
     smooth: float | None
     weights: tuple[float, float]
     names: tuple[str, ...]
-    solution: Solution = dataclasses.field(repr=False)
+    solution: SeriesMinimum = dataclasses.field(repr=False)
     count: int
 
     @property
@@ -93,7 +114,7 @@ class PronyFit:
 
     @property
     def unidentified(self) -> tuple[Direction, ...]:
-        """What the data leave open."""
+        """Directions that the data do not determine."""
         return self.solution.uncertainty.unidentified
 
     @property
@@ -114,7 +135,7 @@ class PronyFit:
 
     @property
     def success(self) -> bool:
-        """Whether the minimum was reached."""
+        """True if the minimum was reached."""
         return self._status != STALLED
 
     @property
@@ -123,14 +144,14 @@ class PronyFit:
         return MESSAGES[self._status]
 
     def as_prior(self, body: str | None = None, widen: float = 1.0) -> dict[str, Prior]:
-        """What the data know of the moduli, for the `prior` of another fit: of friction, for one.
+        """The fitted moduli and their covariance as the `prior` of another fit, such as one of friction.
 
         The other scene must have this `material`, or one of the same relaxation times.
 
         Parameters
         ----------
-        body : "lower" or "upper", whose material it is there; None: that of the data, or "lower"
-        widen : factor of all deviations, for what a modulus measured in oscillation leaves out
+        body : "lower" or "upper", whose material it is there; None: the body of the data, or "lower"
+        widen : factor of all standard deviations, to allow for differences between oscillation and sliding
 
         Returns
         -------
@@ -154,9 +175,9 @@ class PronyFit:
 
     @functools.cached_property
     def fit(self) -> FitResult:
-        """The same moduli by `fitting.fit`, which can do more: intervals, profiles, bootstrap, files.
+        """A FitResult of the same moduli by `fitting.fit`, for intervals, profiles, bootstrap and files.
 
-        Made when it is asked for, in seconds, as its derivatives are compiled. It weighs E' and E'' alike:
+        Computed on first access, which takes seconds to compile. It weighs E' and E'' equally:
         ValueError if others were given.
         """
         if self.weights[0] != self.weights[1]:
@@ -179,7 +200,7 @@ class PronyFit:
 
         Parameters
         ----------
-        ax : two matplotlib axes, or None for those of a new figure, `ax[0].figure`
+        ax : two matplotlib axes; None: a new figure, `ax[0].figure`
 
         Returns
         -------
@@ -227,14 +248,149 @@ class PronyFit:
         tau, E = np.asarray(self.material.tau), np.asarray(self.material.E)
         rows = [("inf", "E_inf", float(self.material.E_inf))]
         rows += [(f"{tau[i]:.4g}", f"E[{i}]", float(E[i])) for i in range(tau.size)]
-        return [(time, f"{value:.4g}", self._error(name, value)) for time, name, value in rows]
+        return [(time, f"{value:.4g}", error_text(self, name, value)) for time, name, value in rows]
 
-    def _error(self, name, value):
-        """Error of a modulus, why it has none, or that it was fixed."""
-        names = [full.rsplit(".", 1)[1] for full in self.names]
-        if name not in names:
-            return "(fixed)"
-        i = names.index(name)
-        if self.names[i] in self.withheld:
-            return f"error bar withheld: {self.withheld[self.names[i]]}"
-        return f"+/- {self.stderr[i]:.2g} ({self.stderr[i] / value:.1%})"
+
+def fit_prony(
+    data: ModulusData,
+    per_decade: float = 1.0,
+    *,
+    tau: ArrayLike | None = None,
+    E_inf: float | str = "fit",
+    poisson: float = 0.5,
+    shift: Shift | None = None,
+    smooth: float | str | None = None,
+    weights: Sequence[float] = (1.0, 1.0),
+) -> PronyFit:
+    r"""Prony series of a measured modulus.
+
+    .. math:: \min_{E \ge 0} w' \sum_k \left(\frac{\ln E'(\omega_k)/E'_k}{e_k}\right)^2
+              + w'' \sum_k \left(\frac{\ln E''(\omega_k)/E''_k}{e_k}\right)^2
+
+    with absolute instead of logarithmic differences for data with absolute errors.
+
+    Parameters
+    ----------
+    data : ModulusData
+        with temperatures: raw curves, superposed by `shift`; without: a master curve.
+    per_decade : relaxation times per decade, at least; > 0
+        evenly in ln tau from 1/omega_max to 1/omega_min of the (reduced) frequencies: the loss
+        of the first and the last term peaks at the ends of the data. The data see only a flank of
+        terms further out, which the end terms and E_inf represent.
+    tau : relaxation times [s] instead of that grid, all different
+    E_inf : "fit", or the relaxed modulus [Pa], fixed (0: a liquid)
+    poisson, shift : of the material; a shift is not fitted here, see `fit_master_curve`
+    smooth : sigma of a `Smooth` prior [-], or "auto", or None
+        for noisy data: no term is absent then, and gaps in the frequencies are bridged. "auto" takes
+        the sigma with the least prediction error: generalised cross-validation [Golub, Heath & Wahba,
+        Technometrics 21 (1979) 215, doi:10.1080/00401706.1979.10489751]; no L-curve is drawn.
+    weights : (w', w''), >= 0 [-]
+        how much E' and E'' count; 0 leaves one of them out.
+
+    Returns
+    -------
+    PronyFit
+
+    Raises
+    ------
+    ValueError
+        one line: data of another kind, temperatures without a shift or outside its range,
+        fewer measured values than unknowns, frequencies that leave a gap of more than two
+        decades (curves that do not overlap), relaxation times more than two decades outside.
+
+    Notes
+    -----
+    The bounded minimum is found by active sets (`fitting.characterise.prony_series`), not by updates
+    that keep E > 0 and approach zeros for ever; terms at 0 there are dropped, as a modulus of
+    1e-30 Pa would help no scene. With `smooth` the start is E_i = (2/pi) E''(1/tau_i) d ln tau
+    instead, the loss at a term's peak, and Levenberg-Marquardt steps in ln E follow.
+    """
+    rf.Prony(1.0, [1.0], [1.0], poisson, shift)  # checks poisson and shift
+    if smooth != "auto" if isinstance(smooth, str) else smooth is not None and not _strength(smooth):
+        raise ValueError(f"smooth = {shown(smooth)}: must be None, a number > 0, or 'auto'")
+    weight = _weights(weights)
+    reference = reduced(data, shift)
+    omega = reference.omega
+    tau = grid(omega, per_decade) if tau is None else given(data, tau, omega)
+    fixed = fixed_modulus(E_inf)
+    series = _series(reference, omega, tau, fixed, weight)
+    count = series.measured.size + (0 if smooth is None else tau.size - 2)
+    if count < series.tau.size:
+        raise ValueError(
+            f"data {data.label!r}: {series.measured.size} values for {series.tau.size} unknowns:"
+            " must be as many at least; lower per_decade, give tau, or smooth"
+        )
+    if smooth is None:
+        check_gaps(data, omega)
+        E = series.bounded()
+    else:
+        E = _peaks(reference, omega, series.tau)
+    kept = E > 0
+    if not kept[: tau.size].any():
+        raise ValueError(f"data {data.label!r}: want no relaxing term at all: their loss must be > 0")
+    found = series.only(kept)
+    strength = found.cross_validated(E[kept]) if isinstance(smooth, str) else smooth
+    solution = found.solved(E[kept], strength)
+    terms = np.isfinite(found.tau)
+    relaxed = float(solution.E[~terms].sum()) if fixed is None else fixed
+    material = rf.Prony(relaxed, solution.E[terms], found.tau[terms], poisson, shift)
+    model = columns(omega, found.tau) @ solution.E
+    model[: omega.size] += fixed or 0.0
+    measured = np.where(reference.measured > 0, reference.measured, np.nan)
+    return PronyFit(
+        material=material,
+        dropped=series.tau[~kept],
+        residuals=np.log(model / measured).reshape(2, -1),
+        data=data,
+        smooth=strength,
+        weights=(float(weight[0]), float(weight[1])),
+        names=found.names,
+        solution=solution,
+        count=series.measured.size,
+    )
+
+
+def _strength(smooth):
+    return is_number(smooth) and smooth > 0
+
+
+def _weights(weights):
+    """The weights of E' and E'' as an array, checked."""
+    weight = np.array([w if is_number(w) else np.nan for w in np.ravel(np.array(weights, object))], float)
+    if weight.shape != (2,) or not (np.isfinite(weight) & (weight >= 0)).all() or not weight.any():
+        raise ValueError(
+            f"weights = {shown(weights)}: must be two numbers >= 0, of E' and of E'', not both 0"
+        )
+    return weight
+
+
+def _series(data, omega, tau, relaxed, weight):
+    """The least-squares problem of the rows that have a weight."""
+    tau = np.append(tau, np.inf) if relaxed is None else tau
+    known = np.repeat([relaxed or 0.0, 0.0], omega.size)
+    error = np.ones(len(data)) if data.error is None else data.error
+    each = np.repeat(weight, omega.size)
+    used = each > 0
+    return SeriesProblem(
+        columns(omega, tau)[used],
+        known[used],
+        data.measured[used],
+        error[used] / np.sqrt(each[used]),
+        data.logarithmic,
+        data.error is None,
+        tau,
+        data.body or "lower",
+    )
+
+
+def _peaks(data, omega, tau):
+    """E, all > 0: the loss at the peak of every term, and half the lowest storage for tau = inf."""
+    finite = np.isfinite(tau)
+    order, at = np.argsort(omega), np.argsort(tau[finite])
+    floor = 1e-6 * np.abs(data.storage).max()
+    loss = np.log(np.maximum(data.loss, floor)[order])
+    times = tau[finite]
+    width = np.gradient(np.log(times[at])) if times.size > 1 else np.ones(1)
+    E = np.full(tau.size, 0.5 * max(data.storage.min(), floor))
+    E[at] = 2 / np.pi * np.exp(np.interp(-np.log(times[at]), np.log(omega[order]), loss)) * width
+    return E

@@ -1,6 +1,9 @@
-"""What the plot of a fit shows: measured points, the curves they lie on, fitted lines with their bands."""
+"""Parts of the plots of fits: points, curves with bands, and the correlation matrix.
 
-from typing import NamedTuple
+They need matplotlib: pip install 'rubberfric[plot]'.
+"""
+
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
@@ -13,15 +16,20 @@ from fitting.uncertainty.intervals import Band
 from rubberfric.base import quick_jit
 from rubberfric.plot import style
 
-# Conditions that get a line each; data at more of them are drawn set by set, without lines.
-CURVES = 10
+# Greatest number of conditions drawn with lines; beyond it data are drawn set by set, without lines.
+_CURVES = 10
 # Points of a line.
-POINTS = 120
-# Stands for a temperature or pressure that there is not.
-ABSENT = -1.0
+_POINTS = 120
+# Marks a missing temperature or pressure.
+_ABSENT = -1.0
+# Parameters up to which every number is written, and up to which the sign of the large ones is.
+_NUMBERS, _SIGNS = 14, 40
+_LARGE = 0.5
+# Size of the cells in a new figure, and the margin around them [inch].
+_CELL, _AROUND = 0.38, 2.6
 
 
-class Points(NamedTuple):
+class PlottedPoints(NamedTuple):
     """All points of one quantity, arrays of one length."""
 
     x: np.ndarray  # velocity, omega or q
@@ -32,14 +40,14 @@ class Points(NamedTuple):
     residual: np.ndarray  # (measured - fitted) / error, of the logarithms where errors are relative
     part: np.ndarray  # 0, and 1 for E''
     body: np.ndarray  # "lower", "upper", or ""
-    temperature: np.ndarray  # ABSENT where there is none
+    temperature: np.ndarray  # _ABSENT if missing
     pressure: np.ndarray
     source: np.ndarray  # label of the data set
     scene: np.ndarray  # name of its scene, "" of a single one
 
 
-class Curve(NamedTuple):
-    """Points that one line goes through, or those of one data set that has no lines."""
+class PlottedCurve(NamedTuple):
+    """Points on one line, or the points of a data set without lines."""
 
     text: str
     conditions: tuple[str, str, float, float] | None  # (scene, body, temperature, pressure), None: no line
@@ -48,7 +56,7 @@ class Curve(NamedTuple):
     where: np.ndarray  # its points, by increasing x
 
 
-def measured_points(result: FitRecord, quantity: str) -> Points:
+def measured_points(result: FitRecord, quantity: str) -> PlottedPoints:
     """Points of all data sets of a quantity, without those at velocities <= 0."""
     problem = result.problem
     model, residual = model_rows(problem, result.x), residual_rows(problem, result.x)
@@ -65,7 +73,7 @@ def measured_points(result: FitRecord, quantity: str) -> Points:
 
         def every(name, size=size, count=parts_of_one, one=one):
             value = getattr(one, name, None)
-            return np.tile(np.full(size, ABSENT) if value is None else value, count)
+            return np.tile(np.full(size, _ABSENT) if value is None else value, count)
 
         parts.append(
             (
@@ -75,15 +83,15 @@ def measured_points(result: FitRecord, quantity: str) -> Points:
                 np.full(rows.size, scene),
             )
         )  # fmt: skip
-    points = Points(*(np.concatenate(column) for column in zip(*parts, strict=True)))
-    return Points(*(column[points.x > 0] for column in points))
+    points = PlottedPoints(*(np.concatenate(column) for column in zip(*parts, strict=True)))
+    return PlottedPoints(*(column[points.x > 0] for column in points))
 
 
-def curves_of(points: Points) -> list[Curve]:
+def curves_of(points: PlottedPoints) -> list[PlottedCurve]:
     """Curves in the order of body, temperature and pressure; of a modulus, E' and E'' of each."""
     columns = (points.scene, points.body, points.temperature, points.pressure)
     keys = sorted(set(zip(*(column.tolist() for column in columns), strict=True)))
-    if len(keys) <= CURVES:
+    if len(keys) <= _CURVES:
         several = len({key[1] for key in keys}) > 1
         masks = [
             np.all([column == value for column, value in zip(columns, key, strict=True)], 0) for key in keys
@@ -97,7 +105,7 @@ def curves_of(points: Points) -> list[Curve]:
             where = np.flatnonzero(mask & (points.part == part))
             where = where[np.argsort(points.x[where], kind="stable")]
             name = ("$E''$" if part else "$E'$") if points.part.any() else ""
-            curves.append(Curve(", ".join(filter(None, (text, name))), key, part, look, where))
+            curves.append(PlottedCurve(", ".join(filter(None, (text, name))), key, part, look, where))
     return curves
 
 
@@ -105,31 +113,31 @@ def _text(key, several):
     """A curve's conditions; the body only if there are several."""
     scene, body, temperature, pressure = key
     texts = [scene] * bool(scene) + [body] * several
-    if pressure != ABSENT:
+    if pressure != _ABSENT:
         texts.append(f"{pressure / 1e6:.4g} MPa")
-    if temperature != ABSENT:
+    if temperature != _ABSENT:
         texts.append(f"{style.signed(round(temperature - 273.15, 2) + 0.0)} °C")
     return ", ".join(texts)
 
 
 def lines(
-    result: FitRecord, quantity: str, points: Points, curves: list[Curve], level: float
+    result: FitRecord, quantity: str, points: PlottedPoints, curves: list[PlottedCurve], level: float
 ) -> list[tuple[np.ndarray, Band] | None]:
     """(x, Band) of every curve; None for one without a line.
 
-    The bands are linear in the logarithm of what is > 0, as those of `fitting.uncertainty.intervals.band`.
+    The bands are linear in the logarithm of positive quantities, as in `FitResult.band`.
     """
     ends, groups = {}, {}
     for curve in curves:
         if curve.conditions is not None:
             ends[curve.conditions] = points.x[curve.where][[0, -1]]
     for key in ends:
-        groups.setdefault((key[0], key[1], key[2] != ABSENT), []).append(key)
-    grids = {key: np.geomspace(end[0], end[1], POINTS) for key, end in ends.items()}
+        groups.setdefault((key[0], key[1], key[2] != _ABSENT), []).append(key)
+    grids = {key: np.geomspace(end[0], end[1], _POINTS) for key, end in ends.items()}
     parts, first, blocks, conditions = 2 if quantity == "modulus" else 1, 0, [], []
     for (scene, body, warm), keys in groups.items():
         x = np.concatenate([grids[key] for key in keys])
-        T, p = (np.repeat([key[k] for key in keys], POINTS) for k in (2, 3))
+        T, p = (np.repeat([key[k] for key in keys], _POINTS) for k in (2, 3))
         T = T if warm else None
         conditions.append({"modulus": (x, T), "spectrum": (x,)}.get(quantity, (x, p, T)))
         blocks.append(Block(quantity, body or None, False, (first, first + parts * x.size), scene))
@@ -138,7 +146,7 @@ def lines(
         return [None] * len(curves)
     band, found = _band(result, tuple(blocks), tuple(conditions), level), {}
     for block, keys in zip(blocks, groups.values(), strict=True):
-        columns = (array[slice(*block.rows)].reshape(parts, len(keys), POINTS) for array in band)
+        columns = (array[slice(*block.rows)].reshape(parts, len(keys), _POINTS) for array in band)
         for values in zip(keys, *(np.swapaxes(column, 0, 1) for column in columns), strict=True):
             for part in range(parts):
                 found[values[0], part] = grids[values[0]], Band(*(column[part] for column in values[1:]))
@@ -146,7 +154,7 @@ def lines(
 
 
 def _band(result, blocks, conditions, level):
-    """What the model predicts at other conditions than those of the data, with its band."""
+    """Prediction and band at conditions other than the data's."""
     x, found = result.uncertainty.x, []
     for block, columns in zip(blocks, conditions, strict=True):
         key = block.quantity, block.body, block.scene
@@ -155,8 +163,73 @@ def _band(result, blocks, conditions, level):
 
 
 def _compiled(result, block, columns, x):
-    """The same by a program of its own."""
+    """Predictions and their derivatives by a separately compiled function."""
     structure = result.problem.structure._replace(blocks=(block,))
     numbers = result.problem.numbers._replace(conditions=(columns,))
     found = quick_jit()(lambda x: forward(lambda x: predictions(structure, numbers, x)[0], x))(jnp.asarray(x))
     return tuple(map(np.asarray, found))
+
+
+def plot_correlation(result: Any, ax: style.Axes | None = None) -> style.Axes:
+    """Draw the correlation matrix of a fit's free parameters.
+
+    Cells hold numbers; with more than 14 parameters, the signs of correlations beyond +-0.5. Cells are
+    hatched if an error bar is withheld.
+
+    Parameters
+    ----------
+    result : FitResult, PronyFit or SpectrumFit
+    ax : matplotlib axes, or None
+        None: axes of a new figure, `ax.figure`, which pyplot does not know. The colour bar is the last
+        of `ax.figure.axes`.
+
+    Returns
+    -------
+    the axes
+
+    Raises
+    ------
+    ValueError : `result` is not a fit, or `ax` is not an axes.
+    """
+    if not hasattr(result, "correlation"):
+        result = getattr(result, "fit", result)
+    if not (hasattr(result, "names") and hasattr(result, "correlation")):
+        raise ValueError(f"result is a {type(result).__name__}: must be a FitResult, PronyFit or SpectrumFit")
+    names, correlation = list(result.names), np.asarray(result.correlation)
+    side = _AROUND + max(_CELL * min(len(names), 2 * _NUMBERS), 1.5)
+    axes = style.one_axes(ax, (side + 0.8, side))
+    mesh = axes.imshow(correlation, cmap=style.diverging(), vmin=-1, vmax=1, interpolation="nearest")
+    axes.grid(False)  # which a notebook may have switched on
+    small = "small" if len(names) <= _NUMBERS else "x-small"
+    axes.set_xticks(range(len(names)), names, rotation=90, fontsize=small)
+    axes.set_yticks(range(len(names)), names, fontsize=small)
+    _write(axes, correlation)
+    _hatch(axes, correlation)
+    axes.figure.colorbar(mesh, ax=axes, shrink=0.8).set_label("correlation [-]")
+    return axes
+
+
+def _write(axes, correlation):
+    """Numbers or signs in the cells, for what colours do not tell in grey."""
+    count = len(correlation)
+    if count > _SIGNS:
+        return
+    for (i, j), value in np.ndenumerate(correlation):
+        if not np.isfinite(value):
+            continue
+        text = f"{round(value, 2) + 0.0:.2f}".replace("-", "\N{MINUS SIGN}")
+        if count > _NUMBERS:
+            text = "" if i == j or abs(value) < _LARGE else "\N{MINUS SIGN}" if value < 0 else "+"
+        axes.text(j, i, text, ha="center", va="center", fontsize="x-small")
+
+
+def _hatch(axes, correlation):
+    """Cells without a correlation, and a legend above the matrix that says so."""
+    from matplotlib.patches import Patch, Rectangle
+
+    look = {"facecolor": "0.9", "edgecolor": "0.6", "hatch": "////", "linewidth": 0}
+    for i, j in np.argwhere(~np.isfinite(correlation)):
+        axes.add_patch(Rectangle((j - 0.5, i - 0.5), 1, 1, **look))
+    if not np.isfinite(correlation).all():
+        patch = Patch(label="error bar withheld", **look)
+        axes.legend(handles=[patch], fontsize="small", loc="lower left", bbox_to_anchor=(0, 1))

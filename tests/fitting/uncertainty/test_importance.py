@@ -7,8 +7,7 @@ from support.scenes.fits import PLAIN, ROAD
 
 import fitting
 import rubberfric as rf
-from fitting.uncertainty.posterior.importance import Proposal, log_weights, places
-from fitting.uncertainty.posterior.weights import effective, tail_index
+from fitting.uncertainty.importance import Proposal, effective, log_weights, places, tail_index
 
 SCENE = rf.Scene(ROAD, rf.Body(PLAIN))
 
@@ -93,3 +92,12 @@ def test_tails_of_weights():
     # A bounded distribution has none.
     assert (tail_index(np.log(random.random((4, 20_000)))) < 0).all()
     np.testing.assert_allclose(effective(np.log([[1.0, 1.0, 2.0]])), 16 / 6)
+
+
+@pytest.mark.parametrize("count", [40, 101, 3000])
+def test_tails_of_weights_are_those_of_arviz(count):
+    array_stats = pytest.importorskip("arviz_stats.base").array_stats
+    random = np.random.default_rng(count)
+    log_weight = np.array([[0.3], [1.0], [5.0]]) * random.standard_normal((3, count))
+    _, expected = array_stats.psislw(-log_weight)
+    np.testing.assert_allclose(tail_index(log_weight), expected, rtol=1e-9)

@@ -9,7 +9,7 @@ from support.scenes.fits import AFFINE, E_INF, FAST, E
 import fitting
 import rubberfric as rf
 from fitting import Bounded, Correlated, FitResult, Free, FrictionData, ModulusData, Positive
-from fitting.uncertainty.posterior.as_prior import joint_prior
+from fitting.uncertainty.posterior import joint_prior
 
 TAU = [1e-5, 1e-3, 1e-1]
 RUBBER = rf.Prony(3e6, [5e7, 8e6, 2e6], TAU)

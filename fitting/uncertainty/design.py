@@ -1,7 +1,11 @@
-"""The next experiment: which measurements tell most of what is unknown, or of what is to be predicted."""
+"""Design of the next experiment: the measurements that reduce errors of parameters or predictions most.
+
+Plots need matplotlib: pip install 'rubberfric[plot]'.
+"""
 
 import dataclasses
 from collections.abc import Callable, Mapping
+from typing import Any
 
 import jax
 import numpy as np
@@ -10,19 +14,19 @@ from jax.typing import ArrayLike
 import rubberfric as rf
 from fitting.parameters.constraints import Rule
 from fitting.parameters.priors import Prior
+from fitting.uncertainty.information import Points, exchange, gain, information, known_of, variance
 from fitting.uncertainty.intervals import SolvedProblem
-from fitting.uncertainty.uses import picture
-from fitting.uncertainty.uses.exchange import exchange, gain, information, variance
-from fitting.uncertainty.uses.known import Points, known_of
 from rubberfric.base import POSITIVE, StrPath, as_leaf, check_values, shown
 from rubberfric.io import write_table
 from rubberfric.plot import style
 
-# Draws about a scene that nothing was fitted to: it may be off by some ten per cent.
-DRAWS = 16
-# Relative error of a new measurement where nothing says it.
-ERROR = 0.05
-CRITERIA = ("D", "A")
+# Draws about a scene without a fit, which may be off by some ten per cent.
+_DRAWS = 16
+# Default relative error of a new measurement.
+_ERROR = 0.05
+_CRITERIA = ("D", "A")
+# Greatest number of panels of a figure.
+_PANELS = 4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,7 +47,7 @@ class prediction:
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Design:
-    """Measurements to make, most useful first, and what they will tell.
+    """Measurements to make, most useful first, and the expected errors.
 
     Attributes
     ----------
@@ -73,7 +77,7 @@ class Design:
     rows: np.ndarray
 
     def report(self) -> str:
-        """The measurements and what they tell, as text of several lines."""
+        """The measurements and the expected errors, as text of several lines."""
         lines = [f"Design of {self.index.size} measurements ({self.criterion}), most useful first"]
         repeats = {i: int(np.sum(self.index == i)) for i in self.index.tolist()}
         for i, count in repeats.items():
@@ -92,7 +96,7 @@ class Design:
 
     def plot(self, ax: style.Panels | None = None) -> style.Panels:
         """Where one measurement would tell how much, and the measurements chosen."""
-        return picture.plot_design(self, ax)
+        return plot_design(self, ax)
 
     def write(self, path: StrPath) -> None:
         """Write the conditions to measure at as a CSV table with the columns v, p and T."""
@@ -118,27 +122,27 @@ def design(
     already: Design | None = None,
     quadrature: rf.Quadrature | None = None,
 ) -> Design:
-    """Choose the measurements that tell most, among candidates, given what is known.
+    """Choose the most informative measurements among candidates.
 
     Parameters
     ----------
-    source : FitResult, whose data and priors are what is known; or a Scene, for a first experiment
+    source : FitResult, whose data and priors are the prior information; or a Scene, for a first experiment
     free : of a Scene: dict of key path -> rule, as for `fitting.fit`
     candidates : (velocity, pressure) or (velocity, pressure, temperature), broadcastable [m/s], [Pa], [K]
         where one could measure, such as (v[:, None], p) for every combination
-    n : number of measurements, or what they may cost together; those at one candidate are repetitions
+    n : number of measurements, or their greatest total cost; a candidate may be repeated
     criterion : "D", "A" or `prediction(...)`
         the volume of the ellipsoid of errors; the mean variance of x, which is relative for Positive
-        parameters; the mean variance of what is predicted.
+        parameters; the mean variance of the prediction.
     cost : of every candidate, or a function of (velocity, pressure, temperature) that says it; None: 1 each
     relative : error of a measurement, one or for every candidate
         None: the mean of the relative errors of the fit's friction data; 5 % of a scene.
-    quantity : "friction" or "area", what is measured
+    quantity : measured quantity, "friction" or "area"
     prior : of a Scene: dict of key path -> Gaussian or Smooth
-    draws : over how many draws from what is known the criterion is averaged; 1: the values themselves alone
+    draws : number of draws from the prior information to average over; 1: the values themselves alone
         None: 16 about a scene, 1 of a fit. Of D, A and predictions logarithms are averaged.
     reach : a draw is moved by no more than this along a direction, 0.3 being 30 %
-        what is not known at all would else be drawn from anywhere.
+        this limits draws of parameters that are not known at all.
     key : jax.random.key of the draws, or None for key(0)
     already : a Design whose measurements will be made as well, an earlier batch of the same candidates
     quadrature : of a Scene
@@ -154,10 +158,10 @@ def design(
 
     Notes
     -----
-    Errors are those of the model linearised at the scene: exact derivatives, but no better than the scene.
-    Where it may be off, say by how much, as a `prior`, and what is lost is little. What is to be predicted
-    should lie outside of what can be measured: inside, error bars fall with the number of measurements,
-    wherever they are (`tests/fitting/uncertainty/uses/test_design_twins.py` has both in numbers).
+    Errors come from the model linearised at the scene, with exact derivatives; they are as good as the scene.
+    If the scene is uncertain, say by how much with a `prior`: the loss is small. A design pays for
+    predictions outside the range of the candidates. Inside it, errors fall with the number of measurements,
+    wherever these are (`tests/fitting/uncertainty/test_design_twins.py` has both in numbers).
     """
     known = known_of(source, free, prior, quadrature)
     at = _points(candidates)
@@ -166,7 +170,7 @@ def design(
     price = _cost(cost, at)
     if isinstance(n, bool) or not isinstance(n, int | float) or not n >= price.min():
         raise ValueError(f"n = {shown(n)}: must be >= {price.min():g}, for one measurement at least")
-    draws = draws if draws is not None else 1 if isinstance(source, SolvedProblem) else DRAWS
+    draws = draws if draws is not None else 1 if isinstance(source, SolvedProblem) else _DRAWS
     if not isinstance(draws, int) or draws < 1:
         raise ValueError(f"draws = {shown(draws)}: must be an integer >= 1")
     key = jax.random.key(0) if key is None else key
@@ -232,10 +236,10 @@ def _cost(cost, at):
 def _error(source, quantity):
     """Relative error that the fit's data of a quantity have, in the mean."""
     if not isinstance(source, SolvedProblem):
-        return ERROR
+        return _ERROR
     blocks = [b for b in source.problem.structure.blocks if b.quantity == quantity and b.logarithmic]
     errors = [np.asarray(source.problem.targets.error)[slice(*b.rows)] for b in blocks]
-    return float(np.mean(np.concatenate(errors))) if errors else ERROR
+    return float(np.mean(np.concatenate(errors))) if errors else _ERROR
 
 
 def _target(known, xs, criterion):
@@ -246,7 +250,7 @@ def _target(known, xs, criterion):
         at = _points(conditions)
         slopes = np.stack([known.rows(x, at, criterion.quantity) for x in xs])
         return np.swapaxes(slopes, 1, 2) @ slopes / at[0].size
-    if not isinstance(criterion, str) or criterion not in CRITERIA:
+    if not isinstance(criterion, str) or criterion not in _CRITERIA:
         raise ValueError(f"criterion = {shown(criterion)}: must be 'D', 'A' or fitting.prediction(...)")
     # Variances of x, not of x / stretch.
     return None if criterion == "D" else np.tile(np.diag(known.stretch**2), (len(xs), 1, 1))
@@ -254,3 +258,79 @@ def _target(known, xs, criterion):
 
 def _percent(error: float) -> str:
     return f"{100 * error:.3g} %" if error < 10 else "open"
+
+
+def plot_design(design: Any, ax: style.Panels | None = None) -> style.Panels:
+    """Draw the gain of one measurement over log10 v and temperature or pressure, and the chosen ones.
+
+    A panel for each pressure where there are several temperatures; the number in a circle is how often one
+    measures there. Over the velocity alone, a line.
+
+    Parameters
+    ----------
+    design : fitting.Design
+    ax : sequence of as many matplotlib axes as there are panels; None: a new figure
+
+    Returns
+    -------
+    sequence of the axes
+    """
+    v, p, T = design.candidates
+    over_temperature = T is not None and np.unique(T).size > 1
+    celsius = np.zeros_like(v) if T is None else rf.units.to_celsius(T)
+    groups = np.unique(p) if over_temperature else np.unique(T) if T is not None else np.array([np.nan])
+    groups = [g for g in groups if _chosen(design, g, over_temperature).any()][:_PANELS]
+    y = celsius if over_temperature else np.log10(p / 1e6)
+    names = [_title(g, over_temperature) for g in groups]
+    if np.unique(p).size == 1 and not over_temperature:
+        names = [", ".join(filter(None, (_title(p[0], True), name))) for name in names]
+    ax = style.several_axes(ax, names, (1.8 + 3.6 * len(names), 3.9), across=True)
+    label = "gain of one measurement\n" + (
+        "[nat]" if design.criterion == "D" else "[part of the variance, -]"
+    )
+    flat = np.unique(y).size == 1
+    low, high = float(design.gain.min()), float(design.gain.max())
+    for group, axes, name in zip(groups, ax, names, strict=True):
+        shown = _group(design, group, over_temperature)
+        axes.set_title(name, fontsize="small", loc="left")
+        axes.set_xlabel(style.LOG_V)
+        height = design.gain if flat else y
+        if flat:
+            order = np.flatnonzero(shown)[np.argsort(v[shown])]
+            axes.plot(np.log10(v[order]), design.gain[order], color="0.3", linewidth=1.4)
+            axes.grid(alpha=0.3)
+        else:
+            look: dict[str, Any] = {"vmin": low, "vmax": high, "cmap": "cividis", "linewidths": 0}
+            drawn = axes.scatter(np.log10(v[shown]), y[shown], c=design.gain[shown], s=46, marker="s", **look)
+        chosen = np.flatnonzero(_chosen(design, group, over_temperature))
+        for i in chosen:
+            where = (np.log10(v[i]), height[i])
+            box = {"boxstyle": "circle,pad=0.25", "facecolor": "white", "edgecolor": "black"}
+            count = int(np.sum(design.index == i))
+            axes.annotate(str(count), where, ha="center", va="center", fontsize="small", bbox=box)
+    if flat:
+        ax[0].set_ylabel(label)
+    else:
+        ax[0].set_ylabel("temperature [°C]" if over_temperature else "$\\log_{10}(p\\;/\\;\\mathrm{MPa})$")
+        ax[0].figure.colorbar(drawn, ax=list(ax)).set_label(label)
+    return ax
+
+
+def _group(design, value, over_temperature):
+    """Which candidates belong to a panel."""
+    _, p, T = design.candidates
+    if over_temperature:
+        return p == value
+    return np.ones(p.size, bool) if T is None else value == T
+
+
+def _chosen(design, value, over_temperature):
+    mask = np.zeros(design.gain.size, bool)
+    mask[design.index] = True
+    return mask & _group(design, value, over_temperature)
+
+
+def _title(value, over_temperature):
+    if over_temperature:
+        return f"{value / 1e6:.4g} MPa"
+    return "" if np.isnan(value) else f"{style.signed(rf.units.to_celsius(value), 4)} °C"

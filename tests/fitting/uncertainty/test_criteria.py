@@ -11,7 +11,7 @@ import fitting
 import rubberfric as rf
 from fitting import Bounded, Free, Gaussian, ModulusData, Positive, SpectrumData
 from fitting.uncertainty.covariance import uncertainty
-from fitting.uncertainty.posterior.criteria import criteria
+from fitting.uncertainty.criteria import criteria
 
 TAU = np.array([1e-5, 1e-3])
 RUBBER = rf.Prony(3e6, [5e7, 8e6], TAU)

@@ -1,6 +1,6 @@
 """Twelve designed measurements beside forty log-uniform ones, over a hundred twins, from a start that is off.
 
-    python -m pytest -m slow -s tests/fitting/uncertainty/uses/test_design_twins.py
+    python -m pytest -m slow -s tests/fitting/uncertainty/test_design_twins.py
 
 A twin is the tread of data/twin_truth.toml with each of 18 numbers drawn anew; the design begins with a scene
 whose every number is off from the twin's by up to 30 %, error bars are those of the measurements at the twin
@@ -22,7 +22,7 @@ from support.folders import DATA
 
 import fitting
 import rubberfric as rf
-from fitting.uncertainty.uses.known import known_of
+from fitting.uncertainty.information import known_of
 
 TWINS, NOISE, OFF = 100, 0.05, 0.3
 FEW, MANY = 12, 40

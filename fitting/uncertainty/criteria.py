@@ -1,4 +1,4 @@
-r"""How well a scene predicts: likelihood, information criteria, and what each value is without itself.
+r"""Predictive accuracy of a fit: likelihood, information criteria, and leave-one-out densities.
 
 .. math:: \ln p_i = -\tfrac12 \ln 2\pi e_i^2 - \tfrac12 r_i^2,\qquad
           \ln p_{i|-i} = -\tfrac12 \ln 2\pi e_i^2 + \tfrac12 \ln(1 - h_i) - \tfrac12 \frac{r_i^2}{1 - h_i}
@@ -6,9 +6,9 @@ r"""How well a scene predicts: likelihood, information criteria, and what each v
 r_i being residuals in units of their errors e_i, h_i their leverages, the diagonal of J (J^T J)^-1 J^T with
 the rows of the priors in J^T J. The second is exact for a model that is linear in its numbers [Allen,
 Technometrics 16 (1974) 125; Vehtari, Mononen, Tolvanen, Sivula & Winther, J. Mach. Learn. Res. 17 (2016) 103,
-sec. 3.2, arXiv:1412.7461], and else that of the Laplace approximation. With a robust loss the approximation
-is the same, Newton's step away from the value that is left out, and the density of that value under the loss
-is averaged over it.
+sec. 3.2, arXiv:1412.7461], and for others it is the Laplace approximation. With a robust loss the
+approximation is the same, Newton's step away from the value that is left out, and the density of that value
+under the loss is averaged over it.
 
 Where errors are correlated (`Discrepancy`), with rows whitened by W and H = J (J^T J)^-1 J^T of those,
 1 - h_i is the diagonal of Q = W^T (1 - H) W, and r_i / (1 - h_i) is (W^T r)_i / Q_ii [Sundararajan &
@@ -32,7 +32,7 @@ from fitting.solvers.problem import Problem
 from fitting.uncertainty.covariance import OPEN, data_residuals, linearised, weighted_rows
 from fitting.uncertainty.intervals import SolvedProblem
 
-# Leverage above which a value alone determines a number, and what it is without the value says little.
+# Leverage above which a value alone determines a parameter, and its left-out density is unreliable.
 ALONE = 0.7
 # Of 1 - h, which rounding may leave at 0.
 _ROUNDING = 1e-12
@@ -40,7 +40,7 @@ _NODES = 64
 
 
 class Criteria(NamedTuple):
-    """What a fit's likelihood is, and what it would be of values that it does not know."""
+    """Likelihood of a fit, and predictive density of left-out values."""
 
     values: int  # n
     parameters: float  # k
@@ -55,7 +55,7 @@ class Criteria(NamedTuple):
 
     @property
     def aicc(self) -> float:
-        """The same corrected for few values; inf for as many parameters as values."""
+        """AIC corrected for few values; inf if there are as many parameters as values."""
         rest = self.values - self.parameters - 1
         return self.aic + 2 * self.parameters * (self.parameters + 1) / rest if rest > 0 else np.inf
 
@@ -73,7 +73,7 @@ class Criteria(NamedTuple):
 def criteria(solved: SolvedProblem, estimated: int = 0) -> Criteria:
     """The criteria of a fit; it compiles nothing that the fit has not compiled.
 
-    `estimated` numbers count beside the parameters and the errors: the amplitude of a `Discrepancy`.
+    `estimated` counts further estimated parameters, such as the amplitude of a `Discrepancy`.
     """
     problem = solved.problem
     r, h, left_out = _left_out(solved)
@@ -129,7 +129,7 @@ def _left_out(solved):
 
 
 def _density(problem: Problem, r):
-    """ln p of residuals in units of their errors; of robust losses but for a constant."""
+    """ln p of residuals in units of their errors; for robust losses up to a constant."""
     return -0.5 * np.asarray(rho(*_loss(problem), jnp.asarray(r))[0], float) - 0.5 * np.log(2 * np.pi)
 
 

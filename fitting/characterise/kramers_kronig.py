@@ -1,0 +1,284 @@
+r"""Check measured E' and E'' against the Kramers-Kronig relations.
+
+In a causal linear solid E' determines E''. If the solid relaxes without oscillating, both follow from one
+relaxation spectrum H >= 0,
+
+.. math:: E' = E_\infty + \int H \frac{\omega^2\tau^2}{1 + \omega^2\tau^2} d\ln\tau,\qquad
+          E'' = \int H \frac{\omega\tau}{1 + \omega^2\tau^2} d\ln\tau
+
+[J. D. Ferry, Viscoelastic Properties of Polymers, 1980, ch. 3]. Master curves of several sweeps, of raw data
+with a wrong compliance of the instrument, or at a strain that softens, may violate this.
+"""
+
+import dataclasses
+
+import numpy as np
+import scipy.stats
+
+from fitting.characterise.prony_series import columns, nonnegative_logarithmic, reduced
+from fitting.data.kinds import ModulusData
+from fitting.parameters.constraints import is_number
+from rubberfric.base import shown
+from rubberfric.materials import Shift
+from rubberfric.plot import style
+
+# The contradiction is counted where its standard error is below this.
+_COUNTED = 0.25
+# Chance of as large a contradiction in data without any, below which it is one.
+_CHANCE = 0.01
+_WORST = 3
+# Relaxation times per decade: a power law is met to 1e-4. How many decades they reach beyond the data.
+_TIMES, _BEYOND = 3, 2.0
+# Fits, each weighted with the scatter of E' and E'' about the one before it; the least scatter.
+_ROUNDS, _EXACT = 4, 1e-4
+# Prior standard deviation of a term, in units of the estimate from the loss at its peak.
+_ALIKE = 2.0
+_FEWEST = 6  # frequencies
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class KramersKronig:
+    """How far E' and E'' contradict each other.
+
+    Attributes
+    ----------
+    omega : angular frequencies, evenly in ln omega from end to end of the data [rad/s], shape (n,)
+    contradiction : ln(E'' measured / E'' that E' implies) there, linear between [-], shape (n,)
+    stderr, covariance : of it, by the scatter of the data (their errors, if they have some)
+    counted : where it is known to 0.25 at least; the ends of the data never are if they scatter, as what
+        relaxes beyond them is not seen
+    scatter : relative errors of E' and of E'', estimated or given (median)
+    data : the data that were checked
+    """
+
+    omega: np.ndarray
+    contradiction: np.ndarray
+    covariance: np.ndarray
+    counted: np.ndarray
+    scatter: tuple[float, float]
+    data: ModulusData
+    reduced: np.ndarray = dataclasses.field(repr=False)
+    implied: np.ndarray = dataclasses.field(repr=False)
+
+    @property
+    def stderr(self) -> np.ndarray:
+        """Standard errors of the contradiction."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def rms(self) -> float:
+        """Root mean square of the contradiction where it counts, less what scatter explains; NaN if nowhere.
+
+        Frequencies weigh with 1/stderr^2.
+        """
+        if not self.counted.any():
+            return np.nan
+        weight = self.stderr[self.counted] ** -2.0
+        square = weight @ self.contradiction[self.counted] ** 2 - weight.size
+        return float(np.sqrt(max(square, 0.0) / weight.sum()))
+
+    @property
+    def chance(self) -> float:
+        """Probability of a contradiction as large in data of one material, by chi-square; NaN if unknown."""
+        c = self.counted
+        if not c.any():
+            return np.nan
+        square = self.contradiction[c] @ np.linalg.solve(self.covariance[np.ix_(c, c)], self.contradiction[c])
+        return float(scipy.stats.chi2.sf(square, c.sum()))
+
+    @property
+    def consistent(self) -> bool:
+        """True if the contradiction is within the scatter, or below 1 % rms."""
+        return not self.chance < _CHANCE or self.rms < 0.01
+
+    @property
+    def worst(self) -> tuple[tuple[float, float, float], ...]:
+        """(omega, contradiction, stderr) of the most significant parts, at most three, worst first."""
+        pull = np.where(self.counted, np.abs(self.contradiction) / self.stderr, 0.0)
+        found = []
+        for i in np.argsort(-pull):
+            apart = all(abs(np.log10(self.omega[i] / one[0])) > 0.9 for one in found)
+            if pull[i] > 3.0 and apart and len(found) < _WORST:
+                found.append((float(self.omega[i]), float(self.contradiction[i]), float(self.stderr[i])))
+        return tuple(found)
+
+    def __repr__(self) -> str:
+        return (
+            f"<KramersKronig: contradiction {self.rms:.2%} rms, {'' if self.consistent else 'in'}consistent>"
+        )
+
+    def report(self) -> str:
+        """The result as text of several lines."""
+        ends = f"{self.reduced.min():.3g} ... {self.reduced.max():.3g} rad/s"
+        lines = [f"E' and E'' of {self.data.label}, {ends}"]
+        if not self.counted.any():
+            lines.append(
+                f"    nothing can be said: what E' implies for E'' is nowhere known to {_COUNTED:.0%};"
+                " less scatter or more frequencies are needed"
+            )
+        elif self.consistent:
+            lines.append(f"    no contradiction beyond the scatter: {self.rms:.1%} rms of E''")
+        else:
+            lines.append(
+                f"    CONTRADICT EACH OTHER: E'' is off by {self.rms:.1%} rms from what E' implies"
+                f" (chance of that by scatter {max(self.chance, 1e-99):.1g})"
+            )
+        for omega, value, error in () if self.consistent else self.worst:
+            side = "above" if value > 0 else "below"
+            lines.append(
+                f"    at {omega:.3g} rad/s E'' is {abs(np.expm1(value)):.0%} {side} (+/- {error:.0%}),"
+                f" or E' too {'flat' if value > 0 else 'steep'}"
+            )
+        if self.counted.any():
+            low, high = self.omega[self.counted][[0, -1]]
+            lines.append(
+                f"    judged: {low:.3g} ... {high:.3g} rad/s, where E' implies E'' to {_COUNTED:.0%}"
+            )
+        lines.append(f"    scatter: E' {self.scatter[0]:.2%}, E'' {self.scatter[1]:.2%}")
+        return "\n".join(lines)
+
+    def plot(self, ax: style.Panels | None = None) -> style.Panels:
+        """E' and E'' with the E'' that E' implies, and below how far they are apart, with 95 % bars.
+
+        Needs matplotlib: pip install 'rubberfric[plot]'. Nodes that are not counted are grey.
+
+        Parameters
+        ----------
+        ax : two matplotlib axes; None: a new figure, `ax[0].figure`
+
+        Returns
+        -------
+        the axes: moduli, contradiction
+        """
+        if ax is None:
+            ax = style.new_figure((7.4, 5.0)).subplots(2, 1, sharex=True, height_ratios=[3, 2])
+        upper, lower = ax = style.several_axes(ax, ("moduli", "contradiction"), (7.4, 5.0))
+        first, second = style.colours(2)
+        order = np.argsort(self.reduced)
+        look = {"markersize": 3.5, "markerfacecolor": "white", "linestyle": "none"}
+        for tone, marker, name, values in (
+            (first, "o", "storage $E'$, measured", self.data.storage),
+            (second, "s", "loss $E''$, measured", self.data.loss),
+        ):
+            upper.plot(self.reduced, values, marker=marker, color=tone, label=name, **look)
+        upper.plot(
+            self.reduced[order], self.implied[order], "--", color=second, label="$E''$ that $E'$ implies"
+        )
+        upper.set_xscale("log")
+        upper.set_yscale("log")
+        upper.set_ylabel("modulus $E'$, $E''$ [Pa]")
+        style.legend(upper)
+        value, reach = 100 * self.contradiction, 196 * self.stderr
+        for used, tone in ((self.counted, second), (~self.counted, "0.6")):
+            lower.errorbar(
+                self.omega[used], value[used], reach[used], fmt="s", color=tone, markersize=3.5, elinewidth=1
+            )
+        lower.axhline(0, color="0.5", linewidth=0.8)
+        tall = np.max(np.abs(value[self.counted]) + reach[self.counted], initial=10.0)
+        lower.set_ylim(-1.1 * tall, 1.1 * tall)
+        lower.set_ylabel("100 ln($E''$ /\nimplied) [%]")
+        lower.set_xlabel("angular frequency $\\omega$ [rad/s]")
+        for axes in (upper, lower):
+            axes.grid(alpha=0.3)
+        return ax
+
+
+def kramers_kronig(
+    data: ModulusData, per_decade: float = 2.0, *, shift: Shift | None = None
+) -> KramersKronig:
+    r"""How far measured E' and E'' contradict each other, and where.
+
+    .. math:: \min_{H \ge 0, k} \sum_j \left(\frac{\ln E'_j / E'(\omega_j)}{s'}\right)^2
+              + \left(\frac{\ln E''_j / E''(\omega_j) - k(\omega_j)}{s''}\right)^2
+
+    k, linear in ln omega from node to node, is free: the logarithm of what E'' is too large by. Relaxation
+    times lie at three a decade up to two decades beyond the data, so that the ends are not forced.
+
+    Parameters
+    ----------
+    data : ModulusData
+        with temperatures: raw curves, superposed by `shift`; without: a master curve.
+    per_decade : nodes of k per decade, if there are twice as many frequencies [-]
+        more of them find narrower contradictions, and each is known less well.
+    shift : of data with temperatures
+
+    Returns
+    -------
+    KramersKronig
+
+    Raises
+    ------
+    ValueError
+        one line: data of another kind, with values <= 0, with temperatures and no shift, or fewer than
+        six frequencies.
+
+    Notes
+    -----
+    Errors that are not given are estimated from the scatter, separately for E' and E''. A smooth error as
+    broad as E' is detected only if no relaxation spectrum can produce it: a constant factor of E' can be
+    produced, a constant factor of E'' cannot.
+
+    To see how a contradiction changes friction, compare the tabulated modulus, which uses both as measured,
+    with the series, which compromises:
+
+        table = rubberfric.TabulatedModulus(data.omega, data.storage, data.loss)
+        series = fitting.fit_prony(data, 2.0).material
+        mu = [rubberfric.friction(scene.replace("lower.material", m), v, p) for m in (table, series)]
+    """
+    if not (is_number(per_decade) and 0 < per_decade <= 10):
+        raise ValueError(f"per_decade = {shown(per_decade)}: must be a number > 0, at most 10")
+    data = reduced(data, shift)
+    omega = data.omega
+    if not (data.measured > 0).all():
+        raise ValueError(f"data {data.label!r}: have values <= 0: E' and E'' must be > 0")
+    t, n = np.log10(omega), omega.size
+    if n < _FEWEST:
+        raise ValueError(f"data {data.label!r}: {n} frequencies: must be {_FEWEST} at least")
+    count = min(max(round(per_decade * np.ptp(t)), 1) + 1, n // 2)
+    nodes = np.linspace(t.min(), t.max(), count)
+    hats = np.stack([np.interp(t, nodes, one) for one in np.eye(count)], axis=1)
+    ends = t.min() - _BEYOND, t.max() + _BEYOND
+    times = 10.0 ** -np.linspace(*ends, int(np.ceil(_TIMES * np.ptp(ends))) + 1)
+    A = columns(omega, np.append(times, np.inf))
+    free = np.concatenate([np.zeros_like(hats), hats])
+    order = np.argsort(omega)
+    peaks = np.exp(np.interp(-np.log(times), np.log(omega[order]), np.log(data.loss[order])))
+    typical = np.append(2 / np.pi * np.log(10) / _TIMES * peaks, 0.1 * data.storage.min())
+    error, known = _relative(data)
+    for _ in range(1 if known else _ROUNDS):
+        E = nonnegative_logarithmic(A, data.measured, np.zeros(2 * n), error, free)
+        model = A @ E
+        apart = np.log(data.measured / model)
+        contradiction = np.linalg.lstsq(hats / error[n:, None], apart[n:] / error[n:], rcond=None)[0]
+        # Terms at 0 may change as well, by the estimate from the loss at their peak: the error bars then
+        # cover all spectra that fit, not this one alone.
+        width = _ALIKE * np.maximum(E, typical)
+        J = np.concatenate([A * width / model[:, None], free], axis=1) / error[:, None]
+        precision = J.T @ J + np.diag(np.append(np.ones(E.size), np.zeros(count)))
+        covariance = np.linalg.pinv(precision, hermitian=True)
+        if not known:
+            rest = np.concatenate([apart[:n], apart[n:] - hats @ contradiction]) ** 2
+            used = np.sum((J @ covariance) * J, axis=1)
+            scatter = [
+                max(np.sqrt(rest[part].sum() / max(n - used[part].sum(), 1.0)), _EXACT)
+                for part in (slice(n), slice(n, None))
+            ]
+            error = np.repeat(scatter, n)
+    covariance = covariance[-count:, -count:]
+    return KramersKronig(
+        10.0**nodes,
+        contradiction,
+        covariance,
+        np.sqrt(np.diag(covariance)) < _COUNTED,
+        (float(np.median(error[:n])), float(np.median(error[n:]))),
+        data,
+        omega,
+        model[n:],
+    )
+
+
+def _relative(data):
+    """Relative errors of E' and E'', and whether they were given; of equal size if not."""
+    if data.error is None:
+        return np.ones(len(data)), False
+    return data.error if data.logarithmic else data.error / data.measured, True

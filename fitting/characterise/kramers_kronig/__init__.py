@@ -1,1 +1,0 @@
-"""Whether measured E' and E'' can be of one material."""

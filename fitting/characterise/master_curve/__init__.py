@@ -1,1 +1,0 @@
-"""A master curve and its shift factors from sweeps at several temperatures."""

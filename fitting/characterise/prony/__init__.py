@@ -1,1 +1,0 @@
-"""Prony series from a measured modulus."""

@@ -1,0 +1,340 @@
+r"""A Prony series on given relaxation times as a least-squares problem in NumPy.
+
+.. math:: E' = E_\infty + \sum_i E_i \frac{a_i^2}{1 + a_i^2},\qquad
+          E'' = \sum_i E_i \frac{a_i}{1 + a_i^2},\qquad a_i = \omega\tau_i
+
+The model is linear in E, so its derivatives by ln E are E times the columns; nothing is compiled. Bounded
+least squares finds exact zeros.
+"""
+
+import dataclasses
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.optimize import nnls
+
+import rubberfric as rf
+from fitting.data.kinds import ModulusData
+from fitting.parameters.constraints import is_number
+from fitting.parameters.variables import Group, Variables, element_names
+from fitting.solvers.problem import ASSUMED
+from fitting.uncertainty.covariance import Uncertainty, from_jacobian
+from rubberfric.base import POSITIVE, as_leaf, check_values, shown
+from rubberfric.materials import Shift
+
+# Decades between neighbouring frequencies; in a wider gap the loss of a term in its middle is
+# down to a fifth wherever it is measured.
+_GAP = 2.0
+# Decades a given relaxation time may lie outside 1/omega; beyond, its loss is 1 % of its modulus.
+_REACH = 2.0
+# Greatest numbers of Gauss-Newton steps of the bounded problem and of Levenberg-Marquardt steps.
+_STEPS, _ITERATIONS = 50, 200
+# A term below this part of E' and E'' at all frequencies is absent.
+_ROUNDING = 1e-9
+# Fits, each weighted with the errors that the one before it estimated.
+_ROUNDS = 2
+# Strengths of a smooth prior that are tried, in changes of the slope from term to term.
+_STRENGTHS = np.geomspace(0.03, 30.0, 19)
+
+
+def reduced(data: ModulusData, shift: Shift | None) -> ModulusData:
+    """The data as they were at the reference temperature: E(a_T omega) = E(omega, T) / b_T."""
+    if not isinstance(data, ModulusData):
+        raise ValueError(f"data is a {type(data).__name__}: must be ModulusData, such as fitting.read gives")
+    if data.temperature is None:
+        return data
+    if shift is None:
+        raise ValueError(
+            f"data {data.label!r}: have a temperature, but no shift is given: must be WLF, Arrhenius or"
+            " TabulatedShift, or the data a master curve: curve = fit_master_curve(data), then curve.data"
+        )
+    shift.check_temperature(data.temperature)
+    T = data.temperature
+    # A solid of 1 Pa is b_T stiff.
+    solid = rf.Prony(1.0, [1.0], [1.0], shift=shift)
+    vertical = np.broadcast_to(np.asarray(rf.complex_modulus(solid, 0.0, T).real, float), T.shape)
+    names = [name for name in (*data.values, *data.sigmas) if getattr(data, name) is not None]
+    moduli = {name: getattr(data, name) / vertical for name in names}
+    omega = data.omega * np.exp(np.asarray(shift.log_factor(T), float))
+    return dataclasses.replace(
+        data, omega=omega, temperature=None, name=data.label, check_units=False, **moduli
+    )
+
+
+def grid(omega: np.ndarray, per_decade: float) -> np.ndarray:
+    """Relaxation times, as many per decade at least, from 1/omega_max to 1/omega_min."""
+    if not (is_number(per_decade) and 0 < per_decade <= 100):
+        raise ValueError(f"per_decade = {shown(per_decade)}: must be a number > 0, at most 100")
+    decades = np.log10(omega.max() / omega.min())
+    # 5.000000001 decades are five.
+    return np.geomspace(1 / omega.max(), 1 / omega.min(), int(np.ceil(per_decade * decades - 1e-6)) + 1)
+
+
+def given(data: ModulusData, tau: ArrayLike, omega: np.ndarray) -> np.ndarray:
+    """Relaxation times that the caller chose, checked."""
+    tau = np.asarray(as_leaf("tau", tau, 1), float)
+    check_values("tau", tau, POSITIVE)
+    if tau.size == 0:
+        raise ValueError("tau is empty: must have at least one relaxation time")
+    if np.unique(tau).size < tau.size:
+        raise ValueError("tau: has equal relaxation times; must all be different")
+    beyond = np.maximum(np.log10(tau * omega.min()), -np.log10(tau * omega.max()))
+    worst = int(np.argmax(beyond))
+    if beyond[worst] > _REACH:
+        raise ValueError(
+            f"tau[{worst}] = {tau[worst]:g} s: data {data.label!r} do not reach it; must be within"
+            f" {_REACH:g} decades of 1/omega, {1 / omega.max():.3g} ... {1 / omega.min():.3g} s"
+        )
+    return tau
+
+
+def fixed_modulus(E_inf: float | str) -> float | None:
+    """A relaxed modulus that is not fitted, else None."""
+    if isinstance(E_inf, str) and E_inf == "fit":
+        return None
+    if isinstance(E_inf, str) or not (is_number(E_inf) and E_inf >= 0):
+        raise ValueError(f"E_inf = {shown(E_inf)}: must be 'fit' or a number >= 0 [Pa]")
+    return float(E_inf)
+
+
+def check_gaps(data: ModulusData, omega: np.ndarray) -> None:
+    """ValueError where frequencies leave a gap in which a term would hide."""
+    sorted_omega = np.sort(omega)
+    gaps = np.diff(np.log10(sorted_omega))
+    if gaps.size and gaps.max() > _GAP:
+        i = int(np.argmax(gaps))
+        raise ValueError(
+            f"data {data.label!r}: nothing between the reduced frequencies {sorted_omega[i]:.3g} and"
+            f" {sorted_omega[i + 1]:.3g} rad/s: curves must overlap, or be less than {_GAP:g} decades apart;"
+            " or give smooth"
+        )
+
+
+def nonnegative(A: np.ndarray, b: np.ndarray) -> np.ndarray:
+    r"""The x >= 0 that brings A x closest to b; zeros are exact.
+
+    .. math:: \min_{x \ge 0} |A x - b|^2
+
+    by the active sets of Lawson and Hanson (Solving least squares problems, 1974, ch. 23).
+    """
+    # Columns of one length: the tolerance of the search then means the same for all.
+    length = np.linalg.norm(A, axis=0)
+    length = np.where(length > 0, length, 1.0)
+    return nnls(A / length, b)[0] / length
+
+
+def nonnegative_logarithmic(
+    A: np.ndarray,
+    b: np.ndarray,
+    known: np.ndarray,
+    error: np.ndarray,
+    ignored: np.ndarray | None = None,
+) -> np.ndarray:
+    r"""The x >= 0 that brings ln(A x + known) closest to ln b, in units of `error`; zeros are exact.
+
+    .. math:: \min_{x \ge 0} \sum_k \left(\frac{\ln (A x + known)_k / b_k}{error_k}\right)^2
+
+    Parameters
+    ----------
+    A : shape (rows, unknowns), >= 0
+    b, error : shape (rows,), > 0
+    known : shape (rows,), >= 0
+    ignored : independent directions of the logarithms, columns, along which differences cost nothing,
+        shape (rows, directions), or None
+
+    Returns
+    -------
+    array, shape (unknowns,)
+    """
+    basis = None if ignored is None else np.linalg.qr(ignored / error[:, None])[0]
+
+    def counted(rows):
+        return rows if basis is None else rows - basis @ (basis.T @ rows)
+
+    def cost(x):
+        model = A @ x + known
+        return np.sum(counted(np.log(model / b) / error) ** 2) if (model > 0).all() else np.inf
+
+    # Gauss-Newton: the logarithm is linear in a small relative change of the model, so that
+    # every step is a bounded problem. The first is linearised about the data.
+    model, x, found, lowest = b, np.zeros(A.shape[1]), np.zeros(A.shape[1]), np.inf
+    for _ in range(_STEPS):
+        scale = 1 / (model * error)
+        aim = (model - known) * scale - np.log(model / b) / error
+        found = nonnegative(counted(A * scale[:, None]), counted(aim))
+        # From nothing only the full step makes sense; later ones are shortened as needed.
+        parts = 0.5 ** np.arange(20 if np.isfinite(lowest) else 1)
+        tried = [x + part * (found - x) for part in parts]
+        costs = [cost(one) for one in tried]
+        best = int(np.argmin(costs))
+        gained = lowest - costs[best]
+        if not gained > 0:
+            break
+        x, lowest = tried[best], costs[best]
+        model = A @ x + known
+        if gained <= 1e-14 * lowest:
+            break
+    return np.where(found > 0, x, 0.0)
+
+
+class SeriesMinimum(NamedTuple):
+    """Moduli at a minimum, their uncertainty, and a measure of optimality."""
+
+    E: np.ndarray  # E_i, and E_inf last where it is free; > 0
+    scale: float | None  # relative error estimated from the scatter; None where errors were given
+    uncertainty: Uncertainty  # of ln E
+    slope: float  # largest cosine between the residuals and a change of ln E, 0 at a minimum
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class SeriesProblem:
+    """Least-squares problem: measured values, and the column of every term.
+
+    Attributes
+    ----------
+    columns : E' and then E'' of every term with E = 1, shape (rows, terms)
+    known : part of the model that is not fitted, shape (rows,)
+    measured, error : shape (rows,); `error` of the logarithm where `logarithmic`, else absolute
+    estimate : whether `error` has the right ratios only
+    tau : relaxation times [s]; inf, the last, is E_inf
+    body : whose material it is, for names
+    """
+
+    columns: np.ndarray
+    known: np.ndarray
+    measured: np.ndarray
+    error: np.ndarray
+    logarithmic: bool
+    estimate: bool
+    tau: np.ndarray
+    body: str
+
+    @property
+    def variables(self) -> Variables:
+        """The moduli as free parameters of a scene's body."""
+        terms, path = int(np.isfinite(self.tau).sum()), f"{self.body}.material"
+        groups = [Group(f"{path}.E", "Positive", 0, tuple(range(terms)), (0, terms))]
+        if terms < self.tau.size:
+            groups.append(Group(f"{path}.E_inf", "Positive", 1, None, (terms, self.tau.size)))
+        return Variables(None, tuple(groups), self.tau.size)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Key paths of the moduli."""
+        return tuple(element_names(self.variables))
+
+    def only(self, kept: np.ndarray) -> "SeriesProblem":
+        """The problem restricted to some terms."""
+        return dataclasses.replace(self, columns=self.columns[:, kept], tau=self.tau[kept])
+
+    def bounded(self) -> np.ndarray:
+        """E at the minimum over E >= 0, zeros exact."""
+        if self.logarithmic:
+            E = nonnegative_logarithmic(self.columns, self.measured, self.known, self.error)
+        else:
+            E = nonnegative(self.columns / self.error[:, None], (self.measured - self.known) / self.error)
+        # Terms at rounding level are absent, too: noise-free data leave such terms.
+        model = self.columns @ E + self.known
+        return np.where((self.columns * E > _ROUNDING * model[:, None]).any(0), E, 0.0)
+
+    def rows(self, x: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Residuals at x = ln E in units of errors, and their derivatives."""
+        parts = self.columns * np.exp(x)
+        model = parts.sum(1) + self.known
+        if self.logarithmic:
+            return np.log(model / self.measured) / error, parts / (model * error)[:, None]
+        return (model - self.measured) / error, parts / error[:, None]
+
+    def solved(self, E: np.ndarray, smooth: float | None = None) -> SeriesMinimum:
+        """The minimum near E > 0 and its uncertainty; without `smooth`, E is the minimum.
+
+        Errors that are unknown follow from the scatter, as in `fitting.fit`.
+        """
+        bends = np.zeros((0, E.size)) if smooth is None else self._bends() / smooth
+        x, error, scale = np.log(E), self.error, None
+        if self.estimate:
+            scale, error = ASSUMED, ASSUMED * self.error
+        for i in range(_ROUNDS + 1):
+            if smooth is not None:
+                x = self._minimum(x, error, bends)
+            known, slope = self._known(x, error, bends)
+            if scale is None or i == _ROUNDS or self.measured.size - known.parameters < 0.5:
+                break
+            scatter = np.sqrt(known.chisqr / (self.measured.size - known.parameters))
+            # Data without noise are met to rounding; they must not get an error of zero.
+            scale = max(scale * float(scatter), 1e-10)
+            error = scale * self.error
+        return SeriesMinimum(np.exp(x), scale, known, slope)
+
+    def cross_validated(self, E: np.ndarray) -> float:
+        r"""Strength of `Smooth` with the least prediction error of left-out data, sigma [-].
+
+        .. math:: \min_\sigma \frac{n \sum_k r_k^2}{(n - \mathrm{tr} H)^2}
+
+        generalised cross-validation [Golub, Heath & Wahba, Technometrics 21 (1979) 215], H the matrix
+        that makes the fit of the data. It needs no size of the errors, their ratios only.
+        """
+        bends, x, count = self._bends(), np.log(E), self.measured.size
+        scores, unit = [], None
+        for sigma in _STRENGTHS[::-1]:
+            scaled = bends / sigma
+            if unit is None:
+                # The weakest prior hardly changes the fit: its residuals are noise.
+                x = self._minimum(x, ASSUMED * self.error if self.estimate else self.error, scaled)
+                r, _ = self.rows(x, self.error)
+                unit = max(float(np.sqrt(np.mean(r**2))), 1e-10) if self.estimate else 1.0
+            error = unit * self.error
+            x = self._minimum(x, error, scaled)
+            known, _ = self._known(x, error, scaled)
+            scores.append(known.chisqr / max(count - known.parameters, 1e-3) ** 2)
+        return float(_STRENGTHS[::-1][int(np.argmin(scores))])
+
+    def _bends(self) -> np.ndarray:
+        """Changes of d ln E / d log10 tau from term to term, shape (terms - 2, terms)."""
+        terms = np.flatnonzero(np.isfinite(self.tau))
+        order = terms[np.argsort(self.tau[terms])]
+        if order.size < 3:
+            raise ValueError("smooth: must have three or more different relaxation times")
+        slopes = np.diff(np.eye(self.tau.size)[order], axis=0) / np.diff(np.log10(self.tau[order]))[:, None]
+        return np.diff(slopes, axis=0)
+
+    def _minimum(self, x, error, bends):
+        """x of least squares of data and prior, by Levenberg and Marquardt."""
+        damping, (r, J) = 1e-3, self._all(x, error, bends)
+        for _ in range(_ITERATIONS):
+            H, g = J.T @ J, J.T @ r
+            step = -np.linalg.solve(H + damping * np.diag(np.diag(H) + 1e-300), g)
+            trial = x + np.clip(step, -3.0, 3.0)
+            new, slopes = self._all(trial, error, bends)
+            gained = r @ r - new @ new
+            if not gained > 0:
+                if damping > 1e12 or np.abs(step).max() < 1e-12:
+                    break
+                damping *= 10.0
+                continue
+            x, r, J, damping = trial, new, slopes, max(damping / 10, 1e-12)
+            if gained <= 1e-15 * (r @ r):
+                break
+        return x
+
+    def _all(self, x, error, bends):
+        r, J = self.rows(x, error)
+        return np.concatenate([r, bends @ x]), np.concatenate([J, bends])
+
+    def _known(self, x, error, bends):
+        r, J = self._all(x, error, bends)
+        count = self.measured.size
+        known = from_jacobian(
+            self.variables, J, count, slope=np.exp(x), chisqr=float(r[:count] @ r[:count]), x=x
+        )
+        size = np.linalg.norm(J, axis=0) * np.linalg.norm(r)
+        return known, float(np.max(np.abs(J.T @ r) / np.where(size > 0, size, 1.0)))
+
+
+def columns(omega: np.ndarray, tau: np.ndarray) -> np.ndarray:
+    """E' and E'' of every term with E = 1, shape (2 frequencies, terms); of tau = inf, E_inf, too."""
+    finite = np.isfinite(tau)
+    a = omega[:, None] * np.where(finite, tau, 1.0)
+    terms = np.concatenate([a**2 / (1 + a**2), a / (1 + a**2)])
+    return np.where(finite, terms, np.repeat([1.0, 0.0], omega.size)[:, None])

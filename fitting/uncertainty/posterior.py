@@ -1,0 +1,358 @@
+r"""The posterior of a fit: its log density, draws by the No-U-Turn sampler, and the prior of another fit.
+
+.. math:: \ln p(x \,|\, data) = -\frac12 \sum_i \rho(r_i^2) - \frac12 \sum_k p_k^2 + const
+
+over the unbounded variables x of the fit (`fitting.parameters.variables`). Any sampler that takes an
+unconstrained log density and its gradient can use it, such as numpyro's NUTS or blackjax.
+
+`run_chains` draws by the No-U-Turn sampler [Hoffman & Gelman, J. Mach. Learn. Res. 15 (2014) 1593,
+arXiv:1111.4246; numpyro: Phan, Pradhan & Jankowiak, arXiv:1912.11554]. The sampler works in z, with
+x = x_fit + L z and L L^T the covariance of the fit (its Laplace approximation), so it starts with a suitable
+metric. Chains start from draws of the Laplace approximation. Sampling needs numpyro and arviz-stats:
+pip install 'rubberfric[sampling]'.
+
+`prior_of` gives the Laplace approximation as the prior of another fit.
+"""
+
+import dataclasses
+import functools
+import importlib
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from fitting.parameters.constraints import is_number
+from fitting.parameters.correlated import Correlated
+from fitting.parameters.scenes import find, path_over
+from fitting.parameters.variables import Array
+from fitting.solvers.problem import Numbers, Problem, Structure, Targets
+from fitting.solvers.residuals import objective, padded
+from fitting.uncertainty.covariance import OPEN
+from fitting.uncertainty.intervals import SolvedProblem
+from rubberfric.base import shown
+
+# Variables in which parameters without a prior have a flat density.
+FLAT = ("x", "values")
+# Called as callback(chain, draw), warm-up included, after every draw.
+Progress = Callable[[int, int], object]
+
+# Greatest number of halvings of a chain's start towards the fit, until the model is finite there.
+_HALVINGS = 20
+# Least loading of a parameter in an unidentified direction that matters.
+_PART = 0.1
+_BODIES = ("lower", "upper")
+
+
+@dataclasses.dataclass(frozen=True, eq=False, repr=False)
+class LogDensity:
+    """A log density over x, with the values and scene at x; made by `log_density`.
+
+    Called with x, shape (n,), it returns the log density up to a constant, a scalar. jit, vmap and grad work.
+    """
+
+    problem: Problem
+    flat: str
+
+    def __call__(self, x: Array) -> jax.Array:
+        """The log density at x, shape (n,), up to a constant."""
+        structure, numbers, targets, _ = padded(self.problem)
+        return _density(structure, self.flat, numbers, targets, jnp.asarray(x))
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Key path of every element of x."""
+        return self.problem.names
+
+    def values(self, x: Array) -> np.ndarray:
+        """Values of the free elements at x; both of shape (..., n)."""
+        return self.problem.values(x)
+
+    def scene(self, x: Array) -> Any:
+        """The scene with the free elements at x, shape (n,), or the scenes by their names.
+
+        Predictions of a draw are computed from it.
+        """
+        return self.problem.scene(x)
+
+
+def log_density(result: SolvedProblem, flat: str = "x") -> LogDensity:
+    r"""Log density of the free parameters of a fit, given its data and priors.
+
+    .. math:: \ln p(x) = -cost(x) \qquad\text{or}\qquad
+              \ln p(x) = -cost(x) + \sum_k \ln\left|\frac{d\,value_k}{dx_k}\right|
+
+    Parameters
+    ----------
+    result : FitResult
+        fit whose data, errors (given or estimated), loss and priors are used.
+    flat : "x" or "values"
+        the variable in which a parameter without a prior is uniform: the fit's variable (for a
+        Positive one its logarithm, for a Bounded one its logit), or the value itself. With "x"
+        the density is highest at the fit, and its Gaussian approximation has the covariance of the fit.
+
+    Returns
+    -------
+    LogDensity : a function of x, shape (n,), with `names`, `values(x)` and `scene(x)`;
+        n = len(result.names), start at result.x.
+
+    Raises
+    ------
+    ValueError : flat is neither.
+
+    Notes
+    -----
+    A density need not have a finite integral: along unidentified directions (`result.unidentified`) it does
+    not fall off, and a sampler diverges. Give such a parameter a Gaussian prior, or hold it; a Bounded one is
+    safe with "values". For a robust loss the width of exp(-cost) differs from the fit's standard errors,
+    which allow for outliers in another way.
+    """
+    if flat not in FLAT:
+        raise ValueError(f"flat = {flat!r}: must be one of {', '.join(FLAT)}")
+    return LogDensity(result.problem, flat)
+
+
+def _log_slopes(variables, width, x):
+    """Sum of ln |d value / d x|, in logarithms: far out a slope itself is zero."""
+    total = 0.0
+    for group in variables.own:
+        here, scale = x[slice(*group.slot)], jnp.log(jnp.abs(width[slice(*group.slot)]))
+        if group.kind == "Positive":
+            total += jnp.sum(here)
+        elif group.kind == "Bounded":
+            total += jnp.sum(scale + jax.nn.log_sigmoid(here) + jax.nn.log_sigmoid(-here))
+        else:
+            total += jnp.sum(scale)
+    return total
+
+
+def density_at(
+    structure: Structure, flat: str, numbers: Numbers, targets: Targets, x: jax.Array
+) -> jax.Array:
+    """Log density of the parts of a problem, for use inside other compiled functions."""
+    density = -objective(structure, numbers, targets).cost(x)
+    if flat == "x":
+        return density
+    return density + _log_slopes(structure.variables, numbers.constants.width, x)
+
+
+# One for all results: a second density of the same kind compiles nothing.
+_density = jax.jit(density_at, static_argnums=(0, 1))
+
+
+class Chains(NamedTuple):
+    """Draws by chain, without the warm-up."""
+
+    x: np.ndarray  # shape (chains, draws, size)
+    log_density: np.ndarray  # up to a constant, shape (chains, draws)
+    diverging: np.ndarray  # True if the steps did not resolve the trajectory, shape (chains, draws)
+    accepted: np.ndarray  # mean acceptance probability, shape (chains, draws)
+    steps: np.ndarray  # evaluations of the density and its gradient, shape (chains, draws)
+
+
+class _Laplace(NamedTuple):
+    """x = centre + root z; a pytree."""
+
+    centre: Any
+    root: Any
+
+
+def run_chains(
+    solved: SolvedProblem,
+    flat: str,
+    draws: int,
+    warmup: int,
+    chains: int,
+    key: jax.Array,
+    callback: Progress | None = None,
+) -> Chains:
+    """Draws from the posterior of a fit; see `fitting.FitResult.sample` for the arguments.
+
+    Raises
+    ------
+    ModuleNotFoundError : numpyro or arviz-stats is not installed; the message says how to install it.
+    ValueError : the data and priors leave a direction open, along which the density has no finite integral.
+    """
+    numpyro = _installed("numpyro", "numpyro.infer")
+    _installed("arviz-stats", "arviz_stats.base")
+    check_proper(solved, flat)
+    known, of = solved.uncertainty, padded(solved.problem)
+    covariance = known.spread * np.outer(known.stretch, known.stretch)
+    dtype = of.targets.measured.dtype
+    laplace = _Laplace(known.x.astype(dtype), np.linalg.cholesky(covariance).astype(dtype))
+    fixed = (numpyro, of.structure, flat, warmup), (of.numbers, of.targets, laplace)
+    found = [
+        _chain(fixed, number, own, draws, warmup, callback)
+        for number, own in enumerate(jax.random.split(key, chains))
+    ]
+    z, energy, *rest = (np.stack(column) for column in zip(*found, strict=True))
+    x = laplace.centre + z @ laplace.root.T
+    return Chains(x, -energy, *rest)
+
+
+def check_proper(solved: SolvedProblem, flat: str) -> None:
+    """Raise ValueError if the density does not fall off along an unidentified direction."""
+    known, variables = solved.uncertainty, solved.problem.variables
+    bounded = np.zeros(variables.size, bool)
+    for group in variables.own:
+        bounded[slice(*group.slot)] = group.kind == "Bounded" and flat == "values"
+    for number, direction in enumerate(known.unidentified, 1):
+        if direction.deviation > OPEN and np.abs(direction.loadings[~bounded]).max(initial=0.0) > _PART:
+            raise ValueError(
+                f"sample: direction {number} is left open, {direction.text}: must be closed by a prior"
+                " (Gaussian), or a number held; a Bounded one is safe with flat='values'"
+            )
+
+
+def diagnosed(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """R-hat and bulk effective sample size of every parameter by arviz-stats, shape (size,) each.
+
+    R-hat is the larger of rank-normalised split R-hat and its folded version, which compares the spread of
+    the chains [Vehtari, Gelman, Simpson, Carpenter & Buerkner, Bayesian Anal. 16 (2021) 667,
+    arXiv:1903.08008].
+
+    Parameters
+    ----------
+    x : draws, shape (chains, draws, size)
+    """
+    stats, half = _installed("arviz-stats", "arviz_stats.base").array_stats, x.shape[1] // 2
+    if len(x) == 1:  # arviz-stats needs two chains
+        x = np.concatenate([x[:, :half], x[:, -half:]])
+    axes = {"chain_axis": 0, "draw_axis": 1}
+    return np.asarray(stats.rhat(x, **axes)), np.asarray(stats.ess(x, **axes))
+
+
+def _chain(fixed, number, key, draws, warmup, callback):
+    """One chain: z, potential energy, diverging, acceptance and steps of its draws."""
+    static, numbers = fixed
+    to_start, to_run = jax.random.split(key)
+    z = jax.random.normal(to_start, numbers[-1].centre.shape, numbers[-1].centre.dtype)
+    for _ in range(_HALVINGS):
+        if np.isfinite(_potential(*static[1:3], *numbers, z)):
+            break
+        z = z / 2
+    state, kept = _begin(*static, *numbers, to_run, z), []
+    for i in range(warmup + draws):
+        state = _draw(*static, *numbers, state)
+        if i >= warmup:
+            kept.append(
+                (state.z, state.potential_energy, state.diverging, state.accept_prob, state.num_steps)
+            )
+        if callback is not None:
+            callback(number, i + 1)
+    return [np.array(jax.device_get(column)) for column in zip(*kept, strict=True)]
+
+
+def _installed(package: str, module: str) -> Any:
+    """The module of a package of the extra `sampling`."""
+    try:
+        return importlib.import_module(module)
+    except ModuleNotFoundError:
+        raise ModuleNotFoundError(
+            f"sample needs {package}, which is not installed: pip install 'rubberfric[sampling]'"
+        ) from None
+
+
+def _energy(structure: Structure, flat: str, numbers: Numbers, targets: Targets, laplace: _Laplace, z):
+    """Minus the log density at z."""
+    return -density_at(structure, flat, numbers, targets, laplace.centre + laplace.root @ z)
+
+
+_potential = jax.jit(_energy, static_argnums=(0, 1))
+
+
+def _kernel(infer, structure, flat, warmup, numbers, targets, laplace, key, z):
+    """The sampler and its state at z; built while tracing, so other numbers compile nothing."""
+    kernel = infer.NUTS(
+        potential_fn=lambda z: _energy(structure, flat, numbers, targets, laplace, z), dense_mass=True
+    )
+    return kernel, kernel.init(key, warmup, z, model_args=(), model_kwargs={})
+
+
+@functools.partial(jax.jit, static_argnums=(0, 1, 2, 3))
+def _begin(infer, structure, flat, warmup, numbers, targets, laplace, key, z):
+    return _kernel(infer, structure, flat, warmup, numbers, targets, laplace, key, z)[1]
+
+
+@functools.partial(jax.jit, static_argnums=(0, 1, 2, 3))
+def _draw(infer, structure, flat, warmup, numbers, targets, laplace, state):
+    kernel, _ = _kernel(infer, structure, flat, warmup, numbers, targets, laplace, state.rng_key, state.z)
+    return kernel.sample(state, (), {})
+
+
+def prior_of(solved: SolvedProblem, body: str | None = None, widen: float = 1.0) -> dict[str, Correlated]:
+    """The Laplace approximation of a solved problem as a prior; see `joint_prior`.
+
+    Unidentified directions have a standard deviation of 100 in x, practically none.
+    """
+    variables, constants = solved.problem.variables, solved.problem.numbers.constants
+    scene = solved.problem.scene(jnp.asarray(solved.x))
+    leaves, places = jax.tree.leaves(scene), np.full(variables.size, np.nan)
+    low, high = np.full(variables.size, -np.inf), np.full(variables.size, np.inf)
+    scale = np.ones(variables.size)
+    for group in variables.own:
+        part = slice(*group.slot)
+        if group.kind == "Positive":
+            low[part] = 0.0
+        elif group.kind == "Bounded":
+            low[part] = constants.low[part]
+            high[part] = low[part] + np.asarray(constants.width[part])
+        else:
+            scale[part] = constants.width[part]
+        over = None if group.elements is None else path_over(scene, group.path)
+        if over is not None:
+            places[part] = np.asarray(leaves[find(scene, over)[0]])[list(group.elements or ())]
+    known = solved.uncertainty
+    reach = scale * known.stretch
+    return joint_prior(
+        [group.path for group in variables.own],
+        solved.problem.values(known.x),
+        known.spread * np.outer(reach, reach),
+        (low, high),
+        places,
+        body,
+        widen,
+    )
+
+
+def joint_prior(
+    paths: list[str],
+    mean: np.ndarray,
+    covariance: np.ndarray,
+    limits: tuple[np.ndarray, np.ndarray],
+    places: np.ndarray,
+    body: str | None,
+    widen: float,
+) -> dict[str, Correlated]:
+    """A joint normal distribution as an entry of the `prior` of `fitting.fit`.
+
+    Parameters
+    ----------
+    paths : key paths of the parameters, each of one or more elements
+    mean, covariance, limits, places : as of `Correlated`; limits (low, high)
+    body : body of the other scene that replaces "lower" or "upper" in the paths; None: the same
+    widen : factor of all standard deviations
+    """
+    if not (is_number(widen) and widen > 0):
+        raise ValueError(f"widen = {shown(widen)}: must be a number > 0")
+    key = ", ".join(_moved(paths, body))
+    columns = (mean, widen**2 * 0.5 * (covariance + covariance.T), *limits, places)
+    return {key: Correlated(*(column.tolist() for column in columns))}
+
+
+def _moved(paths, body):
+    """Key paths in a scene whose solid is another body."""
+    if body is None:
+        return paths
+    if not isinstance(body, str) or body.split(".")[-1] not in _BODIES:
+        raise ValueError(f"body = {shown(body)}: must be 'lower', 'upper' or None")
+    steps = [path.split(".") for path in paths]
+    at = [next((i for i, step in enumerate(one) if step in _BODIES), None) for one in steps]
+    named = {".".join(one[: i + 1]) for one, i in zip(steps, at, strict=True) if i is not None}
+    if len(named) != 1:
+        what = " and ".join(sorted(named)) or "none"
+        raise ValueError(f"body = {body!r}: the fit's numbers are of {what}: must be of one body")
+    pairs = zip(paths, steps, at, strict=True)
+    return [path if i is None else ".".join([body, *one[i + 1 :]]) for path, one, i in pairs]

@@ -1,1 +1,0 @@
-"""What a fit is used for: the next experiment, and tables for simulations."""
