@@ -4,22 +4,17 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 from scipy.special import erf
-from support.cases.stored import h_rms, reference
+from support.cases.stored import h_rms, reference, slow_if
 from support.oracles import oracle
 
 CASES = reference("forward_cases") | reference("edge_cases")
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "general-layered-0",
-        "general-both-rubber-both-rough-1",
-        "extreme-light-1",
-        "edge-liquid-rough-static",
-        "edge-narrow",
-    ],
-)
+QUICK = ("extreme-light-1", "edge-narrow")
+OTHER = ("general-layered-0", "general-both-rubber-both-rough-1", "edge-liquid-rough-static")
+
+
+@pytest.mark.parametrize("name", slow_if(OTHER.__contains__, QUICK + OTHER))
 def test_reference_values(name):
     case = CASES[name]
     result = oracle.solve(case)

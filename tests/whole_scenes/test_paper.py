@@ -4,10 +4,13 @@ The quadrature error of `paper.solve` with its default nodes is 1e-14 in area an
 separation, from twice the nodes. Nothing of the fast path is in it: the comparison is of two programs.
 """
 
+import functools
+
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from support.cases.stored import QUANTITIES, arguments, reference, slow_if
 from support.scenes.common import RIGID, ROAD, SHEAR, SHIFTED_TREAD, SOFT, TREAD, WLF, WORN, scene
 
 import rubberfric as rf
@@ -52,30 +55,50 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize("name", SCENES)
+# Scenes of parts that other scenes have as well.
+SLOW = ("rough rubber", "vertical shift", "tabulated spectrum", "no plateau")
+
+
+@functools.partial(jax.jit, static_argnames="tabulated")
+def slope_of_paper(given, direction, tabulated):
+    """Return values of the paper's equations and their derivatives along a direction."""
+    nodes = paper.gauss_nodes(step=0.06, panels=12) if tabulated else paper.gauss_nodes()
+    return jax.jvp(lambda *given: jnp.stack(paper.solve(*given, nodes=nodes)[:3]), given, direction)
+
+
+@jax.jit
+def slope_of_library(given, direction):
+    return jax.jvp(lambda *given: jnp.stack(rf.solve(*given)[:3]), given, direction)
+
+
+@pytest.mark.parametrize("name", slow_if(SLOW.__contains__, SCENES.keys()))
 def test_values_and_derivatives_are_those_of_the_paper(name):
     """Derivatives by all parameters and conditions, along two random directions in their logarithms."""
     *given, temperature = SCENES[name]
     given = jax.tree.map(jnp.asarray, (*given, *(() if temperature is None else (temperature,))))
-    nodes = paper.gauss_nodes(step=0.06, panels=12) if "modulus" in name else paper.gauss_nodes()
     assert paper.covers(given[0])
     rng = np.random.default_rng(0)
     directions = jax.tree.map(lambda x: jnp.asarray(x * rng.uniform(0.5, 1.5, (2, *x.shape))), given)
 
-    @jax.jit
-    def of_paper(given):
-        return jnp.stack(paper.solve(*given, nodes=nodes)[:3])
-
-    @jax.jit
-    def fast(given):
-        return jnp.stack(rf.solve(*given)[:3])
-
     for i in (0, 1):
         direction = jax.tree.map(lambda x, i=i: x[i], directions)
-        value, slope = jax.jvp(fast, (given,), (direction,))
-        exact, exact_slope = jax.jvp(of_paper, (given,), (direction,))
+        value, slope = slope_of_library(given, direction)
+        exact, exact_slope = slope_of_paper(given, direction, "modulus" in name)
         np.testing.assert_allclose(value, exact, rtol=1e-8, atol=1e-12)
         np.testing.assert_allclose(slope, exact_slope, rtol=1e-6, atol=1e-9)
+
+
+# Structures of scene of the brute force of `oracle.py`, which shares no code with the paper's module.
+BY_ORACLE = ("general-both-rubber-both-rough-0", "general-layered-0", "extreme-light-1", "elastic-elastic-0")
+
+
+@pytest.mark.parametrize("name", BY_ORACLE)
+def test_the_paper_has_the_values_of_brute_force(name):
+    case = reference("forward_cases")[name]
+    found = jax.jit(paper.solve)(*arguments(case))
+    for quantity in QUANTITIES:
+        value, exact = float(getattr(found, quantity)), case[quantity]
+        assert value == pytest.approx(exact, rel=1e-9, abs=1e-20 if exact == 0 else 0), quantity
 
 
 def test_nodes_of_the_paper_are_enough():

@@ -119,7 +119,7 @@ def test_profiles_are_those_of_the_result(result):
 # --- batches, devices, processes
 
 
-@pytest.mark.parametrize("size", [1, 7])
+@pytest.mark.parametrize("size", [pytest.param(1, marks=pytest.mark.slow), 7])
 def test_the_size_of_a_batch_does_not_change_a_bit(members, whole, size):
     assert_same(fitting.run_ensemble(members, batch=size), whole)
 
@@ -153,6 +153,7 @@ def test_devices_change_friction_by_rounding_at_most(tmp_path):
     np.testing.assert_allclose(found["one_x"][good], found["x"][good], rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_two_processes_do_not_change_a_bit(tmp_path, members, whole):
     """Two devices each; the first writes the checkpoint, which a single process reads."""
     with socket.socket() as free:
@@ -278,7 +279,8 @@ def test_the_state_of_every_solver_is_kept(tmp_path, method):
     assert_same(resumed, fitting.run_ensemble(members))
 
 
-@pytest.mark.parametrize("kills", [1, pytest.param(50, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kills", [1, 50])
 def test_kills_lose_nothing_but_the_steps_since_the_checkpoint(tmp_path, whole, kills):
     """Killed with no chance to clean up, at random moments from the first line it prints on."""
     path, out = tmp_path / "run.h5", tmp_path / "out.npz"

@@ -183,6 +183,7 @@ def test_single_precision_is_left_out_where_it_cannot_hold_the_scene(compared):
     assert "float32 is left out: upper.spectrum.C has values below" in result.report()
 
 
+@pytest.mark.slow
 def test_errors_fall_along_the_ladder():
     settings = SETTINGS
     nodes = [node_count(SCENE, setting) for setting in settings]

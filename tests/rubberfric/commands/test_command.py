@@ -26,6 +26,7 @@ from rubberfric.plot import plot_result
 SCENE_FILES = sorted(path for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
 # To compile.
 LONG = {"tabulated_tread", "softened_tread_on_asphalt", "heated_tread_on_asphalt", "coated_base"}
+LONG |= {"two_rubbers", "sheared_tread_on_asphalt", "rubber_seal", "rough_tread_on_asphalt"}
 PRONY = '{ kind = "prony", E_inf = 1e6, E = [1e8], tau = [1e-5], shift = SHIFT }'
 WLF = '{ kind = "wlf", C1 = 8.0, C2 = 100.0, T_ref = 293.15 }'
 SCENE = f"""

@@ -88,8 +88,15 @@ def interrupted(program, *arguments, sending=(signal.SIGINT,), after=0.0, path="
             process.kill()
 
 
-@pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("package", ["rubberfric", "fitting"])
+@pytest.mark.parametrize(
+    ("which", "package"),
+    [
+        (signal.SIGINT, "rubberfric"),
+        (signal.SIGTERM, "fitting"),
+        pytest.param(signal.SIGTERM, "rubberfric", marks=pytest.mark.slow),
+        pytest.param(signal.SIGINT, "fitting", marks=pytest.mark.slow),
+    ],
+)
 def test_a_signal_while_jax_is_imported(tmp_path, which, package):
     """Of which one that takes a minute stands in the place."""
     (tmp_path / "jax.py").write_text("import time\nprint('now', flush=True)\ntime.sleep(60)\n")
@@ -101,9 +108,12 @@ def test_a_signal_while_jax_is_imported(tmp_path, which, package):
     assert found == (128 + which, "", f"{name}: {LOST}")
 
 
+SLOW = (signal.SIGINT, 0.7), (signal.SIGTERM, 0.5)
+
+
 @pytest.mark.parametrize(
     ("which", "after"),
-    [(signal.SIGINT, 0.2), pytest.param(signal.SIGINT, 0.7, marks=pytest.mark.slow), (signal.SIGTERM, 0.5)],
+    [(signal.SIGINT, 0.2), *(pytest.param(*x, marks=pytest.mark.slow) for x in SLOW)],
 )
 def test_a_signal_while_a_map_compiles(tmp_path, which, after):
     """JAX's compiler, left by an exception, goes on in threads, with which the interpreter crashed."""
@@ -112,7 +122,7 @@ def test_a_signal_while_a_map_compiles(tmp_path, which, after):
     assert os.listdir(tmp_path) == []
 
 
-@pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("which", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM])
 def test_a_signal_while_a_program_runs(tmp_path, which):
     found = interrupted(COMPUTING, "map", SCENE, "--out", tmp_path / "m.h5", sending=(which,))
     assert found == (128 + which, "", f"rubberfric: {LOST}")

@@ -138,7 +138,7 @@ def test_lines_of_progress_in_a_terminal(monkeypatch):
     assert terminal.getvalue().startswith("\r\033[Kmap: 200 points,   0 %\r\033[Kmap: 200 points,  50 %, ")
     assert not terminal.getvalue().endswith("\n")
     del tell
-    gc.collect()
+    gc.collect(1)
     assert terminal.getvalue().endswith(" s left\n")
     with rf.progress() as tell:
         tell("x" * 200)
@@ -217,7 +217,7 @@ def test_notebook_gets_few_messages_and_the_last_one():
     tell(4, 2.0)
     assert repr(page.shown[0]).startswith("fit: step 3")
     del tell
-    gc.collect()
+    gc.collect(1)
     assert repr(page.shown[0]).startswith("fit: step 4") and len(page.shown) == 1
 
 
@@ -245,6 +245,6 @@ def test_a_map_tells_its_progress(monkeypatch):
     monkeypatch.delitem(sys.modules, "IPython", raising=False)
     smooth = rf.Scene(rf.Body(rf.Rigid()), rf.Body(rf.Elastic(1e6, 0.5)))
     rf.friction_map(smooth, [1.0, 2.0, 3.0], 1e5, block=2, progress=rf.progress("map"))
-    gc.collect()
+    gc.collect(1)
     shares = [line.split("%")[0].split(",")[1].strip() for line in terminal.getvalue().split("\r")[1:]]
     assert shares == ["0", "66", "100"] and terminal.getvalue().endswith("s\n")
