@@ -1,6 +1,6 @@
 """The command `rubberfric`, and what other commands share with it."""
 
-from rubberfric.base.process.lazy import lazily
+from rubberfric.base.lazy import lazily
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:

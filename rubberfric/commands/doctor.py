@@ -13,9 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
-from rubberfric.base.process.compilation_cache import compilation_cache
-from rubberfric.base.process.release import VERSION, cores
+from rubberfric.base.compilation import compilation_cache
 from rubberfric.base.progress import Progress
+from rubberfric.base.release import VERSION, cores
 
 _PACKAGES = ("jax", "jaxlib", "numpy", "scipy", "h5py", "optax", "matplotlib")
 

@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable
 from typing import TextIO
 
-from rubberfric.base.process.compilation_cache import compilation_cache
+from rubberfric.base.compilation import compilation_cache
 from rubberfric.commands.interrupts import Interrupts
 
 try:

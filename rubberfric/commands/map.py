@@ -8,8 +8,8 @@ import jax
 import numpy as np
 
 from rubberfric.analysis.maps import DEFAULT_QUANTITIES, friction_map
-from rubberfric.base.process.release import cores
 from rubberfric.base.progress import Progress
+from rubberfric.base.release import cores
 from rubberfric.commands.arguments import write_outputs
 from rubberfric.commands.run import convergence_line
 from rubberfric.io.files import read_computable

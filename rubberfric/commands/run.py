@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from rubberfric.analysis.validity import friction_outside_table, tabulated_solids, theory_error
-from rubberfric.base.process.compiler import quick_options
+from rubberfric.base.compilation import quick_options
 from rubberfric.base.progress import Progress
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.base.units import to_celsius

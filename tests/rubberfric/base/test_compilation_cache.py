@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from support.folders import ROOT
 
-from rubberfric.base.process import compilation_cache as module
+from rubberfric.base import compilation as module
 
 # A curve and its gradient, to the last bit, and how many programs came from the folder.
 PROGRAM = """
@@ -125,7 +125,7 @@ def test_the_oldest_folders_go_first(tmp_path, monkeypatch):
 SETTINGS = """
 import os, warnings
 import rubberfric as rf
-from rubberfric.base.process import compilation_cache
+from rubberfric.base import compilation
 import jax  # which sets a log level itself
 level = os.environ.get("TF_CPP_MIN_LOG_LEVEL")
 filters = list(warnings.filters)
