@@ -23,7 +23,7 @@ _Given = ParamSpec("_Given")
 _Found = TypeVar("_Found")
 
 # Total size in bytes above which the oldest folders are removed; the entries of a fit have some 2 MB.
-LARGEST = 2**30
+LARGEST_CACHE = 2**30
 
 
 def compilation_cache(folder: StrPath | None = None) -> Path | None:
@@ -122,11 +122,11 @@ def _is_own(folder: Path) -> bool:
 
 
 def _remove_oldest(root: Path) -> None:
-    """Remove the folders written to least recently until all together have at most `LARGEST` bytes."""
+    """Remove the folders written to least recently until all together have at most `LARGEST_CACHE` bytes."""
     folders = [folder for folder in root.glob("*") if folder.is_dir()]
     sizes = {folder: sum(file.stat().st_size for file in folder.glob("*")) for folder in folders}
     for folder in sorted(folders, key=lambda one: one.stat().st_mtime):
-        if sum(sizes.values()) <= LARGEST:
+        if sum(sizes.values()) <= LARGEST_CACHE:
             return
         shutil.rmtree(folder, ignore_errors=True)  # another process may do the same
         del sizes[folder]

@@ -26,7 +26,7 @@ _FAULTS = {
 _EVENT = "/jax/compilation_cache/cache_hits"
 
 
-def run(arguments: argparse.Namespace, show: Progress) -> tuple[str, None]:
+def run_doctor(arguments: argparse.Namespace, show: Progress) -> tuple[str, None]:
     """`rubberfric doctor`: returns what it prints."""
     show("trying the devices")
     return "\n".join(_lines(arguments)), None

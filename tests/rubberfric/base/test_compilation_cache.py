@@ -108,7 +108,7 @@ def test_a_folder_that_others_may_write_to_is_not_used(tmp_path):
 
 def test_the_oldest_folders_go_first(tmp_path, monkeypatch):
     """Whole folders: how JAX names what is in them is its own affair."""
-    monkeypatch.setattr(module, "LARGEST", 1000)
+    monkeypatch.setattr(module, "LARGEST_CACHE", 1000)
     folders = [tmp_path / f"jaxlib-{i}" for i in range(3)]
     for i, folder in enumerate(folders):
         folder.mkdir()
