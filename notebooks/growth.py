@@ -85,7 +85,7 @@ def velocities(count):
         def run(v):
             rf.friction_map(scene, v, 1e5, 293.15, path=Path(folder) / "m.h5")
 
-        run(v[: 10 * batches.BLOCK["cpu"]])  # compiles
+        run(v[: 10 * batches.BATCH["cpu"]])  # compiles
         before, begin = memory(), time.perf_counter()
         run(v)
         return {"seconds": time.perf_counter() - begin, "added": memory() - before, "peak": memory()}

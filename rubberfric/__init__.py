@@ -1,7 +1,7 @@
 """rubberfric: differentiable rubber friction after Scaraggi and Persson."""
 
-from rubberfric.base.process.lazy import lazily
-from rubberfric.base.process.release import VERSION
+from rubberfric.base.lazy import lazily
+from rubberfric.base.release import VERSION
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from rubberfric.analysis import friction_map as friction_map
     from rubberfric.base import units as units
     from rubberfric.base.checks import UnitWarning as UnitWarning
-    from rubberfric.base.process.compilation_cache import compilation_cache as compilation_cache
+    from rubberfric.base.compilation import compilation_cache as compilation_cache
     from rubberfric.base.progress import progress as progress
     from rubberfric.base.quadrature import Quadrature as Quadrature
     from rubberfric.io import load_scene as load_scene

@@ -41,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(given: Sequence[str], interrupts: Interrupts, process: bool) -> int:
     from importlib import import_module
 
-    from rubberfric.commands import begin_jax, check_input, check_outputs, progress
+    from rubberfric.commands import begin_jax, check_input, check_outputs, command_progress
 
     kind = given[0] if given and given[0] in _SUB_COMMANDS else "fit"
     if kind in _SUB_COMMANDS:
@@ -51,7 +51,7 @@ def _run(given: Sequence[str], interrupts: Interrupts, process: bool) -> int:
     else:
         arguments = _parser().parse_args(given)
         check_fit_arguments(arguments)
-    with progress(arguments.verbose) as show:
+    with command_progress(arguments.verbose) as show:
         show("loading JAX")
         begin_jax(process=process, cache=not arguments.no_cache)
         module = import_module(f"fitting.commands.{'work' if kind == 'fit' else 'planning'}")

@@ -1,6 +1,6 @@
 """Analyses based on the theory: maps, profiles, interface, adhesion, accuracy; boundary elements."""
 
-from rubberfric.base.process.lazy import lazily
+from rubberfric.base.lazy import lazily
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:

@@ -22,7 +22,7 @@ from rubberfric.theory.integrals import evaluate, prepare
 
 # Points of a batch: enough to make the overhead of a call negligible. A CPU core evaluates few pairs at once,
 # so that their 300 nodes in q stay in its cache; other devices evaluate as many as they can.
-BLOCK = {"cpu": 2**13}
+BATCH = {"cpu": 2**13}
 _BLOCK_ELSEWHERE = 2**18
 _AT_ONCE, _AT_ONCE_ELSEWHERE = 256, 2**14
 _FEWEST, _MOST = 4, 16  # pairs evaluated at once on a CPU core
@@ -110,7 +110,7 @@ def plan(
     devices = jax.devices() if devices is None else list(devices)
     mesh = jax.make_mesh((len(devices),), (_POINTS,), axis_types=(AxisType.Auto,), devices=devices)
     platform = devices[0].platform
-    most = block or BLOCK.get(platform, _BLOCK_ELSEWHERE) * len(devices)
+    most = block or BATCH.get(platform, _BLOCK_ELSEWHERE) * len(devices)
     columns = max(_PRESSURES, _LEAST // pairs) if shared else 1
     columns = columns if block is None else min(block, columns)
     columns = -(-pressures // -(-pressures // columns))  # nearly equal numbers

@@ -31,7 +31,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.checks import FINITE, POSITIVE, check_values, shown
-from rubberfric.base.fixed_points.anderson import anderson
+from rubberfric.base.fixed_points import anderson
 from rubberfric.base.objects.physical import check_kind
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.material import (

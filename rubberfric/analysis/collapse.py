@@ -20,7 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from rubberfric.base.process.compiler import quick_jit
+from rubberfric.base.compilation import quick_jit
 from rubberfric.io.results import Conditions, Interpolation, result_shape
 from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.scene import Scene

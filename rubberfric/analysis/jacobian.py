@@ -22,7 +22,7 @@ from jax.custom_derivatives import SymbolicZero
 from jax.flatten_util import ravel_pytree
 from jax.typing import ArrayLike
 
-from rubberfric.base.fixed_points.anderson import linear_fixed_point
+from rubberfric.base.fixed_points import linear_fixed_point
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.integrals import evaluate, prepare

@@ -1,6 +1,6 @@
 """Parts without physics: objects and their rules, quadrature, units, files written whole, progress."""
 
-from rubberfric.base.process import lazy
+from rubberfric.base import lazy
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
@@ -22,6 +22,9 @@ if TYPE_CHECKING:
     from rubberfric.base.checks import check_values as check_values
     from rubberfric.base.checks import closest as closest
     from rubberfric.base.checks import shown as shown
+    from rubberfric.base.compilation import quick_jit as quick_jit
+    from rubberfric.base.compilation import quick_options as quick_options
+    from rubberfric.base.lazy import lazily as lazily
     from rubberfric.base.objects import html as html
     from rubberfric.base.objects.fields import Leaf as Leaf
     from rubberfric.base.objects.fields import Matrix as Matrix
@@ -43,11 +46,8 @@ if TYPE_CHECKING:
     from rubberfric.base.objects.physical import physical as physical
     from rubberfric.base.objects.physical import rising_of as rising_of
     from rubberfric.base.objects.physical import unit_of as unit_of
-    from rubberfric.base.process.compiler import quick_jit as quick_jit
-    from rubberfric.base.process.compiler import quick_options as quick_options
-    from rubberfric.base.process.lazy import lazily as lazily
-    from rubberfric.base.process.release import VERSION as VERSION
-    from rubberfric.base.process.release import cores as cores
     from rubberfric.base.progress import Progress as Progress
+    from rubberfric.base.release import VERSION as VERSION
+    from rubberfric.base.release import cores as cores
 
 lazy.lazily(__name__, __file__)

@@ -1,30 +1,34 @@
-"""Files: those that may be read, and those that appear whole or not at all."""
+"""Files: checks before reading, text in several encodings, and writing completely or not at all."""
 
 import contextlib
 import errno
+import importlib
 import os
 import stat
 import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Any
 
 StrPath = str | os.PathLike[str]
 
 # Suffixes of the tables of measured data that are read.
 TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".xlsx")
-# Bytes of a file that is read whole; what people measure has a hundredth of it.
-LARGEST = 2**26
+# Largest size in bytes of a file that is read; measured data have a hundredth of it.
+LARGEST_FILE = 2**26
+# Bytes above ASCII that exports in Latin-1 have: ° µ ¹ ² ³ ·, German vowels, French letters.
+_LATIN = b"\xb0\xb5\xb9\xb2\xb3\xb7\xe4\xf6\xfc\xc4\xd6\xdc\xdf\xe9\xe8\xea\xe0\xe2\xe7\xf4\xee\xc9"
 
-# What the system says of a disk that takes no more.
+# Errors of a full or failing disk.
 _FULL = (errno.ENOSPC, errno.EFBIG, errno.EDQUOT, errno.EIO)
 
-# Files and folders that are nothing without what this process has yet to do; a signal's thread reads them.
+# Incomplete files and folders of this process, which the thread that waits for signals removes.
 _begun: set[Path] = set()
 _lock = threading.Lock()
 
 
 def as_path(path: StrPath) -> Path:
-    """A `Path`; ValueError in one line for what cannot be one, such as arguments in the wrong order."""
+    """Return a `Path`; ValueError in one line for another type, such as arguments in the wrong order."""
     try:
         return Path(path)
     except TypeError:
@@ -38,13 +42,13 @@ def begin(path: Path) -> None:
 
 
 def finish(path: Path) -> None:
-    """Let a file or folder stay, or know that it is removed already."""
+    """Forget a file or folder that is complete or already removed."""
     with _lock:
         _begun.discard(path)
 
 
 def remove_begun(then: Callable[[], None] = lambda: None) -> None:
-    """Remove what is not to outlive the process, and call `then` before another thread can begin a file."""
+    """Remove all incomplete files, and call `then` before another thread can begin a file."""
     with _lock:
         try:
             for path in _begun:
@@ -58,18 +62,18 @@ def remove_begun(then: Callable[[], None] = lambda: None) -> None:
 
 
 def _remove_folder(path: Path) -> None:
-    """Of files only. shutil would do it, but takes long to import for what every command begins with."""
+    """Remove a folder that holds files only. shutil would take long to import at the start of a command."""
     for file in path.glob("*"):
         file.unlink(missing_ok=True)
-    with contextlib.suppress(OSError):  # it is gone, or another thread is about to remove it
+    with contextlib.suppress(OSError):  # another thread removed it, or is about to
         path.rmdir()
 
 
 @contextlib.contextmanager
 def temporary_folder(parent: StrPath) -> Iterator[Path]:
-    """A hidden folder in another, removed on leaving, and by `remove_begun`."""
+    """Make a hidden folder in another; it is removed on leaving and by `remove_begun`."""
     folder = Path(parent) / f".writing-{os.urandom(8).hex()}"
-    begin(folder)  # before there is one, so that none is forgotten
+    begin(folder)  # first, so that a signal between the two lines leaves no folder
     try:
         folder.mkdir(0o700)
         yield folder
@@ -92,15 +96,15 @@ def replacing(path: StrPath) -> Iterator[Path]:
             yield temporary
             os.replace(temporary, place)
         except OSError as error:
-            if error.errno in _FULL:  # of writing, which does not say to what
+            if error.errno in _FULL:  # an error of writing does not name the file
                 raise OSError(error.errno, error.strerror, str(path)) from None
             raise
 
 
 def write_durably(path: StrPath, content: bytes | memoryview) -> None:
-    """Write bytes whole or not at all, synchronised with the disk; OSError says why it could not be."""
+    """Write bytes completely or not at all, synchronised with the disk; OSError says why it failed."""
     path = Path(path).resolve()  # a link is followed, not replaced
-    # Always the same name: what a killed process leaves behind is overwritten by the next.
+    # Always the same name: the next process overwrites the file that a killed one left.
     temporary = path.with_name(f".{path.name}.writing")
     begin(temporary)
     try:
@@ -130,9 +134,9 @@ def check_suffix(path: StrPath, suffixes: tuple[str, ...]) -> None:
 
 
 def check_readable(path: StrPath, largest: int | None = None) -> None:
-    """Raise ValueError saying why `path` could not be read: it is missing, too large, or no file at all.
+    """Raise ValueError if a file cannot be read, is too large, or is not a regular file.
 
-    What has no end (a pipe, a device) would be waited for, or fill the memory.
+    Reading a pipe or a device could wait forever or fill the memory.
     """
     try:
         found = os.stat(path)
@@ -155,7 +159,7 @@ def check_readable(path: StrPath, largest: int | None = None) -> None:
 
 
 def check_writable(path: StrPath, suffixes: tuple[str, ...]) -> None:
-    """Raise ValueError saying why `path` could not be written: its suffix, its folder, or itself."""
+    """Raise ValueError if a file cannot be written: wrong suffix, no folder, or no permission."""
     check_suffix(path, suffixes)
     path = as_path(path)
     try:
@@ -169,3 +173,73 @@ def check_writable(path: StrPath, suffixes: tuple[str, ...]) -> None:
             pass
     except OSError as error:
         raise ValueError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def read_text(path: StrPath, exports: bool = False) -> str:
+    """Return the text of a UTF-8 file.
+
+    With `exports`, UTF-16, Latin-1 signs such as ° and µ, and Excel's .xlsx are read as well. Of a workbook,
+    which needs openpyxl, the first sheet with numbers becomes lines of cells separated by tabs.
+
+    Raises
+    ------
+    ValueError : one line; the file is missing, too large, not a regular file or not UTF-8.
+    """
+    check_readable(as_path(path), LARGEST_FILE)
+    if exports and as_path(path).suffix.lower() == ".xlsx":
+        return _sheet(path)
+    try:
+        content = as_path(path).read_bytes()
+        if exports and content[:2] in (b"\xff\xfe", b"\xfe\xff"):
+            return content.decode("utf-16")
+        if exports and set(content) - set(range(128)) <= set(_LATIN):
+            return content.decode("latin-1")
+        return content.decode("utf-8-sig")
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
+    except ValueError as error:  # not UTF-8
+        raise ValueError(f"{path}: cannot be read as text: {error}") from None
+
+
+def _sheet(path: StrPath) -> str:
+    """Return the first sheet of a workbook that has numbers, as text."""
+    try:
+        openpyxl: Any = importlib.import_module("openpyxl")
+    except ImportError:
+        raise ValueError(
+            f"{path}: cannot be read without openpyxl: pip install 'rubberfric[excel]', or save it as .csv"
+        ) from None
+    try:
+        with open(path, "rb") as file:
+            book = openpyxl.load_workbook(file, read_only=True, data_only=True)
+            sheets = [list(sheet.iter_rows(values_only=True)) for sheet in book.worksheets]
+    except OSError as error:
+        raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
+    except _damages() as error:
+        raise ValueError(f"{path}: cannot be read as .xlsx: {error}") from None
+    for rows in sheets:
+        if any(isinstance(cell, int | float) for row in rows for cell in row):
+            return "\n".join("\t".join(map(_cell, row)) for row in rows) + "\n"
+    raise ValueError(f"{path}: cannot be read: no sheet has numbers")
+
+
+def _damages() -> tuple[type[Exception], ...]:
+    """Return the exceptions that openpyxl raises for a damaged archive."""
+    import zipfile
+    import zlib
+
+    of_archive = (zipfile.BadZipFile, zlib.error, EOFError, RuntimeError)  # RuntimeError: encrypted
+    return (*of_archive, SyntaxError, LookupError, TypeError, ValueError, AttributeError, ArithmeticError)
+
+
+def _cell(value: object) -> str:
+    return "" if value is None else repr(value) if isinstance(value, float) else " ".join(str(value).split())
+
+
+def write_text(path: StrPath, text: str) -> None:
+    """Write a text file completely or not at all; ValueError if its folder is missing."""
+    folder = as_path(path).parent
+    if not folder.is_dir():
+        raise ValueError(f"{path}: cannot be written: folder {str(folder)!r} must exist")
+    with replacing(path) as temporary:
+        temporary.write_text(text, encoding="utf-8", newline="\n")

@@ -4,6 +4,7 @@ import contextlib
 import html
 import numbers
 import sys
+import threading
 import time
 import weakref
 from collections.abc import Callable
@@ -11,6 +12,7 @@ from typing import Any, Self, TextIO
 
 # Seconds between two pictures in a notebook: each is a message to its page.
 _PAUSE = 0.1
+_TICK = 1.0  # seconds between two updates of a clock
 # Characters of a line in a terminal: a longer one would wrap, and could not be replaced.
 _WIDTH = 79
 
@@ -113,6 +115,63 @@ class TerminalLine:
         self._open = False
 
 
+class Lines(TerminalLine):
+    """A line for each text, with the seconds since the first text."""
+
+    def __init__(self, stream: TextIO) -> None:
+        super().__init__(stream)
+        self._begin = time.monotonic()
+
+    def show(self, text: str, part: float | None) -> None:
+        """Show a text."""
+        del part
+        self.line(f"{time.monotonic() - self._begin:7.1f} s  {text}")
+
+    def line(self, text: str) -> None:
+        """Show a line that stays."""
+        print(text, file=self._stream, flush=True)
+
+
+class ClockLine(TerminalLine):
+    """A line of a terminal with a clock that shows how long its text has been there."""
+
+    def __init__(self, stream: TextIO) -> None:
+        super().__init__(stream, stays=False)
+        self._lock, self._news, self._text = threading.Lock(), threading.Event(), None
+        self._thread: threading.Thread | None = None
+
+    def show(self, text: str, part: float | None) -> None:
+        """Show a text."""
+        with self._lock:
+            self._text, self._begin = text, time.monotonic()
+            super().show(text, part)
+        self._news.set()
+        if self._thread is None:
+            self._thread = threading.Thread(target=self._tick, daemon=True)
+            self._thread.start()
+
+    def line(self, text: str) -> None:
+        """Show a line that stays, in place of that of the progress."""
+        with self._lock:
+            print(f"\r\033[K{text}", file=self._stream, flush=True)
+
+    def end(self) -> None:
+        """Remove the line."""
+        with self._lock:
+            self._text = None
+            super().end()
+        self._news.set()
+
+    def _tick(self) -> None:
+        while self._text is not None:
+            self._news.clear()
+            while not self._news.wait(_TICK):
+                with self._lock:
+                    if self._text is not None:
+                        super().show(f"{self._text}, {time.monotonic() - self._begin:.0f} s", None)
+        self._thread = None
+
+
 class _Notebook:
     """A bar and a text in the output of a notebook's cell, in place of the last ones."""
 
@@ -168,3 +227,30 @@ def _place() -> "Place | None":
     if sys.stderr is not None and sys.stderr.isatty():
         return TerminalLine(sys.stderr)
     return None
+
+
+class Phases(Progress):
+    """Progress of a command, and lines that stay."""
+
+    def __init__(self, place: "ClockLine | Lines | None") -> None:
+        super().__init__("", place)
+        self._lines = place
+
+    def line(self, text: str) -> None:
+        """Show a line that stays, above that of the progress."""
+        if self._lines is not None:
+            self._lines.line(text)
+
+
+def command_progress(verbose: bool = False) -> Phases:
+    """Show the phases of a command on stderr, until the end of a `with` block.
+
+    In a terminal it is one line with a clock, because JAX may compile for a minute.
+
+    Parameters
+    ----------
+    verbose : True writes a line for each text, to files as well
+    """
+    if verbose:
+        return Phases(Lines(sys.stderr))
+    return Phases(ClockLine(sys.stderr) if sys.stderr.isatty() else None)

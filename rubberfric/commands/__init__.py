@@ -1,9 +1,10 @@
 """The command `rubberfric`, and what other commands share with it."""
 
-from rubberfric.base.process.lazy import lazily
+from rubberfric.base.lazy import lazily
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:
+    from rubberfric.base.progress import command_progress as command_progress
     from rubberfric.commands.arguments import Parser as Parser
     from rubberfric.commands.arguments import add_common as add_common
     from rubberfric.commands.arguments import add_outputs as add_outputs
@@ -15,6 +16,5 @@ if TYPE_CHECKING:
     from rubberfric.commands.ending import ended as ended
     from rubberfric.commands.interrupts import Interrupts as Interrupts
     from rubberfric.commands.interrupts import leave_at_once as leave_at_once
-    from rubberfric.commands.phases import progress as progress
 
 lazily(__name__, __file__)

@@ -6,8 +6,8 @@ import numpy as np
 
 from rubberfric.analysis.reference import check_error
 from rubberfric.analysis.sweep import accuracy
+from rubberfric.base.progress import Phases
 from rubberfric.commands.arguments import write_outputs
-from rubberfric.commands.phases import Phases
 from rubberfric.io.files import read_computable
 from rubberfric.io.results import Conditions
 from rubberfric.plot.choice import save_accuracy_plot
@@ -16,7 +16,7 @@ from rubberfric.plot.choice import save_accuracy_plot
 _POINTS = 60
 
 
-def run(arguments: argparse.Namespace, show: Phases) -> tuple[str, OSError | None]:
+def run_accuracy(arguments: argparse.Namespace, show: Phases) -> tuple[str, OSError | None]:
     """`rubberfric accuracy`: sweep over settings at the conditions of a file.
 
     Returns what it prints, and what failed.

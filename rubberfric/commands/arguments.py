@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import NoReturn
 
 from rubberfric.base.atomic import TABLE_SUFFIXES, StrPath, check_readable, check_suffix, check_writable
-from rubberfric.base.process.release import VERSION
+from rubberfric.base.release import VERSION
 
 SCENES = (".toml", ".h5")
 # What `rubberfric map` can compute: fields of `rubberfric.Solution`, which JAX stands before.

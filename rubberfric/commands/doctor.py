@@ -1,4 +1,4 @@
-"""The command `rubberfric doctor`: what this installation is, and whether it keeps compiled programs."""
+"""The command `rubberfric doctor`: versions, devices, precision, and a test of the compilation cache."""
 
 import argparse
 import contextlib
@@ -13,9 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jax.experimental.compilation_cache.compilation_cache import reset_cache
 
-from rubberfric.base.process.compilation_cache import compilation_cache
-from rubberfric.base.process.release import VERSION, cores
+from rubberfric.base.compilation import compilation_cache
 from rubberfric.base.progress import Progress
+from rubberfric.base.release import VERSION, cores
 
 _PACKAGES = ("jax", "jaxlib", "numpy", "scipy", "h5py", "optax", "matplotlib")
 
@@ -26,8 +26,8 @@ _FAULTS = {
 _EVENT = "/jax/compilation_cache/cache_hits"
 
 
-def run(arguments: argparse.Namespace, show: Progress) -> tuple[str, None]:
-    """`rubberfric doctor`: returns what it prints."""
+def run_doctor(arguments: argparse.Namespace, show: Progress) -> tuple[str, None]:
+    """Run `rubberfric doctor`; returns its output."""
     show("trying the devices")
     return "\n".join(_lines(arguments)), None
 
@@ -47,7 +47,7 @@ def _lines(arguments: argparse.Namespace) -> Iterator[str]:
 
 
 def _version(name: str) -> str:
-    """Version of a package, which may be on the path without being installed."""
+    """Return the version of a package, which may be on the path without being installed."""
     if importlib.util.find_spec(name) is None:
         return "is not installed"
     try:
@@ -57,7 +57,7 @@ def _version(name: str) -> str:
 
 
 def _about_cache(arguments: argparse.Namespace) -> Iterator[str]:
-    """About compiled programs."""
+    """Yield lines about the compilation cache."""
     if arguments.no_cache:
         yield f"{'programs':12} are not kept: --no-cache"
         return
@@ -67,8 +67,8 @@ def _about_cache(arguments: argparse.Namespace) -> Iterator[str]:
 
 @contextlib.contextmanager
 def _options_kept() -> Iterator[None]:
-    """Options of JAX are left as they were, for who calls this from Python."""
-    config: Any = jax.config  # whose options checkers do not know
+    """Restore the options of JAX, for callers from Python."""
+    config: Any = jax.config  # its options are unknown to type checkers
     names = [
         f"jax_{name}"
         for name in (
@@ -87,7 +87,7 @@ def _options_kept() -> Iterator[None]:
 
 
 def _tried() -> Iterator[str]:
-    """Where compiled programs are, and whether one is found there again."""
+    """Yield the cache folder, and whether an entry is found there again."""
     folder = compilation_cache()
     if folder is None:
         config: Any = jax.config  # whose options checkers do not know
@@ -107,7 +107,7 @@ def _tried() -> Iterator[str]:
 
 
 def _is_found() -> bool:
-    """Whether a program comes from the folder, in a process that has not compiled it."""
+    """Return True if a function is loaded from the cache instead of compiled."""
     events: list[str] = []
 
     def listener(event: str, **_: object) -> None:

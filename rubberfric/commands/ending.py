@@ -1,6 +1,6 @@
-"""How commands begin and end: signals from the first moment on, one line for whatever goes wrong, a status.
+"""Start and end of a command: signal handling, one line for each error, the exit status.
 
-Nothing here waits for JAX: that is imported, in double precision, when the arguments are known to be right.
+JAX is imported, in double precision, after the arguments have been checked.
 """
 
 import io
@@ -10,7 +10,7 @@ import warnings
 from collections.abc import Callable
 from typing import TextIO
 
-from rubberfric.base.process.compilation_cache import compilation_cache
+from rubberfric.base.compilation import compilation_cache
 from rubberfric.commands.interrupts import Interrupts
 
 try:
@@ -18,21 +18,21 @@ try:
 except ImportError:  # Windows has none
     resource = None
 
-# What is no fault of the input; a LinAlgError is a ValueError all the same.
+# Errors not caused by the input. LinAlgError is listed because it derives from ValueError.
 _FAILED = {"OSError", "FloatingPointError", "LinAlgError", "MemoryError", "JaxRuntimeError", "ImportError"}
 
-# Address space that JAX takes with its threads and programs, measured [B]; with less, C++ ends the process.
+# Address space that JAX needs, measured [B]. With less, its C++ code aborts the process.
 _SPACE = 2**31
 
 
 def ended(program: str, work: Callable[[Interrupts], int], *, process: bool) -> int:
-    """Do the work of a command; returns its exit status, or that of how it failed.
+    """Run a command; returns its exit status, also after an error.
 
     Parameters
     ----------
-    program : what the line of a complaint begins with
-    work : function of the signals that arrive meanwhile, returns the exit status
-    process : as of `Interrupts`
+    program : beginning of error messages
+    work : function of `Interrupts` that returns the exit status
+    process : as in `Interrupts`
     """
     if process and not _have_streams():
         return complain(program, "standard output is closed: must be open, such as to /dev/null", 1)
@@ -42,11 +42,11 @@ def ended(program: str, work: Callable[[Interrupts], int], *, process: bool) -> 
             if sys.stdout is not None:
                 sys.stdout.flush()
             return status
-        except SystemExit as stop:  # of argparse, which has said why
+        except SystemExit as stop:  # from argparse, which has printed the reason
             return _flushed(stop.code if isinstance(stop.code, int) else 1)
         except KeyboardInterrupt:
             return interrupts.complain()
-        except BrokenPipeError:  # the reader went away (| head)
+        except BrokenPipeError:  # the reader has closed the pipe (| head)
             _give_up(sys.stdout)
             return 1
         except Exception as error:
@@ -54,13 +54,13 @@ def ended(program: str, work: Callable[[Interrupts], int], *, process: bool) -> 
             if status is None:
                 raise
             if isinstance(error, OSError):
-                _give_up(sys.stdout)  # it may be what is full
+                _give_up(sys.stdout)  # its disk may be full
             return complain(program, _text(error), status)
 
 
 def _status(error: Exception) -> int | None:
-    """Exit status of an error that has a line of its own; None for one that needs a traceback."""
-    # By name: numpy and JAX are not imported for that.
+    """Return the exit status of an error with a one-line message; None if it needs a traceback."""
+    # By name, so that numpy and JAX need not be imported.
     names = {cls.__name__ for cls in type(error).__mro__}
     if names & _FAILED:
         return 1
@@ -75,16 +75,16 @@ def _text(error: Exception) -> str:
 
 
 def complain(program: str, error: object, status: int) -> int:
-    """Say on one line what was wrong; returns the exit status."""
+    """Print an error on one line; returns the exit status."""
     try:
         print(f"{program}: {' '.join(str(error).split())}", file=sys.stderr)
-    except OSError:  # nowhere to say it
+    except OSError:  # stderr takes no output
         _give_up(sys.stderr)
     return status
 
 
 def _flushed(status: int) -> int:
-    """A status, or 1 if what was printed does not reach its reader."""
+    """Return the status, or 1 if stdout cannot be flushed."""
     try:
         if sys.stdout is not None:
             sys.stdout.flush()
@@ -95,7 +95,7 @@ def _flushed(status: int) -> int:
 
 
 def _give_up(stream: TextIO | None) -> None:
-    """Lead a stream that takes no more to nowhere: at its end Python would complain of what waits in it."""
+    """Redirect a broken stream to the null device, because Python would report its buffer at exit."""
     if stream is None:
         return
     try:
@@ -105,10 +105,10 @@ def _give_up(stream: TextIO | None) -> None:
 
 
 def _have_streams() -> bool:
-    """Make the standard streams safe to use; False if there is no output.
+    """Make the standard streams safe to use; False if stdout is closed.
 
-    A file that is opened takes the lowest number that is free: were that of a closed stream free, what
-    libraries log would go into that file.
+    An opened file takes the lowest free descriptor. If that of a closed stream were free, logs of libraries
+    would go into that file.
     """
     have = sys.stdout is not None
     for number in range(3):
@@ -117,9 +117,9 @@ def _have_streams() -> bool:
         except OSError:
             os.open(os.devnull, os.O_RDWR)
     if sys.stderr is None:
-        sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 (for as long as the process)
+        sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 (open until the process ends)
     if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
-        sys.stdout.reconfigure(errors="replace")  # a ° that the locale has not must not cost the table
+        sys.stdout.reconfigure(errors="replace")  # a locale without ° still prints the table
     return have
 
 
@@ -128,24 +128,24 @@ def begin_jax(*, process: bool, cache: bool) -> None:
 
     Parameters
     ----------
-    process : as of `Interrupts`
-    cache : whether a command that is the process keeps compiled programs for the next one
+    process : as in `Interrupts`
+    cache : True uses the compilation cache if the command is a process of its own
 
     Raises
     ------
-    MemoryError : the process may not have the address space that JAX needs.
+    MemoryError : a limit of the process (ulimit -v) is below the address space that JAX needs.
     """
     _check_space()
     if process and cache:
-        # 1 is what JAX itself sets it to, and what a program with JAX hands on to those that it starts.
+        # JAX itself sets 1, which processes started by a program with JAX inherit.
         if os.environ.get("TF_CPP_MIN_LOG_LEVEL", "1") == "1":
-            os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"  # fatal errors only: loading a program logs two lines
-        # That an entry could not be read or written is no news to a user: it is compiled.
+            os.environ["TF_CPP_MIN_LOG_LEVEL"] = "3"  # fatal errors only: loading an entry logs two lines
+        # An entry that cannot be read or written is compiled again; the user need not know.
         warnings.filterwarnings("ignore", "Error (reading|writing) persistent compilation cache")
         compilation_cache()
     import jax
 
-    # The library never does this: the precision of a program is its own choice.
+    # Only commands do this; the library leaves the precision to its caller.
     jax.config.update("jax_enable_x64", True)
 
 

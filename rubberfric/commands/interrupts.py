@@ -1,10 +1,10 @@
 """SIGINT (Ctrl-C) and SIGTERM in the commands: one line, nothing half-written, exit status 130 or 143.
 
-A command that is the process is ended by a thread that waits for signals. The main thread cannot do it:
-Python's handlers run between its own instructions only, and a compiled program may run for seconds. Nor
-can an exception: XLA's compiler answers a signal by raising it while its threads go on compiling, which
-the interpreter then shuts down under them, and that ends in a segmentation fault. So that thread removes
-what is being written and ends the process by `os._exit`, which runs no such shutdown.
+In a process of its own, a command is ended by a thread that waits for signals. The main thread cannot do
+it: Python runs handlers between its own instructions only, and a compiled function may run for seconds. An
+exception cannot do it either: XLA's threads would continue to compile while the interpreter shuts down, and
+the process would end with a segmentation fault. The thread therefore removes incomplete files and ends the
+process by `os._exit`, which skips that shutdown.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 def leave_at_once(program: str) -> None:
-    """Have a signal end the process, of which nothing but imports has been done yet."""
+    """Let a signal end the process while it only imports modules."""
 
     def leave(which: int, _frame: FrameType | None) -> None:
         say(program, f"interrupted; {LOST}")
@@ -37,7 +37,7 @@ def leave_at_once(program: str) -> None:
 
 
 def say(program: str, text: str) -> None:
-    """A line; not by Python's streams, which the main thread may hold."""
+    """Write a line without Python's streams, which the main thread may have locked."""
     try:
         os.write(2, (("\r\033[K" if os.isatty(2) else "") + f"{program}: {text}\n").encode())
     except OSError:  # nowhere to say it
@@ -45,17 +45,16 @@ def say(program: str, text: str) -> None:
 
 
 class Interrupts:
-    """Both signals while a command runs; the first one can be held back until `check`.
+    """Handle both signals while a command runs; the first one can be held back until `check`.
 
-    So a fit ends between two steps, and a file that is being written is completed. A second
-    signal is never held back.
+    A fit then ends between two steps, and an open file is completed. A second signal is never held back.
 
     Parameters
     ----------
-    program : what the line begins with
+    program : beginning of the message
     process : bool
-        whether the command is the process, which a signal may end. If not, it was called from Python,
-        and a signal is a KeyboardInterrupt there.
+        True if the command is a process of its own, which a signal may end. Otherwise it was called from
+        Python, and a signal raises KeyboardInterrupt.
     """
 
     def __init__(self, program: str, *, process: bool) -> None:
@@ -66,24 +65,24 @@ class Interrupts:
         self._before: dict[signal.Signals, Any] = {}  # handlers
 
     def __enter__(self) -> Self:
-        import socket  # both take longer to import than a signal may need
+        import socket  # imported late: a signal must be answered before
         import threading
 
-        if threading.current_thread() is threading.main_thread():  # others cannot
+        if threading.current_thread() is threading.main_thread():  # others cannot set handlers
             if self.process:
-                hear, self._tell = socket.socketpair()  # which, unlike a pipe, Windows takes for this
+                hear, self._tell = socket.socketpair()  # Windows does not accept a pipe here
                 self._tell.setblocking(False)
                 signal.set_wakeup_fd(self._tell.fileno(), warn_on_full_buffer=False)
                 self._thread = threading.Thread(target=self._wait, args=(hear,), daemon=True)
                 self._thread.start()
             for which in SIGNALS:
-                if signal.getsignal(which) != signal.SIG_IGN:  # as a script's shell has it in the background
+                if signal.getsignal(which) != signal.SIG_IGN:  # set by shells for background jobs
                     self._before[which] = signal.signal(which, self._arrived)
         return self
 
     def __exit__(self, *error: object) -> None:
         for which, handler in self._before.items():
-            # All is done, and the process about to end: there is nothing left to interrupt.
+            # The work is done and the process is about to end.
             signal.signal(which, signal.SIG_IGN if self.process else handler)
         if hasattr(self, "_thread"):
             signal.set_wakeup_fd(-1)
@@ -96,7 +95,7 @@ class Interrupts:
             raise KeyboardInterrupt
 
     def _wait(self, hear: Any) -> None:
-        """In its thread: end the process at the first signal that is not held back."""
+        """End the process at the first signal that is not held back; runs in the thread."""
         with hear:
             while which := hear.recv(1):
                 if which[0] not in self._before:
@@ -119,13 +118,13 @@ class Interrupts:
         remove_begun(leave)
 
     def complain(self) -> int:
-        """Say that the command was interrupted, where the process goes on; returns the exit status."""
+        """Print that the command was interrupted, if the process continues; returns the exit status."""
         print(f"{self.program}: interrupted; {LOST}", file=sys.stderr)
         return self.status
 
     @property
     def status(self) -> int:
-        """Exit status of what the last signal ended."""
+        """Exit status after the last signal."""
         return 128 + int(self.which)
 
     def hold(self) -> None:
@@ -137,7 +136,7 @@ class Interrupts:
         self._holding = False
 
     def check(self) -> None:
-        """KeyboardInterrupt if a signal was held back."""
+        """Raise KeyboardInterrupt if a signal was held back."""
         if self.asked:
             self.stopped = True
             raise KeyboardInterrupt

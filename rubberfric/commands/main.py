@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Callable, Sequence
 
-    from rubberfric.commands.phases import Phases
+    from rubberfric.base.progress import Phases
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -31,13 +31,13 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(argv: Sequence[str] | None) -> int:
+    from rubberfric.base.progress import command_progress
     from rubberfric.commands.arguments import check_arguments, parser
     from rubberfric.commands.ending import begin_jax
-    from rubberfric.commands.phases import progress
 
     arguments = parser().parse_args(argv)
     check_arguments(arguments)
-    with progress(arguments.verbose) as show:
+    with command_progress(arguments.verbose) as show:
         show("loading JAX")
         # What measures how long compiling takes must not find it done.
         cache = not arguments.no_cache and arguments.command != "accuracy"
@@ -53,13 +53,13 @@ def _work(command: str) -> Callable[[argparse.Namespace, Phases], tuple[str, OSE
     """What a command does, imported alone."""
     match command:
         case "run":
-            from rubberfric.commands.run import run
+            from rubberfric.commands.run import run_scene as run
         case "accuracy":
-            from rubberfric.commands.accuracy import run
+            from rubberfric.commands.accuracy import run_accuracy as run
         case "map":
-            from rubberfric.commands.map import run
+            from rubberfric.commands.map import run_map as run
         case "explore":
-            from rubberfric.commands.explorer.command import run
+            from rubberfric.commands.explorer.command import run_explorer as run
         case _:
-            from rubberfric.commands.doctor import run
+            from rubberfric.commands.doctor import run_doctor as run
     return run

@@ -8,8 +8,8 @@ import jax
 import numpy as np
 
 from rubberfric.analysis.maps import DEFAULT_QUANTITIES, friction_map
-from rubberfric.base.process.release import cores
 from rubberfric.base.progress import Progress
+from rubberfric.base.release import cores
 from rubberfric.commands.arguments import write_outputs
 from rubberfric.commands.run import convergence_line
 from rubberfric.io.files import read_computable
@@ -21,7 +21,7 @@ from rubberfric.theory.quantities import iterates
 _SEVERAL = {"velocity": "velocities", "pressure": "pressures", "temperature": "temperatures"}
 
 
-def run(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
+def run_map(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
     """`rubberfric map`: a friction map of a scene file; returns what it prints, and what failed."""
     make_devices(arguments.devices)  # before the scene is read, for with that JAX begins
     show(f"reading {arguments.scene}")

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from rubberfric.analysis.validity import friction_outside_table, tabulated_solids, theory_error
-from rubberfric.base.process.compiler import quick_options
+from rubberfric.base.compilation import quick_options
 from rubberfric.base.progress import Progress
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.base.units import to_celsius
@@ -20,7 +20,7 @@ from rubberfric.theory.model import solve
 from rubberfric.theory.quantities import Solution, iterated, quantities_of
 
 
-def run(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
+def run_scene(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
     """`rubberfric run`: compute a scene file at its conditions; returns what it prints, and what failed."""
     show(f"reading {arguments.scene}")
     scene, conditions, title = read_computable(arguments.scene)
@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | N
         for line in (extrapolation_line(result), convergence_line(result), model_error_line(result))
         if line
     ]
-    return "\n".join([*table(result), *(f"\n{line}" for line in ends)]), failure
+    return "\n".join([*result_lines(result), *(f"\n{line}" for line in ends)]), failure
 
 
 def compute(scene: Scene, conditions: Conditions, quadrature: Quadrature | None = None) -> Solution:
@@ -77,7 +77,7 @@ def compute(scene: Scene, conditions: Conditions, quadrature: Quadrature | None 
     return Solution(**found)
 
 
-def table(result: Result) -> Iterator[str]:
+def result_lines(result: Result) -> Iterator[str]:
     """Lines of the printed table: a block for every temperature and pressure."""
     solution = result.solution._asdict()
     columns = {name: solution[name] for name, quantity in QUANTITY_FORMATS.items() if quantity.heading}

@@ -21,10 +21,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from rubberfric.base.atomic import StrPath
+from rubberfric.base.atomic import StrPath, read_text
 from rubberfric.base.checks import closest
 from rubberfric.io.columns import COLUMNS, SET_VALUES, is_foreign, known_name, known_unit, plain_unit
-from rubberfric.io.text import read_text
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
 _LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}

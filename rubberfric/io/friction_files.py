@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.atomic import StrPath, as_path
+from rubberfric.base.atomic import StrPath, as_path, read_text, write_text
 from rubberfric.base.checks import POSITIVE, check_values, closest, shown
 from rubberfric.io.columns import COLUMNS
 from rubberfric.io.friction_tables import AXES, FrictionTable, as_friction_table
@@ -23,7 +23,6 @@ from rubberfric.io.prony_formats import (
     wide_numbers,
 )
 from rubberfric.io.tables import read_names, read_table, table_text
-from rubberfric.io.text import read_text, write_text
 
 _SPEED = COLUMNS["v"].units
 _JSON = "rubberfric friction table"  # format

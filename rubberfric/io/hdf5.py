@@ -27,7 +27,7 @@ from rubberfric.base.atomic import StrPath, check_readable
 from rubberfric.base.checks import closest
 from rubberfric.base.objects.fields import Child, Leaf, Static
 from rubberfric.base.objects.physical import PhysicalObject, fields_of, kinds
-from rubberfric.base.process.release import VERSION
+from rubberfric.base.release import VERSION
 
 
 @contextlib.contextmanager

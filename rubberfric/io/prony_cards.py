@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 
+from rubberfric.base.atomic import read_text, write_text
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values, closest, shown
 from rubberfric.base.units import shear_from_young, young_from_shear
 from rubberfric.io.prony_formats import (
@@ -18,7 +19,6 @@ from rubberfric.io.prony_formats import (
     format_number,
     glassy_bulk,
 )
-from rubberfric.io.text import read_text, write_text
 from rubberfric.materials.prony import Prony, PronyShear
 from rubberfric.materials.shifts.laws import WLF
 

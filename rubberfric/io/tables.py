@@ -20,7 +20,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.atomic import StrPath
+from rubberfric.base.atomic import StrPath, read_text, write_text
 from rubberfric.base.checks import closest
 from rubberfric.base.units import young_from_shear
 from rubberfric.io.columns import COLUMNS, MODULUS_COLUMNS, SET_VALUES
@@ -33,7 +33,6 @@ from rubberfric.io.exports import (
     read_traces,
     suggested_columns,
 )
-from rubberfric.io.text import read_text, write_text
 
 
 def read_table(

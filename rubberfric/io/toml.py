@@ -38,7 +38,7 @@ from typing import Any
 
 import numpy as np
 
-from rubberfric.base.atomic import StrPath
+from rubberfric.base.atomic import StrPath, read_text
 from rubberfric.base.checks import UnitWarning, closest, shown
 from rubberfric.base.objects.fields import Child, Leaf, Static
 from rubberfric.base.objects.physical import Kind, PhysicalObject, fields_of, kinds, leaves_of
@@ -52,7 +52,6 @@ from rubberfric.io.results import (
     check_plausible_conditions,
 )
 from rubberfric.io.tables import read_directions, read_table, table_text
-from rubberfric.io.text import read_text
 from rubberfric.materials.prony import Prony, PronyShear
 from rubberfric.roughness.normalisation import LINES, NORMALISATION_RULE, check_normalisation, spectrum_from
 from rubberfric.scene.plausibility import doubts_of_conditions, doubts_of_scene

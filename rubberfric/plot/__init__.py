@@ -5,7 +5,7 @@ pyplot does not know, and returns the axes: `plot_friction(result).figure` at th
 in a notebook, after `%matplotlib inline`. `auto` picks the picture.
 """
 
-from rubberfric.base.process.lazy import lazily
+from rubberfric.base.lazy import lazily
 
 TYPE_CHECKING = False  # for type checkers it is true
 if TYPE_CHECKING:

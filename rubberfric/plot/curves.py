@@ -17,7 +17,7 @@ from rubberfric.plot.style import (
     Axes,
     Line2D,
     Panels,
-    check_kind,
+    check_instance,
     legend,
     looks,
     one_axes,
@@ -277,7 +277,7 @@ def plot_profile(
     ------
     ValueError : `labels` or `ax` has the wrong length.
     """
-    check_kind("profile", profile, Profile)
+    check_instance("profile", profile, Profile)
     count = int(np.prod(np.shape(profile.area)[:-1]))
     if labels is not None and len(labels) != count:
         raise ValueError(f"labels has {len(labels)} names: must have {count}, one for each condition")
@@ -333,7 +333,7 @@ def plot_accuracy(accuracy: Accuracy, ax: Axes | None = None, *, unit: Row | Non
     ------
     ValueError : `accuracy` or `ax` has the wrong type.
     """
-    check_kind("accuracy", accuracy, Accuracy)
+    check_instance("accuracy", accuracy, Accuracy)
     ax = one_axes(ax, (8.0, 4.2))
     second = 1e3 if unit is None else 1 / unit.forward
     for (method, dtype, what), (line, marker, filled, colour, label) in _SWEEPS.items():

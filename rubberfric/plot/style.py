@@ -164,7 +164,7 @@ def several_axes(
     return ax
 
 
-def check_kind(name: str, value: object, kind: type) -> None:
+def check_instance(name: str, value: object, kind: type) -> None:
     """Raise ValueError unless a value is an instance of a class."""
     if not isinstance(value, kind):
         raise ValueError(f"{name} must be of class {kind.__name__}, got {type(value).__name__}")

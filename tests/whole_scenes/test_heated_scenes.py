@@ -23,7 +23,7 @@ from fitting.solvers.evaluation import residual_rows
 from fitting.solvers.problem import make_problem
 from rubberfric.analysis import jacobian
 from rubberfric.analysis.jacobian import value_and_jacobian
-from rubberfric.base.fixed_points import anderson
+from rubberfric.base import fixed_points
 from rubberfric.theory.temperatures import branch
 
 NAMES = ("area", "viscoelastic_friction", "shear_friction", "friction", "separation", "flash_temperature")
@@ -218,7 +218,7 @@ def test_derivatives_leaf_by_leaf(name, monkeypatch):
     at = scalar_arguments(case)
     jacobian = jax.jit(jax.jacrev(quantities))(at)
     forward = jax.jit(lambda at, step: jax.jvp(quantities, (at,), (step,))[1])
-    monkeypatch.setattr(anderson, "_TOLERANCE", 1e-12)
+    monkeypatch.setattr(fixed_points, "_TOLERANCE", 1e-12)
     # A setting of its own is compiled anew.
     values = jax.jit(lambda at: quantities(at, quadrature=rf.Quadrature(heat=178)))
     size = np.abs(values(at))
@@ -335,8 +335,8 @@ def test_single_precision(name):
 def root_of(function, s, start):
     """A fixed point with its derivatives by s, and whether it was reached."""
     fixed = jax.lax.stop_gradient(s)
-    y, reached = anderson.fixed_point(lambda y: function(fixed, y), start)
-    return anderson.implicit(lambda y: function(s, y), y), reached
+    y, reached = fixed_points.fixed_point(lambda y: function(fixed, y), start)
+    return fixed_points.implicit(lambda y: function(s, y), y), reached
 
 
 def test_fixed_point_and_its_derivatives():
@@ -364,7 +364,9 @@ def test_what_follows_from_a_linear_fixed_point():
     def residual(y):
         return jnp.einsum("pij,pj->pi", f, y) + b - y, jnp.sum(c * y, 1)
 
-    found = jax.jit(functools.partial(anderson.linear_fixed_point, residual))(jnp.zeros((3, 6)), jnp.zeros(3))
+    found = jax.jit(functools.partial(fixed_points.linear_fixed_point, residual))(
+        jnp.zeros((3, 6)), jnp.zeros(3)
+    )
     wanted = [one @ np.linalg.solve(np.eye(6) - a, right) for a, right, one in zip(f, b, c, strict=True)]
     np.testing.assert_allclose(found, wanted, rtol=1e-7)
 
@@ -375,7 +377,7 @@ def test_a_row_alone_equals_itself_among_others():
 
     def root(factor):
         start = jnp.zeros((factor.shape[0], 12))
-        return anderson.fixed_point(lambda y: factor * jnp.cos(jnp.linspace(0.5, 1.5, 12) * y), start)[0]
+        return fixed_points.fixed_point(lambda y: factor * jnp.cos(jnp.linspace(0.5, 1.5, 12) * y), start)[0]
 
     def both(factor):
         return jax.jvp(root, (factor,), (jnp.ones_like(factor),))
@@ -398,15 +400,17 @@ def test_a_point_alone_equals_itself_in_a_curve(name):
 
 
 def test_what_did_not_converge_says_so(monkeypatch):
-    monkeypatch.setattr(anderson, "_MOST_STEPS", 3)
-    y, converged = anderson.fixed_point(lambda y: jnp.array([[0.0], [1.0]]) * jnp.cos(y), jnp.zeros((2, 5)))
+    monkeypatch.setattr(fixed_points, "_MOST_STEPS", 3)
+    y, converged = fixed_points.fixed_point(
+        lambda y: jnp.array([[0.0], [1.0]]) * jnp.cos(y), jnp.zeros((2, 5))
+    )
     assert converged.tolist() == [True, False] and np.isfinite(y).all()
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("steps", [1, 2])
 def test_scenes_that_did_not_converge_are_finite(monkeypatch, steps):
-    monkeypatch.setattr(anderson, "_MOST_STEPS", steps)
+    monkeypatch.setattr(fixed_points, "_MOST_STEPS", steps)
     # Else the branch is followed on the scene's own mesh.
     monkeypatch.setattr(branch, "_MOST_EVALUATIONS", steps)
     # A setting of its own is compiled anew.

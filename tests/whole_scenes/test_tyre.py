@@ -16,7 +16,7 @@ from support.folders import TYRE
 from support.scenes.tyre import GAMMA, PRESSURE, read, road
 
 import rubberfric as rf
-from rubberfric.base.fixed_points import anderson
+from rubberfric.base import fixed_points
 
 pytestmark = pytest.mark.skipif(not TYRE.is_dir(), reason="no measured tyre data beside the project")
 
@@ -98,8 +98,8 @@ def tables_alone():
 
 def test_a_hot_table_has_the_derivative_of_its_values(tables_alone, monkeypatch):
     # Values iterated to the end: a difference of 1e-4 K shows the 1e-10 that are left otherwise.
-    monkeypatch.setattr(anderson, "_TOLERANCE", 1e-13)
-    monkeypatch.setattr(anderson, "_LINEAR_TOLERANCE", 1e-12)
+    monkeypatch.setattr(fixed_points, "_TOLERANCE", 1e-13)
+    monkeypatch.setattr(fixed_points, "_LINEAR_TOLERANCE", 1e-12)
     T, h = np.full(HOT_V.size, HOT_T), 1e-4
     slope = jax.jvp(lambda T: tables_alone(HOT_V, T), (T,), (np.ones(T.size),))[1]
     difference = (tables_alone(HOT_V, T + h) - tables_alone(HOT_V, T - h)) / (2 * h)

@@ -1,33 +1,51 @@
-"""The command `rubberfric explore`: serve the page of a scene until a signal ends it."""
+"""The command `rubberfric explore`: serve the page of a scene until a signal ends it.
+
+The page offers two downloads, the present scene and a fit that begins there. Their files lie in one folder
+and hold no paths; several files make a ZIP archive. The command writes no file.
+"""
 
 import argparse
+import io
 import json
 import math
 import threading
 import warnings
 import webbrowser
-from collections.abc import Callable
+import zipfile
+from collections.abc import Callable, Mapping
 from importlib.resources import files
-from typing import Any
+from typing import Any, NamedTuple
 
 import jax
 import numpy as np
 
 from rubberfric.base.checks import UnitWarning
-from rubberfric.commands.explorer.curves import BESIDE, EVERY, Explorer
-from rubberfric.commands.explorer.exports import COMMAND, Download, fit_download, scene_download
-from rubberfric.commands.explorer.points import read_points
+from rubberfric.base.progress import Phases
+from rubberfric.commands.explorer.curves import BESIDE, EVERY, Explorer, Values
+from rubberfric.commands.explorer.points import Measured, read_points
 from rubberfric.commands.explorer.server import Answer, Server
-from rubberfric.commands.explorer.sliders import read_values
-from rubberfric.commands.phases import Phases
+from rubberfric.commands.explorer.sliders import Slider, slider_values
 from rubberfric.io.files import read_computable
+from rubberfric.io.toml import scene_texts
 
 # Parts of the page, in the folder page.
 _PARTS = ("style.css", "plots.js", "page.js")
 
+FOLDER, SCENE, JOB = "explored", "scene.toml", "job.toml"
+_INSIDE = 0.01  # smallest distance of a start value from its bounds, as a share of their distance
+COMMAND = f"rubberfric-fit {FOLDER}/{JOB}"
 
-def run(arguments: argparse.Namespace, show: Phases) -> tuple[str, None]:
-    """`rubberfric explore`: ends by a signal only."""
+
+class Download(NamedTuple):
+    """A file that the page offers."""
+
+    name: str
+    kind: str  # of its content
+    content: bytes
+
+
+def run_explorer(arguments: argparse.Namespace, show: Phases) -> tuple[str, None]:
+    """Run `rubberfric explore`, which only a signal ends."""
     show(f"reading {arguments.scene}")
     scene, conditions, title = read_computable(arguments.scene)
     measured = None if arguments.data is None else read_points(arguments.data, scene, conditions)
@@ -37,7 +55,7 @@ def run(arguments: argparse.Namespace, show: Phases) -> tuple[str, None]:
     except OSError as error:
         raise OSError(f"--port {arguments.port}: {error.strerror}") from None
     with server, warnings.catch_warnings():
-        # What a slider makes of a scene may be far from any solid.
+        # Sliders may reach values far from any solid.
         warnings.simplefilter("ignore", UnitWarning)
         show(f"compiling {', '.join(explorer.quantities)} at {explorer.count} points")
         explorer.compile()
@@ -51,7 +69,7 @@ def run(arguments: argparse.Namespace, show: Phases) -> tuple[str, None]:
 
 
 def page(nonce: str) -> str:
-    """The page, with its style and scripts in it."""
+    """Return the page with its style and scripts."""
     folder = files("rubberfric.commands.explorer") / "page"
     style, *scripts = ((folder / name).read_text(encoding="utf-8") for name in _PARTS)
     whole = (folder / "page.html").read_text(encoding="utf-8")
@@ -61,10 +79,10 @@ def page(nonce: str) -> str:
 
 
 def routes(explorer: Explorer) -> dict[str, Callable[[Any], Answer]]:
-    """What the page may post, by route."""
+    """Return the functions that answer posts of the page, by route."""
 
     def with_values(work: Callable[[dict[str, float]], Answer]) -> Callable[[Any], Answer]:
-        return lambda content: work(read_values(explorer.sliders, content))
+        return lambda content: work(slider_values(explorer.sliders, content))
 
     def sensitivities(values):
         if not explorer.is_ready:
@@ -84,7 +102,7 @@ def routes(explorer: Explorer) -> dict[str, Callable[[Any], Answer]]:
 
 
 def _start(explorer: Explorer) -> dict[str, Any]:
-    """What the page must know once."""
+    """Return the constants of the page."""
     measured = explorer.measured
     points = None
     if measured is not None:
@@ -119,7 +137,7 @@ def _json(content: Any) -> Answer:
 
 
 def _plain(value: Any) -> Any:
-    """What JSON can hold: lists for arrays, null for what is no finite number."""
+    """Convert to JSON types: lists for arrays, null for numbers that are not finite."""
     if isinstance(value, dict):
         return {name: _plain(x) for name, x in value.items()}
     if isinstance(value, list | tuple):
@@ -132,3 +150,85 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+def scene_download(explorer: Explorer, values: Values) -> Download:
+    """Return the scene at the sliders' values: a TOML file, or an archive if the scene has tables."""
+    texts = _scene(explorer, values)
+    if len(texts) == 1:
+        return Download(SCENE, "application/toml", texts[SCENE].encode())
+    return _archive({name: text.encode() for name, text in texts.items()})
+
+
+def fit_download(explorer: Explorer, values: Values) -> Download:
+    """Return a job of `rubberfric-fit` that begins at the sliders' values and frees the moved ones.
+
+    Raises
+    ------
+    ValueError : there are no measured points, or no number of the scene was moved.
+    """
+    measured = explorer.measured
+    if measured is None:
+        raise ValueError("no measured points: the command must be given some, --data FILE")
+    table = f"data{measured.path.suffix}"
+    job = job_text(explorer, values, measured, table)
+    files = {JOB: job.encode()} | {n: text.encode() for n, text in _scene(explorer, values).items()}
+    return _archive(files | {table: measured.content})
+
+
+def job_text(explorer: Explorer, values: Values, measured: Measured, table: str) -> str:
+    """Return the text of the job of `fit_download`."""
+    away = [one for one in explorer.sliders if one.targets and values[one.name] != one.start]
+    rules = dict(pair for one in away for pair in _rules(one, values[one.name]))
+    if not rules:
+        raise ValueError("no number of the scene was moved that a fit can have free: move one")
+    # A free array cannot have free elements as well.
+    rules = {
+        path: rule for path, rule in rules.items() if path.partition("[")[0] not in rules or "[" not in path
+    }
+    lines = [
+        f"# Unpacked beside this file: {COMMAND}",
+        f'scene = "{SCENE}"',
+        "",
+        "[[data]]",
+        f'file = "{table}"',
+    ]
+    if measured.pressure is None:
+        lines.append(f"pressure = {values['pressure']!r}  # Pa")
+    if measured.temperature is None and "temperature" in values:
+        lines.append(f"temperature = {values['temperature']!r}  # K")
+    lines += ["", "[free]", *(f'"{path}" = {rule}' for path, rule in rules.items())]
+    left = [one.name for one in away if not one.free]
+    lines += [f"# {name}: was moved, but is not a number that a fit can have free" for name in left]
+    return "\n".join(lines) + "\n"
+
+
+def _rules(slider: Slider, value: float) -> list[tuple[str, str]]:
+    """Return (key path, rule) of each free parameter of a slider."""
+    rule = '"positive"'
+    if slider.unit == "rad":
+        rule = '{ rule = "free", scale = 0.1 }'
+    elif not slider.logarithmic:
+        low, high = slider.low, slider.high
+        rule = f'{{ rule = "bounded", low = {low!r}, high = {high!r}'
+        # A fit cannot begin at a bound.
+        least = _INSIDE * (high - low)
+        start = min(max(value, low + least), high - least)
+        rule += " }" if start == value else f", start = {start!r} }}"
+    return [(path, rule) for path in slider.free]
+
+
+def _scene(explorer: Explorer, values: Values) -> dict[str, str]:
+    """Return the texts of the scene file and its tables by name."""
+    scene = explorer.moved(values)
+    given = {name: np.array([x]) for name, x in values.items() if name in ("pressure", "temperature")}
+    return scene_texts(scene, explorer.conditions._replace(**given), explorer.title, name=SCENE)
+
+
+def _archive(files: Mapping[str, bytes]) -> Download:
+    """Return a ZIP archive with files in a folder."""
+    content = io.BytesIO()
+    with zipfile.ZipFile(content, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, text in files.items():
+            archive.writestr(f"{FOLDER}/{name}", text)
+    return Download(f"{FOLDER}.zip", "application/zip", content.getvalue())

@@ -17,7 +17,7 @@ import numpy as np
 
 from rubberfric.analysis.jacobian import value_and_jacobian
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.commands.explorer.points import Measured, curves_of
+from rubberfric.commands.explorer.points import Measured, group_points
 from rubberfric.commands.explorer.sliders import changes, moved, sliders_of, with_cutoffs
 from rubberfric.io.results import Conditions, check_conditions
 from rubberfric.materials.material import Material, complex_modulus
@@ -69,7 +69,7 @@ class Explorer:
             self.scene, conditions.pressure, margin=0.0 if adheres else math.inf
         )
         self.quantities = quantities_of(self.scene)
-        self.curves_of_points = [] if measured is None else curves_of(measured)
+        self.curves_of_points = [] if measured is None else group_points(measured)
         rubs = dissipates(self.scene) or self.scene.shear is not None
         self.sensitive = "friction" if rubs else "area"
         self.omega = {name: _frequencies(part) for name, part in _materials(self.scene).items()}

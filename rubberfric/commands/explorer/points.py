@@ -12,7 +12,7 @@ from rubberfric.io.tables import read_table
 from rubberfric.scene.scene import Scene, takes_temperature
 
 # Points and curves that a page has room and time for.
-MOST, MOST_CURVES = 2000, 12
+MOST_POINTS, MOST_CURVES = 2000, 12
 
 
 class Measured(NamedTuple):
@@ -44,8 +44,8 @@ def read_points(path: StrPath, scene: Scene, conditions: Conditions) -> Measured
     """
     optional = ("p", "T", "sigma", "relative_sigma")
     table = read_table(path, ("v", "mu"), optional, increasing=False)
-    if table["v"].size > MOST:
-        raise ValueError(f"{path}: has {table['v'].size} points: must have at most {MOST}")
+    if table["v"].size > MOST_POINTS:
+        raise ValueError(f"{path}: has {table['v'].size} points: must have at most {MOST_POINTS}")
     if np.any(table["v"] <= 0):
         raise ValueError(f"{path}: v = {shown(table['v'].min())}: must be > 0, for the axis is logarithmic")
     p, T = table.get("p"), table.get("T")
@@ -66,7 +66,7 @@ def read_points(path: StrPath, scene: Scene, conditions: Conditions) -> Measured
     return Measured(as_path(path), table["v"], table["mu"], error, p, T, as_path(path).read_bytes())
 
 
-def curves_of(measured: Measured) -> list[Curve]:
+def group_points(measured: Measured) -> list[Curve]:
     """The points in sets of one pressure and temperature, to 1 % and 1 K; the largest sets if many."""
     size = measured.velocity.size
     p = np.zeros(size) if measured.pressure is None else np.round(np.log(measured.pressure) / 0.01)

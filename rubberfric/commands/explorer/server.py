@@ -20,7 +20,7 @@ from rubberfric.base.checks import shown
 
 ADDRESS = "127.0.0.1"
 # Bytes that a request may have, seconds that it may take to arrive, and requests that may be under way.
-LARGEST, PATIENCE, MOST = 2**14, 10.0, 32
+LARGEST_REQUEST, REQUEST_TIMEOUT, MOST_REQUESTS = 2**14, 10.0, 32
 
 _HEADERS = {
     "Cache-Control": "no-store",
@@ -64,7 +64,7 @@ class Server(ThreadingHTTPServer):
     """
 
     daemon_threads = True
-    request_queue_size = MOST
+    request_queue_size = MOST_REQUESTS
 
     def __init__(
         self, port: int, page: Callable[[str], str], routes: dict[str, Callable[[Any], Answer]]
@@ -74,7 +74,7 @@ class Server(ThreadingHTTPServer):
         self.token = secrets.token_urlsafe(32)
         self._entrance = [secrets.token_urlsafe(32)]
         self.turn = threading.Lock()
-        self._room = threading.BoundedSemaphore(MOST)
+        self._room = threading.BoundedSemaphore(MOST_REQUESTS)
 
     @property
     def hosts(self) -> tuple[str, str]:
@@ -121,7 +121,7 @@ class Handler(BaseHTTPRequestHandler):
     """One request."""
 
     server: Server  # pyright: ignore[reportIncompatibleVariableOverride]
-    timeout = PATIENCE
+    timeout = REQUEST_TIMEOUT
     server_version, sys_version = "rubberfric", ""
 
     def do_GET(self) -> None:
@@ -212,8 +212,8 @@ class Handler(BaseHTTPRequestHandler):
         text = self._only("Content-Length") or ""
         if self.headers.get("Transfer-Encoding") is not None or not (text.isascii() and text.isdigit()):
             raise Refused(HTTPStatus.LENGTH_REQUIRED, "Content-Length: must be given")
-        if len(text) > len(str(LARGEST)) or int(text) > LARGEST:
-            raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"must have at most {LARGEST} bytes")
+        if len(text) > len(str(LARGEST_REQUEST)) or int(text) > LARGEST_REQUEST:
+            raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"must have at most {LARGEST_REQUEST} bytes")
         return self.rfile.read(int(text))
 
 

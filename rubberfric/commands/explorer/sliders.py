@@ -80,7 +80,7 @@ def with_cutoffs(scene: Scene) -> Scene:
     return scene.replace(changes) if changes else scene
 
 
-def read_values(sliders: Sequence[Slider], given: Any) -> dict[str, float]:
+def slider_values(sliders: Sequence[Slider], given: Any) -> dict[str, float]:
     """The value of every slider, given those that are not where they start.
 
     Raises

@@ -31,8 +31,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from rubberfric.base.fixed_points.anderson import implicit
-from rubberfric.base.fixed_points.secant import first, zero
+from rubberfric.base.fixed_points import first, implicit, zero
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
 from rubberfric.theory.area.partial_contact import (

@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.base.fixed_points.anderson import Inverse, fixed_point, implicit
+from rubberfric.base.fixed_points import Inverse, fixed_point, implicit
 from rubberfric.base.quadrature import Quadrature, typed
 from rubberfric.scene.heating import diffusivity
 from rubberfric.theory.contact import Roughness

@@ -35,9 +35,9 @@ from rubberfric.analysis.reference import (
 )
 from rubberfric.analysis.reference import reference as reference_of
 from rubberfric.analysis.sweep import Accuracy, Row, with_automatic
+from rubberfric.base.progress import command_progress
 from rubberfric.commands import accuracy as accuracy_command
 from rubberfric.commands import main as command
-from rubberfric.commands.phases import progress
 from rubberfric.io.results import Conditions
 from rubberfric.plot import plot_accuracy
 
@@ -448,7 +448,7 @@ def test_progress_is_one_line_on_a_terminal(monkeypatch):
 
     for stream, shown in ((Terminal(), "\r\033[Kreference\r\033[Ka row\n\r\033[K"), (io.StringIO(), "")):
         monkeypatch.setattr(sys, "stderr", stream)
-        with progress() as tell:
+        with command_progress() as tell:
             tell("reference")
             tell.line("a row")
         assert stream.getvalue() == shown

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from support.folders import ROOT
 
-from rubberfric.base.process import compilation_cache as module
+from rubberfric.base import compilation as module
 
 # A curve and its gradient, to the last bit, and how many programs came from the folder.
 PROGRAM = """
@@ -108,7 +108,7 @@ def test_a_folder_that_others_may_write_to_is_not_used(tmp_path):
 
 def test_the_oldest_folders_go_first(tmp_path, monkeypatch):
     """Whole folders: how JAX names what is in them is its own affair."""
-    monkeypatch.setattr(module, "LARGEST", 1000)
+    monkeypatch.setattr(module, "LARGEST_CACHE", 1000)
     folders = [tmp_path / f"jaxlib-{i}" for i in range(3)]
     for i, folder in enumerate(folders):
         folder.mkdir()
@@ -125,7 +125,7 @@ def test_the_oldest_folders_go_first(tmp_path, monkeypatch):
 SETTINGS = """
 import os, warnings
 import rubberfric as rf
-from rubberfric.base.process import compilation_cache
+from rubberfric.base import compilation
 import jax  # which sets a log level itself
 level = os.environ.get("TF_CPP_MIN_LOG_LEVEL")
 filters = list(warnings.filters)

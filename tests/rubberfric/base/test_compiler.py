@@ -3,16 +3,16 @@
 import jax
 import pytest
 
-from rubberfric.base.process import compiler
-from rubberfric.base.process.compiler import quick_jit, quick_options
+from rubberfric.base import compilation
+from rubberfric.base.compilation import quick_jit, quick_options
 
 
 @pytest.fixture
 def asked_for_anew(monkeypatch):
     monkeypatch.delenv("XLA_FLAGS", raising=False)
-    compiler._are_known.cache_clear()
+    compilation._are_known.cache_clear()
     yield
-    compiler._are_known.cache_clear()
+    compilation._are_known.cache_clear()
 
 
 @pytest.mark.skipif(jax.default_backend() != "cpu", reason="options of the compiler for processors")

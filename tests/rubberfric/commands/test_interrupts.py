@@ -50,7 +50,7 @@ def launch(tiling, task, batch):
         {BUSY}
     v, p, T = batches.points(task.conditions, batch)
     return {{"area": p[:, None] * v * T, "friction": p[:, None] * v / T}}
-batches.fitted, batches.launch, batches.BLOCK["cpu"] = lambda tiling, task: tiling, launch, 1024
+batches.fitted, batches.launch, batches.BATCH["cpu"] = lambda tiling, task: tiling, launch, 1024
 sys.exit(command.main())
 """
 FITTING = f"""

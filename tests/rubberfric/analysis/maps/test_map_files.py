@@ -226,7 +226,7 @@ def test_batches_are_every_point_once_and_in_bounds(pairs, pressures, block):
         if pairs * -(-pressures // tiling.columns) > 5000 * tiling.batch:
             continue
         while tiling is not None:
-            assert tiling.batch * tiling.columns <= (block or batches.BLOCK["cpu"])
+            assert tiling.batch * tiling.columns <= (block or batches.BATCH["cpu"])
             done = points = 0
             for batch in batches.batches(tiling):
                 assert 0 < batch.stop - batch.first <= tiling.batch

@@ -8,8 +8,8 @@ from support.folders import DATA
 
 import rubberfric as rf
 from rubberfric.commands.explorer.curves import BESIDE, EVERY, POINTS, Explorer
-from rubberfric.commands.explorer.points import curves_of, read_points
-from rubberfric.commands.explorer.sliders import read_values
+from rubberfric.commands.explorer.points import group_points, read_points
+from rubberfric.commands.explorer.sliders import slider_values
 from rubberfric.io.files import read_computable
 from rubberfric.io.results import Conditions
 
@@ -57,7 +57,7 @@ def moved_by_hand(scene):
 
 
 def test_values_are_those_of_solve(twin):
-    found = twin.curves(read_values(twin.sliders, MOVED))
+    found = twin.curves(slider_values(twin.sliders, MOVED))
     scene = moved_by_hand(rf.load_scene(DATA / "twin_truth.toml"))
     v = np.geomspace(1e-6, 10.0, POINTS)
     names = ("area", "friction", "separation", "viscoelastic_friction", "shear_friction")
@@ -87,7 +87,7 @@ def test_values_are_those_of_solve(twin):
 
 
 def test_at_the_truth_the_misfit_is_the_noise(twin):
-    found = twin.curves(read_values(twin.sliders, {}))
+    found = twin.curves(slider_values(twin.sliders, {}))
     assert 0.025 < found["misfit"] < 0.035
 
 
@@ -113,7 +113,7 @@ def assert_sensitivities(explorer, names, values, tolerance=1e-6):
 
 
 def test_sensitivities_are_differences(twin):
-    values = read_values(twin.sliders, MOVED)
+    values = slider_values(twin.sliders, MOVED)
     names = ["pressure", "temperature", "lower.spectrum.q1", "upper.material.moduli", "upper.material.E[2]"]
     assert_sensitivities(twin, [*names, "upper.material.frequencies", "shear.v0"], values)
 
@@ -124,7 +124,7 @@ def test_tables():
     moved = {"moduli": 2.0, "frequencies": 10.0}
     moved = {f"{RUBBER}.{name}": x for name, x in moved.items()}
     moved |= {"lower.spectrum.heights": 1.5, "lower.spectrum.q1": 1e4, "temperature": 300.0}
-    found = explorer.curves(read_values(explorer.sliders, moved))
+    found = explorer.curves(slider_values(explorer.sliders, moved))
     scene = rf.load_scene(DATA / "tabulated_tread.toml")
     rubber, road = scene.upper.material, scene.lower.spectrum
     rubber = rubber.replace(omega=10 * rubber.omega, storage=2 * rubber.storage, loss=2 * rubber.loss)
@@ -140,7 +140,7 @@ def test_curves_over_pressure_where_there_is_no_velocity(monkeypatch):
     explorer = Explorer(scene, conditions)
     assert explorer.axis == "pressure" and explorer.sensitive == "area"
     assert "pressure" not in {one.name for one in explorer.sliders}
-    values = read_values(explorer.sliders, {"upper.material.young": 2e7})
+    values = slider_values(explorer.sliders, {"upper.material.young": 2e7})
     harder = scene.replace("upper.material.young", 2e7)
     expected = rf.contact_area(harder, 0.0, np.geomspace(1e4, 1e6, POINTS), quadrature=explorer.quadrature)
     np.testing.assert_allclose(explorer.curves(values)["curves"]["area"], expected, rtol=1e-12)
@@ -160,9 +160,9 @@ def test_points_without_pressure_are_where_the_slider_is(tmp_path):
     path.write_text("v,mu\nm/s,-\n1e-3,0.5\n1e-2,0.6\n")
     scene, conditions, _ = read_computable(DATA / "twin_truth.toml")
     measured = read_points(path, scene, conditions)
-    assert [curve[:2] for curve in curves_of(measured)] == [(None, None)]
+    assert [curve[:2] for curve in group_points(measured)] == [(None, None)]
     explorer = Explorer(scene, conditions, "", measured)
-    found = explorer.curves(read_values(explorer.sliders, {"pressure": 4e5}))
+    found = explorer.curves(slider_values(explorer.sliders, {"pressure": 4e5}))
     np.testing.assert_allclose(found["beside"][0], found["curves"]["friction"][::BESIDE], rtol=1e-12)
 
 

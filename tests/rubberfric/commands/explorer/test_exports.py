@@ -11,10 +11,10 @@ from support.folders import DATA
 import fitting
 import rubberfric as rf
 from fitting.commands.job import read_job
+from rubberfric.commands.explorer.command import COMMAND, fit_download, scene_download
 from rubberfric.commands.explorer.curves import Explorer
-from rubberfric.commands.explorer.exports import COMMAND, fit_download, scene_download
 from rubberfric.commands.explorer.points import read_points
-from rubberfric.commands.explorer.sliders import read_values
+from rubberfric.commands.explorer.sliders import slider_values
 from rubberfric.io.files import read_computable
 
 
@@ -46,7 +46,7 @@ def test_scene_without_tables(tmp_path):
         "temperature": 310.0,
         "upper.material.moduli": 2.0,
     }
-    values = read_values(explorer.sliders, moved)
+    values = slider_values(explorer.sliders, moved)
     found = scene_download(explorer, values)
     assert (found.name, found.kind) == ("scene.toml", "application/toml")
     (tmp_path / "scene.toml").write_bytes(found.content)
@@ -58,7 +58,7 @@ def test_scene_without_tables(tmp_path):
 
 def test_scene_with_tables(tmp_path):
     explorer = explorer_of("tabulated_tread")
-    values = read_values(explorer.sliders, {"upper.material.moduli": 2.0})
+    values = slider_values(explorer.sliders, {"upper.material.moduli": 2.0})
     names = unpacked(scene_download(explorer, values), tmp_path)
     assert names[0] == "explored/scene.toml" and len(names) == 4
     assert all(name.startswith("explored/") and ".." not in name for name in names)
@@ -75,7 +75,7 @@ def test_a_job_begins_where_the_sliders_are(tmp_path):
         "shear.tau_f0": 5e6,
         "pressure": 2e5,
     }
-    values = read_values(explorer.sliders, moved)
+    values = slider_values(explorer.sliders, moved)
     names = unpacked(fit_download(explorer, values), tmp_path)
     assert names == [f"explored/{name}" for name in ("job.toml", "scene.toml", "data.csv")]
     assert COMMAND == "rubberfric-fit explored/job.toml"
@@ -100,7 +100,7 @@ def test_a_job_begins_where_the_sliders_are(tmp_path):
 def test_a_whole_series_is_free_as_a_whole(tmp_path):
     explorer = explorer_of("twin_guess", DATA / "twin_friction.csv")
     moved = {"upper.material.moduli": 2.0, "upper.material.E[3]": 1.5, "upper.material.E_inf": 4e6}
-    unpacked(fit_download(explorer, read_values(explorer.sliders, moved)), tmp_path)
+    unpacked(fit_download(explorer, slider_values(explorer.sliders, moved)), tmp_path)
     job = read_job(tmp_path / "explored" / "job.toml")
     assert job.free == dict.fromkeys(["upper.material.E_inf", "upper.material.E"], fitting.Positive())
 
@@ -109,7 +109,7 @@ def test_what_the_points_lack_is_where_the_sliders_are(tmp_path):
     table = tmp_path / "points.txt"
     table.write_text("v,mu\nm/s,-\n1e-3,0.5\n1e-2,0.6\n1e-1,0.7\n")
     explorer = explorer_of("twin_guess", table)
-    values = read_values(explorer.sliders, {"pressure": 2e5, "temperature": 300.0, "gamma": 0.4})
+    values = slider_values(explorer.sliders, {"pressure": 2e5, "temperature": 300.0, "gamma": 0.4})
     table.unlink()  # which was read once, when the command began
     unpacked(fit_download(explorer, values), tmp_path)
     job = read_job(tmp_path / "explored" / "job.toml")
@@ -122,10 +122,10 @@ def test_what_the_points_lack_is_where_the_sliders_are(tmp_path):
 
 def test_no_job_without_points_or_moved_numbers():
     explorer = explorer_of("twin_guess")
-    values = read_values(explorer.sliders, {"gamma": 0.4})
+    values = slider_values(explorer.sliders, {"gamma": 0.4})
     with pytest.raises(ValueError, match="no measured points: the command must be given some, --data FILE"):
         fit_download(explorer, values)
     explorer = explorer_of("twin_guess", DATA / "twin_friction.csv")
     for moved in ({}, {"pressure": 2e5}, {"upper.material.frequencies": 2.0}):
         with pytest.raises(ValueError, match="no number of the scene was moved that a fit can have free"):
-            fit_download(explorer, read_values(explorer.sliders, moved))
+            fit_download(explorer, slider_values(explorer.sliders, moved))

@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from rubberfric.commands.explorer.server import LARGEST, Answer, Server
+from rubberfric.commands.explorer.server import LARGEST_REQUEST, Answer, Server
 
 PAGE = "<script nonce={}></script>"
 LEAST = {"Content-Type": "application/json"}
@@ -192,7 +192,7 @@ def test_methods(server, ask):
         ({"Content_Length": ["9", "9"]}, 411),
         ({"Content_Length": "²"}, 411),
         ({"Transfer_Encoding": "chunked"}, 411),
-        ({"Content_Length": str(LARGEST + 1)}, 413),
+        ({"Content_Length": str(LARGEST_REQUEST + 1)}, 413),
         ({"Content_Length": "9" * 5000}, 413),
     ],
 )

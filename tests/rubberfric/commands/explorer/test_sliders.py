@@ -9,7 +9,7 @@ from support.folders import DATA
 from support.scenes.examples import examples
 
 import rubberfric as rf
-from rubberfric.commands.explorer.sliders import Slider, moved, read_values, sliders_of, with_cutoffs
+from rubberfric.commands.explorer.sliders import Slider, moved, slider_values, sliders_of, with_cutoffs
 from rubberfric.io.files import read_computable
 
 SCENES = sorted(path.stem for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
@@ -59,7 +59,7 @@ def test_decades_have_their_terms():
     found = {one.name: one for one in sliders_of(scene, conditions)}
     assert [name for name in found if "[" in name] == [f"upper.material.E[{i}]" for i in ("0,2", "1", "3")]
     assert found["upper.material.E[0,2]"].free == ("upper.material.E[0]", "upper.material.E[2]")
-    values = read_values(list(found.values()), {"upper.material.E[0,2]": 2.0, "upper.material.moduli": 3.0})
+    values = slider_values(list(found.values()), {"upper.material.E[0,2]": 2.0, "upper.material.moduli": 3.0})
     rubber = moved(scene, list(found.values()), values).upper.material
     np.testing.assert_allclose(rubber.E, [6.0, 6.0, 18.0, 12.0], rtol=1e-15)
     assert rubber.E_inf == 3e6
@@ -73,9 +73,9 @@ def test_ends_of_every_slider_can_be_had(name):
     for one in everything:
         assert one.low <= one.start <= one.high and one.low < one.high
         for end in (one.low, one.high):
-            values = read_values(everything, {one.name: end})
+            values = slider_values(everything, {one.name: end})
             assert isinstance(moved(scene, everything, values), rf.Scene)
-    start = moved(scene, everything, read_values(everything, {}))
+    start = moved(scene, everything, slider_values(everything, {}))
     assert start is scene
 
 
@@ -121,9 +121,9 @@ GOOD = Slider("E", "upper", "E", "Pa", 2.0, 1.0, 4.0, True)
 )
 def test_what_is_no_value(given, message):
     with pytest.raises(ValueError, match=message):
-        read_values([GOOD], given)
+        slider_values([GOOD], given)
 
 
 def test_values():
-    assert read_values([GOOD], {}) == {"E": 2.0}
-    assert read_values([GOOD], {"E": 4}) == {"E": 4.0}
+    assert slider_values([GOOD], {}) == {"E": 2.0}
+    assert slider_values([GOOD], {"E": 4}) == {"E": 4.0}

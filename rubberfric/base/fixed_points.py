@@ -1,4 +1,4 @@
-r"""Fixed points y = f(y) of many independent points at once, with implicit derivatives.
+r"""Fixed points y = f(y) of many independent points with implicit derivatives, and zeros of scalar functions.
 
 Anderson's method: the next iterate is the combination of the last few whose residual is least,
 
@@ -7,7 +7,8 @@ Anderson's method: the next iterate is the combination of the last few whose res
 
 [Walker & Ni, SIAM J. Numer. Anal. 49 (2011) 1715], M the identity or an approximate inverse of 1 - f'.
 On a linear f it is GMRES, so that the same iteration solves the linear systems of the derivatives,
-(1 - f') dy = df and its transpose.
+(1 - f') dy = df and its transpose. `first` and `zero` find the first zero of a function of one number by
+even steps, then by secants within a bracket.
 """
 
 import functools
@@ -22,6 +23,9 @@ _HISTORY, _MOST_STEPS = 7, 80
 # Residual over the largest element of a row at which a step is the last: it divides the residual by ten
 # and more, which leaves friction 1e-12 off; and the same for the linear systems of the derivatives.
 _TOLERANCE, _LINEAR_TOLERANCE = 1e-7, 1e-9
+
+# Secant steps at most, and the slope above which the last secant step is not verified by another evaluation.
+_MOST_SECANTS, _STEEP = 60, 0.1
 
 
 class Inverse(NamedTuple):
@@ -45,7 +49,7 @@ def fixed_point(
     inverse: Inverse | None = None,
     tolerance: float | None = None,
 ) -> tuple[jax.Array, jax.Array]:
-    """Fixed point next to a start value, and whether it was reached; no derivatives.
+    """Iterate to a fixed point near a start value; the result carries no derivatives.
 
     Parameters
     ----------
@@ -71,13 +75,13 @@ def implicit(
     inverse: Inverse | None = None,
     tolerance: float | None = None,
 ) -> jax.Array:
-    """A known fixed point, with the derivatives that follow from it: (1 - f') dy = df.
+    """Return a known fixed point with its implicit derivatives, (1 - f') dy = df.
 
     Parameters
     ----------
-    function, inverse : as of `fixed_point`; `inverse` and what it was made from carry no derivatives
-    solution : shape (points, n), without derivatives; where it is no fixed point, nor are they
-    tolerance : of the linear system, as of `fixed_point`; None: 1e-9; of one number each it is exact
+    function, inverse : as in `fixed_point`; `inverse` carries no derivatives
+    solution : shape (points, n), without derivatives. Derivatives are wrong where it is no fixed point
+    tolerance : of the linear system, as in `fixed_point`; None: 1e-9. For n = 1 the solution is exact
     """
     goal = _LINEAR_TOLERANCE if tolerance is None else tolerance
     solve = functools.partial(_tangent_solve, inverse, goal)
@@ -90,16 +94,17 @@ def linear_fixed_point(
     also: jax.Array,
     inverse: Inverse | None = None,
 ) -> jax.Array:
-    """What a function of dy says at the zero of a residual f' dy + df - dy; no derivatives.
+    """Return the second result of a linear function where its first, f' dy + df - dy, is zero.
 
-    As `implicit` gives derivatives, where f and what follows from it are one function, derived once.
+    It carries no derivatives. The linear system is that of `implicit`; here f and a quantity that depends on
+    it are one function, which is differentiated once.
 
     Parameters
     ----------
-    residual : linear function of dy, shape (points, n), to that residual and what follows, of shape (points,)
-    start : dy to begin with, shape (points, n)
-    also : zeros of what follows, shape (points,)
-    inverse : as of `fixed_point`
+    residual : linear function of dy, shape (points, n), to (residual, second result of shape (points,))
+    start : initial dy, shape (points, n)
+    also : zeros of the second result, shape (points,)
+    inverse : as in `fixed_point`
     """
     found = _iterate(residual, start, _LINEAR_TOLERANCE, inverse, also)[2]
     assert found is not None
@@ -107,10 +112,10 @@ def linear_fixed_point(
 
 
 def _tangent_solve(inverse, tolerance, linear, right):
-    """Y of linear(y) = right, linear the derivative of f(y) - y."""
+    """Solve linear(y) = right, where linear is the derivative of f(y) - y."""
 
     def solve(inverse, product, right):
-        if right.shape[-1] == 1:  # of one number each it is a division
+        if right.shape[-1] == 1:  # scalar systems need a division only
             return right / product(jnp.ones_like(right))
         start = jnp.zeros_like(right)
         return _iterate(lambda y: product(y) - right, start, tolerance, inverse)[0]
@@ -235,3 +240,92 @@ def anderson(
     )
     k, y, *_, done, also = jax.lax.while_loop(going, step, begin)
     return y, done, also, k
+
+
+class Near(NamedTuple):
+    """An initial guess of a zero with a bracket that may fail."""
+
+    start: jax.Array
+    low: jax.Array
+    high: jax.Array
+    slope: jax.Array  # estimate of the function's slope at the zero
+
+
+def first(function: Callable[[jax.Array], jax.Array], top: jax.Array, tried: int) -> Near:
+    """Bracket the first zero of a function between 0 and top by even steps.
+
+    Parameters
+    ----------
+    function : of a number, below 0 at 0
+    top : end of the range, which is returned if the function is below 0 throughout
+    tried : number of nodes, including both ends
+    """
+    step = top / (tried - 1)
+
+    def going(progress):
+        k, _, high = progress
+        return (k < tried - 1) & (high <= 0) & (top > 0)
+
+    def further(progress):
+        k, _, low = progress
+        return k + 1, low, function(step * (k + 1))
+
+    begin = function(jnp.zeros_like(top))
+    k, low, high = jax.lax.while_loop(going, further, (0, begin, begin))
+    none, rise = high <= 0, high - low
+    share = jnp.where(rise > 0, -low / jnp.where(rise > 0, rise, 1.0), 0.5)
+    slope = jnp.where(rise > 0, rise / jnp.where(step > 0, step, 1.0), 1.0)
+    start = step * (k - 1 + jnp.clip(share, 0.0, 1.0))
+    start, low, high = (jnp.where(none, top, x) for x in (start, step * (k - 1), step * k))
+    return Near(start, low, high, slope)
+
+
+def zero(
+    function: Callable[[jax.Array], jax.Array], near: Near, top: jax.Array
+) -> tuple[jax.Array, jax.Array, Near]:
+    """Find the zero of a function between 0 and top by secants in a bracket; it carries no derivatives.
+
+    Parameters
+    ----------
+    function : of a number, below 0 at 0. Where it is below 0 at top, top is returned as not found
+    near : initial guess and bracket
+    top : end of the range
+
+    Returns
+    -------
+    (zero, whether it was found, initial guess for a similar function)
+
+    Limits: the function's absolute value is at most 1e-11 there (float32: 1e-5).
+    """
+    start, low, high, slope = near
+    tolerance = 1e-5 if start.dtype != jnp.float64 else 1e-11
+    no = jnp.zeros_like(start, bool)
+
+    def step(progress):
+        k, z, low, high, below, above, before, value_before, slope, *_ = progress
+        value = function(z)
+        here, short = jnp.abs(value) <= tolerance, value < 0
+        # If the bracket failed, the zero lies beyond its end.
+        high = jnp.where(short & (z >= high), top, jnp.where(short, high, z))
+        low = jnp.where(~short & (z <= low), 0.0, jnp.where(short, z, low))
+        below, above = below | short, above | ~short
+        moved = z != before
+        slope = jnp.where(moved, (value - value_before) / jnp.where(moved, z - before, 1.0), slope)
+        further = z - value / jnp.where(slope > 0, slope, 1.0)
+        inside = (slope > 0) & (further > low) & (further < high)
+        outside = jnp.where(
+            short, jnp.where(above, 0.5 * (z + high), high), jnp.where(below, 0.5 * (low + z), low)
+        )
+        following = jnp.where(inside, further, outside)
+        # A secant leaves the product of the last two errors, times a curvature over the slope.
+        there = moved & inside & (slope > _STEEP) & (jnp.abs((further - z) * (z - before)) <= 0.1 * tolerance)
+        following = jnp.where(here | (short & (z >= top)), z, following)
+        found = here | there
+        return k + 1, following, low, high, below, above, z, value, slope, found, found | (short & (z >= top))
+
+    def going(progress):
+        return (progress[0] < _MOST_SECANTS) & ~progress[-1]
+
+    begin = 0, start, low, high, no, no, start, jnp.zeros_like(start), slope, no, no
+    _, z, *_, slope, found, _ = jax.lax.while_loop(going, step, begin)
+    return z, found, Near(z, near.low, near.high, slope)

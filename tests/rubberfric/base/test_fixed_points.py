@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy
 
-from rubberfric.base.fixed_points.anderson import fixed_point, implicit
+from rubberfric.base.fixed_points import fixed_point, implicit
 
 A = np.array([1e-12, 0.3, 1.0, 30.0, 1e6])
 MATRIX = np.array([[0.5, 0.3, 0.0], [-0.2, 0.1, 0.6], [0.1, 0.0, -0.7]])

@@ -1,0 +1,191 @@
+"""The persistent compilation cache, and XLA options for functions that are compiled to run once.
+
+The cache is JAX's [https://docs.jax.dev/en/latest/persistent_compilation_cache.html]. Each version of jaxlib
+and each processor has a folder of its own, because another one could crash on its entries; their total size
+is limited. JAX is imported by the first call.
+"""
+
+import contextlib
+import functools
+import hashlib
+import os
+import platform
+import shutil
+import stat
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any, ParamSpec, TypeVar
+
+from rubberfric.base.atomic import StrPath, as_path
+
+_Given = ParamSpec("_Given")
+_Found = TypeVar("_Found")
+
+# Total size in bytes above which the oldest folders are removed; the entries of a fit have some 2 MB.
+LARGEST_CACHE = 2**30
+
+
+def compilation_cache(folder: StrPath | None = None) -> Path | None:
+    """Keep compiled functions in a folder, from which other processes load them.
+
+    ::
+
+        import rubberfric as rf
+
+        rf.compilation_cache()  # first, before anything is computed
+
+    An entry serves the same scene structure, shapes, quadrature, JAX, XLA flags and processor. Its results
+    are bit-identical. The commands use the cache unless --no-cache is given;
+    JAX_ENABLE_COMPILATION_CACHE=false in the environment switches it off everywhere.
+
+    Parameters
+    ----------
+    folder : the cache folder. None: JAX_COMPILATION_CACHE_DIR, or a folder for this jaxlib version and
+        processor in the user's cache folder (XDG_CACHE_HOME, else ~/.cache; ~/Library/Caches,
+        %LOCALAPPDATA%). If all such folders together exceed 1 GiB, the oldest are removed.
+
+    Returns
+    -------
+    The folder. None if it cannot be written to, or if others may write to it, because its entries are
+    executed.
+
+    Notes
+    -----
+    On processors with AVX-512, jax 0.10 logs two lines for each function that it loads
+    (``+prefer-no-gather is not supported``). They are harmless: they name preferences of its compiler, not
+    instructions [https://github.com/jax-ml/jax/issues/38445]. TF_CPP_MIN_LOG_LEVEL=3 in the environment hides
+    them; the commands set it. Some versions of JAX compile again instead; `rubberfric doctor` reports this.
+    If a killed process or a full disk left an entry incomplete, every process compiles it again, and JAX
+    warns.
+    """
+    import jax
+
+    config: Any = jax.config  # its options are unknown to type checkers
+    if not config.jax_enable_compilation_cache:
+        return None
+    given = config.jax_compilation_cache_dir if folder is None else as_path(folder)
+    place = Path(given) if given else default_folder()
+    try:
+        if given is None:
+            _remove_oldest(place.parent)
+        place.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if given is None and not _is_own(place):
+            return None
+    except OSError:
+        return None
+    if not os.access(place, os.W_OK):
+        return None
+    # A curve consists of ten small functions; JAX would keep only those that compile for a second.
+    for name, value in (
+        ("jax_persistent_cache_min_compile_time_secs", 0.0),
+        ("jax_persistent_cache_min_entry_size_bytes", -1),
+    ):
+        if name.upper() not in os.environ:
+            config.update(name, value)
+    config.update("jax_compilation_cache_dir", str(place))
+    return place
+
+
+def default_folder() -> Path:
+    """Return the cache folder for this jaxlib version and this processor."""
+    from jaxlib.version import __version__ as version
+
+    home = os.environ.get("XDG_CACHE_HOME", "")
+    if not os.path.isabs(home):  # as the XDG specification says
+        if sys.platform == "win32":
+            home = os.environ.get("LOCALAPPDATA") or "~/AppData/Local"
+        else:
+            home = "~/Library/Caches" if sys.platform == "darwin" else "~/.cache"
+    digest = hashlib.sha256(_processor().encode()).hexdigest()[:8]
+    return Path(home).expanduser() / "rubberfric" / f"jaxlib-{version}-{digest}"
+
+
+def _processor() -> str:
+    """Return the processor's name and instruction sets, as far as the system reports them."""
+    lines = [platform.machine()]
+    with contextlib.suppress(OSError), open("/proc/cpuinfo", encoding="utf-8") as file:
+        for line in file:
+            if not line.strip():  # end of the first core
+                break
+            if line.startswith(("model name", "flags", "Features")):
+                lines.append(line)
+    return "".join(lines)
+
+
+def _is_own(folder: Path) -> bool:
+    """Return True if only this user can write to a folder."""
+    if not hasattr(os, "getuid"):  # on Windows it lies in the user's profile
+        return True
+    found = folder.stat()
+    return found.st_uid == os.getuid() and not found.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
+
+
+def _remove_oldest(root: Path) -> None:
+    """Remove the folders written to least recently until all together have at most `LARGEST_CACHE` bytes."""
+    folders = [folder for folder in root.glob("*") if folder.is_dir()]
+    sizes = {folder: sum(file.stat().st_size for file in folder.glob("*")) for folder in folders}
+    for folder in sorted(folders, key=lambda one: one.stat().st_mtime):
+        if sum(sizes.values()) <= LARGEST_CACHE:
+            return
+        shutil.rmtree(folder, ignore_errors=True)  # another process may do the same
+        del sizes[folder]
+
+
+# Halve the compile time at the cost of slower loops: no fusion emitters (XLA's newer code generator for loops
+# on CPUs), and LLVM's first optimisation level. XLA documents neither, so both are probed before use. With
+# jax 0.10.1, compilation included, the fit of data/tread_on_asphalt_fit.toml takes 9.8 s of CPU time instead
+# of 17.3, and `rubberfric run data/tread_on_asphalt.toml` 2.4 s instead of 3.4.
+_QUICK = {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level": 1}
+
+
+def quick_options() -> dict[str, bool | int] | None:
+    """Return options for jax.jit, or None if XLA does not know them or the user has set XLA_FLAGS."""
+    import jax
+
+    if jax.default_backend() != "cpu" or "XLA_FLAGS" in os.environ:
+        return None
+    return dict(_QUICK) if _are_known() else None
+
+
+@functools.cache
+def _are_known() -> bool:
+    """Return True if this version of XLA accepts the options."""
+    import jax
+    import jax.numpy as jnp
+
+    try:
+        # Compile ahead of time: the caller may be traced, and a jitted call would join its trace.
+        jax.jit(lambda: jnp.zeros(())).lower().compile(_QUICK)
+    except (ValueError, RuntimeError):
+        return False
+    return True
+
+
+def quick_jit(
+    *, static_argnums: Sequence[int] = (), static_argnames: Sequence[str] = ()
+) -> Callable[[Callable[_Given, _Found]], Callable[_Given, _Found]]:
+    """Return jax.jit with `quick_options`, for functions that are not called within another trace.
+
+    The options are evaluated at each call, because the first starts JAX and XLA_FLAGS may change later.
+    """
+
+    def decorated(function: Callable[_Given, _Found]) -> Callable[_Given, _Found]:
+        @functools.cache
+        def compiled(is_quick: bool) -> Callable[_Given, _Found]:
+            import jax
+
+            return jax.jit(
+                function,
+                static_argnums=static_argnums,
+                static_argnames=static_argnames,
+                compiler_options=dict(_QUICK) if is_quick else None,
+            )
+
+        @functools.wraps(function)
+        def called(*given: _Given.args, **named: _Given.kwargs) -> _Found:
+            return compiled(quick_options() is not None)(*given, **named)
+
+        return called
+
+    return decorated

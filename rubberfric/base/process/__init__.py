@@ -1,1 +1,0 @@
-"""What a process needs before JAX: its version, names that are imported when asked for, compiled programs."""
