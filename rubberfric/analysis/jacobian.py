@@ -25,11 +25,11 @@ from jax.typing import ArrayLike
 from rubberfric.base.fixed_points.anderson import linear_fixed_point
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene
+from rubberfric.theory.heat_balance import feeds_back, heat_of
 from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.model import solve
 from rubberfric.theory.quantities import iterates
-from rubberfric.theory.temperatures.heat_balance import feeds_back, heat_of
-from rubberfric.theory.temperatures.solution import preconditioner, solve_rises, temperatures_of
+from rubberfric.theory.temperatures import preconditioner, solve_rises, temperatures_of
 
 # Points evaluated together. Each keeps its derivatives with respect to all prepared leaves, about 0.2 MB.
 # On a CPU these must fit the cache: blocks of 32 take a third of the time of blocks of 256.

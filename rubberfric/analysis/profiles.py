@@ -37,11 +37,11 @@ from rubberfric.theory.area.partial_contact import (
 from rubberfric.theory.arguments import validate, warn_of_last_iterates
 from rubberfric.theory.contact import Contact
 from rubberfric.theory.contributions import total
+from rubberfric.theory.heat_balance import temperature_at
 from rubberfric.theory.integrals import Prepared, evaluate, prepare, solved
 from rubberfric.theory.quantities import RequiredMeans
 from rubberfric.theory.stiffness.series import factors_at, static_stiffness
 from rubberfric.theory.stiffness.stiffness_means import stiffness_means
-from rubberfric.theory.temperatures.heat_balance import temperature_at
 
 # Default numbers of wavevectors, and points evaluated at once. A profile keeps the nodes of some hundred
 # panels per point, a separation profile has a mesh for every wavevector.

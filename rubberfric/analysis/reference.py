@@ -23,8 +23,8 @@ from jax.stages import Compiled
 from jax.typing import ArrayLike
 
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.roughness.mesh.radial_mesh import build_mesh
 from rubberfric.roughness.moments import moment
+from rubberfric.roughness.radial_mesh import build_mesh
 from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.scene import Scene, cast, rough_surfaces
 from rubberfric.theory.model import solve

@@ -13,7 +13,7 @@ from rubberfric.base.objects.fields import Number, Vector, child, leaf, static
 from rubberfric.base.objects.physical import physical
 from rubberfric.base.quadrature import typed
 from rubberfric.materials.material import POISSON, Material, plane_strain_factor
-from rubberfric.materials.shifts.laws import Shift
+from rubberfric.materials.shifts import Shift
 
 # A table may span this much of ln omega, 26 decades: so long is the grid of its angular means.
 LONGEST = 60.0

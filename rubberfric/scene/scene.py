@@ -11,7 +11,7 @@ from rubberfric.base.checks import as_array, between
 from rubberfric.base.objects.fields import Number, child, leaf, static
 from rubberfric.base.objects.physical import PhysicalObject, physical
 from rubberfric.materials.material import Material
-from rubberfric.materials.shifts.laws import Shift
+from rubberfric.materials.shifts import Shift
 from rubberfric.materials.slab import Layer
 from rubberfric.roughness.spectra import Spectrum
 from rubberfric.scene.adhesion import Adhesion

@@ -18,8 +18,6 @@ from rubberfric.base.checks import (
     warn_caller,
 )
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.numerics.settings import ROBUST, default_quadrature
-from rubberfric.scene.numerics.single_precision import check_single
 from rubberfric.scene.plausibility import warn_of_conditions
 from rubberfric.scene.scene import (
     Scene,
@@ -28,6 +26,8 @@ from rubberfric.scene.scene import (
     shifts,
     takes_temperature,
 )
+from rubberfric.scene.settings import ROBUST, default_quadrature
+from rubberfric.scene.single_precision import check_single
 from rubberfric.theory.quantities import Values, iterated, iterates, needs_of
 
 AT_REST: Rule = (

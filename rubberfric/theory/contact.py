@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.roughness.mesh.radial_mesh import Mesh
+from rubberfric.roughness.radial_mesh import Mesh
 from rubberfric.scene.correlation import Correlation
 from rubberfric.scene.pairs import PairTemperatures
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument

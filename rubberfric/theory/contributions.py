@@ -23,7 +23,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.quadrature import cumulative, typed, weights_between
-from rubberfric.roughness.mesh.radial_mesh import Mesh
+from rubberfric.roughness.radial_mesh import Mesh
 from rubberfric.scene.pairs import Pair, PairTemperatures
 from rubberfric.theory.quantities import RequiredMeans
 from rubberfric.theory.stiffness.angular_means import Means

@@ -18,7 +18,7 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.roughness.mesh.radial_mesh import build_mesh
+from rubberfric.roughness.radial_mesh import build_mesh
 from rubberfric.scene.adhesion import Adhesion
 from rubberfric.scene.correlation import difference
 from rubberfric.scene.pairs import Pair, PairTemperatures, pairs_of
@@ -30,18 +30,18 @@ from rubberfric.theory.area.area_correction import correction_table
 from rubberfric.theory.area.partial_contact import separation_weight
 from rubberfric.theory.contact import Contact, Roughness
 from rubberfric.theory.contributions import contribution, total
-from rubberfric.theory.quantities import RequiredMeans, needs_of, parts_of
-from rubberfric.theory.stiffness.means_table import MeansTable
-from rubberfric.theory.stiffness.series import modulus_scale
-from rubberfric.theory.stiffness.stiffness_means import Tables
-from rubberfric.theory.temperatures.heat_balance import (
+from rubberfric.theory.heat_balance import (
     Temperatures,
     Thermal,
     feeds_back,
     macroasperity,
     prepare_thermal,
 )
-from rubberfric.theory.temperatures.solution import COARSE, solve_temperatures
+from rubberfric.theory.quantities import RequiredMeans, needs_of, parts_of
+from rubberfric.theory.stiffness.means_table import MeansTable
+from rubberfric.theory.stiffness.series import modulus_scale
+from rubberfric.theory.stiffness.stiffness_means import Tables
+from rubberfric.theory.temperatures import COARSE, solve_temperatures
 
 
 class Points(NamedTuple):

@@ -12,9 +12,9 @@ from support.oracles import oracle
 from support.scenes.common import ROAD
 
 import rubberfric as rf
-from rubberfric.scene.numerics.settings import OTHER
 from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.scene import optional_parts
+from rubberfric.scene.settings import OTHER
 from rubberfric.scene.softening import knots, softening_factors, strain
 from rubberfric.theory.paper import covers
 from rubberfric.theory.quantities import RequiredMeans

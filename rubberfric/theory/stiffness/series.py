@@ -17,8 +17,8 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.materials.material import apply_vertical_shift, plane_strain_factor
-from rubberfric.materials.series.prony_and_prony import two_in_series
-from rubberfric.materials.series.prony_and_spring import in_series
+from rubberfric.materials.prony_and_prony import two_in_series
+from rubberfric.materials.prony_and_spring import in_series
 from rubberfric.scene.pairs import AT_REFERENCE, Pair, PairTemperatures
 from rubberfric.scene.scene import Body, Scene
 from rubberfric.scene.softening import Softened, softening_factors

@@ -14,7 +14,7 @@ import numpy as np
 
 from rubberfric.base.checks import is_concrete
 from rubberfric.base.process.compiler import quick_options
-from rubberfric.materials.shifts.laws import Shift, log_vertical
+from rubberfric.materials.shifts import Shift, log_vertical
 from rubberfric.scene.pairs import AT_REFERENCE, Pair, PairTemperatures, pairs_of
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.quantities import RequiredMeans, needs_of

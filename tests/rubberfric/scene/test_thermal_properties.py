@@ -12,8 +12,8 @@ from support.scenes.fits import AFFINE as ROAD
 
 import rubberfric as rf
 from rubberfric.scene.heating import diffusion, heating_of, memory, rise_below_surface, shear_shares
+from rubberfric.theory.heat_balance import heat_balance, inner_temperatures
 from rubberfric.theory.integrals import prepare
-from rubberfric.theory.temperatures.heat_balance import heat_balance, inner_temperatures
 
 RUBBER, STONE = rf.ThermalProperties(1200.0, 1600.0, 0.23), rf.ThermalProperties(2400.0, 900.0, 1.5)
 HEATING = rf.Heating(1200.0, 1600.0, 0.23, 2e-3, 0.05)

@@ -14,8 +14,8 @@ from typing import NamedTuple, TypeVar
 import jax
 import jax.numpy as jnp
 
-from rubberfric.materials.shifts.laws import Shift
-from rubberfric.roughness.mesh.radial_mesh import Mesh
+from rubberfric.materials.shifts import Shift
+from rubberfric.roughness.radial_mesh import Mesh
 from rubberfric.scene.heating import (
     Diffusion,
     Heating,
