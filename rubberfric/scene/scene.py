@@ -166,7 +166,7 @@ def shifts(scene: Scene) -> list[Shift]:
     return [shift for shift in found if shift is not None]
 
 
-def shifts_of(body: Body) -> list[Shift]:
+def body_shifts(body: Body) -> list[Shift]:
     """Those of a body: of its material, and of what that is a coating of."""
     found = body.material.shift, None if body.layer is None else body.layer.shift
     return [shift for shift in found if shift is not None]
