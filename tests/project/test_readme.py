@@ -1,4 +1,4 @@
-"""What README and CONTRIBUTING say: snippets and commands run, names exist, the reference is built."""
+"""Pages: their snippets and commands run, the names in them exist, and the API reference is built."""
 
 import re
 import shlex
@@ -8,7 +8,7 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
-from support.folders import README, RECIPE, ROOT, SNIPPETS
+from support.folders import NAMES, README, RECIPE, ROOT, SNIPPETS
 
 import fitting
 import rubberfric
@@ -17,7 +17,8 @@ from fitting.commands.main import main as fit_main
 from rubberfric.base import forget
 from rubberfric.commands.main import main as scene_main
 
-COMMANDS = re.findall(r"^    .*?\b((?:rubberfric|rubberfric-fit) .*)$", README, re.M)
+COMMANDS_PAGE = (ROOT / "notebooks" / "commands.md").read_text()
+COMMANDS = re.findall(r"^    .*?\b((?:rubberfric|rubberfric-fit) .*)$", README + COMMANDS_PAGE, re.M)
 LONG = ("rubberfric accuracy",)  # half a minute and more
 
 
@@ -53,7 +54,10 @@ def test_commands(command, call_main):
             assert Path(name).stat().st_size > 1000
 
 
-PAGES = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "data/README.md", "notebooks/README.md")
+PAGES = (
+    *("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "data/README.md", "notebooks/README.md"),
+    *(f"notebooks/{name}.md" for name in ("accuracy_and_cost", "commands", "how_true", "names")),
+)
 NAMED = re.compile(r"(?:rubberfric|fitting|tests|notebooks|data)/[\w./]+\.(?:py|md|toml|csv|json|ipynb)")
 
 
@@ -77,7 +81,7 @@ def test_modules_that_are_named_exist(page):
 
 
 def test_names_of_the_tables_exist():
-    tables = re.findall(r"^\| in (.*?) \| what \|\n\|---\|---\|\n((?:\|.*\n)+)", README, re.M)
+    tables = re.findall(r"^\| in (.*?) \| what \|\n\|---\|---\|\n((?:\|.*\n)+)", NAMES, re.M)
     assert len(tables) == 3
     for head, rows in tables:
         for cell in re.findall(r"^\| (.*?) \|", rows, re.M):
