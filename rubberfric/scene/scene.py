@@ -11,7 +11,7 @@ from rubberfric.base.checks import as_array, between
 from rubberfric.base.objects.fields import Number, child, leaf, static
 from rubberfric.base.objects.physical import PhysicalObject, physical
 from rubberfric.materials.material import Material
-from rubberfric.materials.shifts.laws import Shift
+from rubberfric.materials.shifts import Shift
 from rubberfric.materials.slab import Layer
 from rubberfric.roughness.spectra import Spectrum
 from rubberfric.scene.adhesion import Adhesion
@@ -166,7 +166,7 @@ def shifts(scene: Scene) -> list[Shift]:
     return [shift for shift in found if shift is not None]
 
 
-def shifts_of(body: Body) -> list[Shift]:
+def body_shifts(body: Body) -> list[Shift]:
     """Those of a body: of its material, and of what that is a coating of."""
     found = body.material.shift, None if body.layer is None else body.layer.shift
     return [shift for shift in found if shift is not None]
