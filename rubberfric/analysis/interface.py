@@ -243,6 +243,7 @@ def dissipated_power(
     rough solid against a smooth one dissipates nothing. The power is zero, not computed, in solids that do
     not relax or that face a smooth solid.
     """
+    check_without(scene, (), "the dissipated power")
     scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature)
     power, converged = _dissipated_power(scene, *conditions, quadrature=quadrature)
     warn_of_last_iterates(scene, converged, conditions)

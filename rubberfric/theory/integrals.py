@@ -27,6 +27,7 @@ from rubberfric.scene.softening import knots
 from rubberfric.theory.adhesive_contact import adhesive_contact
 from rubberfric.theory.area.area_correction import correction_table
 from rubberfric.theory.area.partial_contact import separation_weight
+from rubberfric.theory.area.boundary_elements_law import Law, prepare_law, solve_law
 from rubberfric.theory.contact import Contact, Roughness
 from rubberfric.theory.contributions import contribution, total
 from rubberfric.theory.heat_balance import (
@@ -66,6 +67,7 @@ class Prepared(NamedTuple):
     thermal: Thermal | None
     shear: ContactShear | None
     adhesion: Adhesion | None
+    law: Law | None = None  # gives area and friction in place of the theory
 
     @property
     def roughness(self) -> Roughness:
@@ -95,10 +97,16 @@ def prepare(
     borders : see `build_mesh`; with borders G is known at every node, whatever the quantities
     tables : `known_tables` of the scene and the quantities
     """
+    law = None
+    if scene.contact_model == "boundary_elements":
+        surfaces = rough_surfaces_of(scene) if surfaces is None else surfaces
+        if surfaces and set(quantities) - {"separation"}:
+            law = prepare_law(surfaces[0], quadrature)
+        quantities = set(quantities) & {"separation"}
     structure = Structure.of(scene, quantities)
     needs = structure.needs
     if not needs.mean_abs2:
-        return Prepared(needs, None, None, scene.shear, scene.adhesion)
+        return Prepared(needs, None, None, scene.shear, scene.adhesion, law)
     surfaces = rough_surfaces_of(scene) if surfaces is None else surfaces
     roughness, thermal = _rough(scene, surfaces, quadrature, needs, borders, tables), None
     heating = scene.heating
@@ -108,7 +116,7 @@ def prepare(
             coarse_needs = Structure.of(scene, ("flash_temperature",)).needs
             coarse = _rough(scene, _coarse(surfaces), COARSE, coarse_needs, like=roughness)
         thermal = prepare_thermal(heating, scene, roughness, quadrature.heat, coarse, COARSE.heat)
-    return Prepared(needs, roughness, thermal, scene.shear, scene.adhesion)
+    return Prepared(needs, roughness, thermal, scene.shear, scene.adhesion, law)
 
 
 def _rough(scene, surfaces, quadrature, needs, borders=None, tables=None, like=None):
@@ -223,9 +231,14 @@ def evaluate(
     # Without roughness there is no scale to be hot.
     found = {} if temperature is None else {"flash_temperature": temperature}
     surface = temperature
+    wanted = parts | {"area"} if sheared else parts
+    if prepared.law is not None:
+        by_law = solve_law(prepared.law, velocity, pressure, temperature)
+        found |= {"area": by_law.area, "viscoelastic_friction": by_law.mu, "converged": by_law.converged}
+        wanted = wanted & {"separation"}
     if prepared.integrated is not None:
         contact, temperatures = known or solved(prepared, velocity, pressure, temperature)
-        found |= _integrated(contact, parts | {"area"} if sheared else parts)
+        found |= _integrated(contact, wanted)
         if contact.converged is not None:
             found["converged"] = contact.converged
         if temperatures is not None:

@@ -50,7 +50,7 @@ def quantities_of(scene: Scene) -> tuple[str, ...]:
 
 def iterates(scene: Scene) -> bool:
     """Whether the contact is a fixed point, which may not be reached."""
-    return scene.heating is not None or scene.adhesion is not None
+    return scene.heating is not None or scene.adhesion is not None or scene.contact_model != "paper"
 
 
 def iterated(scene: Scene) -> str:

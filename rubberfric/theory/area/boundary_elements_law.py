@@ -1,8 +1,8 @@
 r"""Contact area and friction by a law that was fitted to boundary elements.
 
-In partial contact the theory takes P S for the share of the roughness that the solid follows. Boundary elements
-find another share W(q, phi), and displacements beyond q1. The law describes both. With E for E / (1 - nu^2) of both
-solids in series, <> for the mean over phi, and D = dF / d ln q,
+In partial contact the theory takes P S for the share of the roughness that the solid follows. Boundary
+elements find another share W(q, phi), and displacements beyond q1. The law describes both. With E for
+E / (1 - nu^2) of both solids in series, <> for the mean over phi, and D = dF / d ln q,
 
 .. math:: F = \frac{\int_{q_0}^q q^3 C\,dq}{\int_{q_0}^{q_1} q^3 C\,dq},\qquad
           F_v = \frac{G(q)}{G(q_1)},\qquad E_r^2 = \langle|E|^2\rangle,\qquad
@@ -12,7 +12,7 @@ solids in series, <> for the mean over phi, and D = dF / d ln q,
 .. math:: \psi_m = F_*^{-c_F A(1 - A)}\exp\big\{(1 - A)^{c_A}
           [c_0 - c_D\ln D(q_1) + c_f\ln F_* - c_D\ln D_*]\big\},\qquad
           T = c_T A\,\frac{1 - A^{c_t}}{1 + c_\alpha\ln\alpha}
-.. math:: E_\mathrm{eff}^{2b} = \text{mean of } \langle|E|^{2b}\rangle \text{ with the weights per } d\ln q\quad
+.. math:: E_\mathrm{eff}^{2b} = \text{mean of } \langle|E|^{2b}\rangle \text{ with weights per } d\ln q\quad
           D\,W_0\ (q < q_1),\quad D(q_1)\,T\,(q/q_1)^{-3}\ (q_1 < q < 6 q_1)
 .. math:: A = \mathrm{erf}\frac{\sqrt2\,\sigma_0}{E_\mathrm{eff}\,h'\sqrt{S_0 + (1 - S_0) A^{s}}},\qquad
           S_0 = 1 - \frac{1}{s_0 + s_\alpha\ln\alpha}
@@ -20,11 +20,13 @@ solids in series, <> for the mean over phi, and D = dF / d ln q,
           \Big(\frac{E_r}{|E|}\Big)^{c_\varphi},\qquad
           W_m = \big[1 + (A\psi_m)^{-n/(1 - A)}\big]^{-(1 - A)/n}
 .. math:: \mu = \frac{1}{2\sigma_0}\int d^2q\,q^2\cos\varphi\,\mathrm{Im}E \times
-          \begin{cases} C W & q < q_1 \\ T\,C(q_1)(q/q_1)^{-7}(E_\mathrm{eff}/|E|)^{c_b} & q_1 < q < 6 q_1\end{cases}
+          \begin{cases} C W & q < q_1 \\
+          T\,C(q_1)(q/q_1)^{-7}(E_\mathrm{eff}/|E|)^{c_b} & q_1 < q < 6 q_1\end{cases}
 
 In full contact W = 1 and T = 0, so that mu is the paper's.
 """
 
+import dataclasses
 import math
 from typing import NamedTuple
 
@@ -35,11 +37,11 @@ from jax.scipy.special import erf, erfc
 
 from rubberfric.base.fixed_points.anderson import implicit
 from rubberfric.base.quadrature import Quadrature, cumulative, gauss, typed
-from rubberfric.roughness.mesh.radial_mesh import build_mesh
+from rubberfric.roughness.radial_mesh import build_mesh
 from rubberfric.roughness.spectra import BrokenPowerLaw
-from rubberfric.scene.pairs import pairs_of
-from rubberfric.scene.scene import Body, Scene
+from rubberfric.scene.scene import Body
 from rubberfric.theory.paper import E_r
+from rubberfric.theory.structure import RoughSurface
 
 
 class Constants(NamedTuple):
@@ -56,11 +58,11 @@ class Constants(NamedTuple):
     s: float = 0.934
     s_0: float = 1.582
     s_alpha: float = 0.219
-    c_v: float = 1.055
+    c_v: float = 1.0549
     c_phi: float = 0.666
-    c_b: float = 1.035
-    b: float = 1.212
-    a_m: float = 8.34
+    c_b: float = 1.0347
+    b: float = 1.2116
+    a_m: float = 8.3405
     n: float = 32.0  # sharpness of the bound W_m < 1
 
 
@@ -69,8 +71,8 @@ CONSTANTS = Constants()
 # End of the displacements beyond q1, over q1, and the Gauss nodes in ln q there.
 _END, _BEYOND = 6.0, 10
 
-# Step and end of the trapezoidal rule in t, cos(phi) = 1 / cosh(t). Errors are exp(-pi^2 / step) and exp(-end).
-_STEP, _LAST = 0.55, 15.0
+# Step and end of the trapezoidal rule in t, cos(phi) = 1 / cosh(t): errors exp(-pi^2 / step) and exp(-end).
+_STEP, _LAST = 0.45, 13.0
 
 _NEWTON_STEPS = 30
 
@@ -87,7 +89,7 @@ class Shape(NamedTuple):
     height2: jax.Array  # scale of the roughness [m^2]
     slope: jax.Array  # h'
     log_alpha: jax.Array
-    beyond: jax.Array  # q beyond q1 [1/m], (nodes,)
+    beyond: jax.Array  # q from q1 on [1/m], (nodes,)
     weight_beyond: jax.Array  # (q / q1)^-3 d ln q there, (nodes,)
 
 
@@ -110,10 +112,13 @@ class State(NamedTuple):
     converged: jax.Array
 
 
-def prepare_law(scene: Scene, quadrature: Quadrature, constants: Constants = CONSTANTS) -> Law:
-    """Return the law for a scene with one rough surface on half-spaces."""
-    (pair,) = pairs_of(scene)
-    law = pair.law._replace(height2=jnp.ones_like(pair.law.height2))
+def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: Constants = CONSTANTS) -> Law:
+    """Return the law for the one rough surface of two half-spaces."""
+    # The law has no separation, and W is smooth near q0: half the panels of the theory are enough.
+    quadrature = dataclasses.replace(
+        quadrature, order=min(quadrature.order, 8), panels=max(3, -(-quadrature.panels // 2)), graded=2
+    )
+    law = surface.law._replace(height2=jnp.ones_like(surface.law.height2))
     mesh = build_mesh([law], quadrature, graded=True)
     assert mesh.between is not None
     weight = mesh.roughness[0]
@@ -123,12 +128,13 @@ def prepare_law(scene: Scene, quadrature: Quadrature, constants: Constants = CON
     F = (_before(jnp.sum(weight, -1))[:, None] + jnp.sum(until, -1)) / total
     F = jnp.where(F > 0, F, 1.0)  # in panels of no width, which have no weight
     q1 = law.q[-1]
-    D_end = _density(law, q1[None])[0] / total
+    D_end = _density(law, q1) / total
     relative = mesh.q / q1
     m0, m4 = jnp.sum(weight / relative**2), jnp.sum(weight * relative**2)
-    node, dln = (typed(table, weight) for table in gauss(_BEYOND))
+    # The first node is q1 itself, of no weight.
+    node, dln = (typed(np.append(0.0, table), weight) for table in gauss(_BEYOND))
     beyond = math.log(_END) * node
-    height2 = pair.law.height2
+    height2 = surface.law.height2
     return Law(
         Shape(
             q=mesh.q,
@@ -138,13 +144,13 @@ def prepare_law(scene: Scene, quadrature: Quadrature, constants: Constants = CON
             D=_density(law, mesh.q) / (total * D_end),
             D_end=D_end,
             height2=height2,
-            slope=jnp.sqrt(2 * jnp.pi * total) * pair.spectrum.height_scale(),
+            slope=jnp.sqrt(2 * jnp.pi * total) * surface.spectrum.height_scale(),
             log_alpha=jnp.log(m0 / total) + jnp.log(m4 / total),
             beyond=q1 * jnp.exp(beyond),
             weight_beyond=math.log(_END) * dln * jnp.exp(-3 * beyond),
         ),
-        pair.strained,
-        pair.rough,
+        surface.strained,
+        surface.rough,
         constants,
     )
 
@@ -186,9 +192,8 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     G = _before(per_panel.T).T[..., None] + jnp.einsum("kci,pki->pkc", shape.until, E2_in)
     G = jnp.where(G > 0, G, 1.0)  # in panels of no width
     log_F_v = (jnp.log(G) - jnp.log(jnp.sum(per_panel, -1))[:, None, None]).reshape(-1, inside)
-    E2_end = jnp.real(_end_power(law, speed, T, cos_phi, mean, scale))
     log_D = jnp.log(shape.D).reshape(-1)
-    log_D_v = log_D + jnp.log(E2[:, :inside]) - jnp.log(E2_end)[:, None]
+    log_D_v = log_D + jnp.log(E2[:, :inside]) - jnp.log(E2[:, inside, None])
     log_F, log_D_end = jnp.log(shape.F).reshape(-1), jnp.log(shape.D_end)
 
     def share(A, B, log_F_star, log_D_star):
@@ -239,14 +244,9 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     beyond = jnp.sum(loss[:, inside:] * stiff, -1) @ shape.weight_beyond
     mu_beyond = factor * A * tail(A) * jnp.sum(shape.weight) * shape.D_end * beyond
     sign = jnp.sign(velocity)
-    return State(A, sign * (jnp.sum(mu_of_q, -1) + mu_beyond), sign[:, None] * mu_of_q, sign * mu_beyond, converged)
-
-
-def _end_power(law, speed, T, cos_phi, mean, scale):
-    """<|E|^2> at q1, (points,)."""
-    E = _modulus(law, law.shape.beyond[0] / jnp.exp(math.log(_END) * gauss(_BEYOND)[0][0]) * speed * cos_phi, T)
-    E = E / scale[:, None, None]
-    return ((jnp.real(E) ** 2 + jnp.imag(E) ** 2) @ mean)[:, 0]
+    return State(
+        A, sign * (jnp.sum(mu_of_q, -1) + mu_beyond), sign[:, None] * mu_of_q, sign * mu_beyond, converged
+    )
 
 
 def _angles(like):
