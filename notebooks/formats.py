@@ -17,7 +17,7 @@ from rubberfric.io.friction_files import PROGRAMS
 from rubberfric.io.prony_cards import FORMATS
 from rubberfric.io.results import QUANTITY_FORMATS
 from rubberfric.materials.material import Material
-from rubberfric.materials.shifts.laws import Shift, VerticalShift
+from rubberfric.materials.shifts import Shift, VerticalShift
 from rubberfric.materials.slab import Layer
 from rubberfric.roughness.spectra import Spectrum
 from rubberfric.scene.scene import Body, Scene

@@ -30,6 +30,6 @@ if TYPE_CHECKING:
     from rubberfric.analysis.validity import friction_outside_table as friction_outside_table
     from rubberfric.analysis.validity import full_contact_energy as full_contact_energy
     from rubberfric.analysis.validity import theory_error as theory_error
-    from rubberfric.scene.numerics.settings import default_quadrature as default_quadrature
+    from rubberfric.scene.settings import default_quadrature as default_quadrature
 
 lazily(__name__, __file__)

@@ -26,12 +26,12 @@ from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import POSITIVE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature, gauss, typed
 from rubberfric.scene.adhesion import Adhesion
-from rubberfric.scene.pairs import PairTemperatures
 from rubberfric.scene.scene import Scene, rough_surfaces
 from rubberfric.theory.adhesive_contact import relative_attraction, work_of_separation
 from rubberfric.theory.area.partial_contact import contact_argument
 from rubberfric.theory.arguments import checked
 from rubberfric.theory.integrals import evaluate, prepare
+from rubberfric.theory.structure import SurfaceTemperatures
 
 _DEFAULT = Quadrature()
 
@@ -115,7 +115,7 @@ def _work_by_energy(scene, velocity, pressure, temperature, *, quadrature):
     def of_points(points):
         velocity, pressure, *temperature = points
         warm = temperature[0] if temperature else None
-        both = [PairTemperatures(warm, warm)] * len(prepared.roughness.contributions)
+        both = [SurfaceTemperatures(warm, warm)] * len(prepared.roughness.contributions)
         return work_of_separation(scene.adhesion, prepared.roughness, velocity, pressure, both)
 
     return over_points(of_points, (velocity, pressure, temperature), _WORK_BLOCK)
@@ -146,7 +146,7 @@ def _under(prepared: Any, work, velocity, temperature, log_load):
     load = jnp.exp(log_load)
     at_rest = jnp.broadcast_to(velocity, load.shape)
     warm = None if temperature is None else jnp.broadcast_to(temperature, load.shape)
-    both = [PairTemperatures(warm, warm)] * len(prepared.roughness.contributions)
+    both = [SurfaceTemperatures(warm, warm)] * len(prepared.roughness.contributions)
     contact, share = relative_attraction(prepared.adhesion, prepared.roughness, at_rest, load, both)
     points = (at_rest, load) if warm is None else (at_rest, load, warm)
     found = evaluate(prepared, ("separation",), points, (contact, None))

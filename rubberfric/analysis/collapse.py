@@ -22,10 +22,10 @@ from numpy.polynomial import chebyshev
 
 from rubberfric.base.compilation import quick_jit
 from rubberfric.io.results import Conditions, Interpolation, result_shape
-from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import shear_friction
-from rubberfric.theory.quantities import parts_of
+from rubberfric.theory.quantities import quantity_parts
+from rubberfric.theory.structure import rough_surfaces_of
 
 _LEAST = 4096  # smaller maps are computed point by point
 _PAIRS = 2**20  # pairs of temperature and velocity located at once, to bound memory
@@ -171,13 +171,13 @@ def log_speeds(scene: Scene, conditions: Conditions) -> np.ndarray | None:
 
 @quick_jit()
 def _log_factors(scene, temperature):
-    """ln a_T for each sliding pair; None if anything else depends on the temperature."""
+    """ln a_T for each sliding surface; None if anything else depends on the temperature."""
     found = []
-    for pair in pairs_of(scene):
-        if pair.static:
+    for surface in rough_surfaces_of(scene):
+        if surface.static:
             continue
-        shift = pair.strained.material.shift
-        if pair.varies or (shift is not None and shift.vertical is not None):
+        shift = surface.strained.material.shift
+        if surface.varies or (shift is not None and shift.vertical is not None):
             return None
         found.append(jnp.zeros(temperature.shape) if shift is None else shift.log_factor(temperature))
     return found
@@ -199,7 +199,7 @@ def pieces(found: CollapsedMap, conditions: Conditions) -> Iterator[tuple[slice,
     v, T = conditions.velocity, conditions.temperature
     sign, rest = np.sign(v), v == 0
     rows = max(1, _PAIRS // v.size)
-    parts = parts_of(found.quantities)
+    parts = quantity_parts(found.quantities)
     for begin in range(0, len(log_speed), rows):
         block = slice(begin, min(begin + rows, len(log_speed)))
         cell, place = found.series.places(log_speed[block])
@@ -222,7 +222,7 @@ def pieces(found: CollapsedMap, conditions: Conditions) -> Iterator[tuple[slice,
 
 def _on_curve(scene, quantities):
     """Names of the interpolated parts: without contact shear, and the area if the shear needs it."""
-    parts = parts_of(quantities)
+    parts = quantity_parts(quantities)
     needed = parts - {"shear_friction"}
     if scene.shear is not None and "shear_friction" in parts:
         needed.add("area")

@@ -20,12 +20,12 @@ from rubberfric.analysis.profiles import checked_wavevectors, contact_at_borders
 from rubberfric.base.blocks import over_points
 from rubberfric.base.checks import FINITE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.scene import Scene, check_without, rough_surfaces
 from rubberfric.scene.shear import shear_friction
 from rubberfric.theory.area.partial_contact import TWO_OVER_ROOT_PI, contact_fraction
 from rubberfric.theory.arguments import validate, warn_of_last_iterates
 from rubberfric.theory.integrals import prepare, solved
+from rubberfric.theory.structure import rough_surfaces_of
 
 _BLOCK, _POWER_BLOCK = 64, 128  # points evaluated at once
 
@@ -85,12 +85,12 @@ def stress_distribution(
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
 def _stress_distribution(scene, stress, velocity, pressure, temperature, q, *, quadrature):
-    pairs = pairs_of(scene)
-    if not pairs:
+    surfaces = rough_surfaces_of(scene)
+    if not surfaces:
         return _stress_density(stress, pressure, jnp.zeros_like(pressure + velocity)), None
     if q is None:
-        q = functools.reduce(jnp.maximum, [pair.law.q[-1] for pair in pairs])
-    prepared = prepare(scene, ("area",), quadrature, pairs=pairs, borders=q[None])
+        q = functools.reduce(jnp.maximum, [surface.law.q[-1] for surface in surfaces])
+    prepared = prepare(scene, ("area",), quadrature, surfaces=surfaces, borders=q[None])
 
     def fluctuation(points):
         contact, temperatures = solved(prepared, *points)
@@ -178,7 +178,7 @@ def _contact_stiffness(scene, velocity, pressure, temperature, *, quadrature):
     def stiffness(points):
         contact, temperatures = solved(prepared, *points)
         x, pressure = contact.x, points[1]
-        storage = sum(terms.densities["storage"] for terms in contact.terms)
+        storage = sum(terms.densities["mean_storage"] for terms in contact.terms)
         compliance = jnp.sum(x * _load_slope(x, scene.gamma) * storage, (0, 2))
         compliance = jnp.pi / 2 * contact.modulus_over_pressure * compliance
         soft = compliance > 0
@@ -243,6 +243,7 @@ def dissipated_power(
     rough solid against a smooth one dissipates nothing. The power is zero, not computed, in solids that do
     not relax or that face a smooth solid.
     """
+    check_without(scene, (), "the dissipated power")
     scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature)
     power, converged = _dissipated_power(scene, *conditions, quadrature=quadrature)
     warn_of_last_iterates(scene, converged, conditions)

@@ -25,11 +25,12 @@ from jax.typing import ArrayLike
 from rubberfric.base.fixed_points import linear_fixed_point
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.scene.scene import Scene
+from rubberfric.theory.heat_balance import heat_of
 from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.model import solve
 from rubberfric.theory.quantities import iterates
-from rubberfric.theory.temperatures.heat_balance import feeds_back, heat_of
-from rubberfric.theory.temperatures.solution import preconditioner, solve_rises, temperatures_of
+from rubberfric.theory.structure import Structure
+from rubberfric.theory.temperatures import preconditioner, solve_rises, temperatures_of
 
 # Points evaluated together. Each keeps its derivatives with respect to all prepared leaves, about 0.2 MB.
 # On a CPU these must fit the cache: blocks of 32 take a third of the time of blocks of 256.
@@ -118,7 +119,8 @@ def value_and_jacobian(
     scene = scene_of(x)
     if any(body.material.needs_quadrature for body in (scene.lower, scene.upper)):
         # In reverse mode each point would keep derivatives with respect to the whole table of means.
-        heats_itself = scene.heating is not None and feeds_back(scene) and scene.adhesion is None
+        structure = Structure.of(scene, (quantity,))
+        heats_itself = structure.heated and structure.feeds_back and not structure.adhesive
         known = all(c is not None for c in conditions)
         few = max(np.size(c) for c in conditions if c is not None) <= BLOCK
         forward = _forward_heated if heats_itself and known and few else _forward

@@ -22,8 +22,8 @@ from rubberfric.base.checks import as_leaf, closest
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.io.files import filling_result, mapped_quantities, write_interpolation
 from rubberfric.io.results import Conditions, Interpolation, Result, check_conditions, result_shape
-from rubberfric.scene.numerics.settings import ROBUST, default_quadrature
 from rubberfric.scene.scene import Scene, result_dtype
+from rubberfric.scene.settings import ROBUST, default_quadrature
 from rubberfric.theory.arguments import check_heated, check_kinds, checked
 from rubberfric.theory.quantities import Solution
 

@@ -25,7 +25,6 @@ from rubberfric.base.checks import POSITIVE, as_leaf, check_values
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.roughness.moments import cumulative_moment
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio, log_shape
-from rubberfric.scene.pairs import Pair, PairTemperatures, pairs_of
 from rubberfric.scene.scene import Scene, check_without, result_dtype, rough_surfaces
 from rubberfric.theory.area.partial_contact import (
     TWO_OVER_ROOT_PI,
@@ -37,11 +36,11 @@ from rubberfric.theory.area.partial_contact import (
 from rubberfric.theory.arguments import validate, warn_of_last_iterates
 from rubberfric.theory.contact import Contact
 from rubberfric.theory.contributions import total
+from rubberfric.theory.heat_balance import temperature_at
 from rubberfric.theory.integrals import Prepared, evaluate, prepare, solved
-from rubberfric.theory.quantities import RequiredMeans
-from rubberfric.theory.stiffness.series import factors_at, static_stiffness
+from rubberfric.theory.stiffness.series import factors_at
 from rubberfric.theory.stiffness.stiffness_means import stiffness_means
-from rubberfric.theory.temperatures.heat_balance import temperature_at
+from rubberfric.theory.structure import RequiredMeans, RoughSurface, SurfaceTemperatures, rough_surfaces_of
 
 # Default numbers of wavevectors, and points evaluated at once. A profile keeps the nodes of some hundred
 # panels per point, a separation profile has a mesh for every wavevector.
@@ -134,18 +133,18 @@ def checked_wavevectors(
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
 def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
-    pairs = pairs_of(scene)
-    if not pairs:
+    surfaces = rough_surfaces_of(scene)
+    if not surfaces:
         return _without_roughness(q, jnp.broadcast_shapes(velocity.shape, pressure.shape)), None
-    laws = [pair.law for pair in pairs]
+    laws = [surface.law for surface in surfaces]
     first = functools.reduce(jnp.minimum, [law.q[0] for law in laws])
     if q is None:
         q = default_wavevectors(laws)
-    prepared = prepare(scene, ("area", "friction"), quadrature, pairs=pairs, borders=q)
+    prepared = prepare(scene, ("area", "friction"), quadrature, surfaces=surfaces, borders=q)
     densities = []
-    if prepared.needs.dissipation:
+    if prepared.needs.mean_cos_loss:
         scale = prepared.roughness.scale
-        densities = [density_of(pair, scale, "dissipation", q) for pair in pairs]
+        densities = [density_of(surface, scale, "mean_cos_loss", q) for surface in surfaces]
     block = functools.partial(_over_wavevectors, prepared, densities, q)
     results = over_points(block, (velocity, pressure, temperature), _BLOCK)
     converged = results.pop("converged", None)
@@ -158,7 +157,7 @@ def _profile(scene, velocity, pressure, temperature, q, *, quadrature):
         magnification=q / first,
         rms_slope=_root(slope2),
         rms_height=_root(height2),
-        strain=softened[0].softening.factor * _root(slope2) if (softened := pairs[0].softenings) else None,
+        strain=softened[0].softening.factor * _root(slope2) if (softened := surfaces[0].softenings) else None,
         **results,
     )
     return found, converged
@@ -201,15 +200,15 @@ def _over_wavevectors(prepared, densities, q, points):
     P = contact_fraction(x)
     results = {"area": P, "fluctuation": G, "energy_factor": energy_factor(P, contact.gamma)}
     background = points[2] if len(points) > 2 else None
-    inside = [PairTemperatures(background, background)] * len(densities)
+    inside = [SurfaceTemperatures(background, background)] * len(densities)
     if temperatures is not None:
         found = temperature_at(prepared.roughness, contact, temperatures, points, q)
         inside = [
-            PairTemperatures(*(background if solid is None else found[:, solid] for solid in pair))
-            for pair in temperatures.thermal.solids
+            SurfaceTemperatures(*(background if solid is None else found[:, solid] for solid in surface))
+            for surface in temperatures.thermal.solids
         ]
         results |= {"temperature": jnp.mean(found, 1), "converged": temperatures.converged}
-    if not prepared.needs.dissipation:
+    if not prepared.needs.mean_cos_loss:
         return results | dict.fromkeys(("friction_density", "friction"), jnp.zeros_like(G))
     terms = total(jnp.sum(values, -1) for values in contact.friction_terms().values())
     density = sum(one(points[0], T) for one, T in zip(densities, inside, strict=True))
@@ -221,24 +220,23 @@ def _over_wavevectors(prepared, densities, q, points):
 
 
 def density_of(
-    pair: Pair, scale: jax.Array, kind: str, q: jax.Array
-) -> Callable[[jax.Array, PairTemperatures], jax.Array | float]:
-    """Return the function for q^4 C <cos phi Im K'> ("dissipation") or q^4 C <|K'|^2> ("power") of a pair.
+    surface: RoughSurface, scale: jax.Array, kind: str, q: jax.Array
+) -> Callable[[jax.Array, SurfaceTemperatures], jax.Array | float]:
+    """Return the function for q^4 C <cos phi Im K'> ("mean_cos_loss") or q^4 C <|K'|^2> ("mean_abs2").
 
     K' is the series stiffness in units of the scale, including all factors. The function takes the velocity
     and the temperatures of both solids, None, (points,) or (points, wavevectors). It returns an array
     (points, wavevectors), or 0.0 without dissipation.
     """
-    law = pair.law
+    law = surface.law
     inside = (q >= law.q[0]) & (q <= law.q[-1])
     # Outside its range the spectrum may overflow: evaluate it inside and discard.
     at = jnp.where(inside, q, law.q[0])
     roughness = jnp.where(inside, law.height2 * jnp.exp(log_shape(law, at) + 4 * jnp.log(at)), 0.0)
-    if pair.static or (not pair.relaxes and kind == "dissipation"):
-        power = (roughness * static_stiffness(pair, scale, q) ** 2)[None] if kind == "power" else 0.0
-        return lambda *_: power
-    excited = stiffness_means(pair, scale, q[None], RequiredMeans(**{kind: True}))
-    weights = factors_at(pair, q).of(kind, roughness)
+    if not surface.relaxes and kind == "mean_cos_loss":
+        return lambda *_: 0.0
+    excited = stiffness_means(surface, scale, q[None], RequiredMeans(**{kind: True}))
+    weights = factors_at(surface, scale, q).of(kind, roughness)
 
     def density(velocity, temperatures):
         at = jax.tree.map(lambda T: T[None] if T.ndim > 1 else T, temperatures)
@@ -323,19 +321,19 @@ def separation_profile(
 
 @functools.partial(jax.jit, static_argnames=("quadrature",))
 def _separation_profile(scene, velocity, pressure, temperature, q, *, quadrature):
-    pairs = pairs_of(scene)
-    if not pairs:
+    surfaces = rough_surfaces_of(scene)
+    if not surfaces:
         shape = (*jnp.broadcast_shapes(velocity.shape, pressure.shape), q.shape[0])
         one = jnp.ones(shape, q.dtype)
         return SeparationProfile(q, one, 0 * one, 0 * one)
-    q = default_wavevectors([pair.law for pair in pairs], _SEPARATION_COUNT) if q is None else q
-    prepared = prepare(scene, ("area",), quadrature, pairs=pairs, borders=q)
-    densities = [density_of(pair, prepared.roughness.scale, "power", q) for pair in pairs]
-    block = functools.partial(_separations, scene, prepared, pairs, densities, q, quadrature)
+    q = default_wavevectors([surface.law for surface in surfaces], _SEPARATION_COUNT) if q is None else q
+    prepared = prepare(scene, ("area",), quadrature, surfaces=surfaces, borders=q)
+    densities = [density_of(surface, prepared.roughness.scale, "mean_abs2", q) for surface in surfaces]
+    block = functools.partial(_separations, scene, prepared, surfaces, densities, q, quadrature)
     return SeparationProfile(q, **over_points(block, (velocity, pressure, temperature), _SEPARATION_BLOCK))
 
 
-def _separations(scene, prepared, pairs, densities, q, quadrature, points):
+def _separations(scene, prepared, surfaces, densities, q, quadrature, points):
     """Compute fields of SeparationProfile at points, (points, wavevectors)."""
     velocity, pressure, *temperature = points
     contact, _ = solved(prepared, *points)
@@ -343,14 +341,14 @@ def _separations(scene, prepared, pairs, densities, q, quadrature, points):
     G = fluctuation_at_borders(prepared, contact, q.shape[0])
     x = contact_argument(G)
     P = contact_fraction(x)
-    both = PairTemperatures(*temperature * 2)
+    both = SurfaceTemperatures(*temperature * 2)
     density = sum(one(velocity, both) for one in densities)
     # dP / d ln q from the exact density of G. G may be 0; x^2 = 1 / (4 G) is clipped at 27^2.
     slope = -TWO_OVER_ROOT_PI * jnp.exp(-x * x) * 2 * x**3 * (jnp.pi / 4 * ratio**2 * density)
 
     def beyond(log_step, load_step, q, mean_pressure):
-        cut = [pair._replace(law=_beyond(pair.law, q * jnp.exp(log_step))) for pair in pairs]
-        ready = prepare(scene, ("separation",), quadrature, pairs=cut)
+        cut = [surface._replace(law=_beyond(surface.law, q * jnp.exp(log_step))) for surface in surfaces]
+        ready = prepare(scene, ("separation",), quadrature, surfaces=cut)
         at = (velocity, mean_pressure * jnp.exp(load_step), *temperature)
         return evaluate(ready, ("separation",), at)["separation"]
 

@@ -23,12 +23,12 @@ from jax.stages import Compiled
 from jax.typing import ArrayLike
 
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.roughness.mesh.radial_mesh import build_mesh
 from rubberfric.roughness.moments import moment
-from rubberfric.scene.pairs import pairs_of
+from rubberfric.roughness.radial_mesh import build_mesh
 from rubberfric.scene.scene import Scene, cast, rough_surfaces
 from rubberfric.theory.model import solve
 from rubberfric.theory.quantities import QUANTITIES
+from rubberfric.theory.structure import rough_surfaces_of
 
 REFINED = (
     Quadrature(order=16, panels=40, graded=20, ratio=3.0, angular_order=18, heat=320),
@@ -242,7 +242,7 @@ SETTINGS = (
 
 def node_count(scene: Scene, quadrature: Quadrature) -> int:
     """Number of nodes in q per point, for the contact and for the stiffness."""
-    laws = [pair.law for pair in pairs_of(scene)]
+    laws = [pair.law for pair in rough_surfaces_of(scene)]
     if not laws:
         return 0
 

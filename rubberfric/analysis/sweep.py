@@ -18,8 +18,8 @@ from rubberfric.analysis.reference import SETTINGS, TRUSTED, Errors, check_error
 from rubberfric.base.atomic import StrPath, check_writable, replacing
 from rubberfric.base.objects.html import table
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.numerics.settings import default_quadrature
 from rubberfric.scene.scene import Scene, rough_surfaces
+from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory import paper
 from rubberfric.theory.quantities import QUANTITIES, Solution
 

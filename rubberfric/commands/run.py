@@ -14,8 +14,8 @@ from rubberfric.base.units import to_celsius
 from rubberfric.commands.arguments import write_outputs
 from rubberfric.io.files import read_computable, save_result
 from rubberfric.io.results import QUANTITY_FORMATS, Conditions, Result, result_shape
-from rubberfric.scene.numerics.settings import default_quadrature
 from rubberfric.scene.scene import Scene
+from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory.model import solve
 from rubberfric.theory.quantities import Solution, iterated, quantities_of
 

@@ -20,7 +20,7 @@ from rubberfric.io.prony_formats import (
     glassy_bulk,
 )
 from rubberfric.materials.prony import Prony, PronyShear
-from rubberfric.materials.shifts.laws import WLF
+from rubberfric.materials.shifts import WLF
 
 # Density in the unit that belongs to a unit of stress, with m or mm and s [kg/m^3].
 _DENSITY = {"Pa": 1.0, "MPa": 1e12}

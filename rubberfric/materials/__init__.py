@@ -4,8 +4,15 @@ from rubberfric.materials.coating import Coating
 from rubberfric.materials.elastic import Elastic, Rigid
 from rubberfric.materials.material import Material, complex_modulus
 from rubberfric.materials.prony import Prony, PronyShear
-from rubberfric.materials.shifts.laws import WLF, Arrhenius, Entropic, Shift, VerticalShift
-from rubberfric.materials.shifts.tables import TabulatedShift, TabulatedVertical
+from rubberfric.materials.shifts import (
+    WLF,
+    Arrhenius,
+    Entropic,
+    Shift,
+    TabulatedShift,
+    TabulatedVertical,
+    VerticalShift,
+)
 from rubberfric.materials.slab import Layer, Slab
 from rubberfric.materials.tabulated_modulus import TabulatedModulus
 

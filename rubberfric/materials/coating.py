@@ -9,6 +9,7 @@ from jax.typing import ArrayLike
 from rubberfric.base.checks import POSITIVE, either
 from rubberfric.base.objects.fields import Number, child, leaf
 from rubberfric.base.objects.physical import kinds, physical
+from rubberfric.materials.layer_and_base import Bonded, coated_series, coated_spring
 from rubberfric.materials.material import (
     Coatable,
     Material,
@@ -17,7 +18,6 @@ from rubberfric.materials.material import (
     poisson_of,
     series_of,
 )
-from rubberfric.materials.series.layer_and_base import Bonded, coated_series, coated_spring
 from rubberfric.materials.slab import Layer
 
 

@@ -14,7 +14,7 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.checks import as_leaf, between, is_concrete, no_list
 from rubberfric.base.objects.physical import Kind, check_kind, kinds
-from rubberfric.materials.shifts.laws import Shift, log_vertical
+from rubberfric.materials.shifts import Shift, log_vertical
 
 POISSON = between(0.0, 0.5)
 

@@ -28,8 +28,8 @@ from rubberfric.materials.material import (
     plane_strain_factor,
     series_modulus,
 )
-from rubberfric.materials.series.prony_and_spring import in_series
-from rubberfric.materials.shifts.laws import Shift
+from rubberfric.materials.prony_and_spring import in_series
+from rubberfric.materials.shifts import Shift
 
 
 @physical

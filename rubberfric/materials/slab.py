@@ -11,7 +11,7 @@ from rubberfric.base.checks import POSITIVE
 from rubberfric.base.objects.fields import Number, leaf, static
 from rubberfric.base.objects.physical import Kind, physical
 from rubberfric.materials.material import Material, Series, apply_vertical_shift, poisson_of, series_of
-from rubberfric.materials.shifts.laws import Shift
+from rubberfric.materials.shifts import Shift
 
 # sinh(2x) - 2x = sum_{k>=1} (2x)^(2k+1) / (2k+1)!: exact to rounding for x <= 1.
 _SINH_SERIES = 1.0 / np.cumprod([6.0] + [(2 * k) * (2 * k + 1) for k in range(2, 13)])

@@ -13,10 +13,10 @@ from rubberfric.base.objects.fields import Number, Vector, child, leaf, static
 from rubberfric.base.objects.physical import physical
 from rubberfric.base.quadrature import typed
 from rubberfric.materials.material import POISSON, Material, plane_strain_factor
-from rubberfric.materials.shifts.laws import Shift
+from rubberfric.materials.shifts import Shift
 
 # A table may span this much of ln omega, 26 decades: so long is the grid of its angular means.
-LONGEST = 60.0
+LONGEST_TABLE = 60.0
 
 # Where a rounded knot is straight again, in widths: what is left there is 1e-20 of the change of slope.
 REACH = 9.0
@@ -83,7 +83,7 @@ class TabulatedModulus(Material):
         if is_concrete(self.omega):
             ends = np.asarray(self.omega)[[0, -1]]
             decades = math.log10(ends[1]) - math.log10(ends[0])
-            if decades > LONGEST / math.log(10):
+            if decades > LONGEST_TABLE / math.log(10):
                 raise ValueError(f"TabulatedModulus.omega spans {decades:.0f} decades: must be at most 26")
 
     @property

@@ -10,7 +10,7 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.units import to_celsius
 from rubberfric.materials.material import Material, complex_modulus
-from rubberfric.materials.shifts.laws import log_vertical
+from rubberfric.materials.shifts import log_vertical
 from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.plot.style import Axes, Line2D, colours, legend, one_axes, signed, vector
 from rubberfric.roughness.moments import rms_slope

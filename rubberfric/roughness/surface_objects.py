@@ -11,7 +11,7 @@ from rubberfric.base.checks import shown
 from rubberfric.roughness.topography import MeasuredSpectrum, spectrum_of_profile, spectrum_of_topography
 
 # Of lengths and heights [m].
-UNITS = {
+LENGTH_UNITS = {
     "m": 1.0,
     "cm": 1e-2,
     "mm": 1e-3,
@@ -80,11 +80,11 @@ def spectrum_of_surface(topography: Any, *, unit: str | None = None, **options: 
 def _scale(own, given):
     """Metres per unit."""
     if own is None and given is None:
-        names = ", ".join(UNITS)
+        names = ", ".join(LENGTH_UNITS)
         raise ValueError(f"unit is missing: must be given, the topography has none; one of {names}")
     if own is not None and given is not None and own != given:
         raise ValueError(f"unit = {shown(given)}: must not be given; the topography has {shown(own)}")
     unit = given if own is None else own
-    if not isinstance(unit, str) or unit not in UNITS:
-        raise ValueError(f"unit = {shown(unit)}: must be one of {', '.join(UNITS)}")
-    return UNITS[unit]
+    if not isinstance(unit, str) or unit not in LENGTH_UNITS:
+        raise ValueError(f"unit = {shown(unit)}: must be one of {', '.join(LENGTH_UNITS)}")
+    return LENGTH_UNITS[unit]

@@ -153,7 +153,7 @@ def _share(x, k):
     return 1 / (1 + (k / x) ** 2)
 
 
-class Memory(NamedTuple):
+class HeatKernel(NamedTuple):
     """How the heat of a velocity spreads: what no temperature changes."""
 
     diffusion: Diffusion
@@ -163,40 +163,40 @@ class Memory(NamedTuple):
     heat: jax.Array  # heat capacity of a volume [J/(m^3 K)]
 
 
-def memory(heating: Heating, ready: Diffusion, velocity: jax.Array, surface: bool) -> Memory:
-    """`Memory` at velocities of shape (points,) [m/s]; `surface`: whether heat is set free there too."""
-    weight = _memory(heating, ready.k, velocity) * (ready.step * ready.k)
+def heat_kernel(heating: Heating, ready: Diffusion, velocity: jax.Array, surface: bool) -> HeatKernel:
+    """`HeatKernel` at velocities of shape (points,) [m/s]; `surface`: whether heat is set free there too."""
+    weight = _kernel(heating, ready.k, velocity) * (ready.step * ready.k)
     known = weight @ _share(ready.reference, ready.k) ** 2
     closed = _closed(heating, ready.reference, velocity, "double") - known
     below = _closed(heating, 2 * ready.wavevector, velocity[:, None], "single") if surface else None
-    return Memory(ready, weight, closed, below, heating.density * heating.heat_capacity)
+    return HeatKernel(ready, weight, closed, below, heating.density * heating.heat_capacity)
 
 
-def rise_inside(memory: Memory, power: jax.Array) -> jax.Array:
+def rise_inside(kernel: HeatKernel, power: jax.Array) -> jax.Array:
     r"""Temperature rise of heat set free inside the solid, over q.
 
     Parameters
     ----------
-    memory : Memory
+    kernel : HeatKernel
     power : heat over velocity for each source, per area of macroasperity contact [Pa], (points, sources)
 
     Returns
     -------
     array (points, targets) [K]
     """
-    summed = (memory.weight * (power @ memory.diffusion.source)) @ memory.diffusion.target.T
-    closed = memory.closed * jnp.sum(power, -1)
-    return 2 / jnp.pi * (summed + closed[:, None]) / memory.heat
+    summed = (kernel.weight * (power @ kernel.diffusion.source)) @ kernel.diffusion.target.T
+    closed = kernel.closed * jnp.sum(power, -1)
+    return 2 / jnp.pi * (summed + closed[:, None]) / kernel.heat
 
 
-def rise_below_surface(memory: Memory, power: jax.Array) -> jax.Array:
+def rise_below_surface(kernel: HeatKernel, power: jax.Array) -> jax.Array:
     """Temperature rise of heat set free at the surface, over q: [K], shape (points, targets).
 
     power : heat over velocity per area of macroasperity contact [Pa], shape (points,)
     """
-    if memory.surface is None:
-        raise ValueError("memory.surface is None: must have been made for heat at the surface")
-    return 2 / jnp.pi * power[:, None] * memory.surface / memory.heat
+    if kernel.surface is None:
+        raise ValueError("kernel.surface is None: must have been made for heat at the surface")
+    return 2 / jnp.pi * power[:, None] * kernel.surface / kernel.heat
 
 
 def diffusivity(heating: Heating) -> jax.Array:
@@ -204,7 +204,7 @@ def diffusivity(heating: Heating) -> jax.Array:
     return heating.conductivity / (heating.density * heating.heat_capacity)
 
 
-def _memory(heating, k, velocity):
+def _kernel(heating, k, velocity):
     """v (1 - e^(-D k^2 R / v)) / (D k^2): how far the heat of wavevector k is remembered [m], odd in v."""
     # D k^2 R, whose square root is formed: k^2 leaves float32.
     rate = (k * jnp.sqrt(diffusivity(heating) * heating.radius)) ** 2
@@ -215,7 +215,7 @@ def _memory(heating, k, velocity):
 
 
 def _closed(heating, x, velocity, kind):
-    """The integral of `_memory` times x^2/(k^2 + x^2), "double": times its square, over k; any shapes."""
+    """The integral of `_kernel` times x^2/(k^2 + x^2), "double": times its square, over k; any shapes."""
     root = jnp.sqrt(diffusivity(heating) * heating.radius)
     # s = sqrt(D R / v); of the root of v, whose derivative at v = 0 is infinite, only v / sqrt(v) is left.
     speed = jnp.maximum(jnp.abs(velocity), float(jnp.finfo(jnp.result_type(velocity)).tiny) ** 0.5)

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from rubberfric.base.checks import NONNEGATIVE, PLAUSIBLE_STRESS, POSITIVE
 from rubberfric.base.objects.fields import Number, child, leaf
 from rubberfric.base.objects.physical import PhysicalObject, physical
-from rubberfric.materials.shifts.laws import Shift, log_vertical
+from rubberfric.materials.shifts import Shift, log_vertical
 
 _LN_10 = math.log(10.0)  # a Python float: a NumPy one would widen float32
 
@@ -40,7 +40,7 @@ class ContactShear(PhysicalObject):
     tau_f falls faster than any power of v (it takes 10^(1/sqrt(c)) in v to lose a factor e,
     so that a tiny c looks like c = 0 over every velocity there is a number for). For c = 0 it
     is dry friction, tau_f0 sign(v): discontinuous at v = 0, where value and derivatives are
-    given as 0. ln a_T' saturates at a quarter of the exponent range (see `rubberfric.materials.shifts.laws`).
+    given as 0. ln a_T' saturates at a quarter of the exponent range (see `rubberfric.materials.shifts`).
     """
 
     tau_f0: Number = leaf(NONNEGATIVE, unit="Pa", plausible=PLAUSIBLE_STRESS)

@@ -10,14 +10,13 @@ from numpy.polynomial import legendre
 
 from rubberfric.base.quadrature import gauss, legendre_transform, typed
 from rubberfric.scene.adhesion import Adhesion
-from rubberfric.scene.pairs import PairTemperatures
-from rubberfric.theory.area.constant_area import Unloading, solve_energy_criterion
-from rubberfric.theory.area.constant_area import work_of_separation as work_at_constant_area
+from rubberfric.theory.area.constant_area import Unloading, solve_energy_criterion, work_at_constant_area
 from rubberfric.theory.area.long_range import Gaps, evaluate_attraction, solve_dmt_load
 from rubberfric.theory.area.partial_contact import contact_argument
 from rubberfric.theory.area.separations import loss_table
 from rubberfric.theory.contact import Contact, Roughness
 from rubberfric.theory.contributions import total
+from rubberfric.theory.structure import SurfaceTemperatures
 
 
 def adhesive_contact(
@@ -25,7 +24,7 @@ def adhesive_contact(
     roughness: Roughness,
     velocity: jax.Array,
     pressure: jax.Array,
-    temperatures: Sequence[PairTemperatures],
+    temperatures: Sequence[SurfaceTemperatures],
 ) -> Contact:
     """Return the `Contact` at points; arguments as of `Roughness.contact`."""
     contact = roughness.contact(velocity, pressure, temperatures)
@@ -43,7 +42,7 @@ def relative_attraction(
     roughness: Roughness,
     velocity: jax.Array,
     pressure: jax.Array,
-    temperatures: Sequence[PairTemperatures],
+    temperatures: Sequence[SurfaceTemperatures],
 ) -> tuple[Contact, jax.Array]:
     """Return the contact without adhesion, and the attraction of long range in it.
 
@@ -59,7 +58,7 @@ def work_of_separation(
     roughness: Roughness,
     velocity: jax.Array,
     pressure: jax.Array,
-    temperatures: Sequence[PairTemperatures],
+    temperatures: Sequence[SurfaceTemperatures],
 ) -> jax.Array:
     """Return the work that separates solids with adhesion of short range [J/m^2]; as `adhesive_contact`."""
     contact = roughness.contact(velocity, pressure, temperatures)
@@ -69,7 +68,7 @@ def work_of_separation(
 def _gaps(adhesion, roughness, contact, pressure):
     """`Gaps` of the contact without adhesion."""
     modulus = contact.modulus_over_pressure
-    storage = total(terms.densities["storage"] for terms in contact.terms)
+    storage = total(terms.densities["mean_storage"] for terms in contact.terms)
     heights = (2 * jnp.pi * total(roughness.mesh.roughness) / roughness.mesh.q**2)[:, None]
 
     def in_a_row(begin, values, end):
@@ -94,7 +93,7 @@ def _gaps(adhesion, roughness, contact, pressure):
 
 def _unloading(adhesion, contact, pressure):
     """`Unloading` of the contact without adhesion."""
-    storage = total(terms.densities["storage"] for terms in contact.terms)
+    storage = total(terms.densities["mean_storage"] for terms in contact.terms)
     x = contact.x
     return Unloading(
         x=_in_a_row(x, pressure),

@@ -18,8 +18,6 @@ from rubberfric.base.checks import (
     warn_caller,
 )
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.scene.numerics.settings import ROBUST, default_quadrature
-from rubberfric.scene.numerics.single_precision import check_single
 from rubberfric.scene.plausibility import warn_of_conditions
 from rubberfric.scene.scene import (
     Scene,
@@ -28,7 +26,9 @@ from rubberfric.scene.scene import (
     shifts,
     takes_temperature,
 )
-from rubberfric.theory.quantities import Values, iterated, iterates, needs_of
+from rubberfric.scene.settings import ROBUST, default_quadrature
+from rubberfric.scene.single_precision import check_single
+from rubberfric.theory.quantities import Values, iterated, iterates
 
 AT_REST: Rule = (
     "must be 0: correlated roughness is of solids at rest, sliding it excites them at different frequencies",
@@ -98,7 +98,6 @@ def check_kinds(scene: object, quadrature: object) -> None:
 
 def check_heated(scene: Scene, quantities: Iterable[str]) -> None:
     """ValueError for quantities of heating although the scene has none, or not defined with adhesion."""
-    needs_of(scene, quantities)
     absent = {"flash_temperature"} if iterates(scene) else {"flash_temperature", "converged"}
     if scene.heating is None and absent & set(quantities):
         raise ValueError("quantities has 'flash_temperature' or 'converged': the scene must have heating")

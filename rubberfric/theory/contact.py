@@ -17,12 +17,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from rubberfric.roughness.mesh.radial_mesh import Mesh
+from rubberfric.roughness.radial_mesh import Mesh
 from rubberfric.scene.correlation import Correlation
-from rubberfric.scene.pairs import PairTemperatures
 from rubberfric.theory.area.area_correction import CorrectionTable, correct_argument
 from rubberfric.theory.area.partial_contact import contact_argument, contact_fraction, friction_weight
 from rubberfric.theory.contributions import Contribution, Terms, total
+from rubberfric.theory.structure import SurfaceTemperatures
+
+# With too few panels the interpolant of <|F|^2> swings below 0. If G is so little below, P = 1 to 1e-12 all
+# the same; otherwise G is unknown.
+_NO_CONTACT_LOST = -0.01
 
 
 class Contact(NamedTuple):
@@ -54,12 +58,12 @@ class Contact(NamedTuple):
             G = jnp.where(np.arange(G.shape[0])[:, None] < panels, G, 0.0)
         return contact_fraction(self.corrected(contact_argument(jnp.sum(G, 0))))
 
-    def friction_terms(self, kind: str = "dissipation") -> dict[int, jax.Array]:
+    def friction_terms(self, kind: str = "mean_cos_loss") -> dict[int, jax.Array]:
         """Return the viscoelastic friction by contribution and contact node.
 
         Parameters
         ----------
-        kind : "dissipation", or "transverse" for the friction across the direction of sliding
+        kind : "mean_cos_loss", or "mean_sin_loss" for the friction across the direction of sliding
 
         Returns
         -------
@@ -104,7 +108,7 @@ class Roughness(NamedTuple):
     correlation: Correlation | None = None  # in the roughness already, which is that of solids at rest
 
     def contact(
-        self, velocity: jax.Array, pressure: jax.Array, temperatures: Sequence[PairTemperatures]
+        self, velocity: jax.Array, pressure: jax.Array, temperatures: Sequence[SurfaceTemperatures]
     ) -> Contact:
         """Return the `Contact` without adhesion.
 
@@ -129,6 +133,7 @@ class Roughness(NamedTuple):
         G_panels, G = square * (jnp.pi / 4 * total(panels)), None
         if within:
             G = _sum_before(G_panels)[..., None] + square[:, None] * (jnp.pi / 4 * total(within))  # (A11)
+            G = jnp.where(G < 0, jnp.where(G > _NO_CONTACT_LOST, 0.0, jnp.nan), G)
         return Contact(terms, modulus, G_panels, G, self.gamma, self.correction)
 
 

@@ -2,14 +2,7 @@ r"""Contribution of each rough surface to the integrals over ln q: G, friction a
 
 The density of G is the product of q^4 C_j, known at every contact node, and <|F_j|^2>, known where its
 angular means are taken; likewise friction and separation. The rules that join the two depend on the scene
-alone, so each velocity takes one small matrix product a panel. The structure of the pair decides where the
-means are taken:
-
-- `StaticContribution`: nothing depends on the velocity;
-- `InterpolatedContribution`: at the angular nodes, because they are smooth in ln q;
-- `LogarithmicContribution`: the same, interpolated in the logarithm of <|F|^2>, which may rise by 1e9
-  within a panel: with two deformable solids and a layer, or a coating;
-- `DirectContribution`: at the contact nodes themselves, because they have kinks over q.
+alone, so each velocity takes one small matrix product a panel.
 """
 
 import dataclasses
@@ -23,14 +16,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.quadrature import cumulative, typed, weights_between
-from rubberfric.roughness.mesh.radial_mesh import Mesh
-from rubberfric.scene.pairs import Pair, PairTemperatures
-from rubberfric.theory.quantities import RequiredMeans
+from rubberfric.roughness.radial_mesh import Mesh
 from rubberfric.theory.stiffness.angular_means import Means
 from rubberfric.theory.stiffness.means_table import MeansTable
-from rubberfric.theory.stiffness.series import factors_at, static_stiffness
+from rubberfric.theory.stiffness.series import factors_at
 from rubberfric.theory.stiffness.stiffness_means import StiffnessMeans, stiffness_means
-from rubberfric.theory.stiffness.tabulated_means import log_power
+from rubberfric.theory.stiffness.tabulated_means import log_floored
+from rubberfric.theory.structure import Interpolation, RequiredMeans, RoughSurface, SurfaceTemperatures
 
 
 class Terms(NamedTuple):
@@ -38,32 +30,24 @@ class Terms(NamedTuple):
 
     panels: jax.Array  # integral of the density of g over every panel, (panels, points or 1)
     within: jax.Array | None  # the same from the left border of the panel to every contact node
-    # By kind: of the friction, "dissipation" and "transverse", before the factor S P, and of the separation,
-    # "storage", before the factor x Psi [m].
+    # By kind: of the friction, "mean_cos_loss" and "mean_sin_loss", before the factor S P, and of the
+    # separation, "mean_storage", before the factor x Psi [m].
     densities: dict[str, jax.Array]
 
 
-class StaticContribution(NamedTuple):
-    """Roughness on a solid that does not relax."""
+class Contribution(NamedTuple):
+    """The roughness of one surface; tuples have an entry for each mean of a kind."""
 
-    fixed: Terms  # whatever the velocity
-
-    def terms(self, mesh: Mesh, velocity: jax.Array, temperatures: PairTemperatures) -> Terms:
-        """`Terms` at points; see `InterpolatedContribution.terms`."""
-        del mesh, velocity, temperatures
-        return self.fixed
-
-
-class InterpolatedContribution(NamedTuple):
-    """Roughness whose angular means are smooth in ln q; tuples have an entry for each mean of a kind."""
-
-    stiffness: StiffnessMeans  # at the angular nodes
-    power: tuple[jax.Array, ...]  # weights of <|F|^2> at nodes i in the integral over a panel, (panels, i)
-    within: tuple[jax.Array, ...] | None  # in that up to every contact node, (panels, order, i)
+    stiffness: StiffnessMeans  # at the angular nodes, or without interpolation at the contact nodes
+    interpolation: Interpolation
+    # Weights of <|F|^2> in the integral over a panel, (panels, nodes), and in that up to every contact node,
+    # (panels, order, nodes); with logarithms at the nodes between them, (panels, nodes between).
+    mean_abs2: tuple[jax.Array, ...]
+    within: tuple[jax.Array, ...] | None
     others: Means  # weights of the other means at the contact nodes, (panels, order)
 
-    def terms(self, mesh: Mesh, velocity: jax.Array, temperatures: PairTemperatures) -> Terms:
-        """`Terms` at points.
+    def terms(self, mesh: Mesh, velocity: jax.Array, temperatures: SurfaceTemperatures) -> Terms:
+        """Return the `Terms` at points.
 
         Parameters
         ----------
@@ -72,146 +56,107 @@ class InterpolatedContribution(NamedTuple):
         temperatures : of the two solids [K]: None, (points,), or (angular panels, points, angular
             order) if it differs from scale to scale
         """
-        means = self.stiffness.means(mesh.angular_q, velocity, temperatures)
-        # Without integrals up to the nodes the weights are those of the angular panels themselves.
-        power = means["power"] if self.within is None else tuple(map(mesh.serving, means["power"]))
-        return _terms(*_integrated(self.power, self.within, power), self.others, means, mesh.to_contact)
+        if self.interpolation is Interpolation.NONE:
+            temperatures = jax.tree.map(lambda T: mesh.to_contact(T) if T.ndim > 1 else T, temperatures)
+            means = at_contact = self.stiffness.means(mesh.q, velocity, temperatures)
+        else:
+            means = self.stiffness.means(mesh.angular_q, velocity, temperatures)
+            at_contact = {k: tuple(map(mesh.to_contact, means[k])) for k in self.others}
+        densities = {
+            kind: total(w[:, None] * mean for w, mean in zip(weights, at_contact[kind], strict=True))
+            for kind, weights in self.others.items()
+        }
+        if self.interpolation is Interpolation.LOGARITHMIC:
+            return Terms(*self._with_logarithms(mesh, means["mean_abs2"]), densities)
+        return Terms(*self._linear(mesh, means["mean_abs2"]), densities)
 
+    def _linear(self, mesh, means):
+        """Integrals of g over every panel, and up to every contact node.
 
-class LogarithmicContribution(NamedTuple):
-    """Roughness whose <|F|^2> is smooth in its logarithm.
+        Weights of the latter are exact in the roughness and in all its factors (`cumulative`). They may
+        change by 1e6 within a panel, and g, where it matters most, is what the small end adds up to: a rule
+        for the product of all would lose it.
+        """
+        if self.interpolation is Interpolation.LINEAR and self.within is not None:
+            # Without integrals up to the nodes the weights are those of the angular panels themselves.
+            means = tuple(map(mesh.serving, means))
+        panels = _sum_products("kvi,ki->kv", means, self.mean_abs2)
+        return panels, None if self.within is None else _sum_products("kvi,kci->kvc", means, self.within)
 
-    Interpolated in the logarithm and summed with positive weights, the small end keeps its digits and G
-    stays positive.
-    """
+    def _with_logarithms(self, mesh, means):
+        """The same interpolated in ln <|F|^2> and summed with positive weights.
 
-    stiffness: StiffnessMeans  # at the angular nodes
-    power: tuple[jax.Array, ...]  # weights of <|F|^2> at the contact nodes, (panels, order)
-    between: tuple[jax.Array, ...] | None  # at the nodes between them, (panels, nodes between)
-    others: Means  # as of `InterpolatedContribution`
-
-    def terms(self, mesh: Mesh, velocity: jax.Array, temperatures: PairTemperatures) -> Terms:
-        """`Terms` at points; see `InterpolatedContribution.terms`."""
-        means = self.stiffness.means(mesh.angular_q, velocity, temperatures)
-        logarithms = [log_power(mesh.serving(mean)) for mean in means["power"]]
+        The small end keeps its digits, and G stays positive.
+        """
+        logarithms = [log_floored(mesh.serving(mean)) for mean in means]
 
         def interpolated(basis):
             return [jnp.exp(jnp.einsum("kvi,kci->kvc", logarithm, basis)) for logarithm in logarithms]
 
-        within, (panels, _) = None, _integrated(self.power, None, interpolated(mesh.interpolate))
-        if self.between is not None and mesh.between is not None:
+        panels, within = _sum_products("kvi,ki->kv", interpolated(mesh.interpolate), self.mean_abs2), None
+        if self.within is not None and mesh.between is not None:
             order = mesh.q.shape[1]
-            between = zip(self.between, interpolated(mesh.between.interpolate), strict=True)
+            between = zip(self.within, interpolated(mesh.between.interpolate), strict=True)
             shape = (*panels.shape, order, -1)
             gaps = total((w[:, None] * mean).reshape(shape).sum(-1) for w, mean in between)
             within = gaps @ np.triu(np.ones((order, order), gaps.dtype))
-        return _terms(panels, within, self.others, means, mesh.to_contact)
-
-
-class DirectContribution(NamedTuple):
-    """Roughness whose angular means have kinks over q; as `InterpolatedContribution`, at contact nodes."""
-
-    stiffness: StiffnessMeans
-    power: tuple[jax.Array, ...]
-    within: tuple[jax.Array, ...] | None
-    others: Means
-
-    def terms(self, mesh: Mesh, velocity: jax.Array, temperatures: PairTemperatures) -> Terms:
-        """`Terms` at points; see `InterpolatedContribution.terms`."""
-        at_nodes = jax.tree.map(lambda T: mesh.to_contact(T) if T.ndim > 1 else T, temperatures)
-        means = self.stiffness.means(mesh.q, velocity, at_nodes)
-        return _terms(*_integrated(self.power, self.within, means["power"]), self.others, means)
-
-
-Contribution = StaticContribution | InterpolatedContribution | LogarithmicContribution | DirectContribution
+        return panels, within
 
 
 def contribution(
-    pair: Pair, mesh: Mesh, j: int, scale: jax.Array, needs: RequiredMeans, table: MeansTable | None = None
+    surface: RoughSurface,
+    mesh: Mesh,
+    j: int,
+    scale: jax.Array,
+    needs: RequiredMeans,
+    table: MeansTable | None = None,
 ) -> Contribution:
-    """What the roughness of a pair contributes.
+    """Return what the roughness of a surface contributes.
 
     Parameters
     ----------
-    pair : Pair
+    surface : RoughSurface
     mesh : Mesh
     j : which of the spectra of the mesh it is
     scale : modulus scale [Pa]
     needs : RequiredMeans
     table : see `stiffness_means`
     """
-    weights, between = mesh.roughness[j], None
-    if pair.static:
-        return _static(pair, mesh, j, scale, needs)
-    if not pair.relaxes:
-        needs = dataclasses.replace(needs, dissipation=False, transverse=False)
-    factors = factors_at(pair, mesh.q)
-    power = factors.of("power", weights)
+    if not surface.relaxes:
+        needs = dataclasses.replace(needs, mean_cos_loss=False, mean_sin_loss=False)
+    weights, interpolation = mesh.roughness[j], surface.interpolation or Interpolation.NONE
+    factors = factors_at(surface, scale, mesh.q)
+    mean_abs2 = factors.of("mean_abs2", weights)
     others = {
-        kind: factors.of(kind, weights / mesh.q if kind == "storage" else weights)
+        kind: factors.of(kind, weights / mesh.q if kind == "mean_storage" else weights)
         for kind in needs.kinds
-        if kind != "power" and (kind != "transverse" or pair.harmonics)
+        if kind != "mean_abs2" and (kind != "mean_sin_loss" or surface.harmonics)
     }
-    excited = stiffness_means(pair, scale, mesh.q if pair.kinked else mesh.angular_q, needs, table)
-    if mesh.between is not None:
-        between = factors_at(pair, mesh.between.q).of("power", mesh.between.roughness[j])
-    if pair.steep:
-        if between is not None:
-            gaps = typed(weights_between(mesh.q.shape[1]), weights).reshape(-1)
-            between = tuple(density * gaps for density in between)
-        return LogarithmicContribution(excited, power, between, others)
+    angular = interpolation is not Interpolation.NONE
+    means = stiffness_means(surface, scale, mesh.angular_q if angular else mesh.q, needs, table)
     within = None
-    if between is not None:
-        rule = typed(cumulative(mesh.q.shape[1]), weights)
-        within = tuple(jnp.tensordot(density, rule, 1) for density in between)
-    if pair.kinked:
-        return DirectContribution(excited, power, within, others)
-    power = tuple(jnp.einsum("kc,kci->ki", one, mesh.interpolate) for one in power)
-    if within is not None:
-        within = tuple(rule @ mesh.interpolate for rule in within)
-    else:
-        # Only the whole integral is needed: the contact nodes have done their part.
-        power = tuple(jnp.zeros_like(mesh.angular_q).at[mesh.panel].add(one) for one in power)
-    return InterpolatedContribution(excited, power, within, others)
-
-
-def _static(pair, mesh, j, scale, needs):
-    """A stiffness that does not relax is known at every q, and part of the weights."""
-    F, within = static_stiffness(pair, scale, mesh.q), None
     if mesh.between is not None:
-        density = mesh.between.roughness[j] * static_stiffness(pair, scale, mesh.between.q) ** 2
-        within = (density @ typed(cumulative(mesh.q.shape[1]), density).sum(-1))[:, None]
-    densities = {"storage": (mesh.roughness[j] / mesh.q * F)[:, None]} if needs.storage else {}
-    panels = jnp.sum(mesh.roughness[j] * F**2, -1)[:, None]
-    return StaticContribution(Terms(panels, within, densities))
+        between = factors_at(surface, scale, mesh.between.q).of("mean_abs2", mesh.between.roughness[j])
+        logarithmic = interpolation is Interpolation.LOGARITHMIC
+        rule = typed((weights_between if logarithmic else cumulative)(mesh.q.shape[1]), weights)
+        within = tuple(
+            density * rule.reshape(-1) if logarithmic else jnp.tensordot(density, rule, 1)
+            for density in between
+        )
+    if interpolation is Interpolation.LINEAR and within is not None:
+        mean_abs2 = tuple(jnp.einsum("kc,kci->ki", one, mesh.interpolate) for one in mean_abs2)
+        within = tuple(rule @ mesh.interpolate for rule in within)
+    elif interpolation is Interpolation.LINEAR:
+        # Only the whole integral is needed: the contact nodes have done their part.
+        mean_abs2 = (jnp.einsum("kc,kci->ki", one, mesh.interpolate) for one in mean_abs2)
+        mean_abs2 = tuple(jnp.zeros_like(mesh.angular_q).at[mesh.panel].add(one) for one in mean_abs2)
+    return Contribution(means, interpolation, mean_abs2, within, others)
 
 
-def _integrated(power, within, means):
-    """Integrals over every panel and up to every contact node, of the means of <|F|^2> at their nodes.
-
-    Weights of the latter are exact in the roughness and in all its factors (`cumulative`). They may
-    change by 1e6 within a panel, and g, where it matters most, is what the small end adds up to: a rule
-    for the product of all would lose it, or make it < 0.
-    """
-    panels = total(jnp.einsum("kvi,ki->kv", mean, w) for mean, w in zip(means, power, strict=True))
-    if within is None:
-        return panels, None
-    nodes = total(jnp.einsum("kvi,kci->kvc", mean, w) for mean, w in zip(means, within, strict=True))
-    # Over a panel of five e-folds and more, where <|F|^2> rises by 1e5, its interpolant may
-    # swing below 0 at the small end: there G is that of the panels before. Selected: where two borders
-    # coincide all are 0, and a maximum would give them half their derivatives.
-    return panels, jnp.where(nodes < 0, 0.0, nodes)
-
-
-def _terms(panels, within, others, means, at_contact=lambda mean: mean):
-    """`Terms` of means that `at_contact` takes to the contact nodes."""
-    densities = {}
-    for kind, weights in others.items():
-        pairs = zip(weights, means[kind], strict=True)
-        densities[kind] = total(w[:, None] * at_contact(mean) for w, mean in pairs)
-    return Terms(panels, within, densities)
+def _sum_products(subscripts, means, weights):
+    return total(jnp.einsum(subscripts, mean, w) for mean, w in zip(means, weights, strict=True))
 
 
 def total(terms: Iterable[jax.Array]) -> jax.Array:
-    """Sum of arrays, without a zero to begin with."""
+    """Sum arrays, without a zero to begin with."""
     return functools.reduce(operator.add, terms)

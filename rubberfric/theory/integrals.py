@@ -18,30 +18,37 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.roughness.mesh.radial_mesh import build_mesh
+from rubberfric.roughness.radial_mesh import build_mesh
 from rubberfric.scene.adhesion import Adhesion
 from rubberfric.scene.correlation import difference
-from rubberfric.scene.pairs import Pair, PairTemperatures, pairs_of
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import ContactShear, shear_friction
 from rubberfric.scene.softening import knots
 from rubberfric.theory.adhesive_contact import adhesive_contact
 from rubberfric.theory.area.area_correction import correction_table
 from rubberfric.theory.area.partial_contact import separation_weight
+from rubberfric.theory.area.boundary_elements_law import Law, prepare_law, solve_law
 from rubberfric.theory.contact import Contact, Roughness
 from rubberfric.theory.contributions import contribution, total
-from rubberfric.theory.quantities import RequiredMeans, needs_of, parts_of
-from rubberfric.theory.stiffness.means_table import MeansTable
-from rubberfric.theory.stiffness.series import modulus_scale
-from rubberfric.theory.stiffness.stiffness_means import Tables
-from rubberfric.theory.temperatures.heat_balance import (
+from rubberfric.theory.heat_balance import (
     Temperatures,
     Thermal,
-    feeds_back,
     macroasperity,
     prepare_thermal,
 )
-from rubberfric.theory.temperatures.solution import COARSE, solve_temperatures
+from rubberfric.theory.quantities import quantity_parts
+from rubberfric.theory.stiffness.means_table import MeansTable
+from rubberfric.theory.stiffness.series import modulus_scale
+from rubberfric.theory.stiffness.stiffness_means import Tables
+from rubberfric.theory.structure import (
+    Interpolation,
+    RequiredMeans,
+    RoughSurface,
+    Structure,
+    SurfaceTemperatures,
+    rough_surfaces_of,
+)
+from rubberfric.theory.temperatures import COARSE, solve_temperatures
 
 
 class Points(NamedTuple):
@@ -60,6 +67,7 @@ class Prepared(NamedTuple):
     thermal: Thermal | None
     shear: ContactShear | None
     adhesion: Adhesion | None
+    law: Law | None = None  # gives area and friction in place of the theory
 
     @property
     def roughness(self) -> Roughness:
@@ -74,7 +82,7 @@ def prepare(
     quantities: Iterable[str],
     quadrature: Quadrature,
     *,
-    pairs: Sequence[Pair] | None = None,
+    surfaces: Sequence[RoughSurface] | None = None,
     borders: jax.Array | None = None,
     tables: Tables | None = None,
 ) -> Prepared:
@@ -85,50 +93,60 @@ def prepare(
     scene : Scene
     quantities : fields of `Solution`
     quadrature : Quadrature
-    pairs : `pairs_of` the scene where they are known already, or with other power laws
+    surfaces : `rough_surfaces_of` the scene where they are known already, or with other power laws
     borders : see `build_mesh`; with borders G is known at every node, whatever the quantities
     tables : `known_tables` of the scene and the quantities
     """
-    needs = needs_of(scene, quantities)
-    if not needs.power:
-        return Prepared(needs, None, None, scene.shear, scene.adhesion)
-    pairs = pairs_of(scene) if pairs is None else pairs
-    roughness, thermal = _rough(scene, pairs, quadrature, needs, borders, tables), None
+    law = None
+    if scene.contact_model == "boundary_elements":
+        surfaces = rough_surfaces_of(scene) if surfaces is None else surfaces
+        if surfaces and set(quantities) - {"separation"}:
+            law = prepare_law(surfaces[0], quadrature)
+        quantities = set(quantities) & {"separation"}
+    structure = Structure.of(scene, quantities)
+    needs = structure.needs
+    if not needs.mean_abs2:
+        return Prepared(needs, None, None, scene.shear, scene.adhesion, law)
+    surfaces = rough_surfaces_of(scene) if surfaces is None else surfaces
+    roughness, thermal = _rough(scene, surfaces, quadrature, needs, borders, tables), None
     heating = scene.heating
     if heating is not None:
         coarse = None
-        if feeds_back(scene):
-            coarse = _rough(scene, pairs, COARSE, needs_of(scene, ("flash_temperature",)), like=roughness)
+        if structure.feeds_back:
+            coarse_needs = Structure.of(scene, ("flash_temperature",)).needs
+            coarse = _rough(scene, _coarse(surfaces), COARSE, coarse_needs, like=roughness)
         thermal = prepare_thermal(heating, scene, roughness, quadrature.heat, coarse, COARSE.heat)
-    return Prepared(needs, roughness, thermal, scene.shear, scene.adhesion)
+    return Prepared(needs, roughness, thermal, scene.shear, scene.adhesion, law)
 
 
-def _rough(scene, pairs, quadrature, needs, borders=None, tables=None, like=None):
+def _rough(scene, surfaces, quadrature, needs, borders=None, tables=None, like=None):
     """`Roughness` of a scene; `like`: of the same scene on another mesh, whose tables serve it as well."""
-    details = [pair.detail for pair in pairs if pair.detail is not None]
+    details = [surface.detail for surface in surfaces if surface.detail is not None]
     mesh = build_mesh(
-        [pair.law for pair in pairs],
+        [surface.law for surface in surfaces],
         quadrature if not details else quadrature.resolving(min(details)),
         graded=needs.everywhere or scene.heating is not None or borders is not None,
-        logarithmic=any(pair.steep for pair in pairs),
-        borders=_borders(scene, pairs, borders),
+        logarithmic=any(surface.interpolation is Interpolation.LOGARITHMIC for surface in surfaces),
+        borders=_borders(scene, surfaces, borders),
         moving=scene.heating is not None,
     )
     if scene.correlation is not None:
         # At rest the stiffness is the same whichever surface it meets.
-        mesh, pairs = mesh.joined(functools.partial(difference, scene.correlation)), pairs[:1]
+        mesh, surfaces = mesh.joined(functools.partial(difference, scene.correlation)), surfaces[:1]
     scale, gamma = modulus_scale(scene), jnp.asarray(scene.gamma)
     correction = None
     if like is not None:
         tables, correction = _tables_of(like, needs), like.correction
-    tables = (None,) * len(pairs) if tables is None else tables[: len(pairs)]
+    tables = (None,) * len(surfaces) if tables is None else tables[: len(surfaces)]
     if correction is None and scene.area_correction and needs.area:
         correction = correction_table(gamma)
-    given = zip(pairs, tables, strict=True)
+    given = zip(surfaces, tables, strict=True)
     return Roughness(
         mesh,
-        tuple(contribution(pair, mesh, j, scale, needs, table) for j, (pair, table) in enumerate(given)),
-        tuple(pair.side for pair in pairs),
+        tuple(
+            contribution(surface, mesh, j, scale, needs, table) for j, (surface, table) in enumerate(given)
+        ),
+        tuple(surface.side for surface in surfaces),
         scale,
         gamma,
         correction,
@@ -136,25 +154,31 @@ def _rough(scene, pairs, quadrature, needs, borders=None, tables=None, like=None
     )
 
 
+def _coarse(surfaces):
+    """Surfaces for the few nodes of `COARSE`, between which a linear interpolant may swing below 0."""
+    smooth = Interpolation.LINEAR, Interpolation.LOGARITHMIC
+    return tuple(
+        surface._replace(interpolation=smooth[1]) if surface.interpolation is smooth[0] else surface
+        for surface in surfaces
+    )
+
+
 def _tables_of(roughness, needs):
     """Tables of the means of every contribution that has one, if they are those needed."""
-    found = [getattr(one, "stiffness", None) for one in roughness.contributions]
+    found = [one.stiffness for one in roughness.contributions]
     return tuple(
         one.stiffness
-        if one is not None
-        and isinstance(one.stiffness, MeansTable)
-        and one.harmonics is None
-        and one.needs.kinds == needs.kinds
+        if isinstance(one.stiffness, MeansTable) and one.harmonics is None and one.needs.kinds == needs.kinds
         else None
         for one in found
     )
 
 
-def _borders(scene, pairs, asked):
+def _borders(scene, surfaces, asked):
     """Wavevectors that must be borders of panels: the macroasperities' first, those asked for last."""
     borders = [] if scene.heating is None else [macroasperity(scene.heating)[None]]
     # Two solids that soften alike have their knots at the same places.
-    softened = {id(one.softening): one for one in pairs[0].softenings}
+    softened = {id(one.softening): one for one in surfaces[0].softenings}
     borders += [knots(one) for one in softened.values()]
     borders += [] if asked is None else [asked]
     return jnp.concatenate(borders) if borders else None
@@ -171,7 +195,7 @@ def solved(
     """
     roughness, thermal = prepared.roughness, prepared.thermal
     if thermal is None:
-        both = PairTemperatures(temperature, temperature)
+        both = SurfaceTemperatures(temperature, temperature)
         temperatures = [both] * len(roughness.contributions)
         if prepared.adhesion is not None:
             return adhesive_contact(prepared.adhesion, roughness, velocity, pressure, temperatures), None
@@ -202,14 +226,19 @@ def evaluate(
     dict from the quantities to arrays, shape (points,)
     """
     velocity, pressure, temperature = Points(*points)
-    parts = parts_of(quantities)
+    parts = quantity_parts(quantities)
     sheared = prepared.shear is not None and "shear_friction" in parts
     # Without roughness there is no scale to be hot.
     found = {} if temperature is None else {"flash_temperature": temperature}
     surface = temperature
+    wanted = parts | {"area"} if sheared else parts
+    if prepared.law is not None:
+        by_law = solve_law(prepared.law, velocity, pressure, temperature)
+        found |= {"area": by_law.area, "viscoelastic_friction": by_law.mu, "converged": by_law.converged}
+        wanted = wanted & {"separation"}
     if prepared.integrated is not None:
         contact, temperatures = known or solved(prepared, velocity, pressure, temperature)
-        found |= _integrated(contact, parts | {"area"} if sheared else parts)
+        found |= _integrated(contact, wanted)
         if contact.converged is not None:
             found["converged"] = contact.converged
         if temperatures is not None:
@@ -231,11 +260,11 @@ def evaluate(
 def _integrated(contact, parts):
     """What of the parts is an integral over the roughness."""
     found = {"area": contact.area()} if "area" in parts else {}
-    for name, kind in (("viscoelastic_friction", "dissipation"), ("transverse_friction", "transverse")):
+    for name, kind in (("viscoelastic_friction", "mean_cos_loss"), ("transverse_friction", "mean_sin_loss")):
         if name in parts and (terms := contact.friction_terms(kind)):
             found[name] = total(jnp.sum(values, (0, 2)) for values in terms.values())
     if "separation" in parts:
-        density = total(terms.densities["storage"] for terms in contact.terms)
+        density = total(terms.densities["mean_storage"] for terms in contact.terms)
         weight = separation_weight(contact.x, contact.gamma)
         factor = jnp.pi / 2 * contact.modulus_over_pressure
         found["separation"] = factor * jnp.sum(weight * density, (0, 2))  # (A18)

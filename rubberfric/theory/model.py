@@ -64,7 +64,7 @@ def contact_area(
     ValueError : concrete pressure <= 0, any NaN, a temperature outside a shift's range,
         a temperature although nothing in the scene depends on it, or none although the scene is
         heated; in float32 also what single precision cannot hold
-        (`rubberfric.scene.numerics.single_precision`).
+        (`rubberfric.scene.single_precision`).
 
     Notes
     -----

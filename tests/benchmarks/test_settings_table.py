@@ -1,4 +1,4 @@
-"""The table that the limits of `rubberfric.scene.numerics.settings.RULES` are read from.
+"""The table that the limits of `rubberfric.scene.settings.RULES` are read from.
 
 python -m pytest -m benchmark -s tests/benchmarks/test_settings_table.py
 
@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from support.cases import sane
 
-from rubberfric.scene.numerics.settings import RULES, loads_of, span_of
+from rubberfric.scene.settings import RULES, loads_of, span_of
 
 pytestmark = pytest.mark.benchmark
 

@@ -14,7 +14,7 @@ from fitting.parameters.scenes import find, scene_paths
 from rubberfric.base import POSITIVE, Number, between, child, forget, leaf, physical
 from rubberfric.base.checks import PLAUSIBLE_STRESS, PLAUSIBLE_TEMPERATURE
 from rubberfric.materials.material import Coatable, Material, Series, plane_strain_factor
-from rubberfric.materials.shifts.laws import Shift, saturated
+from rubberfric.materials.shifts import Shift, saturated
 
 
 def vogel_fulcher():

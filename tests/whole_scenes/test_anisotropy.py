@@ -15,8 +15,8 @@ from support.oracles import oracle
 from support.scenes.common import ROAD
 
 import rubberfric as rf
-from rubberfric.theory.quantities import RequiredMeans
 from rubberfric.theory.stiffness.angular_means import PronyStiffness
+from rubberfric.theory.structure import RequiredMeans
 
 NAMES = [name for name in CASES if name.startswith("grooved-")]
 # One compilation serves all but the last.
@@ -63,7 +63,7 @@ def by_quadrature(a, m):
 def mixed(shares, qv):
     """The four means of one term with shares of their harmonics, (4, nodes)."""
     F = PronyStiffness(*as_arrays((REST, np.ones(1), np.ones(1))))
-    needs = RequiredMeans(power=True, dissipation=True, storage=True, transverse=True)
+    needs = RequiredMeans(mean_abs2=True, mean_cos_loss=True, mean_storage=True, mean_sin_loss=True)
     found = F.means(qv[None], needs, harmonics=shares)
     return jnp.concatenate([found[kind][0] for kind in needs.kinds])
 
@@ -133,7 +133,7 @@ def test_means_with_harmonics_have_the_derivatives_of_the_quadrature():
 
     def means(numbers):
         rest, weight, tau, qv, cosine, sine = numbers
-        needs = RequiredMeans(power=True, dissipation=True, storage=True, transverse=True)
+        needs = RequiredMeans(mean_abs2=True, mean_cos_loss=True, mean_storage=True, mean_sin_loss=True)
         found = PronyStiffness(rest, weight, tau).means(qv[None], needs, harmonics=(cosine, sine))
         return jnp.stack([found[kind][0][0] for kind in needs.kinds])
 

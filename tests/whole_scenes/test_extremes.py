@@ -171,3 +171,12 @@ def test_single_precision_with_python_scalars():
     single = as_arrays(scene(changed("one", {})), jnp.float32)
     for result in three(jax.eval_shape(rf.solve, single, 0.1, 3e5)):
         assert result.dtype == jnp.float32
+
+
+def test_too_few_panels_give_nan_instead_of_a_wrong_friction():
+    """<|F|^2> rises by 1e6 within a panel, where its interpolant swings below 0."""
+    few = rf.Quadrature(order=5, panels=3, graded=2, ratio=8.0, angular_order=6)
+    road = rf.SelfAffine(1e2, 1e3, 1e9, 0.8, 5e-4)
+    steep = rf.Scene(rf.Body(rf.Rigid(), road), rf.Body(rf.Prony(1e6, [3e9], [1e-3])))
+    found = rf.friction(steep, np.array([1e-4, 1e-3]), 1e4, quadrature=few)
+    assert np.isnan(found).all(), "122 and 5.0 where the friction is 6.1 and 3.9"

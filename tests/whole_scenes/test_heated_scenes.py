@@ -24,7 +24,7 @@ from fitting.solvers.problem import make_problem
 from rubberfric.analysis import jacobian
 from rubberfric.analysis.jacobian import value_and_jacobian
 from rubberfric.base import fixed_points
-from rubberfric.theory.temperatures import branch
+from rubberfric.theory import branch
 
 NAMES = ("area", "viscoelastic_friction", "shear_friction", "friction", "separation", "flash_temperature")
 POINTS = 8

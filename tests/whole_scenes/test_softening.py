@@ -12,14 +12,13 @@ from support.oracles import oracle
 from support.scenes.common import ROAD
 
 import rubberfric as rf
-from rubberfric.scene.numerics.settings import OTHER
-from rubberfric.scene.pairs import pairs_of
 from rubberfric.scene.scene import optional_parts
+from rubberfric.scene.settings import OTHER
 from rubberfric.scene.softening import knots, softening_factors, strain
 from rubberfric.theory.paper import covers
-from rubberfric.theory.quantities import RequiredMeans
 from rubberfric.theory.stiffness.angular_means import PronyStiffness
 from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
+from rubberfric.theory.structure import RequiredMeans, rough_surfaces_of
 
 NAMES = [name for name in CASES if name.startswith("soft-")]
 # One compilation serves the first six.
@@ -53,6 +52,7 @@ def test_derivatives(name):
 
 # Angular means.
 
+MEANS = RequiredMeans(mean_abs2=True, mean_cos_loss=True, mean_storage=True)
 F = {
     "four terms": PronyStiffness(1.0, [0.5, 30.0, 1e3, 2e4], [1e2, 1.0, 1e-3, 1e-8]),
     "equal times": PronyStiffness(2.0, [1.0, 3.0, 0.0, 5.0], [1.0, 1.0, 1.0, 1.0]),
@@ -74,8 +74,8 @@ def by_quadrature(rest, weight, tau, qv):
 
 
 def split_means(F, qv):
-    found = F.means(qv[None], RequiredMeans(power=True, dissipation=True, storage=True), split=True)
-    return jnp.stack([*found["power"], *found["dissipation"], *found["storage"]])[:, 0]
+    found = F.means(qv[None], MEANS, split=True)
+    return jnp.stack([*found["mean_abs2"], *found["mean_cos_loss"], *found["mean_storage"]])[:, 0]
 
 
 @pytest.mark.parametrize("name", F)
@@ -140,9 +140,10 @@ def test_means_in_series_have_the_values_and_derivatives_of_the_quadrature():
         F = SoftenedInSeries(PronyStiffness(rest, weight, tau), *factors)
         # A second node at rest: what is 0 there must not spoil the sum.
         found = F.means(
-            jnp.stack([qv, 0.0 * qv])[None, None], RequiredMeans(power=True, dissipation=True, storage=True)
+            jnp.stack([qv, 0.0 * qv])[None, None],
+            MEANS,
         )
-        return jnp.stack([found[kind][0][0, 0, 0] for kind in ("power", "dissipation", "storage")])
+        return jnp.stack([found[kind][0][0, 0, 0] for kind in ("mean_abs2", "mean_cos_loss", "mean_storage")])
 
     numbers = tuple(jnp.asarray(x) for x in at)
     exact_means = np.array(in_series_by_quadrature(*at))
@@ -164,7 +165,7 @@ def test_means_in_series_have_the_values_and_derivatives_of_the_quadrature():
 
 
 def softened(name):
-    return pairs_of(scene(CASES[name]))[0].softenings[0]
+    return rough_surfaces_of(scene(CASES[name]))[0].softenings[0]
 
 
 @pytest.mark.slow

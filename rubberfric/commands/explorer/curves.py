@@ -21,8 +21,8 @@ from rubberfric.commands.explorer.points import Measured, group_points
 from rubberfric.commands.explorer.sliders import changes, moved, sliders_of, with_cutoffs
 from rubberfric.io.results import Conditions, check_conditions
 from rubberfric.materials.material import Material, complex_modulus
-from rubberfric.scene.numerics.settings import default_quadrature
 from rubberfric.scene.scene import Scene, cast, dissipates
+from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory.model import solve
 from rubberfric.theory.quantities import quantities_of
 

@@ -159,7 +159,7 @@ def _ends(point, z):
     return x, x if point.correction is None else correct_argument(point.correction, x)
 
 
-def work_of_separation(unloading: Unloading) -> jax.Array:
+def work_at_constant_area(unloading: Unloading) -> jax.Array:
     """W over the pressure of `Unloading`, of which it does not depend otherwise [m], (points,)."""
     return jax.vmap(_work, (_POINTS,))(unloading)
 

@@ -27,10 +27,10 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.materials.material import clip_for_square
-from rubberfric.theory.quantities import RequiredMeans
+from rubberfric.theory.structure import RequiredMeans
 
-# By kind, "power", "dissipation", "storage" and "transverse": one array, but of the power two, <F'^2> and
-# <F''^2>, where they are needed apart.
+# By kind, "mean_abs2", "mean_cos_loss", "mean_storage" and "mean_sin_loss": one array, but of <|F|^2> two,
+# <F'^2> and <F''^2>, where they are needed apart.
 Means = dict[str, tuple[jax.Array, ...]]
 # Shares (c_m, s_m) of the harmonics of anisotropic roughness, m = 1, 2, ... along their first axis.
 Harmonics = tuple[jax.Array, jax.Array]
@@ -74,26 +74,26 @@ class PronyStiffness(NamedTuple):
 
 
 def _closed_form(F, qv, needs):
-    weights = {kind: F.weight for kind in needs.kinds if kind != "transverse"}
-    if needs.power:
-        weights["power"] = 2 * F.weight * _at_own_rates(F)
+    weights = {kind: F.weight for kind in needs.kinds if kind != "mean_sin_loss"}
+    if needs.mean_abs2:
+        weights["mean_abs2"] = 2 * F.weight * _at_own_rates(F)
     if F.by_node:
         weights = {kind: weight.T[:, None, :] for kind, weight in weights.items()}
         sums = _sums_of_rows(weights, F.tau.T[:, None, :] * qv)
     else:
         sums = _sums(weights, F.tau, qv)
-    if needs.power:
-        sums["power"] = F.rest**2 + sums["power"]
-    if needs.storage:
-        sums["storage"] = F.rest + sums["storage"]
+    if needs.mean_abs2:
+        sums["mean_abs2"] = F.rest**2 + sums["mean_abs2"]
+    if needs.mean_storage:
+        sums["mean_storage"] = F.rest + sums["mean_storage"]
     return {kind: (value,) for kind, value in sums.items()}
 
 
 def _with_harmonics(F, qv, needs, harmonics, means):
     """The closed forms with their harmonics added."""
     weights = dict.fromkeys(needs.kinds, F.weight)
-    if needs.power:
-        weights["power"] = 2 * F.weight * _at_own_rates(F)
+    if needs.mean_abs2:
+        weights["mean_abs2"] = 2 * F.weight * _at_own_rates(F)
     front = (slice(None), *(None,) * qv.ndim)
     tau, weights = jax.tree.map(lambda x: x.T[:, None, :] if F.by_node else x[front], (F.tau, weights))
     sums = _sums_of_harmonics(qv, tau, weights, harmonics)
@@ -128,10 +128,10 @@ def _terms_of_harmonics(qv, tau, weights, harmonics):
     quotient = sine * r  # a / (1 + r), at most 1
     ratio = quotient**2
     along = _series(harmonics[0], -ratio)
-    first = {"power": ratio / r * along, "dissipation": sine / (1 + r) * along}
-    first["storage"] = first["power"]
-    if "transverse" in weights:
-        first["transverse"] = quotient / (1 + r) * _series(harmonics[1], -ratio)
+    first = {"mean_abs2": ratio / r * along, "mean_cos_loss": sine / (1 + r) * along}
+    first["mean_storage"] = first["mean_abs2"]
+    if "mean_sin_loss" in weights:
+        first["mean_sin_loss"] = quotient / (1 + r) * _series(harmonics[1], -ratio)
     return {kind: weight * first[kind] for kind, weight in weights.items()}
 
 
@@ -166,12 +166,12 @@ def _split_form(F, qv, needs):
     ones, sines = weight * one, weight * (sine * (1 + r))
     storage = F.rest + jnp.sum(ones, 0)
     means = {}
-    if needs.power:
-        means["power"] = storage**2 + _pairs(ones, r), _pairs(sines, r)
-    if needs.dissipation:
-        means["dissipation"] = (jnp.sum(weight * sine, 0),)
-    if needs.storage:
-        means["storage"] = (storage,)
+    if needs.mean_abs2:
+        means["mean_abs2"] = storage**2 + _pairs(ones, r), _pairs(sines, r)
+    if needs.mean_cos_loss:
+        means["mean_cos_loss"] = (jnp.sum(weight * sine, 0),)
+    if needs.mean_storage:
+        means["mean_storage"] = (storage,)
     return means
 
 
@@ -210,14 +210,14 @@ def _sums_jvp(primals, tangents):
 def _sums_as_products(weights, tau, qv):
     """The same as matrix products over one long row of points: slower, but its derivative is quicker."""
     one, sine = _relaxation(tau[:, None] * qv.reshape(-1))
-    parts = {"power": one, "dissipation": sine, "storage": one}
+    parts = {"mean_abs2": one, "mean_cos_loss": sine, "mean_storage": one}
     return {name: (weight @ parts[name]).reshape(qv.shape) for name, weight in weights.items()}
 
 
 def _sums_of_rows(weights, a):
     """Sums over the first axis."""
     one, sine = _relaxation(a)
-    parts = {"power": one, "dissipation": sine, "storage": one}
+    parts = {"mean_abs2": one, "mean_cos_loss": sine, "mean_storage": one}
     return {name: jnp.sum(weight * parts[name], 0) for name, weight in weights.items()}
 
 

@@ -16,8 +16,7 @@ import numpy as np
 
 from rubberfric.base.quadrature import typed
 from rubberfric.materials.material import Material
-from rubberfric.materials.tabulated_modulus import LONGEST, REACH
-from rubberfric.theory.quantities import RequiredMeans
+from rubberfric.materials.tabulated_modulus import LONGEST_TABLE, REACH
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means
 from rubberfric.theory.stiffness.circle_means import LEAD, Weights, circle_means, circle_weights, lead_in
 from rubberfric.theory.stiffness.splines import BEFORE, BESIDE, MARGIN, at, splines
@@ -29,8 +28,9 @@ from rubberfric.theory.stiffness.tabulated_means import (
     kinds_of,
     log_range,
     of_direction,
-    parts_of,
+    stiffness_parts,
 )
+from rubberfric.theory.structure import RequiredMeans
 
 # How far the grid goes beyond the table of the modulus at either end, in ln(q v): there the
 # means are two powers of q v, and what is left of a third is e^-32 and e^-27.
@@ -84,9 +84,9 @@ def means_table(F: Tabulated, needs: RequiredMeans, split: bool, harmonics: Harm
     ends = jax.lax.stop_gradient(jnp.stack([low - _BELOW - reach, high + _ABOVE + reach]))
     # With what the splines hang on beside the ends, and the circle before and after.
     first = jnp.floor(ends[0] / step) - BEFORE
-    count = math.ceil((LONGEST + _BELOW + _ABOVE + 2 * reach) / step) + 12 + 2 * MARGIN
+    count = math.ceil((LONGEST_TABLE + _BELOW + _ABOVE + 2 * reach) / step) + 12 + 2 * MARGIN
     moduli = material.storage_and_loss_on_grid(first - before, step, before + count + LEAD)
-    parts = parts_of(F, *moduli)
+    parts = stiffness_parts(F, *moduli)
     weights = _mixed_weights(circle_weights(step, count_of_harmonics), mix)
     of_kinds = [weights[kind.weights] for kind in kinds]
     weights = Weights(
@@ -102,7 +102,7 @@ def means_table(F: Tabulated, needs: RequiredMeans, split: bool, harmonics: Harm
     positive = positive[..., None]
     rows = jnp.where(positive, _root(jnp.where(positive, rows, 1.0)), rows)
     # A table under jit that is longer than the grid.
-    rows = jnp.where(high - low <= LONGEST, rows, jnp.nan).reshape(-1, rows.shape[-1])
+    rows = jnp.where(high - low <= LONGEST_TABLE, rows, jnp.nan).reshape(-1, rows.shape[-1])
     # E' and E'' at the ends themselves, of which E'' is a power.
     entry = jnp.floor(ends / step)
     storage, loss = (x[(entry - first).astype(int) + before] for x in moduli)
@@ -139,7 +139,7 @@ def _limits(F, kinds, at_ends, harmonics, mix):
     """What the rows are far beyond the ends, (rows, 2); of those that go to 0 what e^+-x is multiplied by."""
     outside = F.material.loss_beyond
     storage, loss = at_ends
-    far = parts_of(F, storage, loss * (math.exp(-_FAR) if outside == "fall" else 1.0))
+    far = stiffness_parts(F, storage, loss * (math.exp(-_FAR) if outside == "fall" else 1.0))
     moments = [typed(m, storage) for m in _moments(harmonics, outside)]  # whose NumPy's would widen float32
     if mix is not None:
         shares = mix[0], mix[0], mix[1]
@@ -247,11 +247,11 @@ def _by_table(table, passing, needs, split, harmonics):
     for k, kind in enumerate(kinds_of(needs, split, outside)):
         rule = odd if kind.odd else even
         # Across there is no harmonic without sin 2 m phi.
-        begin = 1 if kind.name == "transverse" and mix is None else 0
+        begin = 1 if kind.name == "mean_sin_loss" and mix is None else 0
         for i in range(begin, size):
             row = k * size + i
             value = rows[row] ** 2 if kind.positive and i == 0 else rows[row]
-            if kind.name == "dissipation" and outside == "none" and mix is None and i == 0:
+            if kind.name == "mean_cos_loss" and outside == "none" and mix is None and i == 0:
                 # A spline swings about 0, by 1e-60 of its highest value, where E'' has gone.
                 value = jnp.where(value < 0, 0.0, value)
             means[kind.name] += (rule(value, table.limits[row]),)

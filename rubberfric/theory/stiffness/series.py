@@ -17,14 +17,14 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.materials.material import apply_vertical_shift, plane_strain_factor
-from rubberfric.materials.series.prony_and_prony import two_in_series
-from rubberfric.materials.series.prony_and_spring import in_series
-from rubberfric.scene.pairs import AT_REFERENCE, Pair, PairTemperatures
+from rubberfric.materials.prony_and_prony import two_in_series
+from rubberfric.materials.prony_and_spring import in_series
 from rubberfric.scene.scene import Body, Scene
 from rubberfric.scene.softening import Softened, softening_factors
 from rubberfric.theory.stiffness.angular_means import PronyStiffness
 from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
 from rubberfric.theory.stiffness.tabulated_means import Tabulated
+from rubberfric.theory.structure import AT_REFERENCE, RoughSurface, SurfaceTemperatures
 
 
 class Factors(NamedTuple):
@@ -35,10 +35,10 @@ class Factors(NamedTuple):
     factor times mean, one of each unless <F'^2> and <F''^2> soften apart.
     """
 
-    power: tuple[jax.Array | None, ...]
-    dissipation: tuple[jax.Array | None, ...]
-    storage: tuple[jax.Array | None, ...]
-    transverse: tuple[jax.Array | None, ...]
+    mean_abs2: tuple[jax.Array | None, ...]
+    mean_cos_loss: tuple[jax.Array | None, ...]
+    mean_storage: tuple[jax.Array | None, ...]
+    mean_sin_loss: tuple[jax.Array | None, ...]
 
     def of(self, kind: str, values: jax.Array) -> tuple[jax.Array, ...]:
         """Values times the factor of each of the means of a kind."""
@@ -57,16 +57,16 @@ def modulus_scale(scene: Scene) -> jax.Array:
 
 
 def relaxing_stiffness(
-    pair: Pair,
+    surface: RoughSurface,
     scale: jax.Array,
     q: jax.Array,
-    temperatures: PairTemperatures = AT_REFERENCE,
+    temperatures: SurfaceTemperatures = AT_REFERENCE,
 ) -> PronyStiffness | Tabulated | SoftenedInSeries:
     """F of K_j where the strained solid relaxes, without the factor of `layer_factor`.
 
     Parameters
     ----------
-    pair : Pair
+    surface : RoughSurface
     scale : modulus scale [Pa]
     q : wavevectors [1/m], shape (panels, order)
     temperatures : of the two solids [K], shape () each, or None: both at their references
@@ -75,18 +75,20 @@ def relaxing_stiffness(
     -------
     PronyStiffness or Tabulated, of all q in one row where F depends on q; or SoftenedInSeries
     """
-    if pair.softens_in_series:
-        return _softened(pair, scale, q)
-    nodes = q.reshape(-1) if pair.by_wavevector else None
-    spring = _spring(pair.rough, scale, nodes, temperature=temperatures.rough) if pair.both_deform else None
-    material, layer = pair.strained.material, pair.strained.layer
+    if surface.softens_in_series:
+        return _softened(surface, scale, q)
+    nodes = q.reshape(-1) if surface.by_wavevector else None
+    spring = (
+        _spring(surface.rough, scale, nodes, temperature=temperatures.rough) if surface.both_deform else None
+    )
+    material, layer = surface.strained.material, surface.strained.layer
     if nodes is not None and layer is not None and not layer.multiplies:
         series = layer.reduced_series(material, scale, nodes, temperatures.strained)
         if spring is not None:
             nothing = jnp.zeros(0, q.dtype)
             series = two_in_series((series.rest, series.weight, series.tau), (spring, nothing, nothing))
         return PronyStiffness(*series)
-    own = None if nodes is None else _layer(pair.strained, nodes)
+    own = None if nodes is None else _layer(surface.strained, nodes)
     series = material.reduced_series(scale)
     if series is None:
         unit = apply_vertical_shift(
@@ -100,21 +102,21 @@ def relaxing_stiffness(
     return PronyStiffness(*(series if spring is None else in_series(*series, spring)))
 
 
-def tabulated_stiffness(pair: Pair, scale: jax.Array) -> Tabulated | None:
+def tabulated_stiffness(surface: RoughSurface, scale: jax.Array) -> Tabulated | None:
     """`relaxing_stiffness` if it is that of a modulus without a series and the same at every wavevector."""
-    if pair.detail is None or pair.by_wavevector or pair.softens_in_series:
+    if surface.detail is None or surface.by_wavevector or surface.softens_in_series:
         return None
-    F = relaxing_stiffness(pair, scale, jnp.ones((1, 1), scale.dtype))
+    F = relaxing_stiffness(surface, scale, jnp.ones((1, 1), scale.dtype))
     return F if isinstance(F, Tabulated) else None
 
 
 def static_stiffness(
-    pair: Pair, scale: jax.Array, q: jax.Array, temperatures: PairTemperatures = AT_REFERENCE
+    surface: RoughSurface, scale: jax.Array, q: jax.Array, temperatures: SurfaceTemperatures = AT_REFERENCE
 ) -> jax.Array:
     """K_j / (q/2 scale) where the strained solid does not relax: springs in series; q, T of any shapes."""
     solids = (
-        (pair.rough, pair.softened_rough, temperatures.rough),
-        (pair.strained, pair.softened, temperatures.strained),
+        (surface.rough, surface.softened_rough, temperatures.rough),
+        (surface.strained, surface.softened, temperatures.strained),
     )
     springs = [_spring(body, scale, q, softened, T) for body, softened, T in solids if body.material.deforms]
     if len(springs) == 1:
@@ -124,33 +126,36 @@ def static_stiffness(
     return soft / (1 + soft / jnp.where(hard > 0, hard, 1.0))
 
 
-def layer_factor(pair: Pair, q: jax.Array) -> jax.Array | None:
+def layer_factor(surface: RoughSurface, q: jax.Array) -> jax.Array | None:
     """Sbar at q where it multiplies all of a relaxing K_j (a slab faces a rigid solid); else None."""
-    if pair.strained.layer is None or pair.by_wavevector:
+    if surface.strained.layer is None or surface.by_wavevector:
         return None
-    return _layer(pair.strained, q)
+    return _layer(surface.strained, q)
 
 
-def factors_at(pair: Pair, q: jax.Array) -> Factors:
-    """`Factors` at wavevectors q [1/m] of any shape, for a stiffness that relaxes."""
-    layer = layer_factor(pair, q)
-    if pair.softened is not None and not pair.both_deform:
-        storage, loss = (_times(layer, x) for x in softening_factors(pair.softened, q))
+def factors_at(surface: RoughSurface, scale: jax.Array, q: jax.Array) -> Factors:
+    """Return the `Factors` at wavevectors q [1/m] of any shape; of a static stiffness they are all of F."""
+    if surface.static:
+        F = static_stiffness(surface, scale, q)
+        return Factors((F**2,), (), (F,), ())
+    layer = layer_factor(surface, q)
+    if surface.softened is not None and not surface.both_deform:
+        storage, loss = (_times(layer, x) for x in softening_factors(surface.softened, q))
         return Factors((storage**2, loss**2), (loss,), (storage,), ())
     return Factors((_times(layer, layer),), (layer,), (layer,), (layer,))
 
 
-def _softened(pair: Pair, scale: jax.Array, q: jax.Array) -> SoftenedInSeries:
+def _softened(surface: RoughSurface, scale: jax.Array, q: jax.Array) -> SoftenedInSeries:
     """F of two deformable solids of which one softens, or both."""
-    material, factor = pair.strained.material, _layer(pair.strained, q)
+    material, factor = surface.strained.material, _layer(surface.strained, q)
     series = material.reduced_series(scale)
     if series is None:
         factor = factor * (plane_strain_factor(material) / scale)
     modulus = material if series is None else PronyStiffness(*series)
     storage = loss = factor
-    if pair.softened is not None:
-        storage, loss = (factor * x for x in softening_factors(pair.softened, q))
-    return SoftenedInSeries(modulus, storage, loss, _spring(pair.rough, scale, q, pair.softened_rough))
+    if surface.softened is not None:
+        storage, loss = (factor * x for x in softening_factors(surface.softened, q))
+    return SoftenedInSeries(modulus, storage, loss, _spring(surface.rough, scale, q, surface.softened_rough))
 
 
 def _spring(

@@ -14,10 +14,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.materials.material import Material, clip_for_square
-from rubberfric.theory.quantities import RequiredMeans
 from rubberfric.theory.stiffness.angular_means import Means, PronyStiffness
 from rubberfric.theory.stiffness.circle_means import circle_rule
 from rubberfric.theory.stiffness.tabulated_means import log_frequency, moduli_at, moduli_on_grid, rule_of_node
+from rubberfric.theory.structure import RequiredMeans
 
 # Step of the integral over the circle of a Prony series, whose poles are pi/2 from the real axis of ln omega,
 # and t by which it has grown by the root of 2: good to 1e-11, and to 2e-10 with a growth of 5.
@@ -64,7 +64,7 @@ class SoftenedInSeries(NamedTuple):
             self._stiffer(qv, (self.spring,), resting),
         )
         found = jax.lax.map(jax.checkpoint(panel), (qv, *factors[0], *factors[1]))
-        found = dict(zip(("power", "dissipation", "storage"), found, strict=True))
+        found = dict(zip(("mean_abs2", "mean_cos_loss", "mean_storage"), found, strict=True))
         return {kind: (found[kind],) for kind in needs.kinds if kind in found}
 
     @staticmethod

@@ -14,16 +14,22 @@ import numpy as np
 
 from rubberfric.base.checks import is_concrete
 from rubberfric.base.compilation import quick_options
-from rubberfric.materials.shifts.laws import Shift, log_vertical
-from rubberfric.scene.pairs import AT_REFERENCE, Pair, PairTemperatures, pairs_of
+from rubberfric.materials.shifts import Shift, log_vertical
 from rubberfric.scene.scene import Scene
-from rubberfric.theory.quantities import RequiredMeans, needs_of
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means, PronyStiffness
 from rubberfric.theory.stiffness.means_table import MeansTable, means_table
 from rubberfric.theory.stiffness.series import modulus_scale, relaxing_stiffness, tabulated_stiffness
 from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
 from rubberfric.theory.stiffness.tabulated_means import Tabulated
 from rubberfric.theory.stiffness.varying import VaryingSeries
+from rubberfric.theory.structure import (
+    AT_REFERENCE,
+    RequiredMeans,
+    RoughSurface,
+    Structure,
+    SurfaceTemperatures,
+    rough_surfaces_of,
+)
 
 # How many tables are kept, of 0.4 MB for each kind of mean, and compiled functions that build them.
 _KEPT, _PROGRAMS = 4, 16
@@ -37,7 +43,8 @@ _kept: dict[Any, Tables | None] = {}
 class StiffnessMeans(NamedTuple):
     """The stiffness that roughness of given wavevectors meets, and which of its means are needed."""
 
-    stiffness: PronyStiffness | Tabulated | MeansTable | SoftenedInSeries | None  # None if nothing relaxes
+    # None if nothing relaxes: then F is `varying`, or all of it stands in the factors.
+    stiffness: PronyStiffness | Tabulated | MeansTable | SoftenedInSeries | None
     varying: VaryingSeries | None  # the same at temperatures that change its form
     shift: Shift | None  # of the strained solid
     resting: Shift | None  # of the rough one
@@ -46,7 +53,7 @@ class StiffnessMeans(NamedTuple):
     needs: RequiredMeans
 
     def means(
-        self, q: jax.Array, velocity: jax.Array, temperatures: PairTemperatures = AT_REFERENCE
+        self, q: jax.Array, velocity: jax.Array, temperatures: SurfaceTemperatures = AT_REFERENCE
     ) -> Means:
         """Angular means at the wavevectors that the stiffness was made for.
 
@@ -61,8 +68,9 @@ class StiffnessMeans(NamedTuple):
         Means, arrays (panels, points, order), of a stiffness that does not relax (panels, points or 1, order)
         """
         if self.stiffness is None:
-            assert self.varying is not None
-            return self.varying.static(q, temperatures)
+            if self.varying is not None:
+                return self.varying.static(q, temperatures)
+            return {kind: (jnp.ones_like(q)[:, None],) for kind in self.needs.kinds}
         F, log_shift = self.stiffness, self._log_shift(temperatures.strained)
         if isinstance(F, SoftenedInSeries):
             factors = (self._vertical(*x) for x in zip((self.shift, self.resting), temperatures, strict=True))
@@ -77,7 +85,7 @@ class StiffnessMeans(NamedTuple):
             return means
         square = factor * factor
         return {
-            kind: tuple(x * (square if kind == "power" else factor) for x in values)
+            kind: tuple(x * (square if kind == "mean_abs2" else factor) for x in values)
             for kind, values in means.items()
         }
 
@@ -128,39 +136,43 @@ def _by_points(values):
 
 
 def stiffness_means(
-    pair: Pair, scale: jax.Array, q: jax.Array, needs: RequiredMeans, table: MeansTable | None = None
+    surface: RoughSurface,
+    scale: jax.Array,
+    q: jax.Array,
+    needs: RequiredMeans,
+    table: MeansTable | None = None,
 ) -> StiffnessMeans:
     """`StiffnessMeans` by roughness of wavevectors q.
 
     Parameters
     ----------
-    pair : Pair whose stiffness is no constant
+    surface : RoughSurface
     scale : modulus scale [Pa]
     q : [1/m], shape (panels, order)
     needs : RequiredMeans
     table : of the means of its stiffness, where it is known
     """
-    varying = VaryingSeries(pair, scale) if pair.varies else None
-    shifts = pair.strained.material.shift, pair.rough.material.shift
-    if not pair.relaxes:
+    varying = VaryingSeries(surface, scale) if surface.varies else None
+    shifts = surface.strained.material.shift, surface.rough.material.shift
+    if not surface.relaxes:
         return StiffnessMeans(None, varying, *shifts, None, False, needs)
-    F, harmonics = relaxing_stiffness(pair, scale, q), _harmonic_shares(pair, q)
-    split = pair.separate_storage_loss
+    F, harmonics = relaxing_stiffness(surface, scale, q), _harmonic_shares(surface, q)
+    split = surface.separate_storage_loss
     if isinstance(F, Tabulated) and not F.by_node:
         F = means_table(F, needs, split, harmonics) if table is None else table
     return StiffnessMeans(F, varying, *shifts, harmonics, split, needs)
 
 
-def _harmonic_shares(pair: Pair, q: jax.Array) -> Harmonics | None:
+def _harmonic_shares(surface: RoughSurface, q: jax.Array) -> Harmonics | None:
     """Shares (c_m, s_m) of the harmonics of the roughness at wavevectors q; None without harmonics.
 
     Shape (harmonics,) each where they are the same at every wavevector, else (harmonics, *q.shape).
     """
-    return pair.spectrum.harmonics_at(q) if pair.harmonics else None
+    return surface.spectrum.harmonics_at(q) if surface.harmonics else None
 
 
 def known_tables(scene: Scene, quantities: tuple[str, ...], dtype: np.dtype) -> Tables | None:
-    """Return the table of each pair of a scene, None for a pair without one; None if no pair has one.
+    """Return the table of each rough surface, None for one without; None if no surface has a table.
 
     A table is kept for the next call with the same numbers of the materials.
 
@@ -173,8 +185,8 @@ def known_tables(scene: Scene, quantities: tuple[str, ...], dtype: np.dtype) -> 
     materials = scene.lower.material, scene.upper.material
     if scene.heating is not None or not any(one.deforms and one.needs_quadrature for one in materials):
         return None
-    needs = needs_of(scene, quantities)
-    if not needs.power or not all(map(is_concrete, jax.tree.leaves(scene))):
+    needs = Structure.of(scene, quantities).needs
+    if not needs.mean_abs2 or not all(map(is_concrete, jax.tree.leaves(scene))):
         return None
     leaves, structure = jax.tree.flatten(scene)
     numbers = [np.asarray(leaf, dtype) for leaf in leaves]
@@ -207,9 +219,11 @@ def _compiled_build(structure, shapes, dtype, needs):
 @functools.partial(jax.jit, static_argnums=1)
 def _build(scene, needs):
     scale = modulus_scale(scene)
-    return tuple(_table(pair, scale, needs) for pair in pairs_of(scene))
+    return tuple(_table(surface, scale, needs) for surface in rough_surfaces_of(scene))
 
 
-def _table(pair: Pair, scale, needs):
-    F = tabulated_stiffness(pair, scale)
-    return None if F is None or pair.harmonics else means_table(F, needs, pair.separate_storage_loss, None)
+def _table(surface: RoughSurface, scale, needs):
+    F = tabulated_stiffness(surface, scale)
+    return (
+        None if F is None or surface.harmonics else means_table(F, needs, surface.separate_storage_loss, None)
+    )

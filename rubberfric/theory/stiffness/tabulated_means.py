@@ -15,11 +15,11 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.materials.material import Material
-from rubberfric.materials.tabulated_modulus import LONGEST, REACH
-from rubberfric.theory.quantities import RequiredMeans
+from rubberfric.materials.tabulated_modulus import LONGEST_TABLE, REACH
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means
 from rubberfric.theory.stiffness.circle_means import circle_rule, harmonic
 from rubberfric.theory.stiffness.splines import BEFORE, BESIDE, MARGIN, at, splines
+from rubberfric.theory.structure import RequiredMeans
 
 # Steps of the grid in the finest detail of E over ln omega, and of the integral of a node.
 PER_DETAIL, _PER_DETAIL_OF_A_NODE = 6, 2
@@ -70,10 +70,10 @@ def of_direction(found: Means, sign: jax.Array, harmonics: Harmonics | None) -> 
     if harmonics is not None and _vary(harmonics):
         cosine, sine = harmonics
         found = {
-            kind: (_mixed(sine if kind == "transverse" else cosine, values),)
+            kind: (_mixed(sine if kind == "mean_sin_loss" else cosine, values),)
             for kind, values in found.items()
         }
-    odd = {kind: found[kind] for kind in ("dissipation", "transverse") if kind in found}
+    odd = {kind: found[kind] for kind in ("mean_cos_loss", "mean_sin_loss") if kind in found}
     return found | {kind: tuple(x * sign for x in values) for kind, values in odd.items()}
 
 
@@ -136,10 +136,10 @@ class Parts(NamedTuple):
 
     storage: jax.Array  # F'
     loss: jax.Array  # F''
-    power: jax.Array  # |F|^2
+    abs2: jax.Array  # |F|^2
 
 
-def parts_of(F: Tabulated, storage: jax.Array, loss: jax.Array) -> Parts:
+def stiffness_parts(F: Tabulated, storage: jax.Array, loss: jax.Array) -> Parts:
     """`Parts` of F for E' and E'', for a spring that is constant or has their shape."""
     storage, loss = F.scale * storage, F.scale * loss
     power = storage**2 + loss**2
@@ -150,7 +150,7 @@ def parts_of(F: Tabulated, storage: jax.Array, loss: jax.Array) -> Parts:
     return Parts(share * (F.spring * storage + power), share * F.spring * loss, share * F.spring * power)
 
 
-class Kind(NamedTuple):
+class MeanKind(NamedTuple):
     """One of the functions that means are taken of, and of which there is a row or several in a table."""
 
     name: str
@@ -162,7 +162,7 @@ class Kind(NamedTuple):
     @property
     def odd(self) -> bool:
         """Whether it is odd in q v."""
-        return self.name in ("dissipation", "transverse")
+        return self.name in ("mean_cos_loss", "mean_sin_loss")
 
     def of(self, parts: Parts) -> jax.Array:
         """The function."""
@@ -170,15 +170,22 @@ class Kind(NamedTuple):
         return values**2 if self.squared else values
 
 
-def kinds_of(needs: RequiredMeans, split: bool, loss_beyond: str) -> list[Kind]:
-    """`Kind` of everything that is wanted, in the order of `Means`."""
+def kinds_of(needs: RequiredMeans, split: bool, loss_beyond: str) -> list[MeanKind]:
+    """`MeanKind` of everything that is wanted, in the order of `Means`."""
     # Where E' steps up, a spline of <|F|^2> itself would swing below 0.
-    powers = [Kind("power", "power", 0, positive=True)]
+    squares = [MeanKind("mean_abs2", "abs2", 0, positive=True)]
     if split:
         falls = loss_beyond != "none"
-        powers = [Kind("power", "storage", 0, True, True), Kind("power", "loss", 0, True, falls)]
-    others = [Kind("dissipation", "loss", 1), Kind("storage", "storage", 0), Kind("transverse", "loss", 2)]
-    return [kind for kind in (*powers, *others) if kind.name in needs.kinds]
+        squares = [
+            MeanKind("mean_abs2", "storage", 0, True, True),
+            MeanKind("mean_abs2", "loss", 0, True, falls),
+        ]
+    others = [
+        MeanKind("mean_cos_loss", "loss", 1),
+        MeanKind("mean_storage", "storage", 0),
+        MeanKind("mean_sin_loss", "loss", 2),
+    ]
+    return [kind for kind in (*squares, *others) if kind.name in needs.kinds]
 
 
 def _by_node(F, log_qv, needs, split, harmonics):
@@ -198,7 +205,7 @@ def _by_node(F, log_qv, needs, split, harmonics):
             scale=F.scale[..., None] if F.scale.ndim else F.scale,
             spring=None if F.spring is None else F.spring[..., None],
         )
-        parts = parts_of(
+        parts = stiffness_parts(
             nodes, *moduli_at(F.material, moduli, log_qv[..., None] - jnp.asarray(s, log_qv.dtype))
         )
         by = even, along, across
@@ -236,9 +243,9 @@ def moduli_on_grid(material: Material) -> Moduli:
     low, high = log_range(material)
     ends = jax.lax.stop_gradient(jnp.stack([low - reach, high + reach]))
     first = jnp.floor(ends[0] / step) - BEFORE
-    count = math.ceil((LONGEST + 2 * reach) / step) + 12 + 2 * MARGIN
-    logarithms = log_power(jnp.stack(material.storage_and_loss_on_grid(first, step, count)))
-    logarithms = jnp.where(high - low <= LONGEST, logarithms, jnp.nan)
+    count = math.ceil((LONGEST_TABLE + 2 * reach) / step) + 12 + 2 * MARGIN
+    logarithms = log_floored(jnp.stack(material.storage_and_loss_on_grid(first, step, count)))
+    logarithms = jnp.where(high - low <= LONGEST_TABLE, logarithms, jnp.nan)
     return Moduli(first + MARGIN + BESIDE, ends, splines(logarithms))
 
 
@@ -253,6 +260,6 @@ def moduli_at(material: Material, moduli: Moduli, log_omega: jax.Array) -> tuple
     return storage, loss
 
 
-def log_power(power: jax.Array) -> jax.Array:
-    """ln <|F|^2>; the floor is for F = 0 (two liquids at rest), where G need only be as good as 0."""
-    return jnp.log(jnp.maximum(power, float(jnp.finfo(power.dtype).tiny) ** 0.8))
+def log_floored(values: jax.Array) -> jax.Array:
+    """Return ln of values >= 0; the floor is for two liquids at rest, where G need only be as good as 0."""
+    return jnp.log(jnp.maximum(values, float(jnp.finfo(values.dtype).tiny) ** 0.8))

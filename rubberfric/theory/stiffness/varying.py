@@ -14,24 +14,23 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from rubberfric.scene.pairs import Pair, PairTemperatures
-from rubberfric.theory.quantities import RequiredMeans
 from rubberfric.theory.stiffness.angular_means import Harmonics, Means, PronyStiffness
 from rubberfric.theory.stiffness.series import relaxing_stiffness, static_stiffness
 from rubberfric.theory.stiffness.tabulated_means import Tabulated
+from rubberfric.theory.structure import RequiredMeans, RoughSurface, SurfaceTemperatures
 
 
 class VaryingSeries(NamedTuple):
-    """F of a pair, to be found for every temperature."""
+    """F of a surface, to be found for every temperature."""
 
-    pair: Pair
+    surface: RoughSurface
     scale: jax.Array  # modulus scale [Pa]
 
     def means(
         self,
         q: jax.Array,
         speed: jax.Array,
-        temperatures: PairTemperatures,
+        temperatures: SurfaceTemperatures,
         needs: RequiredMeans,
         harmonics: Harmonics | None,
     ) -> Means:
@@ -53,7 +52,7 @@ class VaryingSeries(NamedTuple):
         shares = None
         if harmonics is not None and harmonics[0].ndim > 1:
             shares = [jnp.moveaxis(x, 1, 0) for x in harmonics]
-        if at_points and not self.pair.by_wavevector and shares is None:
+        if at_points and not self.surface.by_wavevector and shares is None:
             # One series for each point serves all wavevectors.
             F = self._series(q[0, 0] * jnp.ones(points, q.dtype), temperatures)
             found = F.means(q.reshape(-1, 1) * speed, needs, False, harmonics)
@@ -78,17 +77,17 @@ class VaryingSeries(NamedTuple):
         # Panel by panel, and again for the gradient: all series at once take much memory.
         return jax.lax.map(jax.checkpoint(panel), values)
 
-    def static(self, q: jax.Array, temperatures: PairTemperatures) -> Means:
+    def static(self, q: jax.Array, temperatures: SurfaceTemperatures) -> Means:
         """The same of a strained solid that does not relax: arrays (panels, points or 1, order)."""
         at = jax.tree.map(lambda T: T[:, None] if T.ndim == 1 else T, temperatures)
-        F = static_stiffness(self.pair, self.scale, q[:, None], at)
-        return {"power": (F * F,), "storage": (F,)}
+        F = static_stiffness(self.surface, self.scale, q[:, None], at)
+        return {"mean_abs2": (F * F,), "mean_storage": (F,)}
 
     def _series(self, q, temperatures):
         """F at q and temperatures of shape (nodes,)."""
 
         def one(q, temperatures):
-            F = relaxing_stiffness(self.pair, self.scale, q[None, None], temperatures)
+            F = relaxing_stiffness(self.surface, self.scale, q[None, None], temperatures)
             assert isinstance(F, PronyStiffness | Tabulated)
             if isinstance(F, PronyStiffness):
                 return F.rest.reshape(()), F.weight.reshape(-1), F.tau.reshape(-1)
@@ -97,4 +96,4 @@ class VaryingSeries(NamedTuple):
         found = jax.vmap(one)(q, temperatures)
         if len(found) == 3:
             return PronyStiffness(*found)
-        return Tabulated(self.pair.strained.material, found[0], found[1])
+        return Tabulated(self.surface.strained.material, found[0], found[1])

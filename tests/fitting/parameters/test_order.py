@@ -16,7 +16,7 @@ from fitting import Bounded, Free, FrictionData, Positive, Tied
 from fitting.parameters.variables import free_parameters, to_scene
 from fitting.solvers.ordered import slopes_of_x, x_of, z_of
 from rubberfric.base import POSITIVE, Number, forget, leaf, physical
-from rubberfric.materials.shifts.laws import Shift
+from rubberfric.materials.shifts import Shift
 
 Q, S = "lower.spectrum.", "upper.material.shift."
 Q0, QR, Q1 = f"{Q}q0", f"{Q}qr", f"{Q}q1"

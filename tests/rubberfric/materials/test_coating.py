@@ -12,8 +12,8 @@ from support.cases.stored import QUANTITIES, as_arrays, quantities, scene
 from support.oracles import oracle
 
 import rubberfric as rf
+from rubberfric.materials.layer_and_base import Bonded, coated_series, coated_spring
 from rubberfric.materials.material import Series
-from rubberfric.materials.series.layer_and_base import Bonded, coated_series, coated_spring
 from rubberfric.scene.scene import dissipates, relaxes
 
 POISSON = [0.0, 0.3, 0.4999999, 0.5]

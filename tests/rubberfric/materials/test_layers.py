@@ -10,7 +10,7 @@ import pytest
 from support.oracles.oracle import slab_factor
 
 import rubberfric as rf
-from rubberfric.materials.series.prony_and_spring import in_series
+from rubberfric.materials.prony_and_spring import in_series
 
 X = np.array([*np.logspace(-8, 2, 41), 0.999999, 1.0, 1.000001, 59.9, 60.1, 1e4, 1e8])
 POISSON = [0.0, 0.2, 0.3, 0.45, 0.499, 0.4999999999, 0.5]

@@ -10,9 +10,9 @@ from support.oracles.oracle import shift_factor, table_modulus
 
 import rubberfric as rf
 from rubberfric.materials.material import plane_strain_factor
-from rubberfric.theory.quantities import RequiredMeans
 from rubberfric.theory.stiffness.means_table import means_table
 from rubberfric.theory.stiffness.tabulated_means import Tabulated
+from rubberfric.theory.structure import RequiredMeans
 
 OMEGA = np.array([0.0, *np.logspace(-30, 30, 61)])
 E, TAU = [7.6e8, 1.5e7, 0.0, 2.2e6, 9e5, 9e5], [1e-20, 1e-6, 3e-5, 1e-3, 1.0, 1e20]
@@ -60,12 +60,12 @@ def test_table(outside):
     np.testing.assert_allclose(modulus.imag, exact.imag, rtol=1e-12)
     # Straight half way between two entries, and below one by 0.4 of the width times the change of slope.
     middle = np.sqrt(TABLE["omega"][1:] * TABLE["omega"][:-1])
-    straight = np.sqrt(TABLE["storage"][1:] * TABLE["storage"][:-1])
+    straight = np.sqrt(TABLE["mean_storage"][1:] * TABLE["mean_storage"][:-1])
     np.testing.assert_allclose(rf.complex_modulus(material, middle).real, straight, rtol=1e-12)
-    slopes = np.diff(np.log(TABLE["storage"])) / np.diff(np.log(TABLE["omega"]))
+    slopes = np.diff(np.log(TABLE["mean_storage"])) / np.diff(np.log(TABLE["omega"]))
     bends = np.diff([0, *slopes, 0]) * 0.1 / np.sqrt(2 * np.pi)
     at_knots = rf.complex_modulus(material, TABLE["omega"]).real
-    np.testing.assert_allclose(at_knots, TABLE["storage"] * np.exp(bends), rtol=1e-12)
+    np.testing.assert_allclose(at_knots, TABLE["mean_storage"] * np.exp(bends), rtol=1e-12)
 
 
 def test_table_just_outside_its_range():
@@ -157,7 +157,7 @@ def test_a_table_on_a_liquid_at_rest():
 @pytest.mark.parametrize("outside", slow_if(lambda outside: outside != "none", ["fall", "hold", "none"]))
 def test_means_follow_their_powers_beyond_the_table_of_means(outside):
     """At q v of e^-30 ... e^40 beside the ends, against the angular integral at q v itself."""
-    needs = RequiredMeans(power=True, dissipation=True, storage=True, transverse=True)
+    needs = RequiredMeans(mean_abs2=True, mean_cos_loss=True, mean_storage=True, mean_sin_loss=True)
     F = Tabulated(rf.TabulatedModulus(**TABLE, outside=outside), jnp.asarray(1e-9), jnp.asarray(0.01))
     harmonics = jnp.array([0.3, -0.1]), jnp.array([0.2, 0.4])
     ends = np.log(TABLE["omega"][[0, -1]])

@@ -8,8 +8,8 @@ import mpmath as mp
 import numpy as np
 import pytest
 
-from rubberfric.materials.series.prony_and_prony import two_in_series
-from rubberfric.materials.series.prony_and_spring import in_series
+from rubberfric.materials.prony_and_prony import two_in_series
+from rubberfric.materials.prony_and_spring import in_series
 
 
 def exact(rest, weight, tau, spring, s):

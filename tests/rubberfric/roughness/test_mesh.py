@@ -10,8 +10,8 @@ from support.cases.stored import as_arrays
 
 import rubberfric as rf
 from rubberfric.base.quadrature import gauss
-from rubberfric.roughness.mesh.radial_mesh import build_mesh
 from rubberfric.roughness.moments import cumulative_moment
+from rubberfric.roughness.radial_mesh import build_mesh
 
 ROAD = rf.SelfAffine(100.0, 1e3, 3.1e4, 0.8, 5e-4)
 WORN = rf.SelfAffine(2e3, 5e3, 1e6, 0.6, 1e-6)

@@ -13,7 +13,7 @@ import pytest
 from support.oracles import oracle_heating
 
 import rubberfric as rf
-from rubberfric.scene.heating import diffusion, memory, rise_below_surface, rise_inside
+from rubberfric.scene.heating import diffusion, heat_kernel, rise_below_surface, rise_inside
 
 LAW = {"density": 1200.0, "heat_capacity": 1600.0, "conductivity": 0.23, "radius": 2e-3}
 HEAT, R = LAW["density"] * LAW["heat_capacity"], LAW["radius"]
@@ -32,7 +32,7 @@ def kernels(heating, q, source_q, velocity, count=NODES):
     g dq' f is the rise of f dq' = 2 q' power / (rho c_p), and the power of the library is over v.
     """
     ends = jnp.minimum(q[0], source_q[0]), jnp.maximum(q[-1], source_q[-1])
-    known = memory(heating, diffusion(source_q, q, ends, count), velocity, True)
+    known = heat_kernel(heating, diffusion(source_q, q, ends, count), velocity, True)
     one_source = known._replace(
         weight=jnp.repeat(known.weight, source_q.size, 0), closed=jnp.repeat(known.closed, source_q.size)
     )

@@ -15,7 +15,7 @@ from support.scenes.common import RIGID, ROAD, SOFT, TREAD, WORN, scene
 
 import rubberfric as rf
 from rubberfric.analysis import default_quadrature
-from rubberfric.scene.numerics.settings import (
+from rubberfric.scene.settings import (
     HEATED,
     HEATED_TABLES,
     OTHER,

@@ -11,9 +11,9 @@ import scipy
 from support.scenes.fits import AFFINE as ROAD
 
 import rubberfric as rf
-from rubberfric.scene.heating import diffusion, heating_of, memory, rise_below_surface, shear_shares
+from rubberfric.scene.heating import diffusion, heat_kernel, heating_of, rise_below_surface, shear_shares
+from rubberfric.theory.heat_balance import heat_balance, inner_temperatures
 from rubberfric.theory.integrals import prepare
-from rubberfric.theory.temperatures.heat_balance import heat_balance, inner_temperatures
 
 RUBBER, STONE = rf.ThermalProperties(1200.0, 1600.0, 0.23), rf.ThermalProperties(2400.0, 900.0, 1.5)
 HEATING = rf.Heating(1200.0, 1600.0, 0.23, 2e-3, 0.05)
@@ -50,7 +50,7 @@ def test_flash_temperature_of_two_half_spaces(lower):
     q = jnp.array([1e9])
     bodies = heating_of(HEATING, lower), heating_of(HEATING, None)
     ready = diffusion(q, q, (q[0], q[0]), 161)
-    spread = [memory(x, ready, jnp.array([v]), True) for x in bodies]
+    spread = [heat_kernel(x, ready, jnp.array([v]), True) for x in bodies]
     alone = [float(rise_below_surface(x, jnp.array([power]))[0, 0]) for x in spread]
     t0 = 2e-3 / v
     exact = [2 * power * v * np.sqrt(t0 / np.pi) / effusivity(x) for x in bodies]
@@ -93,7 +93,7 @@ def test_rise_below_the_surface_is_a_share_of_that_of_either_solid(q, hotter):
         ]
         alone.append(2 / np.pi * power * v / heat * sum(pieces))
         given = share * jnp.array([power])
-        found.append(float(rise_below_surface(memory(body, ready, jnp.array([v]), True), given)[0, 0]))
+        found.append(float(rise_below_surface(heat_kernel(body, ready, jnp.array([v]), True), given)[0, 0]))
     np.testing.assert_allclose(found, np.array(shares) * alone, rtol=1e-7)
     harmonic = 1 / sum(1 / x for x in alone)
     # The better conductor is hotter; at the surface both are equal, and the harmonic sum.

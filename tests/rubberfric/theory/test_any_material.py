@@ -11,7 +11,7 @@ from support.scenes.common import ROAD, TREAD, WLF, WORN
 import rubberfric as rf
 from rubberfric.base import NONNEGATIVE, POSITIVE, Number, Vector, child, forget, leaf, physical
 from rubberfric.materials.material import Material, Series, plane_strain_factor
-from rubberfric.materials.shifts.laws import Shift
+from rubberfric.materials.shifts import Shift
 
 GROOVES = rf.Anisotropic(ROAD, 2.0, 0.4, 4)
 TURNING = rf.TabulatedAnisotropic(

@@ -14,11 +14,10 @@ from support.cases.stored import slow_if
 
 import rubberfric as rf
 from rubberfric.scene.heating import diffusion
-from rubberfric.theory import model
+from rubberfric.theory import model, temperatures
+from rubberfric.theory.branch import arrive, begin_at, path
+from rubberfric.theory.heat_balance import heat_balance, inner_temperatures
 from rubberfric.theory.integrals import prepare
-from rubberfric.theory.temperatures import solution
-from rubberfric.theory.temperatures.branch import arrive, begin_at, path
-from rubberfric.theory.temperatures.heat_balance import heat_balance, inner_temperatures
 
 # --- A cubic with known folds
 
@@ -337,7 +336,7 @@ def test_what_did_not_converge_is_named_by_the_analysis(name, monkeypatch, recwa
     further = {"profile": {"q": [1e3]}, "stress_distribution": {"stress": 3e5}}.get(name, {})
     small = rf.Quadrature(order=4, panels=2, graded=1, angular_order=4, heat=48)
     at = {"velocity": v, "pressure": PRESSURE, "temperature": COLD, "quadrature": small}
-    monkeypatch.setattr(solution, "solve_rises", _second_is_left(solution.solve_rises))
+    monkeypatch.setattr(temperatures, "solve_rises", _second_is_left(temperatures.solve_rises))
     message = r"^the temperatures did not converge at 1 of 3 points, at v = 0.1 m/s"
     with pytest.warns(RuntimeWarning, match=message):
         getattr(rf.analysis, name)(scene, **further, **at)

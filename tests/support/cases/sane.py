@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import rubberfric as rf
-from rubberfric.scene.numerics.settings import HEATED, loads_of, span_of
+from rubberfric.scene.settings import HEATED, loads_of, span_of
 
 KINDS = ("road", "elastic", "pair")
 POINTS = 6  # velocities and loads of a scene

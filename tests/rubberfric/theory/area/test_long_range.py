@@ -13,10 +13,10 @@ from scipy.optimize import brentq
 from support.oracles.dmt_attraction import DmtAttraction
 
 import rubberfric as rf
-from rubberfric.scene.pairs import PairTemperatures
 from rubberfric.theory.adhesive_contact import relative_attraction
 from rubberfric.theory.area.separations import loss_table, loss_weight, scaled_erfc, spread
 from rubberfric.theory.integrals import prepare
+from rubberfric.theory.structure import SurfaceTemperatures
 
 Q0, Q1, HURST, H_RMS, YOUNG = 1e4, 1e6, 0.8, 2e-7, 1e7
 FINE = rf.SelfAffine(q0=Q0, qr=Q0, q1=Q1, hurst=HURST, h_rms=H_RMS)
@@ -191,7 +191,7 @@ def test_the_attraction_agrees_with_brute_force(pressure):
     brute = DmtAttraction(5.8e4, 1.8e5, 2.5e6, 0.62, 3.1e-6, 4e6 / (1 - 0.49**2), 1.0)
     prepared = prepare(_plateau(0.3), ("area", "separation"), rf.Quadrature())
     at = jnp.array([pressure])
-    given = prepared.adhesion, prepared.roughness, 0 * at, at, [PairTemperatures(None, None)]
+    given = prepared.adhesion, prepared.roughness, 0 * at, at, [SurfaceTemperatures(None, None)]
     share = relative_attraction(*given)[1]
     assert float(share[0]) == pytest.approx(brute.attraction(pressure, 1.5e-6), rel=1e-5)
 

@@ -1,5 +1,6 @@
 """Angular means of any modulus without a series: against quadrature of it, and closed forms."""
 
+import dataclasses
 import functools
 
 import jax
@@ -11,13 +12,13 @@ from support.oracles.tables import law
 
 import rubberfric as rf
 from rubberfric.materials.material import Material
-from rubberfric.theory.quantities import RequiredMeans
 from rubberfric.theory.stiffness.angular_means import PronyStiffness
 from rubberfric.theory.stiffness.means_table import means_table
 from rubberfric.theory.stiffness.softened_means import SoftenedInSeries
 from rubberfric.theory.stiffness.tabulated_means import Tabulated
+from rubberfric.theory.structure import RequiredMeans
 
-ALL = RequiredMeans(power=True, dissipation=True, storage=True, transverse=True)
+ALL = RequiredMeans(mean_abs2=True, mean_cos_loss=True, mean_storage=True, mean_sin_loss=True)
 TABLE = {
     "omega": [1e-2, 1.0, 30.0, 1e4, 1e6],
     "storage": [3.7e6, 4.8e6, 7.3e6, 3.0e7, 9.0e8],
@@ -70,7 +71,7 @@ def test_means_of_a_table(spring, outside):
     # Of the transverse mean, which may cancel, what is summed is the dissipation; a loss that steps to
     # zero is far less than the largest of all.
     scale = dict(zip(ALL.kinds, np.abs(exact.T), strict=True))
-    scale["transverse"] = scale["transverse"] + scale["dissipation"]
+    scale["mean_sin_loss"] = scale["mean_sin_loss"] + scale["mean_cos_loss"]
     for kind, known in zip(ALL.kinds, exact.T, strict=True):
         floor = 1e-3 * scale[kind].max() if outside == "none" else 0.0
         for mean in (found, tabled):
@@ -115,7 +116,7 @@ def assert_alike(found, known, rtol):
 @pytest.mark.parametrize("options", [{}, {"split": True}, {"harmonics": HARMONICS}], ids=str)
 def test_a_smooth_modulus_has_the_means_of_its_series(options):
     series, modulus = alike()
-    needs = ALL if "harmonics" in options else RequiredMeans(power=True, dissipation=True, storage=True)
+    needs = ALL if "harmonics" in options else dataclasses.replace(ALL, mean_sin_loss=False)
     options = jax.tree.map(jnp.asarray, options) if "harmonics" in options else options
     qv = jnp.logspace(-6, 8, 29)[None] * jnp.array([[1.0], [-3.0]])
     known = series.means(qv, needs, **options)
@@ -139,7 +140,7 @@ def test_harmonics_that_vary_and_a_modulus_of_every_node():
 
 def test_softened_solids_in_series():
     """1 / (1/(f E' + i g E'') + 1/k), f and g of every node, against scipy; a series and a modulus alike."""
-    needs = RequiredMeans(power=True, dissipation=True, storage=True)
+    needs = RequiredMeans(mean_abs2=True, mean_cos_loss=True, mean_storage=True)
     factors = jnp.array([[1.0, 0.4]]), jnp.array([[1.0, 0.7]]), jnp.array([[50.0, 200.0]])
     qv = jnp.array([[[0.3, 7.0], [200.0, -4e3]]])  # panels, points, order
     found = [SoftenedInSeries(modulus, *factors).means(qv, needs) for modulus in (Maxwell(), alike()[0])]

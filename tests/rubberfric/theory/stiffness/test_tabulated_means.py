@@ -10,11 +10,11 @@ from support.cases.stored import slow_if
 from support.oracles.tables import by_quadrature, contact, law, random_table
 
 import rubberfric as rf
-from rubberfric.theory.quantities import RequiredMeans
 from rubberfric.theory.stiffness.means_table import means_table
 from rubberfric.theory.stiffness.tabulated_means import Tabulated
+from rubberfric.theory.structure import RequiredMeans
 
-WANTED = RequiredMeans(power=True, dissipation=True, storage=True)
+WANTED = RequiredMeans(mean_abs2=True, mean_cos_loss=True, mean_storage=True)
 
 
 def velocities(table):
@@ -122,9 +122,9 @@ def test_at_rest_a_loss_is_nothing_however_large():
         q = jnp.array([1.0, 3.0, 9.0])
         at_rest = (q, jnp.zeros(1), None) if one is not F and hasattr(one, "cells") else (0 * q[None],)
         found = one.means(*at_rest, WANTED)
-        np.testing.assert_allclose(jnp.ravel(found["power"][0]), 3.2**2, rtol=1e-7)
-        np.testing.assert_allclose(jnp.ravel(found["storage"][0]), 3.2, rtol=1e-7)
-        assert not found["dissipation"][0].any()
+        np.testing.assert_allclose(jnp.ravel(found["mean_abs2"][0]), 3.2**2, rtol=1e-7)
+        np.testing.assert_allclose(jnp.ravel(found["mean_storage"][0]), 3.2, rtol=1e-7)
+        assert not found["mean_cos_loss"][0].any()
 
 
 def test_the_dissipation_of_a_loss_that_ends_is_not_negative():
@@ -163,7 +163,7 @@ def test_a_shift_at_every_node_is_a_velocity():
             one.means(q, v, log_shift, WANTED),
             one.means(q, v * jnp.exp(log_shift), None, WANTED),
         )
-        slope = jax.grad(lambda v: jnp.sum(one.means(q, v, log_shift, WANTED)["dissipation"][0]))(v)
+        slope = jax.grad(lambda v: jnp.sum(one.means(q, v, log_shift, WANTED)["mean_cos_loss"][0]))(v)
         return shifted, moved, slope
 
     shifted, moved, slope = both(stiffness(table, "fall", None), v)

@@ -20,7 +20,7 @@ import jax
 import jax.numpy as jnp
 
 from rubberfric.materials.material import Series
-from rubberfric.materials.series.prony_and_prony import two_in_series
+from rubberfric.materials.prony_and_prony import two_in_series
 from rubberfric.materials.slab import sinh_minus_linear
 
 

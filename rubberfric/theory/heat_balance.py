@@ -14,23 +14,22 @@ from typing import NamedTuple, TypeVar
 import jax
 import jax.numpy as jnp
 
-from rubberfric.materials.shifts.laws import Shift
-from rubberfric.roughness.mesh.radial_mesh import Mesh
+from rubberfric.roughness.radial_mesh import Mesh
 from rubberfric.scene.heating import (
     Diffusion,
     Heating,
-    Memory,
+    HeatKernel,
     diffusion,
+    heat_kernel,
     heating_of,
-    memory,
     rise_below_surface,
     rise_inside,
     shear_shares,
 )
-from rubberfric.scene.pairs import PairTemperatures
-from rubberfric.scene.scene import Scene, shifts_of
+from rubberfric.scene.scene import Scene
 from rubberfric.scene.shear import ContactShear, shear_friction
 from rubberfric.theory.contact import Contact, Roughness
+from rubberfric.theory.structure import SurfaceTemperatures
 
 # Velocity [m/s], pressure [Pa] and temperature far from the contact [K], shape (points,) each.
 Points = tuple[jax.Array, jax.Array, jax.Array]
@@ -67,7 +66,7 @@ class Temperatures(NamedTuple):
     """Temperatures at points [K]."""
 
     thermal: Thermal
-    inside: list[PairTemperatures]  # for each contribution, (angular panels, points, angular order)
+    inside: list[SurfaceTemperatures]  # for each contribution, (angular panels, points, angular order)
     flash: jax.Array  # at the largest wavevector, of two deformable solids the mean, (points,)
     surface: jax.Array  # that the contact shear has, (points,)
     converged: jax.Array  # whether they are a solution, (points,)
@@ -76,14 +75,6 @@ class Temperatures(NamedTuple):
 def macroasperity(heating: Heating) -> jax.Array:
     """q_m = pi / R, the wavevector of the macroasperities [1/m]."""
     return jnp.asarray(jnp.pi / heating.radius)
-
-
-def feeds_back(scene: Scene) -> bool:
-    """Whether anything that makes heat depends on the temperature."""
-    shifts: list[Shift | None] = [*shifts_of(scene.lower), *shifts_of(scene.upper)]
-    if scene.shear is not None and scene.heating is not None and scene.heating.shear_at == "flash":
-        shifts.append(scene.shear.shift)
-    return any(shift is not None for shift in shifts)
 
 
 def prepare_thermal(
@@ -147,7 +138,7 @@ def without_derivatives(tree: _Tree) -> _Tree:
 
 def inner_temperatures(
     thermal: Thermal, mesh: Mesh, rises: jax.Array, background: jax.Array
-) -> tuple[list[PairTemperatures], jax.Array]:
+) -> tuple[list[SurfaceTemperatures], jax.Array]:
     """Temperatures from the rises at the unknowns.
 
     Parameters
@@ -168,7 +159,7 @@ def inner_temperatures(
     inside = rises[..., :-1].reshape(-1, solids, *mesh.angular_q.shape)
     T = background[:, None] + jnp.moveaxis(inside, 0, 2)  # solids, panels, points, order
     found = [
-        PairTemperatures(*(background if solid is None else T[solid] for solid in pair))
+        SurfaceTemperatures(*(background if solid is None else T[solid] for solid in pair))
         for pair in thermal.solids
     ]
     return found, background + jnp.mean(rises[..., -1], 1)
@@ -191,7 +182,7 @@ def heat_balance(
     function from (points, solids * unknowns) to (points, solids * targets) [K]
     """
     velocity, pressure, background = points
-    spread = _memories(thermal, ready, velocity)
+    spread = _heat_kernels(thermal, ready, velocity)
 
     def caused(rises):
         inside, flash = inner_temperatures(thermal, roughness.mesh, rises, background)
@@ -211,7 +202,7 @@ def heat_of(
     surface : temperature of the contact shear [K], shape (points,)
     """
     velocity, pressure, _ = points
-    spread = _memories(thermal, thermal.diffusion, velocity)
+    spread = _heat_kernels(thermal, thermal.diffusion, velocity)
     found = _rises(thermal, roughness, spread, contact, (velocity, pressure, surface))
     return found.reshape(velocity.shape[0], -1)
 
@@ -233,7 +224,7 @@ def temperature_at(
     """
     (velocity, pressure, background), thermal = points, temperatures.thermal
     ready = _diffusion(roughness.mesh, q, thermal.diffusion.k.size)
-    spread = _memories(thermal, ready, velocity)
+    spread = _heat_kernels(thermal, ready, velocity)
     rises = _rises(thermal, roughness, spread, contact, (velocity, pressure, temperatures.surface))
     return background[:, None, None] + rises
 
@@ -257,12 +248,12 @@ def _linear(nodes, targets):
     return chosen * (1 - share) + jnp.roll(chosen, 1, 1) * share
 
 
-def _memories(thermal: Thermal, ready: Diffusion, velocity: jax.Array) -> list[Memory]:
-    """`Memory` of every deformable solid, one for those of the same properties."""
-    found: list[Memory] = []
+def _heat_kernels(thermal: Thermal, ready: Diffusion, velocity: jax.Array) -> list[HeatKernel]:
+    """`HeatKernel` of every deformable solid, one for those of the same properties."""
+    found: list[HeatKernel] = []
     for i, heating in enumerate(thermal.bodies):
         same = i > 0 and heating is thermal.bodies[0]
-        found.append(found[0] if same else memory(heating, ready, velocity, thermal.shear is not None))
+        found.append(found[0] if same else heat_kernel(heating, ready, velocity, thermal.shear is not None))
     return found
 
 

@@ -20,9 +20,9 @@ import numpy as np
 from rubberfric.base.fixed_points import Inverse, fixed_point, implicit
 from rubberfric.base.quadrature import Quadrature, typed
 from rubberfric.scene.heating import diffusivity
+from rubberfric.theory.branch import arrive, begin_at, path
 from rubberfric.theory.contact import Roughness
-from rubberfric.theory.temperatures.branch import arrive, begin_at, path
-from rubberfric.theory.temperatures.heat_balance import (
+from rubberfric.theory.heat_balance import (
     Points,
     Temperatures,
     Thermal,

@@ -32,7 +32,7 @@ _LOWEST, _HIGHEST, _AT_FOLDS, _SMALL = -40.0, 0.8, 0.98, 0.01
 _MOST_EVALUATIONS = 500
 
 
-class Place(NamedTuple):
+class BranchPoint(NamedTuple):
     """Where on the branch rows have arrived."""
 
     log_v: jax.Array  # (rows,)
@@ -54,18 +54,18 @@ class _Trial(NamedTuple):
     turns: jax.Array  # how often the residual turned round
 
 
-def begin_at(log_v: jax.Array, start: jax.Array) -> Place:
-    """`Place` of rows that begin at velocities with rises to start at."""
+def begin_at(log_v: jax.Array, start: jax.Array) -> BranchPoint:
+    """`BranchPoint` of rows that begin at velocities with rises to start at."""
     zero = jnp.zeros_like(log_v)
-    return Place(log_v, start, jnp.zeros_like(start), zero + _WIDEST, zero)
+    return BranchPoint(log_v, start, jnp.zeros_like(start), zero + _WIDEST, zero)
 
 
 def path(
     residual: Callable[[jax.Array, jax.Array], jax.Array],
-    begin: Place,
+    begin: BranchPoint,
     targets: jax.Array,
     direction: int,
-) -> Place:
+) -> BranchPoint:
     """Places of one branch, for each target the last before it.
 
     They do not depend on the targets, so that what follows from them does not on the other targets.
@@ -73,13 +73,13 @@ def path(
     Parameters
     ----------
     residual : function of (ln v, rises), shapes (1,) and (1, n), to F - y of shape (1, n)
-    begin : Place of one row
+    begin : BranchPoint of one row
     targets : ln v, shape (targets,)
     direction : 1 towards higher velocities, -1 towards lower
 
     Returns
     -------
-    Place of a row for each target
+    BranchPoint of a row for each target
     """
     count = targets.shape[0]
     reached = jax.tree.map(lambda x: jnp.repeat(x, count, 0), begin)
@@ -106,7 +106,7 @@ def path(
 
 def arrive(
     residual: Callable[[jax.Array, jax.Array], jax.Array],
-    places: Place,
+    places: BranchPoint,
     targets: jax.Array,
     tolerance: float,
 ) -> tuple[jax.Array, jax.Array]:
@@ -115,7 +115,7 @@ def arrive(
     Parameters
     ----------
     residual : function of (ln v, rises), shapes (rows,) and (rows, n), to F - y of shape (rows, n)
-    places : Place of every row
+    places : BranchPoint of every row
     targets : ln v, shape (rows,)
     tolerance : largest last step at the target [K]. Just beyond a fold steps are small although no
         solution is near.
@@ -154,7 +154,7 @@ def _first(place, log_v):
 
 
 def _evaluated(residual, place, trial, target, tolerance, begin):
-    """Place and trial after one evaluation, and whether a row is at its target."""
+    """BranchPoint and trial after one evaluation, and whether a row is at its target."""
     r = residual(trial.log_v, trial.rises)
     finite = jnp.all(jnp.isfinite(r), -1)
     r = jnp.where(finite[:, None], r, 0.0)
@@ -184,7 +184,7 @@ def _evaluated(residual, place, trial, target, tolerance, begin):
     slope = jnp.where(steady[:, None], (rises - place.rises) / jnp.where(gone != 0, gone, 1.0)[:, None], 0.0)
     factor = jnp.select([trial.count == 0, trial.count == 1, trial.count >= 3], [2.0, 1.4, 0.7], 1.0)
     grown = jnp.clip(place.step * factor, _SHORTEST, _WIDEST)
-    arrived = Place(trial.log_v, rises, slope, grown, sigma)
+    arrived = BranchPoint(trial.log_v, rises, slope, grown, sigma)
     retried = place._replace(step=jnp.maximum(place.step / 3, _SHORTEST), sigma=sigma)
     place = jax.tree.map(
         lambda new, again, old: jnp.where(

@@ -26,7 +26,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from rubberfric.materials.series.prony_and_spring import HALVINGS, NEWTON_STEPS, floors, quotient
+from rubberfric.materials.prony_and_spring import HALVINGS, NEWTON_STEPS, floors, quotient
 
 Solid = tuple[jax.Array, jax.Array, jax.Array]  # rest, weight, tau
 
@@ -62,7 +62,7 @@ def two_in_series(first: Solid, second: Solid) -> Solid:
     rest, weight, tau of the series solid, of as many terms as both together: shapes (nodes,),
     (nodes, terms), (nodes, terms), without the nodes if nothing given has them.
 
-    Limits: as `rubberfric.materials.series.prony_and_spring.in_series`.
+    Limits: as `rubberfric.materials.prony_and_spring.in_series`.
     """
     ranks = (0, 1, 1)
     axes = tuple(

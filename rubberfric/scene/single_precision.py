@@ -10,13 +10,13 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.checks import is_concrete
-from rubberfric.materials.shifts.laws import largest_log_factor
+from rubberfric.materials.shifts import largest_log_factor
 from rubberfric.scene.scene import Scene, relaxes
 
 # Sbar^2 must not overflow.
 STIFFEST_LAYER = 1e18
 # Between neighbouring relaxation times where both solids deform: see
-# `rubberfric.materials.series.prony_and_spring`.
+# `rubberfric.materials.prony_and_spring`.
 DECADES = 30
 
 

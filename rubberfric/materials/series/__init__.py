@@ -1,1 +1,0 @@
-"""Solids in series as one Prony series."""

@@ -1,1 +1,0 @@
-"""Time-temperature superposition: laws of shift factors, and tables of them."""

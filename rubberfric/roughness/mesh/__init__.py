@@ -1,1 +1,0 @@
-"""Where the integrals over wavevectors are evaluated: borders of panels, and the nodes in them."""

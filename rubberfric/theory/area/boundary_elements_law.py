@@ -1,0 +1,294 @@
+r"""Contact area and friction by a law that was fitted to boundary elements.
+
+In partial contact the theory takes P S for the share of the roughness that the solid follows. Boundary
+elements find another share W(q, phi), and displacements beyond q1. The law describes both. With E for
+E / (1 - nu^2) of both solids in series, <> for the mean over phi, and D = dF / d ln q,
+
+.. math:: F = \frac{\int_{q_0}^q q^3 C\,dq}{\int_{q_0}^{q_1} q^3 C\,dq},\qquad
+          F_v = \frac{G(q)}{G(q_1)},\qquad E_r^2 = \langle|E|^2\rangle,\qquad
+          \alpha = \frac{m_0 m_4}{m_2^2},\qquad h' = \sqrt{m_2}
+.. math:: m = 1 - e^{-a_m A},\qquad \ln F_* = (1 - m)\ln F + m\ln F_v,\qquad
+          \ln D_* = (1 - m)\ln\frac{D}{D(q_1)} + m\ln\frac{D_v}{D_v(q_1)}
+.. math:: \psi_m = F_*^{-c_F A(1 - A)}\exp\big\{(1 - A)^{c_A}
+          [c_0 - c_D\ln D(q_1) + c_f\ln F_* - c_D\ln D_*]\big\},\qquad
+          T = c_T A\,\frac{1 - A^{c_t}}{1 + c_\alpha\ln\alpha}
+.. math:: E_\mathrm{eff}^{2b} = \text{mean of } \langle|E|^{2b}\rangle \text{ with weights per } d\ln q\quad
+          D\,W_0\ (q < q_1),\quad D(q_1)\,T\,(q/q_1)^{-3}\ (q_1 < q < 6 q_1)
+.. math:: A = \mathrm{erf}\frac{\sqrt2\,\sigma_0}{E_\mathrm{eff}\,h'\sqrt{S_0 + (1 - S_0) A^{s}}},\qquad
+          S_0 = 1 - \frac{1}{s_0 + s_\alpha\ln\alpha}
+.. math:: \frac{W}{1 - W} = \frac{W_m}{1 - W_m}\Big(\frac{E_\mathrm{eff}}{E_r}\Big)^{c_v(1 - m)}
+          \Big(\frac{E_r}{|E|}\Big)^{c_\varphi},\qquad
+          W_m = \big[1 + (A\psi_m)^{-n/(1 - A)}\big]^{-(1 - A)/n}
+.. math:: \mu = \frac{1}{2\sigma_0}\int d^2q\,q^2\cos\varphi\,\mathrm{Im}E \times
+          \begin{cases} C W & q < q_1 \\
+          T\,C(q_1)(q/q_1)^{-7}(E_\mathrm{eff}/|E|)^{c_b} & q_1 < q < 6 q_1\end{cases}
+
+In full contact W = 1 and T = 0, so that mu is the paper's.
+"""
+
+import dataclasses
+import math
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.special import erf, erfc
+
+from rubberfric.base.fixed_points.anderson import implicit
+from rubberfric.base.quadrature import Quadrature, cumulative, gauss, typed
+from rubberfric.roughness.radial_mesh import build_mesh
+from rubberfric.roughness.spectra import BrokenPowerLaw
+from rubberfric.scene.scene import Body
+from rubberfric.theory.paper import E_r
+from rubberfric.theory.structure import RoughSurface
+
+
+class Constants(NamedTuple):
+    """Constants of the law; the first eleven are from elastic contact, the others from sliding."""
+
+    c_0: float = -0.626
+    c_D: float = 0.927
+    c_f: float = 0.461
+    c_A: float = 5.86
+    c_F: float = 0.551
+    c_T: float = 2.862
+    c_t: float = 0.304
+    c_alpha: float = 0.657
+    s: float = 0.934
+    s_0: float = 1.582
+    s_alpha: float = 0.219
+    c_v: float = 1.0549
+    c_phi: float = 0.666
+    c_b: float = 1.0347
+    b: float = 1.2116
+    a_m: float = 8.3405
+    n: float = 32.0  # sharpness of the bound W_m < 1
+
+
+CONSTANTS = Constants()
+
+# End of the displacements beyond q1, over q1, and the Gauss nodes in ln q there.
+_END, _BEYOND = 6.0, 10
+
+# Step and end of the trapezoidal rule in t, cos(phi) = 1 / cosh(t): errors exp(-pi^2 / step) and exp(-end).
+_STEP, _LAST = 0.45, 13.0
+
+_NEWTON_STEPS = 30
+
+
+class Shape(NamedTuple):
+    """Roughness at the nodes; nothing here depends on velocity, pressure or temperature."""
+
+    q: jax.Array  # (panels, order) [1/m]
+    weight: jax.Array  # q^4 C / height2 times d ln q, (panels, order)
+    until: jax.Array  # the same in integrals up to every node k of values at nodes i, (panels, k, i)
+    F: jax.Array  # (panels, order)
+    D: jax.Array  # over D(q1), (panels, order)
+    D_end: jax.Array  # D(q1)
+    height2: jax.Array  # scale of the roughness [m^2]
+    slope: jax.Array  # h'
+    log_alpha: jax.Array
+    beyond: jax.Array  # q from q1 on [1/m], (nodes,)
+    weight_beyond: jax.Array  # (q / q1)^-3 d ln q there, (nodes,)
+
+
+class Law(NamedTuple):
+    """The law for one scene, ready for many points."""
+
+    shape: Shape
+    strained: Body
+    rough: Body
+    constants: Constants
+
+
+class State(NamedTuple):
+    """The contact at points; axes (points, nodes) or (points, nodes, angles), all moduli over `scale`."""
+
+    area: jax.Array
+    mu: jax.Array  # viscoelastic friction, with the part beyond q1
+    mu_of_q: jax.Array  # its part from every node below q1, (points, nodes)
+    mu_beyond: jax.Array  # its part from beyond q1
+    converged: jax.Array
+
+
+def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: Constants = CONSTANTS) -> Law:
+    """Return the law for the one rough surface of two half-spaces."""
+    # The law has no separation, and W is smooth near q0: half the panels of the theory are enough.
+    quadrature = dataclasses.replace(
+        quadrature, order=min(quadrature.order, 8), panels=max(3, -(-quadrature.panels // 2)), graded=2
+    )
+    law = surface.law._replace(height2=jnp.ones_like(surface.law.height2))
+    mesh = build_mesh([law], quadrature, graded=True)
+    assert mesh.between is not None
+    weight = mesh.roughness[0]
+    rule = typed(cumulative(quadrature.order), weight)
+    until = jnp.tensordot(mesh.between.roughness[0], rule, 1)
+    total = jnp.sum(weight)
+    F = (_before(jnp.sum(weight, -1))[:, None] + jnp.sum(until, -1)) / total
+    F = jnp.where(F > 0, F, 1.0)  # in panels of no width, which have no weight
+    q1 = law.q[-1]
+    D_end = _density(law, q1) / total
+    relative = mesh.q / q1
+    m0, m4 = jnp.sum(weight / relative**2), jnp.sum(weight * relative**2)
+    # The first node is q1 itself, of no weight.
+    node, dln = (typed(np.append(0.0, table), weight) for table in gauss(_BEYOND))
+    beyond = math.log(_END) * node
+    height2 = surface.law.height2
+    return Law(
+        Shape(
+            q=mesh.q,
+            weight=weight,
+            until=until,
+            F=F,
+            D=_density(law, mesh.q) / (total * D_end),
+            D_end=D_end,
+            height2=height2,
+            slope=jnp.sqrt(2 * jnp.pi * total) * surface.spectrum.height_scale(),
+            log_alpha=jnp.log(m0 / total) + jnp.log(m4 / total),
+            beyond=q1 * jnp.exp(beyond),
+            weight_beyond=math.log(_END) * dln * jnp.exp(-3 * beyond),
+        ),
+        surface.strained,
+        surface.rough,
+        constants,
+    )
+
+
+def _before(panels):
+    """Sum over the panels before each one."""
+    return jnp.asarray(np.tri(panels.shape[0], k=-1, dtype=panels.dtype)) @ panels
+
+
+def _density(law: BrokenPowerLaw, q: jax.Array) -> jax.Array:
+    """Return q^4 C / height2 [1/m^2]."""
+    piece = jnp.clip(jnp.searchsorted(law.q, q, side="left") - 1, 0, law.exponent.shape[0] - 1)
+    return q**2 * jnp.exp(law.log_value[piece] + law.exponent[piece] * jnp.log(q / law.q[piece]))
+
+
+def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: jax.Array | None) -> State:
+    """Return the `State` at points, shape (points,) each."""
+    shape, c = law.shape, law.constants
+    panels, order = shape.q.shape
+    speed = jnp.abs(velocity)[:, None, None]
+    T = None if temperature is None else temperature[:, None, None]
+    cos_phi, dphi = _angles(pressure)
+    if not law.strained.material.relaxes:
+        cos_phi, dphi = cos_phi[:1], jnp.sum(dphi, keepdims=True)
+    q = jnp.concatenate([shape.q.reshape(-1), shape.beyond])
+    E = _modulus(law, q[:, None] * speed * cos_phi, T)  # (points, nodes, angles) [Pa]
+    scale = jax.lax.stop_gradient(jnp.max(jnp.abs(E), (1, 2)))
+    E = E / scale[:, None, None]
+    log_abs2 = jnp.log(jnp.real(E) ** 2 + jnp.imag(E) ** 2)
+    mean = dphi / (2 * jnp.pi)
+    E2 = jnp.exp(log_abs2) @ mean
+    power = jnp.exp(c.b * log_abs2) @ mean
+    loss = jnp.imag(E) * (cos_phi * dphi)
+    inside = panels * order
+
+    # F_v and D_v, from the spectrum of stress.
+    E2_in = E2[:, :inside].reshape(-1, panels, order)
+    per_panel = jnp.sum(shape.weight * E2_in, -1)
+    G = _before(per_panel.T).T[..., None] + jnp.einsum("kci,pki->pkc", shape.until, E2_in)
+    G = jnp.where(G > 0, G, 1.0)  # in panels of no width
+    log_F_v = (jnp.log(G) - jnp.log(jnp.sum(per_panel, -1))[:, None, None]).reshape(-1, inside)
+    log_D = jnp.log(shape.D).reshape(-1)
+    log_D_v = log_D + jnp.log(E2[:, :inside]) - jnp.log(E2[:, inside, None])
+    log_F, log_D_end = jnp.log(shape.F).reshape(-1), jnp.log(shape.D_end)
+
+    def share(A, B, log_F_star, log_D_star):
+        """(1 - W_m) / W_m and W_m, of A and B = 1 - A, shapes (points, 1)."""
+        bracket = c.c_0 - c.c_D * (log_D_end + log_D_star) + c.c_f * log_F_star
+        # ln(A psi) / B, which is finite in full contact.
+        some = B > 1e-8
+        log_A = jnp.where(some, jnp.log(jnp.where(some, A, 0.5)) / jnp.where(some, B, 0.5), -1.0)
+        log_W = log_A + B ** (c.c_A - 1) * bracket - c.c_F * A * log_F_star
+        z = B * jax.nn.softplus(-c.n * log_W) / c.n  # -ln W_m
+        return jnp.expm1(z), jnp.exp(-z)
+
+    def tail(A):
+        """T / A."""
+        return c.c_T * -jnp.expm1(c.c_t * jnp.log(A)) / (1 + c.c_alpha * shape.log_alpha)
+
+    def log_effective(A, B):
+        """ln E_eff, (points,)."""
+        W_0 = share(A[:, None], B[:, None], log_F, log_D)[1]
+        here = shape.weight.reshape(-1) * W_0
+        there = jnp.sum(shape.weight) * shape.D_end * (A * tail(A))[:, None] * shape.weight_beyond
+        weights = jnp.concatenate([here, there], -1)
+        return jnp.log(jnp.sum(weights * power, -1) / jnp.sum(weights, -1)) / (2 * c.b)
+
+    S_0 = 1 - 1 / (c.s_0 + c.s_alpha * shape.log_alpha)
+    log_load = jnp.log(math.sqrt(2) * pressure / scale) - jnp.log(shape.slope)
+
+    def balance(y):
+        """ln of the argument of erf, of that argument."""
+        A, B = _area(y)
+        return log_load - log_effective(A, B) - 0.5 * jnp.log(S_0 + (1 - S_0) * A**c.s)
+
+    y, converged = _fixed_point(balance, log_load)
+    y = implicit(lambda y: balance(y[:, 0])[:, None], y[:, None])[:, 0]
+    A, B = _area(y)
+    log_E_eff = log_effective(A, B)
+
+    m = -jnp.expm1(-c.a_m * A)[:, None]
+    log_F_star = (1 - m) * log_F + m * log_F_v
+    log_D_star = (1 - m) * log_D + m * log_D_v
+    odds = share(A[:, None], B[:, None], log_F_star, log_D_star)[0]
+    log_E_r = 0.5 * jnp.log(E2[:, :inside])
+    odds = odds * jnp.exp(-c.c_v * (1 - m) * (log_E_eff[:, None] - log_E_r))  # (1 - W) / W
+    W = 1 / (1 + odds[..., None] * jnp.exp(c.c_phi * (0.5 * log_abs2[:, :inside] - log_E_r[..., None])))
+    factor = shape.height2 * scale / (2 * pressure)
+    mu_of_q = factor[:, None] * shape.weight.reshape(-1) * jnp.sum(loss[:, :inside] * W, -1)
+    stiff = jnp.exp(c.c_b * (log_E_eff[:, None, None] - 0.5 * log_abs2[:, inside:]))
+    beyond = jnp.sum(loss[:, inside:] * stiff, -1) @ shape.weight_beyond
+    mu_beyond = factor * A * tail(A) * jnp.sum(shape.weight) * shape.D_end * beyond
+    sign = jnp.sign(velocity)
+    return State(
+        A, sign * (jnp.sum(mu_of_q, -1) + mu_beyond), sign[:, None] * mu_of_q, sign * mu_beyond, converged
+    )
+
+
+def _angles(like):
+    """Return cos(phi) and weights of the integral over the circle, of functions that are even in cos(phi)."""
+    t = _STEP * np.arange(int(_LAST / _STEP))
+    dphi = 4 * _STEP / np.cosh(t)
+    dphi[0] /= 2
+    dphi[-1] += 2 * np.pi - dphi.sum()  # the rest of the circle is at rest
+    return typed(1 / np.cosh(t), like), typed(dphi, like)
+
+
+def _modulus(law, omega, T):
+    """Return E / (1 - nu^2) of both solids in series [Pa]."""
+    E = E_r(law.strained.material, omega, T) if law.strained.material.deforms else None
+    if not law.rough.material.deforms:
+        assert E is not None
+        return E + jnp.zeros_like(omega)
+    own = E_r(law.rough.material, None, T) + jnp.zeros_like(omega)
+    return own if E is None else E * (own / (E + own))
+
+
+def _area(y):
+    """A and 1 - A of the logarithm of the argument of erf."""
+    x = jnp.exp(jnp.minimum(y, 3.5))  # 1 - A = 0 from exp(3.3) on
+    return erf(x), erfc(x)
+
+
+def _fixed_point(balance, start):
+    """Solve y = balance(y) by Newton steps, (points,), without derivatives."""
+    tolerance = 1e-13 if start.dtype == jnp.float64 else 1e-5
+
+    def step(progress):
+        k, y, _ = progress
+        value, slope = jax.jvp(balance, (y,), (jnp.ones_like(y),))
+        change = (value - y) / (1 - jnp.clip(slope, -5.0, 0.5))
+        return k + 1, y + change, jnp.abs(change)
+
+    def going(progress):
+        k, y, change = progress
+        return (k < _NEWTON_STEPS) & jnp.any(change > tolerance * (1 + jnp.abs(y)))
+
+    begin = 0, jax.lax.stop_gradient(start), jnp.full_like(start, jnp.inf)
+    balance = jax.tree_util.Partial(balance)
+    _, y, change = jax.lax.while_loop(going, step, begin)
+    return jax.lax.stop_gradient(y), change <= 10 * tolerance * (1 + jnp.abs(y))

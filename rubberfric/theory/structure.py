@@ -1,0 +1,198 @@
+"""What a scene has, and which means its quantities need: asked once, when a call is traced.
+
+Roughness of one solid strains the other periodically, and its own solid only statically
+[Scaraggi & Persson, eq. (A6) at omega = q v_j].
+"""
+
+import dataclasses
+import enum
+from collections.abc import Iterable
+from typing import NamedTuple
+
+import jax
+
+from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum
+from rubberfric.scene.scene import Body, Scene, body_shifts, relaxes, softening_of
+from rubberfric.scene.softening import Softened
+from rubberfric.theory.quantities import quantity_parts
+
+
+@dataclasses.dataclass(frozen=True)
+class RequiredMeans:
+    """What is integrated over the roughness; false where the structure of a scene makes it zero."""
+
+    mean_abs2: bool = False  # <|K|^2>, and so G(q)
+    area: bool = False  # P with S in G, where the scene has that
+    mean_cos_loss: bool = False  # <cos(phi) Im K>
+    mean_storage: bool = False  # <Re K>
+    mean_sin_loss: bool = False  # <sin(phi) Im K>
+
+    def __or__(self, other: "RequiredMeans") -> "RequiredMeans":
+        both = zip(dataclasses.astuple(self), dataclasses.astuple(other), strict=True)
+        return RequiredMeans(*(one or two for one, two in both))
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """Which means over the direction of sliding are needed."""
+        kinds = ("mean_abs2", "mean_cos_loss", "mean_storage", "mean_sin_loss")
+        return tuple(kind for kind in kinds if getattr(self, kind))
+
+    @property
+    def everywhere(self) -> bool:
+        """Whether G is needed at every wavevector, not at the largest alone."""
+        return self.mean_cos_loss or self.mean_storage or self.mean_sin_loss
+
+
+_AREA = RequiredMeans(mean_abs2=True, area=True)
+_HEAT = _AREA | RequiredMeans(mean_cos_loss=True)
+_NEEDS = {
+    "area": _AREA,
+    "separation": RequiredMeans(mean_abs2=True, mean_storage=True),
+    "viscoelastic_friction": _HEAT,
+    "shear_friction": _AREA,
+    "transverse_friction": _AREA | RequiredMeans(mean_sin_loss=True),
+    "flash_temperature": _HEAT,
+    "converged": _HEAT,
+}
+
+
+class SurfaceTemperatures(NamedTuple):
+    """Temperatures of the solids of a rough surface [K]: None (at reference), (points,), or by wavevector."""
+
+    strained: jax.Array | None = None
+    rough: jax.Array | None = None
+
+
+AT_REFERENCE = SurfaceTemperatures()
+
+
+class Interpolation(enum.Enum):
+    """How angular means reach the contact nodes."""
+
+    NONE = "taken there: they have kinks over q"
+    LINEAR = "from the angular nodes: they are smooth in ln q"
+    LOGARITHMIC = "from the angular nodes, <|F|^2> in its logarithm: it may rise by 1e9 within an e-fold of q"
+
+
+class RoughSurface(NamedTuple):
+    """A rough surface and the solid that it strains."""
+
+    rough: Body
+    strained: Body
+    side: str  # which solid is strained: "lower" or "upper"
+    spectrum: Spectrum  # of the rough body
+    law: BrokenPowerLaw  # the spectrum, all directions together
+    softened: Softened | None  # how the strained solid softens
+    softened_rough: Softened | None  # and the rough one
+    relaxes: bool  # whether the strained solid is viscoelastic: else nothing depends on the velocity
+    both_deform: bool  # whether the rough solid deforms as well, in series with the strained one
+    by_wavevector: bool  # whether F depends on q itself: a coating, or two deformable solids with a layer
+    varies: bool  # whether temperature changes F otherwise than by a_T and a common factor
+    harmonics: int  # highest m of the cos(2 m phi) in the roughness that a viscoelastic solid sees
+    detail: float | None  # finest detail of the angular means over ln q [-]; None of a series
+    interpolation: Interpolation | None  # None if the stiffness is a constant at every wavevector
+
+    @property
+    def static(self) -> bool:
+        """Whether its stiffness is a constant at every wavevector."""
+        return self.interpolation is None
+
+    @property
+    def separate_storage_loss(self) -> bool:
+        """Whether <E'^2> and <E''^2> count apart, for softening changes them differently."""
+        return self.softened is not None and not self.both_deform
+
+    @property
+    def softenings(self) -> list[Softened]:
+        """How those of the two solids soften that do."""
+        return [one for one in (self.softened, self.softened_rough) if one is not None]
+
+    @property
+    def softens_in_series(self) -> bool:
+        """Whether either of two deformable solids softens."""
+        return self.both_deform and bool(self.softenings)
+
+
+@dataclasses.dataclass(frozen=True)
+class Structure:
+    """What a scene has and what its quantities need; without numbers."""
+
+    needs: RequiredMeans  # none for quantities that are constant in the scene
+    rough: bool  # whether either surface is
+    heated: bool
+    adhesive: bool
+    feeds_back: bool  # whether anything that makes heat depends on the temperature
+
+    @classmethod
+    def of(cls, scene: Scene, quantities: Iterable[str]) -> "Structure":
+        """Return the structure of a scene for fields of `Solution`."""
+        facing = ((scene.lower.spectrum, scene.upper), (scene.upper.spectrum, scene.lower))
+        strained = [(spectrum, other) for spectrum, other in facing if spectrum is not None]
+        relaxing = [spectrum for spectrum, other in strained if relaxes(other)]
+        heated, adhesive = scene.heating is not None, scene.adhesion is not None
+        absent = {
+            "shear_friction": scene.shear is None,
+            "viscoelastic_friction": not relaxing,
+            "transverse_friction": not any(spectrum.harmonic_count() for spectrum in relaxing),
+        }
+        needs = RequiredMeans()
+        for part in quantity_parts(quantities) if strained else ():
+            needs |= RequiredMeans() if absent.get(part) else _NEEDS[part]
+        if needs.mean_abs2 and heated:
+            needs |= _HEAT
+        if needs.mean_abs2 and adhesive:
+            needs |= RequiredMeans(mean_storage=True)
+        if not relaxing:
+            needs = dataclasses.replace(needs, mean_cos_loss=False)
+        shifts = [*body_shifts(scene.lower), *body_shifts(scene.upper)]
+        if scene.shear is not None and scene.heating is not None and scene.heating.shear_at == "flash":
+            shifts += [scene.shear.shift] if scene.shear.shift is not None else []
+        return cls(needs, bool(strained), heated, adhesive, bool(shifts))
+
+
+def rough_surfaces_of(scene: Scene) -> tuple[RoughSurface, ...]:
+    """Return the rough surfaces of a scene, that of the lower solid first."""
+    found: list[tuple[Body, Body, str, Spectrum, BrokenPowerLaw]] = []
+    for side, rough, strained in (("upper", scene.lower, scene.upper), ("lower", scene.upper, scene.lower)):
+        if rough.spectrum is not None:
+            found.append((rough, strained, side, rough.spectrum, rough.spectrum.power_law()))
+    laws = tuple(law for *_, law in found)
+
+    def softened(body):
+        softening = softening_of(scene, body)
+        return None if softening is None else Softened(softening, laws)
+
+    return tuple(_surface(*one, softened(one[1]), softened(one[0])) for one in found)
+
+
+def _surface(rough: Body, strained: Body, side, spectrum: Spectrum, law, softened, softened_rough):
+    """`RoughSurface` with all that its types say."""
+    material, layer = strained.material, strained.layer
+    relaxing, both = relaxes(strained), rough.material.deforms
+    coated = layer is not None and not layer.multiplies
+    by_wavevector = coated or (both and any(body.layer is not None for body in (rough, strained)))
+    # A vertical shift changes one of two deformable solids; the base of a coating may have another shift.
+    vertical = any(shift.vertical is not None for body in (rough, strained) for shift in body_shifts(body))
+    varies = (layer is not None and layer.varies(material)) or (both and vertical)
+    softens_in_series = both and (softened is not None or softened_rough is not None)
+    interpolation = None
+    if relaxing or varies:
+        kinked = softens_in_series or (relaxing and spectrum.harmonics_vary)
+        smooth = Interpolation.LOGARITHMIC if by_wavevector else Interpolation.LINEAR
+        interpolation = Interpolation.NONE if kinked else smooth
+    return RoughSurface(
+        rough,
+        strained,
+        side,
+        spectrum,
+        law,
+        softened,
+        softened_rough,
+        relaxes=relaxing,
+        both_deform=both,
+        by_wavevector=by_wavevector,
+        varies=varies,
+        harmonics=spectrum.harmonic_count() if relaxing else 0,
+        detail=material.detail if relaxing and material.needs_quadrature else None,
+        interpolation=interpolation,
+    )
