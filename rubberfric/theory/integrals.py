@@ -106,7 +106,7 @@ def prepare(
         coarse = None
         if structure.feeds_back:
             coarse_needs = Structure.of(scene, ("flash_temperature",)).needs
-            coarse = _rough(scene, _coarse(surfaces), COARSE, coarse_needs, like=roughness)
+            coarse = _rough(scene, surfaces, COARSE, coarse_needs, like=roughness)
         thermal = prepare_thermal(heating, scene, roughness, quadrature.heat, coarse, COARSE.heat)
     return Prepared(needs, roughness, thermal, scene.shear, scene.adhesion)
 
@@ -143,15 +143,7 @@ def _rough(scene, surfaces, quadrature, needs, borders=None, tables=None, like=N
         gamma,
         correction,
         scene.correlation,
-    )
-
-
-def _coarse(surfaces):
-    """Surfaces for the few nodes of `COARSE`, between which a linear interpolant may swing below 0."""
-    smooth = Interpolation.LINEAR, Interpolation.LOGARITHMIC
-    return tuple(
-        surface._replace(interpolation=smooth[1]) if surface.interpolation is smooth[0] else surface
-        for surface in surfaces
+        approximate=like is not None,
     )
 
 
