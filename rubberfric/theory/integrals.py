@@ -40,7 +40,7 @@ from rubberfric.theory.stiffness.means_table import MeansTable
 from rubberfric.theory.stiffness.series import modulus_scale
 from rubberfric.theory.stiffness.stiffness_means import Tables
 from rubberfric.theory.structure import (
-    Interpolation,
+    MeansInterpolation,
     RequiredMeans,
     RoughSurface,
     Structure,
@@ -118,7 +118,7 @@ def _rough(scene, surfaces, quadrature, needs, borders=None, tables=None, like=N
         [surface.law for surface in surfaces],
         quadrature if not details else quadrature.resolving(min(details)),
         graded=needs.everywhere or scene.heating is not None or borders is not None,
-        logarithmic=any(surface.interpolation is Interpolation.LOGARITHMIC for surface in surfaces),
+        logarithmic=any(surface.interpolation is MeansInterpolation.LOGARITHMIC for surface in surfaces),
         borders=_borders(scene, surfaces, borders),
         moving=scene.heating is not None,
     )
@@ -152,7 +152,10 @@ def _tables_of(roughness, needs):
     found = [one.stiffness for one in roughness.contributions]
     return tuple(
         one.stiffness
-        if isinstance(one.stiffness, MeansTable) and one.harmonics is None and one.needs.kinds == needs.kinds
+        if one is not None
+        and isinstance(one.stiffness, MeansTable)
+        and one.harmonics is None
+        and one.needs.kinds == needs.kinds
         else None
         for one in found
     )
