@@ -106,6 +106,7 @@ class Roughness(NamedTuple):
     gamma: jax.Array
     correction: CorrectionTable | None  # of S in G
     correlation: Correlation | None = None  # in the roughness already, which is that of solids at rest
+    approximate: bool = False  # whether results are checked on another mesh, so that a failed G may be 0
 
     def contact(
         self, velocity: jax.Array, pressure: jax.Array, temperatures: Sequence[SurfaceTemperatures]
@@ -133,7 +134,8 @@ class Roughness(NamedTuple):
         G_panels, G = square * (jnp.pi / 4 * total(panels)), None
         if within:
             G = _sum_before(G_panels)[..., None] + square[:, None] * (jnp.pi / 4 * total(within))  # (A11)
-            G = jnp.where(G < 0, jnp.where(G > _NO_CONTACT_LOST, 0.0, jnp.nan), G)
+            known = True if self.approximate else G > _NO_CONTACT_LOST
+            G = jnp.where(G < 0, jnp.where(known, 0.0, jnp.nan), G)
         return Contact(terms, modulus, G_panels, G, self.gamma, self.correction)
 
 

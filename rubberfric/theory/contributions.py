@@ -22,7 +22,7 @@ from rubberfric.theory.stiffness.means_table import MeansTable
 from rubberfric.theory.stiffness.series import factors_at
 from rubberfric.theory.stiffness.stiffness_means import StiffnessMeans, stiffness_means
 from rubberfric.theory.stiffness.tabulated_means import log_floored
-from rubberfric.theory.structure import Interpolation, RequiredMeans, RoughSurface, SurfaceTemperatures
+from rubberfric.theory.structure import MeansInterpolation, RequiredMeans, RoughSurface, SurfaceTemperatures
 
 
 class Terms(NamedTuple):
@@ -38,8 +38,10 @@ class Terms(NamedTuple):
 class Contribution(NamedTuple):
     """The roughness of one surface; tuples have an entry for each mean of a kind."""
 
-    stiffness: StiffnessMeans  # at the angular nodes, or without interpolation at the contact nodes
-    interpolation: Interpolation
+    # At the angular nodes, or without interpolation at the contact nodes; None if F is a constant at every
+    # wavevector: then it stands in the weights.
+    stiffness: StiffnessMeans | None
+    interpolation: MeansInterpolation
     # Weights of <|F|^2> in the integral over a panel, (panels, nodes), and in that up to every contact node,
     # (panels, order, nodes); with logarithms at the nodes between them, (panels, nodes between).
     mean_abs2: tuple[jax.Array, ...]
@@ -56,7 +58,11 @@ class Contribution(NamedTuple):
         temperatures : of the two solids [K]: None, (points,), or (angular panels, points, angular
             order) if it differs from scale to scale
         """
-        if self.interpolation is Interpolation.NONE:
+        if self.stiffness is None:
+            within = None if self.within is None else self.within[0][:, None]
+            densities = {kind: weights[0][:, None] for kind, weights in self.others.items()}
+            return Terms(jnp.sum(self.mean_abs2[0], -1)[:, None], within, densities)
+        if self.interpolation is MeansInterpolation.NONE:
             temperatures = jax.tree.map(lambda T: mesh.to_contact(T) if T.ndim > 1 else T, temperatures)
             means = at_contact = self.stiffness.means(mesh.q, velocity, temperatures)
         else:
@@ -66,7 +72,7 @@ class Contribution(NamedTuple):
             kind: total(w[:, None] * mean for w, mean in zip(weights, at_contact[kind], strict=True))
             for kind, weights in self.others.items()
         }
-        if self.interpolation is Interpolation.LOGARITHMIC:
+        if self.interpolation is MeansInterpolation.LOGARITHMIC:
             return Terms(*self._with_logarithms(mesh, means["mean_abs2"]), densities)
         return Terms(*self._linear(mesh, means["mean_abs2"]), densities)
 
@@ -77,7 +83,7 @@ class Contribution(NamedTuple):
         change by 1e6 within a panel, and g, where it matters most, is what the small end adds up to: a rule
         for the product of all would lose it.
         """
-        if self.interpolation is Interpolation.LINEAR and self.within is not None:
+        if self.interpolation is MeansInterpolation.LINEAR and self.within is not None:
             # Without integrals up to the nodes the weights are those of the angular panels themselves.
             means = tuple(map(mesh.serving, means))
         panels = _sum_products("kvi,ki->kv", means, self.mean_abs2)
@@ -124,7 +130,7 @@ def contribution(
     """
     if not surface.relaxes:
         needs = dataclasses.replace(needs, mean_cos_loss=False, mean_sin_loss=False)
-    weights, interpolation = mesh.roughness[j], surface.interpolation or Interpolation.NONE
+    weights, interpolation = mesh.roughness[j], surface.interpolation or MeansInterpolation.NONE
     factors = factors_at(surface, scale, mesh.q)
     mean_abs2 = factors.of("mean_abs2", weights)
     others = {
@@ -132,21 +138,24 @@ def contribution(
         for kind in needs.kinds
         if kind != "mean_abs2" and (kind != "mean_sin_loss" or surface.harmonics)
     }
-    angular = interpolation is not Interpolation.NONE
-    means = stiffness_means(surface, scale, mesh.angular_q if angular else mesh.q, needs, table)
+    angular = interpolation is not MeansInterpolation.NONE
+    means = None
+    if not surface.static:
+        means = stiffness_means(surface, scale, mesh.angular_q if angular else mesh.q, needs, table)
     within = None
     if mesh.between is not None:
         between = factors_at(surface, scale, mesh.between.q).of("mean_abs2", mesh.between.roughness[j])
-        logarithmic = interpolation is Interpolation.LOGARITHMIC
+        logarithmic = interpolation is MeansInterpolation.LOGARITHMIC
         rule = typed((weights_between if logarithmic else cumulative)(mesh.q.shape[1]), weights)
+        rule = rule.sum(-1) if surface.static else rule
         within = tuple(
             density * rule.reshape(-1) if logarithmic else jnp.tensordot(density, rule, 1)
             for density in between
         )
-    if interpolation is Interpolation.LINEAR and within is not None:
+    if interpolation is MeansInterpolation.LINEAR and within is not None:
         mean_abs2 = tuple(jnp.einsum("kc,kci->ki", one, mesh.interpolate) for one in mean_abs2)
         within = tuple(rule @ mesh.interpolate for rule in within)
-    elif interpolation is Interpolation.LINEAR:
+    elif interpolation is MeansInterpolation.LINEAR:
         # Only the whole integral is needed: the contact nodes have done their part.
         mean_abs2 = (jnp.einsum("kc,kci->ki", one, mesh.interpolate) for one in mean_abs2)
         mean_abs2 = tuple(jnp.zeros_like(mesh.angular_q).at[mesh.panel].add(one) for one in mean_abs2)

@@ -41,7 +41,7 @@ from rubberfric.theory.stiffness.means_table import MeansTable
 from rubberfric.theory.stiffness.series import modulus_scale
 from rubberfric.theory.stiffness.stiffness_means import Tables
 from rubberfric.theory.structure import (
-    Interpolation,
+    MeansInterpolation,
     RequiredMeans,
     RoughSurface,
     Structure,
@@ -114,7 +114,7 @@ def prepare(
         coarse = None
         if structure.feeds_back:
             coarse_needs = Structure.of(scene, ("flash_temperature",)).needs
-            coarse = _rough(scene, _coarse(surfaces), COARSE, coarse_needs, like=roughness)
+            coarse = _rough(scene, surfaces, COARSE, coarse_needs, like=roughness)
         thermal = prepare_thermal(heating, scene, roughness, quadrature.heat, coarse, COARSE.heat)
     return Prepared(needs, roughness, thermal, scene.shear, scene.adhesion, law)
 
@@ -126,7 +126,7 @@ def _rough(scene, surfaces, quadrature, needs, borders=None, tables=None, like=N
         [surface.law for surface in surfaces],
         quadrature if not details else quadrature.resolving(min(details)),
         graded=needs.everywhere or scene.heating is not None or borders is not None,
-        logarithmic=any(surface.interpolation is Interpolation.LOGARITHMIC for surface in surfaces),
+        logarithmic=any(surface.interpolation is MeansInterpolation.LOGARITHMIC for surface in surfaces),
         borders=_borders(scene, surfaces, borders),
         moving=scene.heating is not None,
     )
@@ -151,15 +151,7 @@ def _rough(scene, surfaces, quadrature, needs, borders=None, tables=None, like=N
         gamma,
         correction,
         scene.correlation,
-    )
-
-
-def _coarse(surfaces):
-    """Surfaces for the few nodes of `COARSE`, between which a linear interpolant may swing below 0."""
-    smooth = Interpolation.LINEAR, Interpolation.LOGARITHMIC
-    return tuple(
-        surface._replace(interpolation=smooth[1]) if surface.interpolation is smooth[0] else surface
-        for surface in surfaces
+        approximate=like is not None,
     )
 
 
@@ -168,7 +160,10 @@ def _tables_of(roughness, needs):
     found = [one.stiffness for one in roughness.contributions]
     return tuple(
         one.stiffness
-        if isinstance(one.stiffness, MeansTable) and one.harmonics is None and one.needs.kinds == needs.kinds
+        if one is not None
+        and isinstance(one.stiffness, MeansTable)
+        and one.harmonics is None
+        and one.needs.kinds == needs.kinds
         else None
         for one in found
     )

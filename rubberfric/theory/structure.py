@@ -66,7 +66,7 @@ class SurfaceTemperatures(NamedTuple):
 AT_REFERENCE = SurfaceTemperatures()
 
 
-class Interpolation(enum.Enum):
+class MeansInterpolation(enum.Enum):
     """How angular means reach the contact nodes."""
 
     NONE = "taken there: they have kinks over q"
@@ -90,7 +90,7 @@ class RoughSurface(NamedTuple):
     varies: bool  # whether temperature changes F otherwise than by a_T and a common factor
     harmonics: int  # highest m of the cos(2 m phi) in the roughness that a viscoelastic solid sees
     detail: float | None  # finest detail of the angular means over ln q [-]; None of a series
-    interpolation: Interpolation | None  # None if the stiffness is a constant at every wavevector
+    interpolation: MeansInterpolation | None  # None if the stiffness is a constant at every wavevector
 
     @property
     def static(self) -> bool:
@@ -178,8 +178,8 @@ def _surface(rough: Body, strained: Body, side, spectrum: Spectrum, law, softene
     interpolation = None
     if relaxing or varies:
         kinked = softens_in_series or (relaxing and spectrum.harmonics_vary)
-        smooth = Interpolation.LOGARITHMIC if by_wavevector else Interpolation.LINEAR
-        interpolation = Interpolation.NONE if kinked else smooth
+        smooth = MeansInterpolation.LOGARITHMIC if by_wavevector else MeansInterpolation.LINEAR
+        interpolation = MeansInterpolation.NONE if kinked else smooth
     return RoughSurface(
         rough,
         strained,

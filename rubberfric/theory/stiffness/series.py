@@ -99,7 +99,7 @@ def relaxing_stiffness(
     series = rest, weight, series.tau
     if own is not None:
         series = own * rest, own[:, None] * weight, series[2]
-    return PronyStiffness(*(series if spring is None else in_series(*series, spring)))
+    return PronyStiffness(*(series if spring is None else in_series(*series, spring)))  # (A6)
 
 
 def tabulated_stiffness(surface: RoughSurface, scale: jax.Array) -> Tabulated | None:
