@@ -26,8 +26,8 @@ from rubberfric.scene.shear import ContactShear, shear_friction
 from rubberfric.scene.softening import knots
 from rubberfric.theory.adhesive_contact import adhesive_contact
 from rubberfric.theory.area.area_correction import correction_table
-from rubberfric.theory.area.partial_contact import separation_weight
 from rubberfric.theory.area.boundary_elements_law import Law, prepare_law, solve_law
+from rubberfric.theory.area.partial_contact import separation_weight
 from rubberfric.theory.contact import Contact, Roughness
 from rubberfric.theory.contributions import contribution, total
 from rubberfric.theory.heat_balance import (

@@ -35,7 +35,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import erf, erfc
 
-from rubberfric.base.fixed_points.anderson import implicit
+from rubberfric.base.fixed_points import implicit
 from rubberfric.base.quadrature import Quadrature, cumulative, gauss, typed
 from rubberfric.roughness.radial_mesh import build_mesh
 from rubberfric.roughness.spectra import BrokenPowerLaw
