@@ -8,7 +8,7 @@ import numpy as np
 
 import rubberfric as rf
 from fitting.data.kinds import DataSets, data_by_scene
-from fitting.parameters.constraints import Rule
+from fitting.parameters.constraints import Constraint
 from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import Prior
 from fitting.parameters.scenes import as_scenes, each_scene
@@ -18,7 +18,7 @@ from fitting.solvers.evaluation import residual_rows
 from fitting.solvers.iterate import NEGLIGIBLE, succeeded
 from fitting.solvers.options import check_options, make_solver
 from fitting.solvers.problem import ASSUMED, finer, make_problem
-from fitting.solvers.runs import BATCH, Callback, run_fits
+from fitting.solvers.runs import FIT_BATCH, Callback, run_fits
 from fitting.solvers.search import confirm_minimum, random_starts, search
 from fitting.uncertainty.covariance import linearised, uncertainty
 from fitting.uncertainty.discrepancy import (
@@ -38,7 +38,7 @@ ROUNDS = 2
 def fit(
     scene: rf.Scene | Mapping[str, rf.Scene],
     data: DataSets | Mapping[str, DataSets],
-    free: Mapping[str, Rule],
+    free: Mapping[str, Constraint],
     method: str = "lm",
     starts: int = 1,
     key: jax.Array | None = None,
@@ -208,7 +208,7 @@ def fit(
 def _from(solver, problem, x, max_steps, callback, starts):
     """The end of a fit that begins at x, and its evaluations."""
     # The same batch size as before, because another one would need a compilation.
-    end = run_fits(solver, problem, x[None], None, max_steps, callback, min(BATCH, starts)).row(0)
+    end = run_fits(solver, problem, x[None], None, max_steps, callback, min(FIT_BATCH, starts)).row(0)
     return end, np.array([end.nfev, end.njev])
 
 

@@ -29,7 +29,7 @@ from fitting.characterise.prony_series import (
 )
 from fitting.data.kinds import ModulusData
 from fitting.fit import fit
-from fitting.parameters.constraints import Positive, Rule, is_number
+from fitting.parameters.constraints import Constraint, Positive, is_number
 from fitting.parameters.priors import Prior, Smooth
 from fitting.results.report import error_text
 from fitting.results.result import FitResult
@@ -185,7 +185,7 @@ class PronyFit:
         body = self.names[0].split(".")[0]
         own, other = rf.Body(self.material), rf.Body(rf.Rigid())
         scene = rf.Scene(own, other) if body == "lower" else rf.Scene(other, own)
-        free: dict[str, Rule] = {f"{body}.material.E": Positive()}
+        free: dict[str, Constraint] = {f"{body}.material.E": Positive()}
         if self.names[-1].endswith("E_inf"):
             free[f"{body}.material.E_inf"] = Positive()
         prior: dict[str, Prior] = {}

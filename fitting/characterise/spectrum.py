@@ -16,7 +16,7 @@ from numpy.typing import ArrayLike
 import rubberfric as rf
 from fitting.data.kinds import SpectrumData
 from fitting.fit import fit
-from fitting.parameters.constraints import Bounded, Positive, Rule, is_number
+from fitting.parameters.constraints import Bounded, Constraint, Positive, is_number
 from fitting.results.report import error_text
 from fitting.results.result import FitResult
 from rubberfric.base import html, shown, unit_of
@@ -177,7 +177,7 @@ def fit_spectrum(
     remarks += no_kink
     H = line.slope / 2 - 1
     spectrum = rf.SelfAffine.from_C0(q0, *_ordered(line, q0, q1, H), np.exp(line.level))
-    free: dict[str, Rule] = {f"{body}.spectrum.h_rms": Positive()}
+    free: dict[str, Constraint] = {f"{body}.spectrum.h_rms": Positive()}
     if fixed_H is None:
         if _AT_END < H < 1 - _AT_END:
             free[f"{body}.spectrum.hurst"] = Bounded(0.0, 1.0)

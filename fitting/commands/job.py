@@ -56,7 +56,7 @@ import numpy as np
 import rubberfric as rf
 from fitting.data.files import read
 from fitting.data.measured import Measured
-from fitting.parameters.constraints import RULES, Rule
+from fitting.parameters.constraints import CONSTRAINTS, Constraint
 from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import Gaussian, Prior, Smooth, Sum
 from fitting.results.result import FitResult
@@ -64,7 +64,7 @@ from fitting.solvers.options import FILE_OPTIONS, check_options
 from rubberfric.base import StrPath, closest, shown
 from rubberfric.io import toml
 
-FILE_RULES = {re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower(): cls for name, cls in RULES.items()}
+FILE_RULES = {re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower(): cls for name, cls in CONSTRAINTS.items()}
 RULE_KEYS = ("rule", *dict.fromkeys(f.name for cls in FILE_RULES.values() for f in dataclasses.fields(cls)))
 PRIOR_KEYS = ("mean", "sigma", "smooth", "low", "high")
 FIT_KEYS = ("file", "body", "widen")
@@ -79,7 +79,7 @@ class Job(NamedTuple):
 
     scene: rf.Scene | dict[str, rf.Scene]
     data: list[Measured] | dict[str, list[Measured]]
-    free: dict[str, Rule]
+    free: dict[str, Constraint]
     prior: dict[str, Prior]
     options: dict[str, Any]
     title: str

@@ -30,7 +30,7 @@ from fitting.data.kinds import as_data_sets
 from fitting.data.measured import Measured
 from fitting.ensemble.members import Members
 from fitting.ensemble.run import run_ensemble
-from fitting.parameters.constraints import Rule
+from fitting.parameters.constraints import Constraint
 from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import GaussianRows, Prior
 from fitting.solvers.iterate import succeeded
@@ -195,7 +195,7 @@ _LEAST = 10
 def calibration(
     scene: rf.Scene,
     data_plan: Measured | Sequence[Measured],
-    free: Mapping[str, Rule],
+    free: Mapping[str, Constraint],
     prior: Mapping[str, Prior],
     members: int = 1000,
     key: jax.Array | None = None,

@@ -24,7 +24,7 @@ from numpy.typing import ArrayLike
 
 import rubberfric as rf
 from fitting.data.kinds import DataSets, data_by_scene
-from fitting.parameters.constraints import Rule
+from fitting.parameters.constraints import Constraint
 from fitting.parameters.priors import Prior
 from fitting.parameters.scenes import as_scenes
 from fitting.solvers.iterate import MESSAGES, succeeded
@@ -232,7 +232,7 @@ class Members:
 def multi_start(
     scene: rf.Scene | Mapping[str, rf.Scene],
     data: DataSets | Mapping[str, DataSets],
-    free: Mapping[str, Rule],
+    free: Mapping[str, Constraint],
     starts: int | ArrayLike,
     key: jax.Array | None = None,
     prior: Mapping[str, Prior] | None = None,

@@ -112,8 +112,9 @@ class RmsSlope:
             raise ValueError(f"RmsSlope: slope = {self.slope!r}: must be a finite number > 0")
 
 
-Rule = Positive | Bounded | Free | Tied | RmsSlope
-RULES: dict[str, type[Rule]] = {cls.__name__: cls for cls in (Positive, Bounded, Free, Tied, RmsSlope)}
+Constraint = Positive | Bounded | Free | Tied | RmsSlope
+_KINDS = Positive, Bounded, Free, Tied, RmsSlope
+CONSTRAINTS: dict[str, type[Constraint]] = {kind.__name__: kind for kind in _KINDS}
 # Rules without an element in x: the value follows from other parameters.
 FOLLOWING = ("Tied", "RmsSlope", "Shared")
 
@@ -198,7 +199,7 @@ def value_range(
     return zero, one * (rule.scale or np.where(values != 0, np.abs(values), 1.0))
 
 
-def with_starts(scene: Scenes, free: Mapping[str, Rule]) -> Scenes:
+def with_starts(scene: Scenes, free: Mapping[str, Constraint]) -> Scenes:
     """The scene with the numbers that it may do without, such as the q1 of a table, where rules give them."""
     given = {}
     for path, rule in ((path, rule) for key, rule in free.items() for path in paths_of(scene, key)):

@@ -24,10 +24,10 @@ import numpy as np
 import scipy
 
 from fitting.parameters.constraints import (
+    CONSTRAINTS,
     FOLLOWING,
-    RULES,
+    Constraint,
     RmsSlope,
-    Rule,
     Tied,
     common_values,
     cutoff_of,
@@ -84,7 +84,7 @@ class Constants(NamedTuple):
     ratios: tuple[Array, ...]  # of every Tied group, shape (elements,); slopes of RmsSlope, shape (1,)
 
 
-def free_parameters(scene: Scenes, free: Mapping[str, Rule]) -> tuple[Variables, Constants, np.ndarray]:
+def free_parameters(scene: Scenes, free: Mapping[str, Constraint]) -> tuple[Variables, Constants, np.ndarray]:
     """Variables, constants and start vector for the free parameters of a scene, or of several.
 
     Parameters
@@ -108,7 +108,7 @@ def free_parameters(scene: Scenes, free: Mapping[str, Rule]) -> tuple[Variables,
     leaves = [np.array(leaf, float) for leaf in leaves]
     groups, rules, low, width, x, taken, size = [], {}, [], [], [], {}, 0
     for path, rule in free.items():
-        if not isinstance(rule, tuple(RULES.values())):
+        if not isinstance(rule, tuple(CONSTRAINTS.values())):
             made = f"; a class, must be made with {rule.__name__}(...)" if isinstance(rule, type) else ""
             raise ValueError(
                 f"free[{path!r}] = {rule!r}: must be Positive, Bounded, Free, Tied or RmsSlope{made}"

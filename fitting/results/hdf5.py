@@ -36,7 +36,7 @@ import h5py
 import numpy as np
 
 from fitting.data.files import read_group
-from fitting.parameters.constraints import RULES, Rule
+from fitting.parameters.constraints import CONSTRAINTS, Constraint
 from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import PRIORS, Prior
 from fitting.parameters.scenes import Scenes, each_scene
@@ -50,7 +50,7 @@ from fitting.uncertainty.discrepancy import with_discrepancy
 from rubberfric.base import StrPath, check_writable, closest, replacing
 from rubberfric.io import hdf5, read_object, read_quadrature, write_object, write_quadrature
 
-RuleOrPrior = TypeVar("RuleOrPrior", bound=Rule | Prior)
+RuleOrPrior = TypeVar("RuleOrPrior", bound=Constraint | Prior)
 
 # Arrays and numbers of the uncertainty, stored unchanged.
 _ARRAYS = {
@@ -64,7 +64,7 @@ _ARRAYS = {
     "stretch": "-",
 }
 _NUMBERS = {"rank": int, "condition": float, "parameters": float, "chisqr": float}
-Result = TypeVar("Result", bound=FitRecord)
+ResultType = TypeVar("Result", bound=FitRecord)
 
 FIT_FORMAT = "rubberfric fit"
 
@@ -106,7 +106,7 @@ def read_scenes(group: h5py.Group) -> Any:
     return {name: read_object(one) for name, one in group.items()}
 
 
-def write_rules(group: h5py.Group, rules: Mapping[str, Rule | Prior]) -> None:
+def write_rules(group: h5py.Group, rules: Mapping[str, Constraint | Prior]) -> None:
     """Write rules or priors as numbered groups, because a key path cannot name a group."""
     for i, (path, rule) in enumerate(rules.items()):
         one = group.create_group(str(i))
@@ -262,7 +262,7 @@ def save(
             samples(file.create_group("samples"))
 
 
-def load(path: StrPath, cls: type[Result]) -> Result:
+def load(path: StrPath, cls: type[ResultType]) -> ResultType:
     """The fit that `save` wrote, as a `fitting.FitResult` or another class of records.
 
     Numbers are equal to the last bit with the precision of the fit (float64 becomes
@@ -292,7 +292,7 @@ def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
     scene = read_scenes(groups["scene_at_start"])
     of = hdf5.read_texts(file, "data_scenes") if "data_scenes" in file else [""] * len(groups["data"])
     data = tuple(read_group(group) for group in numbered(groups["data"]))
-    free, prior = read_rules(groups["free"], RULES), read_rules(groups["prior"], PRIORS)
+    free, prior = read_rules(groups["free"], CONSTRAINTS), read_rules(groups["prior"], PRIORS)
     quadrature = read_quadrature(file)
     problem = make_problem(scene, data, free, prior, options["loss"], options["loss_width"], quadrature, of)
     scales = hdf5.read_array(file, "estimated", "-", (len(data),)).tolist()

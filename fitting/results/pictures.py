@@ -87,7 +87,7 @@ def measured_points(result: FitRecord, quantity: str) -> PlottedPoints:
     return PlottedPoints(*(column[points.x > 0] for column in points))
 
 
-def curves_of(points: PlottedPoints) -> list[PlottedCurve]:
+def fitted_curves(points: PlottedPoints) -> list[PlottedCurve]:
     """Curves in the order of body, temperature and pressure; of a modulus, E' and E'' of each."""
     columns = (points.scene, points.body, points.temperature, points.pressure)
     keys = sorted(set(zip(*(column.tolist() for column in columns), strict=True)))

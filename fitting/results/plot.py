@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from fitting.results.pictures import curves_of, lines, measured_points, plot_correlation
+from fitting.results.pictures import fitted_curves, lines, measured_points, plot_correlation
 from fitting.results.record import FitRecord
 from fitting.uncertainty.profile import LikelihoodProfile
 from rubberfric.base import StrPath
@@ -57,7 +57,7 @@ def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
         )
     for quantity, upper, lower in zip(present, ax[::2], ax[1::2], strict=True):
         points = measured_points(result, quantity)
-        curves = curves_of(points)
+        curves = fitted_curves(points)
         fitted = lines(result, quantity, points, curves, _LEVEL)
         _draw(quantity, points, curves, fitted, upper, lower)
         _dress(quantity, points, upper, lower)

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from fitting.data.measured import Measured
-from fitting.parameters.constraints import Positive, Rule
+from fitting.parameters.constraints import Constraint, Positive
 from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import Prior
 from fitting.parameters.scenes import ALL, Scenes
@@ -53,7 +53,7 @@ class FitRecord(SolvedProblem):
     """
 
     scene_at_start: Scenes
-    free: dict[str, Rule]
+    free: dict[str, Constraint]
     prior: dict[str, Prior]
     method: str
     data: tuple[Measured, ...]
@@ -84,7 +84,7 @@ class FitRecord(SolvedProblem):
             raise KeyError(f"{path!r} was not free: {closest(path, paths)}")
         return Fitted(*(column[which] for column in columns))
 
-    def freed(self, path: str, rule: Rule | None = None) -> Self:
+    def freed(self, path: str, rule: Constraint | None = None) -> Self:
         """The same fit with one more free parameter at its present value, not at a minimum in it.
 
         Parameters

@@ -19,7 +19,7 @@ from fitting.results.record import FitRecord
 from fitting.results.report import headlines, report, tied_lines, variable_rows
 from fitting.results.samples import Samples, drawn
 from fitting.solvers.runs import Callback
-from fitting.uncertainty.posterior import Progress, log_density, prior_of
+from fitting.uncertainty.posterior import DrawProgress, log_density, prior_of
 from fitting.uncertainty.profile import LikelihoodProfile
 from rubberfric.analysis import friction_table as table_of_scene
 from rubberfric.base import StrPath, html, object_html
@@ -87,7 +87,7 @@ class FitResult(FitRecord):
         chains: int = 4,
         key: jax.Array | None = None,
         flat: str = "x",
-        callback: Progress | None = None,
+        callback: DrawProgress | None = None,
     ) -> Samples:
         """Draws from the posterior: of the same residuals, errors, loss, priors and bounds as the fit.
 

@@ -16,7 +16,7 @@ from fitting.results import hdf5 as fit_files
 from fitting.results.record import FitRecord
 from fitting.solvers.options import check_options
 from fitting.uncertainty.intervals import Band
-from fitting.uncertainty.posterior import FLAT, Progress, diagnosed, run_chains
+from fitting.uncertainty.posterior import FLAT, DrawProgress, diagnosed, run_chains
 from rubberfric.base import StrPath, html, quick_jit
 from rubberfric.io import hdf5
 
@@ -255,7 +255,7 @@ def drawn(
     chains: int,
     key: jax.Array | None,
     flat: str,
-    callback: Progress | None,
+    callback: DrawProgress | None,
 ) -> Samples:
     """Draws from the posterior of a fit; see `fitting.FitResult.sample`."""
     check_options(n=n, warmup=warmup, chains=chains, key=key, callback=callback)

@@ -17,7 +17,7 @@ import numpy as np
 import rubberfric as rf
 from fitting.parameters.scenes import by_name
 from fitting.parameters.variables import Array
-from fitting.solvers.problem import CURVE_QUANTITIES, Numbers, Problem, Structure
+from fitting.solvers.problem import CURVE_QUANTITIES, FitStructure, Numbers, Problem
 from fitting.solvers.residuals import in_errors, padded, rows_and_slopes, rows_of, slopes_in_errors
 from rubberfric.base import quick_jit
 
@@ -28,7 +28,7 @@ CALLS = 100
 
 
 def evaluate_rows(
-    structure: Structure, numbers: Numbers, x: Array, slopes: bool = False
+    structure: FitStructure, numbers: Numbers, x: Array, slopes: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
     """`fitting.solvers.residuals.rows_of` at every row of x, and their derivatives.
 
@@ -69,7 +69,7 @@ def _by_forward_mode(structure, numbers):
     )
 
 
-def takes_long(structure: Structure, numbers: Numbers) -> bool:
+def takes_long(structure: FitStructure, numbers: Numbers) -> bool:
     """Return True if a scene is solved by iteration, which takes hundreds of times as long."""
     scenes = _scenes(structure, numbers)
     return any(
@@ -83,20 +83,20 @@ def _scenes(structure, numbers):
     return by_name(jax.tree.unflatten(structure.variables.tree, numbers.constants.leaves))
 
 
-def rows(structure: Structure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
+def rows(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
     """Rows alone, at one x."""
     del directions
     values = rows_of(structure, numbers, x)
     return values, jnp.zeros((values.size, 0), x.dtype)
 
 
-def both(structure: Structure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
+def both(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
     """Rows and their derivatives by the mode that suits them."""
     del directions
     return rows_and_slopes(structure, numbers, x)
 
 
-def along(structure: Structure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
+def along(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
     """Rows and their derivatives with respect to the first elements of x."""
     values, push = jax.linearize(lambda x: rows_of(structure, numbers, x), x)
 

@@ -12,7 +12,7 @@ import numpy as np
 
 import rubberfric as rf
 from fitting.data.measured import Measured
-from fitting.parameters.constraints import Rule, with_starts
+from fitting.parameters.constraints import Constraint, with_starts
 from fitting.parameters.priors import Prior, PriorNumbers, PriorStructure, prior_size, read_priors
 from fitting.parameters.scenes import as_scenes, by_name
 from fitting.parameters.variables import (
@@ -50,7 +50,7 @@ class Block(NamedTuple):
 _MARGIN, _BEYOND = 0.5, 1.0
 
 
-class Structure(NamedTuple):
+class FitStructure(NamedTuple):
     """Everything about a problem except its numbers; hashable."""
 
     variables: Variables
@@ -84,7 +84,7 @@ class Targets(NamedTuple):
 class Problem(NamedTuple):
     """A fit to be solved."""
 
-    structure: Structure
+    structure: FitStructure
     numbers: Numbers
     targets: Targets
     start: np.ndarray  # x, shape (size,)
@@ -112,7 +112,7 @@ class Problem(NamedTuple):
 def make_problem(
     scene: rf.Scene | Mapping[str, rf.Scene],
     data: Sequence[Measured],
-    free: Mapping[str, Rule],
+    free: Mapping[str, Constraint],
     prior: Mapping[str, Prior] | None = None,
     loss: str = "linear",
     width: float | None = None,
@@ -146,7 +146,7 @@ def make_problem(
             f"{variables.size} free parameters, but only {size} measured values and {known} rows of priors:"
             " free fewer, tie some, or add a prior"
         )
-    structure = Structure(variables, blocks, prior_structure, loss, quadrature or _fitting(scene, data))
+    structure = FitStructure(variables, blocks, prior_structure, loss, quadrature or _fitting(scene, data))
     numbers = cast(Numbers(constants, conditions, prior_numbers, float(width), 0.0), dtype)
     targets = Targets(*(a.astype(dtype) for a in (measured, error, np.ones(variables.size))))
     return Problem(structure, numbers, targets, start.astype(dtype), order)

@@ -21,13 +21,13 @@ from fitting.parameters.scenes import OrderedPair, by_name, in_order, scene_path
 from fitting.parameters.variables import Array, Constants, Variables, to_scene
 from fitting.solvers.losses import Loss, Objective
 from fitting.solvers.ordered import x_of
-from fitting.solvers.problem import CURVE_QUANTITIES, Numbers, Problem, Structure, Targets
+from fitting.solvers.problem import CURVE_QUANTITIES, FitStructure, Numbers, Problem, Targets
 from rubberfric.analysis import value_and_jacobian
 from rubberfric.base import Kind, PhysicalObject, fields_of, recurring_length
 from rubberfric.roughness import log_power_spectrum
 
 
-def objective(structure: Structure, numbers: Numbers, targets: Targets) -> Objective:
+def objective(structure: FitStructure, numbers: Numbers, targets: Targets) -> Objective:
     """The functions of x that solvers minimise."""
     return Objective(
         lambda x: residuals(structure, numbers, targets, x),
@@ -38,7 +38,7 @@ def objective(structure: Structure, numbers: Numbers, targets: Targets) -> Objec
     )
 
 
-def solver_objective(structure: Structure, numbers: Numbers, targets: Targets) -> Objective:
+def solver_objective(structure: FitStructure, numbers: Numbers, targets: Targets) -> Objective:
     """`objective` in the variables z of solvers; see `fitting.solvers.ordered`."""
     plain, variables = objective(structure, numbers, targets), structure.variables
     if not variables.order:
@@ -57,12 +57,12 @@ def solver_objective(structure: Structure, numbers: Numbers, targets: Targets) -
     )
 
 
-def loss_of(structure: Structure, numbers: Numbers) -> Loss:
+def loss_of(structure: FitStructure, numbers: Numbers) -> Loss:
     """The loss of a problem's rows."""
     return Loss(structure.loss, numbers.width, data_rows(structure))
 
 
-def predictions(structure: Structure, numbers: Numbers, x: jax.Array) -> tuple[jax.Array, Any]:
+def predictions(structure: FitStructure, numbers: Numbers, x: jax.Array) -> tuple[jax.Array, Any]:
     """Model predictions for all data, shape (rows,), and the scene, or scenes."""
     scene = to_scene(structure.variables, numbers.constants, x)
     scenes, pairs = by_name(scene), zip(structure.blocks, numbers.conditions, strict=True)
@@ -98,7 +98,7 @@ def _predicted(structure, block, conditions, scene):
     return jnp.log(values) if block.logarithmic else values
 
 
-def rows_of(structure: Structure, numbers: Numbers, x: jax.Array) -> jax.Array:
+def rows_of(structure: FitStructure, numbers: Numbers, x: jax.Array) -> jax.Array:
     """Predictions, followed by the rows of priors and smoothing in units of their errors."""
     model, scene = predictions(structure, numbers, x)
     prior = prior_residuals(structure.prior, numbers.prior, scene, x)
@@ -107,7 +107,7 @@ def rows_of(structure: Structure, numbers: Numbers, x: jax.Array) -> jax.Array:
     )
 
 
-def rows_and_slopes(structure: Structure, numbers: Numbers, x: jax.Array) -> tuple[jax.Array, jax.Array]:
+def rows_and_slopes(structure: FitStructure, numbers: Numbers, x: jax.Array) -> tuple[jax.Array, jax.Array]:
     """`rows_of` and their derivatives with respect to x, shape (rows, size)."""
 
     def scene_of(x):
@@ -137,27 +137,27 @@ def rows_and_slopes(structure: Structure, numbers: Numbers, x: jax.Array) -> tup
     return rows, slopes
 
 
-def in_errors(structure: Structure, numbers: Numbers, targets: Targets, rows: Array) -> jax.Array:
+def in_errors(structure: FitStructure, numbers: Numbers, targets: Targets, rows: Array) -> jax.Array:
     """Residuals from `rows_of`, in units of the errors."""
     count = data_rows(structure)
     of_data = (rows[:count] - targets.measured) / targets.error
     return jnp.concatenate([_whitened(numbers, of_data), rows[count:]])
 
 
-def slopes_in_errors(structure: Structure, numbers: Numbers, targets: Targets, slopes: Array) -> jax.Array:
+def slopes_in_errors(structure: FitStructure, numbers: Numbers, targets: Targets, slopes: Array) -> jax.Array:
     """Jacobian of the residuals from the derivatives of `rows_of`; 0 where x does not move."""
     count = data_rows(structure)
     of_data = _whitened(numbers, slopes[:count] / targets.error[:, None])
     return jnp.concatenate([of_data, slopes[count:]]) * targets.moving
 
 
-def residuals(structure: Structure, numbers: Numbers, targets: Targets, x: jax.Array) -> jax.Array:
+def residuals(structure: FitStructure, numbers: Numbers, targets: Targets, x: jax.Array) -> jax.Array:
     """Rows of the data, of the priors, and of the smoothing, in units of their errors."""
     return in_errors(structure, numbers, targets, rows_of(structure, numbers, x))
 
 
 def residuals_and_jacobian(
-    structure: Structure, numbers: Numbers, targets: Targets, x: jax.Array
+    structure: FitStructure, numbers: Numbers, targets: Targets, x: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
     """`residuals` and their Jacobian, shape (rows, size), 0 where x does not move."""
     rows, slopes = rows_and_slopes(structure, numbers, x)
@@ -190,12 +190,12 @@ def forward(function: Callable[[jax.Array], jax.Array], x: jax.Array) -> tuple[j
     return value, jacobian
 
 
-def data_rows(structure: Structure) -> int:
+def data_rows(structure: FitStructure) -> int:
     """Number of rows that are data."""
     return structure.blocks[-1].rows[1]
 
 
-def rounding(structure: Structure, targets: Targets) -> jax.Array:
+def rounding(structure: FitStructure, targets: Targets) -> jax.Array:
     """Cost due to rounding if the data are met exactly."""
     error = 100 * float(jnp.finfo(targets.measured.dtype).eps)  # of a prediction, relative
     offset = np.zeros(data_rows(structure))
@@ -208,7 +208,7 @@ def rounding(structure: Structure, targets: Targets) -> jax.Array:
 class Padded(NamedTuple):
     """A problem whose blocks have one of a few lengths, for compiled functions."""
 
-    structure: Structure
+    structure: FitStructure
     numbers: Numbers
     targets: Targets
     data: np.ndarray  # positions of the data among the rows of all blocks

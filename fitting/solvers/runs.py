@@ -32,7 +32,7 @@ from fitting.solvers.levenberg_marquardt import (
 )
 from fitting.solvers.options import Solver
 from fitting.solvers.ordered import end_x, put_on_bounds, slopes_of_x, start_z, x_of
-from fitting.solvers.problem import Numbers, Problem, Structure, Targets
+from fitting.solvers.problem import FitStructure, Numbers, Problem, Targets
 from fitting.solvers.residuals import (
     in_errors,
     loss_of,
@@ -43,7 +43,7 @@ from fitting.solvers.residuals import (
 )
 from rubberfric.base import quick_jit
 
-BATCH = 4
+FIT_BATCH = 4
 
 Callback = Callable[[int, float], object]
 
@@ -101,7 +101,7 @@ def run_fits(
     starts = np.asarray(starts)
     fits, max_steps = len(starts), max_steps or solver.max_steps
     targets = jax.tree.map(lambda a: np.broadcast_to(a, (fits, *a.shape[1:])), targets)
-    batch = batch or min(BATCH, fits)
+    batch = batch or min(FIT_BATCH, fits)
     at = np.arange(batch) % fits  # which fit has a place
     waiting, done, steps = min(batch, fits), np.arange(batch) >= fits, np.zeros(batch, int)
     variables, constants = structure.variables, numbers.constants
@@ -158,7 +158,7 @@ def run_fits(
 _MOST_HESSIAN_ELEMENTS = 1_000_000
 
 
-def start(solver: Solver, structure: Structure, numbers: Numbers, targets: Targets, x: Array) -> Iterate:
+def start(solver: Solver, structure: FitStructure, numbers: Numbers, targets: Targets, x: Array) -> Iterate:
     """Iterates of several fits at their starts; targets and x have a leading axis of fits."""
     if not isinstance(solver, LevenbergMarquardt):
         return _by_solver("init", solver, structure, numbers, targets, x)
@@ -173,7 +173,7 @@ def start(solver: Solver, structure: Structure, numbers: Numbers, targets: Targe
 
 
 def advance(
-    solver: Solver, structure: Structure, numbers: Numbers, targets: Targets, iterate: Iterate
+    solver: Solver, structure: FitStructure, numbers: Numbers, targets: Targets, iterate: Iterate
 ) -> Iterate:
     """Iterates of several fits after one step each."""
     if not isinstance(solver, LevenbergMarquardt):

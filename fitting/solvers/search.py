@@ -30,7 +30,7 @@ from fitting.solvers.options import Solver
 from fitting.solvers.ordered import edges, end_x, start_z
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import data_rows, has_arrays, loss_of, padded
-from fitting.solvers.runs import BATCH, Callback, Runs, run_fits
+from fitting.solvers.runs import FIT_BATCH, Callback, Runs, run_fits
 
 WIDE = 1e4  # times the width of a robust loss: least squares
 SMOOTHING = (30.0, 10.0, 3.0, 1.0, 0.3, 0.0)  # standard errors for a factor e between slopes
@@ -82,7 +82,7 @@ def search(
         again = np.flatnonzero(escaped & (succeeded(runs.status) | (runs.status == STALLED)))
         # If there is no array to smooth, all six fits would be the same.
         if again.size and has_arrays(problem.variables):
-            second = _smoothed(solver, stage, starts[again], max_steps, callback, min(BATCH, len(starts)))
+            second = _smoothed(solver, stage, starts[again], max_steps, callback, min(FIT_BATCH, len(starts)))
             spent[:, again] += np.stack([second.nfev, second.njev])
             if INTERRUPTED in second.status:
                 runs.status[again] = INTERRUPTED

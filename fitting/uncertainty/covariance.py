@@ -89,7 +89,7 @@ class Part(NamedTuple):
     several: bool  # an array
 
 
-def describe(variables: Variables, loadings: np.ndarray, deviation: float) -> str:
+def describe_direction(variables: Variables, loadings: np.ndarray, deviation: float) -> str:
     """One line of text on a direction: the changes it makes, their size within the errors, and advice."""
     parts = _parts(variables, loadings)
     leaves = {part.leaf for part in parts}
@@ -285,7 +285,7 @@ def from_jacobian(
     if np.any(deviation > KNOWN) and not far.any():
         far[np.argmax(along)] = True
     unidentified = tuple(
-        Direction(V[:, k], float(deviations[k]), describe(variables, V[:, k], deviations[k]))
+        Direction(V[:, k], float(deviations[k]), describe_direction(variables, V[:, k], deviations[k]))
         for k in np.flatnonzero(far)
     )
     for i in np.flatnonzero(deviation > KNOWN):

@@ -12,9 +12,9 @@ import numpy as np
 from jax.typing import ArrayLike
 
 import rubberfric as rf
-from fitting.parameters.constraints import Rule
+from fitting.parameters.constraints import Constraint
 from fitting.parameters.priors import Prior
-from fitting.uncertainty.information import Points, exchange, gain, information, known_of, variance
+from fitting.uncertainty.information import Conditions, exchange, gain, information, known_of, variance
 from fitting.uncertainty.intervals import SolvedProblem
 from rubberfric.base import POSITIVE, StrPath, as_leaf, check_values, shown
 from rubberfric.io import write_table
@@ -71,7 +71,7 @@ class Design:
     before: np.ndarray
     after: np.ndarray
     predicted: tuple[float, float] | None
-    candidates: Points
+    candidates: Conditions
     gain: np.ndarray
     criterion: str
     rows: np.ndarray
@@ -107,7 +107,7 @@ class Design:
 
 def design(
     source: SolvedProblem | rf.Scene,
-    free: Mapping[str, Rule] | None = None,
+    free: Mapping[str, Constraint] | None = None,
     *,
     candidates: tuple[ArrayLike, ...],
     n: float,
@@ -207,7 +207,7 @@ def design(
     )
 
 
-def _points(candidates) -> Points:
+def _points(candidates) -> Conditions:
     if not isinstance(candidates, tuple) or len(candidates) not in (2, 3):
         raise ValueError("candidates: must be (velocity, pressure) or (velocity, pressure, temperature)")
     given = candidates if len(candidates) == 3 and candidates[2] is not None else candidates[:2]

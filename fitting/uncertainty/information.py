@@ -33,7 +33,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import rubberfric as rf
-from fitting.parameters.constraints import Rule, with_starts
+from fitting.parameters.constraints import Constraint, with_starts
 from fitting.parameters.priors import Prior, prior_residuals, read_priors
 from fitting.parameters.variables import Constants, Variables, element_names, free_parameters, to_scene
 from fitting.solvers.residuals import forward
@@ -43,7 +43,7 @@ from rubberfric.analysis import value_and_jacobian
 from rubberfric.base import quick_jit, recurring_length
 from rubberfric.scene import cast, result_dtype
 
-Points = tuple[np.ndarray, np.ndarray, np.ndarray | None]  # velocity, pressure, temperature
+Conditions = tuple[np.ndarray, np.ndarray, np.ndarray | None]  # velocity, pressure, temperature
 # Passes through all chosen points; a few are enough.
 _PASSES = 50
 # An exchange must gain more than this; rounding alone would cycle.
@@ -79,7 +79,7 @@ class PriorInformation(NamedTuple):
         noise[0] = 0.0
         return self.x + self.stretch * ((noise * np.minimum(values**-0.5, reach)) @ V.T)
 
-    def rows(self, x: np.ndarray, at: Points, quantity: str, logarithmic: bool = True) -> np.ndarray:
+    def rows(self, x: np.ndarray, at: Conditions, quantity: str, logarithmic: bool = True) -> np.ndarray:
         """d ln Q / dy, or dQ / dy, at points and a draw x, shape (points, size).
 
         The points are padded to a length that recurs: other candidates compile nothing.
@@ -114,7 +114,7 @@ def _prior_slopes(numbers, constants, x, *, structure, variables):
 
 def known_of(
     source: SolvedProblem | rf.Scene,
-    free: Mapping[str, Rule] | None,
+    free: Mapping[str, Constraint] | None,
     prior: Mapping[str, Prior] | None,
     quadrature: rf.Quadrature | None,
 ) -> PriorInformation:

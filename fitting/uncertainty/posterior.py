@@ -28,7 +28,7 @@ from fitting.parameters.constraints import is_number
 from fitting.parameters.correlated import Correlated
 from fitting.parameters.scenes import find, path_over
 from fitting.parameters.variables import Array
-from fitting.solvers.problem import Numbers, Problem, Structure, Targets
+from fitting.solvers.problem import FitStructure, Numbers, Problem, Targets
 from fitting.solvers.residuals import objective, padded
 from fitting.uncertainty.covariance import OPEN
 from fitting.uncertainty.intervals import SolvedProblem
@@ -37,7 +37,7 @@ from rubberfric.base import shown
 # Variables in which parameters without a prior have a flat density.
 FLAT = ("x", "values")
 # Called as callback(chain, draw), warm-up included, after every draw.
-Progress = Callable[[int, int], object]
+DrawProgress = Callable[[int, int], object]
 
 # Greatest number of halvings of a chain's start towards the fit, until the model is finite there.
 _HALVINGS = 20
@@ -129,7 +129,7 @@ def _log_slopes(variables, width, x):
 
 
 def density_at(
-    structure: Structure, flat: str, numbers: Numbers, targets: Targets, x: jax.Array
+    structure: FitStructure, flat: str, numbers: Numbers, targets: Targets, x: jax.Array
 ) -> jax.Array:
     """Log density of the parts of a problem, for use inside other compiled functions."""
     density = -objective(structure, numbers, targets).cost(x)
@@ -166,7 +166,7 @@ def run_chains(
     warmup: int,
     chains: int,
     key: jax.Array,
-    callback: Progress | None = None,
+    callback: DrawProgress | None = None,
 ) -> Chains:
     """Draws from the posterior of a fit; see `fitting.FitResult.sample` for the arguments.
 
@@ -255,7 +255,7 @@ def _installed(package: str, module: str) -> Any:
         ) from None
 
 
-def _energy(structure: Structure, flat: str, numbers: Numbers, targets: Targets, laplace: _Laplace, z):
+def _energy(structure: FitStructure, flat: str, numbers: Numbers, targets: Targets, laplace: _Laplace, z):
     """Minus the log density at z."""
     return -density_at(structure, flat, numbers, targets, laplace.centre + laplace.root @ z)
 

@@ -20,7 +20,7 @@ from fitting.solvers.iterate import INTERRUPTED, NEGLIGIBLE, RUNNING, succeeded
 from fitting.solvers.levenberg_marquardt import LevenbergMarquardt
 from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import loss_of, padded
-from fitting.solvers.runs import BATCH, Runs, run_fits
+from fitting.solvers.runs import FIT_BATCH, Runs, run_fits
 
 # How far in x a profile goes: a factor of a million, or to a millionth of the range of a Bounded parameter.
 FARTHEST = np.log(1e6)
@@ -115,7 +115,7 @@ class _Trace:
 
     def __init__(self, anchor, i, runs, callback):
         self.anchor, self.i, self.callback = anchor, i, callback
-        self.batch = min(BATCH, len(runs.x))
+        self.batch = min(FIT_BATCH, len(runs.x))
         self.stopped = bool(np.isin(runs.status, (INTERRUPTED, RUNNING)).any())
         self.x, self.cost, self.good = (
             np.array(runs.x, float),

@@ -29,7 +29,7 @@ from rubberfric.scene.adhesion import Adhesion
 from rubberfric.scene.scene import Scene, rough_surfaces
 from rubberfric.theory.adhesive_contact import relative_attraction, work_of_separation
 from rubberfric.theory.area.partial_contact import contact_argument
-from rubberfric.theory.arguments import checked
+from rubberfric.theory.arguments import checked_arguments
 from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.structure import SurfaceTemperatures
 
@@ -95,7 +95,7 @@ def pull_off_force(
     adhesion = adhesion_of(scene)
     radius = as_leaf("radius", radius, 0)
     check_values("radius", radius, POSITIVE)
-    scene, conditions = checked(scene, 0.0, pressure, temperature, quadrature)
+    scene, conditions = checked_arguments(scene, 0.0, pressure, temperature, quadrature)
     factor = 1.5 if adhesion.limit == "short" else 2.0
     if not rough_surfaces(scene):
         shapes = [jnp.shape(x) for x in conditions if x is not None]

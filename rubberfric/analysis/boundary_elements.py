@@ -43,7 +43,7 @@ from rubberfric.materials.material import (
 )
 from rubberfric.roughness.spectra import Spectrum, power_spectrum
 from rubberfric.scene.scene import Scene, optional_parts
-from rubberfric.theory.arguments import checked
+from rubberfric.theory.arguments import checked_arguments
 
 
 class SlidingContact(NamedTuple):
@@ -126,7 +126,7 @@ def boundary_element(
     share falls with the number of periods.
     """
     spectrum, material = _rough_and_smooth(scene)
-    checked(scene, velocity, pressure, temperature, Quadrature())
+    checked_arguments(scene, velocity, pressure, temperature, Quadrature())
     surface = random_surface(spectrum, key, grid, periods)
     return sliding_contact(
         *surface, material, velocity, pressure, temperature, tolerance=tolerance, most_steps=most_steps

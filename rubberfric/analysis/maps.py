@@ -24,7 +24,7 @@ from rubberfric.io.files import filling_result, mapped_quantities, write_interpo
 from rubberfric.io.results import Conditions, Interpolation, Result, check_conditions, result_shape
 from rubberfric.scene.scene import Scene, result_dtype
 from rubberfric.scene.settings import ROBUST, default_quadrature
-from rubberfric.theory.arguments import check_heated, check_kinds, checked
+from rubberfric.theory.arguments import check_heated, check_kinds, checked_arguments
 from rubberfric.theory.quantities import Solution
 
 # Arrays are [temperature, pressure, velocity], as in result files.
@@ -106,7 +106,7 @@ def friction_map(
         separated = "separation" in quantities
         quadrature = default_quadrature(scene, conditions.pressure, separation=separated)
     # The conditions are checked; one value of each is enough for the other checks, without a copy.
-    ready, _ = checked(
+    ready, _ = checked_arguments(
         scene, conditions.velocity[0], conditions.pressure[0], conditions.temperature, quadrature
     )
     check_heated(scene, quantities)

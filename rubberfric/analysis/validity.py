@@ -24,7 +24,7 @@ from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.tabulated_modulus import TabulatedModulus
 from rubberfric.roughness.spectra import SelfAffine
 from rubberfric.scene.scene import Scene, optional_parts, relaxes, rough_surfaces
-from rubberfric.theory.arguments import checked
+from rubberfric.theory.arguments import checked_arguments
 from rubberfric.theory.contributions import total
 from rubberfric.theory.integrals import prepare, solved
 from rubberfric.theory.model import solve
@@ -232,7 +232,7 @@ def full_contact_energy(
     ValueError : as `contact_area`.
     """
     scene = scene.replace(heating=None, adhesion=None)
-    scene, (velocity, _, temperature) = checked(scene, velocity, 1.0, temperature, quadrature)
+    scene, (velocity, _, temperature) = checked_arguments(scene, velocity, 1.0, temperature, quadrature)
     return _full_contact_energy(scene, velocity, temperature, quadrature=quadrature)
 
 

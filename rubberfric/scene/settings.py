@@ -30,7 +30,7 @@ from rubberfric.scene.scene import Scene, optional_parts
 _ALL = math.inf, -math.inf, math.inf
 
 # (setting, largest L, least and largest Lambda), of increasing work, for one rough solid and for two.
-RULES = {
+WITH_SEPARATION = {
     1: (
         (Quadrature(order=13, panels=4, graded=6, ratio=5.0, angular_order=12), 3.0, -1.0, 8.0),
         (Quadrature(order=13, panels=6, graded=6, ratio=5.0, angular_order=12), 8.2, 1.0, 8.0),
@@ -74,7 +74,7 @@ TRACED = {1: Quadrature(angular_order=12), 2: ROBUST}
 OTHER = Quadrature(order=12, panels=12, angular_order=15), 12.0
 
 
-# For a tabulated modulus without steps on a rough rigid solid, in rows as of `RULES`: panels as its detail
+# For a tabulated modulus without steps on a rough rigid solid, in rows as of `WITH_SEPARATION`: panels as its detail
 # asks for (`Quadrature.resolving`), each so narrow that order 8 is enough.
 TABULATED = tuple(
     (Quadrature(order=8, panels=panels, graded=8, ratio=ratio, angular_order=16), longest, -math.inf, largest)
@@ -150,7 +150,7 @@ def _rules_of(scene, rough, plain, separation, margin):
     parts = optional_parts(scene)
     bare = parts <= {"shear"}
     if plain and bare:
-        return RULES[rough] if separation else (*WITHOUT_SEPARATION[rough], *RULES[rough])
+        return WITH_SEPARATION[rough] if separation else (*WITHOUT_SEPARATION[rough], *WITH_SEPARATION[rough])
     if plain and rough == 1 and parts <= {"shear", "heating"}:
         return HEATED
     if parts <= {"shear", "area_correction", "heating"} and _tabulated_smoothly(scene, margin):

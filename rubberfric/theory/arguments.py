@@ -46,13 +46,13 @@ def validate(
 ) -> tuple[Scene, tuple[jax.Array, jax.Array, jax.Array | None], Quadrature]:
     """What `checked` returns, and the quadrature: if None that which fits, also for the separation or not."""
     setting = ROBUST if quadrature is None else quadrature
-    ready, conditions = checked(scene, velocity, pressure, temperature, setting)
+    ready, conditions = checked_arguments(scene, velocity, pressure, temperature, setting)
     if quadrature is None:
         setting = default_quadrature(scene, pressure, separation=separation)
     return ready, conditions, setting
 
 
-def checked(
+def checked_arguments(
     scene: Scene,
     velocity: ArrayLike,
     pressure: ArrayLike,

@@ -32,7 +32,7 @@ from rubberfric.theory.contact import Contact, Roughness
 from rubberfric.theory.structure import SurfaceTemperatures
 
 # Velocity [m/s], pressure [Pa] and temperature far from the contact [K], shape (points,) each.
-Points = tuple[jax.Array, jax.Array, jax.Array]
+HeatedPoints = tuple[jax.Array, jax.Array, jax.Array]
 
 
 _Tree = TypeVar("_Tree")
@@ -166,7 +166,7 @@ def inner_temperatures(
 
 
 def heat_balance(
-    thermal: Thermal, roughness: Roughness, ready: Diffusion, points: Points
+    thermal: Thermal, roughness: Roughness, ready: Diffusion, points: HeatedPoints
 ) -> Callable[[jax.Array], jax.Array]:
     """The map from rises at the unknowns of a mesh to those that their friction causes.
 
@@ -195,7 +195,7 @@ def heat_balance(
 
 
 def heat_of(
-    thermal: Thermal, roughness: Roughness, contact: Contact, points: Points, surface: jax.Array
+    thermal: Thermal, roughness: Roughness, contact: Contact, points: HeatedPoints, surface: jax.Array
 ) -> jax.Array:
     """The rises that a contact at temperatures causes, (points, solids * unknowns) [K], as `heat_balance`.
 
@@ -211,7 +211,7 @@ def temperature_at(
     roughness: Roughness,
     contact: Contact,
     temperatures: Temperatures,
-    points: Points,
+    points: HeatedPoints,
     q: jax.Array,
 ) -> jax.Array:
     """Temperature of every deformable solid at wavevectors q, (points, solids, wavevectors) [K].

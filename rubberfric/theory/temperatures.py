@@ -23,7 +23,7 @@ from rubberfric.scene.heating import diffusivity
 from rubberfric.theory.branch import arrive, begin_at, path
 from rubberfric.theory.contact import Roughness
 from rubberfric.theory.heat_balance import (
-    Points,
+    HeatedPoints,
     Temperatures,
     Thermal,
     heat_balance,
@@ -92,7 +92,7 @@ def _size(thermal, roughness):
     return len(thermal.exciting) * (roughness.mesh.angular_q.size + 1)
 
 
-def solve_rises(thermal: Thermal, roughness: Roughness, points: Points) -> Rises:
+def solve_rises(thermal: Thermal, roughness: Roughness, points: HeatedPoints) -> Rises:
     """`Rises` on the branch of a scene that has a coarse one."""
     thermal, roughness, points = without_derivatives((thermal, roughness, points))
     targets = jnp.log(jnp.maximum(jnp.abs(points[0]), _REST))

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from support.cases import sane
 
-from rubberfric.scene.settings import RULES, loads_of, span_of
+from rubberfric.scene.settings import WITH_SEPARATION, loads_of, span_of
 
 pytestmark = pytest.mark.benchmark
 
@@ -26,7 +26,7 @@ def test_errors_over_span_and_load(kind, rough):
     exact = sane.values(scenes, velocity, pressure, sane.TIGHT)
     span = np.array([span_of(one) for one in scenes])[:, None] + np.zeros(sane.POINTS)
     load = np.array([[loads_of(one, p)[0] for p in row] for one, row in zip(scenes, pressure, strict=True)])
-    for setting, longest, least, largest in RULES[rough]:
+    for setting, longest, least, largest in WITH_SEPARATION[rough]:
         error = sane.errors(scenes, velocity, pressure, setting, exact)
         within = (span <= longest) & (load >= least) & (load <= largest)
         print(f"\n{kind}: {setting}, {error[within].max():.1e}")

@@ -21,8 +21,8 @@ import numpy as np
 
 from rubberfric.base.checks import UnitWarning
 from rubberfric.base.progress import Phases
-from rubberfric.commands.explorer.curves import BESIDE, EVERY, Explorer, Values
-from rubberfric.commands.explorer.points import Measured, read_points
+from rubberfric.commands.explorer.curves import BESIDE, EVERY, CurveValues, Explorer
+from rubberfric.commands.explorer.points import MeasuredPoints, read_points
 from rubberfric.commands.explorer.server import Answer, Server
 from rubberfric.commands.explorer.sliders import Slider, slider_values
 from rubberfric.io.files import read_computable
@@ -152,7 +152,7 @@ def _plain(value: Any) -> Any:
     return value
 
 
-def scene_download(explorer: Explorer, values: Values) -> Download:
+def scene_download(explorer: Explorer, values: CurveValues) -> Download:
     """Return the scene at the sliders' values: a TOML file, or an archive if the scene has tables."""
     texts = _scene(explorer, values)
     if len(texts) == 1:
@@ -160,7 +160,7 @@ def scene_download(explorer: Explorer, values: Values) -> Download:
     return _archive({name: text.encode() for name, text in texts.items()})
 
 
-def fit_download(explorer: Explorer, values: Values) -> Download:
+def fit_download(explorer: Explorer, values: CurveValues) -> Download:
     """Return a job of `rubberfric-fit` that begins at the sliders' values and frees the moved ones.
 
     Raises
@@ -176,7 +176,7 @@ def fit_download(explorer: Explorer, values: Values) -> Download:
     return _archive(files | {table: measured.content})
 
 
-def job_text(explorer: Explorer, values: Values, measured: Measured, table: str) -> str:
+def job_text(explorer: Explorer, values: CurveValues, measured: MeasuredPoints, table: str) -> str:
     """Return the text of the job of `fit_download`."""
     away = [one for one in explorer.sliders if one.targets and values[one.name] != one.start]
     rules = dict(pair for one in away for pair in _rules(one, values[one.name]))
@@ -218,7 +218,7 @@ def _rules(slider: Slider, value: float) -> list[tuple[str, str]]:
     return [(path, rule) for path in slider.free]
 
 
-def _scene(explorer: Explorer, values: Values) -> dict[str, str]:
+def _scene(explorer: Explorer, values: CurveValues) -> dict[str, str]:
     """Return the texts of the scene file and its tables by name."""
     scene = explorer.moved(values)
     given = {name: np.array([x]) for name, x in values.items() if name in ("pressure", "temperature")}

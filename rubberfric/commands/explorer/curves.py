@@ -17,7 +17,7 @@ import numpy as np
 
 from rubberfric.analysis.jacobian import value_and_jacobian
 from rubberfric.base.quadrature import Quadrature
-from rubberfric.commands.explorer.points import Measured, group_points
+from rubberfric.commands.explorer.points import MeasuredPoints, group_points
 from rubberfric.commands.explorer.sliders import changes, moved, sliders_of, with_cutoffs
 from rubberfric.io.results import Conditions, check_conditions
 from rubberfric.materials.material import Material, complex_modulus
@@ -40,7 +40,7 @@ _REACH, _BEYOND = 30.0, 100.0
 # Of a material that does not say any [rad/s].
 _FREQUENCIES = 1.0, 1e10
 
-Values = Mapping[str, float]
+CurveValues = Mapping[str, float]
 
 
 class Explorer:
@@ -54,7 +54,7 @@ class Explorer:
     """
 
     def __init__(
-        self, scene: Scene, conditions: Conditions, title: str = "", measured: Measured | None = None
+        self, scene: Scene, conditions: Conditions, title: str = "", measured: MeasuredPoints | None = None
     ) -> None:
         self.scene, self.conditions, self.title = with_cutoffs(scene), conditions, title
         self.measured = measured
@@ -96,7 +96,7 @@ class Explorer:
         """Points of curves."""
         return self.at.size + self.at[::BESIDE].size * len(self.curves_of_points)
 
-    def moved(self, values: Values) -> Scene:
+    def moved(self, values: CurveValues) -> Scene:
         """The scene with the sliders at these values; ValueError if they do not go together."""
         scene = moved(self.scene, self.sliders, values)
         temperatures = self.conditions_at(values)[2]
@@ -104,7 +104,7 @@ class Explorer:
         check_conditions("", at, scene)
         return scene
 
-    def curves(self, values: Values, draft: bool = False) -> dict[str, Any]:
+    def curves(self, values: CurveValues, draft: bool = False) -> dict[str, Any]:
         """All that is drawn where the sliders are; a draft with the coarser quadrature.
 
         Returns
@@ -124,7 +124,7 @@ class Explorer:
             found["misfit"] = _misfit(others[end:], self.measured.friction)
         return found
 
-    def sensitivities(self, values: Values) -> dict[str, np.ndarray]:
+    def sensitivities(self, values: CurveValues) -> dict[str, np.ndarray]:
         """d ln Q / d ln slider by its name, at `at[::EVERY]`; Q is the friction, without any the area."""
         self.moved(values)
         x = jnp.array([values[one.name] for one in self.sliders])
@@ -152,7 +152,7 @@ class Explorer:
         finally:
             self._compiled.set()
 
-    def conditions_at(self, values: Values) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
+    def conditions_at(self, values: CurveValues) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
         """Velocity, pressure and temperature of the curve, of those beside points, and of the points."""
         curves, measured = self.curves_of_points, self.measured
 

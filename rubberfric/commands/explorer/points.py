@@ -15,7 +15,7 @@ from rubberfric.scene.scene import Scene, takes_temperature
 MOST_POINTS, MOST_CURVES = 2000, 12
 
 
-class Measured(NamedTuple):
+class MeasuredPoints(NamedTuple):
     """Friction coefficients, arrays of shape (n,); what the file does not say is where the sliders are."""
 
     path: Path
@@ -35,7 +35,7 @@ class Curve(NamedTuple):
     points: tuple[int, ...]
 
 
-def read_points(path: StrPath, scene: Scene, conditions: Conditions) -> Measured:
+def read_points(path: StrPath, scene: Scene, conditions: Conditions) -> MeasuredPoints:
     """The points of a table with v and mu, and if it has them p, T, and sigma or relative_sigma.
 
     Raises
@@ -63,10 +63,10 @@ def read_points(path: StrPath, scene: Scene, conditions: Conditions) -> Measured
     error = table.get("sigma")
     if error is None and "relative_sigma" in table:
         error = table["relative_sigma"] * np.abs(table["mu"])
-    return Measured(as_path(path), table["v"], table["mu"], error, p, T, as_path(path).read_bytes())
+    return MeasuredPoints(as_path(path), table["v"], table["mu"], error, p, T, as_path(path).read_bytes())
 
 
-def group_points(measured: Measured) -> list[Curve]:
+def group_points(measured: MeasuredPoints) -> list[Curve]:
     """The points in sets of one pressure and temperature, to 1 % and 1 K; the largest sets if many."""
     size = measured.velocity.size
     p = np.zeros(size) if measured.pressure is None else np.round(np.log(measured.pressure) / 0.01)

@@ -44,7 +44,7 @@ from rubberfric.theory.paper import E_r
 from rubberfric.theory.structure import RoughSurface
 
 
-class Constants(NamedTuple):
+class LawConstants(NamedTuple):
     """Constants of the law; the first eleven are from elastic contact, the others from sliding."""
 
     c_0: float = -0.626
@@ -66,7 +66,7 @@ class Constants(NamedTuple):
     n: float = 32.0  # sharpness of the bound W_m < 1
 
 
-CONSTANTS = Constants()
+CONSTANTS = LawConstants()
 
 # End of the displacements beyond q1, over q1, and the Gauss nodes in ln q there.
 _END, _BEYOND = 6.0, 10
@@ -99,7 +99,7 @@ class Law(NamedTuple):
     shape: Shape
     strained: Body
     rough: Body
-    constants: Constants
+    constants: LawConstants
 
 
 class State(NamedTuple):
@@ -112,7 +112,7 @@ class State(NamedTuple):
     converged: jax.Array
 
 
-def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: Constants = CONSTANTS) -> Law:
+def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawConstants = CONSTANTS) -> Law:
     """Return the law for the one rough surface of two half-spaces."""
     # The law has no separation, and W is smooth near q0: half the panels of the theory are enough.
     quadrature = dataclasses.replace(

@@ -7,7 +7,7 @@ from support.scenes.fits import AFFINE, PLAIN
 import rubberfric as rf
 from fitting import Bounded, Positive
 from fitting.parameters.variables import free_parameters
-from fitting.uncertainty.covariance import describe
+from fitting.uncertainty.covariance import describe_direction
 
 SCENE = rf.Scene(
     rf.Body(rf.Rigid(), AFFINE), rf.Body(PLAIN), gamma=0.5, shear=rf.ContactShear(5e6, 0.1, 1e-3)
@@ -22,7 +22,7 @@ def said(**loadings):
     rules = {path: Bounded(0.3, 1.0) if path in (GAMMA, HURST) else Positive() for path in paths}
     variables, _, _ = free_parameters(SCENE, rules)
     vector = np.array(list(loadings.values()))
-    return describe(variables, vector / np.linalg.norm(vector), 10.0)
+    return describe_direction(variables, vector / np.linalg.norm(vector), 10.0)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])

@@ -20,9 +20,9 @@ from rubberfric.scene.settings import (
     HEATED_TABLES,
     OTHER,
     ROBUST,
-    RULES,
     TABULATED,
     TRACED,
+    WITH_SEPARATION,
     WITHOUT_SEPARATION,
     loads_of,
     span_of,
@@ -32,7 +32,7 @@ USUAL = scene((RIGID, ROAD), (TREAD,))
 TWO = scene((SOFT, WORN), (TREAD, ROAD))
 PRESSURE = 3e5
 TABLE = rf.TabulatedModulus([1.0, 1e3, 1e6], [1e6, 1e7, 1e8], [1e5, 1e6, 1e7])
-WIDE = RULES[1][-1][0]
+WIDE = WITH_SEPARATION[1][-1][0]
 
 
 def test_span_and_load_are_those_of_the_docstring():
@@ -45,7 +45,7 @@ def test_span_and_load_are_those_of_the_docstring():
     assert exact <= largest <= exact + 0.3 and least == pytest.approx(largest - math.log(10))
     flat = scene((RIGID, rf.SelfAffine(100.0, 1000.0, 3e4, 0.8, 0.0)), (TREAD,))
     assert loads_of(flat, PRESSURE) == (-math.inf, -math.inf)
-    assert default_quadrature(USUAL, []) == RULES[1][1][0]
+    assert default_quadrature(USUAL, []) == WITH_SEPARATION[1][1][0]
     q = np.array([1e2, 1e3, 1e4])
     table = rf.TabulatedSpectrum(q, [1e-9, 1e-9, 1e-12])
     assert span_of(scene((RIGID, table), (TREAD,))) == pytest.approx(math.log(100) + math.log(10))
