@@ -15,7 +15,7 @@ from support.scenes.examples import EXAMPLES
 
 import rubberfric as rf
 from rubberfric.base.objects.physical import PhysicalObject
-from rubberfric.scene.heating import diffusion, memory, rise_below_surface, rise_inside
+from rubberfric.scene.heating import diffusion, heat_kernel, rise_below_surface, rise_inside
 from rubberfric.scene.scene import cast
 from rubberfric.scene.shear import shear_friction
 from rubberfric.scene.softening import Softened, softening_factors
@@ -46,7 +46,7 @@ def _softening(softening, q):
 
 def _heating(heating, speed):
     q = jnp.asarray(Q, speed.dtype)
-    ready = memory(heating, diffusion(q, q, (q[0], q[-1]), 40), speed, surface=True)
+    ready = heat_kernel(heating, diffusion(q, q, (q[0], q[-1]), 40), speed, surface=True)
     power = jnp.ones((len(speed), len(Q)), q.dtype)
     rises = rise_inside(ready, 1e3 * power), rise_below_surface(ready, 1e6 * power[:, 0])
     return jnp.moveaxis(jnp.stack(rises), 1, -1) * heating.shear_share

@@ -96,6 +96,7 @@ def tables_alone():
     return solved
 
 
+@pytest.mark.slow
 def test_a_hot_table_has_the_derivative_of_its_values(tables_alone, monkeypatch):
     # Values iterated to the end: a difference of 1e-4 K shows the 1e-10 that are left otherwise.
     monkeypatch.setattr(fixed_points, "_TOLERANCE", 1e-13)

@@ -175,7 +175,7 @@ def test_other_solids():
 
 
 def test_derivatives():
-    """Forward, reverse and differences agree, and so does the Jacobian of fits."""
+    """Forward mode, differences, and the Jacobian of fits, which uses reverse mode, agree."""
     scene, velocity, pressure = _scene(), jnp.array([1e-3, 0.3]), jnp.array([2e5, 2e4])
     leaves, structure = jax.tree.flatten(jax.tree.map(jnp.asarray, scene))
     sizes = np.cumsum([leaf.size for leaf in leaves])
@@ -187,8 +187,7 @@ def test_derivatives():
 
     friction = jax.jit(lambda x: jnp.log(rf.friction(scene_of(x), velocity, pressure)))
     x = jnp.zeros(sizes[-1])
-    forward, reverse = jax.jit(jax.jacfwd(friction))(x), jax.jit(jax.jacrev(friction))(x)
-    np.testing.assert_allclose(forward, reverse, rtol=1e-8, atol=1e-11)
+    forward = jax.jit(jax.jacfwd(friction))(x)
     h = 1e-4
     steps = h * np.eye(x.size)
     differences = np.stack([(friction(x + step) - friction(x - step)) / (2 * h) for step in steps], -1)

@@ -78,6 +78,7 @@ def test_area_separation_and_friction_are_those_of_the_load_that_the_formula_has
     assert float(found.shear_friction) == pytest.approx(1e6 / load * float(found.area), rel=1e-12)
 
 
+@pytest.mark.slow
 def test_what_the_load_does_is_stored_or_comes_of_adhesion():
     """-p du = dU - work dA, U by a sum over the separations without adhesion."""
     work = 0.2 * FULL

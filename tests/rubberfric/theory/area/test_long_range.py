@@ -186,7 +186,10 @@ def test_light_loads_agree_with_brute_force():
     np.testing.assert_allclose(gain[:3], gain[0], rtol=1e-5)
 
 
-@pytest.mark.parametrize("pressure", [1.0, 1e3, 2e5, pytest.param(5e5, marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "pressure",
+    [1.0, pytest.param(1e3, marks=pytest.mark.slow), 2e5, pytest.param(5e5, marks=pytest.mark.slow)],
+)
 def test_the_attraction_agrees_with_brute_force(pressure):
     brute = DmtAttraction(5.8e4, 1.8e5, 2.5e6, 0.62, 3.1e-6, 4e6 / (1 - 0.49**2), 1.0)
     prepared = prepare(_plateau(0.3), ("area", "separation"), rf.Quadrature())
@@ -237,7 +240,14 @@ def test_areas_grow_with_load_and_work(count):
         assert np.all(np.diff(part, axis=1) >= -1e-9 * part[:, 1:])
 
 
-@pytest.mark.parametrize(("share", "reach"), [(30.0, 1e-8), (300.0, 3e-9), (10.0, 1e-7)])
+@pytest.mark.parametrize(
+    ("share", "reach"),
+    [
+        (30.0, 1e-8),
+        pytest.param(300.0, 3e-9, marks=pytest.mark.slow),
+        pytest.param(10.0, 1e-7, marks=pytest.mark.slow),
+    ],
+)
 def test_no_lesser_load_is_a_solution(share, reach):
     """Below it the attraction is always more than what is missing."""
     scene, pressure = _scene(share * 1e3 * reach, reach), 1e3
@@ -350,7 +360,7 @@ def _work_left(work, reach, spectrum=FINE):
     return float(force) / (2 * math.pi * 1e-2 * work)
 
 
-@pytest.mark.parametrize(("work", "reach"), [(1e-3, 1e-7), (1e-2, 3e-8)])
+@pytest.mark.parametrize(("work", "reach"), [pytest.param(1e-3, 1e-7, marks=pytest.mark.slow), (1e-2, 3e-8)])
 def test_the_work_of_separation_agrees_with_brute_force(work, reach):
     """Attraction less elastic energy at loads one by one, and the largest of it."""
     log_load = math.log(work / reach) + np.linspace(-12, 2, 57)
