@@ -64,7 +64,7 @@ _ARRAYS = {
     "stretch": "-",
 }
 _NUMBERS = {"rank": int, "condition": float, "parameters": float, "chisqr": float}
-ResultType = TypeVar("Result", bound=FitRecord)
+ResultType = TypeVar("ResultType", bound=FitRecord)
 
 FIT_FORMAT = "rubberfric fit"
 

@@ -74,8 +74,8 @@ TRACED = {1: Quadrature(angular_order=12), 2: ROBUST}
 OTHER = Quadrature(order=12, panels=12, angular_order=15), 12.0
 
 
-# For a tabulated modulus without steps on a rough rigid solid, in rows as of `WITH_SEPARATION`. The detail of the
-# table sets the number of panels (`Quadrature.resolving`); each is so narrow that order 8 is enough.
+# For a tabulated modulus without steps on a rough rigid solid, in rows as of `WITH_SEPARATION`. The detail of
+# the table sets the number of panels (`Quadrature.resolving`); each is so narrow that order 8 is enough.
 TABULATED = tuple(
     (Quadrature(order=8, panels=panels, graded=8, ratio=ratio, angular_order=16), longest, -math.inf, largest)
     for panels, ratio, longest, largest in (
