@@ -54,6 +54,7 @@ def test_scene_in_full():
         "upper.material.shift.T_ref": "293 K",
         "gamma": "0.5",
         "area_correction": "False",
+        "contact_model": "paper",
     }
 
 
