@@ -37,6 +37,7 @@ from jax.scipy.special import erf, erfc
 
 from rubberfric.base.fixed_points import implicit
 from rubberfric.base.quadrature import Quadrature, cumulative, gauss, typed
+from rubberfric.materials.material import apply_vertical_shift, relaxation, series_of
 from rubberfric.roughness.radial_mesh import build_mesh
 from rubberfric.roughness.spectra import BrokenPowerLaw
 from rubberfric.scene.scene import Body
@@ -155,6 +156,19 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
     )
 
 
+def law_at_points(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: jax.Array | None) -> State:
+    """Return the `State` at points one after the other, whose arrays stay in the cache.
+
+    Reverse mode computes each point anew instead of keeping its modulus at every node and angle.
+    """
+
+    @jax.checkpoint
+    def at(point):
+        return jax.tree.map(lambda x: x[0], solve_law(law, *(None if x is None else x[None] for x in point)))
+
+    return jax.lax.map(at, (velocity, pressure, temperature))
+
+
 def _before(panels):
     """Sum over the panels before each one."""
     return jnp.asarray(np.tri(panels.shape[0], k=-1, dtype=panels.dtype)) @ panels
@@ -260,12 +274,24 @@ def _angles(like):
 
 def _modulus(law, omega, T):
     """Return E / (1 - nu^2) of both solids in series [Pa]."""
-    E = E_r(law.strained.material, omega, T) if law.strained.material.deforms else None
+    E = _strained_modulus(law.strained.material, omega, T) if law.strained.material.deforms else None
     if not law.rough.material.deforms:
         assert E is not None
         return E + jnp.zeros_like(omega)
     own = E_r(law.rough.material, None, T) + jnp.zeros_like(omega)
     return own if E is None else E * (own / (E + own))
+
+
+def _strained_modulus(material, omega, T):
+    """Return E_r; of a series by real sums, which take a fifth of the time of complex ones."""
+    if not material.has_series:
+        return E_r(material, omega, T)
+    series = series_of(material, 1.0)
+    if T is not None and material.shift is not None:
+        omega = omega * jnp.exp(material.shift.log_factor(T))
+    storage, loss = relaxation(omega[..., None] * series.tau)
+    E = series.rest + jnp.sum(series.weight * storage, -1) + 1j * jnp.sum(series.weight * loss, -1)
+    return apply_vertical_shift(E, material.shift, T)
 
 
 def _area(y):
