@@ -66,7 +66,9 @@ def in_series(
     # In the middle of the spectrum, so that logarithms of the rates keep their digits.
     middle = jax.lax.stop_gradient(jnp.sqrt(tau[0]) * jnp.sqrt(tau[-1]))
     solve = functools.partial(_one_spring, log_rate=-jnp.log(tau / middle), tau=tau)
-    return jax.vmap(solve)(rest, weight, spring) if spring.ndim else solve(rest, weight, spring)
+    found = jax.vmap(solve)(rest, weight, spring) if spring.ndim else solve(rest, weight, spring)
+    # XLA would compute the series again wherever it is used: twice the time of a gradient.
+    return jax.lax.optimization_barrier(found)
 
 
 def _one_spring(rest, weight, spring, log_rate, tau):
