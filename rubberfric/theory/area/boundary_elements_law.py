@@ -157,14 +157,16 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
 
 
 def law_at_points(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: jax.Array | None) -> State:
-    """Return the `State` at points one after the other, whose arrays stay in the cache.
+    """Return the `State` at points, computed one after the other.
 
-    Reverse mode computes each point anew instead of keeping its modulus at every node and angle.
+    The arrays of a point fit into the processor's cache. Reverse mode computes a point again instead of
+    storing its modulus at every node and angle.
     """
 
     @jax.checkpoint
     def at(point):
-        return jax.tree.map(lambda x: x[0], solve_law(law, *(None if x is None else x[None] for x in point)))
+        velocity, pressure, *T = (x[None] for x in point if x is not None)
+        return jax.tree.map(lambda x: x[0], solve_law(law, velocity, pressure, T[0] if T else None))
 
     return jax.lax.map(at, (velocity, pressure, temperature))
 
