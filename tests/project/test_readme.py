@@ -1,5 +1,6 @@
-"""Pages: their snippets and commands run, the names in them exist, and the API reference is built."""
+"""Pages: their snippets and commands run, the names in them exist, and the reference is complete."""
 
+import pydoc
 import re
 import shlex
 import shutil
@@ -8,7 +9,7 @@ from pathlib import Path
 import jax
 import numpy as np
 import pytest
-from support.folders import NAMES, README, RECIPE, ROOT, SNIPPETS
+from support.folders import README, RECIPE, REFERENCE_PAGES, ROOT, SNIPPETS, START_SNIPPETS
 
 import fitting
 import rubberfric
@@ -38,6 +39,16 @@ def test_snippets(capsys):
     assert capsys.readouterr().out
 
 
+@pytest.mark.slow  # notebook 5 runs the same steps
+@pytest.mark.usefixtures("in_a_copy")
+def test_start_here(capsys):
+    names = {}
+    for snippet in START_SNIPPETS:
+        exec(compile(snippet, "start_here.md", "exec"), names)
+    assert "explains the data" in names["result"].report()
+    assert capsys.readouterr().out
+
+
 @pytest.mark.usefixtures("in_a_copy")
 @pytest.mark.parametrize(
     "command",
@@ -56,7 +67,10 @@ def test_commands(command, call_main):
 
 PAGES = (
     *("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "data/README.md", "notebooks/README.md"),
-    *(f"notebooks/{name}.md" for name in ("accuracy_and_cost", "commands", "how_true", "names")),
+    *(
+        f"notebooks/{name}.md"
+        for name in ("accuracy_and_cost", "commands", "how_true", "options", "start_here")
+    ),
 )
 NAMED = re.compile(r"(?:rubberfric|fitting|tests|notebooks|data)/[\w./]+\.(?:py|md|toml|csv|json|ipynb)")
 
@@ -80,33 +94,23 @@ def test_modules_that_are_named_exist(page):
             found = getattr(found, attribute)
 
 
-def test_names_of_the_tables_exist():
-    tables = re.findall(r"^\| in (.*?) \| what \|\n\|---\|---\|\n((?:\|.*\n)+)", NAMES, re.M)
-    assert len(tables) == 3
-    for head, rows in tables:
-        for cell in re.findall(r"^\| (.*?) \|", rows, re.M):
-            for name in re.findall(r"`([\w.]+)`", cell):
-                found = fitting if "fitting" in head else rubberfric
-                for part in name.split("."):
-                    assert part in found.__all__, name
-                    found = getattr(found, part)
-
-
-def test_api_reference(tmp_path):
-    """Every public name has its page's entry, and its formulas are set as formulas."""
-    pdoc = pytest.importorskip("pdoc", reason="needs pdoc, which is in the test extra")
-    pdoc.render.configure(docformat="numpy", math=True, show_source=False)
-    pdoc.pdoc(
-        "rubberfric", "rubberfric.base.units", "fitting", "fitting.results.plot", output_directory=tmp_path
-    )
-    rooms = [getattr(rubberfric, name) for name in ("analysis", "io", "materials", "plot", "roughness")]
-    for package in (rubberfric, *rooms, fitting):
-        page = (tmp_path / f"{package.__name__.replace('.', '/')}.html").read_text()
-        for name in package.__all__:
-            module = getattr(getattr(package, name), "__name__", "")  # has a page of its own
-            own_page = tmp_path / f"{module.replace('.', '/')}.html"
-            assert f'id="{name}"' in page or own_page.exists(), name
-        assert ".. math::" not in page
+def test_reference_has_every_public_name():
+    named = [
+        name
+        for page in REFERENCE_PAGES
+        for name in re.findall(r"^\.\. auto\w+:: ([\w.]+)$", page.read_text(), re.M)
+    ]
+    assert len(named) == len(set(named)) > 150
+    there = [pydoc.locate(name) for name in named]
+    assert None not in there
+    rooms = [
+        getattr(rubberfric, name) for name in ("analysis", "io", "materials", "plot", "roughness", "units")
+    ]
+    for package in (rubberfric, *rooms, fitting, fitting.plot):
+        for name in getattr(package, "__all__", None) or [n for n in vars(package) if not n.startswith("_")]:
+            public = getattr(package, name)
+            if callable(public):
+                assert any(public is one for one in there), f"{package.__name__}.{name}"
 
 
 ZENER_SCENE = """

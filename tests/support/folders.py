@@ -13,7 +13,13 @@ TYRE = ROOT.parent / "shared" / "data" / "tyre"
 PUBLIC = ROOT.parent / "shared" / "data" / "public"
 README = (ROOT / "README.md").read_text()
 _SNIPPET = re.compile(r"^```python\n(.*?)^```", re.M | re.S)
-NAMES = (ROOT / "notebooks" / "names.md").read_text()
-HOW_TRUE = (ROOT / "notebooks" / "how_true.md").read_text()
-SNIPPETS = [snippet for page in (README, NAMES, HOW_TRUE) for snippet in _SNIPPET.findall(page)]
+_PAGES = ROOT / "notebooks"
+REFERENCE_PAGES = [_PAGES / "reference.md", *sorted((_PAGES / "reference").glob("*.md"))]
+HOW_TRUE = (_PAGES / "how_true.md").read_text()
+SNIPPETS = [
+    snippet
+    for page in (README, REFERENCE_PAGES[0].read_text(), HOW_TRUE)
+    for snippet in _SNIPPET.findall(page)
+]
+START_SNIPPETS = _SNIPPET.findall((_PAGES / "start_here.md").read_text())
 RECIPE = "\n".join(_SNIPPET.findall((ROOT / "CONTRIBUTING.md").read_text()))
