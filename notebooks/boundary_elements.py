@@ -1,12 +1,11 @@
-"""Theory beside boundary elements: boundary_elements.csv, .md and figure, beside this file.
+"""Compare theory and boundary elements; write boundary_elements.csv, boundary_elements.md and its figure.
 
-    python notebooks/boundary_elements.py [--seconds 500]    # goes on where it was stopped; then the page
-    python notebooks/boundary_elements.py --page             # the page of what there is
+    python notebooks/boundary_elements.py [--seconds 500]    # continue, then write the page
+    python notebooks/boundary_elements.py --page             # only write the page
 
-About 40 minutes of one core in all. Needs matplotlib. Lengths are over 1/q1, stresses over E(0), times over
-the longest relaxation time: the results depend on no other units. Every case is a mean over REALISATIONS
-surfaces, computed on the grid of the table and, the same surfaces, on half of it: the difference is the error
-of resolution.
+The whole table takes 40 minutes on one core. Needs matplotlib. Lengths are in units of 1/q1, stresses in
+E(0), times in the longest relaxation time. Every case is a mean over REALISATIONS surfaces. They are
+computed on the grid of the table and on half of it; the difference is the error of resolution.
 """
 
 import argparse
@@ -28,7 +27,7 @@ TABLE, PAGE = FOLDER / "boundary_elements.csv", FOLDER / "boundary_elements.md"
 FIGURE = FOLDER / "figures" / "boundary_elements.png"
 
 REALISATIONS = 4
-TOLERANCE = 1e-4  # leaves friction 2e-3 off, 5e-3 at the lightest load
+TOLERANCE = 1e-4  # error of friction 2e-3, at the lightest load 5e-3
 BINS = 6  # of ln q between q0 and q1, for the displacements
 # q1/q0, qr/q0, longest wavelengths a side, points a side.
 GEOMETRIES = (
@@ -59,14 +58,14 @@ VARIANTS = {
     for gamma in (0.45, 0.5)
 }
 AREAS = (0.003, 0.01, 0.03, 0.1, 0.3, 0.8)
-WHAT = """The theory takes the displacement at a wavevector to be P S of the roughness there, which falls
-steeply with q and ends at q1. Boundary elements have displacements that fall little, and up to half of the
-heat at wavevectors beyond q1 where contact is light (columns displacement and heat_beyond). So friction is
-too small where the rubber is soft at all scales (slow sliding), too large where it stiffens with the scale
-(fast sliding), and right where the two errors cancel. S in G is the better variant for area and for
-friction. No gamma mends a drift with velocity. Laws (a) and (b) are two and four times closer than the
-theory, but not within 10 %: (b) drifts by as much with q1/q0, which says that a number is missing in it,
-and so it is not offered as an option of a scene."""
+WHAT = """The theory takes the power of the displacement at a wavevector as P S times that of the roughness.
+This falls steeply with q and ends at q1. In boundary elements it falls little, and in light contact up to
+half of the heat is dissipated at wavevectors above q1 (columns displacement and heat_beyond). Friction is
+therefore too small where the rubber is soft at all scales (slow sliding) and too large where it stiffens
+with the scale (fast sliding). Between them the two errors cancel. S in G is the better variant for area and
+friction. No gamma removes the drift with velocity. Laws (a) and (b) are two and four times closer than the
+theory, but not within 10 %. The error of (b) depends on q1/q0, so a parameter is missing. Neither is an
+option of a scene."""
 KEY = ("ratio", "rolloff", "hurst", "relaxation", "load", "velocity")
 MEASURED = ("area", "pixel_area", "friction", "friction_of_heat", "separation", "heat_beyond")
 COLUMNS = (
@@ -82,20 +81,20 @@ COLUMNS = (
 
 
 def scene_of(ratio, rolloff, hurst, relaxation):
-    """A scene of rms slope 1, q1 = 1."""
+    """Return a scene of rms slope 1 and q1 = 1."""
     spectrum = rf.SelfAffine(1 / ratio, rolloff / ratio, 1.0, hurst, 1.0)
     spectrum = spectrum.replace(h_rms=1 / float(rf.rms_slope(spectrum)))
     return rf.Scene(rf.Body(rf.Rigid(), spectrum), rf.Body(MATERIALS[relaxation]))
 
 
 def pressure_of(relaxation, load):
-    """Pressure of a load."""
+    """Return the pressure of a load."""
     middle = VELOCITIES[relaxation][len(VELOCITIES[relaxation]) // 2]
     return load * abs(complex(rf.complex_modulus(MATERIALS[relaxation], 0.3 * middle)))
 
 
 def cases():
-    """(geometry, hurst, relaxation, load, velocity), the cheapest first."""
+    """Yield (geometry, hurst, relaxation, load, velocity), the cheapest first."""
     for geometry, relaxation, hurst, load in itertools.product(GEOMETRIES, MATERIALS, HURST, LOADS):
         velocities = VELOCITIES[relaxation]
         if geometry[3] > 512:  # ten times the time of the others
@@ -107,7 +106,7 @@ def cases():
 
 
 def measured(scene, velocity, pressure, grid, periods):
-    """Results of every realisation by name, (realisations,), and the displacements by scale."""
+    """Return results of every realisation by name, shape (realisations,), and displacements by scale."""
     found = [
         boundary_element(
             scene, velocity, pressure, jax.random.key(k), grid=grid, periods=periods, tolerance=TOLERANCE
@@ -130,7 +129,7 @@ def measured(scene, velocity, pressure, grid, periods):
 
 
 def row_of(geometry, hurst, relaxation, load, velocity):
-    """One line of the table."""
+    """Return one line of the table."""
     ratio, rolloff, periods, grid = geometry
     scene, pressure = scene_of(ratio, rolloff, hurst, relaxation), pressure_of(relaxation, load)
     fine, displacements, converged = measured(scene, velocity, pressure, grid, periods)
@@ -151,12 +150,12 @@ def row_of(geometry, hurst, relaxation, load, velocity):
 
 
 def key_of(row):
-    """What tells a case from the others."""
+    """Return the key of a case."""
     return tuple(row[name] if name == "relaxation" else float(row[name]) for name in KEY)
 
 
 def read():
-    """The rows that there are."""
+    """Return the rows of the table."""
     if not TABLE.exists():
         return []
     with TABLE.open(newline="") as file:
@@ -164,7 +163,7 @@ def read():
 
 
 def compute(seconds):
-    """Add what is missing to the table, for about so many seconds; whether all is there."""
+    """Add missing rows for about `seconds`; return True if the table is complete."""
     begin, done = time.monotonic(), {key_of(row) for row in read()}
     for geometry, *case in cases():
         row = dict(zip(KEY, (*geometry[:2], *case), strict=True))
@@ -182,10 +181,10 @@ def compute(seconds):
 
 
 def numbers(rows):
-    """The rows with numbers, those of friction alone, by how well they are known.
+    """Return the resolved rows that slide, as numbers.
 
-    Left out are cases whose friction differs by more than 10 % between the two grids, or whose mean over the
-    surfaces is uncertain by more than 10 %.
+    Cases are left out if their friction differs by more than 10 % between the grids, or if its standard error
+    over the surfaces exceeds 10 %.
     """
     found = []
     for row in rows:
@@ -198,24 +197,24 @@ def numbers(rows):
 
 
 def ratios(rows, quantity, variant):
-    """Theory over boundary elements, and the theory's area."""
+    """Return theory over boundary elements, and the area of the theory."""
     own = np.array([row[f"{quantity}_{variant}"] / row[quantity] for row in rows])
     return own, np.array([row[f"area_{variant}"] for row in rows])
 
 
 def spread(rows, quantity, variant):
-    """(5, 50, 95 %) quantiles of theory over boundary elements for each bin of the theory's area."""
+    """Return quantiles (5, 50, 95 %) of theory over boundary elements in bins of the theory's area."""
     own, area = ratios(rows, quantity, variant)
     bins = [(area >= low) & (area < high) for low, high in itertools.pairwise(AREAS)]
     return [np.quantile(own[one], (0.05, 0.5, 0.95)) if one.sum() > 4 else None for one in bins]
 
 
 def law(rows):
-    """mu of full contact times P(q1), and ln(|E(q1 v)|/E(0)), of every row."""
+    """Return mu of full contact times P(q1), and ln(|E(q1 v)|/E(0)), for every row."""
     whole, stiff = [], []
     for row in rows:
         scene = scene_of(row["ratio"], row["rolloff"], row["hurst"], row["relaxation"])
-        # At such a pressure contact is full, and friction goes as 1/pressure.
+        # At this pressure contact is full, and friction is proportional to 1/pressure.
         full = 1e6 * rf.friction(scene, row["velocity"], 1e6) / row["pressure"]
         whole.append(float(full) * row["area_inside_0.5"])
         stiff.append(np.log(abs(complex(rf.complex_modulus(MATERIALS[row["relaxation"]], row["velocity"])))))
@@ -223,7 +222,7 @@ def law(rows):
 
 
 def fitted_law(rows):
-    """(ln c, k) of mu = c P^(1 + k ln(E/E0)) mu_full from half of the surfaces and loads; errors of all."""
+    """Fit (ln c, k) of mu = c P^(1 + k ln(E/E0)) mu_full to half of the surfaces; return all errors."""
     whole, stiff = law(rows)
     left = np.log([row["friction"] for row in rows]) - np.log(whole)
     terms = np.stack([np.ones(len(rows)), stiff * np.log([row["area_inside_0.5"] for row in rows])], 1)
@@ -234,7 +233,7 @@ def fitted_law(rows):
 
 
 def page(rows):
-    """Lines of the page."""
+    """Yield the lines of the page."""
     known = numbers(rows)
     friction = [row for row in rows if row["relaxation"] != "elastic"]
     yield "# How true is the theory?"
@@ -244,10 +243,10 @@ def page(rows):
     yield from WHAT.splitlines()
     yield ""
     yield (
-        f"{len(rows)} cases, of which {len(friction)} slide; {len(known)} of these are resolved: friction"
-        " within 10 % of that of half the grid, and uncertain by less than 10 % from surface to surface. The"
-        " others, most of them at A/A0 below 0.5 %, where a contact has few points, are in the table but not"
-        " counted below."
+        f"There are {len(rows)} cases, of which {len(friction)} slide. {len(known)} of these are resolved: "
+        f"friction differs by less than 10 % from half the grid, and its standard error over the surfaces is "
+        f"below 10 %. Most others have A/A0 below 0.5 %, where a contact has few points. The table contains "
+        f"them, but the statistics below do not."
     )
     yield ""
     yield "![theory over boundary elements](figures/boundary_elements.png)"
@@ -277,11 +276,11 @@ def page(rows):
     yield "## Two laws in closed form"
     yield ""
     yield (
-        "(a) mu = P(q1) x mu of full contact, no number fitted; (b) mu ="
+        "Law (a) is mu = P(q1) x mu of full contact, without a fitted parameter. Law (b) is mu ="
         f" {np.exp(c):.3g} P(q1)^(1 {'+' if k > 0 else '-'} {abs(k):.3g} ln(abs(E(q1 v))/E(0))) x mu of full"
-        " contact, its two numbers from every other surface and load; P with S in G and gamma 0.5. Root mean"
-        " square of ln(law / elements), and the share within 10 %; of (b) on the half that it was not"
-        " fitted to."
+        " contact, with two parameters fitted to every other surface and load. P has S in G and gamma 0.5."
+        " The table gives the root mean square of ln(law / elements) and the share within 10 %, for (b) on"
+        " the half of the cases that were not used for the fit."
     )
     yield ""
     yield "| A/A0 | cases | theory, S in G | (a) | (b), held out |"
@@ -304,7 +303,7 @@ def page(rows):
 
 
 def draw(rows, path):
-    """Ratios of areas over the area, and of frictions over the velocity."""
+    """Draw ratios of areas over the area, and of frictions over the velocity."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import FuncFormatter, LogLocator
 
@@ -321,7 +320,7 @@ def draw(rows, path):
     axes[0].set_ylabel("area: theory over boundary elements [-]")
     axes[0].legend(fontsize="small")
     for ax, relaxation in zip(axes[1:], ("narrow", "broad"), strict=True):
-        # Loads beside each other, not on top of each other.
+        # Shift the loads sideways so that their marks do not overlap.
         aside = dict(zip(LOADS, (0.86, 1.0, 1.16), strict=True))
         for load, marker, colour in zip(LOADS, "vo^", style.colours(3), strict=True):
             own = [row for row in known if row["relaxation"] == relaxation and row["load"] == load]

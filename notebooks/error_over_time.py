@@ -1,10 +1,10 @@
-"""Error over run time for four scenes: error_over_time.md and figures/error_over_time.png, beside this.
+"""Measure error over run time for four scenes; write error_over_time.md and figures/error_over_time.png.
 
     python notebooks/error_over_time.py
 
-Needs matplotlib. Every setting of `rubberfric.analysis.reference` is compared with the reference that
-validates itself. It is timed in turns with the textbook method, compiled trapezoids of the paper's equations,
-in one run for each scene.
+Needs matplotlib. Every setting of `rubberfric.analysis.reference` is compared with a reference that is
+checked by refinement. It is timed in turns with the textbook method, compiled trapezoidal rules of the
+paper's equations, in one run for each scene.
 """
 
 import os
@@ -60,12 +60,12 @@ def main(scenes=SCENES, folder=FOLDER, **options):
 
 
 def unit(found):
-    """The textbook row that times are relative to."""
+    """Return the textbook row that times are relative to."""
     return next(row for row in found.rows if row.method == "textbook" and row.setting == UNIT)
 
 
 def draw(path, sweeps):
-    """One panel for each scene, times in units of the textbook method's."""
+    """Draw one panel for each scene, with times in units of the textbook method."""
     from matplotlib.figure import Figure
 
     rows = -(-len(sweeps) // 2)
@@ -85,7 +85,7 @@ def draw(path, sweeps):
 
 
 def page(sweeps, seconds, load=0.0):
-    """Lines of the Markdown page; `load` is the number of jobs that ran on the machine, this one included."""
+    """Yield the lines of the page; `load` is the number of jobs on the machine, this one included."""
     points = next(iter(sweeps.values())).points
     yield "# Error over run time"
     yield ""
@@ -94,20 +94,19 @@ def page(sweeps, seconds, load=0.0):
     yield (
         f"Area, friction and separation at {points} velocities, {PRESSURE / 1e6:g} MPa and "
         f"{TEMPERATURE - 273.15:g} °C, and the gradient of their sum with respect to every "
-        "number of the scene and the conditions. Errors are the largest of the three quantities over all "
-        "velocities; of the "
-        "gradients, the largest error of a relative sensitivity over the largest sensitivity "
-        "(`rubberfric/analysis/reference.py`). Times are given as how many times as long "
-        "the textbook method takes in the same run, in turns (compiled trapezoids of 200 ln q x 64 phi, "
-        "values only); the last column is the time to compile the values and the gradient. *Automatic* is "
-        "what a call takes that says no setting and whose scene is known (not traced by `jit` or `vmap`); "
-        "`Quadrature()` is for any scene."
+        "number of the scene and the conditions. The error of values is the largest of the three quantities "
+        "over all velocities. The error of gradients is the largest error of a relative sensitivity over the "
+        "largest sensitivity (`rubberfric/analysis/reference.py`). Times are the ratio of the textbook "
+        "method (compiled trapezoidal rules of 200 ln q x 64 phi, values only) to the setting, measured in "
+        "turns in one run. The last column is the time to compile the values and the gradient. *Automatic* "
+        "is the default setting for a scene that `jit` or `vmap` does not trace. `Quadrature()` is the "
+        "default for a traced scene."
     )
     if load > os.cpu_count() + 0.5:
         yield ""
         yield (
-            f"{load:.0f} jobs shared the {os.cpu_count()} cores: seconds are several times what they are on "
-            "an idle machine; the ratios were measured in turns."
+            f"{load:.0f} jobs shared the {os.cpu_count()} cores, so seconds are several times larger than on "
+            f"an idle machine. The ratios were measured in turns."
         )
     yield ""
     yield "![error over run time](figures/error_over_time.png)"
@@ -126,7 +125,7 @@ def page(sweeps, seconds, load=0.0):
 
 
 def table(found):
-    """Lines of the table of one sweep."""
+    """Yield the lines of the table of one sweep."""
     heads = (
         "setting",
         "precision",
@@ -152,12 +151,12 @@ def table(found):
 
 
 def bounded(error, known):
-    """An error as text, or the bound that the reference gives."""
+    """Return an error as text, or the bound that the reference gives."""
     return f"{'< ' if known > error else ''}{known:.0e}"
 
 
 def setting_cell(row, automatic):
-    """A setting as it is written in Python, and which of them calls without one take."""
+    """Return a setting in Python, marked if it is the default."""
     if row.method == "textbook":
         return f"textbook, {row.setting[0]} x {row.setting[1]}"
     knobs = ("order", "panels", "graded", "ratio", "angular_order")
@@ -168,7 +167,7 @@ def setting_cell(row, automatic):
 
 
 def machine():
-    """Processor and versions."""
+    """Return processor and versions."""
     names = [
         line.partition(":")[2].strip()
         for line in (Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else [])

@@ -2,9 +2,9 @@
 
     python notebooks/execute.py [1_first_contact.ipynb ...]    # all of them without a name
 
-Needs `pip install 'rubberfric[notebooks]'`. What is stored has stable names of cells (cell-01, cell-02, ...),
-no metadata of the machine or of the run, and pictures in a palette of 255 colours: a third of the bytes, and
-the same to the eye.
+Needs `pip install 'rubberfric[notebooks]'`. Stored notebooks have stable cell names (cell-01, cell-02, ...)
+and no metadata of the machine or the run. Pictures have a palette of 255 colours, which takes a third of the
+bytes without a visible difference.
 """
 
 import base64
@@ -21,7 +21,7 @@ COLOURS = 255
 
 
 def run(notebook, folder):
-    """Execute in place, in a kernel of its own that works in a folder."""
+    """Execute a notebook in place, in a new kernel that works in a folder."""
     client = nbclient.NotebookClient(
         notebook, timeout=600, kernel_name="python3", resources={"metadata": {"path": str(folder)}}
     )
@@ -29,7 +29,7 @@ def run(notebook, folder):
 
 
 def tidy(notebook):
-    """What of a notebook is stored: see above."""
+    """Remove everything that is not stored."""
     notebook.metadata = nbformat.from_dict(
         {
             "kernelspec": {"display_name": "Python 3", "language": "python", "name": "python3"},
@@ -49,11 +49,11 @@ def tidy(notebook):
 
 
 def smaller(png):
-    """A picture, base64, in a palette."""
+    """Return a picture (base64) with a palette."""
     picture = Image.open(io.BytesIO(base64.b64decode(png)))
     flat = Image.alpha_composite(Image.new("RGBA", picture.size, "white"), picture.convert("RGBA"))
     stored = io.BytesIO()
-    # Without dithering: areas of one colour stay so.
+    # No dithering, so that areas of one colour stay uniform.
     flat.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE).save(
         stored, "png", optimize=True, dpi=picture.info.get("dpi", (150, 150))
     )
@@ -61,7 +61,7 @@ def smaller(png):
 
 
 def main(names):
-    """Each in turn."""
+    """Run and store the notebooks named, or all."""
     for path in [FOLDER / name for name in names] or sorted(FOLDER.glob("*.ipynb")):
         notebook = nbformat.read(path, as_version=4)
         run(notebook, FOLDER)

@@ -1,6 +1,8 @@
-"""Writes formats.md: every key of scene and job files, every column and unit of tables, from the code itself.
+"""Write formats.md, with every key of scene and job files and every column and unit of tables.
 
-python notebooks/formats.py
+    python notebooks/formats.py
+
+The keys, columns and units are taken from the code.
 """
 
 import dataclasses
@@ -24,7 +26,7 @@ from rubberfric.scene.scene import Body, Scene
 
 HERE = Path(__file__).parent
 INTRODUCTION = HERE / "formats_introduction.md"
-# What stands where in a scene file: heading, key, and the class or role.
+# Parts of a scene file: heading, key, class or role.
 PLACES = (
     ("The file itself", "", Scene),
     ("A body", "lower, upper", Body),
@@ -38,7 +40,7 @@ OTHERS = ("shear", "heating", "softening", "adhesion", "correlation", "thermal")
 
 
 def document() -> str:
-    """The whole page."""
+    """Return the page."""
     introduction = INTRODUCTION.read_text(encoding="utf-8").rstrip()
     return "\n\n".join([introduction, _columns(), _units(), _scenes(), _jobs(), _results()]) + "\n"
 
@@ -55,12 +57,13 @@ def _columns():
             also[letter + name[1:]] = (*also.get(letter + name[1:], ()), *also[name])
     rows = []
     for name, column in COLUMNS.items():
-        titles = "; ".join(map(_code, also.get(name, ())))
-        rows.append((f"`{name}`", ", ".join(column.units), titles or "its log10" * column.log10))
+        titles = ", ".join(map(_code, also.get(name, ())))
+        rows.append((f"`{name}`", ", ".join(column.units), titles or "log10 of it" * column.log10))
     return (
-        "## Columns of tables\n\nA table has a row of names and a row of units (or `name [unit]`). The first"
-        " unit is SI. Capitals, blanks, dots and underscores in other titles do not matter; `log` before a"
-        " title is read.\n\n" + _table(("name", "units", "also read as"), rows)
+        "## Columns of tables\n\nA table has a row of names and a row of units, or titles such as `name "
+        "[unit]`. The first unit of each column below is the SI unit. Capitals, blanks, dots and "
+        "underscores in other titles are ignored. `log` before a title is understood.\n\n"
+        + _table(("name", "units", "also read as"), rows)
     )
 
 
@@ -73,14 +76,15 @@ def _units():
         (_code(unit), ", ".join(map(_code, filter(None, texts)))) for unit, texts in UNIT_SPELLINGS.items()
     ]
     return (
-        "## Units\n\nµ, ², ³, ⁴, ⁻¹, · and ^ are understood in every unit: `µm⁻¹`, `mm·s⁻¹`, `N/mm²`.\n\n"
+        "## Units\n\nEvery unit can contain µ, ², ³, ⁴, ⁻¹, · and ^: `µm⁻¹`, `mm·s⁻¹`, `N/mm²`.\n\n"
         + _table(("unit", "also read as"), rows)
     )
 
 
 def _scenes():
     parts = [
-        "## Scene files (.toml)\n\nNumbers are in SI. `title` and `plausible = false` may stand at the top."
+        "## Scene files (.toml)\n\nNumbers are in SI units. `title` and `plausible = false` are allowed at "
+        "the top. `plausible = false` accepts numbers that look like another unit."
     ]
     for heading, key, role in PLACES:
         classes = kinds(role).values() if issubclass(role, Kind) else [role]
@@ -94,7 +98,7 @@ def _scenes():
         cls = typing.cast(Child, fields_of(owner)[name]).role
         parts.append(f"### `[{name}]`\n\n{_first_line(cls)}\n\n" + _keys(cls))
     parts.append(
-        "### `[run]` and `[map]`\n\n`velocity` [m/s], `pressure` [Pa] and, where something shifts,"
+        "### `[run]` and `[map]`\n\n`velocity` [m/s], `pressure` [Pa] and, if the scene depends on it,"
         " `temperature` [K]: a number, a list, or `{ from = 1e-6, to = 1e1, points = 50 }`."
     )
     return "\n\n".join(parts)
@@ -120,7 +124,7 @@ def _keys(cls):
         else:
             rows.append((f"`{name}`", f"a table: {_role(field.role)}", "", "", optional))
     rows += [(f"`{key}`", f"instead of `{name}`", "", "", "") for key, name in cls.alternatives.items()]
-    return _table(("key", "what", "unit", "rule", "default"), rows) if rows else "It has no keys."
+    return _table(("key", "what", "unit", "rule", "default"), rows) if rows else "No keys."
 
 
 def _role(role):
@@ -140,10 +144,10 @@ def _jobs():
         "`[design]`": DESIGN,
     }
     parts = [
-        "## Job files of `rubberfric-fit` (.toml)\n\n`scene` names a scene file, `[[data]]` a measurement"
-        " each, `[free]` key paths in quotes with a rule each; `title`, `[prior]`, `[fit]` and, for"
-        " `rubberfric-fit design`, `[design]` may be there. `rubberfric-fit calibration JOB.toml` fits data"
-        " drawn from its priors, and says whether error bars hold what they say.",
+        "## Job files of `rubberfric-fit` (.toml)\n\n`scene` names a scene file. Each `[[data]]` section is a"
+        " measurement. `[free]` lists key paths in quotes, each with a rule. `title`, `[prior]`, `[fit]` and"
+        " `[design]` (for `rubberfric-fit design`) are optional. `rubberfric-fit calibration JOB.toml` fits"
+        " data drawn from the priors and reports the coverage of the error bars.",
         "### `[free]`\n\n" + _table(("rule", "keys"), rules),
     ]
     parts += [f"### {name}\n\n{', '.join(map(_code, keys))}." for name, keys in lists.items()]
@@ -154,8 +158,8 @@ def _results():
     rows = [(f"`{name}`", about.unit) for name, about in QUANTITY_FORMATS.items()]
     cards, tables = (", ".join(f"`{name}`" for name in names) for names in (FORMATS, PROGRAMS))
     return (
-        "## Result files (.h5)\n\n`velocity` [m/s], `pressure` [Pa], `temperature` [K], the whole scene in"
-        " `/scene`, and of these, each of shape [temperature, pressure, velocity], what was computed:\n\n"
+        "## Result files (.h5)\n\n`velocity` [m/s], `pressure` [Pa], `temperature` [K], the scene in "
+        "`/scene`, and the computed quantities, each of shape [temperature, pressure, velocity]:\n\n"
         + _table(("quantity", "unit"), rows)
         + "\n\n## Files of other programs\n\n"
         + f"Prony cards (`rf.io.read_prony`, `rf.io.write_prony`): {cards}.\n\n"

@@ -1,10 +1,10 @@
-"""How time and memory grow with the work: growth.md, growth.json and figures/growth.png, beside this file.
+"""Measure how time and memory grow with the work, and write growth.md, growth.json and figures/growth.png.
 
     python notebooks/growth.py [velocities] [terms] [members] [maps] [throughput] [page]
 
-Without a part named, all of them: some minutes; `page` alone measures nothing. Needs matplotlib. What was
-measured is kept in growth.json, by device, so that the same command on another machine or a GPU adds its
-lines to the page.
+The default measures all parts, which takes some minutes. `page` only writes the page. Needs matplotlib.
+growth.json keeps the measurements by device, so the same command on another machine or a GPU adds lines to
+the page.
 """
 
 import dataclasses
@@ -53,12 +53,12 @@ PARTS = ("velocities", "terms", "members", "maps", "throughput")
 
 
 def tread():
-    """Smooth tread rubber with 17 Prony terms on a rigid road."""
+    """Return a scene: smooth tread rubber with 17 Prony terms on a rigid road."""
     return read_scene_file(FOLDER.parent / "data" / "tread_on_asphalt.toml")[0]
 
 
 def apart(code, *arguments):
-    """What a function of this module returns in a process of its own, whose largest memory is its own."""
+    """Call a function of this module in a new process, so that its largest memory can be measured."""
     done = subprocess.run(
         [sys.executable, __file__, "--call", code, json.dumps(arguments)],
         check=True,
@@ -72,12 +72,12 @@ def apart(code, *arguments):
 
 
 def memory():
-    """Largest resident memory of this process so far [MB]."""
+    """Return the largest resident memory of this process so far [MB]."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e3
 
 
 def velocities(count):
-    """A streamed map of so many velocities: seconds, and memory beyond that of a small one [MB]."""
+    """Stream a map of `count` velocities; return seconds, and memory in excess of a small map [MB]."""
     scene, v = tread(), np.logspace(-6, 2, count)
     maps.MOST_IN_MEMORY = 0
     with tempfile.TemporaryDirectory() as folder:
@@ -92,7 +92,7 @@ def velocities(count):
 
 
 def terms(count, points=4096):
-    """A map of a rubber of so many Prony terms: seconds, of compilation too; memory of its program [MB]."""
+    """Map a rubber of `count` Prony terms; return seconds, compile seconds and memory of its function [MB]."""
     tau = np.logspace(-12, 4, count)
     rubber = rf.Prony(3.6e6, np.full(count, 1e9 / count), tau, 0.5, rf.WLF(12.0, 150.0, 293.15))
     scene = rf.Scene(tread().lower, rf.Body(rubber))
@@ -107,7 +107,7 @@ def terms(count, points=4096):
 
 
 def members(count):
-    """Bootstrap fits of 24 moduli with 4 parameters: seconds without compilation, memory [MB]."""
+    """Run bootstrap fits of 24 moduli with 4 parameters; return seconds without compilation, memory [MB]."""
     rubber = rf.Prony(3e6, [5e8, 2e7, 2e6], [1e-7, 1e-4, 1e-1])
     scene = rf.Scene(tread().lower, rf.Body(rubber))
     omega = np.logspace(-2, 7, 12)
@@ -123,7 +123,7 @@ def members(count):
 
 
 def million(shape, setting):
-    """A map of about a million points in memory: seconds, memory [MB] and error."""
+    """Map about a million points in memory; return seconds, memory [MB] and error."""
     nv, nP, nT = shape
     v, p, T = np.logspace(-6, 2, nv), np.logspace(4.5, 6, nP), np.linspace(243.15, 373.15, nT)
     scene, quadrature, found = tread(), SETTINGS[setting], []
@@ -146,7 +146,7 @@ def million(shape, setting):
 
 
 def throughput(dtype, points=2**14):
-    """Points a second of the friction and of its gradient, and what the compiler counts for each point."""
+    """Return points per second of friction and its gradient, and the compiler's counts for each point."""
     scene = jax.tree.map(lambda x: jnp.asarray(x, dtype), tread())
     v = jnp.logspace(-6, 2, points, dtype=dtype)
     p, T = jnp.full(points, 1e5, dtype), jnp.full(points, 293.15, dtype)
@@ -162,7 +162,7 @@ def throughput(dtype, points=2**14):
         ready = jax.jit(function)
         jax.block_until_ready(ready(scene, v, p, T))
         seconds = best(lambda ready=ready: jax.block_until_ready(ready(scene, v, p, T)))
-        # The compiler counts the body of a loop once: counted over points that need none.
+        # The compiler counts the body of a loop once, so count a block of points that needs no loop.
         few = model.BLOCK
         program = ready.lower(scene, v[:few], p[:few], T[:few]).compile()
         cost, held = program.cost_analysis(), program.memory_analysis().temp_size_in_bytes
@@ -176,7 +176,7 @@ def throughput(dtype, points=2**14):
 
 
 def best(function, repeats=3):
-    """Least time of a function [s]."""
+    """Return the least time of a function [s]."""
     times = []
     for _ in range(repeats):
         begin = time.perf_counter()
@@ -186,7 +186,7 @@ def best(function, repeats=3):
 
 
 def machine():
-    """Device and versions, in words."""
+    """Return device and versions as text."""
     device = jax.devices()[0]
     count = cores()
     processor = f"{platform.machine()} processor, {count} core{'s' * (count > 1)}"
@@ -195,7 +195,7 @@ def machine():
 
 
 def measure(parts):
-    """Measure parts on this machine, each in a process of its own, and keep them in growth.json."""
+    """Measure parts on this machine, each in a new process, and keep them in growth.json."""
     store = json.loads(STORE.read_text()) if STORE.exists() else {}
     sizes = {
         "velocities": [("velocities", n) for n in VELOCITIES],
@@ -217,16 +217,16 @@ def measure(parts):
 
 
 def page(store):
-    """Lines of the Markdown page."""
+    """Yield the lines of the Markdown page."""
     yield "# Growth of time and memory"
     yield ""
     yield (
         "Made by `python notebooks/growth.py`, or `python -m pytest -m benchmark -s "
-        "tests/benchmarks/test_growth_benchmarks.py`, which also checks what is said here. Every line is "
-        "from a process of its own, of area and friction of `data/tread_on_asphalt.toml` (17 Prony terms) "
-        "with the default `rf.Quadrature()` where nothing else is said. *Quick* is "
-        "`rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0)`. Times are the least of some, on machines "
-        "that had other work as well."
+        "tests/benchmarks/test_growth_benchmarks.py`, which also checks these statements. Every line is "
+        "from a new process. It computes area and friction of `data/tread_on_asphalt.toml` (17 Prony terms) "
+        "with `rf.Quadrature()` if no setting is named. *Quick* is "
+        "`rf.Quadrature(order=10, panels=6, graded=3, ratio=6.0)`. Times are the least of several runs. "
+        "The machines also had other work."
     )
     yield ""
     yield "![growth](figures/growth.png)"
@@ -248,8 +248,8 @@ def page(store):
         yield "## GPU"
         yield ""
         yield (
-            "Not measured: this has not been run on a GPU. The same command there adds its lines here, of "
-            "which those of the throughput, with flops and bytes, are what a roofline needs."
+            "Not measured. The same command on a GPU adds lines here. Flops and bytes of the throughput give "
+            "the roofline."
         )
     yield ""
     yield from _planning(store)
@@ -262,8 +262,8 @@ def _table(*columns):
 
 def _velocities(rows):
     yield (
-        "Velocities of a map that is written to a file; memory beyond that of a map of 1e5, for 1e7 "
-        "that of the velocities themselves, 80 MB, which are copied:"
+        "Velocities of a map that is written to a file. Memory is in excess of a map of 1e5 velocities. For "
+        "1e7 it contains a copy of the velocities (80 MB):"
     )
     yield ""
     yield from _table("velocities", "seconds", "µs a point", "memory added [MB]", "largest memory [MB]")
@@ -275,7 +275,7 @@ def _velocities(rows):
 def _terms(rows):
     yield "Prony terms:"
     yield ""
-    yield from _table("terms", "µs a point", "compilation [s]", "program holds [MB]")
+    yield from _table("terms", "µs a point", "compilation [s]", "memory of the function [MB]")
     for (count,), row in rows:
         cells = (
             f"{1e6 * row['seconds'] / row['points']:.1f}",
@@ -287,11 +287,11 @@ def _terms(rows):
 
 def _members(rows):
     yield (
-        "Members of an ensemble, bootstrap fits of 24 moduli with 4 parameters; a checkpoint keeps "
-        "all of their states:"
+        "Members of an ensemble of bootstrap fits of 24 moduli with 4 parameters. A checkpoint keeps the "
+        "states of all members:"
     )
     yield ""
-    yield from _table("members", "seconds", "µs a step", "program holds [MB]", "memory added [MB]")
+    yield from _table("members", "seconds", "µs a step", "memory of the function [MB]", "memory added [MB]")
     for (count,), row in rows:
         cells = [f"{row['seconds']:.3g}", f"{1e6 * row['seconds'] / row['steps']:.0f}"]
         cells += [f"{row['program']:.2f}", f"{row['added']:.0f}"]
@@ -299,7 +299,7 @@ def _members(rows):
 
 
 def _maps(rows):
-    yield "Maps of a million points, in memory; errors against a finer quadrature; the first call compiles:"
+    yield "Maps of a million points in memory. Errors are against a finer quadrature. First calls compile:"
     yield ""
     yield from _table(
         "velocities x pressures x temperatures",
@@ -318,8 +318,8 @@ def _maps(rows):
 
 def _throughput(rows):
     yield (
-        "Friction at 16384 points of any conditions (`rf.friction`), and the gradient of its sum with "
-        "respect to every number of the scene; flops and bytes as the compiler has them (`cost_analysis`):"
+        "Friction at 16384 points (`rf.friction`), and the gradient of its sum with respect to every number "
+        "of the scene. The compiler counts flops and bytes (`cost_analysis`):"
     )
     yield ""
     yield from _table("precision", "what", "points/s", "flops a point", "bytes a point", "flops a byte")
@@ -338,11 +338,10 @@ def _planning(store):
     yield "## Planning for 1e10 evaluations"
     yield ""
     yield (
-        "Time is linear in the points and memory does not grow with them: a plan is a multiplication. Two "
-        "quantities of 1e10 points in double precision are 160 GB, in single precision 80 GB; the file is "
-        "allocated before the work begins, and beside it a process holds less than 1 GiB. Points do not "
-        "need each other: the time falls with the number of cores, of one machine (`--devices`) or of "
-        "several (`jax.distributed`)."
+        "Time is linear in the number of points. Memory does not grow with it. Two quantities of 1e10 points "
+        "take 160 GB in double precision and 80 GB in single precision. The file is allocated before the "
+        "work begins. A process holds less than 1 GiB. Points are independent, so time falls with the "
+        "number of cores of one machine (`--devices`) or of several (`jax.distributed`)."
     )
     for device, parts in store.items():
         if "maps" not in parts:
@@ -357,7 +356,7 @@ def _planning(store):
 
 
 def draw(store, path):
-    """Time and memory over velocities, Prony terms and members, a colour for each device."""
+    """Draw time and memory over velocities, Prony terms and members, with a colour for each device."""
     from matplotlib.figure import Figure
     from matplotlib.ticker import NullFormatter
 
@@ -378,7 +377,7 @@ def draw(store, path):
     axes[0, 0].set_ylabel("run time [s]")
     axes[1, 0].set_ylabel("largest memory of the process [MB]")
     axes[0, 1].set_ylabel("run time of 4096 points [s]")
-    axes[1, 1].set_ylabel("memory of the program [MB]")
+    axes[1, 1].set_ylabel("memory of the function [MB]")
     axes[0, 2].set_ylabel("run time [s]")
     axes[1, 2].set_ylabel("memory added [MB]")
     axes[1, 0].set_ylim(100, 1000)
@@ -398,7 +397,7 @@ def draw(store, path):
 
 
 def main(parts=PARTS):
-    """Measure parts, and write page and figure; returns all that was ever measured."""
+    """Measure parts, write page and figure, and return all measurements."""
     store = measure(parts)
     draw(store, FIGURE)
     PAGE.write_text("\n".join(page(store)) + "\n", encoding="utf-8")
