@@ -92,7 +92,7 @@ def velocities(count):
 
 
 def terms(count, points=4096):
-    """Map a rubber of `count` Prony terms; return seconds, compile seconds and memory of its function [MB]."""
+    """Map a rubber of `count` Prony terms; return run and compile seconds and memory [MB]."""
     tau = np.logspace(-12, 4, count)
     rubber = rf.Prony(3.6e6, np.full(count, 1e9 / count), tau, 0.5, rf.WLF(12.0, 150.0, 293.15))
     scene = rf.Scene(tread().lower, rf.Body(rubber))
