@@ -1,4 +1,4 @@
-"""Contact with adhesion: the load that makes the same contact without it, for both limits of its range."""
+"""Contact with adhesion: the load that gives the same contact without adhesion, for both ranges."""
 
 import functools
 from collections.abc import Sequence
@@ -44,7 +44,7 @@ def relative_attraction(
     pressure: jax.Array,
     temperatures: Sequence[SurfaceTemperatures],
 ) -> tuple[Contact, jax.Array]:
-    """Return the contact without adhesion, and the attraction of long range in it.
+    """Return the contact without adhesion, and the long-range attraction in it.
 
     The attraction is over work / range, shape (points,); arguments as of `adhesive_contact`.
     """
@@ -66,7 +66,7 @@ def work_of_separation(
 
 
 def _gaps(adhesion, roughness, contact, pressure):
-    """`Gaps` of the contact without adhesion."""
+    """Return the `Gaps` of the contact without adhesion."""
     modulus = contact.modulus_over_pressure
     storage = total(terms.densities["mean_storage"] for terms in contact.terms)
     heights = (2 * jnp.pi * total(roughness.mesh.roughness) / roughness.mesh.q**2)[:, None]
@@ -92,7 +92,7 @@ def _gaps(adhesion, roughness, contact, pressure):
 
 
 def _unloading(adhesion, contact, pressure):
-    """`Unloading` of the contact without adhesion."""
+    """Return the `Unloading` of the contact without adhesion."""
     storage = total(terms.densities["mean_storage"] for terms in contact.terms)
     x = contact.x
     return Unloading(
@@ -107,14 +107,14 @@ def _unloading(adhesion, contact, pressure):
 
 
 def _in_a_row(values, pressure, shape=None):
-    """Values at the nodes, one row for each point; `shape` is that of the nodes if all points share them."""
+    """Return values at the nodes, one row per point; `shape` is that of nodes shared by all points."""
     panels, _, order = values.shape if shape is None else shape
     values = jnp.broadcast_to(values, (panels, pressure.shape[0], order))
     return jnp.moveaxis(values, 1, 0).reshape(pressure.shape[0], -1)
 
 
 def _from_nodes_on(values):
-    """Integrals from every node (panels, points, order) to the end, for weighted terms at the nodes."""
+    """Return integrals from every node (panels, points, order) to the end, of weighted terms at the nodes."""
     rule = typed(_integrals_to_the_end(values.shape[-1]), values)
     after = jnp.cumsum(jnp.sum(values, -1)[::-1], 0)[::-1]
     after = jnp.concatenate([after[1:], jnp.zeros_like(after[:1])])
@@ -123,7 +123,7 @@ def _from_nodes_on(values):
 
 @functools.cache
 def _integrals_to_the_end(order):
-    """Weights of integrals from every Gauss node to the end of a panel, for weighted terms at the nodes."""
+    """Return weights of integrals from every Gauss node to the end of a panel, for weighted terms."""
     node, weight = gauss(order)
     y = node[:, None] + (1 - node[:, None]) * node
     values = legendre.legvander(2 * y - 1, order - 1) @ legendre_transform(order)

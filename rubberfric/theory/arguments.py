@@ -1,4 +1,4 @@
-"""What a call is given, checked and of one dtype, and what it says where its result is a last iterate."""
+"""Validate and cast arguments; warn about unconverged points."""
 
 from collections.abc import Iterable, Sequence
 
@@ -44,7 +44,7 @@ def validate(
     quadrature: Quadrature | None,
     separation: bool = True,
 ) -> tuple[Scene, tuple[jax.Array, jax.Array, jax.Array | None], Quadrature]:
-    """What `checked` returns, and the quadrature: if None that which fits, also for the separation or not."""
+    """Return what `checked_arguments` returns, and the quadrature; None: chosen for the scene."""
     setting = ROBUST if quadrature is None else quadrature
     ready, conditions = checked_arguments(scene, velocity, pressure, temperature, setting)
     if quadrature is None:
@@ -59,7 +59,7 @@ def checked_arguments(
     temperature: ArrayLike | None,
     quadrature: Quadrature,
 ) -> tuple[Scene, tuple[jax.Array, jax.Array, jax.Array | None]]:
-    """Scene and conditions (velocity, pressure, temperature) as arrays of one dtype, or ValueError."""
+    """Return scene and conditions (velocity, pressure, temperature) as arrays of one dtype, or raise."""
     check_kinds(scene, quadrature)
     velocity = _condition("velocity", velocity, FINITE)
     pressure = _condition("pressure", pressure, POSITIVE)
@@ -82,7 +82,7 @@ def checked_arguments(
         raise ValueError(f"shapes differ ({shown}): must broadcast against each other") from None
 
     dtype = result_dtype(scene, velocity, pressure, temperature)
-    # Of None nothing becomes: it has no leaves.
+    # None has no leaves and is unchanged.
     scene, conditions = as_arguments((scene, (velocity, pressure, temperature)), dtype)
     if dtype == jnp.float32:
         check_single(scene, conditions[2])
@@ -90,29 +90,29 @@ def checked_arguments(
 
 
 def check_kinds(scene: object, quadrature: object) -> None:
-    """ValueError unless they are a Scene and a Quadrature."""
+    """Raise ValueError unless the arguments are a Scene and a Quadrature."""
     for name, value, cls in (("scene", scene, Scene), ("quadrature", quadrature, Quadrature)):
         if not isinstance(value, cls):
             raise ValueError(f"{name} is a {type(value).__name__}: must be a {cls.__name__}")
 
 
 def check_heated(scene: Scene, quantities: Iterable[str]) -> None:
-    """ValueError for quantities of heating although the scene has none, or not defined with adhesion."""
+    """Raise ValueError for quantities of heating without heating, or not defined with adhesion."""
     absent = {"flash_temperature"} if iterates(scene) else {"flash_temperature", "converged"}
     if scene.heating is None and absent & set(quantities):
         raise ValueError("quantities has 'flash_temperature' or 'converged': the scene must have heating")
 
 
-# Of velocity, pressure and temperature.
+# Rules for velocity, pressure and temperature.
 _UNITS = ("v", "m/s"), ("p", "Pa"), ("T", "K")
 
 
 def warn_of_last_iterates(
     scene: Scene, converged: Values | None, conditions: Sequence[jax.Array | None]
 ) -> None:
-    """RuntimeWarning naming the points at which the temperatures, or with adhesion areas, are no solution.
+    """Warn about points where the temperatures, or with adhesion the areas, did not converge.
 
-    converged : of the broadcast shape of the conditions, None of a scene without heating; traced: no warning
+    converged : of the broadcast shape of the conditions; None or traced: no warning
     """
     if converged is None or not is_concrete(converged) or np.all(converged):
         return
@@ -131,7 +131,7 @@ def warn_of_last_iterates(
 
 
 def _condition(name, value, rule):
-    """A velocity, pressure or temperature as an array, its concrete values checked."""
+    """Return a velocity, pressure or temperature as an array, with concrete values checked."""
     if not isinstance(value, int | float):
         value = as_leaf(name, value, np.ndim(value))
     check_values(name, value, rule)

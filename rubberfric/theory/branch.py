@@ -1,18 +1,19 @@
 r"""Branches of a fixed point y = F(y; v) followed in ln v, past their folds.
 
-Of several solutions at a velocity the one is meant that sliding reaches when the velocity changes slowly
-from where there is one alone: the branch from there, and past a fold of it the state to which
+If several solutions exist at a velocity, the result is the one that sliding reaches when the velocity changes
+slowly from a range with a single solution. This is the branch from there, and past a fold the state to which
 
 .. math:: \frac{dy}{dt} \propto F(y; v) - y
 
-leads. F' has one real eigenvalue that may be large, and the others are small, so that every step along
-the residual is divided by 1 less what a secant along it says of that eigenvalue,
+leads. F' has one real eigenvalue sigma that may be large; the others are small. A secant along the residual
+estimates sigma, and every step along the residual is divided by 1 - sigma,
 
 .. math:: y \leftarrow y + \frac{r}{1-\sigma},\qquad r = F(y) - y,\qquad
           1 - \sigma = -\frac{\Delta r\cdot\Delta y}{\Delta y\cdot\Delta y},\qquad \sigma < 1
 
-which never turns it round: a stable solution attracts, an unstable one does not. Steps in ln v grow and
-shrink with the number of evaluations that they take; down to the shortest, one that leads far is a jump.
+Because sigma < 1, a step never changes its sign: a stable solution attracts, an unstable one does not. Steps
+in ln v grow and shrink with the number of evaluations that they take. A large change at the shortest step is
+a jump.
 """
 
 from collections.abc import Callable
@@ -21,24 +22,25 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-# Largest last step on the way, first step after a prediction, and any step [K].
+# Limits of the last step on the way, of the first step after a prediction, and of any step [K].
 _NEAR, _FAR, _LONGEST = 0.03, 0.7, 2.0
-# Shortest and longest step in ln v; most evaluations before it is shortened.
+# Shortest and longest step in ln v; evaluations after which a step is shortened.
 _SHORTEST, _WIDEST, _PATIENCE = 0.03, 3.0, 6
-# Turns of the residual at one velocity after which steps no longer lengthen.
+# Sign changes of the residual at one velocity after which steps no longer lengthen.
 _CIRCLING = 4
-# Bounds of sigma, and the upper one where the residual is small [K]: close to folds it nearly is 1.
+# Bounds of sigma. Close to folds sigma is nearly 1, so the upper bound is larger where the residual [K] is
+# small.
 _LOWEST, _HIGHEST, _AT_FOLDS, _SMALL = -40.0, 0.8, 0.98, 0.01
 _MOST_EVALUATIONS = 500
 
 
 class BranchPoint(NamedTuple):
-    """Where on the branch rows have arrived."""
+    """Positions of rows on the branch."""
 
     log_v: jax.Array  # (rows,)
     rises: jax.Array  # (rows, n)
     slope: jax.Array  # d rises / d ln v, (rows, n)
-    step: jax.Array  # in ln v to be tried next, >= 0, (rows,)
+    step: jax.Array  # next step in ln v, >= 0, (rows,)
     sigma: jax.Array  # the eigenvalue, (rows,)
 
 
@@ -48,14 +50,14 @@ class _Trial(NamedTuple):
     log_v: jax.Array
     rises: jax.Array
     count: jax.Array  # evaluations made at this velocity
-    before: jax.Array  # iterate and residual before this one
+    before: jax.Array  # previous iterate and residual
     residual: jax.Array
     sigma: jax.Array
-    turns: jax.Array  # how often the residual turned round
+    turns: jax.Array  # number of sign changes of the residual
 
 
 def begin_at(log_v: jax.Array, start: jax.Array) -> BranchPoint:
-    """`BranchPoint` of rows that begin at velocities with rises to start at."""
+    """Return the `BranchPoint` of rows that begin at given velocities and rises."""
     zero = jnp.zeros_like(log_v)
     return BranchPoint(log_v, start, jnp.zeros_like(start), zero + _WIDEST, zero)
 
@@ -66,9 +68,9 @@ def path(
     targets: jax.Array,
     direction: int,
 ) -> BranchPoint:
-    """Places of one branch, for each target the last before it.
+    """Return positions on one branch, for each target the last one before it.
 
-    They do not depend on the targets, so that what follows from them does not on the other targets.
+    The positions do not depend on the targets, so results at one target do not depend on the others.
 
     Parameters
     ----------
@@ -83,7 +85,7 @@ def path(
     """
     count = targets.shape[0]
     reached = jax.tree.map(lambda x: jnp.repeat(x, count, 0), begin)
-    # A target before the begin is where its branch begins.
+    # The branch of a target before the begin starts at the target.
     early = direction * (targets - begin.log_v) < 0
     reached = reached._replace(log_v=jnp.where(early, targets, reached.log_v))
 
@@ -110,15 +112,15 @@ def arrive(
     targets: jax.Array,
     tolerance: float,
 ) -> tuple[jax.Array, jax.Array]:
-    """Rises where the branches from places arrive at targets.
+    """Return the rises at targets, following the branches from given positions.
 
     Parameters
     ----------
     residual : function of (ln v, rises), shapes (rows,) and (rows, n), to F - y of shape (rows, n)
     places : BranchPoint of every row
     targets : ln v, shape (rows,)
-    tolerance : largest last step at the target [K]. Just beyond a fold steps are small although no
-        solution is near.
+    tolerance : largest last step at the target [K]. Just beyond a fold steps are small without a nearby
+        solution.
 
     Returns
     -------
@@ -130,7 +132,7 @@ def arrive(
     def one(progress):
         k, place, trial, arrived = progress
         new = _evaluated(residual, place, trial, targets, tolerance, begin)
-        # A row ends where it itself is there, however long the others take: alone it is the same.
+        # A row stops at its own target, so its result does not depend on the other rows.
         place, trial, now = jax.tree.map(
             lambda new, old: jnp.where(_column(arrived, new), old, new), new, (place, trial, arrived)
         )
@@ -146,7 +148,7 @@ def arrive(
 
 
 def _first(place, log_v):
-    """The first trial at velocities: along the slope from a place."""
+    """Return the first trial at velocities, along the slope from a position."""
     rises = place.rises + place.slope * (log_v - place.log_v)[:, None]
     zero = jnp.zeros_like(rises)
     none = jnp.zeros(log_v.shape, int)
@@ -154,7 +156,7 @@ def _first(place, log_v):
 
 
 def _evaluated(residual, place, trial, target, tolerance, begin):
-    """BranchPoint and trial after one evaluation, and whether a row is at its target."""
+    """Return BranchPoint and trial after one evaluation, and True where a row is at its target."""
     r = residual(trial.log_v, trial.rises)
     finite = jnp.all(jnp.isfinite(r), -1)
     r = jnp.where(finite[:, None], r, 0.0)
@@ -162,11 +164,11 @@ def _evaluated(residual, place, trial, target, tolerance, begin):
     length = jnp.sum(move * move, -1)
     secant = 1 + jnp.sum(change * move, -1) / jnp.where(length > 0, length, 1.0)
     highest = jnp.where(jnp.max(jnp.abs(r), -1) < _SMALL, _AT_FOLDS, _HIGHEST)
-    # Of a move that is nothing but rounding nothing is learned.
+    # Ignore steps at rounding level.
     learned = (trial.count > 0) & (length > 1e-12)
     sigma = jnp.clip(jnp.where(learned, secant, trial.sigma), _LOWEST, highest)
     turns = trial.turns + ((trial.count > 0) & (jnp.sum(r * trial.residual, -1) < 0))
-    # A secant that sees now one direction, now another, leads round in circles; damped by the least it ends.
+    # Alternating secants can cycle; keep the smaller eigenvalue estimate.
     sigma = jnp.where(turns >= _CIRCLING, jnp.minimum(sigma, trial.sigma), sigma)
     step = r / (1 - sigma)[:, None]
     size = jnp.max(jnp.abs(step), -1)
@@ -179,7 +181,7 @@ def _evaluated(residual, place, trial, target, tolerance, begin):
     there = accepted & (trial.log_v == target)
 
     gone = trial.log_v - place.log_v
-    # After a jump the way that lies behind says nothing of the way ahead.
+    # After a jump the previous slope predicts nothing.
     steady = (gone != 0) & (trial.count < _PATIENCE)
     slope = jnp.where(steady[:, None], (rises - place.rises) / jnp.where(gone != 0, gone, 1.0)[:, None], 0.0)
     factor = jnp.select([trial.count == 0, trial.count == 1, trial.count >= 3], [2.0, 1.4, 0.7], 1.0)
@@ -205,5 +207,5 @@ def _evaluated(residual, place, trial, target, tolerance, begin):
 
 
 def _column(rows, like):
-    """Rows with as many axes as an array has."""
+    """Return rows with as many axes as another array."""
     return rows.reshape(rows.shape + (1,) * (like.ndim - rows.ndim))

@@ -24,8 +24,8 @@ from rubberfric.theory.area.partial_contact import contact_argument, contact_fra
 from rubberfric.theory.contributions import Contribution, Terms, total
 from rubberfric.theory.structure import SurfaceTemperatures
 
-# With too few panels the interpolant of <|F|^2> swings below 0. If G is so little below, P = 1 to 1e-12 all
-# the same; otherwise G is unknown.
+# With too few panels the interpolant of <|F|^2> can be negative. Down to this G, P is 1 to 1e-12; below it G
+# is unknown.
 _NO_CONTACT_LOST = -0.01
 
 
@@ -38,17 +38,17 @@ class Contact(NamedTuple):
     G: jax.Array | None  # plain, up to every contact node; None if only the area is needed
     gamma: jax.Array
     correction: CorrectionTable | None
-    # With adhesion: pressure that the contact bears over sigma_0, (points,), whether it was found, and by how
-    # much the solids are further apart than under that pressure [m].
+    # With adhesion: pressure that the contact bears over sigma_0, (points,); True where it was found; excess
+    # of the separation over that under this pressure [m].
     load: jax.Array | None = None
     converged: jax.Array | None = None
     lift: jax.Array | None = None
 
     @property
     def x(self) -> jax.Array:
-        """1 / (2 sqrt(G)) at the contact nodes, plain; ValueError if the mesh is not graded."""
+        """Return 1 / (2 sqrt(G)) at the contact nodes, for the plain G."""
         if self.G is None:
-            raise ValueError("G is known at the largest wavevector only: prepare friction or separation")
+            raise ValueError("G is known at the largest wavevector only; prepare friction or separation")
         return contact_argument(self.G)
 
     def area(self, panels: jax.Array | None = None) -> jax.Array:
@@ -101,12 +101,12 @@ class Roughness(NamedTuple):
 
     mesh: Mesh
     contributions: tuple[Contribution, ...]
-    strained: tuple[str, ...]  # which solid each of them strains: "lower" or "upper"
+    strained: tuple[str, ...]  # the solid that each surface strains: "lower" or "upper"
     scale: jax.Array  # unit of all moduli [Pa]
     gamma: jax.Array
     correction: CorrectionTable | None  # of S in G
-    correlation: Correlation | None = None  # in the roughness already, which is that of solids at rest
-    approximate: bool = False  # whether results are checked on another mesh, so that a failed G may be 0
+    correlation: Correlation | None = None  # already included in the roughness; for solids at rest
+    approximate: bool = False  # True if another mesh checks the results, so that a failed G may be 0
 
     def contact(
         self, velocity: jax.Array, pressure: jax.Array, temperatures: Sequence[SurfaceTemperatures]
@@ -116,7 +116,7 @@ class Roughness(NamedTuple):
         Parameters
         ----------
         velocity, pressure : shape (points,) [m/s], [Pa]
-        temperatures : for each contribution those of its two solids [K]: None, (points,), or
+        temperatures : for each contribution the temperatures of its two solids [K]: None, (points,), or
             (angular panels, points, angular order)
         """
         terms = [
@@ -128,7 +128,7 @@ class Roughness(NamedTuple):
         within = [one.within for one in terms if one.within is not None]
         panels = [one.panels for one in terms]
         if not within:
-            # Contributions have panels of their own where only the whole integral is needed.
+            # If only the whole integral is needed, each contribution has its own panels.
             panels = [jnp.sum(one, 0, keepdims=True) for one in panels]
         square = modulus**2
         G_panels, G = square * (jnp.pi / 4 * total(panels)), None
@@ -140,5 +140,5 @@ class Roughness(NamedTuple):
 
 
 def _sum_before(panels: jax.Array) -> jax.Array:
-    """Sum over the panels before each one, without subtracting: a panel 1e20 times larger loses nothing."""
+    """Sum over the panels before each one. There is no subtraction, so much larger panels cost no digits."""
     return jnp.asarray(np.tri(panels.shape[0], k=-1, dtype=panels.dtype)) @ panels

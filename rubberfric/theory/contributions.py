@@ -1,8 +1,8 @@
 r"""Contribution of each rough surface to the integrals over ln q: G, friction and separation.
 
-The density of G is the product of q^4 C_j, known at every contact node, and <|F_j|^2>, known where its
-angular means are taken; likewise friction and separation. The rules that join the two depend on the scene
-alone, so each velocity takes one small matrix product a panel.
+The density of G is the product of q^4 C_j, known at every contact node, and <|F_j|^2>, known at the angular
+nodes. Friction and separation are similar. The rules that combine the two depend only on the scene, so each
+velocity takes one small matrix product per panel.
 """
 
 import dataclasses
@@ -26,24 +26,24 @@ from rubberfric.theory.structure import MeansInterpolation, RequiredMeans, Rough
 
 
 class Terms(NamedTuple):
-    """Terms of the integrals at points; axes (panels, points or 1, order)."""
+    """Terms of the integrals at points, with axes (panels, points or 1, order)."""
 
     panels: jax.Array  # integral of the density of g over every panel, (panels, points or 1)
-    within: jax.Array | None  # the same from the left border of the panel to every contact node
-    # By kind: of the friction, "mean_cos_loss" and "mean_sin_loss", before the factor S P, and of the
-    # separation, "mean_storage", before the factor x Psi [m].
+    within: jax.Array | None  # integral from the left border of the panel to every contact node
+    # By kind: densities of the friction, "mean_cos_loss" and "mean_sin_loss", without the factor S P, and of
+    # the separation, "mean_storage", without the factor x Psi [m].
     densities: dict[str, jax.Array]
 
 
 class Contribution(NamedTuple):
-    """The roughness of one surface; tuples have an entry for each mean of a kind."""
+    """The roughness of one surface. Tuples have an entry for each mean of a kind."""
 
-    # At the angular nodes, or without interpolation at the contact nodes; None if F is a constant at every
-    # wavevector: then it stands in the weights.
+    # At the angular nodes, or at the contact nodes if nothing is interpolated. None if F is a constant at
+    # every wavevector; the weights then contain it.
     stiffness: StiffnessMeans | None
     interpolation: MeansInterpolation
-    # Weights of <|F|^2> in the integral over a panel, (panels, nodes), and in that up to every contact node,
-    # (panels, order, nodes); with logarithms at the nodes between them, (panels, nodes between).
+    # Weights of <|F|^2> in the integral over a panel, (panels, nodes), and in the integral up to every
+    # contact node, (panels, order, nodes); with logarithms (panels, nodes between).
     mean_abs2: tuple[jax.Array, ...]
     within: tuple[jax.Array, ...] | None
     others: Means  # weights of the other means at the contact nodes, (panels, order)
@@ -77,22 +77,22 @@ class Contribution(NamedTuple):
         return Terms(*self._linear(mesh, means["mean_abs2"]), densities)
 
     def _linear(self, mesh, means):
-        """Integrals of g over every panel, and up to every contact node.
+        """Return integrals of g over every panel and up to every contact node.
 
-        Weights of the latter are exact in the roughness and in all its factors (`cumulative`). They may
-        change by 1e6 within a panel, and g, where it matters most, is what the small end adds up to: a rule
-        for the product of all would lose it.
+        The weights of the latter are exact in the roughness and its factors (`cumulative`), which may change
+        by 1e6 within a panel. A rule for the full product would lose the small terms, which determine g
+        where it matters most.
         """
         if self.interpolation is MeansInterpolation.LINEAR and self.within is not None:
-            # Without integrals up to the nodes the weights are those of the angular panels themselves.
+            # If no integrals up to the nodes are needed, use the weights of the angular panels.
             means = tuple(map(mesh.serving, means))
         panels = _sum_products("kvi,ki->kv", means, self.mean_abs2)
         return panels, None if self.within is None else _sum_products("kvi,kci->kvc", means, self.within)
 
     def _with_logarithms(self, mesh, means):
-        """The same interpolated in ln <|F|^2> and summed with positive weights.
+        """Return the same integrals, interpolated in ln <|F|^2> and summed with positive weights.
 
-        The small end keeps its digits, and G stays positive.
+        Small terms keep their digits, and G stays positive.
         """
         logarithms = [log_floored(mesh.serving(mean)) for mean in means]
 
@@ -117,7 +117,7 @@ def contribution(
     needs: RequiredMeans,
     table: MeansTable | None = None,
 ) -> Contribution:
-    """Return what the roughness of a surface contributes.
+    """Return the `Contribution` of the roughness of a surface.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ def contribution(
         mean_abs2 = tuple(jnp.einsum("kc,kci->ki", one, mesh.interpolate) for one in mean_abs2)
         within = tuple(rule @ mesh.interpolate for rule in within)
     elif interpolation is MeansInterpolation.LINEAR:
-        # Only the whole integral is needed: the contact nodes have done their part.
+        # Only the whole integral is needed, so the contact nodes are no longer used.
         mean_abs2 = (jnp.einsum("kc,kci->ki", one, mesh.interpolate) for one in mean_abs2)
         mean_abs2 = tuple(jnp.zeros_like(mesh.angular_q).at[mesh.panel].add(one) for one in mean_abs2)
     return Contribution(means, interpolation, mean_abs2, within, others)
@@ -167,5 +167,5 @@ def _sum_products(subscripts, means, weights):
 
 
 def total(terms: Iterable[jax.Array]) -> jax.Array:
-    """Sum arrays, without a zero to begin with."""
+    """Sum arrays without an initial zero."""
     return functools.reduce(operator.add, terms)

@@ -1,7 +1,7 @@
-r"""The balance of heat: what temperatures the friction at given temperatures causes.
+r"""Heat balance: temperatures that result from the friction at given temperatures.
 
 The unknowns are the temperature rises of every deformable solid at the angular nodes and at the
-largest wavevector, the flash temperature. They are a fixed point of
+largest wavevector (the flash temperature). They are a fixed point of
 
 .. math:: T \to E(a_T(T_q)\,\omega) \to G, P, S \to f(q) \to T
 
@@ -40,23 +40,23 @@ _OTHER = {"lower": "upper", "upper": "lower"}
 
 
 class Coarse(NamedTuple):
-    """The same scene on a mesh of a tenth of the unknowns, without derivatives, to follow branches on."""
+    """The same scene on a mesh with a tenth of the unknowns, without derivatives, for following branches."""
 
     roughness: Roughness
-    diffusion: Diffusion  # from its contact nodes to its unknowns
+    diffusion: Diffusion  # from contact nodes to unknowns of the coarse mesh
     prolonged: Diffusion  # to the unknowns of the scene
-    restriction: jax.Array  # from rises at the unknowns of the scene to those of its own, (own, of the scene)
+    restriction: jax.Array  # from unknowns of the scene to those of the coarse mesh, (coarse, fine)
 
 
 class Thermal(NamedTuple):
-    """What temperatures need of a scene."""
+    """Data of a scene that the temperatures need."""
 
     heating: Heating
     bodies: tuple[Heating, ...]  # of every deformable solid, with its own properties
-    shares: tuple[jax.Array, ...]  # of the heat of contact shear, of every deformable solid
+    shares: tuple[jax.Array, ...]  # share of every deformable solid in the heat of contact shear
     diffusion: Diffusion  # from the contact nodes to the angular nodes and the largest wavevector
     exciting: tuple[int | None, ...]  # for every deformable solid the contribution that strains it
-    # For every contribution which of these solids it strains, and which is rough.
+    # For every contribution the index of the solid that it strains, and of the rough solid.
     solids: tuple[tuple[int | None, int | None], ...]
     shear: ContactShear | None
     coarse: Coarse | None  # None if nothing depends on the temperature
@@ -67,13 +67,13 @@ class Temperatures(NamedTuple):
 
     thermal: Thermal
     inside: list[SurfaceTemperatures]  # for each contribution, (angular panels, points, angular order)
-    flash: jax.Array  # at the largest wavevector, of two deformable solids the mean, (points,)
-    surface: jax.Array  # that the contact shear has, (points,)
-    converged: jax.Array  # whether they are a solution, (points,)
+    flash: jax.Array  # at the largest wavevector, mean of the deformable solids, (points,)
+    surface: jax.Array  # of the contact shear, (points,)
+    converged: jax.Array  # True for a solution, (points,)
 
 
 def macroasperity(heating: Heating) -> jax.Array:
-    """q_m = pi / R, the wavevector of the macroasperities [1/m]."""
+    """Return q_m = pi / R, the wavevector of the macroasperities [1/m]."""
     return jnp.asarray(jnp.pi / heating.radius)
 
 
@@ -85,11 +85,11 @@ def prepare_thermal(
     coarse: Roughness | None,
     coarse_count: int,
 ) -> Thermal:
-    """`Thermal` of a heated scene.
+    """Return the `Thermal` of a heated scene.
 
     Parameters
     ----------
-    heating, scene : what Heating a Scene has, and itself
+    heating, scene : Heating and Scene
     roughness : Roughness
     count : nodes of the sum over ln k
     coarse, coarse_count : roughness on the coarse mesh, and nodes of the sum there; None without feedback
@@ -122,24 +122,24 @@ def prepare_thermal(
 
 
 def _index(values, one):
-    """Where it is among the values, None if it is not."""
+    """Return the index of `one` among the values, or None."""
     return values.index(one) if one in values else None
 
 
 def unknowns(mesh: Mesh) -> jax.Array:
-    """Wavevectors whose temperature is unknown: the angular nodes and the largest [1/m]."""
+    """Return the wavevectors whose temperature is unknown: the angular nodes and the largest [1/m]."""
     return jnp.concatenate([mesh.angular_q.reshape(-1), mesh.last[None]])
 
 
 def without_derivatives(tree: _Tree) -> _Tree:
-    """A tree of arrays, and of what is none, that derivatives do not go through."""
+    """Stop derivatives of the arrays of a tree; other leaves are unchanged."""
     return jax.tree.map(lambda x: jax.lax.stop_gradient(x) if isinstance(x, jax.Array) else x, tree)
 
 
 def inner_temperatures(
     thermal: Thermal, mesh: Mesh, rises: jax.Array, background: jax.Array
 ) -> tuple[list[SurfaceTemperatures], jax.Array]:
-    """Temperatures from the rises at the unknowns.
+    """Return temperatures from the rises at the unknowns.
 
     Parameters
     ----------
@@ -149,12 +149,12 @@ def inner_temperatures(
 
     Returns
     -------
-    (inside, flash) [K]: for each contribution those of its solids, (angular panels, points,
-    angular order); at the largest wavevector, of two deformable solids the mean, (points,)
+    (inside, flash) [K]: for each contribution the temperatures of its solids, (angular panels, points,
+    angular order); at the largest wavevector the mean of the deformable solids, (points,)
     """
     solids = len(thermal.exciting)
-    # Iterates may overshoot to below T_0, where a shift of the modulus has its pole. Selected, not
-    # a maximum, which would give half the derivative at v = 0; what is not a number stays so.
+    # Iterates may overshoot to below T_0, where a shift has its pole. `where` is used instead of a maximum,
+    # which would halve the derivative at v = 0. NaN stays NaN.
     rises = jnp.where(rises < 0, 0.0, rises).reshape(rises.shape[0], solids, -1)
     inside = rises[..., :-1].reshape(-1, solids, *mesh.angular_q.shape)
     T = background[:, None] + jnp.moveaxis(inside, 0, 2)  # solids, panels, points, order
@@ -168,13 +168,13 @@ def inner_temperatures(
 def heat_balance(
     thermal: Thermal, roughness: Roughness, ready: Diffusion, points: HeatedPoints
 ) -> Callable[[jax.Array], jax.Array]:
-    """The map from rises at the unknowns of a mesh to those that their friction causes.
+    """Return the map from rises at the unknowns of a mesh to the rises that their friction causes.
 
     Parameters
     ----------
     thermal : Thermal
     roughness : on the mesh of the unknowns
-    ready : Diffusion from its contact nodes to where the rises are wanted
+    ready : Diffusion from its contact nodes to the wavevectors of the result
     points : Points
 
     Returns
@@ -197,7 +197,7 @@ def heat_balance(
 def heat_of(
     thermal: Thermal, roughness: Roughness, contact: Contact, points: HeatedPoints, surface: jax.Array
 ) -> jax.Array:
-    """The rises that a contact at temperatures causes, (points, solids * unknowns) [K], as `heat_balance`.
+    """Return the rises that a contact causes, (points, solids * unknowns) [K], as in `heat_balance`.
 
     surface : temperature of the contact shear [K], shape (points,)
     """
@@ -214,11 +214,11 @@ def temperature_at(
     points: HeatedPoints,
     q: jax.Array,
 ) -> jax.Array:
-    """Temperature of every deformable solid at wavevectors q, (points, solids, wavevectors) [K].
+    """Return temperatures of the deformable solids at q, (points, solids, wavevectors) [K].
 
     Parameters
     ----------
-    contact, temperatures : `rubberfric.theory.integrals.solved` of the scene
+    contact, temperatures : from `rubberfric.theory.integrals.solved`
     points : Points
     q : [1/m], shape (wavevectors,)
     """
@@ -230,18 +230,18 @@ def temperature_at(
 
 
 def shear_temperature(heating: Heating, flash: jax.Array, background: jax.Array) -> jax.Array:
-    """The temperature that the contact shear has [K]."""
+    """Return the temperature of the contact shear [K]."""
     return flash if heating.shear_at == "flash" else background
 
 
 def _diffusion(mesh, targets, count):
-    """`Diffusion` from the contact nodes to wavevectors."""
+    """Return the `Diffusion` from the contact nodes to wavevectors."""
     ends = mesh.angular_q[0, 0], mesh.angular_q[-1, -1]
     return diffusion(mesh.q.reshape(-1), targets, ends, count)
 
 
 def _linear(nodes, targets):
-    """Weights of linear interpolation between ascending nodes, (targets, nodes); constant beyond them."""
+    """Return weights of linear interpolation between ascending nodes, (targets, nodes); constant beyond."""
     index = jnp.clip(jnp.searchsorted(nodes, targets) - 1, 0, nodes.shape[0] - 2)
     share = jnp.clip((targets - nodes[index]) / (nodes[index + 1] - nodes[index]), 0.0, 1.0)[:, None]
     chosen = jax.nn.one_hot(index, nodes.shape[0], dtype=nodes.dtype)
@@ -249,7 +249,7 @@ def _linear(nodes, targets):
 
 
 def _heat_kernels(thermal: Thermal, ready: Diffusion, velocity: jax.Array) -> list[HeatKernel]:
-    """`HeatKernel` of every deformable solid, one for those of the same properties."""
+    """Return the `HeatKernel` of every deformable solid; equal solids share one."""
     found: list[HeatKernel] = []
     for i, heating in enumerate(thermal.bodies):
         same = i > 0 and heating is thermal.bodies[0]
@@ -258,9 +258,9 @@ def _heat_kernels(thermal: Thermal, ready: Diffusion, velocity: jax.Array) -> li
 
 
 def _rises(thermal, roughness, spread, contact, points):
-    """Temperature rises of the heat of one contact, (points, solids, rows)."""
+    """Return the temperature rises from the heat of one contact, (points, solids, rows)."""
     heating, pressure = thermal.heating, points[1]
-    # Borders of panels lie at q_m: what comes before are whole panels.
+    # q_m is a panel border, so only whole panels lie before it.
     area = heating.area_fraction
     area = contact.area(roughness.mesh.panels_below[0]) if area is None else area
     stress = pressure / area

@@ -1,13 +1,13 @@
-r"""The integrals over ln q that the quantities of a scene are, for many velocities and pressures at once.
+r"""Integrals over ln q that give the quantities of a scene, for many velocities and pressures.
 
-`prepare` does what depends on the scene alone; `evaluate` adds velocity, pressure and
-temperature. G and the friction are in `rubberfric.theory.contact`; with its notation
+`prepare` computes what depends only on the scene. `evaluate` adds velocity, pressure and temperature.
+`rubberfric.theory.contact` has G and the friction. In its notation
 [Scaraggi & Persson]
 
 .. math:: \bar u = \frac{\pi}{2}\frac{scale}{\sigma_0}\int d\ln q\; x\Psi(x)
           \sum_j q^3 C_j\, factor_j\langle\mathrm{Re}F_j\rangle
 
-and the transverse friction is the friction with sin(phi) in place of cos(phi).
+The transverse friction is the friction with sin(phi) instead of cos(phi).
 """
 
 import functools
@@ -52,7 +52,7 @@ from rubberfric.theory.temperatures import COARSE, solve_temperatures
 
 
 class Points(NamedTuple):
-    """Where a scene is computed, arrays of shape (points,)."""
+    """Conditions, as arrays of shape (points,)."""
 
     velocity: jax.Array  # [m/s]
     pressure: jax.Array  # [Pa]
@@ -60,20 +60,20 @@ class Points(NamedTuple):
 
 
 class Prepared(NamedTuple):
-    """A scene ready for many points."""
+    """A scene prepared for many points."""
 
     needs: RequiredMeans
-    integrated: Roughness | None  # None if nothing is needed of it
+    integrated: Roughness | None  # None if no quantity is an integral over it
     thermal: Thermal | None
     shear: ContactShear | None
     adhesion: Adhesion | None
-    law: Law | None = None  # gives area and friction in place of the theory
+    law: Law | None = None  # gives area and friction instead of the theory
 
     @property
     def roughness(self) -> Roughness:
-        """The rough surfaces; ValueError where nothing is needed of them."""
+        """Return the rough surfaces; ValueError if no quantity is an integral over them."""
         if self.integrated is None:
-            raise ValueError("the scene was prepared for nothing that is an integral over roughness")
+            raise ValueError("no prepared quantity is an integral over roughness")
         return self.integrated
 
 
@@ -86,15 +86,15 @@ def prepare(
     borders: jax.Array | None = None,
     tables: Tables | None = None,
 ) -> Prepared:
-    """Mesh, spectra and series stiffness of a scene: all that no velocity, pressure or temperature changes.
+    """Prepare mesh, spectra and series stiffness, which do not depend on the conditions.
 
     Parameters
     ----------
     scene : Scene
     quantities : fields of `Solution`
     quadrature : Quadrature
-    surfaces : `rough_surfaces_of` the scene where they are known already, or with other power laws
-    borders : see `build_mesh`; with borders G is known at every node, whatever the quantities
+    surfaces : `rough_surfaces_of` the scene if already known, or with other power laws
+    borders : see `build_mesh`; with borders G is computed at every node
     tables : `known_tables` of the scene and the quantities
     """
     law = None
@@ -120,7 +120,7 @@ def prepare(
 
 
 def _rough(scene, surfaces, quadrature, needs, borders=None, tables=None, like=None):
-    """`Roughness` of a scene; `like`: of the same scene on another mesh, whose tables serve it as well."""
+    """Return the `Roughness` of a scene. `like` is that of another mesh, whose tables are reused."""
     details = [surface.detail for surface in surfaces if surface.detail is not None]
     mesh = build_mesh(
         [surface.law for surface in surfaces],
@@ -131,7 +131,7 @@ def _rough(scene, surfaces, quadrature, needs, borders=None, tables=None, like=N
         moving=scene.heating is not None,
     )
     if scene.correlation is not None:
-        # At rest the stiffness is the same whichever surface it meets.
+        # At rest both surfaces meet the same stiffness.
         mesh, surfaces = mesh.joined(functools.partial(difference, scene.correlation)), surfaces[:1]
     scale, gamma = modulus_scale(scene), jnp.asarray(scene.gamma)
     correction = None
@@ -156,7 +156,7 @@ def _rough(scene, surfaces, quadrature, needs, borders=None, tables=None, like=N
 
 
 def _tables_of(roughness, needs):
-    """Tables of the means of every contribution that has one, if they are those needed."""
+    """Return the tables of means of the contributions, if they contain the needed means."""
     found = [one.stiffness for one in roughness.contributions]
     return tuple(
         one.stiffness
@@ -170,9 +170,9 @@ def _tables_of(roughness, needs):
 
 
 def _borders(scene, surfaces, asked):
-    """Wavevectors that must be borders of panels: the macroasperities' first, those asked for last."""
+    """Return wavevectors that must be panel borders: of macroasperities first, requested ones last."""
     borders = [] if scene.heating is None else [macroasperity(scene.heating)[None]]
-    # Two solids that soften alike have their knots at the same places.
+    # Two solids with equal softening have the same knots.
     softened = {id(one.softening): one for one in surfaces[0].softenings}
     borders += [knots(one) for one in softened.values()]
     borders += [] if asked is None else [asked]
@@ -182,11 +182,11 @@ def _borders(scene, surfaces, asked):
 def solved(
     prepared: Prepared, velocity: jax.Array, pressure: jax.Array, temperature: jax.Array | None = None
 ) -> tuple[Contact, Temperatures | None]:
-    """`Contact` at points, shape (points,) each, and the `Temperatures` of a heated scene.
+    """Return the `Contact` at points and the `Temperatures` of a heated scene.
 
     Raises
     ------
-    ValueError : a scene prepared for nothing that is an integral, or a heated one without temperature.
+    ValueError : no prepared quantity is an integral, or a heated scene has no temperature.
     """
     roughness, thermal = prepared.roughness, prepared.thermal
     if thermal is None:
@@ -196,7 +196,7 @@ def solved(
             return adhesive_contact(prepared.adhesion, roughness, velocity, pressure, temperatures), None
         return roughness.contact(velocity, pressure, temperatures), None
     if temperature is None:
-        raise ValueError("temperature is missing: a scene with heating needs that far from the contact [K]")
+        raise ValueError("temperature is missing: a scene with heating requires it, far from the contact [K]")
     found = solve_temperatures(thermal, roughness, velocity, pressure, temperature)
     return roughness.contact(velocity, pressure, found.inside), found
 
@@ -207,14 +207,14 @@ def evaluate(
     points: Iterable[jax.Array],
     known: tuple[Contact, Temperatures | None] | None = None,
 ) -> dict[str, jax.Array]:
-    """Quantities at points.
+    """Return quantities at points.
 
     Parameters
     ----------
-    prepared : Prepared for these quantities at least
+    prepared : Prepared, for at least these quantities
     quantities : fields of `Solution`
-    points : those of a `Points`
-    known : what `solved` returns for them, or None
+    points : fields of `Points`
+    known : result of `solved` for these points, or None
 
     Returns
     -------
@@ -223,7 +223,7 @@ def evaluate(
     velocity, pressure, temperature = Points(*points)
     parts = quantity_parts(quantities)
     sheared = prepared.shear is not None and "shear_friction" in parts
-    # Without roughness there is no scale to be hot.
+    # Smooth surfaces: flash temperature = background.
     found = {} if temperature is None else {"flash_temperature": temperature}
     surface = temperature
     wanted = parts | {"area"} if sheared else parts
@@ -253,7 +253,7 @@ def evaluate(
 
 
 def _integrated(contact, parts):
-    """What of the parts is an integral over the roughness."""
+    """Return the parts that are integrals over the roughness."""
     found = {"area": contact.area()} if "area" in parts else {}
     for name, kind in (("viscoelastic_friction", "mean_cos_loss"), ("transverse_friction", "mean_sin_loss")):
         if name in parts and (terms := contact.friction_terms(kind)):
@@ -269,7 +269,7 @@ def _integrated(contact, parts):
 
 
 def _constant(name, pressure):
-    """What is not integrated: full contact of smooth surfaces, and no force where nothing relaxes."""
+    """Return a quantity that is constant: full contact of smooth surfaces, or zero friction."""
     if name == "converged":
         return jnp.ones_like(pressure, bool)
     return jnp.full_like(pressure, 1.0 if name == "area" else 0.0)

@@ -1,4 +1,4 @@
-r"""The forward model: contact area, friction and separation of a sliding scene.
+r"""Contact area, friction and separation of a sliding scene: the public functions.
 
 Scaraggi & Persson's general case in three lines, for roughness on either solid and
 series stiffness K_j (see `rubberfric.theory.stiffness.series`):
@@ -9,9 +9,8 @@ series stiffness K_j (see `rubberfric.theory.stiffness.series`):
 .. math:: \bar u = \int d^2q \sum_j C_j\,\mathrm{Re} K_j
           \int_{\sigma_0}^\infty \frac{dp}{2p}\frac{\partial[SP]}{\partial p}
 
-mu is the viscoelastic friction; contact shear (`rubberfric.scene.shear`) adds to it where the scene has
-it. Strain softening (`rubberfric.scene.softening`) and frictional heating (`rubberfric.scene.heating`)
-change K_j.
+mu is the viscoelastic friction. Contact shear (`rubberfric.scene.shear`) adds to it. Strain softening
+(`rubberfric.scene.softening`) and frictional heating (`rubberfric.scene.heating`) change K_j.
 """
 
 import functools
@@ -28,7 +27,7 @@ from rubberfric.theory.integrals import evaluate, prepare
 from rubberfric.theory.quantities import QUANTITIES, Solution, iterates
 from rubberfric.theory.stiffness.stiffness_means import known_tables
 
-# Points evaluated at once.
+# Points that are evaluated together.
 BLOCK = 512
 
 
@@ -40,7 +39,7 @@ def contact_area(
     *,
     quadrature: Quadrature | None = None,
 ) -> jax.Array:
-    r"""Relative area of real contact [Scaraggi & Persson, eqs. (10), (A11)].
+    r"""Return the relative area of real contact [Scaraggi & Persson, eqs. (10), (A11)].
 
     .. math:: A/A_0 = \mathrm{erf}\frac{1}{2\sqrt{G(q_1)}},\qquad
               G(q_1) = \frac{1}{2\sigma_0^2}\int d^2q \sum_j C_j |K_j(q v \cos\varphi)|^2
@@ -49,11 +48,11 @@ def contact_area(
     ----------
     scene : Scene
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
-        temperature None: every shift at its reference temperature. A heated scene needs one: that
-        far from the contact.
+        temperature None: every shift is at its reference temperature. A heated scene requires a
+        temperature, far from the contact.
     quadrature : Quadrature, static, or None
-        None: of a handful that which fits the scene, to 1e-9 (`rf.analysis.default_quadrature`); the default
-        where `jit` or `vmap` traces a number of it.
+        None: chosen for the scene, with errors below 1e-9 (`rf.analysis.default_quadrature`). If `jit` or
+        `vmap` traces a number of the scene, `Quadrature()`.
 
     Returns
     -------
@@ -62,13 +61,13 @@ def contact_area(
     Raises
     ------
     ValueError : concrete pressure <= 0, any NaN, a temperature outside a shift's range,
-        a temperature although nothing in the scene depends on it, or none although the scene is
-        heated; in float32 also what single precision cannot hold
+        a temperature if nothing in the scene depends on it, no temperature if the scene is heated; in
+        float32 also values that single precision cannot represent
         (`rubberfric.scene.single_precision`).
 
     Notes
     -----
-    Needs G at the largest wavevector only: no graded panels and no cumulative integral.
+    Only G at the largest wavevector is computed, without graded panels and cumulative integrals.
     """
     return _alone("area", scene, velocity, pressure, temperature, quadrature)
 
@@ -81,7 +80,7 @@ def friction(
     *,
     quadrature: Quadrature | None = None,
 ) -> jax.Array:
-    r"""Friction coefficient of steady sliding [Scaraggi & Persson, eq. (A17) over v sigma_0].
+    r"""Return the friction coefficient of steady sliding [Scaraggi & Persson, eq. (A17) over v sigma_0].
 
     .. math:: \mu = \frac{1}{\sigma_0} \int d^2q\, S P \sum_j C_j\, q \cos\varphi\,
               \mathrm{Im} K_j(q v \cos\varphi) \;[\,+\,\mu_\mathrm{con}\,]
@@ -94,8 +93,8 @@ def friction(
 
     Returns
     -------
-    array, broadcast shape [-]; odd in the velocity. Viscoelastic part, plus contact shear if
-    `scene.shear` is set; `solve` gives the parts.
+    array, broadcast shape [-]; odd in the velocity. The viscoelastic part, plus contact shear if the
+    scene has it; `solve` returns the parts.
 
     Raises
     ------
@@ -103,12 +102,13 @@ def friction(
 
     Notes
     -----
-    The viscoelastic part is zero, not computed, when no rough solid faces a viscoelastic one
+    The viscoelastic part is zero and not computed if no rough solid faces a viscoelastic one
     (Cases II, III).
 
-    The theory itself, against boundary elements of rubber-like solids: from half in slow sliding to 1.7
-    times in fast sliding, at heavy load from 0.85 to 1.25 times, with `area_correction`; without it a
-    quarter less (notebooks/boundary_elements.md; `rubberfric.analysis.theory_error` for a scene).
+    Friction of the theory over friction of boundary elements is 0.5 in slow sliding to 1.7 in fast sliding,
+    and 0.85 to 1.25 at heavy load, for rubber-like solids with `area_correction`. The values of the paper's
+    theory are a quarter smaller (notebooks/boundary_elements.md; `rubberfric.analysis.theory_error`
+    for a scene).
     """
     return _alone("friction", scene, velocity, pressure, temperature, quadrature)
 
@@ -121,7 +121,7 @@ def separation(
     *,
     quadrature: Quadrature | None = None,
 ) -> jax.Array:
-    r"""Mean interfacial separation [Scaraggi & Persson, eq. (A18)].
+    r"""Return the mean interfacial separation [Scaraggi & Persson, eq. (A18)].
 
     .. math:: \bar u = \int d^2q \sum_j C_j\,\mathrm{Re} K_j\, \frac{x}{2\sigma_0}\Psi(x),\qquad
               x = \frac{1}{2\sqrt{G(q)}}
@@ -144,14 +144,14 @@ def separation(
 
     Notes
     -----
-    Uses the plain G(q) whatever `scene.area_correction` says: against boundary-element
-    ratios of separations the plain G is off by 1 %, S in G by 9 to 18 %.
+    `scene.area_correction` does not change the separation. Ratios of separations differ from boundary
+    elements by 1 % with the plain G, and by 9 to 18 % with S in G.
     """
     return _alone("separation", scene, velocity, pressure, temperature, quadrature)
 
 
 def _alone(name, scene, velocity, pressure, temperature, quadrature):
-    """One quantity."""
+    """Return one quantity."""
     found = solve(scene, velocity, pressure, temperature, quadrature=quadrature, quantities=(name,))
     return getattr(found, name)
 
@@ -166,41 +166,40 @@ def solve(
     quantities: str | Sequence[str] = QUANTITIES,
     compiler_options: Mapping[str, bool | int | float | str] | None = None,
 ) -> Solution:
-    """Several quantities at once, sharing the stiffness and G(q).
+    """Return several quantities, which share the stiffness and G(q).
 
     Parameters
     ----------
     scene : Scene
     velocity, pressure, temperature : array_like, broadcastable [m/s], [Pa], [K]
     quadrature : Quadrature, static, or None; see `contact_area`
-    quantities : names out of "area", "friction", "separation", and for the parts of the friction
-        "viscoelastic_friction", "shear_friction"; "transverse_friction", the
-        same force, on the lower solid along positive velocities, 90 degrees to the left of them, which
-        anisotropic roughness causes (where it is negative the upper solid is pushed to the left);
-        of a heated scene "flash_temperature" (at the largest
-        wavevector) and "converged": False where the temperatures are a last iterate, not a solution.
-        Only these are computed. The contact shear needs no more than the area. With adhesion "converged"
-        says the same of the areas.
-    compiler_options : of XLA, as jax.jit has them, or None
-        Not within a transformation. What is compiled so is not kept for another call of the process.
+    quantities : names of the quantities to compute
+        "area", "friction", "separation"; the parts of the friction, "viscoelastic_friction" and
+        "shear_friction"; "transverse_friction", the force on the lower solid 90 degrees to the left of
+        positive velocities, which anisotropic roughness causes (if it is negative, the upper solid is
+        pushed to the left); for a heated scene "flash_temperature", at the largest wavevector, and
+        "converged", False where the temperatures are a last iterate instead of a solution. With adhesion
+        "converged" applies to the areas.
+    compiler_options : of XLA, as for jax.jit, or None
+        Not within a transformation. The compiled function is not kept for other calls.
 
     Returns
     -------
-    Solution, fields of the broadcast shape, None for what was not asked for: take the fields by name.
+    Solution, with fields of the broadcast shape; None for quantities that were not requested.
 
     Raises
     ------
-    ValueError : as `contact_area`, an unknown quantity, or one of heating although the scene has none.
+    ValueError : as `contact_area`; an unknown quantity; a quantity of heating for a scene without it.
 
     Warns
     -----
-    RuntimeWarning : where the temperatures of a heated scene are not a solution, naming the points; not
-        within jit or another transformation, nor if "converged" is asked for.
+    RuntimeWarning : temperatures of a heated scene that did not converge, with their points. Not within
+        jit or another transformation, and not if "converged" is requested.
     """
     quantities = (quantities,) if isinstance(quantities, str) else tuple(quantities)
     for name in quantities:
         if name not in Solution._fields:
-            raise ValueError(f"quantities has {name!r}: must be out of {', '.join(Solution._fields)}")
+            raise ValueError(f"quantities has {name!r}: must be one of {', '.join(Solution._fields)}")
     given = scene
     separated = "separation" in quantities
     scene, conditions, quadrature = validate(scene, velocity, pressure, temperature, quadrature, separated)
@@ -215,15 +214,15 @@ def solve(
 
 
 def _compute(options, quadrature, quantities, *arguments):
-    """Call `_solve`, compiled with options if there are any."""
+    """Call `_solve`, compiled with the options if given."""
     if options is None:
         return _solve(*arguments, quadrature=quadrature, quantities=quantities)
     lowered = _solve.lower(*arguments, quadrature=quadrature, quantities=quantities)
     return lowered.compile(dict(options))(*arguments)
 
 
-# Jitted so that a plain call compiles once for its structure instead of operation by
-# operation; inside a user's jit it is traced through.
+# Jitted, so that a plain call compiles once per structure instead of once per operation. Inside a user's
+# jit it is traced through.
 @functools.partial(jax.jit, static_argnames=("quadrature", "quantities"))
 def _solve(scene, velocity, pressure, temperature, tables, quadrature, quantities):
     prepared = prepare(scene, quantities, quadrature, tables=tables)

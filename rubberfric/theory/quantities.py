@@ -9,12 +9,12 @@ import numpy as np
 from rubberfric.scene.scene import Scene, relaxes, rough_surfaces
 
 QUANTITIES = ("area", "friction", "separation")
-# Of `solve`, or read from a file.
+# From `solve`, or read from a file.
 Values = jax.Array | np.ndarray
 
 
 class Solution(NamedTuple):
-    """Results of `solve`; quantities not asked for are None."""
+    """Results of `solve`; quantities that were not requested are None."""
 
     area: Values | None = None  # A/A0 [-]
     friction: Values | None = None  # mu, the sum of its two parts below [-]
@@ -22,12 +22,12 @@ class Solution(NamedTuple):
     viscoelastic_friction: Values | None = None  # [-]
     shear_friction: Values | None = None  # mu_con; 0 in a scene without contact shear [-]
     transverse_friction: Values | None = None  # across the sliding; 0 if isotropic [-]
-    flash_temperature: Values | None = None  # of the contact, of two deformable solids the mean [K]
-    converged: Values | None = None  # whether heated or adhesive contact did, bool
+    flash_temperature: Values | None = None  # of the contact, mean of the deformable solids [K]
+    converged: Values | None = None  # bool; True if heated or adhesive contact converged
 
 
 def quantity_parts(quantities: Iterable[str]) -> set[str]:
-    """The quantities, the friction as its two parts."""
+    """Return the quantities, with the friction replaced by its two parts."""
     parts = set(quantities)
     if "friction" in parts:
         parts = parts - {"friction"} | {"viscoelastic_friction", "shear_friction"}
@@ -35,7 +35,7 @@ def quantity_parts(quantities: Iterable[str]) -> set[str]:
 
 
 def quantities_of(scene: Scene) -> tuple[str, ...]:
-    """All quantities that say something about a scene: the three, and what its parts add to them."""
+    """Return all quantities of a scene: the three basic ones, and those of its optional parts."""
     names: list[str] = list(QUANTITIES)
     if scene.shear is not None:
         names += ["viscoelastic_friction", "shear_friction"]
@@ -49,15 +49,15 @@ def quantities_of(scene: Scene) -> tuple[str, ...]:
 
 
 def iterates(scene: Scene) -> bool:
-    """Whether the contact is a fixed point, which may not be reached."""
+    """Return True if the contact is a fixed point, which may fail to converge."""
     return scene.heating is not None or scene.adhesion is not None or scene.contact_model != "paper"
 
 
 def iterated(scene: Scene) -> str:
-    """What the fixed point is of, in a word."""
+    """Return the name of what is iterated."""
     return "areas" if scene.heating is None else "temperatures"
 
 
 def has_transverse_force(scene: Scene) -> bool:
-    """Whether roughness that differs with the direction strains a viscoelastic solid."""
+    """Return True if anisotropic roughness strains a viscoelastic solid."""
     return any(spectrum.harmonic_count() and relaxes(other) for spectrum, other in rough_surfaces(scene))

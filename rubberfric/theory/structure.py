@@ -1,6 +1,6 @@
-"""What a scene has, and which means its quantities need: asked once, when a call is traced.
+"""Structure of a scene: its parts and the means that its quantities need, determined once per trace.
 
-Roughness of one solid strains the other periodically, and its own solid only statically
+Roughness of one solid strains the other solid periodically, and its own solid only statically
 [Scaraggi & Persson, eq. (A6) at omega = q v_j].
 """
 
@@ -19,10 +19,10 @@ from rubberfric.theory.quantities import quantity_parts
 
 @dataclasses.dataclass(frozen=True)
 class RequiredMeans:
-    """What is integrated over the roughness; false where the structure of a scene makes it zero."""
+    """Means that are integrated over the roughness; False if not needed or zero by structure."""
 
     mean_abs2: bool = False  # <|K|^2>, and so G(q)
-    area: bool = False  # P with S in G, where the scene has that
+    area: bool = False  # P with S in G, if the scene has it
     mean_cos_loss: bool = False  # <cos(phi) Im K>
     mean_storage: bool = False  # <Re K>
     mean_sin_loss: bool = False  # <sin(phi) Im K>
@@ -33,13 +33,13 @@ class RequiredMeans:
 
     @property
     def kinds(self) -> tuple[str, ...]:
-        """Which means over the direction of sliding are needed."""
+        """Return the names of the means over the direction of sliding that are needed."""
         kinds = ("mean_abs2", "mean_cos_loss", "mean_storage", "mean_sin_loss")
         return tuple(kind for kind in kinds if getattr(self, kind))
 
     @property
     def everywhere(self) -> bool:
-        """Whether G is needed at every wavevector, not at the largest alone."""
+        """Return True if G is needed at every wavevector, not only at the largest."""
         return self.mean_cos_loss or self.mean_storage or self.mean_sin_loss
 
 
@@ -67,7 +67,7 @@ AT_REFERENCE = SurfaceTemperatures()
 
 
 class MeansInterpolation(enum.Enum):
-    """How angular means reach the contact nodes."""
+    """Interpolation of angular means to the contact nodes."""
 
     NONE = "taken there: they have kinks over q"
     LINEAR = "from the angular nodes: they are smooth in ln q"
@@ -79,49 +79,49 @@ class RoughSurface(NamedTuple):
 
     rough: Body
     strained: Body
-    side: str  # which solid is strained: "lower" or "upper"
+    side: str  # the strained solid: "lower" or "upper"
     spectrum: Spectrum  # of the rough body
-    law: BrokenPowerLaw  # the spectrum, all directions together
-    softened: Softened | None  # how the strained solid softens
-    softened_rough: Softened | None  # and the rough one
-    relaxes: bool  # whether the strained solid is viscoelastic: else nothing depends on the velocity
-    both_deform: bool  # whether the rough solid deforms as well, in series with the strained one
-    by_wavevector: bool  # whether F depends on q itself: a coating, or two deformable solids with a layer
-    varies: bool  # whether temperature changes F otherwise than by a_T and a common factor
-    harmonics: int  # highest m of the cos(2 m phi) in the roughness that a viscoelastic solid sees
-    detail: float | None  # finest detail of the angular means over ln q [-]; None of a series
+    law: BrokenPowerLaw  # the spectrum, averaged over directions
+    softened: Softened | None  # softening of the strained solid
+    softened_rough: Softened | None  # softening of the rough solid
+    relaxes: bool  # the strained solid is viscoelastic; otherwise nothing depends on the velocity
+    both_deform: bool  # the rough solid deforms too, in series with the strained one
+    by_wavevector: bool  # F depends on q itself: a coating, or two deformable solids with a layer
+    varies: bool  # temperature changes F by more than a_T and a common factor
+    harmonics: int  # highest m of cos(2 m phi) in the roughness that strains a viscoelastic solid
+    detail: float | None  # finest detail of the angular means over ln q [-]; None for a Prony series
     interpolation: MeansInterpolation | None  # None if the stiffness is a constant at every wavevector
 
     @property
     def static(self) -> bool:
-        """Whether its stiffness is a constant at every wavevector."""
+        """Return True if the stiffness is a constant at every wavevector."""
         return self.interpolation is None
 
     @property
     def separate_storage_loss(self) -> bool:
-        """Whether <E'^2> and <E''^2> count apart, for softening changes them differently."""
+        """Return True if softening changes <E'^2> and <E''^2> separately."""
         return self.softened is not None and not self.both_deform
 
     @property
     def softenings(self) -> list[Softened]:
-        """How those of the two solids soften that do."""
+        """Return the softening of the solids that soften."""
         return [one for one in (self.softened, self.softened_rough) if one is not None]
 
     @property
     def softens_in_series(self) -> bool:
-        """Whether either of two deformable solids softens."""
+        """Return True if both solids deform and one of them softens."""
         return self.both_deform and bool(self.softenings)
 
 
 @dataclasses.dataclass(frozen=True)
 class Structure:
-    """What a scene has and what its quantities need; without numbers."""
+    """Parts of a scene and needs of its quantities, without numbers."""
 
-    needs: RequiredMeans  # none for quantities that are constant in the scene
-    rough: bool  # whether either surface is
+    needs: RequiredMeans  # empty for quantities that are constant in the scene
+    rough: bool  # True if a surface is rough
     heated: bool
     adhesive: bool
-    feeds_back: bool  # whether anything that makes heat depends on the temperature
+    feeds_back: bool  # the heat depends on the temperature
 
     @classmethod
     def of(cls, scene: Scene, quantities: Iterable[str]) -> "Structure":
@@ -151,7 +151,7 @@ class Structure:
 
 
 def rough_surfaces_of(scene: Scene) -> tuple[RoughSurface, ...]:
-    """Return the rough surfaces of a scene, that of the lower solid first."""
+    """Return the rough surfaces of a scene, the lower solid first."""
     found: list[tuple[Body, Body, str, Spectrum, BrokenPowerLaw]] = []
     for side, rough, strained in (("upper", scene.lower, scene.upper), ("lower", scene.upper, scene.lower)):
         if rough.spectrum is not None:
@@ -166,7 +166,7 @@ def rough_surfaces_of(scene: Scene) -> tuple[RoughSurface, ...]:
 
 
 def _surface(rough: Body, strained: Body, side, spectrum: Spectrum, law, softened, softened_rough):
-    """`RoughSurface` with all that its types say."""
+    """Return the `RoughSurface` of a rough body and the body that it strains."""
     material, layer = strained.material, strained.layer
     relaxing, both = relaxes(strained), rough.material.deforms
     coated = layer is not None and not layer.multiplies

@@ -1,12 +1,12 @@
-r"""Temperatures of a heated scene: friction heats the solids, which softens them, which changes friction.
+r"""Temperatures of a heated scene: friction heats the solids, which changes their moduli and the friction.
 
-The branch of solutions is followed on a coarse mesh of the same scene (`branch`), whose derivative J then
-brings the temperatures on the scene's own mesh to their fixed point (`rubberfric.base.fixed_points`):
-with P the map from coarse rises to fine ones, J = P' along a few functions of ln q, and R back to these,
+The branch of solutions is followed on a coarse mesh of the scene (`branch`). A fixed-point iteration on the
+fine mesh (`rubberfric.base.fixed_points`) then uses a coarse derivative as preconditioner. P is the map from
+coarse to fine rises, J = P' along a few functions of ln q, and R the restriction back to these,
 
 .. math:: (1 - F')^{-1} \approx 1 + J (1 - R J)^{-1} R
 
-Where that does not lead to a solution close by, near folds, the branch is followed on the scene's own mesh.
+Near folds, where this does not lead to a nearby solution, the branch is followed on the fine mesh.
 """
 
 import functools
@@ -34,32 +34,32 @@ from rubberfric.theory.heat_balance import (
 
 COARSE = Quadrature(order=5, panels=3, graded=2, ratio=8.0, angular_order=6, heat=48)
 
-# A rise at which a solution is the only one [K]; where branches from high velocities begin, and a velocity
-# that is as good as 0 [m/s].
+# A rise below which a solution is unique [K]; the velocity where branches from high velocities begin, and a
+# velocity that counts as 0 [m/s].
 _COLD, _FAST, _REST = 0.03, 1e8, 1e-30
-# Last step on the coarse mesh [K], and on the scene's own, of the largest rise.
+# Last step on the coarse mesh [K], and on the fine mesh relative to the largest rise.
 _COARSE_STEP, _FINE_STEP = 1e-4, 1e-10
-# How far a solution may be from where the branch on the coarse mesh is [K], times det(1 - R J),
-# which is small near folds.
+# Largest distance of a solution from the branch on the coarse mesh [K], times det(1 - R J), which is small
+# near folds.
 _CLOSE = 1.0
-# Along how many functions of ln q the derivative J is taken, for every solid.
+# Number of functions of ln q for the derivative J, for every solid.
 _HATS = 12
-# Step of the differences that J is made of [K].
+# Step of the differences that give J [K].
 _STEP = 0.01
 
 
 class Rises(NamedTuple):
-    """Temperature rises at points, without derivatives, and what is known of them."""
+    """Temperature rises at points, without derivatives."""
 
     rises: jax.Array  # (points, unknowns) [K]
     left: jax.Array  # of the `Inverse`
-    converged: jax.Array  # whether they are the fixed point of the branch
+    converged: jax.Array  # True for the fixed point of the branch
 
 
 def solve_temperatures(
     thermal: Thermal, roughness: Roughness, velocity: jax.Array, pressure: jax.Array, background: jax.Array
 ) -> Temperatures:
-    """`Temperatures` of a heated scene at points: velocity, pressure, background of shape (points,)."""
+    """Return the `Temperatures` of a heated scene at points; conditions of shape (points,)."""
     points = velocity, pressure, background
     heat = heat_balance(thermal, roughness, thermal.diffusion, points)
     if thermal.coarse is None:
@@ -73,7 +73,7 @@ def solve_temperatures(
 
 
 def preconditioner(thermal: Thermal, found: Rises) -> Inverse:
-    """The `Inverse` that belongs to rises."""
+    """Return the `Inverse` for given rises."""
     assert thermal.coarse is not None
     return Inverse(found.left, _hats(thermal, thermal.coarse)[0])
 
@@ -81,19 +81,19 @@ def preconditioner(thermal: Thermal, found: Rises) -> Inverse:
 def temperatures_of(
     thermal: Thermal, roughness: Roughness, rises: jax.Array, background: jax.Array, converged: jax.Array
 ) -> Temperatures:
-    """`Temperatures` from rises at the unknowns, shape (points, unknowns) [K]."""
+    """Return the `Temperatures` from rises at the unknowns, shape (points, unknowns) [K]."""
     inside, flash = inner_temperatures(thermal, roughness.mesh, rises, background)
     surface = shear_temperature(thermal.heating, flash, background)
     return Temperatures(thermal, inside, flash, surface, converged)
 
 
 def _size(thermal, roughness):
-    """How many unknowns a point has on a mesh."""
+    """Return the number of unknowns of a point on a mesh."""
     return len(thermal.exciting) * (roughness.mesh.angular_q.size + 1)
 
 
 def solve_rises(thermal: Thermal, roughness: Roughness, points: HeatedPoints) -> Rises:
-    """`Rises` on the branch of a scene that has a coarse one."""
+    """Return the `Rises` on the branch of a scene with a coarse mesh."""
     thermal, roughness, points = without_derivatives((thermal, roughness, points))
     targets = jnp.log(jnp.maximum(jnp.abs(points[0]), _REST))
     coarse = thermal.coarse
@@ -104,7 +104,7 @@ def solve_rises(thermal: Thermal, roughness: Roughness, points: HeatedPoints) ->
 
     def mended(progress):
         found, left = progress
-        # One row alone: there are few.
+        # One row at a time, because there are few.
         i = jnp.argmax(left)
         pick = functools.partial(jax.lax.dynamic_slice_in_dim, start_index=i, slice_size=1)
         one, target = tuple(map(pick, points)), pick(targets)
@@ -112,7 +112,7 @@ def solve_rises(thermal: Thermal, roughness: Roughness, points: HeatedPoints) ->
         rises, arrived = arrive(
             _residual(thermal, roughness, thermal.diffusion, one), begin, target, _FINE_STEP
         )
-        # Where it does not arrive either, what is a fixed point at least is more than what is none.
+        # If neither arrives, prefer a fixed point to an iterate.
         better = arrived | ~pick(found.converged)
         return found._replace(
             rises=found.rises.at[i].set(jnp.where(better[0], rises[0], found.rises[i])),
@@ -124,7 +124,7 @@ def solve_rises(thermal: Thermal, roughness: Roughness, points: HeatedPoints) ->
 
 
 def _residual(thermal, roughness, ready, points):
-    """What heat causes less what there is, as a function of ln v and rises."""
+    """Return the residual of the heat balance as a function of ln v and rises."""
 
     def residual(log_v, rises):
         at = (jnp.exp(log_v), *points[1:])
@@ -138,9 +138,9 @@ def _direction(thermal):
 
 
 def _begin(thermal, points):
-    r"""Where the branches through points begin, ln v.
+    r"""Return ln v where the branches through points begin.
 
-    From below where they are all but cold: with mu < 1, no scale rises by more than
+    At low velocity the solids are nearly cold. With mu < 1, no scale rises by more than
 
     .. math:: \frac{2\sigma_0}{\pi P_m \rho c_p} \int_0^\infty dk\,\frac{v (1 - e^{-D k^2 R/v})}{D k^2}
               = \frac{2\sigma_0}{P_m \rho c_p} \sqrt{\frac{v R}{\pi D}}
@@ -151,7 +151,7 @@ def _begin(thermal, points):
     area = 0.01 if area is None else area
 
     def begin(own):
-        # Logarithms: their squares leave float32.
+        # Logarithms, because the squares overflow float32.
         heat = jnp.log(own.density) + jnp.log(own.heat_capacity) + jnp.log(area) - jnp.log(pressure)
         length = jnp.log(diffusivity(own)) - jnp.log(own.radius)
         return 2 * (heat + math.log(0.5 * _COLD)) + length + math.log(math.pi)  # NumPy's would widen float32
@@ -160,14 +160,14 @@ def _begin(thermal, points):
 
 
 def _before(thermal, log_v, targets):
-    """The begin, or a target before it."""
+    """Return the begin, or a target before it."""
     return jnp.minimum(log_v, targets) if _direction(thermal) > 0 else jnp.maximum(log_v, targets)
 
 
 def _places(thermal, points, targets):
-    """Places on the coarse branch, the last before each target.
+    """Return positions on the coarse branch, the last before each target.
 
-    Points of one pressure and background have one branch.
+    Points with equal pressure and background share a branch.
     """
     coarse, direction = thermal.coarse, _direction(thermal)
     _, pressure, background = points
@@ -192,11 +192,11 @@ def _places(thermal, points, targets):
 
 
 def _refined(thermal, roughness, points, guess, arrived):
-    """`Rises` from rises on the coarse mesh."""
+    """Return the `Rises` from rises on the coarse mesh."""
     coarse = thermal.coarse
     restrict, along, at = _hats(thermal, coarse)
     prolong = heat_balance(thermal, coarse.roughness, coarse.prolonged, points)
-    # J by differences: it need not be exact.
+    # J by differences, because it need not be exact.
     steps = typed(np.vstack([0 * along[:1], along]), guess)
     moved = jax.vmap(lambda step: prolong(guess + _STEP * step))(steps)
     rises, J = moved[0], jnp.moveaxis(moved[1:] - moved[0], 0, -1) / _STEP  # points, fine, hats
@@ -211,7 +211,7 @@ def _refined(thermal, roughness, points, guess, arrived):
 
 
 def _hats(thermal, coarse):
-    """Restriction to some of the coarse unknowns, linear functions between them, (some, all), and which."""
+    """Return the restriction to some coarse unknowns, linear functions between them, and their indices."""
     solids = len(thermal.exciting)
     size = _size(thermal, coarse.roughness) // solids
     some = np.unique(np.linspace(0, size - 1, min(size, _HATS)).round().astype(int))

@@ -1,1 +1,1 @@
-"""The area of contact: how much of it there is at a stress, S in G, and adhesion."""
+"""Contact area: partial contact, S in G, adhesion, and the law fitted to boundary elements."""

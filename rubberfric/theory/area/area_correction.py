@@ -1,15 +1,15 @@
-r"""S inside G: the universal map from the plain G to the corrected one.
+r"""S inside G: the universal map from the plain G to the corrected G.
 
 The paper has the elastic-energy factor S [Scaraggi & Persson, eq. (14)] in friction and separation only.
-With it in the diffusion function too, as an established program has it, dG = S(P(G)) dg where g is the
-plain G: a function of g and gamma alone, whatever the surfaces and materials. It is
-solved once for the gamma at hand, as a table of ln G over ln g, exact to about 1e-11:
+If S is also in the diffusion function, as in the commercial program, dG = S(P(G)) dg with the plain G, g. G
+then depends only on g and gamma, not on surfaces and materials. It is tabulated once for a given gamma, as
+ln G over ln g, with an error of about 1e-11:
 
 .. math:: g(G) = \int_0^G \frac{dG'}{S(P(G'))}
 
-by Gauss panels in ln G, inverted by Newton's method at uniform ln g, and quintic between
-the entries with the exact first and second derivatives (dG/dg = S). What is kept is ln(G/g):
-ln g itself, 60 at light loads, has no digits to spare in float32.
+The integral uses Gauss panels in ln G. Newton's method inverts it at uniform ln g. Between the entries the
+table is quintic, with exact first and second derivatives (dG/dg = S). The table contains ln(G/g), because ln
+g, which is 60 at light loads, would cost digits in float32.
 """
 
 import functools
@@ -29,16 +29,16 @@ _PANELS, _ORDER, _ENTRIES = 60, 10, 513
 
 
 class CorrectionTable(NamedTuple):
-    """ln(G/g), which stays small, over uniform ln g: polynomials between the entries, lines beyond them."""
+    """ln(G/g) over uniform ln g: polynomials between the entries, straight lines beyond them."""
 
     start: jax.Array
     step: jax.Array
-    cells: jax.Array  # of the share of a cell that lies before, (6, cells), ascending
+    cells: jax.Array  # coefficients in the position within a cell, (6, cells), ascending
     slopes: jax.Array  # at both ends, per cell
 
 
 def correction_table(gamma: jax.Array) -> CorrectionTable:
-    """Table of the corrected G for one gamma in 0 ... 1."""
+    """Return the table of the corrected G for one gamma in 0 ... 1."""
     dtype = jnp.result_type(gamma)
     node, weight = (jnp.asarray(x, dtype) for x in gauss(_ORDER))
     edges = jnp.asarray(np.linspace(_LOWEST, _HIGHEST, _PANELS + 1), dtype)
@@ -48,8 +48,8 @@ def correction_table(gamma: jax.Array) -> CorrectionTable:
     # Plain G at the panel borders; S = 1 below the first.
     plain = math.exp(_LOWEST) + jnp.concatenate([jnp.zeros(1, dtype), jnp.cumsum(panels)])
     log_plain = jnp.log(plain)
-    # Where the entries are does not matter; moving with gamma, the last would at gamma = 0 do so
-    # by 1e16, and the derivatives drown in it.
+    # The positions of the entries do not matter. If they depended on gamma, the last one would move by 1e16
+    # at gamma = 0, and the derivatives would lose all digits.
     start, end = jax.lax.stop_gradient((log_plain[0], log_plain[-1]))
     step = (end - start) / (_ENTRIES - 1)
     target = start + step * np.arange(_ENTRIES)
@@ -62,7 +62,7 @@ def correction_table(gamma: jax.Array) -> CorrectionTable:
         inner = edges[panel][:, None] + reach * node
         return plain[panel] + (reach * jnp.exp(inner) / _energy(inner, gamma)[0]) @ weight
 
-    # From an error of 1e-2, squared each time, and so that of the derivatives.
+    # Each step squares the error, which begins at 1e-2, also in the derivatives.
     def improved(_, value):
         here = plain_at(value)
         return value - (jnp.log(here) - target) * _energy(value, gamma)[0] * here / jnp.exp(value)
@@ -72,12 +72,12 @@ def correction_table(gamma: jax.Array) -> CorrectionTable:
 
 
 def correct_argument(table: CorrectionTable, x: jax.Array) -> jax.Array:
-    """x = 1/(2 sqrt(G)) with S in G, from the plain x of any shape; both 27 at most."""
+    """Return x = 1/(2 sqrt(G)) with S in G, from the plain x of any shape; both are at most 27."""
     log_plain = -2 * jnp.log(2 * x)
     position = (log_plain - table.start) / table.step
     count = table.cells.shape[1]
     index = jnp.clip(jnp.floor(jax.lax.stop_gradient(position)).astype(int), 0, count - 1)
-    # Within the table; outside, G goes on as the power law it has become.
+    # Within the table; outside it G follows a power law.
     t = jnp.clip(position - index, 0.0, 1.0)
     columns = table.cells.at[:, index].get(mode="promise_in_bounds")
     value = functools.reduce(lambda total, column: total * t + column, columns[::-1])
@@ -87,7 +87,7 @@ def correct_argument(table: CorrectionTable, x: jax.Array) -> jax.Array:
 
 
 def _quintic(h, f, slope, curvature):
-    """Quintic Hermite polynomials in Taylor form about the left entries, and the slopes at the ends."""
+    """Return quintic Hermite polynomials about the left entries, and the slopes at the ends."""
     d, c = h * slope, h * h * curvature
     rise = f[1:] - f[:-1] - d[:-1] - 0.5 * c[:-1]
     tilt = d[1:] - d[:-1] - c[:-1]
@@ -99,14 +99,14 @@ def _quintic(h, f, slope, curvature):
 
 
 def _energy(log_G, gamma):
-    """S at ln G, and dS / d ln G."""
+    """Return S at ln G, and dS / d ln G."""
     x = 0.5 * jnp.exp(-0.5 * log_G)
     P = erf(x)
     return gamma + (1 - gamma) * P * P, -2 * (1 - gamma) * P * x * jnp.exp(-x * x) / math.sqrt(math.pi)
 
 
 def _derivatives(log_G, g, gamma):
-    """ln(G/g) and its first and second derivative by ln g."""
+    """Return ln(G/g) and its first and second derivatives with respect to ln g."""
     S, dS = _energy(log_G, gamma)
     ratio = jnp.exp(log_G) / g
     slope = S / ratio

@@ -1,8 +1,8 @@
 r"""Contact area and friction by a law that was fitted to boundary elements.
 
-In partial contact the theory takes P S for the share of the roughness that the solid follows. Boundary
-elements find another share W(q, phi), and displacements beyond q1. The law describes both. With E for
-E / (1 - nu^2) of both solids in series, <> for the mean over phi, and D = dF / d ln q,
+In the theory a solid in partial contact follows the share P S of the roughness. In boundary elements the
+share W(q, phi) is different, and there are displacements beyond q1. The law describes both. E stands for
+E / (1 - nu^2) of both solids in series, <> for the mean over phi, and D = dF / d ln q:
 
 .. math:: F = \frac{\int_{q_0}^q q^3 C\,dq}{\int_{q_0}^{q_1} q^3 C\,dq},\qquad
           F_v = \frac{G(q)}{G(q_1)},\qquad E_r^2 = \langle|E|^2\rangle,\qquad
@@ -46,7 +46,7 @@ from rubberfric.theory.structure import RoughSurface
 
 
 class LawConstants(NamedTuple):
-    """Constants of the law; the first eleven are from elastic contact, the others from sliding."""
+    """Constants of the law; the first eleven come from elastic contact, the others from sliding."""
 
     c_0: float = -0.626
     c_D: float = 0.927
@@ -79,23 +79,23 @@ _NEWTON_STEPS = 30
 
 
 class Shape(NamedTuple):
-    """Roughness at the nodes; nothing here depends on velocity, pressure or temperature."""
+    """Roughness at the nodes, independent of velocity, pressure and temperature."""
 
     q: jax.Array  # (panels, order) [1/m]
     weight: jax.Array  # q^4 C / height2 times d ln q, (panels, order)
-    until: jax.Array  # the same in integrals up to every node k of values at nodes i, (panels, k, i)
+    until: jax.Array  # weights of the integral up to every node k, (panels, k, i)
     F: jax.Array  # (panels, order)
     D: jax.Array  # over D(q1), (panels, order)
     D_end: jax.Array  # D(q1)
     height2: jax.Array  # scale of the roughness [m^2]
     slope: jax.Array  # h'
     log_alpha: jax.Array
-    beyond: jax.Array  # q from q1 on [1/m], (nodes,)
-    weight_beyond: jax.Array  # (q / q1)^-3 d ln q there, (nodes,)
+    beyond: jax.Array  # q above q1 [1/m], (nodes,)
+    weight_beyond: jax.Array  # (q / q1)^-3 d ln q above q1, (nodes,)
 
 
 class Law(NamedTuple):
-    """The law for one scene, ready for many points."""
+    """The law for one scene, prepared for many points."""
 
     shape: Shape
     strained: Body
@@ -108,14 +108,14 @@ class State(NamedTuple):
 
     area: jax.Array
     mu: jax.Array  # viscoelastic friction, with the part beyond q1
-    mu_of_q: jax.Array  # its part from every node below q1, (points, nodes)
-    mu_beyond: jax.Array  # its part from beyond q1
+    mu_of_q: jax.Array  # part from every node below q1, (points, nodes)
+    mu_beyond: jax.Array  # part from wavevectors above q1
     converged: jax.Array
 
 
 def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawConstants = CONSTANTS) -> Law:
     """Return the law for the one rough surface of two half-spaces."""
-    # The law has no separation, and W is smooth near q0: half the panels of the theory are enough.
+    # The law has no separation, and W is smooth near q0, so half the panels of the theory suffice.
     quadrature = dataclasses.replace(
         quadrature, order=min(quadrature.order, 8), panels=max(3, -(-quadrature.panels // 2)), graded=2
     )
@@ -127,12 +127,12 @@ def prepare_law(surface: RoughSurface, quadrature: Quadrature, constants: LawCon
     until = jnp.tensordot(mesh.between.roughness[0], rule, 1)
     total = jnp.sum(weight)
     F = (_before(jnp.sum(weight, -1))[:, None] + jnp.sum(until, -1)) / total
-    F = jnp.where(F > 0, F, 1.0)  # in panels of no width, which have no weight
+    F = jnp.where(F > 0, F, 1.0)  # panels of zero width have zero weight
     q1 = law.q[-1]
     D_end = _density(law, q1) / total
     relative = mesh.q / q1
     m0, m4 = jnp.sum(weight / relative**2), jnp.sum(weight * relative**2)
-    # The first node is q1 itself, of no weight.
+    # The first node is q1, with zero weight.
     node, dln = (typed(np.append(0.0, table), weight) for table in gauss(_BEYOND))
     beyond = math.log(_END) * node
     height2 = surface.law.height2
@@ -206,16 +206,16 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     E2_in = E2[:, :inside].reshape(-1, panels, order)
     per_panel = jnp.sum(shape.weight * E2_in, -1)
     G = _before(per_panel.T).T[..., None] + jnp.einsum("kci,pki->pkc", shape.until, E2_in)
-    G = jnp.where(G > 0, G, 1.0)  # in panels of no width
+    G = jnp.where(G > 0, G, 1.0)  # panels of zero width
     log_F_v = (jnp.log(G) - jnp.log(jnp.sum(per_panel, -1))[:, None, None]).reshape(-1, inside)
     log_D = jnp.log(shape.D).reshape(-1)
     log_D_v = log_D + jnp.log(E2[:, :inside]) - jnp.log(E2[:, inside, None])
     log_F, log_D_end = jnp.log(shape.F).reshape(-1), jnp.log(shape.D_end)
 
     def share(A, B, log_F_star, log_D_star):
-        """(1 - W_m) / W_m and W_m, of A and B = 1 - A, shapes (points, 1)."""
+        """Return (1 - W_m) / W_m and W_m for A and B = 1 - A, shapes (points, 1)."""
         bracket = c.c_0 - c.c_D * (log_D_end + log_D_star) + c.c_f * log_F_star
-        # ln(A psi) / B, which is finite in full contact.
+        # ln(A psi) / B is finite in full contact.
         some = B > 1e-8
         log_A = jnp.where(some, jnp.log(jnp.where(some, A, 0.5)) / jnp.where(some, B, 0.5), -1.0)
         log_W = log_A + B ** (c.c_A - 1) * bracket - c.c_F * A * log_F_star
@@ -223,11 +223,11 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
         return jnp.expm1(z), jnp.exp(-z)
 
     def tail(A):
-        """T / A."""
+        """Return T / A."""
         return c.c_T * -jnp.expm1(c.c_t * jnp.log(A)) / (1 + c.c_alpha * shape.log_alpha)
 
     def log_effective(A, B):
-        """ln E_eff, (points,)."""
+        """Return ln E_eff, (points,)."""
         W_0 = share(A[:, None], B[:, None], log_F, log_D)[1]
         here = shape.weight.reshape(-1) * W_0
         there = jnp.sum(shape.weight) * shape.D_end * (A * tail(A))[:, None] * shape.weight_beyond
@@ -238,7 +238,7 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
     log_load = jnp.log(math.sqrt(2) * pressure / scale) - jnp.log(shape.slope)
 
     def balance(y):
-        """ln of the argument of erf, of that argument."""
+        """Return the next iterate of y, the logarithm of the argument of erf."""
         A, B = _area(y)
         return log_load - log_effective(A, B) - 0.5 * jnp.log(S_0 + (1 - S_0) * A**c.s)
 
@@ -266,7 +266,7 @@ def solve_law(law: Law, velocity: jax.Array, pressure: jax.Array, temperature: j
 
 
 def _angles(like):
-    """Return cos(phi) and weights of the integral over the circle, of functions that are even in cos(phi)."""
+    """Return cos(phi) and weights of the integral over the circle of functions that are even in cos(phi)."""
     t = _STEP * np.arange(int(_LAST / _STEP))
     dphi = 4 * _STEP / np.cosh(t)
     dphi[0] /= 2
@@ -285,7 +285,7 @@ def _modulus(law, omega, T):
 
 
 def _strained_modulus(material, omega, T):
-    """Return E_r; of a series by real sums, which take a fifth of the time of complex ones."""
+    """Return E_r, for a series by real sums, which take a fifth of the time of complex ones."""
     if not material.has_series:
         return E_r(material, omega, T)
     series = series_of(material, 1.0)
@@ -297,7 +297,7 @@ def _strained_modulus(material, omega, T):
 
 
 def _area(y):
-    """A and 1 - A of the logarithm of the argument of erf."""
+    """Return A and 1 - A for the logarithm y of the argument of erf."""
     x = jnp.exp(jnp.minimum(y, 3.5))  # 1 - A = 0 from exp(3.3) on
     return erf(x), erfc(x)
 

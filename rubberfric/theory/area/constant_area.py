@@ -1,28 +1,29 @@
-r"""Contact with adhesion of short range, by its energy: pressed together without it, then held and unloaded.
+r"""Contact with short-range adhesion, from its energy: loaded without adhesion, then unloaded at constant
+area.
 
-Without adhesion a load p_1 makes the area A(p_1) and leaves the mean separation u(p_1). Solids that
-adhere keep that area while the load falls to sigma_0: they move apart as they would on a punch of this
-area, with the stiffness that they have there, and store [Ciavarella, J. Mech. Phys. Solids 114, 209 (2018),
+Without adhesion a load p_1 gives the area A(p_1) and the mean separation u(p_1). Adhering solids keep this
+area while the load decreases to sigma_0. They move apart like a punch of this area, with constant stiffness,
+and the stored energy is [Ciavarella, J. Mech. Phys. Solids 114, 209 (2018),
 doi:10.1016/j.jmps.2018.02.011, arXiv:1712.05844]
 
 .. math:: U = U(p_1) - \tfrac12 c\,(p_1^2 - \sigma_0^2),\qquad
           \bar u = u(p_1) + c\,(p_1 - \sigma_0),\qquad c = -u'(p_1)
 
-Of all areas it is that of the least energy, less the work of adhesion, and of the load:
+The area minimises this energy minus the work of adhesion and the work of the load:
 
 .. math:: p_1 = \sigma_0 + \sqrt{\frac{2\,\Delta\gamma\, A'(p_1)}{u''(p_1)}}
 
-exact of a sphere, which is that of Johnson, Kendall and Roberts, and of any contact of one edge. At light
-loads A grows as p_1 and u falls as its logarithm, so that the root is a share of p_1: the area stays
-proportional to the load and is larger by 1 / (1 - share). From a share of 1 on no load holds the solids
-apart, and they jump into closer contact [as boundary elements have it: Pastewka and Robbins, Proc. Natl.
-Acad. Sci. 111, 3298 (2014), doi:10.1073/pnas.1320846111].
+This is exact for a sphere (Johnson, Kendall and Roberts) and for every contact with a single edge. At light
+load A is proportional to p_1 and u to its logarithm, so the root is a share of p_1: the area stays
+proportional to the load and is larger by the factor 1 / (1 - share). If the share reaches 1, no load keeps
+the solids apart, and they jump into closer contact [boundary elements agree: Pastewka and Robbins, Proc.
+Natl. Acad. Sci. 111, 3298 (2014), doi:10.1073/pnas.1320846111].
 
-Under no load, with U of s = S P, the least energy is the work that separates the solids again,
+At zero load, with U for s = S P, the work that separates the solids is
 
 .. math:: W = \max_{p_1}\big[\Delta\gamma A - \tfrac{\pi}{2}\,scale \int (s - \tfrac12 x s')\,dU\big] \ge 0
 
-With x of all wavevectors growing as the load, s = S P and the terms of the separation
+x is proportional to the load at all wavevectors. With s = S P and the terms of the separation
 
 .. math:: -p\,u' = \frac{\pi}{2}\frac{scale}{p}\int x s'\,dU,\qquad
           p^2 u'' = \frac{\pi}{2}\frac{scale}{p}\int (x s' - x^2 s'')\,dU
@@ -42,21 +43,20 @@ from rubberfric.theory.area.partial_contact import (
     energy_factor,
 )
 
-# Loads that are tried, by an even share of their logarithm, for where the first solution lies, and nodes in
-# one there.
+# Number of loads, evenly spaced in their logarithm, that bracket the first solution, and nodes per interval.
 _LOADS, _LUMP = 24, 24
 
-# x of all the roughness where nothing is left to come into contact: 1 - P = 1e-29.
+# x of all the roughness in full contact: 1 - P = 1e-29.
 _FULL = 8.0
 
-# For the work of separation: x from which on, loads that are tried, and how often about the best of them.
+# For the work of separation: smallest x, number of loads tried, and number of refinements about the best.
 _LIGHT, _TRIED, _ROUNDS = 1e-4, 32, 6
 
 
 class Unloading(NamedTuple):
-    """What the energy depends on at a point; nodes in a row."""
+    """Data of the energy at a point; nodes lie along one axis."""
 
-    x: jax.Array  # under sigma_0
+    x: jax.Array  # at sigma_0
     storage: jax.Array  # terms of U [m]
     end: jax.Array  # x of all the roughness
     stiffness: jax.Array  # scale over sigma_0
@@ -65,28 +65,28 @@ class Unloading(NamedTuple):
     correction: CorrectionTable | None
 
 
-# Axes of points.
+# Axes of the points.
 _POINTS = Unloading._make([0, 0, 0, 0, 0, None, None])
 
 
 def solve_energy_criterion(unloading: Unloading) -> AdhesiveLoad:
-    """Solve for the load that makes the same area without adhesion.
+    """Solve for the load that gives the same area without adhesion.
 
     Parameters
     ----------
-    unloading : Unloading of points, which are the first axis of its arrays; gamma and correction are of all
+    unloading : Unloading, with points along the first axis; gamma and correction are common to all points
 
     Returns
     -------
-    AdhesiveLoad, the least of several loads, which approaching solids reach first; that of full contact if
-    there is none. Derivatives are implicit.
+    AdhesiveLoad. The smallest of several loads, which approaching solids reach first; full contact if there
+    is no solution. Derivatives are implicit.
     """
     still = jax.lax.stop_gradient(unloading)
     solution, full, converged = jax.vmap(_solved, (_POINTS,))(still)
 
     def balance(z):
         found = jax.vmap(_excess, (_POINTS, 0))(unloading, z[:, 0])
-        # Full contact has no load of its own: one that is large enough, which nothing moves.
+        # Full contact: a sufficiently large load, with zero derivative.
         return jnp.where(full, solution, z[:, 0] - found)[:, None]
 
     z = implicit(balance, solution[:, None])[:, 0]
@@ -95,7 +95,7 @@ def solve_energy_criterion(unloading: Unloading) -> AdhesiveLoad:
 
 
 def _solved(point):
-    """The least solution, whether it is full contact, and whether it was found.
+    """Return the smallest solution, True if it is full contact, and True if it was found.
 
     Loads are logarithms of p_1 over sigma_0.
     """
@@ -109,9 +109,9 @@ def _solved(point):
 
 
 def _lumped(point):
-    """Neighbouring nodes as two, of the same mean and variance of x.
+    """Replace neighbouring nodes by two nodes with the same mean and variance of x.
 
-    What is hardly in contact goes as x, and what is nearly in full contact as exp(-x^2).
+    Terms are proportional to x in light contact, and to exp(-x^2) near full contact.
     """
     missing = -point.x.shape[-1] % _LUMP
     x, storage = (jnp.pad(row, (0, missing)).reshape(-1, _LUMP) for row in (point.x, point.storage))
@@ -124,10 +124,10 @@ def _lumped(point):
 
 
 def _excess(point, z):
-    """(p_1 - sigma_0) / p_1 less the share of p_1 that adhesion bears."""
+    """Return (p_1 - sigma_0) / p_1 minus the share of p_1 that adhesion bears."""
     rise, _, bend = _slopes(point, z)
-    # S of small gamma may let the energy of a contact fall short of convex, and next to full contact both are
-    # 0: such a load holds nothing apart. 1 / bend^2, of the derivative, must be a number.
+    # With small gamma the energy may not be convex, and near full contact both terms are 0; such a load does
+    # not keep the solids apart. 1 / bend^2 in the derivative must be finite.
     apart = (bend > jnp.finfo(bend.dtype).tiny ** 0.5) & (rise > 0)
     rise, bend = (jnp.where(apart, x, 1.0) for x in (rise, bend))
     share = jnp.sqrt(point.gain * (rise * jnp.exp(-z)) / bend)
@@ -135,7 +135,7 @@ def _excess(point, z):
 
 
 def _slopes(point, z):
-    """p A', -p u' and p^2 u'' of contact without adhesion at a load of which z is the logarithm."""
+    """Return p A', -p u' and p^2 u'' of contact without adhesion at the load e^z."""
     x, P, bell, slope = _nodes(point, z)
     bend = slope * (1 + 2 * x * x) - 6 * (1 - point.gamma) * P * (x * bell) ** 2
     weight = jnp.pi / 2 * (point.stiffness * jnp.exp(-z)) * point.storage
@@ -147,20 +147,20 @@ def _slopes(point, z):
 
 
 def _nodes(point, z):
-    """Of the nodes x, P, its derivative, and x s'."""
+    """Return x, P, its derivative and x s' at the nodes."""
     x = jnp.minimum(point.x * jnp.exp(z), 2 * _FULL)
     P, bell = contact_fraction(x), TWO_OVER_ROOT_PI * jnp.exp(-x * x)
     return x, P, bell, x * bell * (point.gamma + 3 * (1 - point.gamma) * P * P)
 
 
 def _ends(point, z):
-    """X of all the roughness, plain and with S in G."""
+    """Return x of all the roughness, plain and with S in G."""
     x = jnp.minimum(point.end * jnp.exp(z), 2 * _FULL)
     return x, x if point.correction is None else correct_argument(point.correction, x)
 
 
 def work_at_constant_area(unloading: Unloading) -> jax.Array:
-    """W over the pressure of `Unloading`, of which it does not depend otherwise [m], (points,)."""
+    """Return W over the pressure of `Unloading`, on which W itself does not depend [m], (points,)."""
     return jax.vmap(_work, (_POINTS,))(unloading)
 
 
@@ -178,5 +178,5 @@ def _work(point):
 
     ends = jnp.log(_LIGHT / point.end), jnp.log(_FULL / point.end)
     low, high = jax.lax.stop_gradient(jax.lax.fori_loop(0, _ROUNDS, closer, ends))
-    # Next to the largest it moves with its square alone, and so do derivatives with what moves the load.
+    # At the maximum the error is quadratic in the load, so the derivative of the load is not needed.
     return jnp.maximum(gained(0.5 * (low + high)), 0.0)

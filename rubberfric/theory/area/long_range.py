@@ -16,7 +16,7 @@ separations are Gaussian with the mean u_1(q) and the width h(q) of
           + \int (-dP)\, \langle e^{-u/r}\rangle_{u_1(q), h(q)}\Big]
 
 p_ad increases with p_rep and lies between 0 and the work over r. Therefore at least one solution lies between
-sigma_0 and sigma_0 + work / r. The least of several is returned: approaching solids reach it first.
+sigma_0 and sigma_0 + work / r. The smallest of several is returned, which approaching solids reach first.
 
 u_1 contains the integral of k over U beyond q. It is evaluated by parts, with x_1 at q1 and V = U(q) - U(q'):
 
@@ -98,7 +98,7 @@ def solve_dmt_load(gaps: Gaps, order: int) -> AdhesiveLoad:
 
     Returns
     -------
-    AdhesiveLoad, of the least load if there are several; derivatives are implicit
+    AdhesiveLoad, with the smallest load if there are several; derivatives are implicit
     """
     count = _counts(order)
     still = jax.lax.stop_gradient(gaps)
@@ -174,7 +174,7 @@ def _outer_nodes(stiffness, g_end, count):
 
 
 def _separations(gaps, beyond, stiffness, at, X, count):
-    """Return u1 and h from so many inner nodes; `at`: g and g_end - g."""
+    """Return u1 and h from `count` inner nodes; `at` is (g, g_end - g)."""
     g, rest = at
     node, weight = (typed(table, g) for table in gauss(count))
     cell = _find_cells(beyond.knots, g)

@@ -24,15 +24,15 @@ EULER = 0.57721566490153286
 
 
 class AdhesiveLoad(NamedTuple):
-    """Contact that adhesion presses together as a load would, (points,)."""
+    """Adhesion as an equivalent load, (points,)."""
 
-    load: jax.Array  # that makes it without adhesion, over sigma_0
+    load: jax.Array  # load over sigma_0 that gives the same contact without adhesion
     converged: jax.Array
-    lift: jax.Array | None = None  # how much the solids are further apart than under that load [m]
+    lift: jax.Array | None = None  # excess of the separation over that under this load [m]
 
 
 def _largest(dtype):
-    """x beyond which 1 - P, e^(-x^2) and Psi are zero to the last bit of the dtype."""
+    """Return the x above which 1 - P, e^(-x^2) and Psi are zero to the last bit of the dtype."""
     return 27.0 if dtype == jnp.float64 else 10.0
 
 
@@ -45,7 +45,7 @@ def contact_argument(G: jax.Array) -> jax.Array:
     G : >= 0 [-], any shape
     """
     dtype = jnp.result_type(G)
-    # No roughness at all (G = 0) gives the largest x.
+    # G = 0 (no roughness) gives the largest x.
     root = jnp.maximum(jnp.sqrt(G), 0.5 / _largest(dtype))
     if dtype == jnp.float32:
         # At very light load G is infinite there: x must not be 0, because the separation takes its logarithm.
@@ -56,7 +56,7 @@ def contact_argument(G: jax.Array) -> jax.Array:
 @contact_argument.defjvp
 def _contact_argument_jvp(primals, tangents):
     # dx = -2 x^3 dG stays finite at G = 0, where the chain rule has 0 * inf and e^(-x^2) = 0 follows.
-    # In this order of factors nothing underflows in float32 where x is small and dG large.
+    # This order of factors does not underflow in float32 for small x and large dG.
     x = contact_argument(*primals)
     return x, -2 * (x * tangents[0] * x) * x
 
@@ -86,23 +86,23 @@ def separation_weight(x: jax.Array, gamma: jax.Array | float) -> jax.Array:
               \Psi = \int_x^\infty \frac{s'(t)}{t} dt,\quad
               s = \gamma\,\mathrm{erf} + (1-\gamma)\,\mathrm{erf}^3
 
-    P depends on the pressure p through x = p / (2 sigma_0 sqrt G) alone.
+    P depends on the pressure p only through x = p / (2 sigma_0 sqrt G).
 
-    Limits: good to 1e-11 relative to Psi(1); 0 < x <= 27.
+    Limits: error 1e-11 relative to Psi(1); 0 < x <= 27.
     """
     tables = {name: typed(table, x) for name, table in _psi_tables().items()}
     z = x * x
     # Each branch is evaluated inside its own range only, so that neither overflows.
     low = jnp.minimum(z, 2.0)
     small = _polynomial((1 - gamma) * tables["Q"] + gamma * tables["Ein"], low - 1)
-    # Of x, whose square leaves float32.
+    # Compare x, because its square overflows float32.
     log_low = 2 * jnp.log(jnp.minimum(x, math.sqrt(2)))
     small = small - gamma / math.sqrt(math.pi) * (EULER + log_low)
     high = jnp.maximum(z, 2.0)
     decay = jnp.exp(-high)
     u = _to_unit((high - 2) / (high + 2), *tables["h1_range"])
     plain = _polynomial(tables["h1"], u)
-    # Beyond x = 5.5 the next term has decayed to e^-30 of the first.
+    # Above x = 5.5 the next term is e^-30 of the first.
     u = _to_unit(jnp.clip(x, math.sqrt(2), 5.5), *tables["h3_range"])
     root = jnp.maximum(x, math.sqrt(2))
     correction = _polynomial(tables["h3"], u) * decay / root

@@ -1,7 +1,7 @@
-r"""Where contact is lost at each length scale, and how the separations spread about it.
+r"""Loss of contact at each length scale, and the distribution of the separations.
 
-Seen at the wavevector q the solids touch over P(q), and the gaps that finer roughness opens there have the
-volume u_bar P. The area that leaves contact at q takes u1 of it [Yang & Persson, J. Phys.: Condens. Matter
+At the wavevector q the solids touch over P(q). Finer roughness opens gaps there with the volume u_bar P. The
+area that leaves contact at q has the mean separation u1 [Yang & Persson, J. Phys.: Condens. Matter
 20, 215214 (2008), doi:10.1088/0953-8984/20/21/215214], with G(q) = 1/(4 X^2), P = erf X:
 
 .. math:: u_1 = \frac{d[\bar u P]}{dP} = \frac{\pi}{2}\frac{scale}{\sigma_0} P\int_q^{q_1} k(x)\, dU,\qquad
@@ -9,9 +9,9 @@ volume u_bar P. The area that leaves contact at q takes u1 of it [Yang & Persson
           \langle\mathrm{Re}F_j\rangle
 .. math:: k = x\Psi + x s' + c\,x^2\,(x s' - x\Psi),\qquad c = \frac{\sqrt\pi}{2}\frac{P^3}{X^3}e^{X^2}
 
-the derivative of the mean separation of the roughness beyond q under the pressure sigma_0 / P; s = S P.
-About u1 the separations of that area have the heights beyond q as Gaussian, reflected at contact
-[Almqvist, Campana, Prodanov & Persson, J. Mech. Phys. Solids 59, 2355 (2011),
+This is the derivative of the mean separation of the roughness above q under the pressure sigma_0 / P; s = S
+P. The separations of that area have a Gaussian distribution about u1 with the heights above q, reflected at
+contact [Almqvist, Campana, Prodanov & Persson, J. Mech. Phys. Solids 59, 2355 (2011),
 doi:10.1016/j.jmps.2011.08.004].
 """
 
@@ -28,24 +28,24 @@ from jax.scipy.special import erf, erfc
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.theory.area.partial_contact import TWO_OVER_ROOT_PI, contact_fraction, separation_weight
 
-# X beyond which no area is left that could leave contact (1 - P = 2e-17, float32: 1e-7) and c would overflow.
+# X above which no area can leave contact (1 - P = 2e-17, float32: 1e-7) and c would overflow.
 _NOTHING_LOST = 6.0
 
-# Terms of the asymptotic series of erfcx beyond the border: 1e-15 there.
+# Number of terms of the asymptotic series of erfcx above the border, where its error is 1e-15.
 _BORDER, _TERMS = 8.0, 14
 
-# Entries of the table of k, from x = 1e-6 to 5.4, where 1e-12 is left of it.
+# Entries of the table of k, from x = 1e-6 to 5.4, where k is 1e-12 of its maximum.
 _LOWEST, _STEP, _ENTRIES = -14.0, 0.01, 1570
 
 
 def loss_factor(X: jax.Array) -> jax.Array:
-    """The factor c of where contact is lost; 4/pi at light load, and held beyond X = 6."""
+    """Return the factor c; 4/pi at light load, constant above X = 6."""
     X = jnp.minimum(X, _NOTHING_LOST)
     return 0.5 * math.sqrt(math.pi) * (contact_fraction(X) / X) ** 3 * jnp.exp(X * X)
 
 
 def loss_weight(x: jax.Array, c: jax.Array, gamma: jax.Array | float) -> jax.Array:
-    """The weight k(x) of where contact is lost; 0 at x = 27."""
+    """Return the weight k(x); 0 at x = 27."""
     P = erf(x)
     slope = x * TWO_OVER_ROOT_PI * jnp.exp(-x * x) * (gamma + 3 * (1 - gamma) * P * P)
     gap = separation_weight(x, gamma)
@@ -53,20 +53,20 @@ def loss_weight(x: jax.Array, c: jax.Array, gamma: jax.Array | float) -> jax.Arr
 
 
 def cubic(t: jax.Array, f0: jax.Array, f1: jax.Array, d0: jax.Array, d1: jax.Array) -> jax.Array:
-    """Cubic Hermite polynomial at a share t of a cell, of its values and of its slopes times its width."""
+    """Evaluate a cubic Hermite polynomial at the share t of a cell, from values and slopes times width."""
     rise = f1 - f0
     return f0 + t * (d0 + t * (3 * rise - 2 * d0 - d1 + t * (d0 + d1 - 2 * rise)))
 
 
 class LossTable(NamedTuple):
-    """The slope -dk / d ln x at uniform ln x: the part without c, the factor of c, and their slopes."""
+    """The slope -dk / d ln x at uniform ln x: part without c, factor of c, and their slopes."""
 
     gamma: jax.Array
-    value: jax.Array  # for this gamma, (2, entries)
+    value: jax.Array  # for one gamma, (2, entries)
     slope: jax.Array  # times the step
 
     def __call__(self, log_x: jax.Array, c: jax.Array) -> jax.Array:
-        """Return the slope at x, 0 where x > 5.4; error 3e-8 of its largest value."""
+        """Return the slope at x, 0 for x > 5.4; the error is 3e-8 of the maximum."""
         return _fall(self.gamma, jax.lax.stop_gradient((self.value, self.slope)), log_x, c)
 
 
@@ -113,7 +113,7 @@ def loss_table(gamma: jax.Array) -> LossTable:
 
 @functools.cache
 def _loss_tables():
-    """Values and slopes of both parts for gamma = 0 and 1, (2, 2, 2, entries)."""
+    """Return values and slopes of both parts for gamma = 0 and 1, (2, 2, 2, entries)."""
     log_x = _LOWEST + _STEP * np.arange(_ENTRIES)
     x = np.exp(log_x)
     node, weight = gauss(12)
@@ -121,7 +121,7 @@ def _loss_tables():
     for gamma in (0.0, 1.0):
         one, two, three = _energy_slopes(x, gamma)
         between = np.exp(log_x[:-1, None] + _STEP * node)
-        # Beyond the last entry nothing is left of it.
+        # The slope is 0 beyond the last entry.
         steps = _STEP * _energy_slopes(between, gamma)[0] @ weight
         gap = x * np.append(np.cumsum(steps[::-1])[::-1], 0.0)
         one, two, three = x * one, x**2 * two, x**3 * three
@@ -134,7 +134,7 @@ def _loss_tables():
 
 
 def _energy_slopes(x, gamma):
-    """The first three derivatives of s."""
+    """Return the first three derivatives of s."""
     P, bell = scipy.special.erf(x), TWO_OVER_ROOT_PI * np.exp(-x * x)
     one = bell * (gamma + 3 * (1 - gamma) * P**2)
     two = -2 * x * one + 6 * (1 - gamma) * P * bell**2
@@ -142,7 +142,7 @@ def _energy_slopes(x, gamma):
 
 
 def spread(separation: jax.Array, width: jax.Array, reach: jax.Array) -> jax.Array:
-    r"""Mean of exp(-u / reach) over a Gaussian about a separation, reflected at 0.
+    r"""Return the mean of exp(-u / reach) over a Gaussian about a separation, reflected at 0.
 
     .. math:: \tfrac12 e^{-t^2/2}\big[\mathrm{erfcx}\tfrac{a - t}{\sqrt2}
               + \mathrm{erfcx}\tfrac{a + t}{\sqrt2}\big],\qquad a = \frac{h}{r},\quad t = \frac{u}{h}
@@ -153,11 +153,11 @@ def spread(separation: jax.Array, width: jax.Array, reach: jax.Array) -> jax.Arr
     reach : r > 0 [m]
     """
     a, t = width / reach, separation / width
-    # Its square must stay a number in float32; the exponential is 0 long before.
+    # The square must be finite in float32; the exponential is 0 for much smaller arguments.
     bell = jnp.exp(-0.5 * jnp.minimum(t, 1e3) ** 2)
     below = t < a
     near = bell * scaled_erfc(jnp.where(below, a - t, 0.0) / math.sqrt(2))
-    # Elsewhere the two exponents are joined before they overflow.
+    # Otherwise the two exponents are added before they overflow.
     joined = jnp.where(below, 0.0, a * (0.5 * a - t))
     far = jnp.exp(joined) * erfc(jnp.where(below, 0.0, a - t) / math.sqrt(2))
     return 0.5 * (jnp.where(below, near, far) + bell * scaled_erfc((a + t) / math.sqrt(2)))
@@ -165,7 +165,7 @@ def spread(separation: jax.Array, width: jax.Array, reach: jax.Array) -> jax.Arr
 
 def scaled_erfc(z: jax.Array) -> jax.Array:
     """Return erfcx(z) = exp(z^2) erfc(z) for z >= 0."""
-    # jax.scipy.special.erfcx of jax 0.10 is 0 from z = 26.6 on, in float32 from 9.4 on.
+    # jax.scipy.special.erfcx of jax 0.10 is 0 above z = 26.6, in float32 above 9.4.
     low = jnp.minimum(z, _BORDER)
     high = jnp.maximum(z, _BORDER)
     step, series = -0.5 / (high * high), jnp.ones_like(high)

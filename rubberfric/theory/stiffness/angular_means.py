@@ -2,13 +2,13 @@ r"""Angular integrals of the series stiffness over the direction of sliding.
 
 For F(omega), omega = q v cos(phi), three means over phi:
 
-    power       <|F|^2>            enters G
-    dissipation <cos(phi) Im F>    enters mu
-    storage     <Re F>             enters u_bar
+    mean_abs2      <|F|^2>            enters G
+    mean_cos_loss  <cos(phi) Im F>    enters mu
+    mean_storage   <Re F>             enters u_bar
 
-and for anisotropic roughness their harmonics: the same with cos(2 m phi), and <sin(phi) Im F
-sin(2 m phi)>, the transverse friction. In closed form for Prony series, by the residues at
-s = i omega = 1/tau_i: with a_i = q v tau_i and r_i = sqrt(1 + a_i^2),
+Anisotropic roughness also needs their harmonics, the means times cos(2 m phi), and <sin(phi) Im F sin(2 m
+phi)>, the transverse friction. For Prony series the residues at s = i omega = 1/tau_i give closed forms, with
+a_i = q v tau_i and r_i = sqrt(1 + a_i^2),
 
 .. math:: \langle|F|^2\rangle = F_\infty^2 + 2\sum_i F_i F(s = 1/\tau_i)\,(1 - 1/r_i)
 .. math:: \langle\cos\varphi\,\mathrm{Im} F\rangle = \sum_i F_i \frac{a_i}{r_i (1 + r_i)},\qquad
@@ -17,7 +17,7 @@ s = i omega = 1/tau_i: with a_i = q v tau_i and r_i = sqrt(1 + a_i^2),
 .. math:: \left\langle\frac{a^2\cos^2\varphi}{1 + a^2\cos^2\varphi}\cos 2m\varphi\right\rangle
           = \frac{(-1)^{m-1}}{r}\rho^m,\qquad \rho = \left(\frac{a}{1+r}\right)^2
 
-One square root and one division for each node, term and velocity: no angular grid.
+They take one square root and one division for each node, term and velocity, without an angular grid.
 """
 
 import functools
@@ -29,15 +29,15 @@ import jax.numpy as jnp
 from rubberfric.materials.material import clip_for_square
 from rubberfric.theory.structure import RequiredMeans
 
-# By kind, "mean_abs2", "mean_cos_loss", "mean_storage" and "mean_sin_loss": one array, but of <|F|^2> two,
-# <F'^2> and <F''^2>, where they are needed apart.
+# By kind, "mean_abs2", "mean_cos_loss", "mean_storage" and "mean_sin_loss": one array each. <|F|^2> has two,
+# <F'^2> and <F''^2>, if they are needed separately.
 Means = dict[str, tuple[jax.Array, ...]]
-# Shares (c_m, s_m) of the harmonics of anisotropic roughness, m = 1, 2, ... along their first axis.
+# Shares (c_m, s_m) of the harmonics of anisotropic roughness, m = 1, 2, ... along the first axis.
 Harmonics = tuple[jax.Array, jax.Array]
 
 
 class PronyStiffness(NamedTuple):
-    """F(s) = rest + sum_i weight_i s tau_i / (1 + s tau_i), of every node or of all of them."""
+    """F(s) = rest + sum_i weight_i s tau_i / (1 + s tau_i), for each node or common to all nodes."""
 
     rest: jax.Array  # [-], shape () or (nodes,)
     weight: jax.Array  # [-], shape (n,) or (nodes, n)
@@ -45,23 +45,23 @@ class PronyStiffness(NamedTuple):
 
     @property
     def by_node(self) -> bool:
-        """Whether every node has its own."""
+        """Return True if F differs between nodes."""
         return self.tau.ndim > 1
 
     def means(
         self, qv: jax.Array, needs: RequiredMeans, split: bool = False, harmonics: Harmonics | None = None
     ) -> Means:
-        """Means of F for roughness passing at q v.
+        """Return the means of F for roughness that passes with q v.
 
         Parameters
         ----------
-        qv : q v a_T [1/s], any shape, (points, nodes) if every node has its own F; negative for
+        qv : q v a_T [1/s], any shape; (points, nodes) if F differs between nodes; negative for
             reversed sliding
         needs : RequiredMeans
-        split : whether <F'^2> and <F''^2> are needed apart
-        harmonics : shares (c_m, s_m) of the harmonics, which are added to the means, shape (harmonics,)
-            each, or (harmonics, ...) broadcastable with qv where they depend on q; None: there are
-            none. Not with split.
+        split : True if <F'^2> and <F''^2> are needed separately
+        harmonics : shares (c_m, s_m) of the harmonics, or None. They are added to the means. Shape
+            (harmonics,) each, or (harmonics, ...) broadcastable with qv if they depend on q. Not
+            with split.
 
         Returns
         -------
@@ -90,7 +90,7 @@ def _closed_form(F, qv, needs):
 
 
 def _with_harmonics(F, qv, needs, harmonics, means):
-    """The closed forms with their harmonics added."""
+    """Return the closed forms with their harmonics added."""
     weights = dict.fromkeys(needs.kinds, F.weight)
     if needs.mean_abs2:
         weights["mean_abs2"] = 2 * F.weight * _at_own_rates(F)
@@ -102,7 +102,7 @@ def _with_harmonics(F, qv, needs, harmonics, means):
 
 @jax.custom_jvp
 def _sums_of_harmonics(qv, tau, weights, harmonics):
-    """What the harmonics add to the means; terms along the first axis of tau and of the weights."""
+    """Return the sums of the harmonics; terms lie along the first axis of tau and the weights."""
     return {kind: jnp.sum(x, 0) for kind, x in _terms_of_harmonics(qv, tau, weights, harmonics).items()}
 
 
@@ -110,7 +110,7 @@ def _sums_of_harmonics(qv, tau, weights, harmonics):
 def _sums_of_harmonics_jvp(primals, tangents):
     qv, tau, weights, harmonics = primals
 
-    # Term by term, and again for the gradient: arrays of terms x points would be stored by the dozen.
+    # Term by term, recomputed for the gradient, because dozens of arrays of terms x points would be stored.
     @functools.partial(jax.checkpoint, prevent_cse=False)
     def add(sums, term):
         (tau, weights), (tau_dot, weights_dot) = term
@@ -123,7 +123,7 @@ def _sums_of_harmonics_jvp(primals, tangents):
 
 
 def _terms_of_harmonics(qv, tau, weights, harmonics):
-    """Terms of the first harmonic, and what the others make of them by Horner's scheme."""
+    """Return terms of the first harmonic, and factors of the others by Horner's scheme."""
     _, sine, r, _ = _relaxation_parts(tau * qv)
     quotient = sine * r  # a / (1 + r), at most 1
     ratio = quotient**2
@@ -137,7 +137,7 @@ def _terms_of_harmonics(qv, tau, weights, harmonics):
 
 @jax.custom_jvp
 def _series(coefficients, x):
-    """Polynomial in x, its coefficients ascending along their first axis."""
+    """Evaluate a polynomial in x, with coefficients ascending along the first axis."""
     value = jnp.zeros_like(x)
     for c in coefficients[::-1]:
         value = value * x + c
@@ -146,7 +146,7 @@ def _series(coefficients, x):
 
 @_series.defjvp
 def _series_jvp(primals, tangents):
-    # Only the slope is kept for reverse mode, not every step.
+    # Reverse mode keeps only the slope, not every step.
     coefficients, x = primals
     order = jnp.arange(1, coefficients.shape[0], dtype=x.dtype)
     slope = _series(order.reshape(-1, *(1,) * (coefficients.ndim - 1)) * coefficients[1:], x)
@@ -154,7 +154,7 @@ def _series_jvp(primals, tangents):
 
 
 def _split_form(F, qv, needs):
-    r"""The same with the power in two, sums over pairs of terms, all positive.
+    r"""Return the means with <|F|^2> in two parts, as sums over pairs of terms, all positive.
 
     .. math:: \langle F''^2\rangle = \sum_{ij} \frac{F_i F_j s_i s_j}{r_i + r_j},\quad s = \frac{a}{r},\qquad
               \langle F'^2\rangle = \Big(F_\infty + \sum_i F_i o_i\Big)^2
@@ -177,17 +177,17 @@ def _split_form(F, qv, needs):
 
 @jax.custom_jvp
 def _pairs(x, r):
-    """sum_ij x_i x_j / (r_i + r_j)."""
+    """Return sum_ij x_i x_j / (r_i + r_j)."""
     total = 0.0
     for i in range(r.shape[0]):
-        # The pairs i < j twice.
+        # Pairs i < j count twice.
         total = total + x[i] * (2 * jnp.sum(x[i:] / (r[i] + r[i:]), 0) - x[i] / (2 * r[i]))
     return total
 
 
 @_pairs.defjvp
 def _pairs_jvp(primals, tangents):
-    # Row by row, so that reverse mode keeps two numbers for each term instead of one for each pair.
+    # Row by row, so that reverse mode keeps two numbers per term instead of one per pair.
     (x, r), (dx, dr) = primals, tangents
     rows = [1 / (r[i] + r) for i in range(r.shape[0])]
     first = jnp.stack([jnp.sum(x * share, 0) for share in rows])
@@ -197,7 +197,7 @@ def _pairs_jvp(primals, tangents):
 
 @jax.custom_jvp
 def _sums(weights, tau, qv):
-    """Sums over the terms at every q v, in one pass: nothing of the size terms x points is stored."""
+    """Return sums over the terms at every q v in one pass, without an array of terms x points."""
     front = (slice(None), *(None,) * qv.ndim)
     return _sums_of_rows({name: weight[front] for name, weight in weights.items()}, tau[front] * qv)
 
@@ -208,14 +208,14 @@ def _sums_jvp(primals, tangents):
 
 
 def _sums_as_products(weights, tau, qv):
-    """The same as matrix products over one long row of points: slower, but its derivative is quicker."""
+    """Return the sums as matrix products over a row of points: slower, with a faster derivative."""
     one, sine = _relaxation(tau[:, None] * qv.reshape(-1))
     parts = {"mean_abs2": one, "mean_cos_loss": sine, "mean_storage": one}
     return {name: (weight @ parts[name]).reshape(qv.shape) for name, weight in weights.items()}
 
 
 def _sums_of_rows(weights, a):
-    """Sums over the first axis."""
+    """Return sums over the first axis."""
     one, sine = _relaxation(a)
     parts = {"mean_abs2": one, "mean_cos_loss": sine, "mean_storage": one}
     return {name: jnp.sum(weight * parts[name], 0) for name, weight in weights.items()}
@@ -223,14 +223,14 @@ def _sums_of_rows(weights, a):
 
 @jax.custom_jvp
 def _relaxation(a):
-    """1 - 1/r and a / (r (1 + r)) for r = sqrt(1 + a^2), the first without cancellation."""
+    """Return 1 - 1/r and a / (r (1 + r)) for r = sqrt(1 + a^2), without cancellation."""
     return _relaxation_parts(a)[:2]
 
 
 @_relaxation.defjvp
 def _relaxation_jvp(primals, tangents):
-    # d(1 - 1/r) = a/r^3 da and d sine = (1/r^3 - 1/(r (1 + r))) da: products only, where
-    # differentiating the expressions themselves would divide and take roots again.
+    # d(1 - 1/r) = a/r^3 da and d sine = (1/r^3 - 1/(r (1 + r))) da need only products. Differentiating the
+    # expressions would repeat divisions and roots.
     one, sine, r, inverse = _relaxation_parts(*primals)
     cube = (inverse * (1 + r)) ** 3
     return (one, sine), (primals[0] * cube * tangents[0], (cube - inverse) * tangents[0])
@@ -245,10 +245,10 @@ def _relaxation_parts(a):
 
 
 def _at_own_rates(F):
-    """F(s = 1/tau_i) = F_inf + sum_j F_j tau_j / (tau_i + tau_j), shape of the weights."""
+    """Return F(s = 1/tau_i) = F_inf + sum_j F_j tau_j / (tau_i + tau_j), with the shape of the weights."""
     tau = F.tau
-    # tau_j / (tau_i + tau_j) through logarithms: 40 decades of tau leave float32 otherwise,
-    # in the value or in the derivative.
+    # tau_j / (tau_i + tau_j) by logarithms, because 40 decades of tau overflow float32 in the value or the
+    # derivative.
     log_tau = jnp.log(tau)
     share = jax.nn.sigmoid(log_tau[..., None, :] - log_tau[..., :, None])
     rest = F.rest if tau.ndim == 1 else F.rest[:, None]

@@ -5,10 +5,10 @@ The mean over the circle of f(ln(omega cos(phi))) is a convolution, with s = -ln
 .. math:: \langle f\rangle(x) = \frac{2}{\pi}\int_0^{\pi/2} f(x - s(\varphi))\,d\varphi
           = \frac{2}{\pi}\int_0^\infty f(x - \ln\cosh t)\,\frac{dt}{\cosh t}
 
-On a grid of which f is known at the entries only, f is the local polynomial through `_POINTS` of them: a
-weight for each of the entries before x (`circle_weights`), constants of the step. Where f can be had
-anywhere, the trapezoidal rule in t converges faster than any power of the step, as the integrand is even
-(`circle_rule`).
+If f is known on a grid only, it is interpolated by the local polynomial through `_POINTS` entries. The mean
+is then a weighted sum of the entries before x, with weights that depend only on the step (`circle_weights`).
+If f can be evaluated anywhere, the trapezoidal rule in t converges faster than any power of the step,
+because the integrand is even (`circle_rule`).
 """
 
 import functools
@@ -23,44 +23,44 @@ from numpy.polynomial import Chebyshev, Polynomial
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.theory.stiffness.splines import with_neighbours
 
-# Points of a local polynomial, of which as many lie on either side; entries after x that its mean hangs on.
+# Points of a local polynomial, half of them on either side; entries after x on which the mean depends.
 _POINTS = 20
 LEAD = _POINTS // 2 - 1
 
-# How far down the circle is followed: e^-36 of it is left out.
+# Largest s; the share e^-36 of the circle beyond it is neglected.
 _DEPTH = 36.0
 
-# Beyond this s the weights are sums of a few powers of e^-s; with harmonics the powers cancel before.
+# Above this s the weights are sums of a few powers of e^-s; with harmonics the powers cancel earlier.
 _FAR, _FAR_OF_HARMONICS = 0.8, 1.6
 
 
 class Weights(NamedTuple):
-    """Weights of means over the circle, a row for each; arrays of NumPy, or of jax where they are mixed."""
+    """Weights of means over the circle, one row for each; arrays of NumPy, or of jax if mixed."""
 
     near: np.ndarray | jax.Array  # of f(x - m step), m = -LEAD ... 2 block - 1, (rows, 2 block + LEAD)
-    far: np.ndarray | jax.Array  # coefficients of e^-ps, p = parity, parity + 2, ..., from block + 1 on
+    far: np.ndarray | jax.Array  # coefficients of e^-ps, p = parity, parity + 2, ..., from block + 1
     parity: np.ndarray  # 1 or 2
 
     def mixed(self, shares: jax.Array) -> "Weights":
-        """One row: the first, and the others by their shares."""
+        """Return one row: the first plus the others times their shares."""
         near, far = ((rows[0] + shares @ rows[1:])[None] for rows in self[:2])
         return Weights(near, far, self.parity)
 
 
 def depth(step: float) -> int:
-    """How many entries before x its mean hangs on."""
+    """Return the number of entries before x on which the mean depends."""
     return math.ceil(_DEPTH / step)
 
 
 @functools.lru_cache(maxsize=64)
 def circle_weights(step: float, harmonics: int) -> tuple[Weights, Weights, Weights]:
-    """Weights of <f> and its harmonics <f cos 2 m phi>, of <cos(phi) f> and its, and those across.
+    """Return weights of <f>, <cos(phi) f> and their harmonics (times cos 2 m phi), and transverse ones.
 
-    Those across are <sin(phi) sin(2 m phi) f>, their first row zero.
+    The transverse means are <sin(phi) sin(2 m phi) f>; their first row is zero.
     """
     count = depth(step)
     node, weight = gauss(24 + harmonics // 2)
-    # psi = pi/2 - phi at the entries: far down it has the digits that phi has not.
+    # psi = pi/2 - phi at the entries; near pi/2 it keeps the digits that phi loses.
     psi = np.arcsin(np.exp(-step * np.arange(count + 1)))
     left, right = psi[1:], psi[:-1]
     psi = left[:, None] + (right - left)[:, None] * node
@@ -82,10 +82,10 @@ def circle_weights(step: float, harmonics: int) -> tuple[Weights, Weights, Weigh
 
 
 def _powers(weights, step, first, parity, harmonics):
-    """Coefficients of e^-ps in the weights of entries from `first` on, p = parity, parity + 2, ..."""
+    """Return coefficients of e^-ps in the weights of entries from `first`, p = parity, parity + 2, ..."""
     s = step * (first + np.arange(len(weights)))
     y = np.exp(-2 * s)
-    # All powers of y weigh alike in the fit of the weights over their first power.
+    # The fit of the weights over their first power treats all powers of y equally.
     degree = 14 + harmonics // 3
     fit = Chebyshev.fit(y, weights * np.exp(parity * s), degree, domain=[0, y[0]])
     found = fit.convert(kind=Polynomial, domain=[-1, 1], window=[-1, 1]).coef
@@ -93,13 +93,13 @@ def _powers(weights, step, first, parity, harmonics):
 
 
 def harmonic(m: int, psi: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """cos(2 m phi), and sin(phi) sin(2 m phi), at phi = pi/2 - psi."""
+    """Return cos(2 m phi) and sin(phi) sin(2 m phi) at phi = pi/2 - psi."""
     sign = (-1.0) ** m
     return sign * np.cos(2 * m * psi), -sign * np.sin(2 * m * psi) * np.cos(psi)
 
 
 def _lagrange(share):
-    """Weights of the points -LEAD ... _POINTS - 1 - LEAD in the polynomial at 0 <= share <= 1."""
+    """Return weights of the points -LEAD ... _POINTS - 1 - LEAD in the polynomial at 0 <= share <= 1."""
     points = np.arange(_POINTS) - LEAD
     found = np.ones((*share.shape, _POINTS))
     for i, own in enumerate(points):
@@ -112,36 +112,37 @@ def _lagrange(share):
 def circle_means(
     values: jax.Array, weights: Weights, step: float, begin: np.ndarray, block: int
 ) -> jax.Array:
-    """Means of functions on a grid, (functions, entries), by rows of weights, (functions, rows, ...).
+    """Return means of functions on a grid, (functions, entries), with weights (functions, rows, ...).
 
-    Before the grid a function is a e^(rx) + b e^((r+2)x), r of `begin`: in a block more it is so within it.
+    Before the grid a function is a e^(rx) + b e^((r+2)x), with r from `begin`; it must still hold in the
+    first block.
 
     Parameters
     ----------
     values : the functions
-    weights : for each of them
+    weights : for each function
     step : of the grid
-    begin : r of every function, (functions,)
+    begin : r of each function, (functions,)
     block : `lead_in` of the weights
 
     Returns
     -------
-    (functions, rows, entries - block - LEAD): of what lies behind the first block of the grid
+    (functions, rows, entries - block - LEAD), for entries after the first block of the grid
     """
     functions, count = values.shape
     blocks = -(-count // block)
-    # Those of every function, (functions, terms).
+    # For each function, (functions, terms).
     power = weights.parity[:, None] + 2 * np.arange(weights.far.shape[2])
     before = _moments_before(values[:, 0], values[:, block], begin, power, step, block)
     values = jnp.pad(values, ((0, 0), (0, blocks * block - count))).reshape(functions, blocks, block)
-    # What is within the block before, exactly.
+    # Entries of the block before: exact.
     i, j = np.arange(block)[:, None], np.arange(2 * block + LEAD)
     which = block + i - j + LEAD
     inside = (which >= 0) & (which < 2 * block + LEAD)
     numpy = np if isinstance(weights.near, np.ndarray) else jnp
     near = numpy.where(inside, weights.near[:, :, np.where(inside, which, 0)], 0.0)
     found = jnp.einsum("fbj,frij->frbi", with_neighbours(values, block, LEAD), typed(near, values))
-    # What is further off, as moments of the blocks.
+    # Earlier entries: moments of the blocks.
     rate = step * power[..., None]
     moment = jnp.einsum("fbj,fpj->fpb", values, typed(np.exp(-rate * (block - np.arange(block))), values))
     away = np.arange(blocks)[:, None] - np.arange(blocks) - 1
@@ -154,12 +155,12 @@ def circle_means(
 
 
 def lead_in(step: float, harmonics: int) -> int:
-    """How many entries before the first mean its grid begins."""
+    """Return the number of entries of the grid before the first mean."""
     return math.ceil((_FAR_OF_HARMONICS if harmonics else _FAR) / step)
 
 
 def _moments_before(first, second, begin, power, step, block):
-    """Moments of what lies before the grid, by its values at the first entry and `block` behind it."""
+    """Return moments of the function before the grid, from its values at entries 0 and `block`."""
     begin = typed(begin, first)
     growth = math.exp(2 * step * block)  # a NumPy scalar would widen float32
     upper = (second * jnp.exp(-step * block * begin) - first) / (growth - 1)
@@ -172,10 +173,9 @@ def _moments_before(first, second, begin, power, step, block):
 
 @functools.lru_cache(maxsize=64)
 def circle_rule(step: float, growth: float = 15.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """(s, psi, weight) of the trapezoidal rule over t for the mean over the circle, host arrays.
+    """Return (s, psi, weight) of the trapezoidal rule over t for the mean over the circle, as host arrays.
 
-    The step grows with t, as what lies far down the circle counts less: with the square root of
-    1 + (t / growth)^2.
+    The step grows with t as sqrt(1 + (t / growth)^2), because large t contribute less.
     """
     u = np.arange(0.0, growth * math.asinh(28.0 / growth), step)
     t = growth * np.sinh(u / growth)

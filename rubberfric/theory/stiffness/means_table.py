@@ -1,10 +1,11 @@
-r"""Angular means of a solid that is no Prony series, over a uniform grid of ln(q v).
+r"""Angular means of a solid without a Prony series, on a uniform grid of ln(q v).
 
-With a constant spring k the series F = f k / (f + k) depends on q v alone: its means are convolutions over
-ln(q v), taken once (`rubberfric.theory.stiffness.circle_means`), and splines for every node and velocity.
+With a constant spring k the series stiffness F = f k / (f + k) depends only on q v. Its means are
+convolutions over ln(q v), computed once (`rubberfric.theory.stiffness.circle_means`). Splines evaluate them
+at every node and velocity.
 
-The grid begins at a whole multiple of its step, has the same length whatever the table, and no derivative
-goes through where it lies: a value depends on nothing but its own q v.
+The grid begins at a multiple of its step and has a fixed length. Its position carries no derivative, so a
+value depends only on its own q v.
 """
 
 import math
@@ -32,24 +33,24 @@ from rubberfric.theory.stiffness.tabulated_means import (
 )
 from rubberfric.theory.structure import RequiredMeans
 
-# How far the grid goes beyond the table of the modulus at either end, in ln(q v): there the
-# means are two powers of q v, and what is left of a third is e^-32 and e^-27.
-_BELOW, _ABOVE = 8.0, 9.0  # and the reach of a rounded knot
+# Extension of the grid beyond the table of the modulus at either end, in ln(q v). There the means are two
+# powers of q v; a third one contributes e^-32 and e^-27.
+_BELOW, _ABOVE = 8.0, 9.0  # plus the width of a rounded knot
 
-# Logarithm of the largest factor by which q, or v, alone is beyond a table: more is beyond all q.
+# Logarithm of the largest factor by which q or v alone can lie beyond a table.
 _LARGEST = 60.0
 
-# Where the limits of the means are taken: beyond all of the table, and all of the circle within reach.
+# Position where the limits of the means are evaluated: beyond the table by more than the circle extends.
 _FAR = 40.0
 
 
 class MeansTable(NamedTuple):
-    """Splines over a uniform grid of ln(q v) through the means, each kind a row or several."""
+    """Splines of the means over a uniform grid of ln(q v), with one or several rows for each kind."""
 
     material: Material
     first: jax.Array  # the first cell begins at step * first
     ends: jax.Array  # ln(q v) where the means become powers, below and above
-    cells: jax.Array  # `splines` of the rows, of the root of those that are positive
+    cells: jax.Array  # `splines` of the rows, for positive rows of their square root
     limits: jax.Array  # the rows far beyond the ends, (rows, 2)
 
     by_node = False
@@ -63,26 +64,26 @@ class MeansTable(NamedTuple):
         split: bool = False,
         harmonics: Harmonics | None = None,
     ) -> Means:
-        """Means of F for roughness of wavevectors q passing at a velocity.
+        """Return the means of F for roughness of wavevectors q that passes with a velocity.
 
         Parameters
         ----------
         q, velocity : [1/m], [m/s], shapes that broadcast
-        log_shift : ln a_T, broadcastable with them; None: 0
-        needs, split, harmonics : as for the table, and `PronyStiffness.means`
+        log_shift : ln a_T, broadcastable with q and velocity; None: 0
+        needs, split, harmonics : as for the table and in `PronyStiffness.means`
         """
         passing, sign = _passing(self, jnp.log(q), velocity, log_shift)
         return of_direction(_by_table(self, passing, needs, split, harmonics), sign, harmonics)
 
 
 def means_table(F: Tabulated, needs: RequiredMeans, split: bool, harmonics: Harmonics | None) -> MeansTable:
-    """Table of the means of an F that depends on q v alone; arguments as of `Tabulated.means`."""
+    """Return a table of the means of an F that depends only on q v; arguments as in `Tabulated.means`."""
     material, (count_of_harmonics, mix) = F.material, constant_shares(harmonics)
     step, reach = material.detail / PER_DETAIL, REACH * material.detail
     kinds, before = kinds_of(needs, split, material.loss_beyond), lead_in(step, count_of_harmonics)
     low, high = log_range(material)
     ends = jax.lax.stop_gradient(jnp.stack([low - _BELOW - reach, high + _ABOVE + reach]))
-    # With what the splines hang on beside the ends, and the circle before and after.
+    # Includes entries beyond the ends that the splines and the circle need.
     first = jnp.floor(ends[0] / step) - BEFORE
     count = math.ceil((LONGEST_TABLE + _BELOW + _ABOVE + 2 * reach) / step) + 12 + 2 * MARGIN
     moduli = material.storage_and_loss_on_grid(first - before, step, before + count + LEAD)
@@ -96,14 +97,14 @@ def means_table(F: Tabulated, needs: RequiredMeans, split: bool, harmonics: Harm
     )
     begin = np.array([1.0 if material.loss_beyond == "fall" and kind.odd else 0.0 for kind in kinds])
     rows = circle_means(jnp.stack([kind.of(parts) for kind in kinds]), weights, step, begin, before)
-    # Only the first of a kind has one sign.
+    # Only the first row of a kind has one sign.
     positive = np.zeros(rows.shape[:2], bool)
     positive[:, 0] = [kind.positive for kind in kinds]
     positive = positive[..., None]
     rows = jnp.where(positive, _root(jnp.where(positive, rows, 1.0)), rows)
-    # A table under jit that is longer than the grid.
+    # Under jit a table may be longer than the grid.
     rows = jnp.where(high - low <= LONGEST_TABLE, rows, jnp.nan).reshape(-1, rows.shape[-1])
-    # E' and E'' at the ends themselves, of which E'' is a power.
+    # E' and E'' at the ends; beyond them E'' is a power.
     entry = jnp.floor(ends / step)
     storage, loss = (x[(entry - first).astype(int) + before] for x in moduli)
     if material.loss_beyond == "fall":
@@ -119,7 +120,7 @@ def means_table(F: Tabulated, needs: RequiredMeans, split: bool, harmonics: Harm
 
 
 def _mixed_weights(weights, mix):
-    """Rows of the weights over the circle of the means of f, cos(phi) f and sin(phi) f."""
+    """Return rows of weights of the means of f, cos(phi) f and sin(phi) f over the circle."""
     if mix is None:
         return weights
     even, along, across = weights
@@ -127,7 +128,7 @@ def _mixed_weights(weights, mix):
 
 
 def _root(power):
-    """Root of <|F|^2>; the floor is for F = 0 (two liquids at rest), where G need only be as good as 0."""
+    """Return the root of <|F|^2>, with a floor for F = 0 (two liquids at rest), where G is 0."""
     return jnp.sqrt(jnp.maximum(power, float(jnp.finfo(power.dtype).tiny) ** 0.8))
 
 
@@ -136,11 +137,11 @@ def _stack(arrays):
 
 
 def _limits(F, kinds, at_ends, harmonics, mix):
-    """What the rows are far beyond the ends, (rows, 2); of those that go to 0 what e^+-x is multiplied by."""
+    """Return limits of the rows beyond the ends, (rows, 2); for rows that vanish, the factors of e^+-x."""
     outside = F.material.loss_beyond
     storage, loss = at_ends
     far = stiffness_parts(F, storage, loss * (math.exp(-_FAR) if outside == "fall" else 1.0))
-    moments = [typed(m, storage) for m in _moments(harmonics, outside)]  # whose NumPy's would widen float32
+    moments = [typed(m, storage) for m in _moments(harmonics, outside)]  # NumPy's would widen float32
     if mix is not None:
         shares = mix[0], mix[0], mix[1]
         moments = [m[:, :1] + m[:, 1:] @ c[:, None] for m, c in zip(moments, shares, strict=True)]
@@ -152,9 +153,9 @@ def _limits(F, kinds, at_ends, harmonics, mix):
 
 
 def _moments(harmonics, outside):
-    """Means over the circle below and above the table of what `circle_weights` is for, (2, 1 + harmonics).
+    """Return limits of the angular means below and above the table, (2, 1 + harmonics).
 
-    Of E'' that falls, which is in proportion to cos(phi) below the table and to 1 / cos(phi) above it.
+    They apply if E'' vanishes: it is proportional to cos(phi) below the table and to 1 / cos(phi) above it.
     """
     m = np.arange(1, harmonics + 1)
     sign = -((-1.0) ** m)
@@ -168,21 +169,21 @@ def _moments(harmonics, outside):
 
 
 class _Passing(NamedTuple):
-    """Where in a table the means are looked up, and how far beyond its ends that is."""
+    """Position of a look-up in a table, and its distance beyond the ends."""
 
     inside: jax.Array  # ln(q v), or the nearest end of the table
-    lower: jax.Array  # whether it is below the table
+    lower: jax.Array  # True below the table
     away: jax.Array  # e^-(distance from the table)
 
 
 def _passing(table, log_q, velocity, log_shift):
-    """`_Passing`, and the factor of what is odd in v.
+    """Return `_Passing`, and the sign factor of means that are odd in v.
 
-    No logarithm and no exponential of every q v: they would take longer than the splines.
+    It avoids a logarithm and an exponential of every q v, which would take longer than the splines.
     """
     low, high = table.ends
-    # So far below the table are all q, where |v a_T| is bounded: E is E(0) and E'' linear in omega, so v = 0
-    # keeps its derivative. If E'' does not vanish at v = 0+, only the sign is left.
+    # |v a_T| is bounded below such that all q lie far below the table. There E is E(0) and E'' is linear in
+    # omega, so the derivative at v = 0 is right. If E'' does not vanish at v = 0+, only the sign remains.
     least = jax.lax.stop_gradient(low - far_below(table.material) - jnp.max(log_q))
     log_speed = jnp.log(jnp.maximum(jnp.abs(velocity), float(jnp.finfo(velocity.dtype).tiny)))
     shifted = log_speed if log_shift is None else log_speed + log_shift
@@ -197,7 +198,7 @@ def _passing(table, log_q, velocity, log_shift):
     inside = jnp.where(lower, low, jnp.where(higher, high, log_qv))
     if log_shift is not None and log_shift.ndim == log_qv.ndim:
         return _Passing(inside, lower, jnp.exp(-jnp.abs(log_qv - inside))), sign
-    # Of q and of v apart, each a number wherever the other is.
+    # Separately for q and v, so that each factor is finite.
     middle = jax.lax.stop_gradient(jnp.mean(log_q))
 
     def product(sign, end):
@@ -209,13 +210,13 @@ def _passing(table, log_q, velocity, log_shift):
 
 
 def _by_table(table, passing, needs, split, harmonics):
-    r"""Means from a table: splines, beyond the ends the powers that the means follow.
+    r"""Return means from a table: splines, and powers beyond the ends.
 
-    With x = ln(q v) and E'' that falls, the means are below the table even or odd in e^x,
+    With x = ln(q v) and vanishing E'', the means below the table are even or odd in e^x,
 
     .. math:: P + P' e^{2x},\qquad D e^x + D' e^{3x}
 
-    and above it, where a share e^-x of the circle is within it, P + P' e^-x and D e^-x + D' e^-2x.
+    and above it, where the share e^-x of the circle lies within the table, P + P' e^-x and D e^-x + D' e^-2x.
     """
     outside, (count, mix) = table.material.loss_beyond, constant_shares(harmonics)
     step = table.material.detail / PER_DETAIL
@@ -224,21 +225,21 @@ def _by_table(table, passing, needs, split, harmonics):
     up = jnp.where(lower, 1.0, away)
 
     def part(value, limit, share):
-        # The limit may be 1e8 times the value where nothing of it is wanted.
+        # Where the limit is not used it may be 1e8 times the value.
         return value * share + limit * (1 - share)
 
     def even(value, ends):
-        """<|F|^2> and <Re F>, which go to a constant."""
+        """Return <|F|^2> or <Re F>, which tend to a constant."""
         limit = jnp.where(lower, ends[0], ends[1])
         return part(value, limit, up if outside == "hold" else jnp.where(lower, away * away, away))
 
     def odd(value, ends):
-        """The dissipation, which goes to 0 if E'' does."""
+        """Return <cos(phi) Im F>, which vanishes if E'' does."""
         if outside == "hold":
             return part(value, ends[1], up * up)
         if outside == "none":
             return value * up * up
-        # What is left of the mean where it is the first of the two powers alone.
+        # The mean as the first of the two powers alone.
         leading = jnp.where(lower, ends[0], ends[1])
         return part(value, leading, jnp.where(lower, away * away, away)) * away
 
@@ -246,13 +247,13 @@ def _by_table(table, passing, needs, split, harmonics):
     size = 1 if mix is not None else 1 + count
     for k, kind in enumerate(kinds_of(needs, split, outside)):
         rule = odd if kind.odd else even
-        # Across there is no harmonic without sin 2 m phi.
+        # The transverse mean has no term without sin 2 m phi.
         begin = 1 if kind.name == "mean_sin_loss" and mix is None else 0
         for i in range(begin, size):
             row = k * size + i
             value = rows[row] ** 2 if kind.positive and i == 0 else rows[row]
             if kind.name == "mean_cos_loss" and outside == "none" and mix is None and i == 0:
-                # A spline swings about 0, by 1e-60 of its highest value, where E'' has gone.
+                # Where E'' vanishes, a spline oscillates about 0 by 1e-60 of its maximum.
                 value = jnp.where(value < 0, 0.0, value)
             means[kind.name] += (rule(value, table.limits[row]),)
     return means

@@ -1,14 +1,14 @@
-r"""Series stiffness K_j of the two solids, as roughness on solid j sees it.
+r"""Series stiffness K_j of the two solids for roughness on solid j.
 
 Roughness on solid j excites the other solid o at omega = q v cos(phi) and its own solid
 statically, so that [Scaraggi & Persson, eqs. (A6), (A8)]
 
 .. math:: K_j(q, \omega) = \frac{1}{M_o(q, \omega) + M_j(q, 0)},\qquad M = \frac{2}{q E_r \bar S}
 
-Everything here is about two bodies and wavevectors; velocity enters later. K_j is kept
-as (q/2) * scale * factor * F with a modulus scale common to the scene [Pa], a real
-factor (a slab's Sbar) known at every q, and F of order one: a constant, a Prony series
-(a Prony solid in series with a spring is one again, and so is a coated one) or a tabulated modulus.
+This module depends on bodies and wavevectors, not on velocity. K_j is stored as (q/2) * scale * factor * F
+with a modulus scale common to the scene [Pa], a real factor (Sbar of a slab) known at every q, and F of
+order one. F is a constant, a Prony series, or a tabulated modulus. A Prony solid in series with a spring is
+again a Prony series, and so is a coated one.
 """
 
 from typing import NamedTuple
@@ -28,11 +28,11 @@ from rubberfric.theory.structure import AT_REFERENCE, RoughSurface, SurfaceTempe
 
 
 class Factors(NamedTuple):
-    """What multiplies q^4 C times the means of each kind, tuples in the order of `Means`; None is 1.
+    """Factors of q^4 C times the means of each kind, as tuples in the order of `Means`; None is 1.
 
-    The angular means are smooth in ln q and interpolated between the angular nodes; the factors of layers
-    and softening are not, and are exact at every contact node. A quantity is the sum over its means of
-    factor times mean, one of each unless <F'^2> and <F''^2> soften apart.
+    The angular means are smooth in ln q and are interpolated between the angular nodes. The factors of layers
+    and softening are not smooth and are exact at every contact node. A quantity is the sum of factor times
+    mean. There is one of each unless softening separates <F'^2> and <F''^2>.
     """
 
     mean_abs2: tuple[jax.Array | None, ...]
@@ -41,18 +41,18 @@ class Factors(NamedTuple):
     mean_sin_loss: tuple[jax.Array | None, ...]
 
     def of(self, kind: str, values: jax.Array) -> tuple[jax.Array, ...]:
-        """Values times the factor of each of the means of a kind."""
+        """Return values times the factors of the means of a kind."""
         return tuple(values if factor is None else values * factor for factor in getattr(self, kind))
 
 
 def modulus_scale(scene: Scene) -> jax.Array:
-    """A modulus that makes every F of order one or less [Pa]: the softer solid's stiffest value.
+    """Return a modulus that makes every F of order one or less [Pa]: the softer solid's largest value.
 
-    A unit only: results do not depend on it, so no gradient goes through it.
+    It is only a unit. Results do not depend on it, so no gradient goes through it.
     """
     highest = [body.material.glassy_reduced() for body in (scene.lower, scene.upper) if body.material.deforms]
     scale = highest[0] if len(highest) == 1 else jnp.minimum(*highest)
-    # All moduli can be zero under jit, past the constructor's check: then nothing is stiff.
+    # Under jit, where the constructor does not check, all moduli can be zero.
     return jax.lax.stop_gradient(jnp.where(scale > 0, scale, 1.0))
 
 
@@ -62,18 +62,18 @@ def relaxing_stiffness(
     q: jax.Array,
     temperatures: SurfaceTemperatures = AT_REFERENCE,
 ) -> PronyStiffness | Tabulated | SoftenedInSeries:
-    """F of K_j where the strained solid relaxes, without the factor of `layer_factor`.
+    """Return F of K_j if the strained solid relaxes, without the factor of `layer_factor`.
 
     Parameters
     ----------
     surface : RoughSurface
     scale : modulus scale [Pa]
     q : wavevectors [1/m], shape (panels, order)
-    temperatures : of the two solids [K], shape () each, or None: both at their references
+    temperatures : of the two solids [K], shape () each, or None for the reference temperatures
 
     Returns
     -------
-    PronyStiffness or Tabulated, of all q in one row where F depends on q; or SoftenedInSeries
+    PronyStiffness or Tabulated, with all q in one row if F depends on q; or SoftenedInSeries
     """
     if surface.softens_in_series:
         return _softened(surface, scale, q)
@@ -103,7 +103,7 @@ def relaxing_stiffness(
 
 
 def tabulated_stiffness(surface: RoughSurface, scale: jax.Array) -> Tabulated | None:
-    """`relaxing_stiffness` if it is that of a modulus without a series and the same at every wavevector."""
+    """Return the stiffness of a modulus without a series if it is the same at every wavevector."""
     if surface.detail is None or surface.by_wavevector or surface.softens_in_series:
         return None
     F = relaxing_stiffness(surface, scale, jnp.ones((1, 1), scale.dtype))
@@ -113,7 +113,7 @@ def tabulated_stiffness(surface: RoughSurface, scale: jax.Array) -> Tabulated | 
 def static_stiffness(
     surface: RoughSurface, scale: jax.Array, q: jax.Array, temperatures: SurfaceTemperatures = AT_REFERENCE
 ) -> jax.Array:
-    """K_j / (q/2 scale) where the strained solid does not relax: springs in series; q, T of any shapes."""
+    """Return K_j / (q/2 scale) if the strained solid does not relax: springs in series."""
     solids = (
         (surface.rough, surface.softened_rough, temperatures.rough),
         (surface.strained, surface.softened, temperatures.strained),
@@ -122,19 +122,19 @@ def static_stiffness(
     if len(springs) == 1:
         return springs[0]
     soft, hard = jnp.minimum(*springs), jnp.maximum(*springs)
-    # Written as soft / (1 + soft/hard): no product that overflows, and 0 for two liquids.
+    # soft / (1 + soft/hard) has no product that overflows, and is 0 for two liquids.
     return soft / (1 + soft / jnp.where(hard > 0, hard, 1.0))
 
 
 def layer_factor(surface: RoughSurface, q: jax.Array) -> jax.Array | None:
-    """Sbar at q where it multiplies all of a relaxing K_j (a slab faces a rigid solid); else None."""
+    """Return Sbar at q if it multiplies all of a relaxing K_j (a slab faces a rigid solid), else None."""
     if surface.strained.layer is None or surface.by_wavevector:
         return None
     return _layer(surface.strained, q)
 
 
 def factors_at(surface: RoughSurface, scale: jax.Array, q: jax.Array) -> Factors:
-    """Return the `Factors` at wavevectors q [1/m] of any shape; of a static stiffness they are all of F."""
+    """Return the `Factors` at wavevectors q [1/m] of any shape; for a static stiffness they contain F."""
     if surface.static:
         F = static_stiffness(surface, scale, q)
         return Factors((F**2,), (), (F,), ())
@@ -146,7 +146,7 @@ def factors_at(surface: RoughSurface, scale: jax.Array, q: jax.Array) -> Factors
 
 
 def _softened(surface: RoughSurface, scale: jax.Array, q: jax.Array) -> SoftenedInSeries:
-    """F of two deformable solids of which one softens, or both."""
+    """Return F of two deformable solids if at least one softens."""
     material, factor = surface.strained.material, _layer(surface.strained, q)
     series = material.reduced_series(scale)
     if series is None:
@@ -165,7 +165,7 @@ def _spring(
     softened: Softened | None = None,
     temperature: jax.Array | None = None,
 ) -> jax.Array:
-    """E_r(0) Sbar of a body over the scale, at q and a temperature; q None: of its half-space."""
+    """Return E_r(0) Sbar of a body over the scale, at q and a temperature; q None: half-space."""
     if q is not None and body.layer is not None and not body.layer.multiplies:
         return body.layer.static_reduced(body.material, scale, q, temperature)
     own = apply_vertical_shift(body.material.static_reduced() / scale, body.material.shift, temperature)
@@ -177,10 +177,10 @@ def _spring(
 
 
 def _layer(body: Body, q: jax.Array) -> jax.Array:
-    """Sbar of a slab, 1 for a half-space."""
+    """Return Sbar of a slab, 1 for a half-space."""
     if body.layer is None:
         return jnp.ones_like(q)
-    # A body that has a layer has a constant Poisson's ratio.
+    # Bodies with a layer have a constant Poisson's ratio.
     return body.layer.stiffening(body.material.poisson, q)  # pyright: ignore[reportArgumentType]
 
 

@@ -1,9 +1,9 @@
-r"""Two deformable solids of which the moving one softens: angular means by quadrature.
+r"""Angular means by quadrature for two deformable solids if the strained one softens.
 
 .. math:: F = \frac{1}{1/(f E' + i g E'') + 1/k},\qquad k = f E(0)\ \text{of the other solid if it softens}
 
-E' and E'' fall by different factors, so that the solid is no Prony solid any more and the series with
-the other one has no closed form. f and g have kinks over q: F is taken at the contact nodes themselves.
+E' and E'' decrease by different factors, so the solid is not a Prony solid and the series stiffness has no
+closed form. f and g have kinks over q, so F is evaluated at the contact nodes.
 """
 
 import functools
@@ -19,20 +19,20 @@ from rubberfric.theory.stiffness.circle_means import circle_rule
 from rubberfric.theory.stiffness.tabulated_means import log_frequency, moduli_at, moduli_on_grid, rule_of_node
 from rubberfric.theory.structure import RequiredMeans
 
-# Step of the integral over the circle of a Prony series, whose poles are pi/2 from the real axis of ln omega,
-# and t by which it has grown by the root of 2: good to 1e-11, and to 2e-10 with a growth of 5.
+# Step of the integral over the circle for a Prony series, whose poles are pi/2 from the real axis of ln
+# omega, and t at which the step is larger by sqrt(2). The error is 1e-11, and 2e-10 with a growth of 5.
 _STEP, _GROWTH = 0.3, 7.0
 
 
 class SoftenedInSeries(NamedTuple):
     """F of a softened solid in series with a spring, at given wavevectors, (panels, order) each."""
 
-    modulus: Material | PronyStiffness  # without a series, or its series in units of the scale
-    storage: jax.Array  # f times what makes it a stiffness in units of the scale
+    modulus: Material | PronyStiffness  # a material without a series, or a series in units of the scale
+    storage: jax.Array  # f times the factor that gives a stiffness in units of the scale
     loss: jax.Array  # the same with g
     spring: jax.Array  # the other solid at rest [-]
 
-    by_node = False  # its panels are those of q
+    by_node = False  # the panels are those of q
 
     def means(
         self,
@@ -41,9 +41,9 @@ class SoftenedInSeries(NamedTuple):
         strained: jax.Array | None = None,
         resting: jax.Array | None = None,
     ) -> Means:
-        """`Means` of qv = q v a_T [1/s], shape (panels, points, order).
+        """Return the `Means` at qv = q v a_T [1/s], shape (panels, points, order).
 
-        strained, resting : b_T of either solid, broadcastable to qv; None: 1
+        strained, resting : b_T of the solids, broadcastable to qv; None: 1
         """
         modulus = self.modulus
         if isinstance(modulus, PronyStiffness):
@@ -58,7 +58,7 @@ class SoftenedInSeries(NamedTuple):
             qv, *factors = values
             return _means_in_series(moduli_along(qv), tuple(factors), sine, weight)
 
-        # Panel by panel, and again for the gradient: all angles at once would take gigabytes.
+        # Panel by panel, recomputed for the gradient, because all angles at once would take gigabytes.
         factors = (
             self._stiffer(qv, (self.storage, self.loss), strained),
             self._stiffer(qv, (self.spring,), resting),
@@ -69,7 +69,7 @@ class SoftenedInSeries(NamedTuple):
 
     @staticmethod
     def _stiffer(qv, factors, vertical):
-        """Factors (panels, order) times b_T, (panels, points, order)."""
+        """Return factors (panels, order) times b_T, (panels, points, order)."""
         if vertical is None:
             return factors
         return tuple(jnp.broadcast_to(x[:, None] * vertical, qv.shape) for x in factors)
@@ -77,7 +77,7 @@ class SoftenedInSeries(NamedTuple):
 
 @jax.custom_jvp
 def _means_in_series(moduli, factors, sine, weight):
-    """<|F|^2>, <cos(phi) F''> and <F'> of moduli at all directions, factors f and g, and springs k."""
+    """Return <|F|^2>, <cos(phi) F''> and <F'> from moduli in all directions, factors and springs."""
     storage_factor, loss_factor, spring = (x[..., None] for x in factors)
     storage, loss = storage_factor * moduli[0], loss_factor * moduli[1]
     square = storage**2 + loss**2
@@ -91,12 +91,12 @@ def _means_in_series(moduli, factors, sine, weight):
 
 @_means_in_series.defjvp
 def _means_in_series_jvp(primals, tangents):
-    """With z = f E' + i g E'': F = k z / (z + k), dF = (k / (z + k))^2 dz + (z / (z + k))^2 dk."""
+    """Use F = k z / (z + k), dF = (k / (z + k))^2 dz + (z / (z + k))^2 dk with z = f E' + i g E''."""
     moduli, factors, sine, weight = primals
     storage_factor, loss_factor, k = (x[..., None] for x in factors)
     storage, loss = storage_factor * moduli[0], loss_factor * moduli[1]
     inverse = 1 / ((storage + k) ** 2 + loss**2)
-    # k / (z + k) and z / (z + k), nothing of which cancels.
+    # k / (z + k) and z / (z + k), without cancellation.
     own = k * (storage + k) * inverse, -k * loss * inverse
     other = (storage * (storage + k) + loss**2) * inverse, -own[1]
     slope, by_spring = ((re**2 - im**2, 2 * re * im) for re, im in (own, other))
@@ -111,20 +111,20 @@ def _means_in_series_jvp(primals, tangents):
 
 
 def _along(x, values):
-    """x for every direction of values: by a product, whose transposed sums in a fraction of the time."""
+    """Broadcast x along the directions of values by a product, whose transpose sums much faster."""
     x = jnp.broadcast_to(x, values.shape[:-1])
     return x[..., None] @ jnp.ones((1, values.shape[-1]), x.dtype)
 
 
 def _modulus(material, moduli, s, qv):
-    """E' and E'' at q v e^-s, (..., directions), odd in q v."""
+    """Return E' and E'' at q v e^-s, (..., directions), E'' odd in q v."""
     log_qv, sign = log_frequency(material, qv)
     storage, loss = moduli_at(material, moduli, log_qv[..., None] - jnp.asarray(s, log_qv.dtype))
     return storage, loss * sign[..., None]
 
 
 def _series_modulus(series, cosine, qv):
-    """The same of a Prony series at q v cos(phi)."""
+    """Return E' and E'' of a Prony series at q v cos(phi)."""
     omega = qv[..., None] * jnp.asarray(cosine, qv.dtype)
     storage, loss = _relaxing(omega, series.weight, series.tau)
     return storage + series.rest, loss
@@ -132,7 +132,7 @@ def _series_modulus(series, cosine, qv):
 
 @jax.custom_jvp
 def _relaxing(omega, weight, tau):
-    """Sums over the terms of weight a^2 / (1 + a^2) and weight a / (1 + a^2), a = omega tau."""
+    """Sum weight a^2 / (1 + a^2) and weight a / (1 + a^2) over the terms, a = omega tau."""
     storage, loss = jnp.zeros_like(omega), jnp.zeros_like(omega)
     for i in range(tau.shape[0]):
         a = clip_for_square(omega * tau[i])
@@ -145,8 +145,8 @@ def _relaxing(omega, weight, tau):
 def _relaxing_jvp(primals, tangents):
     omega, weight, tau = primals
 
-    # Term by term, and again for the gradient: left alone, XLA computes all terms anew for the derivative
-    # by each of them.
+    # Term by term, recomputed for the gradient. Otherwise XLA computes all terms again for the derivative
+    # with respect to each of them.
     @functools.partial(jax.checkpoint, prevent_cse=False)
     def add(sums, term):
         (weight, tau), (weight_dot, tau_dot) = term
@@ -156,7 +156,7 @@ def _relaxing_jvp(primals, tangents):
         a_dot = tangents[0] * tau + omega * _along(tau_dot, omega)
         weight_dot = _along(weight_dot, omega)
         storage_dot = 2 * weight * loss * inverse * a_dot + a * loss * weight_dot
-        # (1 - a^2) / (1 + a^2)^2, whose square must not overflow.
+        # (1 - a^2) / (1 + a^2)^2 without a square that overflows.
         loss_dot = weight * (inverse - a * loss) * inverse * a_dot + loss * weight_dot
         return (sums[0] + storage_dot, sums[1] + loss_dot), None
 

@@ -1,6 +1,6 @@
-"""Splines through functions on a uniform grid: derivatives up to the eighth are continuous.
+"""Splines of degree nine through functions on a uniform grid.
 
-Unlike polynomials from piece to piece they show a difference no seams.
+Derivatives up to the eighth are continuous, so difference quotients show no steps between cells.
 """
 
 import functools
@@ -12,28 +12,28 @@ from numpy.polynomial import Polynomial
 
 from rubberfric.base.quadrature import typed
 
-# Degree of the splines, how many entries of it lie on either side of a cell, and how many on either side a
-# coefficient hangs on.
+# Degree of the splines, number of coefficients on either side of a cell, and number of entries on either side
+# that determine a coefficient.
 _DEGREE = 9
 BESIDE = _DEGREE // 2
 MARGIN = 16
-# Entries before the cell of the lowest position: one more, for rounding may find that just before its cell.
+# Entries before the cell of the lowest position; one more, because rounding may place it in the cell before.
 BEFORE = BESIDE + MARGIN + 1
 
 
 @functools.cache
 def _spline_matrices() -> tuple[np.ndarray, np.ndarray]:
-    """Weights of the entries beside it in a coefficient; polynomials of a cell by its coefficients."""
-    # The pieces of the B-spline, from its recursion over the degree; in t - 1/2.
+    """Return weights of entries in a coefficient, and polynomials of a cell from its coefficients."""
+    # Pieces of the B-spline in t - 1/2, from the recursion over the degree.
     t = Polynomial([0.5, 1.0])
     pieces = [Polynomial([1.0])]
     for degree in range(1, _DEGREE + 1):
         old = [Polynomial([0.0]), *pieces, Polynomial([0.0])]
         pieces = [((t + degree - k) * old[k] + (k + 1 - t) * old[k + 1]) / degree for k in range(degree + 1)]
     polynomials = np.array([piece.coef for piece in pieces])
-    # Those of the spline through all entries have no end; in y = sin^2(phase / 2) of a wave they are the
-    # inverse of a polynomial, and a power series with a radius of 1.06. Cut off at y^16 it is wrong by less
-    # than the spline itself for waves of four entries and more.
+    # The weights of the interpolating spline do not end. In y = sin^2(phase / 2) of a wave they are the
+    # inverse of a polynomial, a power series with a radius of 1.06. Truncation at y^16 has a smaller error
+    # than the spline itself for waves of at least four entries.
     y = Polynomial([0.0, 1.0])
     cosines = [Polynomial([1.0]), 1 - 2 * y]
     while len(cosines) <= BESIDE:
@@ -44,7 +44,7 @@ def _spline_matrices() -> tuple[np.ndarray, np.ndarray]:
     while len(series) <= MARGIN:
         terms = zip(through.coef[1:], series[::-1], strict=False)
         series.append(-sum(b * c for b, c in terms))
-    # y of entries, by Horner's scheme.
+    # y applied to entries, by Horner's scheme.
     weights = np.zeros(2 * MARGIN + 1)
     for c in series[::-1]:
         weights = np.convolve(weights, [-0.25, 0.5, -0.25], "same")
@@ -53,12 +53,12 @@ def _spline_matrices() -> tuple[np.ndarray, np.ndarray]:
 
 
 def splines(values: jax.Array) -> jax.Array:
-    """Splines through functions on a grid, (functions, entries), a polynomial for every cell.
+    """Return splines through functions on a grid, (functions, entries), as one polynomial per cell.
 
     Returns
     -------
-    (degree + 1, functions, entries - 2 MARGIN - degree): ascending, in the distance from the middle of the
-    cell; the first cell is that behind the entry MARGIN + BESIDE.
+    (degree + 1, functions, entries - 2 MARGIN - degree): ascending coefficients in the distance from the
+    middle of the cell. The first cell begins at the entry MARGIN + BESIDE.
     """
     weights, polynomials = _spline_matrices()
     functions, count = values.shape
@@ -75,24 +75,24 @@ def splines(values: jax.Array) -> jax.Array:
 
 
 def at(cells: jax.Array, position: jax.Array) -> jax.Array:
-    """`splines` at positions within them, in cells from the first on, any shape; (functions, *shape)."""
+    """Evaluate `splines` at positions in units of cells from the first, (functions, *shape)."""
     index = jnp.floor(jax.lax.stop_gradient(position))
     t, index = position - index - 0.5, index.astype(int)
 
     def taken(column):
         return column.at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
 
-    # One number after the other: gathered as rows they would be stored in between.
+    # One coefficient after the other, because gathered rows would be stored.
     def value(function):
         columns = [taken(column) for column in cells[:, function]]
         return functools.reduce(lambda total, column: total * t + column, columns[::-1])
 
-    # Fused with what is made of them, the look-ups are no vector operations any more: twice the time.
+    # Fused with later operations the look-ups are not vectorised and take twice the time.
     return jax.lax.optimization_barrier(jnp.stack([value(function) for function in range(cells.shape[1])]))
 
 
 def with_neighbours(values: jax.Array, before: int, after: int) -> jax.Array:
-    """Blocks, (functions, blocks, length), with entries of their neighbours; zeros beyond the ends."""
+    """Extend blocks (functions, blocks, length) by entries of their neighbours; zeros beyond the ends."""
     length = values.shape[2]
     left = jnp.pad(values[:, :-1, length - before :], ((0, 0), (1, 0), (0, 0)))
     right = jnp.pad(values[:, 1:, :after], ((0, 0), (0, 1), (0, 0)))

@@ -1,8 +1,8 @@
-"""What roughness excites as it slides over a solid that relaxes: angular means of the stiffness.
+"""Angular means of the stiffness for roughness that slides over a viscoelastic solid.
 
-To build a table of means takes as long as to look up fifty velocities. A plain call, and a function under
-`jit` that a scene is closed over in, find it made (`known_tables`); where a number of a modulus is traced it
-is part of the program.
+Building a table of means takes as long as looking up fifty velocities. Tables are kept (`known_tables`) for
+plain calls and for functions under `jit` that close over a scene. If a number of a modulus is traced, the
+table is part of the compiled function.
 """
 
 import functools
@@ -31,31 +31,31 @@ from rubberfric.theory.structure import (
     rough_surfaces_of,
 )
 
-# How many tables are kept, of 0.4 MB for each kind of mean, and compiled functions that build them.
+# Number of tables kept (0.4 MB for each kind of mean), and of compiled functions that build them.
 _KEPT, _PROGRAMS = 4, 16
 
 Tables = tuple[MeansTable | None, ...]
 
-# The last tables, oldest first.
+# Kept tables, oldest first.
 _kept: dict[Any, Tables | None] = {}
 
 
 class StiffnessMeans(NamedTuple):
-    """The stiffness that roughness of given wavevectors meets, and which of its means are needed."""
+    """The stiffness at given wavevectors, and the means of it that are needed."""
 
-    # None if nothing relaxes: then F is `varying`, or all of it stands in the factors.
+    # None if nothing relaxes; then F is `varying`, or the factors contain all of it.
     stiffness: PronyStiffness | Tabulated | MeansTable | SoftenedInSeries | None
-    varying: VaryingSeries | None  # the same at temperatures that change its form
+    varying: VaryingSeries | None  # F if temperature changes its form
     shift: Shift | None  # of the strained solid
-    resting: Shift | None  # of the rough one
-    harmonics: Harmonics | None  # as `_harmonic_shares`
-    split: bool  # whether <F'^2> and <F''^2> are needed apart
+    resting: Shift | None  # of the rough solid
+    harmonics: Harmonics | None  # from `_harmonic_shares`
+    split: bool  # <F'^2> and <F''^2> are needed separately
     needs: RequiredMeans
 
     def means(
         self, q: jax.Array, velocity: jax.Array, temperatures: SurfaceTemperatures = AT_REFERENCE
     ) -> Means:
-        """Angular means at the wavevectors that the stiffness was made for.
+        """Return the angular means at the wavevectors of the stiffness.
 
         Parameters
         ----------
@@ -65,7 +65,7 @@ class StiffnessMeans(NamedTuple):
 
         Returns
         -------
-        Means, arrays (panels, points, order), of a stiffness that does not relax (panels, points or 1, order)
+        Means, arrays (panels, points, order); (panels, points or 1, order) if the stiffness does not relax
         """
         if self.stiffness is None:
             if self.varying is not None:
@@ -90,14 +90,14 @@ class StiffnessMeans(NamedTuple):
         }
 
     def _means(self, F, q, velocity, log_shift):
-        """Means at v a_T."""
+        """Return the means at v a_T."""
         if isinstance(F, MeansTable):
             harmonics = self._harmonics(lambda shares: shares[:, :, None])
             log_shift = None if log_shift is None else _by_points(log_shift)
             return F.means(q[:, None], velocity[:, None], log_shift, self.needs, self.split, harmonics)
         speed = _shifted(velocity, log_shift)
         if F.by_node:
-            # All nodes in one row, as the stiffness has them.
+            # The stiffness has all nodes in one row.
             speed = speed[:, None] if speed.ndim == 1 else jnp.swapaxes(speed, 0, 1).reshape(-1, q.size)
             harmonics = self._harmonics(lambda shares: shares.reshape(-1, q.size))
             means = F.means(speed * q.reshape(-1), self.needs, self.split, harmonics)
@@ -107,31 +107,31 @@ class StiffnessMeans(NamedTuple):
 
     @staticmethod
     def _vertical(shift, temperature):
-        """b_T, broadcastable to (panels, points, order); None if it is 1."""
+        """Return b_T, broadcastable to (panels, points, order); None if it is 1."""
         log_factor = log_vertical(shift, temperature)
         return None if log_factor is None else _by_points(jnp.exp(log_factor))
 
     def _harmonics(self, arranged):
-        """The shares of the harmonics, those that differ from q to q as the stiffness takes them."""
+        """Return the shares of the harmonics, arranged like the stiffness if they depend on q."""
         if self.harmonics is None or self.harmonics[0].ndim == 1:
             return self.harmonics
         cosine, sine = self.harmonics
         return arranged(cosine), arranged(sine)
 
     def _log_shift(self, temperature):
-        """ln a_T, None if it is 0."""
+        """Return ln a_T, None if it is 0."""
         return None if temperature is None or self.shift is None else self.shift.log_factor(temperature)
 
 
 def _shifted(velocity, log_shift):
-    """v a_T [m/s]."""
+    """Return v a_T [m/s]."""
     if log_shift is None:
         return velocity
     return (velocity if log_shift.ndim == 1 else velocity[:, None]) * jnp.exp(log_shift)
 
 
 def _by_points(values):
-    """(points,) or (panels, points, order), broadcastable to the latter."""
+    """Make (points,) broadcastable to (panels, points, order)."""
     return values[:, None] if values.ndim == 1 else values
 
 
@@ -142,7 +142,7 @@ def stiffness_means(
     needs: RequiredMeans,
     table: MeansTable | None = None,
 ) -> StiffnessMeans:
-    """`StiffnessMeans` by roughness of wavevectors q.
+    """Return the `StiffnessMeans` for roughness of wavevectors q.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def stiffness_means(
     scale : modulus scale [Pa]
     q : [1/m], shape (panels, order)
     needs : RequiredMeans
-    table : of the means of its stiffness, where it is known
+    table : table of the means, if known
     """
     varying = VaryingSeries(surface, scale) if surface.varies else None
     shifts = surface.strained.material.shift, surface.rough.material.shift
@@ -164,9 +164,9 @@ def stiffness_means(
 
 
 def _harmonic_shares(surface: RoughSurface, q: jax.Array) -> Harmonics | None:
-    """Shares (c_m, s_m) of the harmonics of the roughness at wavevectors q; None without harmonics.
+    """Return the shares (c_m, s_m) of the harmonics at wavevectors q; None without harmonics.
 
-    Shape (harmonics,) each where they are the same at every wavevector, else (harmonics, *q.shape).
+    Shape (harmonics,) each if they are the same at every wavevector, else (harmonics, *q.shape).
     """
     return surface.spectrum.harmonics_at(q) if surface.harmonics else None
 
@@ -190,7 +190,7 @@ def known_tables(scene: Scene, quantities: tuple[str, ...], dtype: np.dtype) -> 
         return None
     leaves, structure = jax.tree.flatten(scene)
     numbers = [np.asarray(leaf, dtype) for leaf in leaves]
-    # By bytes, because arrays may be changed in place; without the roughness, on which no table depends.
+    # The key has bytes, because arrays may be changed in place. No table depends on the roughness.
     bodies = (body.material for body in (scene.lower, scene.upper))
     moduli = [np.asarray(leaf, dtype) for leaf in jax.tree.leaves(tuple(bodies))]
     key = structure, needs, dtype, tuple((x.shape, x.tobytes()) for x in moduli)
@@ -205,13 +205,12 @@ def known_tables(scene: Scene, quantities: tuple[str, ...], dtype: np.dtype) -> 
 
 @functools.lru_cache(maxsize=_PROGRAMS)
 def _compiled_build(structure, shapes, dtype, needs):
-    """`_build` for scenes of a structure, compiled: it runs at once, in a program that is being traced, too.
+    """Return `_build`, compiled for scenes of one structure. It runs at once, also while JAX traces.
 
-    So it does under `jax.ensure_compile_time_eval`, which compiles each operation on constants by itself: a
-    second more.
+    `jax.ensure_compile_time_eval` would compile each operation separately and take a second longer.
     """
     numbers = [jax.ShapeDtypeStruct(shape, dtype) for shape in shapes]
-    # It runs once: what is spent on compiling it is the time that counts.
+    # It runs once, so its compile time matters most.
     options: dict[str, Any] = {**(quick_options() or {}), "xla_backend_optimization_level": 0}
     return _build.lower(jax.tree.unflatten(structure, numbers), needs).compile(options)
 

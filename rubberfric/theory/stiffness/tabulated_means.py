@@ -1,7 +1,7 @@
-r"""Angular means of a solid that is no Prony series, for every node by an integral of its own.
+r"""Angular means of a solid without a Prony series, by one integral for every node.
 
-If the spring in series or a layer varies with q, or the means are wanted at few q v: by the trapezoidal rule
-over the circle of `rubberfric.theory.stiffness.circle_means`, with E' and E'' from splines over ln omega.
+Used if the spring in series or a layer depends on q, or for few q v. It applies the trapezoidal rule of
+`rubberfric.theory.stiffness.circle_means`, with E' and E'' from splines over ln omega.
 """
 
 import functools
@@ -21,15 +21,15 @@ from rubberfric.theory.stiffness.circle_means import circle_rule, harmonic
 from rubberfric.theory.stiffness.splines import BEFORE, BESIDE, MARGIN, at, splines
 from rubberfric.theory.structure import RequiredMeans
 
-# Steps of the grid in the finest detail of E over ln omega, and of the integral of a node.
+# Steps per finest detail of E over ln omega: of the grid, and of the integral of a node.
 PER_DETAIL, _PER_DETAIL_OF_A_NODE = 6, 2
 
-# ln E''/E' at the first entry of a table, of which `far_below` takes account.
+# Largest ln E''/E' at the first entry of a table for `far_below`.
 _MOST_EXCESS = 40.0
 
 
 class Tabulated(NamedTuple):
-    """F = f k / (f + k) with f(omega) the scaled E_r and a spring k, its means taken at every node."""
+    """F = f k / (f + k) with the scaled E_r, f(omega), and a spring k; its means at every node."""
 
     material: Material  # without a series
     scale: jax.Array  # f = scale * E [1/Pa], shape () or (nodes,)
@@ -37,13 +37,13 @@ class Tabulated(NamedTuple):
 
     @property
     def by_node(self) -> bool:
-        """Whether every node has its own."""
+        """Return True if F differs between nodes."""
         return self.scale.ndim > 0
 
     def means(
         self, qv: jax.Array, needs: RequiredMeans, split: bool = False, harmonics: Harmonics | None = None
     ) -> Means:
-        """Means of F for roughness passing at q v; arguments as `PronyStiffness.means`."""
+        """Return the means of F for roughness that passes with q v; arguments as `PronyStiffness.means`."""
         return means_of_log(
             self.material, qv, harmonics, lambda x: _by_node(self, x, needs, split, harmonics)
         )
@@ -52,13 +52,13 @@ class Tabulated(NamedTuple):
 def means_of_log(
     material: Material, qv: jax.Array, harmonics: Harmonics | None, means: Callable[[jax.Array], Means]
 ) -> Means:
-    """Means at q v from those at ln |q v|, which have harmonics that vary with q one by one.
+    """Return means at q v from means at ln |q v|; harmonics that depend on q stay separate there.
 
     Parameters
     ----------
-    material : whose modulus it is
+    material : material of the modulus
     qv : q v a_T [1/s], any shape
-    harmonics : as of `PronyStiffness.means`
+    harmonics : as in `PronyStiffness.means`
     means : function of ln |q v|
     """
     log_qv, sign = log_frequency(material, qv)
@@ -66,7 +66,7 @@ def means_of_log(
 
 
 def of_direction(found: Means, sign: jax.Array, harmonics: Harmonics | None) -> Means:
-    """Means with their harmonics, which were apart if they vary with q; those odd in q v times `sign`."""
+    """Add harmonics that depend on q to the means, and multiply odd means by `sign`."""
     if harmonics is not None and _vary(harmonics):
         cosine, sine = harmonics
         found = {
@@ -78,10 +78,10 @@ def of_direction(found: Means, sign: jax.Array, harmonics: Harmonics | None) -> 
 
 
 def log_frequency(material: Material, omega: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """ln |omega|, bounded far below the frequencies of a material, and the factor of what is odd in omega.
+    """Return ln |omega|, bounded far below a material's frequencies, and the sign factor of odd functions.
 
-    Far below, E is E(0) and E'' linear in omega: so v = 0 keeps its derivative. If E'' does not vanish at
-    v = 0+, only the sign is left.
+    Far below, E is E(0) and E'' is linear in omega, so the derivative at v = 0 is right. If E'' does not
+    vanish at v = 0+, only the sign remains.
     """
     floor = log_range(material)[0] - far_below(material)
     tiny, largest = (float(x) for x in (jnp.finfo(omega.dtype).tiny, jnp.finfo(omega.dtype).max))
@@ -92,47 +92,47 @@ def log_frequency(material: Material, omega: jax.Array) -> tuple[jax.Array, jax.
 
 
 def far_below(material: Material) -> jax.Array | float:
-    """How far below the frequencies of a material it is at rest: there E'' is 1e-9 of E' or less [ln omega].
+    """Return how far below its frequencies a material is at rest, E'' < 1e-9 E' [ln omega].
 
-    A table may begin where E'' is 1e14 of E'.
+    A table may begin where E'' is 1e14 times E'.
     """
     if material.loss_beyond != "fall":
         return math.log(1e9)
     storage, loss = material.storage_and_loss(log_range(material)[0])
     excess = jnp.log(jnp.where(loss > storage, loss, 1.0)) - jnp.log(jnp.where(loss > storage, storage, 1.0))
-    # Where E(0) = 0 nothing is small beside it.
+    # If E(0) = 0, no E'' is small compared with it.
     return math.log(1e9) + jax.lax.stop_gradient(jnp.clip(excess, 0.0, _MOST_EXCESS))
 
 
 def log_range(material: Material) -> jax.Array:
-    """ln of the lowest and highest frequency of what a modulus without a series does [rad/s], (2,)."""
+    """Return ln of the lowest and highest frequencies of a modulus without a series [rad/s], (2,)."""
     ends = material.frequency_range()
     if ends is None:
-        raise ValueError(f"{type(material).__name__}: must answer reduced_series or frequency_range")
+        raise ValueError(f"{type(material).__name__}: must implement reduced_series or frequency_range")
     return jnp.log(jnp.stack(ends))
 
 
 def _vary(harmonics):
-    """Whether the shares of the harmonics depend on q."""
+    """Return True if the shares of the harmonics depend on q."""
     return harmonics is not None and harmonics[0].ndim > 1
 
 
 def constant_shares(harmonics: Harmonics | None) -> tuple[int, Harmonics | None]:
-    """How many harmonics; their shares if they are constant. Those of others are kept apart till later."""
+    """Return the number of harmonics, and their shares if they do not depend on q."""
     if harmonics is None:
         return 0, None
     return harmonics[0].shape[0], None if _vary(harmonics) else harmonics
 
 
 def _mixed(shares: jax.Array, means: tuple[jax.Array, ...]) -> jax.Array:
-    """The mean with its harmonics, which are the last of the means; the transverse one has no other."""
+    """Add harmonics, which are the last of the means, to the mean; the transverse mean has only these."""
     first = len(means) - len(shares)
     terms = (share * mean for share, mean in zip(shares, means[first:], strict=True))
     return functools.reduce(operator.add, (*means[:first], *terms))
 
 
 class Parts(NamedTuple):
-    """Of a complex stiffness F."""
+    """Parts of a complex stiffness F."""
 
     storage: jax.Array  # F'
     loss: jax.Array  # F''
@@ -140,39 +140,39 @@ class Parts(NamedTuple):
 
 
 def stiffness_parts(F: Tabulated, storage: jax.Array, loss: jax.Array) -> Parts:
-    """`Parts` of F for E' and E'', for a spring that is constant or has their shape."""
+    """Return the `Parts` of F for E' and E''; the spring is constant or has their shape."""
     storage, loss = F.scale * storage, F.scale * loss
     power = storage**2 + loss**2
     if F.spring is None:
         return Parts(storage, loss, power)
-    # F = f k / (f + k), by parts; a liquid at rest is a spring of k = 0.
+    # F = f k / (f + k), by parts; a liquid at rest is a spring with k = 0.
     share = F.spring / ((storage + F.spring) ** 2 + loss**2)
     return Parts(share * (F.spring * storage + power), share * F.spring * loss, share * F.spring * power)
 
 
 class MeanKind(NamedTuple):
-    """One of the functions that means are taken of, and of which there is a row or several in a table."""
+    """A function whose means are taken; a table has one or several rows for each."""
 
     name: str
-    part: str  # of `Parts`
-    weights: int  # which of those of `circle_weights`
+    part: str  # field of `Parts`
+    weights: int  # index into the result of `circle_weights`
     squared: bool = False
-    positive: bool = False  # the first of its rows
+    positive: bool = False  # applies to the first row
 
     @property
     def odd(self) -> bool:
-        """Whether it is odd in q v."""
+        """Return True if the function is odd in q v."""
         return self.name in ("mean_cos_loss", "mean_sin_loss")
 
     def of(self, parts: Parts) -> jax.Array:
-        """The function."""
+        """Return the function."""
         values = getattr(parts, self.part)
         return values**2 if self.squared else values
 
 
 def kinds_of(needs: RequiredMeans, split: bool, loss_beyond: str) -> list[MeanKind]:
-    """`MeanKind` of everything that is wanted, in the order of `Means`."""
-    # Where E' steps up, a spline of <|F|^2> itself would swing below 0.
+    """Return the `MeanKind` of every needed mean, in the order of `Means`."""
+    # Where E' has a step, a spline of <|F|^2> itself would become negative.
     squares = [MeanKind("mean_abs2", "abs2", 0, positive=True)]
     if split:
         falls = loss_beyond != "none"
@@ -189,7 +189,7 @@ def kinds_of(needs: RequiredMeans, split: bool, loss_beyond: str) -> list[MeanKi
 
 
 def _by_node(F, log_qv, needs, split, harmonics):
-    """Means at every node by its own integral over the circle; scale and spring of shape () or (nodes,)."""
+    """Return means at every node by an integral over the circle; scale and spring () or (nodes,)."""
     count, mix = constant_shares(harmonics)
     s, psi, weight = rule_of_node(F.material)
     kernels = [np.ones((2, psi.size)), *(np.stack(harmonic(m, psi)) for m in range(1, count + 1))]
@@ -220,17 +220,17 @@ def _by_node(F, log_qv, needs, split, harmonics):
 
     if log_qv.ndim < 2:
         return of_points(log_qv)
-    # Row by row, and again for the gradient: all circles at once would take gigabytes.
+    # Row by row, recomputed for the gradient, because all circles at once would take gigabytes.
     return jax.lax.map(jax.checkpoint(of_points), log_qv)
 
 
 def rule_of_node(material: Material) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """`circle_rule` fine enough for a material without a series."""
+    """Return a `circle_rule` that is fine enough for a material without a series."""
     return circle_rule(material.detail / _PER_DETAIL_OF_A_NODE)
 
 
 class Moduli(NamedTuple):
-    """Splines over a uniform grid of ln omega through ln E' and ln E'' of a material without a series."""
+    """Splines of ln E' and ln E'' over a uniform grid of ln omega, for a material without a series."""
 
     first: jax.Array  # the first cell begins at step * first
     ends: jax.Array  # ln omega where the moduli become powers, below and above
@@ -238,7 +238,7 @@ class Moduli(NamedTuple):
 
 
 def moduli_on_grid(material: Material) -> Moduli:
-    """`Moduli`, for `moduli_at`."""
+    """Return the `Moduli` for `moduli_at`."""
     step, reach = material.detail / PER_DETAIL, REACH * material.detail
     low, high = log_range(material)
     ends = jax.lax.stop_gradient(jnp.stack([low - reach, high + reach]))
@@ -250,7 +250,7 @@ def moduli_on_grid(material: Material) -> Moduli:
 
 
 def moduli_at(material: Material, moduli: Moduli, log_omega: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """E' and E'' [Pa] at ln omega, any shape: `material.storage_and_loss` of its `Moduli`, at many points."""
+    """Return E' and E'' [Pa] at ln omega of any shape, from `Moduli` instead of `storage_and_loss`."""
     inside = jnp.clip(log_omega, *moduli.ends)
     storage, loss = jnp.exp(at(moduli.cells, inside * (PER_DETAIL / material.detail) - moduli.first))
     if material.loss_beyond == "fall":
@@ -261,5 +261,5 @@ def moduli_at(material: Material, moduli: Moduli, log_omega: jax.Array) -> tuple
 
 
 def log_floored(values: jax.Array) -> jax.Array:
-    """Return ln of values >= 0; the floor is for two liquids at rest, where G need only be as good as 0."""
+    """Return ln of values >= 0, with a floor for two liquids at rest, where G is 0."""
     return jnp.log(jnp.maximum(values, float(jnp.finfo(values.dtype).tiny) ** 0.8))

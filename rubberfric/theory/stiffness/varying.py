@@ -1,11 +1,11 @@
-r"""Two solids in series that temperature changes differently, so that their series is another at every T.
+r"""Two solids in series whose stiffnesses change differently with temperature.
 
-With a vertical shift b_T of one of two deformable solids, or layer and base of a coating with shifts of their
-own, not only the times of K_j move by a common a_T:
+With a vertical shift b_T of one of two deformable solids, or different shifts of layer and base of a coating,
+temperature does more than multiply the times of K_j by a common a_T:
 
 .. math:: K_j = \frac{1}{M_o(q, a_o\omega)/b_o + M_j(q, 0)/b_j}
 
-where a and b are those of the temperatures that either solid has at q. Its Prony series is found for each q
+a and b are the shift factors at the temperatures of the solids at q. The Prony series is computed for each q
 and temperature.
 """
 
@@ -21,7 +21,7 @@ from rubberfric.theory.structure import RequiredMeans, RoughSurface, SurfaceTemp
 
 
 class VaryingSeries(NamedTuple):
-    """F of a surface, to be found for every temperature."""
+    """F of a surface, to be computed for every temperature."""
 
     surface: RoughSurface
     scale: jax.Array  # modulus scale [Pa]
@@ -34,14 +34,14 @@ class VaryingSeries(NamedTuple):
         needs: RequiredMeans,
         harmonics: Harmonics | None,
     ) -> Means:
-        """Means of F.
+        """Return the means of F.
 
         Parameters
         ----------
         q : [1/m], shape (panels, order)
         speed : v a_T of the strained solid [m/s], shape (points,) or (panels, points, order)
         temperatures : [K], shapes (points,) or (panels, points, order)
-        needs, harmonics : as of `PronyStiffness.means`; shares (harmonics,) or (harmonics, panels, order)
+        needs, harmonics : as in `PronyStiffness.means`; shares (harmonics,) or (harmonics, panels, order)
 
         Returns
         -------
@@ -53,7 +53,7 @@ class VaryingSeries(NamedTuple):
         if harmonics is not None and harmonics[0].ndim > 1:
             shares = [jnp.moveaxis(x, 1, 0) for x in harmonics]
         if at_points and not self.surface.by_wavevector and shares is None:
-            # One series for each point serves all wavevectors.
+            # One series per point serves all wavevectors.
             F = self._series(q[0, 0] * jnp.ones(points, q.dtype), temperatures)
             found = F.means(q.reshape(-1, 1) * speed, needs, False, harmonics)
             return jax.tree.map(lambda x: jnp.swapaxes(x.reshape(*q.shape, points), 1, 2), found)
@@ -74,17 +74,17 @@ class VaryingSeries(NamedTuple):
             return jax.tree.map(lambda x: x.reshape(speed.shape), found)
 
         values = q, everywhere(speed), jax.tree.map(everywhere, temperatures), shares
-        # Panel by panel, and again for the gradient: all series at once take much memory.
+        # Panel by panel, recomputed for the gradient, because all series at once take much memory.
         return jax.lax.map(jax.checkpoint(panel), values)
 
     def static(self, q: jax.Array, temperatures: SurfaceTemperatures) -> Means:
-        """The same of a strained solid that does not relax: arrays (panels, points or 1, order)."""
+        """Return the means if the strained solid does not relax: arrays (panels, points or 1, order)."""
         at = jax.tree.map(lambda T: T[:, None] if T.ndim == 1 else T, temperatures)
         F = static_stiffness(self.surface, self.scale, q[:, None], at)
         return {"mean_abs2": (F * F,), "mean_storage": (F,)}
 
     def _series(self, q, temperatures):
-        """F at q and temperatures of shape (nodes,)."""
+        """Return F at q and temperatures of shape (nodes,)."""
 
         def one(q, temperatures):
             F = relaxing_stiffness(self.surface, self.scale, q[None, None], temperatures)
