@@ -1,4 +1,4 @@
-"""Scenes: two bodies, what is between them, and which version of the theory to use."""
+"""Scenes: two bodies, their interface, and the version of the theory."""
 
 from rubberfric.scene.adhesion import Adhesion
 from rubberfric.scene.correlation import Correlation

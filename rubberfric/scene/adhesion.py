@@ -1,17 +1,18 @@
-r"""Adhesion: solids that gain a work of adhesion where they touch, in the two limits of its range.
+r"""Adhesion of short and of long range, the two limits of the attraction between solids.
 
-Where the attraction reaches less far than the solids deform, it holds the area that a higher load p_1 would
-make, at the least energy [Ciavarella, J. Mech. Phys. Solids 114, 209 (2018), doi:10.1016/j.jmps.2018.02.011],
+If the range of the attraction is smaller than the deformation, adhesion keeps the area of a larger load p_1
+that minimises the energy [Ciavarella, J. Mech. Phys. Solids 114, 209 (2018), doi:10.1016/j.jmps.2018.02.011],
 
 .. math:: p_1 = \sigma_0 + \sqrt{2\,\Delta\gamma\, A'(p_1) / u''(p_1)}
 
-Where it reaches further, it presses the solids together as a load would [Persson and Scaraggi, J. Chem. Phys.
+If the range is larger, adhesion acts like an additional load [Persson and Scaraggi, J. Chem. Phys.
 141, 124701 (2014), doi:10.1063/1.4895789],
 
 .. math:: p_\mathrm{rep} = \sigma_0 + \int P(u; p_\mathrm{rep})\, p_a(u)\, du,\qquad
           p_a(u) = \frac{\Delta\gamma}{r}\, e^{-u/r}
 
-Between them lies Tabor's parameter of asperities of radius R, :math:`(R\,\Delta\gamma^2/E_r^2 r^3)^{1/3}`.
+Tabor's parameter distinguishes the limits. For asperities of radius R it is :math:`(R\,\Delta\gamma^2/E_r^2
+r^3)^{1/3}`.
 """
 
 from typing import Literal
@@ -27,40 +28,40 @@ class Adhesion(PhysicalObject):
 
     Parameters
     ----------
-    work : of adhesion per area of contact [J/m^2], > 0; 0.05 for rubber on most clean solids
+    work : work of adhesion per contact area [J/m^2], > 0; 0.05 for rubber on most clean solids
     limit : "short" or "long" (static)
-    range : r of the attraction [m], > 0; of long range only. Van der Waals forces reach some 0.3 nm,
-        electrostatic ones micrometres.
+    range : r of the attraction [m], > 0; for long range only. Van der Waals forces have a range of 0.3 nm,
+        electrostatic forces micrometres.
 
-    `rubberfric.analysis.adhesion_matters` says beforehand whether it is worth its cost. In friction contact
-    shear acts on the area that adheres, and the viscoelastic part has S P of that area, or of
-    p_1; both are over sigma_0 alone.
+    `rubberfric.analysis.adhesion_matters` estimates if adhesion changes the result. Contact shear acts on the
+    adhering area. The viscoelastic friction has S P of that area, or of p_1. Both are divided by sigma_0.
 
-    Short range: against boundary elements (q1/q0 = 8, Tabor 3) areas are good to 15 % for works up
-    to an eighth of the energy of full contact where up to a third touches, to 20 % at a quarter, and 11 to
-    31 % too small where more than half does, for elements fall into contact sooner; all with S in G, without
-    it they are as much smaller as without adhesion. Of several solutions it is the least, where approaching
-    solids come to rest; pulled apart again they hold up to three times as much. Where no load is large enough
-    contact is full. Derivatives are those of the solution, without bounds next to a jump, and 0 where contact
-    is full: a fit of the work begins with little of it.
+    Short range: compared with boundary elements (q1/q0 = 8, Tabor 3, S in G), areas up to a third of the
+    nominal area have errors up to 15 % for works up to an eighth of the energy of full contact, and 20 % for
+    a quarter. Areas above one half are 11 to 31 % too small, because boundary elements jump into contact at
+    smaller loads. Without S in G areas are smaller by the same factor as without adhesion. The smallest of
+    several solutions is returned, which approaching solids reach first. Separating solids may have up to
+    three times this area. If no load satisfies the equation, contact is full. Derivatives are those of the
+    solution. They diverge next to a jump and are 0 in full contact, so begin a fit of the work with a small
+    value.
 
     Long range: area, separation, and S P of the viscoelastic friction equal those without adhesion under the
     pressure p_rep = sigma_0 + p_ad. The attraction decays exponentially, integrates to the work, and its mean
     over Gaussian separations has a closed form. Boundary elements use the same law. The attraction also acts
     on the area of contact, which bears it. This is exact where r far exceeds all gaps: p_rep = sigma_0 +
-    work / r. If several p_rep satisfy the equation, the least is returned. Approaching solids, which start
+    work / r. If several p_rep satisfy the equation, the smallest is returned. Approaching solids, which start
     without adhesion, come to rest there. They jump into closer contact where this solution ends, and
     derivatives grow without bounds there. Two solutions closer than an eleventh of ln(1 + work / (r sigma_0))
     may be missed: then the next one is returned.
     Areas solve the equation to about 1e-6 where more than 1 % touches, and to 1e-3 at the lightest loads if r
     is less than a tenth of the rms height. Where more than 1 % touches, derivatives agree with differences to
     1e-9.
-    Against boundary elements areas are good to 4 % at Tabor 0.1 (with S in G); at 0.3 they are up to 22 % too
-    large at light load, because the attraction deforms the solids.
+    Compared with boundary elements, areas have errors up to 4 % at Tabor 0.1 (with S in G). At Tabor 0.3 they
+    are up to 22 % too large at light load, because the attraction deforms the solids.
 
-    Limits: E_r is that of the moduli at the frequencies of sliding, at rest the relaxed one; no energy is
-    lost in the rubber by the opening of cracks. Not together with heating. The tables of boundary elements
-    are in tests/rubberfric/theory/area/test_adhesive_elements.py.
+    Limits: E_r has the moduli at the frequencies of sliding, at rest the relaxed moduli. Losses of opening
+    cracks are not included. Not together with heating. The tables of boundary elements are in
+    tests/rubberfric/theory/area/test_adhesive_elements.py.
     """
 
     work: Number = leaf(POSITIVE, unit="J/m^2", plausible=(1e-9, 1e3))

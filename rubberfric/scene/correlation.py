@@ -1,11 +1,11 @@
-r"""Roughness of two solids that is correlated, as of a replica on its mould.
+r"""Correlated roughness of two solids, such as a replica on its mould.
 
 .. math:: \langle h_1(q)\,h_2^*(q)\rangle:\quad C_{12} = \kappa\sqrt{C_1 C_2},\qquad
           C_1 + C_2 \to C_1 + C_2 - 2 C_{12}
 
-the spectrum of the difference of the surfaces, which is all that matters to solids at rest. As one slides
-over the other their roughness excites either solid at different frequencies, and the cross terms vanish from
-averages over time: theory of uncorrelated roughness holds then [Scaraggi & Persson, arXiv:1506.06955].
+This is the spectrum of the difference of the surfaces, which determines the contact of solids at rest. In
+sliding, the two surfaces excite the solids at different frequencies. The cross terms then vanish in the time
+average, and the theory of uncorrelated roughness holds [Scaraggi & Persson, arXiv:1506.06955].
 """
 
 import jax
@@ -23,8 +23,8 @@ class Correlation(PhysicalObject):
     Parameters
     ----------
     coherence : kappa, the same at every wavevector [-], -1 ... 1
-        1: the surfaces fit, as far as their spectra are equal; 0: they know nothing of each other;
-        -1: the peaks of one lie on the peaks of the other.
+        1: the surfaces match, if their spectra are equal; 0: no correlation; -1: the peaks of one surface
+        lie on the peaks of the other.
 
     Limits: at rest only (velocity 0), between two rough isotropic surfaces; not together with heating or
     softening. Traced velocities other than 0 give NaN.
@@ -34,13 +34,13 @@ class Correlation(PhysicalObject):
 
 
 def difference(correlation: Correlation, lower: jax.Array, upper: jax.Array) -> jax.Array:
-    """Spectrum of the difference of two surfaces, of their spectra >= 0, in whatever unit."""
+    """Return the spectrum of the difference of two surfaces from their spectra >= 0, in any unit."""
     one, other = _root(lower), _root(upper)
-    # A square and what is left: never below 0.
+    # A square plus a remainder >= 0, so that the result is never negative.
     return (one - other) ** 2 + 2 * (1 - correlation.coherence) * (one * other)
 
 
 def _root(square):
-    """Square root with derivative 0 at 0, where a surface has no roughness."""
+    """Return the square root, with derivative 0 at 0, where a surface is smooth."""
     rough = square > 0
     return jnp.where(rough, jnp.sqrt(jnp.where(rough, square, 1.0)), 0.0)

@@ -1,8 +1,7 @@
-"""Whether numbers can be in SI: what only a wrong unit would explain.
+"""Warnings about numbers that only a wrong unit explains.
 
-Where people write, it is found: a scene that is made, or conditions that it is computed at, give a
-`UnitWarning`, a TOML file an error. Traced numbers are not asked, and nothing is changed: extreme and
-dimensionless scenes can be computed.
+Creating a scene and computing it give a `UnitWarning`; a TOML file gives an error. Traced numbers are not
+checked. Nothing is changed, so extreme and dimensionless scenes can be computed.
 """
 
 from collections.abc import Iterator
@@ -14,13 +13,13 @@ import numpy as np
 from rubberfric.base.checks import PLAUSIBLE_TEMPERATURE, UnitWarning, is_concrete, warn_caller
 from rubberfric.base.objects.physical import PhysicalObject, leaves_of, parts_of
 
-# What a number in a unit may be instead.
+# Likely other units of a number.
 _QUESTIONS = {
     "Pa": "is it in MPa or GPa?",
     "K": "is it in °C? then add 273.15",
     "m/s": "is it in mm/s or um/s?",
 }
-# Of conditions: lowest and highest magnitude, and unit.
+# Conditions: lowest and highest plausible magnitude, and unit.
 _CONDITIONS = {
     "velocity": (0.0, 500.0, "m/s"),
     "pressure": (1.0, 1e10, "Pa"),
@@ -30,14 +29,14 @@ _OFF = 'warnings.simplefilter("ignore", rubberfric.UnitWarning) silences this'
 
 
 def doubts_of_scene(scene: PhysicalObject) -> Iterator[str]:
-    """What in an object is hardly in SI, a line each that begins with its key path."""
+    """Yield a line for each implausible number of an object, beginning with its key path."""
     for key, part in parts_of(scene):
         for name, field in leaves_of(type(part)).items():
             values = getattr(part, name)
             if field.plausible is None or values is None:
                 continue
             if field.plus is not None:
-                # NumPy's arrays: within jit a sum of JAX's would be traced.
+                # NumPy arrays, because a sum of JAX arrays within jit would be traced.
                 added = np.sum(np.asarray(getattr(part, field.plus)))
                 name, values = f"{name} + sum({field.plus})", np.asarray(values) + added
             yield from _doubts(f"{key}.{name}" if key else name, values, *field.plausible, field.unit)
@@ -45,20 +44,20 @@ def doubts_of_scene(scene: PhysicalObject) -> Iterator[str]:
 
 
 def doubts_of_conditions(**conditions: Any) -> Iterator[str]:
-    """The same of velocity, pressure and temperature."""
+    """Yield a line for each implausible velocity, pressure or temperature."""
     for name, values in conditions.items():
         if values is not None and is_concrete(values):
             yield from _doubts(name, values, *_CONDITIONS[name])
 
 
 def warn_of_scene(scene: PhysicalObject) -> None:
-    """A UnitWarning of the first doubt about a scene whose numbers are all concrete."""
+    """Give a UnitWarning for the first implausible number of a concrete scene."""
     if all(map(is_concrete, jax.tree.leaves(scene))):
         _warn(doubts_of_scene(scene))
 
 
 def warn_of_conditions(**conditions: Any) -> None:
-    """The same of velocity, pressure and temperature."""
+    """Give a UnitWarning for the first implausible velocity, pressure or temperature."""
     _warn(doubts_of_conditions(**conditions))
 
 

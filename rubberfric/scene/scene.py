@@ -1,4 +1,4 @@
-"""A scene: two bodies, what is between them, and which version of the theory to use."""
+"""A scene: two bodies, their interface, and the version of the theory."""
 
 from collections.abc import Sequence
 from typing import Any, Literal, TypeVar
@@ -36,10 +36,10 @@ class Body(PhysicalObject):
         a finite thickness of the material, on a rigid base or on a half-space of another solid
         (Coating, if the material is Elastic or Prony).
     thermal : ThermalProperties or None
-        how it takes up heat, if not as the Heating of the scene says; a rigid body takes up its share of
-        the heat of contact shear.
+        thermal properties of this solid, instead of those of the scene's Heating. A rigid body takes up its
+        share of the heat of contact shear.
     softening : Softening or None
-        of this solid, if not as that of the scene says.
+        softening of this solid, instead of the scene's.
     """
 
     material: Material = child()
@@ -57,8 +57,8 @@ class Body(PhysicalObject):
             raise ValueError("Body.layer: a rigid body has no layer; must be None")
         if self.material.poisson is None:
             raise ValueError(
-                f"Body.layer: a body of {type(self.material).__name__} is a half-space, for the factor of a "
-                "layer depends on Poisson's ratio; must be None"
+                f"Body.layer: a body of {type(self.material).__name__} is a half-space, because the factor "
+                f"of a layer depends on Poisson's ratio; must be None"
             )
         self.layer.check_material(self.material)
 
@@ -71,36 +71,35 @@ class Scene(PhysicalObject):
     ----------
     lower, upper : Body
     gamma : elastic-energy factor in S = gamma + (1 - gamma) P^2 [-], 0 ... 1, about 1/2
-        (at 0 with area_correction and light load the default quadrature is 4e-8 off;
-        Quadrature(graded=16) is not)
+        (at 0 with area_correction and light load the default quadrature has an error of 4e-8;
+        Quadrature(graded=16) removes it)
     area_correction : bool (static)
-        False: G(q) as in the paper. True: S also inside G, dG = S dG_plain, as the
-        established program has it. Boundary elements at rest agree with it within 4-7 % of
-        the area and leave the paper's 30 % low at light load; in sliding the area is 8 % high
-        with it and 20 % low without, and friction is closer too (notebooks/boundary_elements.md:
-        both drift with velocity). The separation always
-        uses the plain G: S in G makes it worse (physics: -9 % instead of -1 % in the
-        ratio of separations at two loads).
+        False: G(q) as in the paper. True: S also inside G, dG = S dG_plain, as in the commercial program.
+        At rest its area agrees with boundary elements within 4 to 7 %; the paper's area is 30 % too small
+        at light load. In sliding the area is 8 % too large with it and 20 % too small without, and its
+        friction is closer (notebooks/boundary_elements.md; both errors depend on velocity). The separation
+        always uses the plain G. With S in G the ratio of separations at two loads is 9 % too small instead
+        of 1 %.
     shear : ContactShear or None
-        shear stress in the area of contact; adds to the friction only.
+        shear stress in the contact area; changes only the friction.
     heating : Heating or None
-        friction heats the deformable solids, each length scale to its own temperature.
+        frictional heating of the deformable solids, with a temperature for each length scale.
     softening : Softening or None
-        E' and E'' of viscoelastic solids fall with the strain of each length scale; a body may have its own.
+        decrease of E' and E'' of viscoelastic solids with the strain of each length scale; see also Body.
     adhesion : Adhesion or None
-        the solids gain a work of adhesion where they touch, of short range or of long.
+        work of adhesion in the contact area, of short or long range.
     correlation : Correlation or None
-        of the roughness of both solids, which are at rest.
+        correlation of the roughness of both solids, which must be at rest.
     contact_model : "paper" or "boundary_elements" (static)
         "boundary_elements": area and friction follow a law that was fitted to boundary elements
         (`rubberfric.theory.area.boundary_elements_law`), for one rough isotropic surface and half-spaces. In
         cases with q1/q0 = 8 ... 128 that were not used for the fit, 84 % of its friction and 96 % of its
         areas are within 10 % of boundary elements (paper: 25 % and 46 %). It is less accurate below
         A/A0 = 1 % (0.11 to 0.16 rms in ln mu), for narrow spectra (q1/qr below 4: friction 14 % too
-        large) and for moduli that rise by 1000. It is extrapolated beyond q1/q0 = 128. The separation
-        stays the paper's.
+        large) and for moduli that rise by 1000. It is extrapolated beyond q1/q0 = 128. The separation is the
+        paper's.
 
-    Two rigid bodies raise ValueError: nothing would deform.
+    Two rigid bodies raise ValueError, because nothing would deform.
     """
 
     lower: Body = child()
@@ -173,14 +172,14 @@ class Scene(PhysicalObject):
 
 
 def _check_apart(part, others, parts):
-    """ValueError if a scene has a part together with one of the others."""
+    """Raise ValueError if a scene has a part together with one of the others."""
     for name in others:
         if part in parts and name in parts:
             raise ValueError(f"Scene.{part}: not together with {name}; one of them must be left out")
 
 
 def optional_parts(scene: Scene) -> set[str]:
-    """Names of the optional parts that a scene has; softening may also be a body's own."""
+    """Return the names of the optional parts of a scene and its bodies."""
     names = ("shear", "heating", "softening", "adhesion", "correlation")
     found = {name for name in names if getattr(scene, name) is not None}
     if scene.area_correction:
@@ -193,9 +192,9 @@ def optional_parts(scene: Scene) -> set[str]:
 
 
 def shifts(scene: Scene) -> list[Shift]:
-    """Time-temperature shifts in the scene: of both materials, of what they coat, of the contact shear.
+    """Return the shifts of both materials, of coated materials and of contact shear.
 
-    What has none is left out.
+    Parts without a shift are left out.
     """
     bodies = scene.lower, scene.upper
     parts = *(body.material for body in bodies), *(body.layer for body in bodies), scene.shear
@@ -204,24 +203,24 @@ def shifts(scene: Scene) -> list[Shift]:
 
 
 def body_shifts(body: Body) -> list[Shift]:
-    """Those of a body: of its material, and of what that is a coating of."""
+    """Return the shifts of a body's material and of the solid that it coats."""
     found = body.material.shift, None if body.layer is None else body.layer.shift
     return [shift for shift in found if shift is not None]
 
 
 def takes_temperature(scene: Scene) -> bool:
-    """Whether anything in the scene depends on temperature."""
+    """Return True if anything in the scene depends on temperature."""
     return scene.heating is not None or bool(shifts(scene))
 
 
 def check_background(scene: Scene, where: str = "", missing: str = "temperature is missing") -> None:
-    """ValueError for a scene that cannot do without a temperature; `where` and `missing` begin its line."""
+    """Raise ValueError for a scene that requires a temperature; `where` and `missing` begin the message."""
     if scene.heating is not None:
-        raise ValueError(f"{where}{missing}: a scene with heating needs that far from the contact [K]")
+        raise ValueError(f"{where}{missing}: a scene with heating requires it, far from the contact [K]")
 
 
 def check_without(scene: Scene, parts: Sequence[str], what: str) -> None:
-    """ValueError for what is not defined with these parts of a scene, or follows the paper's theory only."""
+    """Raise ValueError if a quantity is not defined with these parts of a scene, or only for "paper"."""
     there = optional_parts(scene)
     if scene.contact_model != "paper":
         raise ValueError(f'scene.contact_model: {what} is not known for {scene.contact_model!r}; use "paper"')
@@ -231,35 +230,35 @@ def check_without(scene: Scene, parts: Sequence[str], what: str) -> None:
 
 
 def rough_surfaces(scene: Scene) -> list[tuple[Spectrum, Body]]:
-    """(spectrum, body facing it) of every rough surface, that of the lower solid first."""
+    """Return (spectrum, facing body) of every rough surface, the lower solid first."""
     facing = [(scene.lower.spectrum, scene.upper), (scene.upper.spectrum, scene.lower)]
     return [(spectrum, other) for spectrum, other in facing if spectrum is not None]
 
 
 def softening_of(scene: Scene, body: Body) -> Softening | None:
-    """How a body of the scene softens: as it says itself, or as the scene does."""
+    """Return the softening of a body: its own, or the scene's."""
     if not relaxes(body):
         return None
     return scene.softening if body.softening is None else body.softening
 
 
 def relaxes(body: Body) -> bool:
-    """Whether a body is viscoelastic: its material, or what that is a coating of."""
+    """Return True if a body's material, or the solid that it coats, is viscoelastic."""
     return body.material.relaxes or (body.layer is not None and body.layer.relaxes)
 
 
 def dissipates(scene: Scene) -> bool:
-    """Whether roughness excites a viscoelastic solid: else there is no viscoelastic friction."""
+    """Return True if roughness excites a viscoelastic solid; otherwise viscoelastic friction is 0."""
     return any(relaxes(other) for _, other in rough_surfaces(scene))
 
 
 def result_dtype(*values: Any) -> jnp.dtype:
-    """The one dtype a call computes in: of all leaves, Python scalars yielding."""
+    """Return the common dtype of all leaves; Python scalars adapt to the others."""
     leaves = jax.tree_util.tree_leaves(values)
     dtype = jnp.result_type(*leaves) if leaves else jnp.result_type(float)
     return dtype if jnp.issubdtype(dtype, jnp.floating) else jnp.result_type(float)
 
 
 def cast(tree: _Tree, dtype: str | type | np.dtype) -> _Tree:
-    """All leaves as strongly typed arrays of one dtype."""
+    """Convert all leaves to strongly typed arrays of one dtype."""
     return jax.tree_util.tree_map(lambda x: as_array(x, dtype), tree)

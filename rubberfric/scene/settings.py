@@ -1,15 +1,15 @@
-r"""The quadrature that fits a scene, by a rule of its numbers that takes microseconds.
+r"""Default quadrature of a scene, from a rule that takes microseconds.
 
-Two numbers say how many nodes meet 1e-9: the range of the roughness in e-folds, plateaus twice (there
-:math:`\sqrt G \sim q^2`), and how steeply the contact begins,
+Two numbers determine how many nodes give an error of 1e-9. L is the range of the roughness in e-folds, in
+which plateaus count twice (there :math:`\sqrt G \sim q^2`). Lambda describes how steeply contact is lost:
 
 .. math:: L = \ln\frac{q_1}{q_0} + \sum_j \ln\frac{q_{rj}}{q_{0j}},\qquad
           \Lambda = \max_j \ln\frac{E_r\,q_{0j}^2 \sqrt{C_{0j}}}{\sigma_0}
 
-with the glassy modulus of the softer solid: P falls from 1 within :math:`\ln(q/q_0) \sim e^{-2\Lambda}`. The
-limits below are where errors of thousands of random scenes stay under 4e-10:
-`tests/benchmarks/test_settings_table.py` prints the table that they are read from, and
-`tests/rubberfric/scene/test_settings.py` tries them on other scenes.
+with the glassy modulus of the softer solid. P falls from 1 within :math:`\ln(q/q_0) \sim e^{-2\Lambda}`.
+Within the limits below, the errors of thousands of random scenes are below 4e-10.
+`tests/benchmarks/test_settings_table.py` prints the table of these errors, and
+`tests/rubberfric/scene/test_settings.py` tests the limits on other scenes.
 """
 
 import math
@@ -29,7 +29,7 @@ from rubberfric.scene.scene import Scene, optional_parts
 
 _ALL = math.inf, -math.inf, math.inf
 
-# (setting, largest L, least and largest Lambda), of increasing work, for one rough solid and for two.
+# (setting, largest L, smallest and largest Lambda) in order of work, for one and for two rough solids.
 WITH_SEPARATION = {
     1: (
         (Quadrature(order=13, panels=4, graded=6, ratio=5.0, angular_order=12), 3.0, -1.0, 8.0),
@@ -47,8 +47,8 @@ WITH_SEPARATION = {
         (Quadrature(order=14, panels=28, graded=12, ratio=4.5, angular_order=14), *_ALL),
     ),
 }
-# Of area and friction alone: near full contact it is the separation, a millionth of the roughness there, that
-# wants more panels.
+# For area and friction only. Near full contact the separation, a millionth of the roughness, needs more
+# panels.
 WITHOUT_SEPARATION = {
     1: (
         (Quadrature(order=13, panels=4, graded=6, ratio=5.0, angular_order=12), 5.0, -math.inf, 8.0),
@@ -65,17 +65,18 @@ WITHOUT_SEPARATION = {
         (Quadrature(order=14, panels=10, graded=8, ratio=4.5, angular_order=13), 12.5, -math.inf, 14.0),
     ),
 }
-# Of one rough solid with heating: temperatures want more panels, and are solved to 1e-8 in strong feedback.
+# For one rough solid with heating. Temperatures need more panels and have errors of 1e-8 in strong feedback.
 HEATED = ((Quadrature(order=13, panels=8, graded=6, ratio=5.0, angular_order=12), 8.2, -1.0, 8.0),)
-# Where nothing else was measured, and where a number is traced.
+# For parts without measurements, and for traced numbers.
 ROBUST = Quadrature()
 TRACED = {1: Quadrature(angular_order=12), 2: ROBUST}
-# For parts that the rules were not measured for, whatever Lambda.
+# For parts that the rules were not measured for, at any Lambda.
 OTHER = Quadrature(order=12, panels=12, angular_order=15), 12.0
 
 
-# For a tabulated modulus without steps on a rough rigid solid, in rows as of `WITH_SEPARATION`. The detail of
-# the table sets the number of panels (`Quadrature.resolving`); each is so narrow that order 8 is enough.
+# For a tabulated modulus without steps on a rough rigid solid, in rows as in `WITH_SEPARATION`. The detail
+# of the table determines the number of panels (`Quadrature.resolving`). They are so narrow that order 8
+# suffices.
 TABULATED = tuple(
     (Quadrature(order=8, panels=panels, graded=8, ratio=ratio, angular_order=16), longest, -math.inf, largest)
     for panels, ratio, longest, largest in (
@@ -87,9 +88,9 @@ TABULATED = tuple(
         (17, 4.0, 15.0, 12.5),
     )
 )
-# With heating the last alone. Temperatures leave one of a hundred scenes 1e-8 off, with more nodes too.
+# With heating only the last. One of a hundred scenes has temperature errors of 1e-8, also with more nodes.
 HEATED_TABLES = TABULATED[-1:]
-# A step: moduli that rise by more than e^1.5 within three widths of what rounds them.
+# A step: moduli that rise by more than e^1.5 within three smoothing widths.
 STEP = 1.5
 
 
@@ -100,27 +101,27 @@ class _TracedError(Exception):
 def default_quadrature(
     scene: Scene, pressure: ArrayLike, *, margin: float = 0.0, separation: bool = True
 ) -> Quadrature:
-    """The setting of least work, out of a handful, that is good to 1e-9 for a scene.
+    """Return the cheapest setting with errors below 1e-9 for a scene.
 
     Parameters
     ----------
     scene : Scene
     pressure : [Pa], any shape
-    margin : how much further the wavevectors may move apart and the moduli grow, in e-folds
-    separation : False: only area and friction must be good to 1e-9, as where nothing else is asked for
+    margin : e-folds by which the range of wavevectors and the moduli may grow
+    separation : False: only area and friction must meet 1e-9
 
     Returns
     -------
-    Quadrature. One for ten decades at any load where `jit` or `vmap` traces a number of the scene or the
-    pressure (two rough solids with plateaus of nine decades each are 1e-7 off with it: give `quadrature`
-    there); a derivative outside `jit` has the setting of its value. The rules were measured for
-    half-spaces of `Rigid`, `Elastic` and `Prony` with `SelfAffine` roughness, heated ones of three decades
-    among them, and of `TabulatedModulus` on a rough rigid solid, also heated and with the area correction;
-    other scenes have some nodes more.
+    Quadrature. If `jit` or `vmap` traces a number of the scene or the pressure, a setting for ten decades at
+    any load (two rough solids with plateaus of nine decades each have an error of 1e-7 with it; pass
+    `quadrature` there). A derivative outside `jit` has the setting of its value. The rules were measured for
+    half-spaces of `Rigid`, `Elastic` and `Prony` with `SelfAffine` roughness, also heated ones of three
+    decades, and for `TabulatedModulus` on a rough rigid solid, also heated or with the area correction.
+    Other scenes have some more nodes.
 
     Raises
     ------
-    ValueError : no scene; a pressure that is known and not > 0.
+    ValueError : no Scene; a concrete pressure <= 0.
     """
     if not isinstance(scene, Scene):
         raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
@@ -131,7 +132,7 @@ def default_quadrature(
         return ROBUST
     plain = all(type(body.material) in (Rigid, Elastic, Prony) and body.layer is None for body in bodies)
     plain = plain and all(type(spectrum) is SelfAffine for spectrum in rough)
-    # So numbers that are differentiated outside `jit` are known. At once: each alone takes a quarter of a ms.
+    # Numbers that are differentiated outside `jit` are concrete. All at once, because each takes 0.25 ms.
     scene, pressure = _without_tangents((scene, pressure))
     try:
         span, rules = span_of(scene), _rules_of(scene, len(rough), plain, separation, margin)
@@ -146,7 +147,7 @@ def default_quadrature(
 
 
 def _rules_of(scene, rough, plain, separation, margin):
-    """Settings and their limits that were measured for scenes of these parts, of increasing work."""
+    """Return settings and limits for scenes with these parts, in order of work."""
     parts = optional_parts(scene)
     bare = parts <= {"shear"}
     if plain and bare:
@@ -159,7 +160,7 @@ def _rules_of(scene, rough, plain, separation, margin):
 
 
 def span_of(scene: Scene) -> float:
-    """L of a scene whose roughness is `SelfAffine` or `TabulatedSpectrum`; 0 if it is smooth."""
+    """Return L of a scene with `SelfAffine` or `TabulatedSpectrum` roughness; 0 if it is smooth."""
     ends, plateaus = [], 0.0
     for body in (scene.lower, scene.upper):
         spectrum = body.spectrum
@@ -176,7 +177,7 @@ def span_of(scene: Scene) -> float:
 
 
 def _tabulated_smoothly(scene, margin):
-    """Whether the solids are those that `TABULATED` is for."""
+    """Return True if `TABULATED` applies to the solids."""
     bodies = [body for body in (scene.lower, scene.upper) if body.material.deforms]
     if len(bodies) > 1 or type(bodies[0].material) is not TabulatedModulus or bodies[0].layer is not None:
         return False
@@ -186,7 +187,7 @@ def _tabulated_smoothly(scene, margin):
 
 
 def _rise_of(material):
-    """Largest change of ln E' and ln E'' of a table within three widths of the rounding."""
+    """Return the largest change of ln E' and ln E'' of a table within three smoothing widths."""
     x, largest = np.log(_array(material.omega)), 0.0
     for y in (np.log(_array(material.storage)), np.log(_array(material.loss))):
         for widths in (1, 2, 3):
@@ -196,17 +197,17 @@ def _rise_of(material):
 
 
 def loads_of(scene: Scene, pressure: ArrayLike) -> tuple[float, float]:
-    """Least and largest Lambda of a scene of isotropic roughness on `Elastic`, `Prony`, tabulated solids."""
+    """Return the smallest and largest Lambda of a scene with isotropic roughness."""
     steepest = 0.0
     for body in (scene.lower, scene.upper):
         spectrum = body.spectrum
         if isinstance(spectrum, SelfAffine):
             q0, qr, q1 = (_number(x) for x in (spectrum.q0, spectrum.qr, spectrum.q1))
-            # Of h_rms the least that lies beyond q_r is that of H = 1: q0^2 sqrt(C0) is this or less.
+            # The share of h_rms beyond q_r is smallest for H = 1, which bounds q0^2 sqrt(C0) from above.
             most = math.sqrt(math.pi * (2 - (q0 / qr) ** 2 - (qr / q1) ** 2))
             steepest = max(steepest, _number(spectrum.h_rms) * q0 * (q0 / qr) / most)
         elif isinstance(spectrum, TabulatedSpectrum):
-            # At its beginning or later: that is more.
+            # The largest value at or after its beginning.
             steepest = max(steepest, float(np.max(_array(spectrum.q) ** 2 * np.sqrt(_array(spectrum.C)))))
     moduli = [_glassy(body.material) for body in (scene.lower, scene.upper) if body.material.deforms]
     stress = steepest * min(moduli)
@@ -218,7 +219,7 @@ def loads_of(scene: Scene, pressure: ArrayLike) -> tuple[float, float]:
 
 
 def _glassy(material):
-    """E_r at infinite frequency [Pa]."""
+    """Return E_r at infinite frequency [Pa]."""
     if isinstance(material, Prony):
         modulus = _number(material.E_inf) + float(np.sum(_array(material.E)))
     elif isinstance(material, TabulatedModulus):

@@ -1,9 +1,9 @@
-r"""Contact shear: what the rubber in real contact resists to being sheared, besides its viscoelastic losses.
+r"""Contact shear: resistance of the contact area to shearing, in addition to viscoelastic losses.
 
 .. math:: \mu_\mathrm{con} = \frac{\tau_f(v^*)}{\sigma_0}\frac{A}{A_0},\qquad
           \tau_f = \tau_{f0}\, e^{-c\,[\log_{10}(v^*/v_0)]^2},\qquad v^* = a_T' v
 
-An empirical law: on smooth glass friction is such a bell, which moves with the temperature
+This law is empirical: friction on smooth glass is such a bell curve, which shifts with temperature
 [Grosch, Proc. R. Soc. A 274 (1963) 21].
 """
 
@@ -17,30 +17,30 @@ from rubberfric.base.objects.fields import Number, child, leaf
 from rubberfric.base.objects.physical import PhysicalObject, physical
 from rubberfric.materials.shifts import Shift, log_vertical
 
-_LN_10 = math.log(10.0)  # a Python float: a NumPy one would widen float32
+_LN_10 = math.log(10.0)  # a NumPy float would widen float32
 
 
 @physical
 class ContactShear(PhysicalObject):
-    r"""Shear stress in the area of real contact, a bell over the logarithm of the velocity.
+    r"""Shear stress in the contact area, a bell curve over the logarithm of the velocity.
 
     .. math:: \tau_f = \tau_{f0} \exp\left(-c\,[\log_{10}(a_T' v / v_0)]^2\right)
 
     Parameters
     ----------
     tau_f0 : largest shear stress, >= 0 [Pa]; 6.5e6 for a tread compound
-    c : how fast it falls on either side of v0, >= 0 [-]; about 0.1
-    v0 : velocity of the largest stress at the reference temperature, > 0 [m/s]; 6e-3, others find up to 10
-    shift : WLF, Arrhenius, TabulatedShift or None
-        how v0 moves with temperature, apart from the shift of the material: a_T' = 1 if None,
-        or without a temperature. Arrhenius(energy, T_ref), energy about 0.97 eV, is the law
+    c : decay on either side of v0, >= 0 [-]; about 0.1
+    v0 : velocity of the largest stress at the reference temperature, > 0 [m/s]; 6e-3, published values reach
+    10 shift : WLF, Arrhenius, TabulatedShift or None
+        shift of v0 with temperature, independent of the material's shift; a_T' = 1 if None or without a
+        temperature. Arrhenius(energy, T_ref), energy about 0.97 eV, gives
         ln a_T' = (energy / k_B) (1/T - 1/T_ref). A vertical shift multiplies the stress by b_T'.
 
-    Limits: odd in the velocity. For c > 0 smooth through v = 0, where value and slope are 0:
-    tau_f falls faster than any power of v (it takes 10^(1/sqrt(c)) in v to lose a factor e,
-    so that a tiny c looks like c = 0 over every velocity there is a number for). For c = 0 it
-    is dry friction, tau_f0 sign(v): discontinuous at v = 0, where value and derivatives are
-    given as 0. ln a_T' saturates at a quarter of the exponent range (see `rubberfric.materials.shifts`).
+    Limits: odd in the velocity. For c > 0 tau_f decreases faster than any power of v, so value and slope are
+    0 at v = 0. The stress decreases by a factor e over the factor 10^(1/sqrt(c)) in v, so a very small c is
+    like c = 0. For c = 0 it is dry friction, tau_f0 sign(v), which is discontinuous at v = 0; value and
+    derivatives are 0 there. ln a_T' saturates at a quarter of the exponent range (see
+    `rubberfric.materials.shifts`).
     """
 
     tau_f0: Number = leaf(NONNEGATIVE, unit="Pa", plausible=PLAUSIBLE_STRESS)
@@ -56,7 +56,7 @@ def shear_friction(
     pressure: jax.Array,
     temperature: jax.Array | None = None,
 ) -> jax.Array:
-    r"""Friction coefficient of the contact shear, (tau_f / sigma_0) (A / A_0) sign(v).
+    r"""Return the friction coefficient of contact shear, (tau_f / sigma_0) (A / A_0) sign(v).
 
     Parameters
     ----------
@@ -79,10 +79,10 @@ def shear_friction(
 
 
 def _log(speed):
-    """ln of a speed >= 0, which is finite at 0 and has derivative 0 there.
+    """Return ln of a speed >= 0, finite at 0 with derivative 0.
 
-    Held below the smallest normal number: at rest the factor sign(v) = 0 is exact, and
-    would meet ln 0 and 1/0 in the value and in the derivatives.
+    It is constant below the smallest normal number. At rest the factor sign(v) = 0 is exact, but would
+    multiply ln 0 and 1/0 in value and derivatives.
     """
     smallest = float(jnp.finfo(jnp.result_type(speed, 1.0)).tiny)
     return jnp.log(jnp.maximum(speed, smallest))
@@ -90,14 +90,14 @@ def _log(speed):
 
 @jax.custom_jvp
 def _bell(c, x):
-    """exp(-c x^2)."""
+    """Return exp(-c x^2)."""
     return jnp.exp(-c * x * x)
 
 
 @_bell.defjvp
 def _bell_jvp(primals, tangents):
-    # The value comes first in every product: by the chain rule of forward mode c x dx, which
-    # may overflow at c = 1e30 or dx = dv/v = 1e30, would meet e^(-c x^2) = 0.
+    # The value comes first in every product. Otherwise c x dx in forward mode may overflow (c = 1e30 or
+    # dx = dv/v = 1e30) before it is multiplied by e^(-c x^2) = 0.
     c, x = primals
     value = _bell(c, x)
     return value, -(value * x * x) * tangents[0] - (2 * (value * c) * x) * tangents[1]

@@ -1,7 +1,7 @@
-"""What single precision cannot hold: scenes refused in float32 that float64 computes.
+"""Limits of single precision: scenes that are refused in float32 but not in float64.
 
-Inside these limits, tried over extreme scenes, float32 is good to 1e-5 or better. Values that
-are known only at run time (under jit) pass unchecked.
+Within these limits, tested on extreme scenes, float32 has errors below 1e-5. Values that are known only at
+run time (under jit) are not checked.
 """
 
 import jax
@@ -15,13 +15,13 @@ from rubberfric.scene.scene import Scene, relaxes
 
 # Sbar^2 must not overflow.
 STIFFEST_LAYER = 1e18
-# Between neighbouring relaxation times where both solids deform: see
+# Limit between neighbouring relaxation times if both solids deform; see
 # `rubberfric.materials.prony_and_spring`.
 DECADES = 30
 
 
 def check_single(scene: Scene, temperature: ArrayLike | None) -> None:
-    """ValueError naming what in a scene of float32 numbers needs float64."""
+    """Raise ValueError naming the numbers of a float32 scene that require float64."""
     for name in ("lower", "upper"):
         body = getattr(scene, name)
         if body.spectrum is not None:
@@ -53,7 +53,7 @@ def _check_body(name, body, scene):
                 f"{name}.material.E_inf and {name}.layer.base.E_inf are 0: one must be > 0 in float32; "
                 "use float64"
             )
-    # A relaxing shear is in series with the bulk modulus, whatever it faces.
+    # A relaxing shear modulus is always in series with the bulk modulus.
     if in_series or body.material.always_in_series:
         _check_times(f"{name}.material.tau", body.material.relaxation_times())
 
@@ -79,7 +79,7 @@ def _check_layer(name, body, wavevectors):
         stiffer = float(jnp.max(body.layer.glassy_stiffening(body.material, q)))
         if not stiffer < STIFFEST_LAYER:
             raise ValueError(
-                f"{name}.thickness = {float(body.layer.thickness):g}: so thin, it is {stiffer:.2g} times "
+                f"{name}.thickness = {float(body.layer.thickness):g}: this thin layer is {stiffer:.2g} times "
                 f"as stiff as a half-space at q = {float(q):g} 1/m, and must be below {STIFFEST_LAYER:g} "
                 "times in float32; use float64"
             )
@@ -89,7 +89,7 @@ def _check_table(name, C):
     smallest = float(jnp.finfo(jnp.float32).tiny)
     if C is not None and is_concrete(C) and np.min(C) < smallest:
         raise ValueError(
-            f"{name} has values below {smallest:.2g} m^4, the least that float32 holds; use float64"
+            f"{name} has values below {smallest:.2g} m^4, the smallest number of float32; use float64"
         )
 
 

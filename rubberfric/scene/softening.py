@@ -4,7 +4,7 @@ r"""Strain softening of filled rubber (Payne effect) [J. Appl. Polym. Sci. 6 (19
           \varepsilon(q) = factor \times h'(q),\qquad
           h'(q)^2 = 2\pi\int_{q_0}^{q} q'^3 \sum_j C_j\,dq'
 
-The rubber deformed by the asperities up to q has the strain of their slope.
+Asperities up to q strain the rubber in proportion to their rms slope.
 """
 
 import functools
@@ -19,15 +19,15 @@ from rubberfric.base.objects.physical import PhysicalObject, physical
 from rubberfric.roughness.moments import cumulative_moment
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio
 
-# Halvings of ln t from 1e-40 to the whole range leave 1e-10 of t, which Newton's steps square.
+# Bisections of ln t from 1e-40 to the whole range leave an error of 1e-10, which each Newton step squares.
 _HALVINGS, _NEWTON_STEPS = 40, 3
 
 
 @physical
 class Softening(PhysicalObject):
-    r"""Softening of all viscoelastic solids of a scene.
+    r"""Softening of all viscoelastic solids of a scene, or of one body.
 
-    f and g are linear in ln(strain) between the entries; outside, their end values hold.
+    f and g are linear in ln(strain) between the entries and constant beyond them.
 
     Parameters
     ----------
@@ -35,8 +35,8 @@ class Softening(PhysicalObject):
     storage, loss : f and g [-], > 0, shape (n,)
     factor : strain over rms slope [-], > 0
 
-    Limits: elastic solids do not soften. Where both solids deform there is no closed form and the
-    angular integrals are done by quadrature, which is slower.
+    Limits: elastic solids do not soften. If both solids deform, the angular integrals have no closed form and
+    use quadrature, which is slower.
     """
 
     rising: ClassVar = (("strain",),)
@@ -57,18 +57,18 @@ class Softened(NamedTuple):
     """Softening of a scene with this roughness."""
 
     softening: Softening
-    laws: tuple[BrokenPowerLaw, ...]  # of every rough solid
+    laws: tuple[BrokenPowerLaw, ...]  # spectra of the rough solids
 
 
 def strain(softened: Softened, q: jax.Array) -> jax.Array:
-    """Strain of the scale q [1/m], any shape; 0 below the roughness [-]."""
+    """Return the strain at the scale q [1/m], any shape; 0 below the roughness [-]."""
     return softened.softening.factor * jnp.sqrt(_square_slope(softened.laws, q))
 
 
 def softening_factors(softened: Softened, q: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """f and g at q [1/m], any shape."""
+    """Return f and g at q [1/m], any shape."""
     softening = softened.softening
-    # Below the roughness, and where the slope underflows, ln 0 has no finite derivative.
+    # Below the roughness and where the slope underflows, the derivative of ln 0 is not finite.
     square = jnp.maximum(_square_slope(softened.laws, q), float(jnp.finfo(jnp.result_type(q)).tiny))
     log_strain = jnp.log(softening.factor) + 0.5 * jnp.log(square)
     knots = jnp.log(softening.strain)
@@ -76,9 +76,9 @@ def softening_factors(softened: Softened, q: jax.Array) -> tuple[jax.Array, jax.
 
 
 def knots(softened: Softened) -> jax.Array:
-    """Wavevectors where the strain meets an entry of the table, f and g have kinks there [1/m].
+    """Return wavevectors where the strain equals an entry of the table, so that f and g have kinks [1/m].
 
-    The ends of the roughness where it does not.
+    If the strain does not reach an entry, the end of the roughness is returned.
     """
     laws, softening = softened.laws, softened.softening
     first = jax.lax.stop_gradient(functools.reduce(jnp.minimum, [law.q[0] for law in laws]))
@@ -101,11 +101,11 @@ def knots(softened: Softened) -> jax.Array:
     low, high = jax.lax.fori_loop(0, _HALVINGS, halve, jax.lax.stop_gradient(bounds))
     t = jax.lax.stop_gradient(jnp.exp(0.5 * (low + high)))
     inside = jax.lax.stop_gradient((target > square(jnp.exp(tiny))) & (target < square(end)))
-    # Far outside the square overflows, and its derivative with it.
+    # Far outside, the square and its derivative overflow.
     target = jnp.exp(jnp.where(inside, log_target, 0.0))
     for _ in range(_NEWTON_STEPS):
         value, slope = jax.jvp(square, (t,), (jnp.ones_like(t),))
-        # Outside there is no root, and no slope.
+        # Outside there is neither a root nor a slope.
         t = jnp.where(inside, t - (value - target) / jnp.where(inside, slope, 1.0), t)
     return first * jnp.exp(t)
 

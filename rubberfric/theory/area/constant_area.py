@@ -1,5 +1,4 @@
-r"""Contact with short-range adhesion, from its energy: loaded without adhesion, then unloaded at constant
-area.
+r"""Contact with short-range adhesion: loaded without adhesion, then unloaded at constant area.
 
 Without adhesion a load p_1 gives the area A(p_1) and the mean separation u(p_1). Adhering solids keep this
 area while the load decreases to sigma_0. They move apart like a punch of this area, with constant stiffness,
