@@ -1,4 +1,4 @@
-r"""A layer bonded to a deformable half-space, both of them elastic or relaxing."""
+r"""A layer bonded to a deformable half-space; both are elastic or Prony solids."""
 
 from typing import ClassVar
 
@@ -23,14 +23,13 @@ from rubberfric.materials.slab import Layer
 
 @physical
 class Coating(Layer):
-    """A layer of the body's material on a half-space that deforms, bonded to it.
+    """A layer of the body's material, bonded to a deformable half-space.
 
     Parameters
     ----------
     thickness : d [m], > 0
     base : Elastic or Prony
-        material of the half-space. One that relaxes and has no shift of its own moves with the
-        temperature as the body's material does.
+        material of the half-space. A Prony solid without a shift has the shift of the body's material.
     """
 
     multiplies: ClassVar[bool] = False
@@ -40,24 +39,24 @@ class Coating(Layer):
 
     @property
     def below(self) -> Material:
-        """`base`."""
+        """Return `base`."""
         return self.base
 
     def varies(self, material: Material) -> bool:
-        """Whether temperature changes base and layer differently."""
+        """Return True if temperature changes base and layer differently."""
         vertical = material.shift is not None and material.shift.vertical is not None
         return self.shift is not None or (vertical and not self.base.relaxes)
 
     def _base_shift(self, material):
-        """The shift that the base moves with."""
+        """Return the shift of the base."""
         return material.shift if self.shift is None and self.base.relaxes else self.shift
 
     def _bonded(self, material):
-        """The two solids but for their moduli."""
+        """Return thickness and Poisson's ratios of the two solids."""
         return Bonded(self.thickness, poisson_of(material), poisson_of(self.base))
 
     def check_material(self, material: Material) -> None:
-        """ValueError unless a coating can be of this material."""
+        """Raise ValueError unless a coating can consist of this material."""
         if not isinstance(material, Coatable):
             raise ValueError(
                 f"Body.material is a {type(material).__name__} with a Coating: must be "
@@ -67,7 +66,7 @@ class Coating(Layer):
     def static_reduced(
         self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
     ) -> jax.Array:
-        """E_r(0) Sbar of a body of this material over a scale [Pa] at q [1/m], T [K], any shapes."""
+        """Return E_r(0) Sbar of a body of this material over a scale [Pa] at q [1/m] and T [K]."""
         layer, base = (
             apply_vertical_shift(solid.static_reduced() / scale, shift, temperature)
             for solid, shift in ((material, material.shift), (self.base, self._base_shift(material)))
@@ -75,16 +74,16 @@ class Coating(Layer):
         return coated_spring(self._bonded(material), layer, base, q)
 
     def glassy_stiffening(self, material: Material, q: jax.Array) -> jax.Array:
-        """Sbar [-] at q [1/m], any shape, where both solids are glassy."""
+        """Return Sbar [-] at q [1/m], any shape, with both solids glassy."""
         layer, base = material.glassy_reduced(), self.base.glassy_reduced()
         return coated_spring(self._bonded(material), layer, base, q) / layer
 
     def reduced_series(
         self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
     ) -> Series:
-        """E_r Sbar over a scale [Pa] at q [1/m], shape (nodes,), and one T [K]; see `coated_series`.
+        """Return E_r Sbar over a scale [Pa] at q [1/m], shape (nodes,), and one T [K]; see `coated_series`.
 
-        The times are in units of 1/a_T of the material: those of a base with another shift change with T.
+        The times are in units of 1/a_T of the material. Times of a base with another shift change with T.
         """
         layer, base = (series_of(solid, scale) for solid in (material, self.base))
         if temperature is not None:

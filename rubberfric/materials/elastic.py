@@ -13,7 +13,7 @@ from rubberfric.materials.material import POISSON, Coatable, Material, Series, p
 
 @physical
 class Rigid(Material):
-    """A solid that does not deform: compliance M = 0, and nothing of it is traced."""
+    """Rigid solid with compliance M = 0; nothing of it is traced."""
 
     deforms: ClassVar[bool] = False
     relaxes: ClassVar[bool] = False
@@ -35,6 +35,6 @@ class Elastic(Coatable):
     poisson: Number = leaf(POISSON, unit="-")
 
     def reduced_series(self, scale: ArrayLike) -> Series:
-        """E_r over a scale [Pa], a Prony series of no terms."""
+        """Return E_r over a scale [Pa] as a Prony series without terms."""
         nothing = jnp.zeros(0, jnp.result_type(self.young))
         return Series(self.young * (plane_strain_factor(self) / scale), nothing, nothing)

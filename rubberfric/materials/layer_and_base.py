@@ -1,17 +1,17 @@
-r"""The stiffness of a layer bonded to a deformable half-space, as pairs of solids in series.
+r"""Stiffness of a layer bonded to a deformable half-space, as pairs of solids in series.
 
-The reduced stiffness E_r Sbar of the two is, over E_r1 of the layer's own half-space and with
+The reduced stiffness E_r Sbar of layer and base, over E_r1 of a half-space of the layer's material, is with
 rho = mu_1/mu_0, x = q d, a = 3 - 4 nu_1, b = 3 - 4 nu_0,
 
 .. math:: \bar S = \frac{N_0\rho^2 + N_1\rho + N_2}{D_0\rho^2 + D_1\rho + D_2}
           = \alpha + \frac{R_1\rho + R_2}{D_0\rho^2 + D_1\rho + D_2}
           = \alpha + \sum_{k=1,2} \frac{w_k \cdot w_k r_k/\rho}{w_k + w_k r_k/\rho}
 
-with -r_k the roots of D: the layer's own stiffness as a free plate, in parallel with two pairs of
-layer and base in series. So a solid of relaxing parts stays a Prony series at every q. N and D
-hold for plane strain, from the matching of displacements and stresses of layer and base; R_1,
-R_2 and the discriminant are rewritten here as sums in which nothing cancels (as N_1 - alpha D_1
-they would keep no digit for thick layers, nor the roots if both solids are incompressible).
+with the roots -r_k of D. This is the stiffness of the layer as a free plate, in parallel with two pairs of
+layer and base in series. A body of two Prony solids is therefore a Prony series at every q. N and D follow
+from the continuity of displacements and stresses in plane strain. R_1, R_2 and the discriminant are written
+as sums without cancellation. N_1 - alpha D_1 would lose all digits for thick layers, and the roots would
+lose all digits for two incompressible solids.
 """
 
 from typing import NamedTuple
@@ -25,7 +25,7 @@ from rubberfric.materials.slab import sinh_minus_linear
 
 
 class Bonded(NamedTuple):
-    """A layer and the half-space below it, but for their moduli."""
+    """Thickness of a layer, and Poisson's ratios of layer and base."""
 
     thickness: jax.Array  # d of the layer [m]
     layer: jax.Array  # nu_1 [-]
@@ -33,9 +33,9 @@ class Bonded(NamedTuple):
 
 
 class _Rational(NamedTuple):
-    """Sbar = free + (R1 rho + R2) / (D0 rho^2 + D1 rho + D2); all but `free` times e^(-2x)."""
+    """Sbar = free + (R1 rho + R2) / (D0 rho^2 + D1 rho + D2); all except `free` are times e^(-2x)."""
 
-    free: jax.Array  # alpha, the layer alone
+    free: jax.Array  # alpha, of the layer alone
     R1: jax.Array
     R2: jax.Array
     D0: jax.Array
@@ -44,7 +44,7 @@ class _Rational(NamedTuple):
 
 
 class _Parts(NamedTuple):
-    """e^(-2x) times 1, cosh 2x - 1, sinh 2x, cosh 2x and sinh 2x + 2x; and 2x itself."""
+    """e^(-2x) times 1, cosh 2x - 1, sinh 2x, cosh 2x and sinh 2x + 2x; and 2x."""
 
     one: jax.Array
     cosh1: jax.Array
@@ -56,7 +56,7 @@ class _Parts(NamedTuple):
 
 def _parts(bonded, q):
     x = q * bonded.thickness
-    # Every correction to 1 is below e^-2x (2x)^2 there, and R^2 e^-4x still above 0.
+    # There every correction to 1 is below e^-2x (2x)^2, and R^2 e^-4x does not underflow.
     x = jnp.minimum(x, 40.0 if x.dtype == jnp.float64 else 20.0)
     one, rise = jnp.exp(-2 * x), -jnp.expm1(-2 * x)
     cosh1, sinh = 0.5 * rise**2, 0.5 * rise * (1 + one)
@@ -64,7 +64,7 @@ def _parts(bonded, q):
 
 
 def _rational(bonded, alpha, beta, q):
-    """`_Rational` of q; alpha = a - 1, beta = b - 1 are 0 if incompressible, without cancellation."""
+    """Return `_Rational` at q; alpha = a - 1 and beta = b - 1 are 0 if incompressible."""
     (one, cosh1, sinh, cosh, both, X), x = _parts(bonded, q)
     half = jnp.exp(-x)
     # 2 (sinh x - x)(sinh x + x) / (sinh 2x + 2x)
@@ -85,9 +85,9 @@ def _rational(bonded, alpha, beta, q):
 
 
 def _discriminant(bonded, alpha, beta, q):
-    """(D1^2 - 4 D0 D2) e^(-4x), a square of what is small if both solids are incompressible, and a rest."""
+    """Return (D1^2 - 4 D0 D2) e^(-4x) as a square, small for incompressible solids, and a rest."""
     (one, _, sinh, cosh, _, X), _ = _parts(bonded, q)
-    # D1 itself without its share of X sinh: alpha beta e^2x + 2 alpha cosh 2x + 2 beta (cosh 2x - 2x)
+    # D1 without its share of X sinh: alpha beta e^2x + 2 alpha cosh 2x + 2 beta (cosh 2x - 2x)
     split = alpha * beta + 2 * alpha * cosh + 2 * beta * (cosh - X * one)
     remainder = (
         16 * (1 + X * X) * one
@@ -99,9 +99,9 @@ def _discriminant(bonded, alpha, beta, q):
 
 
 def _skew(bonded, alpha, beta, q):
-    """(D1 R1 - 2 D0 R2)(sinh 2x + 2x) e^(-4x), by powers of alpha and beta: none of e^4x cancels.
+    """Return (D1 R1 - 2 D0 R2)(sinh 2x + 2x) e^(-4x), by powers of alpha and beta without cancellation.
 
-    Here o, c, s are e^(-2x) times 1, cosh 2x - 1, sinh 2x.
+    o, c, s are e^(-2x) times 1, cosh 2x - 1, sinh 2x.
     """
     (o, c, s, cosh, _, X), _ = _parts(bonded, q)
     X2, X3 = X * X, X * X * X
@@ -147,23 +147,23 @@ def _skew(bonded, alpha, beta, q):
 
 
 def _numbers(bonded):
-    """alpha = 2 - 4 nu_1, beta = 2 - 4 nu_0, and mu_0/mu_1 over E_r0/E_r1."""
+    """Return alpha = 2 - 4 nu_1, beta = 2 - 4 nu_0, and mu_0/mu_1 over E_r0/E_r1."""
     layer, base = bonded.layer, bonded.base
     return 2 * (1 - 2 * layer), 2 * (1 - 2 * base), (1 - base) / (1 - layer)
 
 
 def coated_spring(bonded: Bonded, layer: jax.Array, base: jax.Array, q: jax.Array) -> jax.Array:
-    """E_r1 Sbar of a coated body whose two solids do not relax.
+    """Return E_r1 Sbar of a coated body whose solids do not relax.
 
     Parameters
     ----------
     bonded : Bonded
-    layer, base : E_r of the layer's and of the base's material, >= 0, of one unit
+    layer, base : E_r of the materials of layer and base, >= 0, in one unit
     q : wavevector [1/m], any shape
 
     Returns
     -------
-    array of the shape of q, of the unit of layer and base. E_r1 for q d -> infinity, E_r0 for
+    array of the shape of q, in the unit of layer and base. E_r1 for q d -> infinity, E_r0 for
     q d -> 0; a bonded Slab for E_r0 -> infinity.
     """
     alpha, beta, ratio = _numbers(bonded)
@@ -178,7 +178,7 @@ def coated_spring(bonded: Bonded, layer: jax.Array, base: jax.Array, q: jax.Arra
 
 
 def coated_series(bonded: Bonded, layer: Series, base: Series, q: jax.Array) -> Series:
-    """E_r1 Sbar of a coated body as a Prony series at every q.
+    """Return E_r1 Sbar of a coated body as a Prony series at every q.
 
     Parameters
     ----------
@@ -188,11 +188,11 @@ def coated_series(bonded: Bonded, layer: Series, base: Series, q: jax.Array) -> 
 
     Returns
     -------
-    Series : rest, weight, tau of the shapes (nodes,), (nodes, terms), (nodes, terms)
+    Series : rest, weight, tau with the shapes (nodes,), (nodes, terms), (nodes, terms)
     """
     free, size, of_layer, of_base = _in_series(bonded, q)
     rest, weight, tau = _times(layer, free)
-    # Both pairs in one go, which is half to compile.
+    # Both pairs together, which halves the compile time.
     pairs = two_in_series(_times(layer, of_layer.reshape(-1)), _times(base, jnp.tile(of_base, 2)))
     pairs = _times(pairs, size.reshape(-1))
     rests, weights, times = (x.reshape(2, q.size, *x.shape[1:]) for x in pairs)
@@ -209,18 +209,18 @@ def _times(series, factor):
 
 
 def _in_series(bonded, q):
-    """What multiplies layer and base: alpha, and of both pairs the size, E_r1 and E_r0.
+    """Return alpha, and for both pairs the size and the factors of E_r1 and E_r0.
 
-    w_k E_r1 and (1 - nu_0)/(1 - nu_1) w_k r_k E_r0 have a factor in common, the size, which may round
-    to 0: without it their quotient remains.
+    w_k E_r1 and (1 - nu_0)/(1 - nu_1) w_k r_k E_r0 have a common factor, the size, which may round to 0.
+    It is separate so that their quotient stays finite.
     """
     alpha, beta, ratio = _numbers(bonded)
     free, R1, _, D0, D1, D2 = _rational(bonded, alpha, beta, q)
     root = jnp.sqrt(_discriminant(bonded, alpha, beta, q))
     parts, _ = _parts(bonded, q)
     skew = parts.one / parts.sum * _skew(bonded, alpha, beta, q) / root
-    # Rounding may leave one below 0 where the other is far larger.
+    # Rounding may make one negative if the other is much larger.
     size = jnp.maximum(jnp.stack([R1 + skew, R1 - skew]), 0.0)
-    # D2 in the layer's factor alone: of a thin incompressible layer it is x^3, and its derivative x.
+    # D2 only in the layer's factor: for a thin incompressible layer it is x^3, and its derivative is x.
     of_layer = jnp.stack([1 / (D1 + root), (D1 + root) / (4 * D0 * D2)])
     return free, size, of_layer, ratio / (2 * D0)

@@ -1,8 +1,8 @@
-r"""What every material answers: its complex Young's modulus E(omega) = E' + i E'', E'' > 0 for omega > 0.
+r"""Materials: the complex Young's modulus E(omega) = E' + i E'', with E'' > 0 for omega > 0.
 
-Contact mechanics uses the reduced modulus E_r = E / (1 - poisson^2). At rest, at the glassy end and
-in the angular integrals a material is asked for E_r; the integrals are closed forms of a Prony series,
-or quadratures over E' and E'' of a material that is none.
+Contact mechanics uses the reduced modulus E_r = E / (1 - poisson^2): at rest, in the glassy limit, and in the
+angular integrals. The integrals have closed forms for a Prony series. Other materials use quadrature over E'
+and E''.
 """
 
 from typing import ClassVar, NamedTuple
@@ -28,114 +28,114 @@ class Series(NamedTuple):
 
 
 class Material(Kind):
-    """A solid's modulus: the role of Rigid, Elastic, Prony, PronyShear and TabulatedModulus.
+    """Modulus of a solid: base class of Rigid, Elastic, Prony, PronyShear and TabulatedModulus.
 
-    A kind is a subclass that answers `reduced_series`, or `storage_and_loss` and `frequency_range`;
-    all other answers follow, unless its Poisson's ratio depends on the frequency.
+    A subclass implements `reduced_series`, or `storage_and_loss` and `frequency_range`. The other methods
+    follow, unless Poisson's ratio depends on the frequency.
     """
 
     deforms: ClassVar[bool] = True
-    # Whether E depends on omega.
+    # True if E depends on omega.
     relaxes: ClassVar[bool] = True
-    # Whether its series is one of two solids, so that single precision limits its relaxation times.
+    # True if the series is one of two solids, so that single precision limits the relaxation times.
     always_in_series: ClassVar[bool] = False
-    # Poisson's ratio [-]; None if there is not one for all frequencies. Such a body has no layer.
+    # Poisson's ratio [-]; None if it depends on the frequency. Such a body has no layer.
     poisson: jax.Array | None = None
-    # How it changes with temperature, E(omega, T) = b_T E(a_T omega).
+    # Change with temperature, E(omega, T) = b_T E(a_T omega).
     shift: Shift | None = None
 
     @property
     def has_series(self) -> bool:
-        """Whether E_r is a Prony series."""
+        """Return True if E_r is a Prony series."""
         return type(self).reduced_series is not Material.reduced_series
 
     @property
     def needs_quadrature(self) -> bool:
-        """Whether its angular integrals have no closed form."""
+        """Return True if the angular integrals have no closed form."""
         return self.relaxes and not self.has_series
 
     @property
     def loss_beyond(self) -> str:
-        """E'' of a material without a series beyond `frequency_range`, where E' is constant.
+        """Return the form of E'' beyond `frequency_range`, where E' is constant.
 
-        "fall": as omega below it and as 1/omega above, "hold": its end values, "none": zero.
+        "fall": proportional to omega below and 1/omega above; "hold": constant; "none": zero.
         """
         return "fall"
 
     @property
     def detail(self) -> float:
-        """Finest detail over ln omega of E' and E'' of a material without a series [-].
+        """Return the finest detail of E' and E'' over ln omega for a material without a series [-].
 
-        They are as smooth as if convolved with a Gaussian of that width.
+        They are as smooth as after convolution with a Gaussian of this width.
         """
         return 0.1
 
     @property
     def loss_at_rest(self) -> bool:
-        """Whether E'' stays finite for omega -> 0, where friction then jumps with the sign of v."""
+        """Return True if E'' stays finite for omega -> 0; friction then jumps with the sign of v."""
         return self.loss_beyond == "hold"
 
     def reduced_series(self, scale: ArrayLike) -> Series | None:
-        """E_r over a scale [Pa] as a Prony series, of no terms if nothing relaxes; None if it is none."""
+        """Return E_r over a scale [Pa] as a Prony series, without terms if elastic; None if not a series."""
         del scale
 
     def storage_and_loss(self, log_omega: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """E' and E'' [Pa] at ln omega, any shape, of a material without a series.
+        """Return E' and E'' [Pa] at ln omega, any shape, of a material without a series.
 
-        Beyond `frequency_range` E' holds its end values and E'' is as `loss_beyond` says.
+        Beyond `frequency_range` E' is constant and E'' follows `loss_beyond`.
         """
         raise NotImplementedError(f"{type(self).__name__}.storage_and_loss")
 
     def storage_and_loss_on_grid(
         self, first: jax.Array, step: float, count: int
     ) -> tuple[jax.Array, jax.Array]:
-        """The same at ln omega = step (first + k), k = 0 ... count - 1; first is a whole number."""
+        """Return E' and E'' [Pa] at ln omega = step (first + k), k = 0 ... count - 1."""
         return self.storage_and_loss(step * (first + jnp.arange(count, dtype=jnp.result_type(first))))
 
     def frequency_range(self) -> tuple[jax.Array, jax.Array] | None:
-        """Lowest and highest omega of what E does [rad/s]; None if it is a constant."""
+        """Return the range of omega in which E changes [rad/s]; None if it is constant."""
         times = self.relaxation_times()
         if times is None or times.size == 0:
             return None
-        # Known numbers by NumPy, for which nothing is compiled.
+        # Concrete numbers by NumPy, which compiles nothing.
         times = np.asarray(times) if is_concrete(times) else times
         return 1 / times.max(), 1 / times.min()
 
     def relaxation_times(self) -> jax.Array | None:
-        """The times of the series as they were given [s], shape (n,); None without a series."""
+        """Return the relaxation times as given [s], shape (n,); None without a series."""
         series = self.reduced_series(1.0)
         return None if series is None else series.tau
 
     def modulus(self, omega: jax.Array) -> jax.Array:
-        """E(omega) [Pa], complex, at the reference temperature; omega >= 0, any shape [rad/s]."""
+        """Return E(omega) [Pa], complex, at the reference temperature; omega >= 0, any shape [rad/s]."""
         if self.has_series:
             return series_modulus(series_of(self, plane_strain_factor(self)), omega)
-        # ln 0 has no finite derivative; below the smallest number E' is held and E'' is 0.
+        # ln 0 has no finite derivative; below the smallest number E' is constant and E'' is 0.
         storage, loss = self.storage_and_loss(jnp.log(jnp.maximum(omega, jnp.finfo(omega.dtype).tiny)))
         return storage + 1j * jnp.where(omega > 0, loss, 0.0)
 
     def static_modulus(self) -> jax.Array:
-        """E(omega = 0) [Pa], real."""
+        """Return E(omega = 0) [Pa], real."""
         return series_of(self, plane_strain_factor(self)).rest if self.has_series else self._end(0)
 
     def static_reduced(self) -> jax.Array:
-        """E_r(omega = 0) [Pa], real."""
+        """Return E_r(omega = 0) [Pa], real."""
         return self.static_modulus() * plane_strain_factor(self)
 
     def glassy_reduced(self) -> jax.Array:
-        """The largest |E_r| at any frequency [Pa], real: the value at infinity."""
+        """Return E_r at infinite frequency [Pa], real, which is its largest absolute value."""
         if not self.has_series:
             return self._end(1) * plane_strain_factor(self)
         series = series_of(self, plane_strain_factor(self))
         return (series.rest + jnp.sum(series.weight)) * plane_strain_factor(self)
 
     def is_liquid(self) -> bool:
-        """Whether it is known to have no stiffness at rest."""
+        """Return True if the stiffness at rest is a concrete 0."""
         static = self.static_modulus()
         return is_concrete(static) and not np.any(static)
 
     def _end(self, which):
-        """E' at an end of the frequency range."""
+        """Return E' at an end of the frequency range."""
         ends = self.frequency_range()
         if ends is None:
             raise ValueError(f"material is {type(self).__name__}: it has no modulus")
@@ -143,18 +143,18 @@ class Material(Kind):
 
 
 class Coatable(Material):
-    """A material that a coating and its base may be of: a Prony series with one Poisson's ratio."""
+    """A material for a coating or its base: a Prony series with a constant Poisson's ratio."""
 
 
 def poisson_of(material: Material) -> jax.Array:
-    """Poisson's ratio [-] of a material that has one for all frequencies; ValueError if it has not."""
+    """Return the constant Poisson's ratio of a material [-]; ValueError if it is not constant."""
     if material.poisson is None:
         raise ValueError(f"material is a {type(material).__name__}: must have one Poisson's ratio")
     return material.poisson
 
 
 def series_of(material: Material, scale: ArrayLike) -> Series:
-    """`reduced_series` of a material that has one; ValueError if it has not."""
+    """Return `reduced_series` of a material; ValueError if it has none."""
     series = material.reduced_series(scale)
     if series is None:
         raise ValueError(f"material is a {type(material).__name__}: must be a Prony series")
@@ -162,15 +162,15 @@ def series_of(material: Material, scale: ArrayLike) -> Series:
 
 
 def plane_strain_factor(material: Material) -> jax.Array:
-    """1 / (1 - poisson^2), written so that poisson -> 1 would keep its digits [-]."""
+    """Return 1 / (1 - poisson^2) [-], without cancellation for poisson -> 1."""
     poisson = poisson_of(material)
     return 1.0 / ((1.0 - poisson) * (1.0 + poisson))
 
 
 def complex_modulus(material: Material, omega: ArrayLike, temperature: ArrayLike | None = None) -> jax.Array:
-    r"""E(omega, T) [Pa], complex: the definition behind every angular integral.
+    r"""Return E(omega, T) [Pa], complex, the definition for every angular integral.
 
-    For plots, fits of master curves and tests; the contact integrals use closed forms.
+    It serves plots, fits of master curves and tests. The contact integrals use closed forms.
 
     Parameters
     ----------
@@ -180,7 +180,7 @@ def complex_modulus(material: Material, omega: ArrayLike, temperature: ArrayLike
 
     Raises
     ------
-    ValueError : another material, Rigid, or frequencies that are no numbers.
+    ValueError : Rigid, no material, or frequencies that are not numbers.
     """
     rigid = [cls for cls in kinds(Material).values() if not cls.deforms]
     if isinstance(material, tuple(rigid)):
@@ -191,7 +191,7 @@ def complex_modulus(material: Material, omega: ArrayLike, temperature: ArrayLike
     return _modulus(material, omega, no_list(temperature))
 
 
-# One program, instead of one for every operation.
+# Jitted, so that a call compiles once instead of once per operation.
 @jax.jit
 def _modulus(material, omega, temperature):
     omega = jnp.asarray(omega, jnp.result_type(omega, float))
@@ -201,24 +201,24 @@ def _modulus(material, omega, temperature):
 
 
 def apply_vertical_shift(modulus: jax.Array, shift: Shift | None, temperature: ArrayLike | None) -> jax.Array:
-    """b_T times a modulus, of shapes that broadcast; itself without vertical shift or temperature."""
+    """Return b_T times a modulus, broadcast; unchanged without vertical shift or temperature."""
     log_factor = log_vertical(shift, temperature)
     return modulus if log_factor is None else jnp.exp(log_factor) * modulus
 
 
 def series_modulus(series: Series, omega: jax.Array) -> jax.Array:
-    """A Prony series at omega, complex; any shape, any sign."""
+    """Return a Prony series at omega, complex; any shape, any sign."""
     storage, loss = relaxation(omega[..., None] * series.tau)
     return series.rest + jnp.sum(series.weight * (storage + 1j * loss), -1)
 
 
 def relaxation(a: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Real and imaginary part of i a / (1 + i a), a = omega tau of any sign."""
+    """Return real and imaginary parts of i a / (1 + i a), a = omega tau of any sign."""
     a = clip_for_square(a)
     return a * a / (1 + a * a), a / (1 + a * a)
 
 
 def clip_for_square(a: jax.Array) -> jax.Array:
-    """A product omega tau whose square is a number; beyond, a term is glassy to the last bit."""
+    """Limit omega tau such that its square is finite; at the limit a term is glassy to the last bit."""
     bound = 1e150 if a.dtype == jnp.float64 else 1e18
     return jnp.clip(a, -bound, bound)

@@ -1,4 +1,4 @@
-"""Prony series (generalised Maxwell models), of Young's or of the shear modulus.
+"""Prony series (generalised Maxwell models) of Young's modulus or the shear modulus.
 
 [Ferry, Viscoelastic Properties of Polymers, 3rd edition, Wiley 1980, chapters 1 and 3]
 """
@@ -45,7 +45,7 @@ class Prony(Coatable):
     tau : relaxation times [s], > 0, any order, equal ones allowed, shape (n,)
     poisson : Poisson's ratio [-], 0 ... 0.5
     shift : WLF, Arrhenius, TabulatedShift or None
-        how it changes with temperature: E(omega, T) = b_T E(a_T omega).
+        change with temperature: E(omega, T) = b_T E(a_T omega).
     """
 
     E_inf: Number = leaf(NONNEGATIVE, unit="Pa", plausible=PLAUSIBLE_STRESS, plus="E")
@@ -58,32 +58,32 @@ class Prony(Coatable):
         _check_terms("Prony", "E", self.E_inf, self.E, self.tau)
 
     def doubts(self) -> list[str]:
-        """A relaxed modulus in another unit than the relaxing ones."""
+        """Return a warning if the relaxed modulus seems to have another unit than the relaxing moduli."""
         return _doubts_of_terms("E", self.E_inf, self.E)
 
     def reduced_series(self, scale: ArrayLike) -> Series:
-        """E_r over a scale [Pa] as a Prony series."""
+        """Return E_r over a scale [Pa] as a Prony series."""
         unit = plane_strain_factor(self) / scale
         return Series(self.E_inf * unit, self.E * unit, self.tau)
 
     def relaxation_times(self) -> jax.Array:
-        """The times of the series as they were given [s], shape (n,)."""
+        """Return the relaxation times as given [s], shape (n,)."""
         return self.tau
 
     def static_modulus(self) -> jax.Array:
-        """E(omega = 0) [Pa]."""
+        """Return E(omega = 0) [Pa]."""
         return self.E_inf
 
 
 @physical
 class PronyShear(Material):
-    r"""Viscoelastic solid whose shear relaxes while its compression is elastic.
+    r"""Viscoelastic solid with a relaxing shear modulus and an elastic bulk modulus.
 
     .. math:: G(\omega) = G_\infty + \sum_i G_i \frac{i\omega\tau_i}{1 + i\omega\tau_i},\qquad
               E = \frac{9 B G}{3 B + G},\qquad \nu = \frac{3 B - 2 G}{2 (3 B + G)}
 
-    So Poisson's ratio follows the frequency: 1/2 where G << B, less where the solid is glassy. The
-    reduced modulus is a Prony series of twice the terms,
+    Poisson's ratio depends on the frequency: 1/2 for G << B, less in the glassy state. The reduced modulus is
+    a Prony series with twice the number of terms,
 
     .. math:: E_r = \frac{E}{1 - \nu^2} = G + \frac{3}{4} \frac{3 B \cdot 4 G}{3 B + 4 G}
 
@@ -94,10 +94,10 @@ class PronyShear(Material):
     tau : relaxation times of the shear [s], > 0, any order, equal ones allowed, shape (n,)
     bulk : bulk modulus B [Pa], > 0
     shift : WLF, Arrhenius, TabulatedShift or None
-        how the relaxation times move with temperature: G(omega, T) = G(a_T omega); it has no vertical
-        shift, for that of rubber leaves the bulk modulus as it is.
+        change of the relaxation times with temperature: G(omega, T) = G(a_T omega). A vertical shift is not
+        allowed, because it does not apply to the bulk modulus of rubber.
 
-    Limits: half-spaces only, for the factor of a layer depends on Poisson's ratio.
+    Limits: half-spaces only, because the factor of a layer depends on Poisson's ratio.
     """
 
     always_in_series: ClassVar[bool] = True  # with the bulk modulus
@@ -112,16 +112,16 @@ class PronyShear(Material):
         _check_terms("PronyShear", "G", self.G_inf, self.G, self.tau)
         if self.shift is not None and self.shift.vertical is not None:
             raise ValueError(
-                "PronyShear.shift.vertical is given: must be None, for it would leave the bulk modulus as it "
-                "is; use Prony"
+                "PronyShear.shift.vertical is given: must be None, because it would not change the bulk "
+                "modulus; use Prony"
             )
 
     def doubts(self) -> list[str]:
-        """A relaxed modulus in another unit than the relaxing ones."""
+        """Return a warning if the relaxed modulus seems to have another unit than the relaxing moduli."""
         return _doubts_of_terms("G", self.G_inf, self.G)
 
     def reduced_series(self, scale: ArrayLike) -> Series:
-        """E_r over a scale [Pa] as a Prony series of twice the terms."""
+        """Return E_r over a scale [Pa] as a Prony series with twice the terms."""
         rest, weight, bulk = self.G_inf / scale, self.G / scale, self.bulk / scale
         compressed = Series(*in_series(4 * rest, 4 * weight, self.tau, jnp.asarray(3 * bulk)))
         relaxing = jnp.concatenate([weight, 0.75 * compressed.weight])
@@ -129,28 +129,28 @@ class PronyShear(Material):
         return Series(rest + 0.75 * compressed.rest, relaxing, times)
 
     def relaxation_times(self) -> jax.Array:
-        """Those of the shear [s], shape (n,)."""
+        """Return the relaxation times of the shear modulus [s], shape (n,)."""
         return self.tau
 
     def modulus(self, omega: jax.Array) -> jax.Array:
-        """E(omega) [Pa], complex."""
+        """Return E(omega) [Pa], complex."""
         return _young(series_modulus(Series(self.G_inf, self.G, self.tau), omega), self.bulk)
 
     def static_modulus(self) -> jax.Array:
-        """E(omega = 0) [Pa]."""
+        """Return E(omega = 0) [Pa]."""
         return _young(self.G_inf, self.bulk)
 
     def static_reduced(self) -> jax.Array:
-        """E_r(omega = 0) [Pa]."""
+        """Return E_r(omega = 0) [Pa]."""
         return _reduced(self.G_inf, self.bulk)
 
     def glassy_reduced(self) -> jax.Array:
-        """E_r(omega = infinity) [Pa]."""
+        """Return E_r(omega = infinity) [Pa]."""
         return _reduced(self.G_inf + jnp.sum(self.G), self.bulk)
 
 
 def _check_terms(kind, name, rest, weight, tau):
-    """The rules that tie the fields of a series together."""
+    """Check the rules that relate the fields of a series."""
     check_lengths(kind, **{name: weight, "tau": tau})
     if weight.shape[0] < 1:
         raise ValueError(f"{kind}.{name} is empty: must have at least 1 term (use Elastic for none)")
@@ -160,7 +160,7 @@ def _check_terms(kind, name, rest, weight, tau):
 
 
 def _doubts_of_terms(name, rest, weight):
-    """A rubber is a thousand times as stiff when glassy, at most some ten thousand times."""
+    """Warn if the glassy modulus is more than some ten thousand times the relaxed one."""
     largest = float(np.max(np.asarray(weight)))
     if 0 < float(rest) < 1e-6 * largest:
         return [
@@ -171,10 +171,10 @@ def _doubts_of_terms(name, rest, weight):
 
 
 def _young(shear, bulk):
-    """E of shear and bulk modulus; no product of the two, which float32 may not hold."""
+    """Return E from shear and bulk modulus, without their product, which may overflow float32."""
     return 3 * shear / (1 + shear / (3 * bulk))
 
 
 def _reduced(shear, bulk):
-    """E_r of a real shear modulus and the bulk modulus."""
+    """Return E_r from a real shear modulus and the bulk modulus."""
     return shear + 3 * shear / (1 + 4 * shear / (3 * bulk))

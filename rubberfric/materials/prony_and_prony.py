@@ -1,23 +1,23 @@
-r"""Two relaxing solids in series are one Prony solid, whatever times they share.
+r"""Two Prony solids in series are a Prony solid, also if they share relaxation times.
 
 For f(s) = f_rest + sum_i f_i s/(s + l_i) and g likewise,
 
 .. math:: \frac{f g}{f + g} = \frac{f_\infty g_\infty}{f_\infty + g_\infty} + \sum_i h_i \frac{s}{s + l_i'}
 
-with one rate l' in every interval between neighbouring rates of the two together, the first
-between 0 and the slowest: the zeros of f + g. There f = -g, and with w_j the weights of both,
+with one rate l' in every interval between neighbouring rates of both solids. The first lies between 0 and the
+slowest rate. The l' are the zeros of f + g. There f = -g, and with the weights w_j of both,
 
 .. math:: h_i = \frac{f(-l_i')^2}{l_i' F_i},\qquad F_i = \sum_j w_j l_j / (l_j - l_i')^2
 
-A rate is kept as its shares of the interval, l' = left + theta width = right - phi width, the
-smaller of the two by its logarithm, and the equation multiplied by theta phi width / l':
+A rate is stored as its shares of the interval, l' = left + theta width = right - phi width, the smaller of
+the two by its logarithm. The equation is multiplied by theta phi width / l':
 
 .. math:: H = \varphi \sum_{left} w_j A_j - \theta \sum_{right} w_j A_j = 0,\qquad
           A_j = \frac{\theta\,width}{l' - l_j}\ \text{or}\ \frac{\varphi\,width}{l_j - l'}
 
-where f_rest + g_rest is the weight of a rate 0. All A_j lie between 0 and 1, and nothing is
-singular where both solids have a rate in common: the interval between the two has no width,
-theta = f_i / (f_i + g_j), and the term has the weight f_i g_j / (f_i + g_j), as it must.
+f_rest + g_rest is the weight of the rate 0. All A_j lie between 0 and 1. Nothing is singular if both solids
+have a common rate: the interval has zero width, theta = f_i / (f_i + g_j), and the term has the weight
+f_i g_j / (f_i + g_j).
 """
 
 import functools
@@ -32,37 +32,37 @@ Solid = tuple[jax.Array, jax.Array, jax.Array]  # rest, weight, tau
 
 
 class _Rates(NamedTuple):
-    """All rates l_j (columns) as the intervals (rows) see them, by quotients that no decade overflows."""
+    """All rates l_j (columns) relative to the intervals (rows), as quotients that do not overflow."""
 
-    left: jax.Array  # whether l_j <= left end
-    own: jax.Array  # whether l_j is an end of the interval
-    near: jax.Array  # logarithm of the slower over the faster of l_j and the end nearer to it, <= 0
+    left: jax.Array  # True if l_j <= left end
+    own: jax.Array  # True if l_j is an end of the interval
+    near: jax.Array  # logarithm of the slower over the faster of l_j and the nearer end, <= 0
     low: jax.Array  # left end over right end, (rows,); 0 for the first
-    width: jax.Array  # 1 - low, its digits kept where the ends are close
+    width: jax.Array  # 1 - low, without cancellation for close ends
 
 
 class _Solids(NamedTuple):
-    """Rests () and weights (rates,) of both solids over all rates; a weight of the other's rates is 0."""
+    """Rests () and weights (rates,) of both solids over all rates, 0 at rates of the other solid."""
 
     rest: tuple
     weight: tuple
 
 
 def two_in_series(first: Solid, second: Solid) -> Solid:
-    """Prony series of two solids in series.
+    """Return the Prony series of two solids in series.
 
     Parameters
     ----------
-    first, second : (rest, weight, tau) of a solid each
+    first, second : (rest, weight, tau) of each solid
         rest >= 0, shape () or (nodes,); weight >= 0, shape (n,) or (nodes, n), n >= 0; tau [s],
         shape (n,) or (nodes, n), any order, equal ones allowed.
 
     Returns
     -------
-    rest, weight, tau of the series solid, of as many terms as both together: shapes (nodes,),
-    (nodes, terms), (nodes, terms), without the nodes if nothing given has them.
+    rest, weight, tau of the series solid, with as many terms as both solids together: shapes (nodes,),
+    (nodes, terms), (nodes, terms), without nodes if no argument has them.
 
-    Limits: as `rubberfric.materials.prony_and_spring.in_series`.
+    Limits: as in `rubberfric.materials.prony_and_spring.in_series`.
     """
     ranks = (0, 1, 1)
     axes = tuple(
@@ -75,12 +75,12 @@ def two_in_series(first: Solid, second: Solid) -> Solid:
 
 def _pair(first, second):
     tau = jnp.concatenate([first[2], second[2]])
-    # In the middle of the spectrum, so that logarithms of the rates keep their digits.
+    # Relative to the middle of the spectrum, so that logarithms of the rates keep their digits.
     middle = jax.lax.stop_gradient(jnp.sqrt(jnp.min(tau)) * jnp.sqrt(jnp.max(tau)))
     slowest = jax.lax.stop_gradient(-jnp.log(jnp.max(tau) / middle))
     parts = []
     for i, (_, weight, tau) in enumerate((first, second)):
-        # What equal times leave over is put where no other rate is, of neither solid.
+        # Terms left over by equal times are placed away from all other rates.
         parked = slowest - 1 - i - 2 * jnp.arange(tau.shape[0], dtype=tau.dtype)
         parts.append(_distinct(weight, tau, -jnp.log(tau / middle), parked))
     solids, unit = _floored((first[0], second[0]), [part[0] for part in parts], [part[2] for part in parts])
@@ -88,16 +88,16 @@ def _pair(first, second):
     order = jnp.argsort(log_rate)
     weight, relative = _solve(_Solids(solids.rest, tuple(w[order] for w in solids.weight)), log_rate[order])
     soft, hard = jnp.minimum(first[0], second[0]), jnp.maximum(first[0], second[0])
-    # Written as soft / (1 + soft/hard): no product that overflows, and 0 for two liquids.
+    # soft / (1 + soft/hard) has no product that overflows, and is 0 for two liquids.
     rest = soft / (1 + soft / jnp.where(hard > 0, hard, 1.0))
     return rest, unit * weight, tau[order] / relative
 
 
 def _distinct(weight, tau, log_rate, parked):
-    """Terms of equal times as one, at the mean of their logarithms; those left over without weight.
+    """Merge terms of equal times at the mean of their logarithms; terms left over have zero weight.
 
-    The mean moves with every time by its share of the weight: the same derivative, to all orders
-    of the moduli, as that of the terms apart.
+    The mean moves with every time by its share of the weight, so derivatives equal those of separate terms to
+    all orders of the moduli.
     """
     count = tau.shape[0]
     if count < 2:
@@ -107,12 +107,12 @@ def _distinct(weight, tau, log_rate, parked):
     new = jnp.concatenate([jnp.ones(1, bool), log_rate[1:] != log_rate[:-1]])
     group = jnp.cumsum(new) - 1
     total = jnp.zeros_like(weight).at[group].add(weight)
-    # Terms without weight share equally.
+    # Terms with zero weight have equal shares.
     size = jnp.zeros_like(weight).at[group].add(1.0)
     share = jnp.where(total > 0, quotient(weight, jnp.where(total > 0, total, 1.0)[group]), 1 / size[group])
     moved = jnp.zeros_like(weight).at[group].add(share * (log_rate - jax.lax.stop_gradient(log_rate)))
     filled = jnp.arange(count) <= group[-1]
-    at = jnp.zeros_like(group).at[group].set(jnp.arange(count))  # one term of every group
+    at = jnp.zeros_like(group).at[group].set(jnp.arange(count))  # one term per group
     still = jax.lax.stop_gradient(log_rate[at])
     rate = jnp.where(filled, still + moved, parked)
     away = jax.lax.stop_gradient(rate) - still  # 0 for a group
@@ -120,10 +120,10 @@ def _distinct(weight, tau, log_rate, parked):
 
 
 def _floored(rests, weights, log_rates):
-    """Both solids over the rates of both, in units of the stiffer, and that unit.
+    """Return both solids over all rates in units of the stiffer one, and this unit.
 
-    A term or a rest of no stiffness would put a root on a rate, 0/0. See `floors` for a term; a rest of
-    1e-60 of its solid (float32: 1e-30) is as good as none. Derivatives stay those of the original.
+    A term or rest of zero stiffness would put a root on a rate (0/0). See `floors` for terms. A rest has a
+    floor of 1e-60 of its solid (float32: 1e-30). Derivatives are those of the original.
     """
     tiny = 1e-60 if weights[0].dtype == jnp.float64 else 1e-30
     sizes = [rest + jnp.sum(weight) for rest, weight in zip(rests, weights, strict=True)]
@@ -143,7 +143,7 @@ def _floored(rests, weights, log_rates):
 
 
 def _seen(log_rate):
-    """`_Rates` of ascending rates."""
+    """Return the `_Rates` of ascending rates."""
     index = jnp.arange(log_rate.shape[0])
     row, column = index[:, None], index[None, :]
     left = column < row
@@ -159,12 +159,12 @@ def _seen(log_rate):
 
 
 def _shares(rates, theta, phi):
-    """A_j, shape (rows, columns); that of rate 0, shape (rows,); and of the right side A_j l_right / l_j."""
+    """Return A_j (rows, columns), A of the rate 0 (rows,), and A_j l_right / l_j of the right side."""
     gap = -jnp.expm1(rates.near)
     nearer = jnp.exp(rates.near)
     low, width = rates.low[:, None], rates.width[:, None]
     small = jnp.where(rates.left, theta[:, None], phi[:, None])
-    # Ends of the interval count in full, also where it has no width.
+    # Ends of the interval count fully, also for zero width.
     base = jnp.where(rates.own, 0.0, jnp.where(rates.left, low * gap, gap))
     slope = jnp.where(rates.own, 1.0, width)
     reach = small * slope
@@ -176,35 +176,35 @@ def _shares(rates, theta, phi):
 
 
 def _sides(rest, weight, shares, left):
-    """Positive parts of H: what stands with phi and what with theta."""
+    """Return the positive parts of H that multiply phi and theta."""
     share, zero = shares[:2]
     below = jnp.sum(jnp.where(left, weight * share, 0.0), -1) + rest * zero
     return below, jnp.sum(jnp.where(left, 0.0, weight * share), -1)
 
 
 def _both(small, right):
-    """theta and phi from the smaller of the two."""
+    """Return theta and phi from the smaller of the two."""
     return jnp.where(right, 1 - small, small), jnp.where(right, small, 1 - small)
 
 
 def _residual(rest, weight, rates, small, right):
-    """H, which falls with theta."""
+    """Return H, which decreases with theta."""
     theta, phi = _both(small, right)
     below, above = _sides(rest, weight, _shares(rates, theta, phi), rates.left)
     return phi * below - theta * above
 
 
 def _solve(solids, log_rate):
-    """Weights of the series solid, and its rates over the right ends of their intervals."""
+    """Return the weights of the series solid, and its rates over the right ends of their intervals."""
     rest, weight = sum(solids.rest), sum(solids.weight)
     small, right = _roots(rest, weight, log_rate)
     theta, phi = _both(small, right)
     rates = _seen(log_rate)
     shares = _shares(rates, theta, phi)
     share, _, over, nearer = shares
-    # f = -g at a root: either gives the value, and the one whose terms are the smaller has lost the fewer
-    # digits. Near its own rate a solid's value is its weight; that of the other is k times the distance, of
-    # which the derivative is a difference of numbers k/f times as large.
+    # f = -g at a root. The solid with the smaller terms gives the value with more digits. Near its own rate a
+    # solid's value is its weight. The other's is k times the distance, whose derivative is a difference of
+    # numbers k/f times larger.
     (below1, above1), (below2, above2) = (
         _sides(r, w, shares, rates.left) for r, w in zip(solids.rest, solids.weight, strict=True)
     )
@@ -218,14 +218,14 @@ def _solve(solids, log_rate):
     relative = jnp.where(right, 1 - phi * rates.width, rates.low + theta * rates.width)
     left = jnp.sum(jnp.where(rates.left, weight * share * share * nearer, 0.0), -1)
     beyond = jnp.sum(jnp.where(rates.left, 0.0, weight * nearer * over * over), -1)
-    # l' F (theta phi width / l')^2, no square of theta alone: 1e-30 has none in float32.
+    # l' F (theta phi width / l')^2 without a square of theta alone, which underflows float32 at 1e-30.
     steep = phi * phi * quotient(rates.low, relative) * left + theta * quotient(theta, relative) * beyond
     return value * quotient(value, steep), relative
 
 
 @jax.custom_jvp
 def _roots(rest, weight, log_rate):
-    """The smaller of theta and phi for every interval, and whether it is phi."""
+    """Return the smaller of theta and phi for every interval, and True if it is phi."""
     rates = _seen(log_rate)
     half = jnp.full_like(log_rate, 0.5)
     right = _residual(rest, weight, rates, half, jnp.zeros(half.shape, bool)) > 0
@@ -239,14 +239,14 @@ def _roots(rest, weight, log_rate):
         further = (value(middle) > 0) != right
         return jnp.where(further, middle, low), jnp.where(further, high, middle)
 
-    # Below the shares of the smallest weights in the widest intervals.
+    # Smaller than the shares of the smallest weights in the widest intervals.
     low = jnp.full_like(half, 1e-200 if half.dtype == jnp.float64 else 1e-36)
     low, high = jax.lax.fori_loop(0, HALVINGS, halve, (low, half))
     small = jnp.sqrt(low) * jnp.sqrt(high)
 
     def improve(_, small):
         residual, slope = jax.jvp(value, (small,), (jnp.ones_like(small),))
-        # In the logarithm, where the balance of two ends is all but linear too.
+        # In the logarithm, in which the balance of two ends is nearly linear.
         return small * jnp.exp(-quotient(quotient(residual, small), slope))
 
     return jax.lax.fori_loop(0, NEWTON_STEPS, improve, small), right

@@ -4,16 +4,16 @@ For f(s) = f_rest + sum_i f_i s/(s + l_i), rates l_i = 1/tau_i, and a spring k,
 
 .. math:: \frac{k f}{k + f} = \frac{k f_\infty}{k + f_\infty} + \sum_i f_i' \frac{s}{s + l_i'}
 
-with one new rate l' in every interval between neighbouring old ones (the first between 0
-and l_1): the roots of k + f(-l') = 0. The weights are f_i' = k^2 / (l_i' F_i) with
-F_i = sum_j f_j l_j / (l_j - l_i')^2. Each root is l' = own (anchor + distance) with own the
-rate at the nearer end of its interval and anchor 1, as LAPACK's laed4 does [R.-C. Li, LAPACK
-Working Note 89 (1993)], or anchor 0 for a first root near 0: the rate itself loses all digits of
-that distance once k >> f, and of the first rate once k << f.
+with one new rate l' in every interval between neighbouring old rates (the first between 0 and l_1). The l'
+are the roots of k + f(-l') = 0. The weights are f_i' = k^2 / (l_i' F_i) with
+F_i = sum_j f_j l_j / (l_j - l_i')^2. Each root is l' = own (anchor + distance). own is the rate at the
+nearer end of the interval with anchor 1, as in LAPACK's laed4 [R.-C. Li, LAPACK Working Note 89 (1993)]. A
+first root near 0 has anchor 0. l' alone would lose all digits of the distance for k >> f, and of the first
+rate for k << f.
 
-Rates enter by their logarithms and quotients alone, and terms at distance zero from the
-anchor are kept apart: squares of rates or of distances, of which 40 decades of times and a
-spring 1e12 times stiffer than the solid have many, leave float32.
+Rates enter only by logarithms and quotients, and terms at zero distance from the anchor are separate.
+Squares of rates or distances would overflow float32 with 40 decades of times or a spring 1e12 times stiffer
+than the solid.
 """
 
 import functools
@@ -22,7 +22,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-# Halvings of the logarithm of a distance leave 5e-8 of it, which Newton's steps square.
+# Bisections of the logarithm of a distance leave an error of 5e-8, which each Newton step squares.
 HALVINGS, NEWTON_STEPS = 32, 2
 
 
@@ -30,23 +30,23 @@ class _Roots(NamedTuple):
     """l' = own (anchor + distance), own = rate[pole]; shape (n,) each."""
 
     pole: jax.Array
-    anchor: jax.Array  # 1: measured from a rate; 0: from 0 (the first root only)
+    anchor: jax.Array  # 1: measured from a rate; 0: from 0 (only the first root)
     distance: jax.Array  # negative to the left of the anchor
 
 
 class _Rates(NamedTuple):
-    """All rates l_j as a root (rows) sees them, in units of m = max(l_j, own)."""
+    """All rates l_j relative to the roots (rows), in units of m = max(l_j, own)."""
 
-    at_anchor: jax.Array  # whether l_j is the rate that the root is measured from
+    at_anchor: jax.Array  # True if the root is measured from l_j
     below: jax.Array  # own / m
     above: jax.Array  # l_j / m
-    apart: jax.Array  # (l_j - anchor own) / m, all its digits kept
+    apart: jax.Array  # (l_j - anchor own) / m, without cancellation
 
 
 def in_series(
     rest: jax.Array, weight: jax.Array, tau: jax.Array, spring: jax.Array
 ) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Prony series of the solid in series with a spring.
+    """Return the Prony series of a solid in series with a spring.
 
     Parameters
     ----------
@@ -57,7 +57,7 @@ def in_series(
 
     Returns
     -------
-    rest, weight, tau of the series solid: the spring's shape, and (n,) after it.
+    rest, weight, tau of the series solid: shape of the spring, followed by (n,).
 
     Limits: in float32 neighbouring times at most 30 decades apart, spring over solid 1e-30 ... 1e16.
     """
@@ -67,24 +67,24 @@ def in_series(
     middle = jax.lax.stop_gradient(jnp.sqrt(tau[0]) * jnp.sqrt(tau[-1]))
     solve = functools.partial(_one_spring, log_rate=-jnp.log(tau / middle), tau=tau)
     found = jax.vmap(solve)(rest, weight, spring) if spring.ndim else solve(rest, weight, spring)
-    # XLA would compute the series again wherever it is used: twice the time of a gradient.
+    # Otherwise XLA computes the series again wherever it is used, which doubles the time of a gradient.
     return jax.lax.optimization_barrier(found)
 
 
 def _one_spring(rest, weight, spring, log_rate, tau):
-    # A term or spring of no stiffness would put a root on a pole, 0/0, and with it a spurious mode. See
-    # `floors` for a term; a spring of 1e-60 of the solid (float32: 1e-30) is as good as none, and the
-    # derivative with respect to it stays that of the original.
+    # A term or spring of zero stiffness would put a root on a pole (0/0) with a spurious mode. See `floors`
+    # for terms. A spring has a floor of 1e-60 of the solid (float32: 1e-30). Its derivative is that of the
+    # original.
     solid = rest + jnp.sum(weight)
     solid = jax.lax.stop_gradient(jnp.where(solid > 0, solid, jnp.where(spring > 0, spring, 1.0)))
     unit = jax.lax.stop_gradient(jnp.maximum(solid, spring))
     weight = weight + solid * floors(weight / solid, log_rate)
     least = solid * (1e-30 if tau.dtype != jnp.float64 else 1e-60)
-    # The share is 0 for no spring at all, where a solid softer than the floor would be left. Where it is 1
-    # to rounding it is a constant: in reverse mode its two halves would leave a rounding error of k/f.
+    # The share is 0 without a spring, where a solid softer than the floor would remain. Where it is 1 to
+    # rounding it is a constant, because its two halves would leave a rounding error of k/f in reverse mode.
     share = jnp.where(spring > 1e17 * least, 1.0, quotient(spring, spring + least))
     spring = spring + least
-    # In units of the stiffer of the two: of a spring of 1e-30 no reciprocal must be squared.
+    # In units of the stiffer of the two, so that no reciprocal of a spring of 1e-30 is squared.
     rest, weight, spring = rest / unit, weight / unit, spring / unit
     log_rate, tau = _as_one(weight, log_rate, tau)
     roots = _roots(rest, weight, spring, log_rate)
@@ -98,18 +98,18 @@ def _one_spring(rest, weight, spring, log_rate, tau):
 
 
 def floors(weight: jax.Array, log_rate: jax.Array) -> jax.Array:
-    """Return weights that a series may add to its terms, so that none is 0.
+    """Return small weights that are added to the terms of a series, so that none is 0.
 
-    The loss of the added terms is below 1e-30 of that of the series (float32: 1e-16) at every frequency. A
+    The loss of the added terms is below 1e-30 of the series' loss (float32: 1e-16) at every frequency. A
     term of E_j and tau_j has at least a share min(tau_i/tau_j, tau_j/tau_i) of the loss of a term of E_j and
-    tau_i; so many e-folds apart, a floor of one size would outweigh the series.
+    tau_i. For times many e-folds apart, a constant floor would exceed the series.
 
     Parameters
     ----------
-    weight : of the terms, over the stiffness of the solid [-], shape (n,)
-    log_rate : logarithms of their rates, any order [-], shape (n,)
+    weight : weights of the terms over the stiffness of the solid [-], shape (n,)
+    log_rate : logarithms of the rates, any order [-], shape (n,)
 
-    Limits: a floor is at least 1e-75 (float32: 1e-22); without any weight it is that.
+    Limits: a floor is at least 1e-75 (float32: 1e-22), also if all weights are 0.
     """
     least, small = (1e-75, 1e-30) if weight.dtype == jnp.float64 else (1e-22, 1e-16)
     shares = jnp.exp(-jnp.abs(log_rate[:, None] - log_rate))
@@ -117,14 +117,14 @@ def floors(weight: jax.Array, log_rate: jax.Array) -> jax.Array:
 
 
 def _as_one(weight, log_rate, tau):
-    """Logarithms of the rates, and the times, equal ones moving as the mean of their terms.
+    """Return logarithms of the rates, and the times; equal ones move as the mean of their terms.
 
-    So each has its share of the derivative of the term that they are, to all orders of the moduli and the
-    first of the times: second derivatives lack what pulls them apart. Measured from each other they would
-    have it as a difference of numbers that are k/f times as large, 1e19 for a film on rubber.
+    Each then has its share of the derivative of the merged term, to all orders of the moduli and to first
+    order of the times. Second derivatives lack the splitting of equal times. Distances between equal times
+    would give it as a difference of numbers k/f times larger, 1e19 for a film on rubber.
     """
     same = log_rate == log_rate[:, None]
-    # Weights of 1e-30 have no square in float32.
+    # Squares of weights of 1e-30 underflow float32.
     share = quotient(weight, jnp.sum(jnp.where(same, weight, 0.0), -1))
     still = jax.lax.stop_gradient(log_rate)
     moved = jnp.sum(jnp.where(same, share * (log_rate - still), 0.0), -1)
@@ -133,7 +133,7 @@ def _as_one(weight, log_rate, tau):
 
 @jax.custom_jvp
 def quotient(x: jax.Array, y: jax.Array) -> jax.Array:
-    """x / y [-], any shapes, whose derivative does not square y, which leaves float32."""
+    """Return x / y [-]; its derivative does not square y, which would overflow float32."""
     return x / y
 
 
@@ -144,12 +144,12 @@ def _quotient_jvp(primals, tangents):
 
 
 def _empty(log_rate):
-    """Intervals between two equal rates: one mode fewer, so that of the interval has no weight."""
+    """Return True for intervals between two equal rates, whose mode has zero weight."""
     return jnp.concatenate([jnp.zeros(1, bool), log_rate[1:] == log_rate[:-1]])
 
 
 def _seen_from(roots, log_rate):
-    """`_Rates` for every root."""
+    """Return the `_Rates` for every root."""
     anchored = roots.anchor[:, None] > 0
     ahead = log_rate - log_rate[roots.pole][:, None]
     at_anchor = anchored & (ahead == 0)
@@ -163,12 +163,12 @@ def _seen_from(roots, log_rate):
 
 
 def _gap(rates, roots):
-    """(l_j - l') / m without cancellation; 1 at the anchor, whose terms are kept apart."""
+    """Return (l_j - l') / m without cancellation; 1 at the anchor, whose terms are separate."""
     return jnp.where(rates.at_anchor, 1.0, rates.apart - roots.distance[:, None] * rates.below)
 
 
 def _balance(rest, weight, spring, rates, roots):
-    """k + f(-l'), shape (roots,), times the distance from a rate: finite where a root meets its anchor."""
+    """Return k + f(-l') (roots,) times the distance from a rate, finite where a root meets its anchor."""
     relative = roots.anchor + roots.distance
     own = jnp.sum(jnp.where(rates.at_anchor, weight, 0.0), -1)
     others = jnp.sum(jnp.where(rates.at_anchor, 0.0, weight * rates.below / _gap(rates, roots)), -1)
@@ -177,18 +177,18 @@ def _balance(rest, weight, spring, rates, roots):
 
 
 def _weights_at(roots, rest, weight, spring, rates):
-    """Weights k^2 / (l' F) of the roots."""
+    """Return the weights k^2 / (l' F) of the roots."""
     size, relative = jnp.abs(roots.distance), roots.anchor + roots.distance
     own = jnp.sum(jnp.where(rates.at_anchor, weight, 0.0), -1)
     nearness = 1 / _gap(rates, roots)
     others = jnp.where(rates.at_anchor, 0.0, weight * rates.below * nearness)
     steeper = jnp.sum(others * rates.above * nearness, -1)
-    # F own distance^2 = own + distance^2 steeper: by parts, since neither square is in float32.
+    # F own distance^2 = own + distance^2 steeper, by parts, because either square may leave float32.
     per_size = quotient(own, size) + size * steeper
     plain = spring * quotient(spring, per_size) * quotient(size, relative)
-    # Of a stiff spring the new weights are all but the old and change by (f/k)^2 with k, which would be left
-    # of a difference of numbers of order f/k. With k = -f(-l') nothing is divided by the distance. All its
-    # terms are less than k, so that the sum has all digits.
+    # With a stiff spring the new weights nearly equal the old ones and change by (f/k)^2 with k, which would
+    # be a difference of numbers of order f/k. With k = -f(-l') nothing is divided by the distance. All terms
+    # are smaller than k, so the sum keeps all digits.
     stiff = (roots.anchor > 0) & (rest + relative * jnp.sum(jnp.abs(others), -1) < spring)
     times_size = relative * own + size * (relative * jnp.sum(others, -1) - rest)
     bottom = jnp.where(stiff, own + size * (size * steeper), 1.0)
@@ -197,20 +197,20 @@ def _weights_at(roots, rest, weight, spring, rates):
 
 @jax.custom_jvp
 def _roots(rest, weight, spring, log_rate):
-    """Roots of k + f(-l') = 0, which falls from +inf to -inf between two rates; rates ascending."""
+    """Return the roots of k + f(-l') = 0, which decreases from +inf to -inf between ascending rates."""
     index = jnp.arange(log_rate.shape[0])
     left, first = jnp.maximum(index - 1, 0), index == 0
     width = log_rate - log_rate[left]
-    # The sign in the middle of the interval says which end is nearer.
+    # The sign in the middle of the interval shows which end is nearer.
     half = 0.5 * jnp.where(first, 1.0, -jnp.expm1(-width))
     middle = _Roots(index, jnp.ones_like(half), -half)
-    # Of a negative distance times the function.
+    # Negative distance times the function.
     right = _balance(rest, weight, spring, _seen_from(middle, log_rate), middle) < 0
     sign = jnp.where(right, -1.0, 1.0).astype(half.dtype)
     anchor = jnp.where(right | ~first, 1.0, 0.0).astype(half.dtype)
     roots = _Roots(jnp.where(right, index, left), anchor, sign)
     rates = _seen_from(roots, log_rate)
-    # `_balance` again, with what does not change from step to step taken out.
+    # `_balance` without the parts that are constant in the iteration.
     own = jnp.sum(jnp.where(rates.at_anchor, weight, 0.0), -1)
     apart = jnp.where(rates.at_anchor, 1.0, rates.apart)
     below = jnp.where(rates.at_anchor, 0.0, rates.below)
@@ -231,12 +231,12 @@ def _roots(rest, weight, spring, log_rate):
         further = jnp.where(right, value < 0, value > 0)
         return jnp.where(further, middle, low), jnp.where(further, high, middle)
 
-    # Below the distances of the smallest weights.
+    # Smaller than the distances of the smallest weights.
     low = jnp.full_like(half, 1e-200 if half.dtype == jnp.float64 else 1e-36)
     high = half * jnp.where(right | first, 1.0, jnp.exp(width))
     low, high = jax.lax.fori_loop(0, HALVINGS, halve, (low, high))
     distance = sign * jnp.sqrt(low) * jnp.sqrt(high)
-    # An empty interval has no root: l' = -own is far from every pole.
+    # An empty interval has no root; l' = -own is far from every pole.
     distance = jnp.where(_empty(log_rate), -2.0, distance)
     for _ in range(NEWTON_STEPS):
         gap, others = terms(distance)

@@ -1,6 +1,6 @@
 """Time-temperature superposition: E(omega, T) = b_T E(a_T omega) with a_T(T_ref) = b_T(T_ref) = 1.
 
-A `Shift` is a law for ln a_T, and may have a `VerticalShift`, a law for ln b_T: `log_factor` gives them,
+A `Shift` is a law for ln a_T and may have a `VerticalShift`, a law for ln b_T. Their method `log_factor` is
 finite for every finite T.
 [Ferry, Viscoelastic Properties of Polymers, 3rd edition, Wiley 1980, chapter 11]
 """
@@ -28,53 +28,53 @@ from rubberfric.base.checks import (
 from rubberfric.base.objects.fields import Number, Vector, child, leaf
 from rubberfric.base.objects.physical import Kind, physical
 
-# Entries within a table of which all are compared; in a longer one they are searched, by a loop.
+# Largest table in which all entries are compared; longer tables are searched by a loop.
 _FEW = 64
 BOLTZMANN_EV = 8.617333262e-5  # Boltzmann constant [eV/K], CODATA 2018 (exact to the digits given)
 
 
 class VerticalShift(Kind):
-    """ln b_T(T), by which moduli themselves change, the role of Entropic and TabulatedVertical."""
+    """Law for ln b_T(T), the factor of the moduli: base class of Entropic and TabulatedVertical."""
 
     def check_temperature(self, temperature: ArrayLike) -> None:
-        """Raise ValueError for concrete temperatures [K], any shape, that the law does not hold for."""
+        """Raise ValueError for concrete temperatures [K], any shape, outside the law's range."""
         check_values("temperature", temperature, POSITIVE)
 
     def log_factor(self, temperature: ArrayLike, T_ref: ArrayLike) -> jax.Array:
-        """ln b_T at temperature [K], any shape, 0 at T_ref [K]; finite, and its derivative."""
+        """Return ln b_T at temperature [K], any shape; 0 at T_ref [K], finite with finite derivative."""
         raise NotImplementedError(f"{type(self).__name__}.log_factor")
 
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Shift(Kind):
-    """ln a_T(T), the role of WLF, Arrhenius and TabulatedShift.
+    """Law for ln a_T(T): base class of WLF, Arrhenius and TabulatedShift.
 
     Parameters
     ----------
-    vertical : Entropic, TabulatedVertical or None, of every law, by keyword
-        how much stiffer the solid is at a temperature, E(omega, T) = b_T E(a_T omega); b_T = 1 if None.
+    vertical : Entropic, TabulatedVertical or None, by keyword, for every law
+        factor of the moduli, E(omega, T) = b_T E(a_T omega); b_T = 1 if None.
     """
 
     vertical: VerticalShift | None = child(default=None)  # noqa: RUF009 (`child` gives a field)
 
     @property
     def reference_temperature(self) -> jax.Array:
-        """T_ref [K], where a_T = b_T = 1; a law without a field of this name answers it."""
+        """Return T_ref [K], where a_T = b_T = 1; a law without the field T_ref overrides it."""
         return self.T_ref  # pyright: ignore[reportAttributeAccessIssue] (every law has one)
 
     def check_temperature(self, temperature: ArrayLike) -> None:
-        """Raise ValueError for concrete temperatures [K], any shape, that the law does not hold for."""
+        """Raise ValueError for concrete temperatures [K], any shape, outside the law's range."""
         check_values("temperature", temperature, POSITIVE)
         if self.vertical is not None:
             self.vertical.check_temperature(temperature)
 
     def log_factor(self, temperature: ArrayLike) -> jax.Array:
-        """ln a_T at temperature [K], any shape; within `largest_log_factor`, and finite its derivative."""
+        """Return ln a_T at temperature [K], any shape; within `largest_log_factor`, finite derivative."""
         raise NotImplementedError(f"{type(self).__name__}.log_factor")
 
 
 def log_vertical(shift: Shift | None, temperature: ArrayLike | None) -> jax.Array | None:
-    """ln b_T at temperature [K], any shape; None where nothing but b_T = 1 is known."""
+    """Return ln b_T at temperature [K], any shape; None if b_T = 1."""
     if shift is None or shift.vertical is None or temperature is None:
         return None
     return shift.vertical.log_factor(temperature, shift.reference_temperature)
@@ -109,13 +109,13 @@ class WLF(Shift):
         super().check_temperature(temperature)
 
     def log_factor(self, temperature: ArrayLike) -> jax.Array:
-        """ln a_T at temperature [K]."""
+        """Return ln a_T at temperature [K]."""
         above = temperature - self.T_ref
         distance = self.C2 + above
-        # Below the pole the formula changes sign; the glass is taken as saturated there.
+        # Below the pole the formula changes sign; the factor stays saturated there.
         safe = jnp.where(distance > 0, distance, 1.0)
         log10 = jnp.where(distance > 0, -self.C1 * above / safe, jnp.inf)
-        return saturated(log10 * math.log(10.0))  # a NumPy scalar would widen float32
+        return saturated(log10 * math.log(10.0))  # NumPy would widen float32
 
 
 @physical
@@ -132,8 +132,8 @@ class Arrhenius(Shift):
     T_ref: Number = leaf(POSITIVE, unit="K", plausible=PLAUSIBLE_TEMPERATURE)
 
     def log_factor(self, temperature: ArrayLike) -> jax.Array:
-        """ln a_T at temperature [K]."""
-        # Below 1 K the factor is beyond all numbers; held there, it has a finite derivative at 0.
+        """Return ln a_T at temperature [K]."""
+        # Below 1 K the factor would overflow; it is constant there, with a finite derivative at 0.
         temperature = jnp.maximum(temperature, 1.0)
         ratio = (self.T_ref - temperature) / (temperature * self.T_ref)
         return saturated(self.energy / BOLTZMANN_EV * ratio)
@@ -141,7 +141,7 @@ class Arrhenius(Shift):
 
 @physical
 class Entropic(VerticalShift):
-    r"""Stiffness of a rubber network, whose elasticity is that of entropy.
+    r"""Stiffness of a rubber network with entropy elasticity.
 
     .. math:: b_T = \frac{\rho T}{\rho_\mathrm{ref} T_\mathrm{ref}},\qquad
               \rho = \rho_\mathrm{ref} e^{-\alpha (T - T_\mathrm{ref})}
@@ -150,39 +150,38 @@ class Entropic(VerticalShift):
 
     Parameters
     ----------
-    expansion : alpha, of the volume [1/K]; 6e-4 for a rubber, 0: the density stays
+    expansion : thermal expansion of the volume, alpha [1/K]; 6e-4 for a rubber, 0: constant density
 
-    Limits: held below 1 K.
+    Limits: constant below 1 K.
     """
 
     expansion: Number = leaf(NONNEGATIVE, unit="1/K", default=0.0)
 
     def log_factor(self, temperature: ArrayLike, T_ref: ArrayLike) -> jax.Array:
-        """ln b_T at temperature [K]."""
+        """Return ln b_T at temperature [K]."""
         temperature = jnp.maximum(temperature, 1.0)  # ln 0 has no derivative
         return saturated(jnp.log(temperature / T_ref) - self.expansion * (temperature - T_ref))
 
 
 def largest_log_factor(dtype: DTypeLike) -> float:
-    """Where |ln a_T| saturates, so that a_T and its products with q v tau stay finite: 177 (float32: 22)."""
+    """Return the limit of |ln a_T|, 177 (float32: 22), that keeps a_T and its products finite."""
     return 0.25 * float(np.log(float(jnp.finfo(dtype).max)))
 
 
 def saturated(log_factor: jax.Array) -> jax.Array:
-    """ln a_T within the limits that keep a_T and its products finite."""
+    """Return ln a_T within the limits that keep a_T and its products finite."""
     limit = largest_log_factor(jnp.result_type(log_factor))
     return jnp.clip(log_factor, -limit, limit)
 
 
 @physical
 class TabulatedShift(Shift):
-    r"""Shift factors from a table: ln a_T a monotone cubic in T between the entries.
+    r"""Shift factors from a table; ln a_T is a monotone cubic in T between the entries.
 
-    Its slope is continuous and depends continuously on the entries, and ln a_T has an extremum at entries
-    only. [Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300, doi:10.1137/0905021] Outside the table
-    ln a_T goes on along the lines through its first and its last two entries, whose slopes it has at the
-    ends. The table is divided by its own value at T_ref, so that a_T(T_ref) = 1 also when T_ref lies between
-    two entries.
+    Its slope is continuous and depends continuously on the entries. Extrema of ln a_T occur only at entries.
+    [Fritsch & Butland, SIAM J. Sci. Stat. Comput. 5 (1984) 300, doi:10.1137/0905021] Outside the table ln
+    a_T continues along the lines through the first two and the last two entries, with these slopes at the
+    ends. The table is divided by its value at T_ref, so that a_T(T_ref) = 1 also between entries.
 
     Parameters
     ----------
@@ -190,8 +189,7 @@ class TabulatedShift(Shift):
     aT : shift factors [-], shape (n,)
     T_ref : [K], inside the table
 
-    Limits: concrete temperatures outside the table raise ValueError (an extrapolated
-    shift is a guess); flash temperatures may leave it.
+    Limits: concrete temperatures outside the table raise ValueError. Flash temperatures may leave it.
     """
 
     file_kind: ClassVar[str] = "table"
@@ -210,26 +208,26 @@ class TabulatedShift(Shift):
         super().check_temperature(temperature)
 
     def log_factor(self, temperature: ArrayLike) -> jax.Array:
-        """ln a_T at temperature [K]."""
+        """Return ln a_T at temperature [K]."""
         return _log_interpolated(temperature, self.T, self.aT, self.T_ref)
 
     def padded(self) -> "TabulatedShift":
-        """With entries above the last temperature, on the line on which it goes on."""
+        """Return the table with further entries above the last temperature, on its continuation."""
         return _padded(self, "aT")
 
 
 @physical
 class TabulatedVertical(VerticalShift):
-    r"""Vertical shift factors from a table: ln b_T over T as ln a_T of `TabulatedShift`.
+    r"""Vertical shift factors from a table: ln b_T over T is like ln a_T of `TabulatedShift`.
 
-    The table is divided by its own value at the T_ref of the shift it belongs to.
+    The table is divided by its value at the T_ref of its shift.
 
     Parameters
     ----------
     T : temperatures, strictly increasing [K], shape (n,), n >= 2
     bT : vertical shift factors [-], shape (n,)
 
-    Limits: concrete temperatures outside the table raise ValueError; flash temperatures may leave it.
+    Limits: concrete temperatures outside the table raise ValueError. Flash temperatures may leave it.
     """
 
     file_kind: ClassVar[str] = "table"
@@ -247,16 +245,16 @@ class TabulatedVertical(VerticalShift):
         super().check_temperature(temperature)
 
     def log_factor(self, temperature: ArrayLike, T_ref: ArrayLike) -> jax.Array:
-        """ln b_T at temperature [K]."""
+        """Return ln b_T at temperature [K]."""
         return _log_interpolated(temperature, self.T, self.bT, T_ref)
 
     def padded(self) -> "TabulatedVertical":
-        """With entries above the last temperature, on the line on which it goes on."""
+        """Return the table with further entries above the last temperature, on its continuation."""
         return _padded(self, "bT")
 
 
 def _check_table(law, name, T_ref=None):
-    """The rules of a table of factors over T."""
+    """Check a table of factors over T."""
     kind = type(law).__name__
     check_lengths(kind, T=law.T, **{name: getattr(law, name)})
     if law.T.shape[0] < 2:
@@ -267,33 +265,33 @@ def _check_table(law, name, T_ref=None):
 
 
 def _check_inside(name, temperature, T):
-    """ValueError for concrete temperatures outside a table."""
+    """Raise ValueError for concrete temperatures outside a table."""
     if is_concrete(temperature) and is_concrete(T):
-        # In a trace an entry of a concrete jax array is not concrete; one of a NumPy array is.
+        # Within a trace, entries of a concrete JAX array are not concrete; those of a NumPy array are.
         low, high = np.asarray(T)[[0, -1]].tolist()
         rule = (f"must be inside the table, {low:g} to {high:g} K", lambda T: (low <= T) & (high >= T))
         check_values(name, temperature, rule)
 
 
 def _log_interpolated(temperature, T, factor, T_ref):
-    """ln of a tabulated factor over that at T_ref."""
+    """Return ln of a tabulated factor over its value at T_ref."""
     T, log = jnp.asarray(T), jnp.log(factor)
     pieces = _pieces(T, log)
     return saturated(_at(jnp.asarray(temperature), T, pieces) - _at(jnp.asarray(T_ref), T, pieces))
 
 
 def _pieces(nodes, values):
-    """Cubic polynomials in the distance from the left node, ascending, (4, n + 1): lines outside the table.
+    """Return ascending cubic polynomials in the distance from the left node, (4, n + 1), with outer lines.
 
-    The slope at an inner node is the weighted harmonic mean of those of the lines on its sides, 0 if they
-    have different signs, and that of the line at an end: the monotone interpolation by Fritsch & Butland of
-    a table that goes on along its first and last lines.
+    The slope at an inner node is the weighted harmonic mean of the slopes of the adjacent lines, 0 if their
+    signs differ. At an end it is the slope of the line. This is the monotone interpolation by Fritsch &
+    Butland of a table that continues along its first and last lines.
     """
     width = jnp.diff(nodes)
     line = jnp.diff(values) / width
     before, after = line[:-1], line[1:]
     monotone = before * after > 0
-    # With 1 for a slope of the other sign nothing is divided by 0.
+    # A slope of the other sign is replaced by 1 to avoid division by 0.
     one, two = jnp.where(monotone, before, 1.0), jnp.where(monotone, after, 1.0)
     share = (width[:-1] + 2 * width[1:]) / (3 * (width[:-1] + width[1:]))
     inner = jnp.where(monotone, one * two / (share * two + (1 - share) * one), 0.0)
@@ -310,7 +308,7 @@ def _pieces(nodes, values):
 
 
 def _at(x, nodes, pieces):
-    """The polynomials of `_pieces` at x, any shape."""
+    """Evaluate the polynomials of `_pieces` at x, any shape."""
     if nodes.shape[0] < _FEW:
         i = jnp.sum(x[..., None] >= nodes, -1, dtype=jnp.int32)
     else:
@@ -325,11 +323,11 @@ def _at(x, nodes, pieces):
 
 
 def _padded(law, name):
-    """A tabulated law with entries above the last temperature, on the line on which it goes on."""
+    """Return a tabulated law with further entries above the last temperature, on its continuation."""
     T, factor = np.asarray(law.T), np.asarray(getattr(law, name))
     added = recurring_length(T.size) - T.size
     slope = np.diff(np.log(factor[-2:]))[0] / np.diff(T[-2:])[0]
-    # No factor that leaves single precision.
+    # Factors must not overflow single precision.
     step = min(1.0, 10.0 / (1e-9 + added * abs(slope)))
     above = step * np.arange(1, added + 1)
     longer = np.append(factor, (factor[-1] * np.exp(slope * above)).astype(factor.dtype))

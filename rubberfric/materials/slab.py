@@ -1,4 +1,4 @@
-"""Layers: how a finite thickness stiffens a solid, M = 2 / (q E_r Sbar(q d))."""
+"""Layers: stiffening of a solid by its finite thickness, M = 2 / (q E_r Sbar(q d))."""
 
 from typing import ClassVar, Literal
 
@@ -18,56 +18,56 @@ _SINH_SERIES = 1.0 / np.cumprod([6.0] + [(2 * k) * (2 * k + 1) for k in range(2,
 
 
 class Layer(Kind):
-    """What gives a body a finite thickness, the role of Slab and Coating.
+    """Finite thickness of a body: base class of Slab and Coating.
 
-    A kind that `multiplies` answers `stiffening`, and all else follows; another answers the other three.
+    If `multiplies`, a subclass implements `stiffening`; otherwise the three other methods.
     """
 
-    # Whether the layered solid is E_r(omega) times a real factor of q.
+    # True if the layered solid is E_r(omega) times a real factor of q.
     multiplies: ClassVar[bool] = True
 
     @property
     def below(self) -> Material | None:
-        """The material of what deforms below the layer; None on a rigid base."""
+        """Return the material of a deformable base; None for a rigid base."""
         return None
 
     @property
     def relaxes(self) -> bool:
-        """Whether it has a solid of its own, beside the body's material, that relaxes."""
+        """Return True if the base relaxes."""
         return self.below is not None and self.below.relaxes
 
     @property
     def shift(self) -> Shift | None:
-        """How the solid below moves with temperature if not as the body's material does."""
+        """Return the shift of the base if it differs from the body's material."""
         return None if self.below is None else self.below.shift
 
     def varies(self, material: Material) -> bool:
-        """Whether temperature changes a body of this material otherwise than the material itself."""
+        """Return True if temperature changes the body differently from its material."""
         del material
         return False
 
     def check_material(self, material: Material) -> None:
-        """ValueError if it cannot be a layer of this material, whose Poisson's ratio is a constant."""
+        """Raise ValueError if the layer cannot consist of this material."""
 
     def stiffening(self, poisson: jax.Array, q: jax.Array) -> jax.Array:
-        """Sbar [-] at q [1/m], any shape: stiffness of the layered solid over that of the half-space."""
+        """Return Sbar [-] at q [1/m], any shape: stiffness of the layer over that of the half-space."""
         raise NotImplementedError(f"{type(self).__name__}.stiffening")
 
     def static_reduced(
         self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
     ) -> jax.Array:
-        """E_r(0) Sbar of a body of this material over a scale [Pa] at q and temperature [K], any shapes."""
+        """Return E_r(0) Sbar of a body of this material over a scale [Pa] at q and temperature [K]."""
         own = apply_vertical_shift(material.static_reduced() / scale, material.shift, temperature)
         return own * self.stiffening(poisson_of(material), q)
 
     def glassy_stiffening(self, material: Material, q: jax.Array) -> jax.Array:
-        """Sbar [-] at q where all of the body is glassy."""
+        """Return Sbar [-] at q with the whole body glassy."""
         return self.stiffening(poisson_of(material), q)
 
     def reduced_series(
         self, material: Material, scale: ArrayLike, q: jax.Array, temperature: jax.Array | None = None
     ) -> Series:
-        """E_r Sbar over a scale [Pa] at q, shape (nodes,), of a body of a material that has a series.
+        """Return E_r Sbar over a scale [Pa] at q, shape (nodes,), for a material with a series.
 
         rest, weight, tau have the shapes (nodes,), (nodes, terms), (nodes, terms), at one temperature [K]
         and in units of 1/a_T of the material.
@@ -87,14 +87,14 @@ class Slab(Layer):
     ----------
     thickness : d [m], > 0
     base : "bonded" or "frictionless" (static)
-        whether the far side sticks to the base or slides on it.
+        "bonded": the far side sticks to the base; "frictionless": it slides.
     """
 
     thickness: Number = leaf(POSITIVE, unit="m")
     base: Literal["bonded", "frictionless"] = static(default="bonded")
 
     def stiffening(self, poisson: jax.Array, q: jax.Array) -> jax.Array:
-        r"""Sbar(q d) [-]: stiffness of the layered solid over that of the half-space.
+        r"""Return Sbar(q d) [-]: stiffness of the layered solid over that of the half-space.
 
         Bonded [Scaraggi & Persson, arXiv:1506.06955, below (A10), scaled by exp(-2x)], x = q d, a = 3 - 4 nu:
 
@@ -104,14 +104,14 @@ class Slab(Layer):
 
         Parameters
         ----------
-        poisson : of the layer's material [-]
+        poisson : Poisson's ratio of the layer's material [-]
         q : wavevector [1/m], any shape
 
-        Limits: 1 for x -> infinity; bonded and incompressible 3/(2 x^3) for x -> 0, so
-        float32 overflows in Sbar^2 for x below 1e-6.
+        Limits: 1 for x -> infinity; 3/(2 x^3) for x -> 0 if bonded and incompressible, so that Sbar^2
+        overflows float32 for x below 1e-6.
         """
         x = q * self.thickness
-        # Beyond x = 60 every correction is below e^-120; the clip keeps x^2 e^-2x from inf * 0.
+        # Above x = 60 every correction is below e^-120; the limit avoids inf * 0 in x^2 e^-2x.
         x = jnp.minimum(x, 60.0)
         decay, rise = jnp.exp(-2 * x), -jnp.expm1(-2 * x)
         if self.base == "frictionless":
@@ -123,7 +123,7 @@ class Slab(Layer):
 
 
 def sinh_minus_linear(x: jax.Array, decay: jax.Array) -> jax.Array:
-    """(sinh 2x - 2x) e^(-2x) without the cancellation at small x."""
+    """Return (sinh 2x - 2x) e^(-2x) without cancellation at small x."""
     small = jnp.minimum(x, 1.0)
     y = (2 * small) ** 2
     series = jnp.zeros_like(x)

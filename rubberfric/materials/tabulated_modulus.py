@@ -15,30 +15,30 @@ from rubberfric.base.quadrature import typed
 from rubberfric.materials.material import POISSON, Material, plane_strain_factor
 from rubberfric.materials.shifts import Shift
 
-# A table may span this much of ln omega, 26 decades: so long is the grid of its angular means.
+# Largest span of a table in ln omega, 26 decades, which is the length of the grid of angular means.
 LONGEST_TABLE = 60.0
 
-# Where a rounded knot is straight again, in widths: what is left there is 1e-20 of the change of slope.
+# Extent of a rounded knot in widths; beyond it the deviation is 1e-20 of the change of slope.
 REACH = 9.0
 
-# Degree of the polynomials for a rounded knot between two entries of a grid, to 1e-16 of it.
+# Degree of the polynomials for a rounded knot between two entries of a grid; error 1e-16.
 _DEGREE = 13
 
 
 @physical
 class TabulatedModulus(Material):
-    r"""Viscoelastic solid from a master curve, its straight lines rounded at the entries.
+    r"""Viscoelastic solid from a master curve: straight log-log lines, rounded at the entries.
 
-    ln E' and ln E'' are linear between the entries in x = ln omega, and that convolved with a Gaussian
-    of width d, `smoothing`: with the slopes s_j on either side of the entries
+    ln E' and ln E'' are linear in x = ln omega between the entries, convolved with a Gaussian of width d
+    (`smoothing`). With the slopes s_j between the entries,
 
     .. math:: y(x) = y_1 + s_0 (x - x_1) + \sum_j (s_j - s_{j-1})\, d\, \psi\Big(\frac{x - x_j}{d}\Big),
               \qquad \psi(u) = u \Phi(u) + \frac{e^{-u^2/2}}{\sqrt{2\pi}}
 
-    It has all derivatives, with respect to omega and to every entry; it nowhere leaves the range of the
-    straight lines within some d, and runs through a straight stretch exactly. At an entry where the slope
-    changes by s it passes 0.4 d s from it. The slopes outside, s_0 and s_n, are 0 of E', so that its
-    first entry is E(0) and sets every static term, and of E'' as `outside` says.
+    All derivatives with respect to omega and the entries exist. The curve stays within the range of the
+    straight lines over some d, and reproduces straight parts exactly. At an entry where the slope changes by
+    s it deviates by 0.4 d s. The outer slopes s_0 and s_n are 0 for E', so the first entry is E(0) and
+    determines every static term. For E'' they follow `outside`.
 
     Parameters
     ----------
@@ -47,17 +47,16 @@ class TabulatedModulus(Material):
     poisson : Poisson's ratio [-], 0 ... 0.5
     shift : WLF, Arrhenius, TabulatedShift or None
     outside : "fall", "hold" or "none" (static)
-        E'' outside the table. "fall": as omega below and as 1/omega above. "hold": its end values, as
-        some programs have it; then the friction does not vanish at v = 0+. "none": zero, which shows
-        how much of the friction comes from outside the table: "hold" times
-        Phi((x - x_1) / d) Phi((x_n - x) / d).
+        E'' outside the table. "fall": proportional to omega below and 1/omega above. "hold": constant, as in
+        some programs; friction then does not vanish at v = 0+. "none": zero ("hold" times
+        Phi((x - x_1) / d) Phi((x_n - x) / d)), which shows the share of friction from outside the table.
     smoothing : 0.02 ... 1 (static)
-        d, the width in ln omega [-]. The friction of a noisy table moves with it, of R00 in the tests
-        by 1e-2 between 0.1 and straight lines, that of smooth ones by 1e-3.
+        d, the width in ln omega [-]. Between 0.1 and straight lines the friction of a noisy table (R00 in the
+        tests) changes by 1e-2, of smooth tables by 1e-3.
 
-    Errors: the angular means are good to 1e-9 of this law, unless a modulus steps by more than a
-    factor e^(3 d) or so within d, or E'' of "none" ends where it is more than 100 E'. A concrete table of
-    more than 26 decades raises ValueError; under jit its friction is nan.
+    Errors: the angular means have errors of 1e-9, unless a modulus changes by more than e^(3 d) within d,
+    or E'' of "none" ends where it exceeds 100 E'. A concrete table of more than 26 decades raises
+    ValueError; under jit its friction is nan.
     """
 
     file_kind: ClassVar[str] = "tabulated"
@@ -88,31 +87,31 @@ class TabulatedModulus(Material):
 
     @property
     def loss_beyond(self) -> str:
-        """`outside`."""
+        """Return `outside`."""
         return self.outside
 
     @property
     def detail(self) -> float:
-        """`smoothing`."""
+        """Return `smoothing`."""
         return self.smoothing
 
     def frequency_range(self) -> tuple[jax.Array, jax.Array]:
-        """First and last omega of the table [rad/s]."""
+        """Return the first and last omega of the table [rad/s]."""
         return self.omega[0], self.omega[-1]
 
     def static_modulus(self) -> jax.Array:
-        """E(omega = 0) [Pa]."""
+        """Return E(omega = 0) [Pa]."""
         return self.storage[0]
 
     def glassy_reduced(self) -> jax.Array:
-        """The highest E_r' of the table [Pa]."""
+        """Return the highest E_r' of the table [Pa]."""
         return jnp.max(self.storage) * plane_strain_factor(self)
 
     def storage_and_loss(self, log_omega: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """E' and E'' [Pa] at ln omega, any shape."""
+        """Return E' and E'' [Pa] at ln omega, any shape."""
         knots, lines = self._lines()
         log_omega = jnp.asarray(log_omega)
-        # Every knot at every point: for the few points of a curve that is drawn.
+        # Every knot at every point, for the few points of a plot.
         u = (log_omega[..., None] - knots) / self.smoothing
         curves = _straight(lines, log_omega, jnp.sum(u > 0, -1))
         curves = curves + self.smoothing * (_rounding(u) @ _bends(lines))
@@ -121,16 +120,15 @@ class TabulatedModulus(Material):
     def storage_and_loss_on_grid(
         self, first: jax.Array, step: float, count: int
     ) -> tuple[jax.Array, jax.Array]:
-        """E' and E'' [Pa] at ln omega = step (first + k), k = 0 ... count - 1; first is a whole number."""
+        """Return E' and E'' [Pa] at ln omega = step (first + k), k = 0 ... count - 1."""
         knots, lines = self._lines()
         log_omega = step * (first + jnp.arange(count, dtype=knots.dtype))
-        # The last entry of the grid before every knot, or at it.
+        # Last entry of the grid at or before every knot.
         entry = jax.lax.stop_gradient(jnp.floor(knots / step)) - first
         index = entry.astype(int)
         passed = jnp.zeros(count, knots.dtype).at[index + 1].add(1.0, mode="drop")
         curves = _straight(lines, log_omega, _running_sum(passed).astype(int))
-        # A knot is round over a few steps beside it only, in a way that depends on where between two
-        # entries of the grid it lies.
+        # A knot is round only within a few steps. Its shape depends on its position between two grid entries.
         half = math.ceil(REACH * self.smoothing / step)
         along = knots / step - first - entry - 0.5
         powers = jnp.stack([along**k for k in range(_DEGREE + 1)], -1)
@@ -146,7 +144,7 @@ class TabulatedModulus(Material):
         return self._moduli(log_omega, curves)
 
     def _moduli(self, log_omega, curves):
-        """E' and E'' of their logarithms, the last axis of `curves`."""
+        """Return E' and E'' from their logarithms, the last axis of `curves`."""
         loss = jnp.exp(curves[..., 1])
         if self.outside == "none":
             first, last = jnp.log(self.omega[0]), jnp.log(self.omega[-1])
@@ -155,9 +153,9 @@ class TabulatedModulus(Material):
         return jnp.exp(curves[..., 0]), loss
 
     def _lines(self):
-        """ln omega; and of the line before, those between and that after the entries a row.
+        """Return ln omega, and a row for each line: before, between and after the entries.
 
-        It is a point (ln omega, ln E', ln E'') of the line, and its slopes of ln E' and ln E''.
+        A row has a point (ln omega, ln E', ln E'') and the slopes of ln E' and ln E''.
         """
         knots = jnp.log(self.omega)
         values = jnp.log(jnp.stack([self.storage, self.loss], -1))
@@ -170,19 +168,19 @@ class TabulatedModulus(Material):
 
 
 def _straight(lines, log_omega, which):
-    """ln E' and ln E'' on lines, (..., 2)."""
-    # A row for every line: its derivative is one scatter.
+    """Return ln E' and ln E'' on lines, (..., 2)."""
+    # One row per line, so that its derivative is a single scatter.
     row = lines.at[which].get(mode="promise_in_bounds")
     return row[..., 1:3] + row[..., 3:] * (log_omega - row[..., 0])[..., None]
 
 
 def _bends(lines):
-    """Changes of the slopes at the entries, (n, 2)."""
+    """Return the changes of the slopes at the entries, (n, 2)."""
     return jnp.diff(lines[:, 3:], axis=0)
 
 
 def _running_sum(values):
-    """Cumulative sum, by matrix products."""
+    """Return the cumulative sum, by matrix products."""
     size = math.ceil(math.sqrt(values.shape[0]))
     rows = jnp.pad(values, (0, size * size - values.shape[0])).reshape(size, size)
     upper = np.triu(np.ones((size, size)))
@@ -192,7 +190,7 @@ def _running_sum(values):
 
 
 def _rounding(u):
-    """psi(u) - max(u, 0), where u > 0 the line after the entry is that of `_straight`."""
+    """Return psi(u) - max(u, 0); for u > 0 `_straight` has the line after the entry."""
     sign = jnp.where(u > 0, -1.0, 1.0).astype(u.dtype)
     tail = sign * 0.5 * jax.scipy.special.erfc(-sign * u * math.sqrt(0.5))
     return jnp.exp(-0.5 * u * u) * (1 / math.sqrt(2 * math.pi)) + u * tail
@@ -200,7 +198,7 @@ def _rounding(u):
 
 @functools.lru_cache(maxsize=64)
 def _rounded(step, half):
-    """Polynomials in t for `_rounding` at (k - 1/2 - t) step, k = 1 - half ... half, (degree + 1, 2 half)."""
+    """Return polynomials in t for `_rounding` at (k - 1/2 - t) step, (degree + 1, 2 half)."""
     t = 0.5 * np.cos(np.pi * (np.arange(_DEGREE + 1) + 0.5) / (_DEGREE + 1))
     k = np.arange(1 - half, half + 1)
     u = (k - 0.5 - t[:, None]) * step
@@ -211,5 +209,5 @@ def _rounded(step, half):
 
 
 def _below(u):
-    """Phi(u)."""
+    """Return Phi(u)."""
     return 0.5 * jax.scipy.special.erfc(-u * math.sqrt(0.5))

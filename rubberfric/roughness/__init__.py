@@ -1,4 +1,4 @@
-"""Roughness: power spectra, their moments and normalisations, and how they come from measured heights."""
+"""Roughness: power spectra, their moments and normalisations, and spectra of measured heights."""
 
 from rubberfric.roughness.anisotropy import Anisotropic, TabulatedAnisotropic, from_grid, harmonics_left_out
 from rubberfric.roughness.joining import JoinedSpectra, Joint, join_spectra, resample

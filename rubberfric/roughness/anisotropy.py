@@ -2,8 +2,8 @@ r"""Anisotropic roughness: C(q, phi) as harmonics of the angle to the direction 
 
 .. math:: C(q, \varphi) = C(q)\Big[1 + \sum_{m\ge1} c_m \cos 2m\varphi + s_m \sin 2m\varphi\Big]
 
-with C(q) the mean over all directions, which heights and slopes follow from. A real surface has
-C(q, phi + pi) = C(q, phi): even multiples only.
+C(q) is the mean over all directions, which determines heights and slopes. A real surface has
+C(q, phi + pi) = C(q, phi), so only even multiples occur.
 """
 
 import dataclasses
@@ -20,8 +20,7 @@ from rubberfric.base.objects.physical import check_kind, physical
 from rubberfric.roughness.spectra import BrokenPowerLaw, SelfAffine, Spectrum, log_ratio
 from rubberfric.roughness.tabulated import check_ends, cut_law, padded_table, tabulated_law, within_table
 
-# Directions of which the harmonics of a stretched surface are taken; exact to rounding up to
-# ratios of 30.
+# Number of directions for the harmonics of a stretched surface; exact to rounding up to ratios of 30.
 _DIRECTIONS = 1024
 
 
@@ -32,18 +31,18 @@ class Anisotropic(Spectrum):
     .. math:: C(q, \varphi) = C(q)\,\frac{D(\varphi - \alpha)}{\langle D\rangle},\qquad
               D = \left(r\cos^2\varphi + \tfrac1r \sin^2\varphi\right)^{-(1+H)}
 
-    which for q > q_r is the spectrum of the surface stretched by sqrt(r) along alpha and by
-    1/sqrt(r) across; below q_r and at the ends the same shape holds, so that C(q) stays that of `base`.
+    For q > q_r this is the spectrum of a surface stretched by sqrt(r) along alpha and by 1/sqrt(r) across.
+    Below q_r and at the ends the same shape is used, so that C(q) is that of `base`.
 
     Parameters
     ----------
     base : SelfAffine
         the mean over all directions.
-    ratio : r, correlation length along alpha over that across [-], > 0; r > 1: grooves along alpha
-    angle : alpha, from the direction of sliding [rad], any
+    ratio : r, correlation length along alpha over the transverse one [-], > 0; r > 1: grooves along alpha
+    angle : alpha, from the direction of sliding [rad]
     harmonics : 4, 8, 16, 32 or 64 (static)
-        as many are kept; `harmonics_left_out` says how much the others hold. 16 leave 2e-7 out at a
-        ratio of 2, and 32 leave 3e-6 at 4.
+        number of harmonics. `harmonics_left_out` returns the share of the others: 2e-7 for 16 at a ratio
+        of 2, 3e-6 for 32 at a ratio of 4.
     """
 
     endless: ClassVar[bool] = True
@@ -54,32 +53,32 @@ class Anisotropic(Spectrum):
     harmonics: Literal[4, 8, 16, 32, 64] = static(default=16)
 
     def power_law(self) -> BrokenPowerLaw:
-        """That of `base`."""
+        """Return the power law of `base`."""
         return self.base.power_law()
 
     def height_scale(self) -> jax.Array:
-        """That of `base` [m]."""
+        """Return the height scale of `base` [m]."""
         return self.base.height_scale()
 
     def cut(self, q1: jax.Array) -> "Anisotropic":
-        """The same of `base`."""
+        """Return the spectrum with `base` cut at q1."""
         return dataclasses.replace(self, base=self.base.cut(q1))
 
     def harmonic_count(self) -> int:
-        """As many as are kept."""
+        """Return the number of harmonics."""
         return self.harmonics
 
     def harmonics_at(self, q: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """(c_m, s_m), m = 1 ... harmonics, shape (harmonics,) each: the same at every q."""
+        """Return (c_m, s_m), m = 1 ... harmonics, shape (harmonics,) each, the same at every q."""
         del q
         return _turned(self._all_harmonics()[: self.harmonics], self.angle)
 
     def harmonics_left_out(self) -> jax.Array:
-        """The sum over all that are not kept [-]."""
+        """Return the sum over all harmonics that are left out [-]."""
         return jnp.sum(jnp.abs(self._all_harmonics()[self.harmonics :]))
 
     def _all_harmonics(self):
-        """d_m of D / <D> = 1 + sum d_m cos 2m phi, m = 1 ... half the directions."""
+        """Return d_m of D / <D> = 1 + sum d_m cos 2m phi, m = 1 ... half the directions."""
         phi = np.pi * np.arange(_DIRECTIONS) / _DIRECTIONS
         ratio = jnp.asarray(self.ratio)
         square = ratio * np.cos(phi).astype(ratio.dtype) ** 2 + np.sin(phi).astype(ratio.dtype) ** 2 / ratio
@@ -92,18 +91,18 @@ class Anisotropic(Spectrum):
 class TabulatedAnisotropic(Spectrum):
     r"""Anisotropic spectrum from a table over wavevector and direction.
 
-    ln of the mean over the directions is linear in ln q between the entries, as the quotient of
-    every harmonic and that mean is.
+    Between the entries, the logarithm of the mean over the directions, and the quotient of every harmonic and
+    the mean, are linear in ln q.
 
     Parameters
     ----------
     q : wavevectors, strictly increasing [1/m], shape (n,), n >= 2
     C : power spectrum [m^4], > 0, shape (n, directions), directions >= 4
         the directions are k pi / directions, k = 0, 1, ..., from the x-axis of the surface.
-    angle : of the x-axis, from the direction of sliding [rad], any
-    q0, q1 : first and last wavevector of the roughness [1/m], as of `TabulatedSpectrum`
+    angle : angle of the x-axis from the direction of sliding [rad]
+    q0, q1 : first and last wavevector of the roughness [1/m], as in `TabulatedSpectrum`
 
-    Limits: harmonics up to (directions - 1) // 2 are kept, all that the table has.
+    Limits: harmonics up to (directions - 1) // 2, which are all that the table determines.
     """
 
     harmonics_vary: ClassVar[bool] = True
@@ -125,23 +124,23 @@ class TabulatedAnisotropic(Spectrum):
         check_ends("TabulatedAnisotropic", self.q, self.q0, self.q1)
 
     def power_law(self) -> BrokenPowerLaw:
-        """That of the mean over all directions."""
+        """Return the power law of the mean over all directions."""
         return cut_law(tabulated_law(self.q, jnp.mean(self.C, 1)), self.q0, self.q1)
 
     def uncut_law(self) -> BrokenPowerLaw:
-        """From q0 to the end of the table."""
+        """Return the power law from q0 to the end of the table."""
         return cut_law(tabulated_law(self.q, jnp.mean(self.C, 1)), self.q0, None)
 
     def cut(self, q1: jax.Array) -> "TabulatedAnisotropic":
-        """The same table with another q1."""
+        """Return the table with another q1."""
         return self.replace(q1=within_table(self.q, q1))
 
     def harmonic_count(self) -> int:
-        """All that the table has."""
+        """Return the number of harmonics of the table."""
         return (self.C.shape[1] - 1) // 2
 
     def harmonics_at(self, q: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """(c_m, s_m) at q of any shape, (harmonics, *shape) each."""
+        """Return (c_m, s_m) at q of any shape, each (harmonics, *q.shape)."""
         count = self.harmonic_count()
         even = jnp.fft.rfft(self.C, axis=1)[:, 1 : count + 1] * (2 / self.C.shape[1])
         mean = jnp.mean(self.C, 1, keepdims=True)
@@ -154,37 +153,37 @@ class TabulatedAnisotropic(Spectrum):
         return at(cosine), at(sine)
 
     def harmonics_left_out(self) -> jax.Array:
-        """The largest part that the highest harmonic has at any q of the table [-]."""
+        """Return the largest share of the highest harmonic at any q of the table [-]."""
         cosine, sine = self.harmonics_at(self.q)
         return jnp.max(jnp.hypot(cosine[-1], sine[-1]))
 
     def entries(self) -> jax.Array:
-        """C [m^4]."""
+        """Return C [m^4]."""
         return self.C
 
     def padded(self) -> "TabulatedAnisotropic":
-        """With entries beyond q1."""
+        """Return the table with further entries beyond q1."""
         return self.replace(padded_table(self.q, self.C, self.q0, self.q1))
 
 
 def harmonics_left_out(spectrum: Spectrum) -> jax.Array:
-    r"""How much of the roughness is in harmonics that are not kept: sum |d_m| over them [-].
+    r"""Return the share of the roughness in harmonics that are left out, sum \|d_m\| over them [-].
 
-    A bound on the relative error of G and of the mean separation, and on that of the friction
-    of full contact; the true errors are smaller, since slow modes see the low harmonics only.
+    It bounds the relative errors of G, of the mean separation, and of friction in full contact. The true
+    errors are smaller, because slow modes depend only on low harmonics.
 
     Parameters
     ----------
-    spectrum : Anisotropic, SelfAffine or TabulatedSpectrum (0), or TabulatedAnisotropic: the largest
-        part that the highest harmonic of its table has at any q, which shows whether the table has
-        directions enough.
+    spectrum : Anisotropic, SelfAffine or TabulatedSpectrum (0), or TabulatedAnisotropic
+        For a table, the largest share of the highest harmonic at any q, which shows if the table has
+        enough directions.
     """
     check_kind("spectrum", spectrum, Spectrum)
     return spectrum.harmonics_left_out()
 
 
 def _turned(size, angle):
-    """Harmonics of a symmetric shape whose axis is at an angle."""
+    """Return the harmonics of a symmetric shape whose axis is at an angle."""
     m = np.arange(1, size.shape[0] + 1, dtype=size.dtype)
     return size * jnp.cos(2 * m * angle), size * jnp.sin(2 * m * angle)
 
@@ -192,16 +191,16 @@ def _turned(size, angle):
 def from_grid(
     qx: ArrayLike, qy: ArrayLike, C: ArrayLike, q: ArrayLike, directions: int = 64
 ) -> TabulatedAnisotropic:
-    """(q, directions) table of a spectrum given on a (q_x, q_y) grid; NumPy, on the host.
+    """Convert a spectrum on a (q_x, q_y) grid to a table over (q, directions); NumPy, on the host.
 
-    Bilinear in the logarithm of C between the entries of the grid.
+    The logarithm of C is bilinear between the entries of the grid.
 
     Parameters
     ----------
     qx, qy : increasing [1/m], shapes (n,), (m,); must reach from -q to q, or from 0: C(-q) = C(q)
     C : power spectrum [m^4], > 0, shape (n, m)
     q : wavevectors of the table [1/m]
-    directions : of the table
+    directions : number of directions of the table
 
     Returns
     -------
@@ -218,7 +217,7 @@ def from_grid(
     check_increasing("qy", qy)
     phi = np.pi * np.arange(directions) / directions
     x, y = q[:, None] * np.cos(phi), q[:, None] * np.sin(phi)
-    # C(-q) = C(q): of each pair the point that the grid has.
+    # C(-q) = C(q), so use the point of each pair that the grid has.
     flip = np.where((x < qx[0]) | (y < qy[0]), -1.0, 1.0)
     x, y = flip * x, flip * y
     if (x < qx[0]).any() or (x > qx[-1]).any() or (y < qy[0]).any() or (y > qy[-1]).any():

@@ -1,7 +1,7 @@
-r"""Measured spectra joined and resampled: log-log throughout, one table at the end.
+r"""Join and resample measured spectra as log-log linear tables.
 
-A profilometer sees long waves, an atomic force microscope short ones. Where both see, ln C
-crosses over from one to the other; where neither does, a straight line in log-log bridges the gap.
+A profilometer measures long waves, an atomic force microscope short ones. In the overlap ln C crosses over
+from one to the other. A straight line in log-log bridges a gap.
 """
 
 from collections.abc import Sequence
@@ -24,21 +24,21 @@ from rubberfric.roughness.spectra import (
 from rubberfric.roughness.tabulated import TabulatedSpectrum
 
 METHODS = ("crossover", "mean")
-# Neighbouring entries closer than this, relative, are one.
+# Neighbouring entries closer than this relative distance are merged.
 _SAME = 1e-9
-# Steps of Newton's method for two moments; quadratic, from a few per cent.
+# Newton steps for two moments; convergence is quadratic from a few per cent.
 _STEPS = 8
 
 
 class Joint(NamedTuple):
-    """How two spectra met.
+    """Joint of two spectra.
 
     Attributes
     ----------
     low, high : ends of the overlap, or of the gap [1/m]
     overlap : bool
-    jump : ln(C of the upper / C of the lower), the mean over ln q of the overlap; over a gap, of both
-        continued with their end slopes (over half a decade) to its middle
+    jump : ln(C of the upper / C of the lower), the mean over ln q of the overlap. Over a gap, both are
+        continued to its middle with their end slopes (over half a decade)
     scatter : root-mean-square deviation from that mean; 0 over a gap
     """
 
@@ -56,7 +56,7 @@ class JoinedSpectra(NamedTuple):
     joints: tuple[Joint, ...]
 
     def report(self) -> str:
-        """What met where, and how well, a line for each joint."""
+        """Return a text with a line for each joint."""
         return "\n".join(
             f"{'overlap' if one.overlap else 'gap'} {one.low:.4g} ... {one.high:.4g} 1/m:"
             f" the upper spectrum is {np.exp(one.jump):.3g} times the lower"
@@ -69,37 +69,37 @@ class JoinedSpectra(NamedTuple):
 def join_spectra(
     *spectra: Spectrum, method: str = "crossover", weights: Sequence[float] = (0.5, 0.5)
 ) -> JoinedSpectra:
-    r"""One table from spectra measured over different ranges.
+    r"""Return one table from spectra measured over different ranges.
 
     .. math:: \ln C = (1 - s) \ln C_a + s \ln C_b, \qquad s = t^2 (3 - 2t),\quad
               t = \frac{\ln q/q_\mathrm{low}}{\ln q_\mathrm{high}/q_\mathrm{low}}
 
-    where a and b overlap ("crossover"), or s the share of b in `weights` ("mean"); a or b alone
-    elsewhere, and a straight line in log-log over a gap.
+    in the overlap of a and b ("crossover"), or s is the share of b in `weights` ("mean"). Elsewhere a or b
+    alone is used, and a straight line in log-log over a gap.
 
     Parameters
     ----------
-    spectra : two or more, SelfAffine or TabulatedSpectrum, by increasing range: each begins and ends
-        at larger q than the one before
+    spectra : two or more, SelfAffine or TabulatedSpectrum, in order of their range: each begins and ends
+        at larger q than the previous one
     method : "crossover" or "mean"
     weights : of the lower and the upper spectrum for "mean", >= 0, such as their inverse variances
 
     Returns
     -------
-    JoinedSpectra : spectrum, with the entries of all, and the joints. A jump is reported, not mended:
+    JoinedSpectra : spectrum with the entries of all, and the joints. A jump is reported but not removed:
         "crossover" spreads it over the overlap, "mean" leaves a part at either end.
 
     Raises
     ------
-    ValueError : fewer than two, in another order, one within another, or zero.
+    ValueError : fewer than two spectra, another order, one range within another, or a zero spectrum.
 
     Notes
     -----
-    Differentiable in C and in heights; wavevectors must be concrete, since they say which entries
-    there are. Scale one of them first if the jump is an error of calibration.
+    Differentiable with respect to C and heights. Wavevectors must be concrete, because they determine the
+    entries. Scale one spectrum first if the jump is an error of calibration.
     """
     if len(spectra) < 2:
-        raise ValueError(f"join_spectra: has {len(spectra)} spectra: must be two at least")
+        raise ValueError(f"join_spectra: has {len(spectra)} spectra: must be at least two")
     if not isinstance(method, str) or method not in METHODS:
         raise ValueError(f"method = {shown(method)}: must be one of {', '.join(METHODS)}")
     both = np.asarray(weights, float)
@@ -115,7 +115,7 @@ def join_spectra(
 
 
 def _join(lower, upper, share, number):
-    """(TabulatedSpectrum, Joint) of two spectra; share None: a cross-over."""
+    """Return (TabulatedSpectrum, Joint) of two spectra; share None: crossover."""
     laws = [_without_empty(power_law_of(one)) for one in (lower, upper)]
     (a, b), (qa, qb) = laws, (np.asarray(law.q, float) for law in laws)
     for i, (law, q) in enumerate(zip(laws, (qa, qb), strict=True)):
@@ -159,7 +159,7 @@ def _join(lower, upper, share, number):
 
 
 def _without_empty(law):
-    """A law without the pieces of no width that a cut leaves."""
+    """Remove the pieces of zero width that a cut leaves."""
     kept = np.flatnonzero(np.diff(np.asarray(law.q, float)) > 0)
     ends = np.append(kept, kept[-1:] + 1) if kept.size else np.arange(law.q.shape[0])
     return law._replace(q=law.q[ends], log_value=law.log_value[ends], exponent=law.exponent[ends[:-1]])
@@ -170,13 +170,13 @@ def _plain(x):
 
 
 def _merged(q):
-    """Sorted wavevectors, of those that differ by rounding only one."""
+    """Sort wavevectors and merge those that differ only by rounding."""
     q = np.unique(q)
     return q[np.concatenate([[True], np.diff(q) > _SAME * q[:-1]])]
 
 
 def _continued(q, log_C, at, near):
-    """ln C at a q beyond the table, by the line through the entries near its end, two at least."""
+    """Return ln C at q beyond the table, by the line through at least two entries near its end."""
     if near.sum() < 2:
         near = np.argsort(np.abs(np.log(q / at)))[:2]
     _, level = np.polyfit(np.log(q[near] / at), log_C[near], 1)
@@ -186,17 +186,17 @@ def _continued(q, log_C, at, near):
 def resample(
     spectrum: Spectrum, q: ArrayLike | None = None, *, per_decade: float | None = None, preserve: bool = False
 ) -> TabulatedSpectrum:
-    r"""A spectrum as a table at other wavevectors.
+    r"""Return a spectrum as a table at other wavevectors.
 
     Parameters
     ----------
     spectrum : SelfAffine or TabulatedSpectrum
     q : wavevectors, strictly increasing, within the spectrum's range [1/m], shape (n,), n >= 2; or
-    per_decade : entries a decade at least, evenly in ln q from its first to its last wavevector
+    per_decade : minimum number of entries per decade, evenly in ln q over the spectrum's range
     preserve : bool
-        False: C at q, the log-log line. True: averages over bins whose borders are the geometric means of
-        neighbouring q, int q C dq / int q dq, times A q^B, so that the table has the rms height and the rms
-        slope that the spectrum has from q[0] to q[-1], to 1e-12; C is smooth where the spectrum scatters.
+        False: C at q, from the log-log line. True: averages int q C dq / int q dq over bins whose borders are
+        the geometric means of neighbouring q. They are multiplied by A q^B, so that rms height and rms
+        slope from q[0] to q[-1] equal those of the spectrum to 1e-12. This smooths scatter of the spectrum.
 
     Returns
     -------
@@ -204,18 +204,17 @@ def resample(
 
     Raises
     ------
-    ValueError : q outside the range or in wrong order; both or none of q and per_decade.
+    ValueError : q outside the range or not increasing; both or neither of q and per_decade.
 
     Notes
     -----
-    Without `preserve`, straight pieces stay as they are and rms height and slope change only by what
-    happens between the new entries: of a self-affine road with its roll-off between entries by
-    0.9 % and 0.03 % at 10 entries a decade, of a scattering measured table by per cents.
-    Differentiable in the spectrum's C and heights.
+    If `preserve` is False, straight pieces are unchanged. Rms height and slope change by details between the
+    new entries: for a self-affine road with the roll-off between entries by 0.9 % and 0.03 % at 10 entries
+    per decade, for a table with scatter by some per cent. Differentiable with respect to C and heights.
     """
     law = power_law_of(spectrum)
     if (q is None) == (per_decade is None):
-        raise ValueError("resample: must be given one of q and per_decade")
+        raise ValueError("resample: pass exactly one of q and per_decade")
     ends = np.asarray(law.q, float)[[0, -1]]
     if q is None:
         if (
@@ -230,7 +229,7 @@ def resample(
         q = even
     q = np.asarray(q, float)
     if q.ndim != 1 or q.size < 2 or not (np.diff(q) > 0).all():
-        raise ValueError(f"q of shape {q.shape}: must be two wavevectors at least, strictly increasing")
+        raise ValueError(f"q of shape {q.shape}: must be at least two wavevectors, strictly increasing")
     if not (q[0] >= ends[0] * (1 - _SAME) and q[-1] <= ends[1] * (1 + _SAME)):
         raise ValueError(
             f"q = {q[0]:g} ... {q[-1]:g}: must be within the spectrum's {ends[0]:g} ... {ends[1]:g} 1/m"
@@ -245,19 +244,19 @@ def resample(
 
 
 def _partial(law, order, borders):
-    """2 pi int q^(1 + order) C dq between neighbouring borders, exact."""
+    """Return 2 pi int q^(1 + order) C dq between neighbouring borders, exact."""
     left = jnp.clip(law.q[:-1], borders[:-1, None], borders[1:, None])
     right = jnp.clip(law.q[1:], borders[:-1, None], borders[1:, None])
-    # The first and the last piece go on to a border that rounding has put outside.
+    # First and last piece extend to a border that rounding placed outside.
     width = log_ratio(right, left)
     start = law.log_value[:-1] + law.exponent * log_ratio(left, law.q[:-1]) + order * jnp.log(left)
-    start = jnp.where(width > 0, start, 0.0)  # far from its piece a steep line overflows
+    start = jnp.where(width > 0, start, 0.0)  # a steep line overflows far from its piece
     pieces = jnp.exp(start) * width * mean_growth((law.exponent + order) * width)
     return 2 * jnp.pi * law.height2 * jnp.sum(pieces, 1)
 
 
 def _with_moments(q, C, logarithms):
-    """The table C exp(a + b ln q) whose moments 0 and 2 have these logarithms."""
+    """Return the table C exp(a + b ln q) whose moments 0 and 2 have these logarithms."""
     place = jnp.log(q / q[-1])
 
     def table(x):

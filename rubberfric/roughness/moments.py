@@ -1,9 +1,9 @@
-r"""Moments of a roughness spectrum up to a wavevector: heights, slopes, and where a slope is reached.
+r"""Moments of a roughness spectrum up to a wavevector: heights, slopes, and the cutoff for a slope.
 
 .. math:: m_n(q) = 2\pi\int_{q_0}^{q} q'^{\,1+n}\, C(q')\, dq',\qquad
           h_\mathrm{rms} = \sqrt{m_0},\qquad \mathrm{slope} = \sqrt{m_2}
 
-A spectrum is a broken power law, so both a moment and its inverse are closed piece by piece.
+A spectrum is a broken power law, so a moment and its inverse have closed forms on every piece.
 """
 
 import functools
@@ -19,12 +19,12 @@ from rubberfric.base.checks import POSITIVE, check_values, is_concrete, no_list,
 from rubberfric.base.objects.physical import check_kind
 from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum, log_ratio, mean_growth
 
-# Of a bracket of ln q, and after them; two for exact second derivatives.
+# Bisections of a bracket of ln q, and Newton steps after them; two give exact second derivatives.
 _HALVINGS, _NEWTON_STEPS = 60, 2
 
 
 def cumulative_moment(law: BrokenPowerLaw, order: float, distance: ArrayLike) -> jax.Array:
-    r"""Moment up to a wavevector, exact piece by piece.
+    r"""Return the moment up to a wavevector, exact on every piece.
 
     .. math:: m_n(q) = 2\pi\int_{q_0}^{q} q'^{\,1+n}\, C\, dq',\qquad distance = \ln(q / q_0)
 
@@ -36,16 +36,16 @@ def cumulative_moment(law: BrokenPowerLaw, order: float, distance: ArrayLike) ->
 
     Returns
     -------
-    array, shape of distance [m^(2 - n)]: 0 below the first wavevector, the whole moment above the
-    last; all digits however small the distance (1e-18 at light loads).
+    array, shape of distance [m^(2 - n)]: 0 below the first wavevector, the whole moment above the last. All
+    digits are right for any small distance (1e-18 at light loads).
 
-    Limits: derivatives at a kink are those of the piece above it, at the last wavevector those of
-    the last piece.
+    Limits: at a kink the derivatives are those of the piece above it; at the last wavevector, of the last
+    piece.
     """
     distance = jnp.asarray(distance)[..., None]
     width = log_ratio(law.q[1:], law.q[:-1])
     border = log_ratio(law.q, law.q[0])
-    # Selected, not clipped: a clip would give half the derivative at a border.
+    # `where`, because a clip would halve the derivative at a border.
     last = np.arange(width.shape[0]) == width.shape[0] - 1
     inside = (distance >= border[:-1]) & ((distance < border[1:]) | (last & (distance <= border[1:])))
     reach = jnp.where(inside, distance - border[:-1], jnp.where(distance > border[:-1], width, 0.0))
@@ -53,21 +53,21 @@ def cumulative_moment(law: BrokenPowerLaw, order: float, distance: ArrayLike) ->
 
 
 def _piece(law, order, reach):
-    """Integral of q^(2 + order) C / height2 over ln q from the left end of every piece, reach wide."""
+    """Integrate q^(2 + order) C / height2 over ln q from the left end of every piece over `reach`."""
     growth = (law.exponent + order) * reach
-    # From the end where the integrand is larger: from the other, e^growth may overflow.
+    # From the end with the larger integrand, because e^growth may overflow from the other.
     rising = growth > 0
     largest = jnp.exp(_log_left(law, order) + jnp.where(rising, growth, 0.0))
     return largest * reach * mean_growth(jnp.where(rising, -growth, growth))
 
 
 def _log_left(law, order):
-    """ln(q^(2 + order) C / height2) at the left end of every piece."""
+    """Return ln(q^(2 + order) C / height2) at the left end of every piece."""
     return law.log_value[:-1] + order * jnp.log(law.q[:-1])
 
 
 def moment(spectrum: Spectrum, order: float) -> jax.Array:
-    r"""Spectral moment 2 pi int q^(1 + order) C dq, exact piece by piece.
+    r"""Return the spectral moment 2 pi int q^(1 + order) C dq, exact on every piece.
 
     order 0: h_rms^2 [m^2]; 2: mean square slope [-]; 4: mean square curvature [1/m^2].
     """
@@ -81,18 +81,18 @@ def _moment(spectrum, order):
 
 
 def rms_height(spectrum: Spectrum, q: ArrayLike | None = None) -> jax.Array:
-    r"""Root-mean-square height of the roughness up to q [m].
+    r"""Return the root-mean-square height of the roughness up to q [m].
 
     .. math:: h(q) = \sqrt{2\pi\int_{q_0}^{q} q'\, C\, dq'}
 
     Parameters
     ----------
-    spectrum : SelfAffine or TabulatedSpectrum; or an anisotropic one, for C averaged over all directions
-    q : largest wavevector counted [1/m], any shape, > 0; None: all
+    spectrum : SelfAffine, TabulatedSpectrum, or an anisotropic one (C averaged over all directions)
+    q : largest wavevector [1/m], any shape, > 0; None: all
 
     Returns
     -------
-    array, shape of q [m]; 0 up to the first wavevector, where it has derivative 0.
+    array, shape of q [m]; 0 with derivative 0 up to the first wavevector.
 
     Raises
     ------
@@ -102,7 +102,7 @@ def rms_height(spectrum: Spectrum, q: ArrayLike | None = None) -> jax.Array:
 
 
 def rms_slope(spectrum: Spectrum, q: ArrayLike | None = None) -> jax.Array:
-    r"""Root-mean-square slope of the roughness up to q [-].
+    r"""Return the root-mean-square slope of the roughness up to q [-].
 
     .. math:: \mathrm{slope}(q) = \sqrt{2\pi\int_{q_0}^{q} q'^3\, C\, dq'}
 
@@ -122,9 +122,9 @@ def _root_moment(spectrum, order, q):
 def _root(spectrum, order, q):
     law, distance = spectrum.power_law(), jnp.inf
     if q is not None:
-        # Below, ln q may be -inf, with a derivative that 0 does not silence.
+        # Below, ln q may be -inf, whose derivative times 0 is not 0.
         distance = log_ratio(jnp.where(q >= law.q[0], q, law.q[0]), law.q[0])
-    # The height stays out of the root: that of height^2 has no derivative at a smooth surface.
+    # The height is outside the root, because sqrt(height^2) has no derivative for a smooth surface.
     square = cumulative_moment(unscaled(law), order, distance)
     rough = square > 0
     root = jnp.where(rough, jnp.sqrt(jnp.where(rough, square, 1.0)), 0.0)
@@ -132,40 +132,38 @@ def _root(spectrum, order, q):
 
 
 def unscaled(law: BrokenPowerLaw) -> BrokenPowerLaw:
-    """A law with the height 1 m."""
+    """Return a law with the height 1 m."""
     return law._replace(height2=jnp.ones_like(law.height2))
 
 
 def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C", "h_rms"] = "C") -> jax.Array:
-    r"""Wavevector up to which a spectrum has an rms slope: the usual choice of q1 for rubber on roads.
+    r"""Return the wavevector up to which a spectrum has a given rms slope, the usual q1 for rubber on roads.
 
     .. math:: 2\pi\int_{q_0}^{q_1} q^3\, C\, dq = \mathrm{slope}^2
 
     Parameters
     ----------
-    spectrum : SelfAffine
-            its q0, qr, Hurst exponent and what `keep` says are kept, its present q1 is not a limit: the
-            result may be smaller or larger. Note that h_rms of a SelfAffine belongs to its own q1:
-            with another q1 and the same h_rms, C0 and so the slope changes. `with_cutoff` gives
-            the spectrum that has this slope and the same C0.
-        or TabulatedSpectrum
-            the result lies inside the table; its present q1 is not a limit either.
-        or Anisotropic or TabulatedAnisotropic, as these: the slope is that of all directions together.
+    spectrum : SelfAffine, TabulatedSpectrum, Anisotropic or TabulatedAnisotropic
+        The present q1 is not a limit. The result lies inside a table. For a SelfAffine, q0, qr and the Hurst
+        exponent are constant. Its h_rms belongs to its q1: another q1 with the same h_rms changes C0 and the
+        slope. `with_cutoff` returns the spectrum with this slope and the same C0. Anisotropic roughness has
+        the slope of all directions together.
     rms_slope : [-], > 0, any shape
-    keep : "C", C(q) stays; or "h_rms", the height of a SelfAffine stays and its C0 follows: then
-        `spectrum.replace(q1=...)` has this slope. Of a table both are the same.
+    keep : "C" keeps C(q); "h_rms" keeps the height of a SelfAffine and changes C0, so that
+        `spectrum.replace(q1=...)` has this slope. For a table both are equal.
 
     Returns
     -------
-    array, shape of rms_slope [1/m]. Under jit infinite, with derivative 0, where there is none.
+    array, shape of rms_slope [1/m]. Under jit infinite with derivative 0 if no wavevector has the slope.
 
     Raises
     ------
-    ValueError : concrete rms_slope <= 0, or one that the spectrum (a table, a smooth surface) never has;
-        of a height that is kept, one that the plateau alone exceeds.
+    ValueError : concrete rms_slope <= 0, or a slope that the spectrum never has; with "h_rms", a slope that
+    the
+        plateau alone exceeds.
 
-    Limits: closed form, differentiable; `rms_slope` at the result is good to 1e-13. A slope that
-    grows like ln q (H = 1) may put it beyond the floating-point range: infinite.
+    Limits: closed form, differentiable; `rms_slope` at the result has an error of 1e-13. A slope that grows
+    like ln q (H = 1) may give a wavevector beyond the floating-point range: infinite.
     """
     check_kind("spectrum", spectrum, Spectrum)
     check_values("rms_slope", rms_slope, POSITIVE)
@@ -177,8 +175,8 @@ def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C",
         wrong = float(np.asarray(rms_slope)[~np.asarray(reachable)].flat[0])
         if at_height:
             raise ValueError(
-                f"rms_slope = {wrong!r}: no cut-off on the power law has it at the height of the spectrum;"
-                " must be larger than that of the plateau, and the surface rough"
+                f"rms_slope = {wrong!r}: no cutoff on the power law has this slope at the height of the "
+                f"spectrum; must be larger than the slope of the plateau, and the surface rough"
             )
         whole = cumulative_moment(unscaled(spectrum.uncut_law()), 2, jnp.inf)
         has = float(spectrum.height_scale() * jnp.sqrt(whole))
@@ -188,7 +186,7 @@ def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C",
 
 @jax.jit
 def _cutoff_below(spectrum, slope):
-    """Where C has the slope, infinite where it never has, and whether it has."""
+    """Return the cutoff for a slope, infinite if there is none, and True if there is one."""
     law = spectrum.uncut_law()
     piece, beyond, reachable = _where_reached(law, slope, spectrum.endless)
     return jnp.where(reachable, law.q[piece] * jnp.exp(beyond), jnp.inf), reachable
@@ -196,9 +194,9 @@ def _cutoff_below(spectrum, slope):
 
 @jax.jit
 def _cutoff_at_height(spectrum, slope):
-    r"""The end of the last piece with which m_2 / m_0 is slope^2 / height^2, which grows with it.
+    r"""Return the end of the last piece at which m_2 / m_0 is slope^2 / height^2.
 
-    And whether there is one; infinite where not.
+    Also return True if it exists; otherwise it is infinite.
     """
     law = unscaled(spectrum.uncut_law())
     width = log_ratio(law.q[1:], law.q[:-1])
@@ -209,10 +207,10 @@ def _cutoff_at_height(spectrum, slope):
 
     height = spectrum.height_scale()
     rough = height > 0
-    # ln(slope^2 / h^2), h of all up to the present end.
+    # ln(slope^2 / h^2), with h up to the present end.
     log_height2 = 2 * jnp.log(jnp.where(rough, height, 1.0)) + jnp.log(2 * jnp.pi) + log_moment(0, width[-1])
     target = 2 * jnp.log(slope) - log_height2
-    # Of no width at all the moments are 0/0 without a plateau.
+    # At zero width without a plateau the moments are 0/0.
     nearest, farthest = 1e-12, 0.4 * math.log(float(jnp.finfo(target.dtype).max))
 
     def solved(target):
@@ -228,7 +226,7 @@ def _cutoff_at_height(spectrum, slope):
         reachable = rough & (miss(ends[0]) < 0) & (miss(ends[1]) > 0)
         bounds = jax.lax.stop_gradient(jax.lax.fori_loop(0, _HALVINGS, halve, ends))
         t = jax.lax.stop_gradient(0.5 * (bounds[0] + bounds[1]))
-        for _ in range(_NEWTON_STEPS):  # from there on with derivatives
+        for _ in range(_NEWTON_STEPS):  # with derivatives
             value, rate = jax.jvp(miss, (t,), (jnp.ones_like(t),))
             t = jnp.where(reachable, t - value / jnp.where(reachable, rate, 1.0), 0.0)
         return t, reachable
@@ -238,37 +236,37 @@ def _cutoff_at_height(spectrum, slope):
 
 
 def _where_reached(law, slope, endless):
-    """The piece in which the slope is reached, ln(q / its left end), and whether it is reached.
+    """Return the piece in which the slope is reached, ln(q / its left end), and True if it is reached.
 
-    endless : whether the last piece goes on for ever
+    endless : the last piece has no end
     """
     unit = 2 * jnp.pi * jnp.exp(_log_left(law, 2))
     width = log_ratio(law.q[1:], law.q[:-1])
     before = jnp.concatenate([jnp.zeros(1, unit.dtype), jnp.cumsum(2 * jnp.pi * _piece(law, 2, width))])
     rough = law.height2 > 0
     target = slope**2 / jnp.where(rough, law.height2, 1.0)
-    # The slope of a whole table, squared again, may come out above it by rounding.
+    # By rounding, the squared slope of a whole table may exceed its moment.
     rounding = 1 + 8 * float(jnp.finfo(target.dtype).eps)
     reachable = rough & (endless | (target <= before[-1] * rounding))
     target = jnp.where(reachable, target, before[-1])
-    # A slope reached at a border is reached at the end of the piece before it.
+    # A slope reached at a border belongs to the piece before it.
     piece = jnp.clip(jnp.searchsorted(before, target) - 1, 0, width.shape[0] - 1)
     integral = (target - before[piece]) / unit[piece]
     return piece, _inverse_growth(law.exponent[piece] + 2, integral), reachable
 
 
 def _inverse_growth(exponent, integral):
-    """u with (e^(exponent u) - 1) / exponent = integral; u = integral where the exponent vanishes."""
+    """Solve (e^(exponent u) - 1) / exponent = integral for u; u = integral for exponent 0."""
     y = exponent * integral
     near = jnp.abs(y) < 1e-2
     series = integral * sum((-y) ** n / (n + 1) for n in range(8))
-    # There, where the slope saturates, it could ask for more than an endless piece has.
+    # If the slope saturates, the integral may exceed that of an endless piece.
     far = jnp.log1p(jnp.maximum(jnp.where(near, 1.0, y), -1 + 1e-15)) / jnp.where(near, 1.0, exponent)
     return jnp.where(near, series, far)
 
 
 def with_cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3) -> Spectrum:
-    """The spectrum cut at `cutoff`, so that it has this rms slope; C(q) is the same below.
+    """Return the spectrum cut at `cutoff`, with this rms slope and unchanged C(q) below.
 
     Parameters
     ----------
@@ -277,13 +275,13 @@ def with_cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3) -> Spectrum:
 
     Returns
     -------
-    SelfAffine with the new q1, the h_rms that the same plateau C0 has up to there, and qr = q1 if
-    that lies on the plateau; Anisotropic with such a base; or the same table with the new q1, which
-    under jit is its end where it never has the slope.
+    SelfAffine with the new q1, h_rms for the same plateau C0, and qr = q1 if q1 lies on the plateau;
+    Anisotropic with such a base; or the same table with the new q1. Under jit a table that never has the
+    slope keeps its end.
 
     Raises
     ------
-    ValueError : as `cutoff`, or another kind of spectrum.
+    ValueError : as in `cutoff`, or another kind of spectrum.
     """
     q1 = cutoff(spectrum, rms_slope)
     return spectrum.cut(q1)

@@ -1,24 +1,24 @@
 r"""Normalisations of measured power spectra, and spectra along a line.
 
-Programs and papers publish the same roughness as
+Programs and papers use these normalisations for the same roughness:
 
     name                     unit   mean square height               from C
-    "C"                      m^4    h^2 = 2 pi int q C dq            as it is [Persson]
+    "C"                      m^4    h^2 = 2 pi int q C dq            C [Persson]
     "C_iso"                  m^4    h^2 = (1/2 pi) int q C_iso dq    4 pi^2 C
     "C_1D"                   m^3    h^2 = 2 int C_1D dq              see below [Persson]
     "C_1D_surfacetopography" m^3    h^2 = (1/pi) int C_1D dq         2 pi times the line above
 
-all integrals from 0 to infinity. C_iso and the last one are those of contact.engineering
-and SurfaceTopography [Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001].
+All integrals are from 0 to infinity. contact.engineering and SurfaceTopography use C_iso and the last one
+[Jacobs, Junge, Pastewka, Surf. Topogr.: Metrol. Prop. 5 (2017) 013001].
 
-The spectrum along a line and that of the surface are a pair of Abel's,
+The spectra along a line and of the surface are related by Abel's transform,
 
 .. math:: C_\mathrm{1D}(q) = \int_{-\infty}^\infty dq_y\, C\big(\sqrt{q^2 + q_y^2}\big),\qquad
           C(q) = -\frac{1}{\pi} \int_q^\infty \frac{C_\mathrm{1D}'(x)}{\sqrt{x^2 - q^2}}\, dx
 
-(`line_spectrum`, `areal_spectrum`): C at q takes C_1D at all larger wavevectors. For a power
-law without ends the pair is a factor (`spectrum_from`), which is wrong at a roll-off, on a
-plateau and within a factor 2 of a cut-off.
+(`line_spectrum`, `areal_spectrum`). C at q depends on C_1D at all larger wavevectors. For a power law
+without ends the transform is a factor (`spectrum_from`), which is wrong at a roll-off, on a plateau and
+within a factor 2 of a cutoff.
 """
 
 import math
@@ -42,7 +42,7 @@ from rubberfric.base.objects.physical import check_kind
 from rubberfric.base.quadrature import gauss, typed
 from rubberfric.roughness.spectra import Spectrum, log_ratio, mean_growth
 
-# What C is multiplied by, for a line after the self-affine factor.
+# Factors of C; for a line they follow the self-affine factor.
 NORMALISATIONS = {"C": 1.0, "C_iso": 4 * math.pi**2, "C_1D": 1.0, "C_1D_surfacetopography": 2 * math.pi}
 LINES = ("C_1D", "C_1D_surfacetopography")
 NORMALISATION_RULE = (
@@ -50,7 +50,7 @@ NORMALISATION_RULE = (
     ' (along a line, h_rms^2 = 2 int C_1D dq) or "C_1D_surfacetopography" (2 pi times C_1D)'
 )
 
-# Of Abel's kernel: Gauss nodes between q and 2 q, terms of its series beyond, each 1/4 of the last.
+# Abel's kernel: Gauss nodes between q and 2 q, and terms of the series beyond, each 1/4 of the previous one.
 _NODES = 24
 _TERMS = 27
 
@@ -58,7 +58,7 @@ _TERMS = 27
 def spectrum_from(
     normalisation: str, q: ArrayLike, values: ArrayLike, hurst: ArrayLike | None = None
 ) -> jax.Array:
-    r"""C(q) from a spectrum in another normalisation.
+    r"""Return C(q) from a spectrum in another normalisation.
 
     .. math:: C = \frac{C_\mathrm{iso}}{4\pi^2},\qquad
               C = \frac{C_\mathrm{1D}}{q}\, \frac{\Gamma(1 + H)}{\sqrt\pi\, \Gamma(H + 1/2)}
@@ -68,7 +68,7 @@ def spectrum_from(
     normalisation : "C", "C_iso", "C_1D" or "C_1D_surfacetopography", see the module's docstring
     q : wavevectors [1/m], any shape
     values : spectrum in that normalisation, [m^4], or [m^3] along a line
-    hurst : H [-], 0 ... 1; needed along a line, where the surface is taken as self-affine
+    hurst : H [-], 0 ... 1; required along a line, where the surface is assumed self-affine
 
     Returns
     -------
@@ -76,29 +76,27 @@ def spectrum_from(
 
     Raises
     ------
-    ValueError : unknown normalisation; H missing, outside 0 ... 1, or given where it has no use;
-        masked entries.
+    ValueError : unknown normalisation; H missing, outside 0 ... 1, or not needed; masked entries.
 
     Notes
     -----
-    The factor for a line is exact for C ~ q^(-2(1 + H)) without ends. Below the roll-off it is of
-    the order of q/q_r, and within a factor 2 of a cut-off it is too small; `areal_spectrum` needs
-    no such assumption.
+    The factor for a line is exact for C ~ q^(-2(1 + H)) without ends. Below the roll-off its error is of the
+    order of q/q_r. Within a factor 2 of a cutoff it is too small. `areal_spectrum` makes no such assumption.
     """
     if np.ma.is_masked(values) or np.ma.is_masked(q):
-        raise ValueError("q or values: has masked entries: must have none; leave them out, q[~values.mask]")
+        raise ValueError("q or values has masked entries; leave them out, q[~values.mask]")
     return as_array(values) / _factor(normalisation, q, hurst)
 
 
 def spectrum_as(normalisation: str, q: ArrayLike, C: ArrayLike, hurst: ArrayLike | None = None) -> jax.Array:
-    """A spectrum C(q) [m^4] in another normalisation; the inverse of `spectrum_from`."""
+    """Convert a spectrum C(q) [m^4] to another normalisation; the inverse of `spectrum_from`."""
     return jnp.asarray(C) * _factor(normalisation, q, hurst)
 
 
 def check_normalisation(
     normalisation: str, hurst: ArrayLike | None, what: str = "normalisation", where: str = "hurst"
 ) -> None:
-    """ValueError unless there is such a normalisation, and H stands beside those that need it."""
+    """Raise ValueError unless the normalisation exists and H is given exactly if it needs H."""
     if not isinstance(normalisation, str) or normalisation not in NORMALISATIONS:
         raise ValueError(f"{what} = {shown(normalisation)}: {NORMALISATION_RULE}")
     if normalisation not in LINES:
@@ -116,7 +114,7 @@ def check_normalisation(
 
 
 def _factor(normalisation, q, hurst):
-    """What C(q) is multiplied by."""
+    """Return the factor of C(q)."""
     check_normalisation(normalisation, hurst)
     scale = NORMALISATIONS[normalisation]
     if normalisation not in LINES:
@@ -127,7 +125,7 @@ def _factor(normalisation, q, hurst):
 
 
 def line_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
-    r"""Spectrum along a line of an isotropic surface, exact for its broken power law.
+    r"""Return the spectrum along a line of an isotropic surface, exact for its broken power law.
 
     .. math:: C_\mathrm{1D}(q) = 2 \int_q^\infty \frac{C(x)\, x}{\sqrt{x^2 - q^2}}\, dx,\qquad
               h_\mathrm{rms}^2 = 2 \int_0^\infty C_\mathrm{1D}\, dq
@@ -135,17 +133,17 @@ def line_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
     Parameters
     ----------
     spectrum : SelfAffine or TabulatedSpectrum
-    q : wavevectors along the line, > 0 [1/m], any shape; also below the spectrum's range, where
-        C_1D tends to a constant, and above, where it is 0
+    q : wavevectors along the line, > 0 [1/m], any shape. Below the spectrum's range C_1D tends to a constant;
+        above it C_1D is 0
 
     Returns
     -------
-    C_1D [m^3], shape of q, to 1e-13 for slopes d ln C / d ln q of -20 ... 20
+    C_1D [m^3], shape of q, with errors of 1e-13 for slopes d ln C / d ln q of -20 ... 20
 
     Notes
     -----
-    Differentiable in the spectrum and in q, except where C jumps (its ends): C_1D has the slope of
-    a square root there.
+    Differentiable with respect to the spectrum and q, except at the ends of C, where C_1D is like a square
+    root.
     """
     check_kind("spectrum", spectrum, Spectrum)
     return _line_spectrum(spectrum, _positive("q", q))
@@ -159,12 +157,12 @@ def _line_spectrum(spectrum, q):
 
 
 def areal_spectrum(q: ArrayLike, C_1D: ArrayLike, at: ArrayLike | None = None) -> jax.Array:
-    r"""Spectrum C of an isotropic surface from that along a line, by Abel's inversion.
+    r"""Return the spectrum C of an isotropic surface from C_1D along a line, by Abel's inversion.
 
     .. math:: C(q) = -\frac{1}{\pi} \int_q^\infty \frac{C_\mathrm{1D}'(x)}{\sqrt{x^2 - q^2}}\, dx
 
-    Exact for a table that is log-log linear between its entries, and goes on beyond the last
-    with the slope of its last piece.
+    Exact for a table that is log-log linear between its entries and continues beyond the last entry with the
+    slope of its last piece.
 
     Parameters
     ----------
@@ -178,12 +176,12 @@ def areal_spectrum(q: ArrayLike, C_1D: ArrayLike, at: ArrayLike | None = None) -
 
     Raises
     ------
-    ValueError : a table of another kind, or one that does not fall at its end.
+    ValueError : an invalid table, or one that does not decrease at its end.
 
     Notes
     -----
-    The result is as sensitive to noise as a derivative, and is negative where C_1D rises much: no
-    isotropic surface has such a C_1D. Smooth it before (`resample`), or take `spectrum_from`.
+    The result is as sensitive to noise as a derivative. It is negative where C_1D increases steeply, which no
+    isotropic surface does. Smooth the table first (`resample`), or use `spectrum_from`.
     """
     q, C_1D = (as_leaf(name, value, 1) for name, value in (("q", q), ("C_1D", C_1D)))
     check_lengths("areal_spectrum", q=q, C_1D=C_1D)
@@ -199,10 +197,10 @@ def areal_spectrum(q: ArrayLike, C_1D: ArrayLike, at: ArrayLike | None = None) -
 
 @jax.jit
 def _areal(q, C_1D, at):
-    """C, and the slope at the end of C_1D, of which a falling one is asked."""
+    """Return C, and the slope at the end of C_1D, which must be negative."""
     log = jnp.log(C_1D)
     slope = jnp.diff(log) / log_ratio(q[1:], q[:-1])
-    # The last piece a second time, from the last entry on; its end is nowhere.
+    # The last piece again from the last entry, without an end.
     last = slope[-1:]
     slope = jnp.concatenate([slope, last])
     end = jnp.concatenate([q[1:], jnp.full_like(last, jnp.inf)])
@@ -218,11 +216,10 @@ def _positive(name, value):
 
 @jax.jit
 def _abel(x, start, end, log_value, exponent, weight):
-    r"""Sum over pieces of weight int f(q) / (q sqrt(q^2 - x^2)) dq, the part with q > x.
+    r"""Sum weight int f(q) / (q sqrt(q^2 - x^2)) dq over pieces, for q > x.
 
-    f is exp(log_value) at a piece's start and a power of q from there on. Up to q = 2 x by Gauss
-    nodes in arcosh(q/x), which takes the root away; beyond by the series of the root in (x/q)^2,
-    each term a power of q.
+    f is exp(log_value) at a piece's start, and a power of q. Up to q = 2 x Gauss nodes in arcosh(q/x) remove
+    the root. Beyond, the root is a series in (x/q)^2, in which each term is a power of q.
     """
     x = x[..., None]
     shape = (*x.shape[:-1], start.shape[0])
@@ -231,7 +228,7 @@ def _abel(x, start, end, log_value, exponent, weight):
     nodes, weights = (typed(table, x) for table in gauss(_NODES))
     u = u0[..., None] + (u1 - u0)[..., None] * nodes
     ratio = jnp.log(jnp.cosh(u)) + jnp.log(x / start)[..., None]
-    # An empty piece far from x must not overflow before it is multiplied by its width 0.
+    # An empty piece far from x must not overflow before the multiplication by its width 0.
     ratio = jnp.where((u1 > u0)[..., None], ratio, 0.0)
     near = jnp.exp(log_value[..., None] + exponent[..., None] * ratio) / jnp.cosh(u)
     near = (u1 - u0) * jnp.sum(near * weights, -1) / x
@@ -245,7 +242,7 @@ def _abel(x, start, end, log_value, exponent, weight):
     powers = jnp.exp(typed(2.0 * k, x) * jnp.log(jnp.where(empty, 0.5, x / begin))[..., None])
     order = exponent[..., None] - typed(1.0 + 2 * k, x)
     endless, width = endless[..., None], width[..., None]
-    falling = jnp.where(endless, order, -1.0)  # the order of another piece may be 0
+    falling = jnp.where(endless, order, -1.0)  # the order of other pieces may be 0
     terms = jnp.where(endless, -1 / falling, width * mean_growth(order * width))
     series = jnp.sum(root * powers * terms, -1)
     far = jnp.exp(log_value + exponent * jnp.log(begin / start)) / begin * series
@@ -253,7 +250,7 @@ def _abel(x, start, end, log_value, exponent, weight):
 
 
 def _arcosh(q, x):
-    """arcosh(q / x) for x <= q <= 2 x; at q = x its derivative is infinite but that of q / x is 0."""
+    """Return arcosh(q / x) for x <= q <= 2 x, with derivative 0 at q = x, where it is infinite."""
     excess = (q - x) / x
     beyond = excess > 0
     excess = jnp.where(beyond, excess, 1.0)

@@ -1,17 +1,15 @@
-r"""Radial meshes: where the integrals over t = ln(q / q_start) are evaluated.
+r"""Radial meshes: nodes of the integrals over t = ln(q / q_start).
 
-Two kinds of nodes. The angular integrals of the stiffness are analytic in ln q, with no
-singularity nearer than i pi/2, whatever the spectra do: they are evaluated at a few
-*angular nodes* and interpolated. The spectra have kinks, and the contact factors P, S,
-Psi fall within ln(q/q0) ~ 1e-18 ... 1 of the wavevector where roughness begins: they are
-evaluated at *contact nodes*, with the map t ~ s^2
-that removes the t^(-1/2) there. C is exact at the contact nodes: a table with many knots costs no evaluation
-of the stiffness.
+There are two kinds of nodes. The angular integrals of the stiffness are analytic in ln q, without a
+singularity nearer than i pi/2. They are evaluated at a few *angular nodes* and interpolated. The spectra
+have kinks, and the contact factors P, S, Psi decrease within ln(q/q0) ~ 1e-18 ... 1 of the first wavevector.
+They are evaluated at *contact nodes*, with the map t ~ s^2 that removes the t^(-1/2) there. C is exact at
+the contact nodes, so a table with many knots needs no further evaluations of the stiffness.
 
-Panels have borders at every kink of the spectra, which move with q0, q_r and q1, so that gradients are right.
-The range between is shared out evenly, and panels are graded towards every beginning of roughness.
+Panels have borders at every kink of the spectra. The borders move with q0, q_r and q1, so that gradients are
+right. Between them the panels are even, and they are graded towards every beginning of roughness.
 
-Nothing here depends on velocity or pressure: one mesh serves all points of a call.
+The mesh does not depend on velocity or pressure and serves all points of a call.
 """
 
 import functools
@@ -25,51 +23,51 @@ import numpy as np
 from rubberfric.base.quadrature import Quadrature, gauss, legendre_transform, nodes_between, typed
 from rubberfric.roughness.spectra import BrokenPowerLaw, log_ratio
 
-# Beyond the end of a plateau sqrt(G) has a branch point a quarter of an e-fold below it, so near that no
-# number of equal panels is enough: a border of a contact panel so far beyond it is.
+# sqrt(G) has a branch point a quarter of an e-fold below the end of a plateau. Equal panels cannot resolve
+# it; a border of a contact panel at this distance beyond the end can.
 _BEYOND_ROLLOFF = 0.6
 
-# What the exponent of q^2 C adds to a piece's share of the panels.
+# Weight of the exponent of q^2 C in a piece's share of the panels.
 _STEEPNESS = 0.5
 
 
 class Between(NamedTuple):
-    """Nodes between the contact nodes, for integrals up to every one of them; (contact panels, nodes)."""
+    """Nodes between the contact nodes, for integrals up to each of them; (contact panels, nodes)."""
 
     q: jax.Array  # [1/m]
     roughness: tuple[jax.Array, ...]  # q^4 C_j there, times dt / d(node coordinate)
-    interpolate: jax.Array | None  # from angular nodes, (contact panels, nodes, angular_order), if asked for
+    interpolate: jax.Array | None  # from angular nodes, (contact panels, nodes, angular_order), if requested
 
 
 class Mesh(NamedTuple):
-    """Nodes, spectra at the nodes, and the way from angular to contact nodes."""
+    """Nodes, spectra at the nodes, and interpolation from angular to contact nodes."""
 
     angular_q: jax.Array  # wavevectors of the angular nodes [1/m], (angular panels, angular_order)
     q: jax.Array  # of the contact nodes [1/m], (contact panels, order)
     roughness: tuple[jax.Array, ...]  # q^4 C_j there, times the weight in an integral over ln q
     between: Between | None  # if graded
-    panel: jax.Array  # the angular panel that serves each contact panel, (contact panels,)
+    panel: jax.Array  # angular panel of each contact panel, (contact panels,)
     interpolate: jax.Array  # from angular to contact nodes, (contact panels, order, angular_order)
-    first: jax.Array  # wavevectors that the roughness begins and ends at [1/m]
+    first: jax.Array  # first and last wavevector of the roughness [1/m]
     last: jax.Array
-    borders: jax.Array  # ln(q / first) at the borders of the contact panels, rising
-    origin: jax.Array  # that at which the roughness of each began, (contact panels,) or ()
-    kinks: tuple[jax.Array, ...]  # that of the ends and kinks of every spectrum
-    panels_below: jax.Array | None  # how many contact panels lie below each border that was asked for
+    borders: jax.Array  # ln(q / first) at the borders of the contact panels, ascending
+    origin: jax.Array  # ln(q / first) where the roughness of each panel begins, (contact panels,) or ()
+    kinks: tuple[jax.Array, ...]  # ln(q / first) of the ends and kinks of every spectrum
+    panels_below: jax.Array | None  # number of contact panels below each requested border
 
     def serving(self, values: jax.Array) -> jax.Array:
-        """Values at the angular nodes, (angular panels, ...), that serve each contact panel."""
+        """Return values at the angular nodes, (angular panels, ...), for each contact panel."""
         return values.at[self.panel].get(mode="promise_in_bounds")
 
     def joined(self, join: Callable[[jax.Array, jax.Array], jax.Array]) -> "Mesh":
-        """The same with one spectrum, which `join` makes of its two, linear in the unit of both."""
+        """Return the mesh with its two spectra joined into one; `join` is linear in their unit."""
         between = self.between
         if between is not None:
             between = between._replace(roughness=(join(*between.roughness),))
         return self._replace(roughness=(join(*self.roughness),), between=between)
 
     def to_contact(self, values: jax.Array) -> jax.Array:
-        """Values at the angular nodes, (angular panels, points, angular_order), at the contact nodes."""
+        """Interpolate values (angular panels, points, angular_order) to the contact nodes."""
         return jnp.einsum("kvi,kci->kvc", self.serving(values), self.interpolate)
 
 
@@ -81,21 +79,21 @@ def build_mesh(
     borders: jax.Array | None = None,
     moving: bool = False,
 ) -> Mesh:
-    """Mesh for one or two broken power laws.
+    """Return the mesh for one or two broken power laws.
 
     Parameters
     ----------
-    laws : of one rough surface or two
+    laws : spectra of one or two rough surfaces
     quadrature : Quadrature
-    graded : whether there are panels graded towards the beginnings, and nodes between; without them
-        the mesh is enough for G(q1), as the contact area needs.
-    logarithmic : whether there is the interpolation to the nodes between.
+    graded : use panels graded towards the beginnings, and nodes between the contact nodes. Otherwise the mesh
+        suffices only for G(q1), which gives the contact area.
+    logarithmic : interpolate to the nodes between the contact nodes.
     borders : wavevectors that must be borders of contact panels [1/m], shape (n,), or None
-        Integrals up to one are then sums over whole panels. One outside the roughness counts as
-        its nearer end.
-    moving : whether all borders carry derivatives
-        Where integrands are smooth between kinks of the roughness it does not matter where the others
-        are. Flash temperatures have kinks: those of a shift factor from a table.
+        Integrals up to such a wavevector are sums over whole panels. Outside the roughness it counts as the
+        nearer end.
+    moving : all borders carry derivatives
+        If integrands are smooth between kinks of the roughness, the positions of other borders do not
+        matter. Flash temperatures have kinks from tabulated shift factors.
     """
     panels = place_borders(laws, quadrature, graded, borders, moving)
     t, edges, start = panels.t, panels.edges, panels.start
@@ -103,7 +101,7 @@ def build_mesh(
     origin = _origin(jax.lax.stop_gradient(panels.kinks), panels.pieces)
 
     def at(coordinate):
-        """t, dt / d coordinate and q^4 C_j at the same coordinates in [0, 1] of every panel."""
+        """Return t, dt / d coordinate and q^4 C_j at the same coordinates in [0, 1] of every panel."""
         relative, stretch = _node_map(left, right, origin, coordinate)
         nodes = left[:, None] + (right - left)[:, None] * relative
         spectra = zip(laws, panels.kinks, panels.pieces, strict=True)
@@ -139,7 +137,7 @@ def build_mesh(
 
 
 def _origin(kinks, pieces):
-    """Where the roughness that matters in a panel began (the later spectrum, once it has)."""
+    """Return where the roughness in each panel begins (of the later spectrum once it has begun)."""
     if len(kinks) == 1:
         return kinks[0][0]
     later = jnp.maximum(kinks[0][0], kinks[1][0])
@@ -148,14 +146,14 @@ def _origin(kinks, pieces):
 
 
 def _node_map(left, right, origin, node):
-    """Nodes in a panel as fractions of its width, and d fraction / d node coordinate.
+    """Return nodes in a panel as fractions of its width, and d fraction / d node coordinate.
 
-    Uniform in s = sqrt(t - origin), in which the integrands are smooth; in the panel at
-    the origin, where u_bar goes like s ln s, uniform in sqrt(s).
+    Nodes are uniform in s = sqrt(t - origin), in which the integrands are smooth. In the panel at the
+    origin, where u_bar is like s ln s, they are uniform in sqrt(s).
     """
     left, right = jax.lax.stop_gradient((left, right))
     span = right - origin
-    # A panel of no width at the origin has 0/0 here; any map will do for it.
+    # A panel of zero width at the origin gives 0/0; any map is valid for it.
     ratio = jnp.sqrt(jnp.maximum(left - origin, 0.0) / jnp.where(span > 0, span, 1.0))[:, None]
     first = (left <= origin)[:, None]
     relative = jnp.where(first, node**4, node * (2 * ratio + (1 - ratio) * node) / (1 + ratio))
@@ -164,12 +162,12 @@ def _node_map(left, right, origin, node):
 
 
 def _roughness(law, kink, piece, nodes, start):
-    """q^4 C at the contact nodes; zero in panels outside the spectrum."""
+    """Return q^4 C at the contact nodes; zero in panels outside the spectrum."""
     count = law.exponent.shape[0]
     inside = (piece >= 0) & (piece < count)
     piece = jnp.clip(piece, 0, count - 1)
     distance = nodes - kink[piece][:, None]
-    # Outside, the distance is set to zero first: a power law continued far may overflow.
+    # Outside, the distance is 0, because a power law may overflow far from its range.
     distance = jnp.where(inside[:, None], distance, 0.0)
     log_value = law.log_value[piece][:, None] + law.exponent[piece][:, None] * distance
     value = law.height2 * jnp.exp(log_value + 2 * (start + nodes))
@@ -177,7 +175,7 @@ def _roughness(law, kink, piece, nodes, start):
 
 
 def _interpolation(nodes, left, right, order):
-    """Lagrange basis of the angular nodes at the contact nodes, through Legendre polynomials."""
+    """Return the Lagrange basis of the angular nodes at the contact nodes, by Legendre polynomials."""
     width = (right - left)[:, None]
     x = 2 * (nodes - left[:, None]) / jnp.where(width > 0, width, 1.0) - 1
     basis = [jnp.ones_like(x), x]
@@ -187,16 +185,16 @@ def _interpolation(nodes, left, right, order):
 
 
 class Borders(NamedTuple):
-    """Borders of panels, as t = ln(q / first), and what lies in which panel."""
+    """Borders of panels as t = ln(q / first), and the pieces in each panel."""
 
-    t: jax.Array  # of the contact panels, rising
-    first: jax.Array  # the wavevector that all roughness begins at [1/m]
+    t: jax.Array  # borders of the contact panels, ascending
+    first: jax.Array  # first wavevector of all roughness [1/m]
     start: jax.Array  # ln(first / (1/m))
     kinks: tuple[jax.Array, ...]  # t of the ends and kinks of every spectrum
-    edges: jax.Array  # t of the borders of the angular panels, from end to end
-    panel: jax.Array  # the angular panel that each contact panel lies in
-    pieces: tuple[jax.Array, ...]  # the power law of every spectrum that it lies in, -1 before them
-    panels_below: jax.Array | None  # how many contact panels lie below each border that was asked for
+    edges: jax.Array  # t of the borders of the angular panels, ends included
+    panel: jax.Array  # angular panel of each contact panel
+    pieces: tuple[jax.Array, ...]  # piece of every spectrum in each contact panel, -1 before the first
+    panels_below: jax.Array | None  # number of contact panels below each requested border
 
 
 def place_borders(
@@ -206,7 +204,7 @@ def place_borders(
     asked: jax.Array | None,
     moving: bool,
 ) -> Borders:
-    """Borders for one or two broken power laws; `asked` [1/m] and the rest as for `build_mesh`."""
+    """Return borders for one or two power laws; `asked` [1/m] and other arguments as in `build_mesh`."""
     begins = jnp.stack([law.q[0] for law in laws])
     leader = jnp.argmin(jax.lax.stop_gradient(begins))
     first = begins[leader]
@@ -217,7 +215,7 @@ def place_borders(
     if not moving:
         followed, exponents = jax.lax.stop_gradient((followed, exponents))
     width, uniform = _uniform_borders(followed, exponents, quadrature.panels)
-    if not moving:  # and not with the first wavevector either, from which t counts
+    if not moving:  # also not with the first wavevector, from which t is measured
         uniform = uniform - (start - jax.lax.stop_gradient(start))
     fixed, graded_ones = [uniform], []
     fixed += [
@@ -227,21 +225,21 @@ def place_borders(
     ]
     if graded:
         fractions = typed(quadrature.ratio ** (-2.0 * np.arange(1, quadrature.graded + 1)), end)
-        # These hang on the beginning and move with it: fixed, the innermost panel, 1e-10
-        # wide, would stretch with q0, and its quadrature error with it.
+        # These move with the beginning. If fixed, the innermost panel, which is 1e-10 wide, would stretch
+        # with q0, and its quadrature error would change.
         grades = [width(begin[0]) * fractions for begin in followed]
         graded_ones = [jnp.minimum(kink[0] + grade, end) for kink, grade in zip(kinks, grades, strict=True)]
         if quadrature.graded and not moving:
             fixed = [_among_graded(border, kinks, grades) for border in fixed]
     groups = [fixed[0], *kinks, *fixed[1:], *graded_ones]
     if asked is not None:
-        # Selected, not clipped: a clip would give half the derivative to a border at an end.
+        # `where`, because a clip would halve the derivative of a border at an end.
         distance = log_ratio(jnp.where(asked >= first, asked, first), first)
         groups.append(jnp.where(distance <= end, distance, end))
     t = jnp.concatenate(groups)
     ranks = jnp.split(_ranks(jax.lax.stop_gradient(t)), np.cumsum([group.size for group in groups])[:-1])
-    # The outer angular nodes move with the ends of the roughness: fixed, the contact nodes there
-    # would move along the interpolant, whose slope is 1e3 times less accurate than its values.
+    # The outer angular nodes move with the ends of the roughness. If fixed, contact nodes there would move
+    # along the interpolant, whose slope is 1e3 times less accurate than its values.
     begin = functools.reduce(jnp.minimum, [kink[0] for kink in kinks])
     last = functools.reduce(jnp.maximum, [kink[-1] for kink in kinks])
     return Borders(
@@ -257,19 +255,19 @@ def place_borders(
 
 
 def _passed(ranks, panels):
-    """How many borders of one kind lie before each panel.
+    """Return the number of borders of one kind before each panel.
 
-    Rank in the sorted list, not comparison of values, says what lies inside what: borders that coincide
-    (two spectra with equal q1) keep their one-sided derivatives.
+    Ranks in the sorted list determine it instead of comparisons of values, so that coinciding borders (two
+    spectra with equal q1) keep their one-sided derivatives.
     """
     return jnp.sum(ranks <= np.arange(panels)[:, None], -1)
 
 
 def _among_graded(border, kinks, grades):
-    """Fixed borders, but those that lie among the graded ones of a beginning, which move with it.
+    """Return fixed borders, except that borders among the graded ones of a beginning move with it.
 
-    They do by chance, an ulp from where a second roughness begins: a panel between the two that grew from
-    no width would have nodes before and after it at which the contact is another by then.
+    A fixed border may lie one ulp from the beginning of a second roughness. A panel between them would grow
+    from zero width, with contact changing between its neighbouring nodes.
     """
     for kink, grade in zip(kinks, grades, strict=True):
         distance = jax.lax.stop_gradient(border - kink[0])
@@ -278,37 +276,37 @@ def _among_graded(border, kinks, grades):
 
 
 def _rolloff(law, kink):
-    """Where the exponent of a law falls most."""
+    """Return the kink where the exponent of a law decreases most."""
     return kink[1:-1][jnp.argmin(jnp.diff(jax.lax.stop_gradient(law.exponent)))]
 
 
 def _from_first(q, first, leads):
-    """ln(q / first) of the wavevectors of a law, which `leads` if its first is that of all.
+    """Return ln(q / first) of the wavevectors of a law; `leads`: its first wavevector is `first`.
 
-    Then that one is 0 whatever moves. Written as a difference of two that move alike, it would
-    leave their rounding, times 1 over the innermost panel's width of 1e-14, in reverse mode.
+    Then the first entry is a constant 0. As a difference of two equal numbers it would leave their rounding
+    error in reverse mode, divided by the width 1e-14 of the innermost panel.
     """
     t = log_ratio(q, first)
     return jnp.concatenate([jnp.where(leads, 0.0, t[:1]), t[1:]])
 
 
 def _ranks(values):
-    """Position of every value in the sorted list, equal ones in the order given."""
+    """Return the position of every value in the sorted list, with a stable order of equal values."""
     index = np.arange(values.shape[0])
     before = (values < values[:, None]) | ((values == values[:, None]) & (index < index[:, None]))
     return jnp.sum(before, -1)
 
 
 def _uniform_borders(kinks, exponents, panels):
-    """Borders that share out the range, closer where the roughness rises steeply.
+    """Return borders that divide the range, closer where the roughness rises steeply.
 
-    On the plateau G ~ q^4, so that P may switch within a quarter of e-fold: there a
-    piece counts 1 + 1/2 of its exponent of q^2 C (2 on the plateau), elsewhere 1.
+    On the plateau G ~ q^4, so that P may change within a quarter of an e-fold. A piece there counts 1 plus
+    half its exponent of q^2 C (2 on the plateau), elsewhere 1.
 
     Returns
     -------
-    width : function, width of one share that begins at t
-    uniform : the borders between `panels` equal shares, shape (panels - 1,)
+    width : function of t, width of the share that begins at t
+    uniform : borders between `panels` equal shares, shape (panels - 1,)
     """
     slopes = [_STEEPNESS * jnp.clip(exponent, 0.0, 2.0) for exponent in exponents]
 
@@ -329,8 +327,8 @@ def _uniform_borders(kinks, exponents, panels):
 
 
 def _ramps(t, knots, slopes):
-    """Continuous piecewise linear function, 0 at the first knot, with given slopes.
+    """Evaluate a continuous piecewise linear function, 0 at the first knot, with given slopes.
 
-    A sum over pieces: for the few knots of a spectrum quicker than a search.
+    A sum over pieces is faster than a search for the few knots of a spectrum.
     """
     return jnp.sum(slopes * jnp.clip(t[..., None] - knots[:-1], 0.0, jnp.diff(knots)), -1)

@@ -5,10 +5,9 @@ h_rms^2 = 2 pi int q C dq and slope^2 = 2 pi int q^3 C dq. (contact.engineering'
 is 4 pi^2 times this.) [Persson et al., J. Phys.: Condens. Matter 17 (2005) R1,
 arXiv:cond-mat/0502419]
 
-Inside, a spectrum is a broken power law: wavevectors of its kinks, from its first to
-its last wavevector, ln(q^2 C) there [m^2], and the exponent of every piece. The forward
-model needs no other knowledge of it, and C itself, which underflows float32 in SI units
-(1e-39 m^4 at q = 1e9 1/m), is never formed.
+Internally a spectrum is a broken power law: wavevectors of its kinks from the first to the last wavevector,
+ln(q^2 C) there [m^2], and the exponent of every piece. The forward model uses only these. It never forms C,
+which underflows float32 in SI units (1e-39 m^4 at q = 1e9 1/m).
 """
 
 from typing import ClassVar, NamedTuple
@@ -36,55 +35,55 @@ class BrokenPowerLaw(NamedTuple):
     q: jax.Array  # wavevectors of the kinks [1/m], ascending, shape (n,)
     log_value: jax.Array  # ln(q^2 C / height2) at the kinks, shape (n,)
     exponent: jax.Array  # d ln(q^2 C) / d ln q of the pieces, shape (n - 1,)
-    height2: jax.Array  # scale [m^2]; may be 0, so it stays out of the logarithm
+    height2: jax.Array  # scale [m^2]; outside the logarithm because it may be 0
 
 
 class Spectrum(Kind):
-    """A roughness power spectrum, the role of SelfAffine, TabulatedSpectrum and the anisotropic ones.
+    """A roughness power spectrum: base class of SelfAffine, TabulatedSpectrum and anisotropic spectra.
 
-    A kind is a subclass that answers `power_law`.
+    A subclass implements `power_law`.
     """
 
-    # Whether its last piece goes on beyond the last wavevector when one is looked for at a given slope.
+    # True if the last piece continues beyond the last wavevector in the search for a given slope.
     endless: ClassVar[bool] = False
-    # Whether `harmonics_at` differs from wavevector to wavevector.
+    # True if `harmonics_at` depends on the wavevector.
     harmonics_vary: ClassVar[bool] = False
 
     def power_law(self) -> BrokenPowerLaw:
-        """The spectrum, averaged over all directions, as kinks and exponents."""
+        """Return the spectrum, averaged over all directions, as kinks and exponents."""
         raise NotImplementedError(f"{type(self).__name__}.power_law")
 
     def height_scale(self) -> jax.Array:
-        """The root of `power_law().height2` [m], with a derivative where it is 0."""
+        """Return the root of `power_law().height2` [m], with a derivative at 0."""
         return jnp.sqrt(self.power_law().height2)
 
     def uncut_law(self) -> BrokenPowerLaw:
-        """The spectrum without its own cut-off, as far as it is known; looked for a slope by `cutoff`."""
+        """Return the spectrum without its cutoff, as far as it is known, for `cutoff`."""
         return self.power_law()
 
     def cut(self, q1: jax.Array) -> "Spectrum":
-        """The spectrum that ends at q1 [1/m], C(q) the same below."""
+        """Return the spectrum that ends at q1 [1/m], with the same C(q) below."""
         del q1
         can = [name for name, kind in kinds(Spectrum).items() if kind.cut is not Spectrum.cut]
         raise ValueError(f"spectrum is a {type(self).__name__}: must be {either(can)}")
 
     def harmonic_count(self) -> int:
-        """Highest m of the harmonics cos(2 m phi), sin(2 m phi); 0 for an isotropic spectrum."""
+        """Return the highest m of the harmonics cos(2 m phi), sin(2 m phi); 0 if isotropic."""
         return 0
 
     def harmonics_at(self, q: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """(c_m, s_m), m = 1 ... harmonic_count, at q [1/m].
+        """Return (c_m, s_m), m = 1 ... harmonic_count, at q [1/m].
 
-        Shape (harmonics,) each; (harmonics, *q.shape) if they vary.
+        The shape is (harmonics,) each, or (harmonics, ``*q.shape``) if they depend on q.
         """
         raise NotImplementedError(f"{type(self).__name__}.harmonics_at")
 
     def harmonics_left_out(self) -> jax.Array:
-        """How much of the roughness is in harmonics that are not kept [-], a scalar."""
+        """Return the share of the roughness in harmonics that are left out [-], a scalar."""
         return jnp.zeros(())
 
     def entries(self) -> jax.Array | None:
-        """C of the entries of a table [m^4]; None of a formula."""
+        """Return C of the entries of a table [m^4]; None for a formula."""
         return None
 
 
@@ -98,7 +97,7 @@ class SelfAffine(Spectrum):
     ----------
     q0 : smallest wavevector [1/m], > 0
     qr : roll-off wavevector [1/m], q0 <= qr <= q1
-    q1 : cut-off wavevector [1/m], > q0
+    q1 : cutoff wavevector [1/m], > q0
     hurst : H [-], 0 ... 1
     h_rms : root-mean-square height of all q0 < q < q1 [m], >= 0
     """
@@ -119,7 +118,7 @@ class SelfAffine(Spectrum):
             raise ValueError(f"SelfAffine.q1 = {q!r}: must be > q0 = {q!r}")
 
     def doubts(self) -> list[str]:
-        """See `doubts_of_roughness`."""
+        """Return the lines of `doubts_of_roughness`."""
         log_q = np.log(np.array([self.q0, self.qr, self.q1], float))
         log_C = np.array([0.0, 0.0, -2 * (1 + float(self.hurst)) * (log_q[2] - log_q[1])])
         return doubts_of_roughness(log_q, log_C, float(self.h_rms))
@@ -128,7 +127,7 @@ class SelfAffine(Spectrum):
     def from_C0(
         cls, q0: ArrayLike, qr: ArrayLike, q1: ArrayLike, hurst: ArrayLike, C0: ArrayLike
     ) -> "SelfAffine":
-        """The same spectrum given by its plateau C0 [m^4] instead of h_rms [m]."""
+        """Create a spectrum from its plateau C0 [m^4] instead of h_rms [m]."""
         unit = cls(q0, qr, q1, hurst, 1.0)
         if is_concrete(C0) and not np.asarray(C0) >= 0:
             raise ValueError(f"SelfAffine.C0 = {C0!r}: must be >= 0")
@@ -136,7 +135,7 @@ class SelfAffine(Spectrum):
         return cls(q0, qr, q1, hurst, scale * jnp.sqrt(C0))
 
     def power_law(self) -> BrokenPowerLaw:
-        """Two pieces, the plateau and the power law beyond it."""
+        """Return two pieces, the plateau and the power law."""
         q = jnp.stack([jnp.asarray(x) for x in (self.q0, self.qr, self.q1)])
         to_rolloff, beyond = log_ratio(q[1], q[0]), log_ratio(q[2], q[1])
         top = log_plateau(self)
@@ -145,44 +144,44 @@ class SelfAffine(Spectrum):
         return BrokenPowerLaw(q, log_value, exponent, self.h_rms**2)
 
     def height_scale(self) -> jax.Array:
-        """h_rms [m]."""
+        """Return h_rms [m]."""
         return self.h_rms
 
     def cut(self, q1: jax.Array) -> "SelfAffine":
-        """The same plateau C0, q0 and H up to q1; qr = q1 if that lies on the plateau."""
+        """Return the spectrum up to q1 with the same C0, q0 and H; qr = q1 if q1 lies on the plateau."""
         qr, h_rms = _when_cut(self, q1)
         return SelfAffine(self.q0, qr, q1, self.hurst, h_rms)
 
 
 @jax.jit
 def _when_cut(spectrum, q1):
-    """qr and h_rms of a self-affine spectrum with another q1 and the same plateau C0."""
+    """Return qr and h_rms of a self-affine spectrum with another q1 and the same plateau C0."""
     qr = jnp.minimum(spectrum.qr, q1)
     unit = SelfAffine(spectrum.q0, qr, q1, spectrum.hurst, 1.0)
-    # h^2 = qr^2 C0 / e^(log plateau), with the same C0: which itself may underflow.
+    # h^2 = qr^2 C0 / e^(log plateau) without C0, which may underflow.
     growth = 0.5 * (log_plateau(spectrum) - log_plateau(unit))
     return qr, spectrum.h_rms * (qr / spectrum.qr) * jnp.exp(growth)
 
 
 def power_law_of(spectrum: Spectrum) -> BrokenPowerLaw:
-    """Its `power_law`; ValueError if it is no spectrum."""
+    """Return the power law of a spectrum; ValueError for another object."""
     check_kind("spectrum", spectrum, Spectrum)
     return _power_law(spectrum)
 
 
-# Jitted, as others that are called by themselves: one program instead of one for every operation.
+# Jitted, so that a call compiles once instead of once per operation.
 @jax.jit
 def _power_law(spectrum):
     return spectrum.power_law()
 
 
 def log_ratio(q: jax.Array | np.ndarray, start: jax.Array | np.ndarray) -> jax.Array:
-    """ln(q / start), with all digits when q is close to start."""
+    """Return ln(q / start), without cancellation for q close to start."""
     return jnp.log1p((q - start) / start)
 
 
 def power_spectrum(spectrum: Spectrum, q: ArrayLike) -> jax.Array:
-    """C(q) [m^4] at q [1/m], zero outside the spectrum's range; for plots and moments."""
+    """Return C(q) [m^4] at q [1/m]; zero outside the spectrum's range. For plots and moments."""
     check_kind("spectrum", spectrum, Spectrum)
     return _power_spectrum(spectrum, no_list(q))
 
@@ -196,18 +195,18 @@ def _power_spectrum(spectrum, q):
 
 @jax.jit
 def log_power_spectrum(law: BrokenPowerLaw, q: jax.Array | np.ndarray) -> jax.Array:
-    """ln C at q, its first and last piece continued beyond the ends; for fits of C."""
+    """Return ln C at q, with first and last piece continued beyond the ends. For fits of C."""
     return jnp.log(law.height2) + log_shape(law, q)
 
 
 def log_shape(law: BrokenPowerLaw, q: jax.Array | np.ndarray) -> jax.Array:
-    """ln(C / height2) at q."""
+    """Return ln(C / height2) at q."""
     piece = jnp.clip(jnp.searchsorted(law.q, q, side="right") - 1, 0, law.exponent.shape[0] - 1)
     return law.log_value[piece] + law.exponent[piece] * log_ratio(q, law.q[piece]) - 2 * jnp.log(q)
 
 
 def log_plateau(spectrum: SelfAffine) -> jax.Array:
-    r"""ln(q_r^2 C_0 / h_rms^2), from h_rms^2 = 2 pi int q C dq.
+    r"""Return ln(q_r^2 C_0 / h_rms^2), from h_rms^2 = 2 pi int q C dq.
 
     .. math:: \frac{h^2}{\pi C_0 q_r^2} = 1 - (q_0/q_r)^2 + \frac{1 - (q_1/q_r)^{-2H}}{H}
     """
@@ -218,7 +217,7 @@ def log_plateau(spectrum: SelfAffine) -> jax.Array:
 
 
 def mean_growth(y: jax.Array) -> jax.Array:
-    """(e^y - 1) / y, the mean of a power law over a piece; 1 at y = 0, where the quotient is 0/0."""
+    """Return (e^y - 1) / y, the mean of a power law over a piece; 1 at y = 0."""
     near = jnp.abs(y) < 1e-2
     safe = jnp.where(near, 1.0, y)
     series = 1 + y / 2 * (1 + y / 3 * (1 + y / 4 * (1 + y / 5 * (1 + y / 6))))
@@ -226,14 +225,14 @@ def mean_growth(y: jax.Array) -> jax.Array:
 
 
 def doubts_of_roughness(log_q: np.ndarray, log_C: np.ndarray, h_rms: float | None = None) -> list[str]:
-    r"""Why roughness is hardly in SI: higher than its longest wave is long, or of no slope that a solid has.
+    r"""Return warnings for heights above the longest wavelength and for implausible slopes.
 
     .. math:: h_\mathrm{rms} q_0 \le 1, \qquad \Big(2\pi\int q^3 C\,dq\Big)^{1/2} \le 30
 
     Parameters
     ----------
     log_q, log_C : ln of wavevectors, increasing [1/m], and of the spectrum [m^4], linear between; shape (n,)
-    h_rms : rms height that C is scaled to [m], or None
+    h_rms : rms height to which C is scaled [m], or None
     """
     x = np.linspace(log_q[0], log_q[-1], 513)
     log_height, log_slope = (_log_root(n * x + np.interp(x, log_q, log_C), x) for n in (2, 4))
@@ -253,7 +252,7 @@ def doubts_of_roughness(log_q: np.ndarray, log_C: np.ndarray, h_rms: float | Non
 
 
 def _log_root(log_integrand, x):
-    """ln of the root of 2 pi int e^... dx, of any magnitude."""
+    """Return ln of the root of 2 pi int e^... dx, for any magnitude."""
     peak = log_integrand.max()
     return 0.5 * (np.log(2 * np.pi * np.trapezoid(np.exp(log_integrand - peak), x)) + peak)
 

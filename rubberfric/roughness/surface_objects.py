@@ -1,6 +1,7 @@
-"""Spectra of topographies as SurfaceTopography and contact.engineering have them.
+"""Spectra of topography objects of SurfaceTopography and contact.engineering.
 
-Nothing is imported from there: what has `heights()`, `physical_sizes`, `nb_grid_pts` and `unit` will do.
+These packages are not imported. Any object with `heights()`, `physical_sizes`, `nb_grid_pts` and `unit` is
+accepted.
 """
 
 from typing import Any
@@ -10,7 +11,7 @@ import numpy as np
 from rubberfric.base.checks import shown
 from rubberfric.roughness.topography import MeasuredSpectrum, spectrum_of_profile, spectrum_of_topography
 
-# Of lengths and heights [m].
+# Units of lengths and heights [m].
 LENGTH_UNITS = {
     "m": 1.0,
     "cm": 1e-2,
@@ -26,15 +27,15 @@ _NEEDED = ("heights", "physical_sizes", "nb_grid_pts")
 
 
 def spectrum_of_surface(topography: Any, *, unit: str | None = None, **options: Any) -> MeasuredSpectrum:
-    r"""Spectrum of a topography object: C(q) of a map, C_1D(q) of a line scan; host-side.
+    r"""Return the spectrum of a topography object: C(q) of a map, C_1D(q) of a line scan; on the host.
 
     Parameters
     ----------
-    topography : a uniform line scan or map of SurfaceTopography, or anything with its `heights()`,
-        `physical_sizes`, `nb_grid_pts`, and if it has them `unit` and `is_periodic`
-    unit : "m", "mm", "um", "nm", ..., of lengths and heights; only for a topography without
-    window, detrend, per_decade : as in `spectrum_of_topography`; of a periodic surface "none" and 0
-        unless they are given
+    topography : a uniform line scan or map of SurfaceTopography, or an object with `heights()`,
+        `physical_sizes`, `nb_grid_pts`, and optionally `unit` and `is_periodic`
+    unit : "m", "mm", "um", "nm", ..., unit of lengths and heights; only if the topography has none
+    window, detrend, per_decade : as in `spectrum_of_topography`; the defaults for a periodic surface are
+        "none" and 0
 
     Returns
     -------
@@ -42,27 +43,27 @@ def spectrum_of_surface(topography: Any, *, unit: str | None = None, **options: 
 
     Raises
     ------
-    ValueError : one line; no such object, no unit or an unknown one, points that are missing or not
-        evenly spaced, and as `spectrum_of_topography`.
+    ValueError : another object, a missing or unknown unit, undefined or unevenly spaced points, and as in
+        `spectrum_of_topography`.
 
     Notes
     -----
-    Spectra that SurfaceTopography made itself are converted by `spectrum_from`: "C_iso" those of
-    `power_spectrum_from_area`, "C_1D_surfacetopography" those of `power_spectrum_from_profile`,
-    once q and C are in SI and masked entries are left out.
+    `spectrum_from` converts spectra computed by SurfaceTopography: "C_iso" for `power_spectrum_from_area`,
+    "C_1D_surfacetopography" for `power_spectrum_from_profile`. Convert q and C to SI and leave masked entries
+    out first.
     """
     for name in _NEEDED:
         if not hasattr(topography, name):
             raise ValueError(
-                f"topography is a {type(topography).__name__} without {name}: must be one of"
-                " SurfaceTopography; give arrays to spectrum_of_topography or spectrum_of_profile"
+                f"topography is a {type(topography).__name__} without {name}: must be a"
+                " SurfaceTopography object; pass arrays to spectrum_of_topography or spectrum_of_profile"
             )
     if not getattr(topography, "is_uniform", True):
-        raise ValueError("topography: has points at uneven distances: must be uniform; interpolate before")
+        raise ValueError("topography has unevenly spaced points; interpolate it to a uniform grid first")
     scale = _scale(getattr(topography, "unit", None), unit)
     heights = topography.heights()
     if np.ma.is_masked(heights):
-        raise ValueError("topography: has undefined points: must have none; fill in before")
+        raise ValueError("topography has undefined points; fill them in first")
     sizes, counts = np.atleast_1d(topography.physical_sizes), np.atleast_1d(topography.nb_grid_pts)
     if sizes.shape != counts.shape or np.shape(heights) != tuple(counts):
         raise ValueError(
@@ -78,12 +79,12 @@ def spectrum_of_surface(topography: Any, *, unit: str | None = None, **options: 
 
 
 def _scale(own, given):
-    """Metres per unit."""
+    """Return metres per unit."""
     if own is None and given is None:
         names = ", ".join(LENGTH_UNITS)
-        raise ValueError(f"unit is missing: must be given, the topography has none; one of {names}")
+        raise ValueError(f"unit is missing and the topography has none; pass one of {names}")
     if own is not None and given is not None and own != given:
-        raise ValueError(f"unit = {shown(given)}: must not be given; the topography has {shown(own)}")
+        raise ValueError(f"unit = {shown(given)}: leave it out; the topography has {shown(own)}")
     unit = given if own is None else own
     if not isinstance(unit, str) or unit not in LENGTH_UNITS:
         raise ValueError(f"unit = {shown(unit)}: must be one of {', '.join(LENGTH_UNITS)}")

@@ -1,4 +1,4 @@
-"""Measured spectra: tables of C(q), and where within them the roughness begins and ends."""
+"""Tabulated spectra C(q), with a first and last wavevector within the table."""
 
 from typing import ClassVar
 
@@ -16,21 +16,21 @@ from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum, doubts_of_rou
 
 @physical
 class TabulatedSpectrum(Spectrum):
-    """Power spectrum from a table: ln C linear in ln q between the entries, zero outside q0 ... q1.
+    """Power spectrum from a table; ln C is linear in ln q between the entries, and C is 0 outside q0 ... q1.
 
-    A power law is reproduced exactly. Values and gradients are exact integrals of this
-    broken power law: every entry is a border of the radial quadrature.
+    A power law is reproduced exactly. Every entry is a border of the radial quadrature, so values and
+    gradients are exact integrals of this broken power law.
 
     Parameters
     ----------
     q : wavevectors, strictly increasing [1/m], shape (n,), n >= 2
     C : power spectrum [m^4], > 0, shape (n,)
     q0, q1 : first and last wavevector of the roughness [1/m], q[0] <= q0 < q1 <= q[-1]; None: the ends
-        of the table. Numbers like the others: another cut-off compiles nothing, and may be fitted.
+        of the table. Both can be fitted, and changing them does not compile again.
 
-    Limits: traced, neither is checked; one beyond the table continues its first or last piece. Where q^4 C
-    rises by more than a million between two entries the separation is good to 1e-4, to 2 % if they are
-    within 2 % of each other, and in full contact, below 1e-20 / q0, to no digit; more panels mend it.
+    Limits: traced q0 and q1 are not checked; beyond the table they continue its first or last piece. If q^4 C
+    increases by more than 1e6 between two entries, the separation has an error of 1e-4, or 2 % if they are
+    within 2 % of each other. In full contact, below 1e-20 / q0, it has no correct digit. More panels help.
     """
 
     file_kind: ClassVar[str] = "tabulated"
@@ -57,7 +57,7 @@ class TabulatedSpectrum(Spectrum):
         return doubts_of_roughness(at, np.interp(at, log_q, log_C))
 
     def power_law(self) -> BrokenPowerLaw:
-        """A piece between every two entries, those outside q0 ... q1 of no width at q1."""
+        """Return a piece between any two entries; pieces outside q0 ... q1 have zero width at q1."""
         return cut_law(tabulated_law(self.q, self.C), self.q0, self.q1)
 
     def uncut_law(self) -> BrokenPowerLaw:
@@ -78,21 +78,21 @@ class TabulatedSpectrum(Spectrum):
 
 
 def tabulated_law(q: jax.Array, C: jax.Array) -> BrokenPowerLaw:
-    """The broken power law through the entries of a table."""
+    """Return the broken power law through the entries of a table."""
     log_C = jnp.log(C)
     exponent = jnp.diff(log_C) / log_ratio(q[1:], q[:-1]) + 2
     return BrokenPowerLaw(q, log_C + 2 * jnp.log(q), exponent, jnp.ones_like(q[0]))
 
 
 def cut_law(law: BrokenPowerLaw, q0: ArrayLike | None, q1: ArrayLike | None) -> BrokenPowerLaw:
-    """A law from q0 to q1 [1/m], of as many pieces; None: its own end.
+    """Return a law from q0 to q1 [1/m] with the same number of pieces; None: its own end.
 
-    The pieces that are left come first, with their own exponents; the others have no width, at q1, and
-    the exponent of the last. What lies at the beginning is thus one kink, as without a cut.
+    The remaining pieces come first, with their exponents. The others have zero width at q1 and the exponent
+    of the last piece. The beginning is therefore one kink, as without a cut.
     """
     if q0 is None and q1 is None:
         return law
-    law = jax.tree.map(jnp.asarray, law)  # NumPy's arrays take no traced index
+    law = jax.tree.map(jnp.asarray, law)  # NumPy arrays accept no traced index
     first, last = (
         jnp.asarray(end) if given is None else jnp.asarray(given)
         for given, end in ((q0, law.q[0]), (q1, law.q[-1]))
@@ -104,7 +104,7 @@ def cut_law(law: BrokenPowerLaw, q0: ArrayLike | None, q1: ArrayLike | None) -> 
     left = jnp.where(place == 0, first, jnp.where(kept, law.q[index], last))
     begin, exponent = law.q[index], law.exponent[index]
     q = jnp.append(left, last)
-    # The last kink lies on the last piece as well.
+    # The last kink also belongs to the last piece.
     whole = law.log_value[index] + exponent * log_ratio(left, begin)
     end = law.log_value[to_piece] + law.exponent[to_piece] * log_ratio(last, law.q[to_piece])
     return BrokenPowerLaw(q, jnp.append(whole, end), exponent, law.height2)
@@ -113,7 +113,7 @@ def cut_law(law: BrokenPowerLaw, q0: ArrayLike | None, q1: ArrayLike | None) -> 
 def padded_table(
     q: jax.Array, C: jax.Array, q0: jax.Array | None, q1: jax.Array | None
 ) -> dict[str, np.ndarray | jax.Array]:
-    """A table of a length that recurs, and the ends of the one that it was made of."""
+    """Pad a table to a standard length, and return the ends of the original."""
     at, values = np.asarray(q), np.asarray(C)
     added = recurring_length(at.size) - at.size
     beyond = at[-1] * 2.0 ** np.arange(1, added + 1, dtype=at.dtype)
@@ -126,11 +126,11 @@ def padded_table(
 
 
 def check_ends(owner: str, q: jax.Array, q0: ArrayLike | None, q1: ArrayLike | None) -> None:
-    """ValueError unless concrete q0 and q1 are None, or lie in their order within the table."""
+    """Raise ValueError unless concrete q0 and q1 are None or ordered within the table."""
     if not is_concrete(q):
         return
-    low, high = np.asarray(q)[[0, -1]]  # NumPy first: of an array known while tracing, q[0] is not
-    # In the precision of the table, whose ends they may be.
+    low, high = np.asarray(q)[[0, -1]]  # NumPy first, because q[0] of a concrete array is traced within a trace
+    # In the precision of the table, because they may equal its ends.
     ends = {
         name: np.asarray(value).astype(low.dtype)
         for name, value in (("q0", q0), ("q1", q1))
@@ -151,5 +151,5 @@ def check_ends(owner: str, q: jax.Array, q0: ArrayLike | None, q1: ArrayLike | N
 
 
 def within_table(q: jax.Array, q1: jax.Array) -> jax.Array:
-    """q1, or the last wavevector of the table if it lies beyond, as one that has no such slope does."""
+    """Return q1, limited to the last wavevector of the table."""
     return jnp.where(q1 < q[-1], q1, q[-1])

@@ -1,6 +1,6 @@
 r"""Power spectra of measured heights: profiles along a line, and height maps.
 
-Host-side NumPy, for measured data: not differentiable, not for jit. Heights are detrended,
+The functions use NumPy on the host; they are not differentiable and not for jit. Heights are detrended,
 multiplied by a window w and transformed,
 
 .. math:: C(\mathbf q) = \frac{\Delta x\, \Delta y}{(2\pi)^2\, N\, \langle w^2\rangle}
@@ -8,14 +8,13 @@ multiplied by a window w and transformed,
           C_\mathrm{1D}(q) = \frac{\Delta x}{2\pi\, N\, \langle w^2\rangle}
                          \Big|\sum_k w_k h_k e^{-i q x_k}\Big|^2
 
-so that the sum of C over all modes times their cell dq_x dq_y is <w^2 h^2>/<w^2> to rounding
-(Parseval), the mean square height where the surface is alike everywhere. Modes are then averaged
-in bins of equal width in log q.
+By Parseval, the sum of C over all modes times their cell dq_x dq_y is <w^2 h^2>/<w^2>, the mean square
+height of a homogeneous surface. Modes are then averaged in bins of equal width in log q.
 
-What no normalisation mends: without a window the edges of a surface that is not periodic add a
-false tail, C ~ q^-3 and C_1D ~ q^-2; "hann" puts that at q^-7 and q^-6, below any self-affine surface,
-but spreads each mode over its neighbours, so the first two or three modes are not to be trusted.
-Detrending takes height from the same modes. The instrument's resolution and noise are in the spectrum.
+Errors that remain: without a window, the edges of a surface that is not periodic add a false tail, C ~ q^-3
+and C_1D ~ q^-2. The window "hann" reduces it to q^-7 and q^-6, below any self-affine surface, but spreads
+each mode over its neighbours, so the first two or three modes are unreliable. Detrending removes height from
+the same modes. The spectrum contains the instrument's resolution and noise.
 """
 
 from typing import NamedTuple
@@ -29,23 +28,23 @@ from rubberfric.roughness.normalisation import spectrum_from
 from rubberfric.roughness.tabulated import TabulatedSpectrum
 
 WINDOWS = ("hann", "none")
-# Detrending by polynomials in x (and y) of up to this degree; more would eat roughness.
+# Highest degree of detrending polynomials in x (and y); more would remove roughness.
 _DEGREES = (None, 0, 1, 2)
 
 
 class MeasuredSpectrum(NamedTuple):
-    """A binned power spectrum of measured heights; arrays of one length, bins without modes left out.
+    """A binned power spectrum of measured heights; arrays of equal length, without empty bins.
 
     Attributes
     ----------
     q : geometric mean of the modes' wavevectors [1/m]
     C : mean over the modes of a bin: C of a map [m^4], C_1D of a profile [m^3] (h_rms^2 = 2 int C_1D dq)
-    modes : how many, q and -q counted both
-    relative : standard error of ln C that a Gaussian surface has, from the independent modes [-]
-        for `fitting.SpectrumData`; too small for bins of a few modes.
+    modes : number of modes, counting q and -q
+    relative : standard error of ln C for a Gaussian surface, from the independent modes [-]
+        For `fitting.SpectrumData`; too small for bins of a few modes.
     cell : area dq_x dq_y [1/m^2] of a mode, or its length dq [1/m]
-    left_out : mean square height [m^2] in the modes of no bin: the corners of a map
-    h_rms : of the detrended heights in the window [m]; h_rms^2 = cell sum(modes C) + left_out
+    left_out : mean square height [m^2] of the modes outside all bins, in the corners of a map
+    h_rms : rms of the detrended heights in the window [m]; h_rms^2 = cell sum(modes C) + left_out
     dimensions : 2 of a map, 1 of a profile
     """
 
@@ -59,20 +58,21 @@ class MeasuredSpectrum(NamedTuple):
     dimensions: int = 2
 
     def knots(self) -> tuple[np.ndarray, np.ndarray]:
-        r"""Entries (q, C) of a log-log linear table with the mean square height of all bins.
+        r"""Return entries (q, C) of a log-log linear table with the mean square height of all bins.
 
         .. math:: 2\pi\int q\, C\, dq \;\text{ or }\; 2\int C_\mathrm{1D}\, dq
                   = \text{cell} \sum \text{modes}\; C
 
         The table covers the cells of all modes. Below the first bin C is constant, down to the border of the
         cell of q = 0. Beyond the last bin it has the slope of the last octave, up to the outer border of the
-        bin. The sum over a few long waves is no integral, so ln C is then changed by an amount proportional
-        to C. This is the least change in units of `relative`: bins near the maximum of C change by less than
-        their standard error (by more in a map much longer than wide), bins with a small C do not.
+        bin. The sum over a few long waves differs from an integral, so ln C is changed by an amount
+        proportional to C. This is the smallest change in units of `relative`. Bins near the maximum of C
+        change by less than their standard error (by more in a map much longer than wide). Bins with a small
+        C hardly change.
 
         Returns
         -------
-        arrays [1/m] and [m^4], of a profile [m^3]: those of the bins, and one or two ends
+        arrays [1/m] and [m^4], for a profile [m^3]: entries of the bins, and one or two ends
         """
         q, C = self.q, self.C
         if not (C > 0).all():
@@ -85,7 +85,7 @@ class MeasuredSpectrum(NamedTuple):
         low = min(low, q[0] / np.sqrt(np.pi))
         log_q, log_C = np.log(np.append(low, q)), np.log(np.append(C[0], C))
         if high > q[-1] * (1 + 1e-9):
-            # Neighbours may be very close and scatter: the slope is that of the last octave.
+            # Neighbours may be close and scatter, so use the slope of the last octave.
             last = min(int(np.searchsorted(q, q[-1] / 2)), q.size - 2) + 1
             slope = np.polyfit(log_q[last:], log_C[last:], 1)[0] if q.size > 1 else 0.0
             log_C = np.append(log_C, log_C[-1] + slope * (np.log(high) - log_q[-1]))
@@ -100,13 +100,13 @@ class MeasuredSpectrum(NamedTuple):
         return np.exp(log_q), np.exp(log_C + change * share)
 
     def table(self, hurst: float | None = None) -> TabulatedSpectrum:
-        """TabulatedSpectrum through `knots`; its rms height is that of all bins, (h_rms^2 - left_out)^(1/2).
+        """Return the TabulatedSpectrum through `knots`, with the rms height (h_rms^2 - left_out)^(1/2).
 
         Parameters
         ----------
-        hurst : H [-], 0 ... 1, for a profile only: C_1D is converted by the factor of a self-affine surface
-            (`spectrum_from`). The rms height of the table is then larger than that of the profile, 1.36
-            times at H = 0.8.
+        hurst : H [-], 0 ... 1, only for a profile. C_1D is converted by the factor of a self-affine surface
+            (`spectrum_from`). The rms height of the table is then larger than the profile's, by 1.36 at
+            H = 0.8.
         """
         q, C = self.knots()
         return TabulatedSpectrum(q, spectrum_from("C_1D" if self.dimensions == 1 else "C", q, C, hurst))
@@ -120,7 +120,7 @@ def spectrum_of_profile(
     detrend: int | None = 1,
     per_decade: float | None = 20,
 ) -> MeasuredSpectrum:
-    r"""Spectrum C_1D(q) of a height profile; host-side, not differentiable.
+    r"""Return the spectrum C_1D(q) of a height profile; on the host, not differentiable.
 
     .. math:: h_\mathrm{rms}^2 = 2\int_0^\infty C_\mathrm{1D}\, dq
 
@@ -128,23 +128,23 @@ def spectrum_of_profile(
     ----------
     x : spacing of the heights, > 0 [m], or their positions, evenly spaced to 1e-6 [m], shape (n,)
     height : heights [m], shape (n,), n >= 8; finite
-    window : "hann", or "none" for a profile that repeats itself with period n times the spacing
-    detrend : degree of the polynomial that is subtracted first, 0, 1 or 2, or None for none
-    per_decade : bins a decade, > 0, or None for every mode by itself
+    window : "hann", or "none" for a profile with the period n times the spacing
+    detrend : degree of the polynomial that is subtracted first, 0, 1 or 2, or None
+    per_decade : bins per decade, > 0, or None for every mode separately
 
     Returns
     -------
-    MeasuredSpectrum, q from 2 pi / length to pi / spacing. Its `table(hurst)` goes into a scene; `knots()`
-    are the entries for `spectrum_from("C_1D", q, C, hurst)` and `areal_spectrum(q, C)`.
+    MeasuredSpectrum, q from 2 pi / length to pi / spacing. `table(hurst)` returns a spectrum for a scene.
+    `knots()` returns entries for `spectrum_from("C_1D", q, C, hurst)` and `areal_spectrum(q, C)`.
 
     Raises
     ------
-    ValueError : one line on what is wrong with which argument.
+    ValueError : an invalid argument.
 
     Notes
     -----
-    The mean of a bin is that of a power law C ~ q^-s at the bin's q but for a factor
-    1 + (s ln r)^2/24, r the ratio of its borders: 1 % for s = 4 and 20 bins a decade.
+    The mean over a bin equals a power law C ~ q^-s at the bin's q times 1 + (s ln r)^2/24, where r is the
+    ratio of its borders: 1 % for s = 4 and 20 bins per decade.
     """
     height = _heights(height, 1, 8)
     spacing = _spacing(x, height.size)
@@ -161,7 +161,7 @@ def spectrum_of_topography(
     detrend: int | None = 1,
     per_decade: float | None = 20,
 ) -> MeasuredSpectrum:
-    r"""Radially averaged spectrum C(q) of a height map; host-side, not differentiable.
+    r"""Return the radially averaged spectrum C(q) of a height map; on the host, not differentiable.
 
     .. math:: h_\mathrm{rms}^2 = 2\pi \int q\, C\, dq
 
@@ -169,16 +169,16 @@ def spectrum_of_topography(
     ----------
     heights : [m], shape (nx, ny), at least 8 x 8; finite
     dx, dy : spacing along the first and the second axis, > 0 [m]; dy None: as dx
-    window : "hann" (in x times in y), or "none" for a map that repeats itself
+    window : "hann" (in x times in y), or "none" for a periodic map
     detrend : degree of the polynomial in x and y that is subtracted first, 0, 1, 2, or None
-    per_decade : bins a decade, > 0, or None for every |q| by itself
+    per_decade : bins per decade, > 0, or None for every value of `abs(q)` separately
 
     Returns
     -------
-    MeasuredSpectrum, q from 2 pi / longer side to pi / larger spacing, where circles are complete;
-    the corners beyond are `left_out`. Its `table()` goes into a scene.
+    MeasuredSpectrum, q from 2 pi / longer side to pi / larger spacing, where circles are complete. The
+    corners beyond are `left_out`. `table()` returns a spectrum for a scene.
 
-    Raises, Notes : as `spectrum_of_profile`. Directions are averaged whether or not they are alike.
+    Raises, Notes : as in `spectrum_of_profile`. Directions are averaged also for anisotropic maps.
     """
     heights = _heights(heights, 2, 8)
     dx = _spacing(dx, None, "dx")
@@ -188,7 +188,7 @@ def spectrum_of_topography(
 
 
 def _spectrum(height, spacings, q, window, detrend, per_decade):
-    """The binned spectrum of heights on a grid, q the |wavevector| of every mode."""
+    """Return the binned spectrum of heights on a grid; q is the absolute wavevector of every mode."""
     if not isinstance(window, str) or window not in WINDOWS:
         raise ValueError(f"window = {shown(window)}: must be one of {', '.join(WINDOWS)}")
     if isinstance(detrend, bool) or detrend not in _DEGREES:
@@ -198,13 +198,13 @@ def _spectrum(height, spacings, q, window, detrend, per_decade):
     height = _detrended(height, detrend)
     w = np.ones(())
     for n in height.shape:
-        # Periodic: its transform is three modes exactly.
+        # Periodic window, whose transform is exactly three modes.
         side = 0.5 - 0.5 * np.cos(2 * np.pi * np.arange(n) / n) if window == "hann" else np.ones(n)
         w = w[..., None] * side
     power = np.mean(w**2)
     cell = float(np.prod([2 * np.pi / (n * d) for n, d in zip(height.shape, spacings, strict=True)]))
     mean_square = np.abs(np.fft.fftn(w * height)) ** 2 / (height.size**2 * power)
-    # A real field: modes q and -q are one, and a window ties neighbours together.
+    # Modes q and -q of a real field are equal, and a window correlates neighbours.
     dependent = 2 * np.mean(w**4) / power**2
     index, inside = _bins(q, np.pi / max(spacings), per_decade)
     count = np.bincount(index)
@@ -228,7 +228,7 @@ def _spectrum(height, spacings, q, window, detrend, per_decade):
 
 
 def _log_mean_square(log_q, log_C, dimensions):
-    """ln of 2 pi int q C dq (of a profile 2 int C dq), C log-log linear."""
+    """Return ln of 2 pi int q C dq (for a profile 2 int C dq) of a log-log linear C."""
     width, log_term = np.diff(log_q), log_C + dimensions * log_q
     growth = np.diff(log_term)
     near = np.abs(growth) < 1e-8  # (e^x - 1)/x is 0/0 at x = 0
@@ -239,7 +239,7 @@ def _log_mean_square(log_q, log_C, dimensions):
 
 
 def _bins(q, highest, per_decade):
-    """Number of the bin of every mode that is in one, and which modes those are."""
+    """Return the bin of every mode that is in a bin, and a mask of these modes."""
     lowest = q[q > 0].min()
     inside = (q > 0) & (q <= highest * (1 + 1e-9))
     if per_decade is None:
@@ -251,7 +251,7 @@ def _bins(q, highest, per_decade):
 
 
 def _detrended(height, degree):
-    """Heights minus the polynomial of a total degree that fits them best."""
+    """Subtract the best-fitting polynomial of a total degree from heights."""
     if degree is None:
         return height
     axes = np.meshgrid(*(np.linspace(-1, 1, n) for n in height.shape), indexing="ij")
@@ -261,7 +261,7 @@ def _detrended(height, degree):
 
 
 def _heights(height, ndim, least):
-    """Heights as a float64 array; ValueError if they are no such grid."""
+    """Return heights as a float64 array; ValueError for an invalid grid."""
     array = np.asarray(height)
     if (
         array.dtype.kind not in "fiu"
@@ -276,12 +276,12 @@ def _heights(height, ndim, least):
     array = array.astype(float)
     if not np.isfinite(array).all():
         where = ", ".join(map(str, np.argwhere(~np.isfinite(array))[0]))
-        raise ValueError(f"heights[{where}] is not finite: must be; fill in missing points before")
+        raise ValueError(f"heights[{where}] is not finite; fill in missing points first")
     return array
 
 
 def _spacing(x, n, name="x"):
-    """The spacing of heights, given as it is or by their positions."""
+    """Return the spacing of heights from a spacing or positions."""
     x = np.asarray(x)
     if x.dtype.kind not in "fiu" or x.shape not in ((), (n,)) or not np.isfinite(x).all():
         raise ValueError(
