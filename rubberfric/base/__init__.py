@@ -1,4 +1,4 @@
-"""Parts without physics: objects and their rules, quadrature, units, files written whole, progress."""
+"""Parts without physics: objects and their rules, quadrature, units, files, progress."""
 
 from rubberfric.base import lazy
 

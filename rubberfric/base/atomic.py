@@ -14,9 +14,9 @@ StrPath = str | os.PathLike[str]
 
 # Suffixes of the tables of measured data that are read.
 TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".xlsx")
-# Largest size in bytes of a file that is read; measured data have a hundredth of it.
+# Largest size in bytes of a file that is read; typical measured data have a hundredth of it.
 LARGEST_FILE = 2**26
-# Bytes above ASCII that exports in Latin-1 have: ° µ ¹ ² ³ ·, German vowels, French letters.
+# Bytes above ASCII in exports in Latin-1: ° µ ¹ ² ³ ·, German vowels, French letters.
 _LATIN = b"\xb0\xb5\xb9\xb2\xb3\xb7\xe4\xf6\xfc\xc4\xd6\xdc\xdf\xe9\xe8\xea\xe0\xe2\xe7\xf4\xee\xc9"
 
 # Errors of a full or failing disk.
@@ -36,7 +36,7 @@ def as_path(path: StrPath) -> Path:
 
 
 def begin(path: Path) -> None:
-    """Have a file or folder removed if a signal ends the process before `finish`."""
+    """Register a file or folder for removal if a signal ends the process before `finish`."""
     with _lock:
         _begun.add(path)
 
@@ -62,7 +62,7 @@ def remove_begun(then: Callable[[], None] = lambda: None) -> None:
 
 
 def _remove_folder(path: Path) -> None:
-    """Remove a folder that holds files only. shutil would take long to import at the start of a command."""
+    """Remove a folder that contains only files, without shutil, which takes long to import."""
     for file in path.glob("*"):
         file.unlink(missing_ok=True)
     with contextlib.suppress(OSError):  # another thread removed it, or is about to
@@ -87,7 +87,7 @@ def replacing(path: StrPath) -> Iterator[Path]:
     """Give a path to write to; on leaving, rename it to `path`, or remove it if writing failed.
 
     The temporary file lies in a hidden folder beside `path`, so that the rename stays on
-    one file system, and has the name of `path`, so that its suffix still says what it is.
+    one file system, and has the name of `path`, so that its suffix shows its format.
     """
     place = Path(path).resolve()  # a link is followed, not replaced
     with temporary_folder(place.parent) as folder:
@@ -178,8 +178,8 @@ def check_writable(path: StrPath, suffixes: tuple[str, ...]) -> None:
 def read_text(path: StrPath, exports: bool = False) -> str:
     """Return the text of a UTF-8 file.
 
-    With `exports`, UTF-16, Latin-1 signs such as ° and µ, and Excel's .xlsx are read as well. Of a workbook,
-    which needs openpyxl, the first sheet with numbers becomes lines of cells separated by tabs.
+    With `exports`, UTF-16, Latin-1 signs such as ° and µ, and Excel's .xlsx are read as well. A workbook
+    requires openpyxl. Its first sheet with numbers becomes lines of cells separated by tabs.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""Functions of points over conditions of any shape, and lengths that recur."""
+"""Functions of points over conditions of any shape, and standard lengths of arrays."""
 
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -10,18 +10,18 @@ import jax.numpy as jnp
 def over_points(
     function: Callable[[list[jax.Array]], Any], conditions: Iterable[jax.Array | None], block: int
 ) -> Any:
-    """A function of points over conditions of any shape, a block of points at a time.
+    """Evaluate a function of points over conditions of any shape, in blocks of points.
 
     Parameters
     ----------
     function : takes [velocity, pressure(, temperature)] of shape (n,), returns a pytree of arrays (n, ...)
     conditions : velocity, pressure, temperature; None is left out
-    block : points evaluated at once. More are taken in blocks, each recomputed in the backward pass,
-        so that 1e5 points differentiate in a few hundred MB.
+    block : number of points evaluated together. Each block is recomputed in the backward pass, so that
+        the gradient of 1e5 points takes a few hundred MB.
 
     Returns
     -------
-    the pytree, with the broadcast shape of the conditions in place of (n,)
+    the pytree, with the broadcast shape of the conditions instead of (n,)
     """
     conditions = [x for x in conditions if x is not None]
     shape = jnp.broadcast_shapes(*(x.shape for x in conditions))
@@ -39,10 +39,10 @@ def over_points(
 
 
 def recurring_length(size: int) -> int:
-    """The length that `size` points or entries are padded to: 8, 12, 16 ... 32, 40 ... 64, 80, ...
+    """Return the length to which `size` entries are padded: 8, 12, 16 ... 32, 40 ... 64, 80, ...
 
-    At most a quarter more, where there are more than 16. What is compiled for one length serves all
-    data that are padded to it.
+    Above 16 it is at most a quarter more. A function that was compiled for one length serves all data that
+    are padded to it.
     """
     step = 2 ** max((size - 1).bit_length() - 3, 2)
     return max(8, -(-size // step) * step)

@@ -1,4 +1,4 @@
-"""Rules for numbers, and the wording of errors: what was wrong, where, and what it must be."""
+"""Rules for numbers, and error messages: what is wrong, where, and what is allowed."""
 
 import difflib
 import functools
@@ -13,30 +13,30 @@ import numpy as np
 from jax.core import Tracer
 from jax.typing import ArrayLike
 
-# A rule for numbers: text for the error message, test on a NumPy array.
+# A rule for numbers: text of the error message, test of a NumPy array.
 Rule: TypeAlias = tuple[str, Callable[[np.ndarray], Any]]
 POSITIVE: Rule = ("must be > 0", lambda x: x > 0)
 NONNEGATIVE: Rule = ("must be >= 0", lambda x: x >= 0)
 FINITE: Rule = ("must be finite", lambda x: np.isfinite(x))
 
-# Magnitudes of numbers in SI beyond which they are taken to be in another unit, see `objects.leaf`.
+# Ranges of magnitudes in SI; numbers outside are probably in another unit, see `objects.leaf`.
 PLAUSIBLE_STRESS = (1e2, 1e13)  # [Pa]
 PLAUSIBLE_TEMPERATURE = (1e2, 1e3)  # [K]
 
 
 class UnitWarning(UserWarning):
-    """A number of a scene or a condition is hardly in SI.
+    """A number of a scene or a condition is probably not in SI units.
 
     `warnings.simplefilter("ignore", rubberfric.UnitWarning)` switches it off.
     """
 
 
-# Packages between a caller and what warns: these two, and what calls their functions for them.
+# Packages between a caller and a warning: these two, and packages that call their functions.
 _PASSED = ("rubberfric", "fitting", "jax", "functools", "contextlib", "copy", "dataclasses")
 
 
 def warn_caller(text: str, category: type[Warning]) -> None:
-    """Warn at the line outside these packages from which they were called."""
+    """Warn at the caller's line outside these packages."""
     level, frame = 1, sys._getframe()
     while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in _PASSED:
         level, frame = level + 1, frame.f_back
@@ -44,19 +44,19 @@ def warn_caller(text: str, category: type[Warning]) -> None:
 
 
 def shown(value: object) -> str:
-    """How a wrong value is shown: a number as a number, all else on one line, cut to a readable length."""
+    """Return a wrong value as text: a number, or one line of limited length."""
     value = value.item() if isinstance(value, np.generic) else value
-    text = " ".join(repr(value).split())  # a matrix has lines
+    text = " ".join(repr(value).split())  # a matrix has several lines
     return text if len(text) <= 60 else text[:57] + "..."
 
 
 def between(low: float, high: float) -> Rule:
-    """Rule: low <= value <= high."""
+    """Return the rule low <= value <= high."""
     return (f"must be between {low} and {high}", lambda x: (x >= low) & (x <= high))
 
 
 def is_concrete(value: object) -> bool:
-    """False for tracers: their values are not known while tracing."""
+    """Return False for tracers, whose values are unknown while tracing."""
     return not isinstance(value, Tracer)
 
 
@@ -77,10 +77,10 @@ def check_values(name: str, value: Any, rule: Rule) -> None:
 
 
 def as_leaf(name: str, value: Any, ndim: int) -> jax.Array:
-    """A float array of the wanted rank; Python scalars stay weakly typed floats.
+    """Return a float array of a given rank; Python scalars stay weakly typed floats.
 
-    Weak typing lets a float32 scene keep float32 although its Poisson ratio was
-    left at the Python default 0.5 and x64 is on.
+    Weak typing lets a float32 scene stay float32 with x64 on although its Poisson's ratio is the Python
+    default 0.5.
     """
     if isinstance(value, bool | str | bytes) or value is None:
         kind = "a number" if ndim == 0 else "a sequence of numbers"
@@ -106,17 +106,18 @@ def as_leaf(name: str, value: Any, ndim: int) -> jax.Array:
 
 
 def as_array(value: ArrayLike, dtype: str | type | np.dtype | None = None) -> jax.Array:
-    """What jnp.asarray(value, dtype) is, for which JAX compiles a copy at every new shape, 10 ms each."""
+    """Return jnp.asarray(value, dtype) without compiling a copy for every new shape (10 ms each)."""
     if isinstance(value, jax.Array):
         return jnp.asarray(value, dtype)
-    # Of a copy: JAX keeps the memory of an array it is given, which a user may write to later.
+    # A copy, because JAX keeps the memory of an array, which a user may change later.
     return jax.device_put(np.array(value, dtype))
 
 
 def as_arguments(tree: Any, dtype: str | type | np.dtype) -> Any:
-    """A tree of one dtype, for a jitted function: NumPy's go at once, where `as_array` takes 30 us each.
+    """Return a tree in one dtype for a jitted function; NumPy arrays avoid the 30 us of `as_array`.
 
-    What is differentiated is converted as one operation: JAX takes a third of a millisecond for each.
+    Differentiated arrays are converted in one operation, because each operation takes a third of a
+    millisecond.
     """
     leaves, structure = jax.tree.flatten(tree)
     others = {
@@ -135,7 +136,7 @@ def _converted(values, dtype):
 
 
 def no_list(value: ArrayLike | None) -> Any:
-    """A list as an array, for a jitted function takes it for many; others as they are, with their type."""
+    """Convert a list to an array, because a jitted function takes a list as many arguments."""
     return jnp.asarray(value) if isinstance(value, list | tuple) else value
 
 
@@ -160,13 +161,13 @@ def check_increasing(name: str, vector: Any) -> None:
 
 
 def either(names: Collection[str]) -> str:
-    """Names as a sentence has them: "A, B or C"."""
+    """Join names in a sentence: "A, B or C"."""
     *first, last = names
     return f"{', '.join(first)} or {last}" if first else last
 
 
 def closest(name: object, allowed: Collection[str]) -> str:
-    """End of an error message on an unknown name: the nearest allowed one, and all of them."""
+    """Return the end of a message about an unknown name: the nearest allowed name, and all names."""
     near = difflib.get_close_matches(str(name), list(allowed), n=1)
     hint = f"did you mean {near[0]!r}? " if near else ""
     return f"{hint}must be one of {', '.join(allowed)}" if allowed else "there must be none"

@@ -1,12 +1,12 @@
-r"""Fixed points y = f(y) of many independent points with implicit derivatives, and zeros of scalar functions.
+r"""Fixed points y = f(y) of many independent points with implicit derivatives; zeros of scalar functions.
 
-Anderson's method: the next iterate is the combination of the last few whose residual is least,
+In Anderson's method the next iterate is the combination of the last few with the smallest residual,
 
 .. math:: y_{k+1} = y_k + z_k - \sum_m \gamma_m (\Delta y_m + \Delta z_m),\qquad
           \gamma = \arg\min |z_k - \sum_m \gamma_m \Delta z_m|,\qquad z = M (f(y) - y)
 
 [Walker & Ni, SIAM J. Numer. Anal. 49 (2011) 1715], M the identity or an approximate inverse of 1 - f'.
-On a linear f it is GMRES, so that the same iteration solves the linear systems of the derivatives,
+For a linear f it is GMRES, so the same iteration solves the linear systems of the derivatives,
 (1 - f') dy = df and its transpose. `first` and `zero` find the first zero of a function of one number by
 even steps, then by secants within a bracket.
 """
@@ -20,11 +20,12 @@ import jax.numpy as jnp
 
 _HISTORY, _MOST_STEPS = 7, 80
 
-# Residual over the largest element of a row at which a step is the last: it divides the residual by ten
-# and more, which leaves friction 1e-12 off; and the same for the linear systems of the derivatives.
+# Residual over the largest element of a row at which a step is the last, for the iteration and for the linear
+# systems of the derivatives. The last step reduces the residual at least tenfold; friction has an error of
+# 1e-12.
 _TOLERANCE, _LINEAR_TOLERANCE = 1e-7, 1e-9
 
-# Secant steps at most, and the slope above which the last secant step is not verified by another evaluation.
+# Largest number of secant steps, and the slope above which the last step is not verified by an evaluation.
 _MOST_SECANTS, _STEEP = 60, 0.1
 
 
@@ -35,11 +36,11 @@ class Inverse(NamedTuple):
     right: jax.Array  # (rank, n)
 
     def __call__(self, x: jax.Array) -> jax.Array:
-        """Of rows x, (points, n)."""
+        """Apply to rows x, (points, n)."""
         return x + jnp.einsum("pnm,pm->pn", self.left, x @ self.right.T)
 
     def transposed(self, x: jax.Array) -> jax.Array:
-        """The transpose, of rows x, (points, n)."""
+        """Apply the transpose to rows x, (points, n)."""
         return x + jnp.einsum("pnm,pn->pm", self.left, x) @ self.right
 
 
@@ -80,8 +81,9 @@ def implicit(
     Parameters
     ----------
     function, inverse : as in `fixed_point`; `inverse` carries no derivatives
-    solution : shape (points, n), without derivatives. Derivatives are wrong where it is no fixed point
-    tolerance : of the linear system, as in `fixed_point`; None: 1e-9. For n = 1 the solution is exact
+    solution : shape (points, n), without derivatives; it must be a fixed point
+    tolerance : tolerance of the linear system, as in `fixed_point`; None: 1e-9. For n = 1 the solution is
+    exact
     """
     goal = _LINEAR_TOLERANCE if tolerance is None else tolerance
     solve = functools.partial(_tangent_solve, inverse, goal)
@@ -182,7 +184,7 @@ def anderson(
         # Far from a solution the residual may be NaN; then half the way back is tried.
         fine = jnp.all(jnp.isfinite(z), -1, keepdims=True)
         z = jnp.where(fine, z, last)
-        # The first has no other before it: an empty column.
+        # The first iterate has no predecessor, so its column is empty.
         kept = fine & (k > 0)
         if rise is not None:
             norm = jnp.max(jnp.abs(z), -1)

@@ -1,7 +1,7 @@
-"""Packages whose public names are imported when they are first asked for.
+"""Packages whose public names are imported when they are first used.
 
-So `rubberfric --help` need not wait for JAX, which takes longer to import than many a curve to compute.
-A package lists its names once, in imports that only type checkers follow:
+`rubberfric --help` therefore does not wait for the import of JAX. A package lists its names once, in imports
+that only type checkers follow:
 
     TYPE_CHECKING = False
     if TYPE_CHECKING:
@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
 
 class LazyPackage(ModuleType):
-    """A package that imports its public names and its modules when they are asked for."""
+    """A package that imports its public names and modules when they are first used."""
 
-    _places: dict[str, str]  # of names, the modules that they are in
+    _places: dict[str, str]  # module of each name
     _elsewhere: str | None
 
     def __getattr__(self, name: str) -> Any:
@@ -34,7 +34,7 @@ class LazyPackage(ModuleType):
         if source is not self and hasattr(source, name):
             value = getattr(source, name)
         else:
-            from importlib.util import find_spec  # slow to import, and seldom needed
+            from importlib.util import find_spec  # slow to import and rarely needed
 
             if name.startswith("_") or find_spec(f"{place}.{name}") is None:
                 raise AttributeError(self._missing(name))
@@ -43,40 +43,40 @@ class LazyPackage(ModuleType):
         return value
 
     def _missing(self, name):
-        """Say where a name is that is not here."""
+        """Return the message for a missing name, with its location if known."""
         other = self._elsewhere
         if other is not None and not name.startswith("_") and name in dir(importlib.import_module(other)):
             return f"{self.__name__} has no {name!r}, {other} has: from {other} import {name}"
         return f"module {self.__name__!r} has no attribute {name!r}"
 
     def __setattr__(self, name: str, value: object) -> None:
-        """As of any module, but `fitting.fit` is the function once the module of that name is imported."""
+        """Set an attribute; `fitting.fit` stays the function when the module of that name is imported."""
         if name in self._places and isinstance(value, ModuleType):
             place = self._places[name]
             if value.__name__ == place:
-                value = getattr(value, name)  # for who looks at what a module holds, as pdoc does
+                value = getattr(value, name)  # for tools that read the module's dictionary
             elif value.__name__ != f"{place}.{name}":
                 return
         super().__setattr__(name, value)
 
     def __dir__(self) -> list[str]:
-        """The public names only."""
+        """Return the public names."""
         return sorted(self._places)
 
 
 def lazily(package: str, path: str, elsewhere: str | None = None) -> None:
-    """Have a package import its public names when they are asked for, and set its `__all__`.
+    """Let a package import its public names when they are first used, and set its `__all__`.
 
     Parameters
     ----------
-    package, path : its `__name__` and `__file__`, which has a line `from module import name as name` for
-        every public name
-    elsewhere : another package whose names are looked for here; an AttributeError names it
+    package, path : `__name__` and `__file__` of the package, which has a line
+        `from module import name as name` for every public name
+    elsewhere : another package that users may confuse with it; an AttributeError names it
     """
     places = {}
     with open(path, encoding="utf-8") as file:
         for line in file:
-            # By words: to import `ast` takes longer than all the rest.
+            # Split into words, because importing `ast` would take longer than everything else.
             match line.split():
                 case ["from", place, "import", name, "as", again] if name == again:
                     places[name] = place

@@ -1,4 +1,4 @@
-"""Progress of long work, in a terminal or a notebook; silent where there is neither."""
+"""Progress of long computations in a terminal or a notebook; silent elsewhere."""
 
 import contextlib
 import html
@@ -10,15 +10,15 @@ import weakref
 from collections.abc import Callable
 from typing import Any, Self, TextIO
 
-# Seconds between two pictures in a notebook: each is a message to its page.
+# Seconds between two updates in a notebook, each of which is a message to its page.
 _PAUSE = 0.1
 _TICK = 1.0  # seconds between two updates of a clock
-# Characters of a line in a terminal: a longer one would wrap, and could not be replaced.
+# Characters of a line in a terminal; a longer line would wrap and could not be replaced.
 _WIDTH = 79
 
 
 def progress(label: str = "") -> "Progress":
-    """A function that shows how far long work is: to be its `progress=` or `callback=`.
+    """Return a function that shows progress, for the arguments `progress=` and `callback=`.
 
     ::
 
@@ -26,24 +26,24 @@ def progress(label: str = "") -> "Progress":
         fitting.fit(scene, data, free, callback=rf.progress("fit"))
         result.bootstrap(callback=rf.progress("bootstrap"))
 
-    In a terminal (standard error) it is a line that replaces the last one, in a notebook a bar that
-    moves, and elsewhere nothing, as in a script whose output goes to a file.
+    In a terminal (standard error) it replaces a line, in a notebook it moves a bar. Elsewhere, as in a
+    script whose output goes to a file, it does nothing.
 
     Parameters
     ----------
-    label : what is being done, text on one line
+    label : name of the work, text on one line
 
     Returns
     -------
-    function of (points done, points in all), (step, cost) or (text,)
-        as `friction_map`, `fitting.fit`, the bootstrap and the profile of a fit, and `accuracy` call it.
-        Its line ends when nothing holds it any more, or at the end of a `with` block that it begins.
+    function of (points done, all points), (step, cost) or (text,)
+        `friction_map`, `fitting.fit`, bootstrap and profile of a fit, and `accuracy` call it. Its line ends
+        when the function is deleted, or at the end of its `with` block.
 
     Raises
     ------
-    ValueError : the label is no text on one line.
+    ValueError : the label is not text on one line.
     """
-    from rubberfric.base.checks import shown  # with it comes JAX, for which the commands do not wait
+    from rubberfric.base.checks import shown  # it imports JAX, for which the commands do not wait
 
     if not isinstance(label, str) or not label.isprintable():
         raise ValueError(f"label = {shown(label)}: must be text on one line")
@@ -62,7 +62,7 @@ class Progress:
             self._end = weakref.finalize(self, place.end)
 
     def __call__(self, done: int | str, of: float | None = None) -> None:
-        """Show points done of all, a step and its cost, or a text."""
+        """Show the points done, a step and its cost, or a text."""
         if self._place is None:
             return
         text, part = describe(done, of, self._clock() - self._begin)
@@ -75,13 +75,13 @@ class Progress:
         self.end()
 
     def end(self) -> None:
-        """End its line."""
+        """End the line."""
         if self._place is not None:
             self._end()
 
 
 def describe(done: Any, of: float | None, seconds: float) -> tuple[str, float | None]:
-    """(text, part done or None) of points done of all, of a step and its cost, or of a text."""
+    """Return (text, share done or None) for points done, a step and its cost, or a text."""
     if of is None:
         return str(done), None
     if not isinstance(of, numbers.Integral):
@@ -96,7 +96,7 @@ def describe(done: Any, of: float | None, seconds: float) -> tuple[str, float | 
 
 
 class TerminalLine:
-    """A line of a terminal, in place of the last one; at the end it stays, or is gone."""
+    """A line of a terminal that replaces the previous one; at the end it stays or is removed."""
 
     def __init__(self, stream: TextIO, stays: bool = True) -> None:
         self._stream, self._stays, self._open = stream, stays, False
@@ -133,7 +133,7 @@ class Lines(TerminalLine):
 
 
 class ClockLine(TerminalLine):
-    """A line of a terminal with a clock that shows how long its text has been there."""
+    """A line of a terminal with a clock that shows the duration of its text."""
 
     def __init__(self, stream: TextIO) -> None:
         super().__init__(stream, stays=False)
@@ -151,7 +151,7 @@ class ClockLine(TerminalLine):
             self._thread.start()
 
     def line(self, text: str) -> None:
-        """Show a line that stays, in place of that of the progress."""
+        """Show a line that stays instead of the progress line."""
         with self._lock:
             print(f"\r\033[K{text}", file=self._stream, flush=True)
 
@@ -173,11 +173,11 @@ class ClockLine(TerminalLine):
 
 
 class _Notebook:
-    """A bar and a text in the output of a notebook's cell, in place of the last ones."""
+    """A bar and a text in the output of a notebook's cell, which replace the previous ones."""
 
     def __init__(self, display, clock=time.monotonic):
         self._display, self._clock = display, clock
-        self._handle: Any = None  # of what is displayed
+        self._handle: Any = None  # handle of the display
         self._waiting = self._last = None
 
     def show(self, text: str, part: float | None) -> None:
@@ -201,7 +201,7 @@ Place = TerminalLine | _Notebook  # where progress is shown
 
 
 class _Bar:
-    """What a notebook shows: a bar if a part is known, and a text."""
+    """Display of a notebook: a text, and a bar if the share is known."""
 
     def __init__(self, text, part):
         self._text, self._part = text, part
@@ -215,8 +215,8 @@ class _Bar:
 
 
 def _place() -> "Place | None":
-    """Where progress is shown: the notebook whose kernel this is, a terminal, or None."""
-    # A kernel has imported IPython; where nobody has, it is not imported.
+    """Return the place of the progress: notebook of this kernel, terminal, or None."""
+    # A kernel has imported IPython; otherwise it is not imported here.
     if "IPython" in sys.modules:
         from IPython import get_ipython
 
@@ -237,7 +237,7 @@ class Phases(Progress):
         self._lines = place
 
     def line(self, text: str) -> None:
-        """Show a line that stays, above that of the progress."""
+        """Show a line that stays above the progress line."""
         if self._lines is not None:
             self._lines.line(text)
 

@@ -12,33 +12,34 @@ import numpy.typing as npt
 from jax.typing import ArrayLike
 from numpy.polynomial import chebyshev, legendre
 
-# Nodes between neighbouring Gauss nodes: exact to rounding for power laws of exponent 6
-# over panels of an e-fold, to 1e-7 over the widest, ten decades of plateau in 12 panels.
+# Nodes between neighbouring Gauss nodes. Exact to rounding for power laws of exponent 6 over panels of one
+# e-fold; error 1e-7 for the widest panels, ten decades of plateau in 12 panels.
 _IN_A_GAP = 5
 
-# Detail of the angular means over ln q that `panels` and `angular_order` are good for as they are.
+# Detail of the angular means over ln q that `panels` and `angular_order` resolve.
 _COARSEST = 0.27
 
 
 @jax.tree_util.register_static
 @dataclasses.dataclass(frozen=True)
 class Quadrature:
-    """Accuracy knobs of the forward model; static: each new setting compiles anew.
+    """Accuracy setting of the forward model; static, so each new setting compiles again.
 
-    The defaults meet 1e-9 for area, friction and separation over ten decades of roughness, plateaus of
-    nine among them. Calls without one use the setting that fits the scene, of half the nodes over two or
-    three decades (`rf.analysis.default_quadrature`); `rf.analysis.quadrature_for` finds one for other errors.
+    The defaults have errors below 1e-9 for area, friction and separation over ten decades of roughness, also
+    with plateaus of nine decades. Calls without a setting choose one for the scene, with half the nodes over
+    two or three decades (`rf.analysis.default_quadrature`). `rf.analysis.quadrature_for` finds one for other
+    errors.
 
     Parameters
     ----------
     order : int, 4 ... 64
         Gauss nodes of a contact panel, where P, S and Psi are evaluated.
     panels : int, 2 ... 200
-        panels over ln(q1/q0): angular panels, and contact panels before those added at
-        kinks and at the grading.
+        panels over ln(q1/q0): angular panels, and contact panels without those added at kinks and by the
+        grading.
     graded : int, 0 ... 40
-        extra panels towards every wavevector where roughness begins: P falls from 1
-        there within ln(q/q0) ~ 1e-4 at tyre pressures and 1e-18 at light loads.
+        extra panels towards every wavevector where roughness begins. P decreases from 1 there within
+        ln(q/q0) ~ 1e-4 at tyre pressures and 1e-18 at light loads.
     ratio : float, > 1
         neighbouring graded panels shrink by ratio^2 in ln(q/q0).
     angular_order : int, 4 ... 64
@@ -70,13 +71,13 @@ class Quadrature:
             raise ValueError(f"Quadrature.ratio = {self.ratio!r}: must be between 1 and 1e6")
 
     def resolving(self, detail: float) -> "Quadrature":
-        """Setting for angular means of a finer detail over ln q than those of a Prony series.
+        """Return a setting for angular means with finer detail over ln q than those of a Prony series.
 
-        More panels, and as each is narrower fewer angular nodes in it.
+        It has more panels, and fewer angular nodes in each.
 
         Parameters
         ----------
-        detail : width [-] of the Gaussian that a tabulated modulus is as smooth as
+        detail : width of the Gaussian that smooths a tabulated modulus [-]
         """
         if detail >= _COARSEST:
             return self
@@ -86,20 +87,20 @@ class Quadrature:
 
 
 def typed(table: npt.ArrayLike, values: ArrayLike) -> jax.Array:
-    """A host table with the dtype of `values`: NumPy's float64 would widen a float32 scene."""
+    """Return a host table with the dtype of `values`; NumPy's float64 would widen a float32 scene."""
     return jnp.asarray(table, jnp.result_type(values))
 
 
 @functools.cache
 def gauss(order: int) -> tuple[np.ndarray, np.ndarray]:
-    """Gauss-Legendre nodes and weights on [0, 1]; read-only arrays, shape (order,)."""
+    """Return Gauss-Legendre nodes and weights on [0, 1] as read-only arrays, shape (order,)."""
     x, w = legendre.leggauss(order)
     return _frozen(0.5 * (x + 1)), _frozen(0.5 * w)
 
 
 @functools.cache
 def legendre_transform(order: int) -> np.ndarray:
-    """Matrix from values at the Gauss nodes to Legendre coefficients, exact to degree order - 1."""
+    """Return the matrix from values at Gauss nodes to Legendre coefficients, exact to degree order - 1."""
     x, w = legendre.leggauss(order)
     basis = legendre.legvander(x, order - 1)
     return _frozen((2 * np.arange(order)[:, None] + 1) / 2 * basis.T * w)
@@ -107,27 +108,27 @@ def legendre_transform(order: int) -> np.ndarray:
 
 @functools.cache
 def nodes_between(order: int) -> np.ndarray:
-    """Nodes on [0, 1] for integrals from 0 to every Gauss node: a few in each gap between neighbours."""
+    """Return nodes on [0, 1] for integrals from 0 to every Gauss node, a few in each gap."""
     borders = np.concatenate([[0.0], gauss(order)[0]])
     return _frozen((borders[:-1, None] + np.diff(borders)[:, None] * gauss(_IN_A_GAP)[0]).ravel())
 
 
 @functools.cache
 def weights_between(order: int) -> np.ndarray:
-    """Weights of the nodes of `nodes_between`, each for the gap it lies in; shape (order, nodes in a gap)."""
+    """Return weights of `nodes_between` for the gap of each node, shape (order, nodes in a gap)."""
     gap = np.diff(np.concatenate([[0.0], gauss(order)[0]]))
     return _frozen(gap[:, None] * gauss(_IN_A_GAP)[1])
 
 
 @functools.cache
 def cumulative(order: int) -> np.ndarray:
-    r"""Rule for integrals of a product up to every Gauss node of [0, 1].
+    r"""Return a rule for integrals of a product up to every Gauss node of [0, 1].
 
     .. math:: \int_0^{x_k} w f\,dx = \sum_{s i} w(y_s)\, T_{ski}\, f(x_i)
 
-    x are the Gauss nodes, y those of `nodes_between`; f is smooth and known at x only, w known
-    anywhere: a rule for each w that stays accurate, and so positive, where w grows by 1e6
-    within the panel. Shape (nodes between, order, order).
+    x are the Gauss nodes, y those of `nodes_between`. f is smooth and known at x only; w is known
+    everywhere. The rule stays accurate, and therefore positive, if w grows by 1e6 within the panel. Shape
+    (nodes between, order, order).
     """
     y = nodes_between(order)
     weight = weights_between(order).ravel()
@@ -139,9 +140,9 @@ def cumulative(order: int) -> np.ndarray:
 def chebyshev_fit(
     function: Callable[[np.ndarray], np.ndarray], low: float, high: float, degree: int
 ) -> np.ndarray:
-    """Monomial coefficients (ascending, in u on [-1, 1]) of the interpolant on [low, high]."""
+    """Return ascending monomial coefficients in u on [-1, 1] of the interpolant on [low, high]."""
     coefficients = chebyshev.chebinterpolate(
-        # NumPy's stub takes the values at all nodes for one number.
+        # NumPy's stub types the values at all nodes as one number.
         lambda u: function(0.5 * (high - low) * (u + 1) + low),  # pyright: ignore[reportArgumentType, reportCallIssue]
         degree,
     )

@@ -1,10 +1,10 @@
-"""The version, and how much of the machine is this process's."""
+"""The version, and the number of cores that this process may use."""
 
 import os
 
-VERSION = "0.1.0"  # pyproject.toml reads it here, so that a package that is not installed has it, too
+VERSION = "0.1.0"  # pyproject.toml reads it, so that it is known without an installation
 
 
 def cores() -> int:
-    """Cores of the processor that this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

@@ -129,7 +129,7 @@ def check_ends(owner: str, q: jax.Array, q0: ArrayLike | None, q1: ArrayLike | N
     """Raise ValueError unless concrete q0 and q1 are None or ordered within the table."""
     if not is_concrete(q):
         return
-    low, high = np.asarray(q)[[0, -1]]  # NumPy first, because q[0] of a concrete array is traced within a trace
+    low, high = np.asarray(q)[[0, -1]]  # q[0] of a JAX array would be traced
     # In the precision of the table, because they may equal its ends.
     ends = {
         name: np.asarray(value).astype(low.dtype)

@@ -1,1 +1,1 @@
-"""Physical objects: fields that say what they are, and classes that are checked and shown by them."""
+"""Physical objects: dataclasses whose fields describe units, rules and structure."""

@@ -1,4 +1,4 @@
-"""Fields of physical objects: what they hold, and all that files, tables and errors need to know of it, once.
+"""Fields of physical objects, with the information that files, tables and errors need.
 
 ::
 
@@ -8,8 +8,8 @@
         E: Vector = leaf(NONNEGATIVE, unit="Pa")
         shift: Shift | None = child(default=None)
 
-The annotation says how many dimensions numbers have, which values an option takes, or which objects
-belong there; the rest stands in `leaf`, `static` or `child`.
+The annotation gives the dimensions of numbers, the values of an option, or the class of objects. `leaf`,
+`static` and `child` give the rest.
 """
 
 import dataclasses
@@ -24,10 +24,10 @@ from rubberfric.base.checks import FINITE, Rule, as_leaf, check_values, shown
 
 
 class Number:
-    """Annotation of a field: any number, read as an array of no dimensions.
+    """Annotation of a field: any number, read as an array without dimensions.
 
-    To a type checker it is what the constructor takes (`__set__`) and what an object has (`__get__`).
-    A plain number stays one, and its precision yields to that of arrays.
+    Type checkers see the type that the constructor accepts (`__set__`) and the type of the attribute
+    (`__get__`). A plain number stays weakly typed.
     """
 
     ndim: ClassVar[int] = 0
@@ -65,7 +65,7 @@ class Matrix:
 
 @dataclasses.dataclass(frozen=True)
 class Leaf:
-    """A field that gradients go through."""
+    """A field with numbers, which have gradients."""
 
     rule: Rule
     unit: str  # "-" without one
@@ -79,14 +79,14 @@ class Leaf:
 
 @dataclasses.dataclass(frozen=True)
 class Static:
-    """A field that is part of the structure: changing it retraces."""
+    """A field of the structure; changing it traces again."""
 
     choices: tuple = ()  # none: any number
 
 
 @dataclasses.dataclass(frozen=True)
 class Child:
-    """A field that holds another physical object."""
+    """A field with another physical object."""
 
     hint: str
     unnamed: str | None
@@ -107,35 +107,34 @@ def leaf(
     over: str | None = None,
     default: Any = dataclasses.MISSING,
 ) -> Any:
-    """Field of numbers, annotated as Number, OptionalNumber, Vector or Matrix.
+    """Return a field of numbers, annotated as Number, OptionalNumber, Vector or Matrix.
 
     Parameters
     ----------
-    rule : what every element must be
-    unit : in SI, "-" without one
-    plausible : lowest and highest magnitude that a file may have which people write: beyond them the
-        number is taken to be in another unit
-    plus : field whose elements are added before a number is compared with them
-    column : of the CSV file that the field comes from, if it is one of a curve
-    over : field of equal length that says where the elements of a vector are: E over tau
-    default : as of a dataclass
+    rule : condition on every element
+    unit : SI unit, "-" without one
+    plausible : lowest and highest plausible magnitude; a number outside is probably in another unit
+    plus : field whose elements are added before the comparison with `plausible`
+    column : column of the CSV file for the field of a curve
+    over : abscissa of a vector, a field of equal length: E over tau
+    default : as in a dataclass
     """
     return _field(Leaf(rule, unit, plausible, plus, column, over), default)
 
 
 def static(*, default: Any = dataclasses.MISSING) -> Any:
-    """Field that is one of a few values: annotated as a Literal of them, or as bool; or any float."""
+    """Return a field with a few values, annotated as Literal or bool, or with any float."""
     return _field(Static(), default)
 
 
 def child(*, hint: str = "", unnamed: str | None = None, default: Any = dataclasses.MISSING) -> Any:
-    """Field that holds an object of the annotated class or one under it; with "| None", or none.
+    """Return a field with an object of the annotated class or a subclass; "| None" allows None.
 
     Parameters
     ----------
-    hint : end of the error that another object gives
-    unnamed : kind of a table in a file that says none
-    default : as of a dataclass
+    hint : end of the message for an object of another class
+    unnamed : kind of a table in a file without `kind`
+    default : as in a dataclass
     """
     return _field(Child(hint, unnamed), default)
 
@@ -145,7 +144,7 @@ def _field(meaning, default):
 
 
 def meaning_of(cls: type, field: dataclasses.Field) -> Meaning:
-    """What a field is, completed by its annotation."""
+    """Return the description of a field, completed by its annotation."""
     meaning, annotation = field.metadata.get("meaning"), field.type
     if isinstance(annotation, str):
         annotation = get_type_hints(cls)[field.name]
@@ -166,7 +165,7 @@ def meaning_of(cls: type, field: dataclasses.Field) -> Meaning:
 
 
 def checked(where: str, value: Any, field: Meaning) -> Any:
-    """The number or the option of a field as an object has it, or ValueError."""
+    """Return the checked and converted value of a field; ValueError for an invalid one."""
     if isinstance(field, Leaf):
         if value is None and field.optional:
             return None

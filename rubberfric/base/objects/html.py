@@ -1,6 +1,6 @@
-"""Tables in HTML, which notebooks show: escaped text, no scripts, nothing from elsewhere.
+"""HTML tables for notebooks: escaped text without scripts or external content.
 
-Nothing is computed: of what is being traced a table says that it is, of arrays it shows the ends.
+Nothing is computed. Tracers are labelled; arrays show first and last entries.
 """
 
 import html
@@ -12,13 +12,13 @@ from jax.core import Tracer
 
 from rubberfric.base.checks import shown
 
-# Elements of an array that are all shown.
+# Largest number of elements that are all shown.
 _ALL = 3
 _LEFT = "text-align:left"
 
 
 def table(rows: Sequence[Sequence[str] | str], headings: Sequence[str] = (), caption: str = "") -> str:
-    """A table of texts; a row that is one text goes across all columns."""
+    """Return a table of texts; a row that is one text spans all columns."""
     columns = max([len(headings), *(len(row) for row in rows if not isinstance(row, str))])
     lines = [f"<caption style='{_LEFT}'><b>{html.escape(caption)}</b></caption>"] * bool(caption)
     lines += [_row("th", headings)] * bool(headings)
@@ -28,23 +28,23 @@ def table(rows: Sequence[Sequence[str] | str], headings: Sequence[str] = (), cap
 
 
 def folded(summary: str, content: str) -> str:
-    """HTML that shows when its summary is clicked on."""
+    """Return content that is shown by a click on its summary."""
     return f"<details><summary>{html.escape(summary)}</summary>\n{content}\n</details>"
 
 
 def preformatted(text: str) -> str:
-    """Text in the columns that it has."""
+    """Return preformatted text."""
     return f"<pre>{html.escape(text)}</pre>"
 
 
 def short(value: Any) -> str:
-    """A value in a few characters: numbers to six digits, of arrays the ends and the count."""
+    """Return a value as short text: numbers with six digits, arrays with their ends and count."""
     if isinstance(value, Tracer):
         return f"traced, {value.dtype}" + f" ({count(value.shape)})" * (value.ndim > 0)
     if isinstance(value, str | bool):
         return str(value)
     array = np.asarray(value)
-    if array.dtype.kind not in "biuf":  # what maps over trees put in place of a number
+    if array.dtype.kind not in "biuf":  # placeholders from maps over trees
         return shown(value)
     flat = array.ravel()
     texts = [f"{float(number):.6g}" for number in (flat if flat.size <= _ALL else flat[[0, -1]])]
@@ -54,7 +54,7 @@ def short(value: Any) -> str:
 
 
 def with_unit(text: str, unit: str) -> str:
-    """A number's text and its unit, that of an array before its count."""
+    """Insert the unit into the text of a number or array."""
     if unit in ("", "-") or text.startswith(("traced", "empty")):
         return text
     number, bracket, count = text.partition(" (")
@@ -62,7 +62,7 @@ def with_unit(text: str, unit: str) -> str:
 
 
 def count(shape: tuple[int, ...]) -> str:
-    """The shape of an array in words."""
+    """Return the shape of an array as text."""
     return " x ".join(map(str, shape))
 
 

@@ -1,7 +1,7 @@
-"""Key paths: "upper.material.E[3]" names a number of a physical object, as fits and tables of it do.
+"""Key paths such as "upper.material.E[3]" name numbers of a physical object.
 
-Names of fields joined by dots, and after an array the element in brackets, counted from 0, or from
-the end if negative; "[1:3]" names those from 1 up to 3, which is not one of them.
+A key path has the names of fields joined by dots. Brackets after an array select an element, counted from 0,
+or from the end if negative. "[1:3]" selects the elements 1 and 2.
 """
 
 import re
@@ -17,21 +17,21 @@ _PATH = re.compile(r"([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)(?:\[\s*(-?\d+|)\s*(:?)\s*
 
 
 class KeyPath(NamedTuple):
-    """A key path in its parts."""
+    """A parsed key path."""
 
-    text: str  # as it was given
-    names: tuple[str, ...]  # of the fields on the way
-    index: tuple[str, str, str] | None  # what stands before the colon, the colon, and after it
+    text: str  # as given
+    names: tuple[str, ...]  # names of the fields
+    index: tuple[str, str, str] | None  # text before the colon, the colon, and text after it
 
     @property
     def name(self) -> str:
-        """The path without its brackets."""
+        """Return the path without its brackets."""
         return ".".join(self.names)
 
     def elements(self, shape: tuple[int, ...]) -> tuple[int, ...] | None:
-        """Which elements along the first axis of an array of this shape are named, counted from 0.
+        """Return the selected elements along the first axis of an array, counted from 0.
 
-        All without brackets; None of a number.
+        All elements if there are no brackets; None for a single number.
 
         Raises
         ------
@@ -39,7 +39,7 @@ class KeyPath(NamedTuple):
         """
         if not shape:
             if self.index is not None:
-                raise ValueError(f"{self.text!r}: {self.name} is a single number; must be without [ ]")
+                raise ValueError(f"{self.text!r}: {self.name} is a single number; leave [ ] out")
             return None
         size = shape[0]
         if self.index is None:
@@ -58,7 +58,7 @@ class KeyPath(NamedTuple):
 
 
 def parse_key_path(path: str) -> KeyPath:
-    """The parts of a key path; ValueError if it is none."""
+    """Parse a key path; ValueError if it is invalid."""
     match = _PATH.fullmatch(path) if isinstance(path, str) else None
     if match is None:
         raise ValueError(f'{path!r}: must be a key path like "upper.material.E" or "upper.material.E[3]"')
@@ -67,9 +67,9 @@ def parse_key_path(path: str) -> KeyPath:
 
 
 def with_elements(path: KeyPath, array: Any, new: Any) -> jax.Array:
-    """An array with new numbers in the elements that a key path names."""
+    """Return an array with new numbers in the elements of a key path."""
     if not isinstance(array, jax.Array | float):
-        raise ValueError(f"{path.text!r}: {path.name} = {shown(array)} is no array; must be without [ ]")
+        raise ValueError(f"{path.text!r}: {path.name} = {shown(array)} is not an array; leave [ ] out")
     array = jnp.asarray(array)
     elements = path.elements(array.shape) or ()
     new = jnp.asarray(as_leaf(path.text, new, np.ndim(new)))

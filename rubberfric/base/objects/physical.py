@@ -1,8 +1,8 @@
 """Physical objects as frozen dataclasses that jit, grad and vmap can rebuild.
 
-`jax.tree_util.register_dataclass` rebuilds objects through their constructor, so
-checks made there would reject gradients (a negative "modulus") and vmap's axis
-markers. Here the constructor checks and converts; rebuilding goes past it.
+`jax.tree_util.register_dataclass` rebuilds objects through their constructor, whose checks would reject
+gradients (a negative "modulus") and vmap's axis markers. Here the constructor checks and converts, and
+rebuilding bypasses it.
 """
 
 import dataclasses
@@ -33,12 +33,12 @@ _NOT_GIVEN: Any = object()
 
 
 class PhysicalObject:
-    """What scenes are made of: dataclasses that `physical` makes, frozen, and pytrees to jax."""
+    """Base class of the parts of scenes: frozen dataclasses made by `physical`, pytrees to JAX."""
 
-    # Keys of a scene file that stand for a field, which the class method from_KEY takes instead.
+    # Keys of a scene file that replace a field; the class method from_KEY accepts them.
     alternatives: ClassVar[Mapping[str, str]] = {}
-    # Numbers that must not fall from one to the next, as chains of names: ("q0", "qr", "q1"). The name of a
-    # vector stands for all of its elements, "q[0]" for one. Fields that are None are left out.
+    # Chains of names whose numbers must not decrease: ("q0", "qr", "q1"). The name of a vector stands for
+    # all of its elements, "q[0]" for one. Fields that are None are left out.
     rising: ClassVar[Sequence[Sequence[str]]] = ()
 
     _meanings: ClassVar[Mapping[str, Meaning]] = {}
@@ -55,16 +55,16 @@ class PhysicalObject:
             _check_rising(self, [part for part in chain if is_concrete(getattr(self, part[0]))])
 
     def _check(self) -> None:
-        """Raise ValueError unless the fields go together; called when each of them is what it must be."""
+        """Raise ValueError for incompatible fields; called after each field was checked."""
 
     def doubts(self) -> list[str]:
-        """What its concrete numbers, each plausible by itself, can hardly be together."""
+        """Return warnings about implausible combinations of concrete numbers."""
         return []
 
     def replace(
         self, paths: str | Mapping[str, Any] | None = None, value: Any = _NOT_GIVEN, /, **fields: Any
     ) -> Self:
-        """A copy with other values, checked as the constructor does; also of traced ones.
+        """Return a copy with other values, checked like in the constructor; values may be traced.
 
         ::
 
@@ -74,15 +74,15 @@ class PhysicalObject:
 
         Parameters
         ----------
-        paths : a key path, as fits take them, or several with their values
-            elements of an array, as "E[3]" or "E[1:3]", take a number or as many as they are. All are
-            changed before any is checked.
-        value : of the one path
+        paths : a key path, or a dict from key paths to values
+            Elements of an array, such as "E[3]" or "E[1:3]", take one number or one for each element. All are
+            changed before the checks.
+        value : value for a single key path
         fields : values of fields of this object
 
         Raises
         ------
-        ValueError : a path that names nothing, or a value that a constructor refuses; names the path.
+        ValueError : an unknown path, or a value that a constructor refuses; the message names the path.
         """
         if isinstance(paths, str) != (value is not _NOT_GIVEN):
             raise TypeError(
@@ -93,17 +93,17 @@ class PhysicalObject:
         return _replaced(self, "", [(path, path.names, new) for path, new in changes])
 
     def _repr_html_(self) -> str:
-        """A table for notebooks."""
+        """Return a table for notebooks."""
         return object_html(self)
 
 
 class Kind(PhysicalObject):
-    """An object whose place in a scene others can take: a subclass without fields says what they answer.
+    """Base class of objects with alternatives; a subclass without fields defines their methods.
 
-    Such a subclass, `Material` or `Spectrum`, is their role; the classes under it are the kinds.
+    Such a subclass, `Material` or `Spectrum`, is a role. Its subclasses are the kinds of the role.
     """
 
-    # What scene files call it: by default PronyShear is "prony_shear".
+    # Name in scene files; by default PronyShear is "prony_shear".
     file_kind: ClassVar[str]
 
     def __init_subclass__(cls, **options: Any):
@@ -112,21 +112,21 @@ class Kind(PhysicalObject):
             cls.file_kind = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", cls.__name__).lower()
 
     def padded(self) -> Self:
-        """The same with entries that say nothing, of a length that recurs, where it has a concrete table.
+        """Return the object with a concrete table padded by neutral entries to a standard length.
 
-        Of two tables that are padded to one length, the second compiles nothing. Derivatives by the
-        table's own entries may be lost: it is for numbers that stay as they are.
+        Tables that are padded to the same length share compiled functions. Derivatives with respect to the
+        entries may be lost, so it is for constant tables only.
         """
         return self
 
 
 def object_html(value: PhysicalObject) -> str:
-    """Table of an object: the key path of every number, as fits take it, and its value."""
+    """Return a table with the key path and value of every number of an object."""
     return table(_rows(value, ""), ("key path", "value"), type(value).__name__)
 
 
 def _rows(value, path):
-    """(key path, text) of every field and of those within."""
+    """Yield (key path, text) for every field and nested field."""
     rows = []
     for name in fields_of(type(value)):
         content, here = getattr(value, name), path + name
@@ -137,42 +137,42 @@ def _rows(value, path):
     return rows
 
 
-# Every class that `physical` made, by its name.
+# All classes made by `physical`, by name.
 _CLASSES: dict[str, type[PhysicalObject]] = {}
 
 _T = TypeVar("_T", bound=PhysicalObject)
 
 
 def kinds(role: type[_T]) -> dict[str, type[_T]]:
-    """The classes of a role that can be made, by name, in the order of their definition."""
+    """Return the classes of a role by name, in the order of their definition."""
     return {name: cls for name, cls in _CLASSES.items() if issubclass(cls, role)}
 
 
 def forget(cls: type[PhysicalObject]) -> None:
-    """Take back what `physical` made known of a class: it is no kind of its role any more."""
+    """Unregister a class from its role."""
     if _CLASSES.get(cls.__name__) is cls:
         del _CLASSES[cls.__name__]
 
 
 def check_kind(name: str, value: object, role: type[PhysicalObject], without: Sequence[type] = ()) -> None:
-    """ValueError unless a value is of a role, and none of the classes `without`."""
+    """Raise ValueError unless a value belongs to a role and to none of the classes `without`."""
     if not isinstance(value, role) or isinstance(value, tuple(without)):
         allowed = [kind for kind, cls in kinds(role).items() if cls not in without]
         raise ValueError(f"{name} is a {type(value).__name__}: must be {either(allowed)}")
 
 
 def fields_of(cls: type[PhysicalObject]) -> Mapping[str, Meaning]:
-    """What the fields of a physical class are, by name, in their order."""
+    """Return the descriptions of the fields of a physical class, by name and in order."""
     return cls._meanings
 
 
 def leaves_of(cls: type[PhysicalObject]) -> dict[str, Leaf]:
-    """Those of them that are numbers."""
+    """Return the descriptions of the fields with numbers."""
     return {name: field for name, field in fields_of(cls).items() if isinstance(field, Leaf)}
 
 
 def parts_of(part: PhysicalObject, path: str = "") -> Iterator[tuple[str, PhysicalObject]]:
-    """(key path, object) of an object, whose own path is given, and of everything in it."""
+    """Yield (key path, object) for an object with a given path and for all objects in it."""
     yield path, part
     for name in fields_of(type(part)):
         value = getattr(part, name)
@@ -181,7 +181,7 @@ def parts_of(part: PhysicalObject, path: str = "") -> Iterator[tuple[str, Physic
 
 
 def rising_of(part: PhysicalObject) -> list[list[tuple[str, tuple[int, ...] | None]]]:
-    """Every chain of `rising` as fields and which of their elements, None of a scalar."""
+    """Return every chain of `rising` as fields with indices of elements; None for a scalar."""
     chains = [[parse_key_path(text) for text in chain] for chain in type(part).rising]
     return [
         [
@@ -194,25 +194,25 @@ def rising_of(part: PhysicalObject) -> list[list[tuple[str, tuple[int, ...] | No
 
 
 def unit_of(cls: type[PhysicalObject], name: str) -> str:
-    """Unit of the numbers in a field, "-" without one; "" if it holds none."""
+    """Return the unit of the numbers in a field, "-" without unit, "" without numbers."""
     field = fields_of(cls)[name]
     return field.unit if isinstance(field, Leaf) else ""
 
 
 @dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(leaf, static, child))
 def physical(cls: type[_T]) -> type[_T]:
-    """Class decorator: frozen dataclass, checked when constructed, known to jax as a pytree and by its name.
+    """Make a class a frozen dataclass that is checked when constructed, and a pytree; a class decorator.
 
     Raises
     ------
-    TypeError : another class has that name, or the annotation of a field is not what it must be.
+    TypeError : another class has that name, or the annotation of a field is invalid.
     """
     known = _CLASSES.get(cls.__name__)
     if known is not None and (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
         raise TypeError(
-            f"{cls.__name__}: there is such a class in {known.__module__}; must have another name"
+            f"{cls.__name__}: {known.__module__} has a class of that name; choose another name"
         )
-    # eq=False: comparing arrays has no single truth value; identity does for hashing.
+    # eq=False, because comparing arrays gives no single truth value; identity serves for hashing.
     cls = dataclasses.dataclass(frozen=True, eq=False)(cls)
     meanings = {field.name: meaning_of(cls, field) for field in dataclasses.fields(cls)}  # pyright: ignore[reportArgumentType] (it is a dataclass now)
     cls._meanings = types.MappingProxyType(meanings)
@@ -228,11 +228,11 @@ def _check_child(where, value, field):
 
 
 def _check_rising(owner, chain):
-    """ValueError where a number of a chain of fields and elements is below the one before it."""
+    """Raise ValueError if a number of a chain is smaller than the previous one."""
     if not chain:
         return
     fields = [np.atleast_1d(np.asarray(getattr(owner, name))) for name, _ in chain]
-    # In the lowest of their precisions: the end of a float32 table is no float64 number.
+    # In the lowest of their precisions, because the end of a float32 table is rounded.
     kind = min((field.dtype for field in fields), key=lambda kind: kind.itemsize)
     values = np.concatenate(
         [field[list(chosen or (0,))].astype(kind) for field, (_, chosen) in zip(fields, chain, strict=True)]
@@ -267,7 +267,7 @@ def _register_pytree(cls):
 
 
 def _replaced(owner, where, changes):
-    """An object with changes (key path, what of it is left to go, new value); `where` is its own path."""
+    """Return an object with changes (key path, remaining steps, new value); `where` is its path."""
     values = {name: getattr(owner, name) for name in fields_of(type(owner))}
     by_field: dict[str, list] = {}
     for path, steps, new in changes:
