@@ -1,4 +1,4 @@
-"""fitting: inverse fits of rubber-friction scenes to measurements, and what the data can tell."""
+"""fitting: inverse fits of rubber-friction scenes to measurements, with uncertainties and design."""
 
 from rubberfric.base import lazily
 

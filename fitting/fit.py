@@ -70,7 +70,7 @@ def fit(
     data : FrictionData, AreaData, ModulusData, SpectrumData, or a list of them, fitted jointly
         of several scenes a dict of them by the scenes' names: {"R20": data, "R40": [more, of_it]}.
     free : dict of key path -> Positive, Bounded, Free, Tied or RmsSlope
-        such as {"upper.material.E": Positive(), "lower.spectrum.hurst": Bounded(0.3, 1)}. Of several scenes
+        such as {"upper.material.E": Positive(), "lower.spectrum.hurst": Bounded(0.3, 1)}. For several scenes
         "R20.shear.tau_f0" is one scene's number, "*.shear.tau_f0" one number that all of them share.
     method : "lm" (Levenberg-Marquardt), "lbfgs" or "adam"
     starts : number of starts; the first is the scene's, the others random (`decades`)
@@ -154,7 +154,7 @@ def fit(
     to_estimate, assumed = unknown and scale_errors is not False, unknown
 
     def again(problem, x):
-        """The end of a fit from x, the linearised model there, its uncertainty, and the evaluations."""
+        """Return the end of a fit from x, its linearised model and uncertainty, and the evaluations."""
         end, spent = _from(solver, problem, x, max_steps, callback, starts)
         model = linearised(problem, end.x)
         return end, model, uncertainty(problem, end.x, model), spent
@@ -206,8 +206,8 @@ def fit(
 
 
 def _from(solver, problem, x, max_steps, callback, starts):
-    """The end of a fit that begins at x, and its evaluations."""
-    # The same batch size as before, because another one would need a compilation.
+    """Return the end of a fit that begins at x, and its evaluations."""
+    # Keep the batch size, because another one would need a compilation.
     end = run_fits(solver, problem, x[None], None, max_steps, callback, min(FIT_BATCH, starts)).row(0)
     return end, np.array([end.nfev, end.njev])
 

@@ -108,7 +108,7 @@ class KramersKronig:
         )
 
     def report(self) -> str:
-        """The result as text of several lines."""
+        """Return the result as text of several lines."""
         ends = f"{self.reduced.min():.3g} ... {self.reduced.max():.3g} rad/s"
         lines = [f"E' and E'' of {self.data.label}, {ends}"]
         if not self.counted.any():

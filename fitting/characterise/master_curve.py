@@ -219,7 +219,7 @@ class MasterCurve:
         return law.shift if law is not None and law.holds else self.table
 
     def as_prior(self, body: str = "lower", widen: float = 1.0) -> dict[str, Prior]:
-        """The fitted `shift` and its covariance as the `prior` of another fit.
+        """Return the fitted `shift` and its covariance as the `prior` of another fit.
 
         The other scene must have this `shift`; of a law its parameters are known, of a table a_T at all
         temperatures but T_ref.

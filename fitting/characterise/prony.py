@@ -144,7 +144,8 @@ class PronyFit:
         return MESSAGES[self._status]
 
     def as_prior(self, body: str | None = None, widen: float = 1.0) -> dict[str, Prior]:
-        """The fitted moduli and their covariance as the `prior` of another fit, such as one of friction.
+        """Return the fitted moduli and their covariance as the `prior` of another fit, such as one of
+        friction.
 
         The other scene must have this `material`, or one of the same relaxation times.
 
@@ -213,7 +214,7 @@ class PronyFit:
         return f"<PronyFit: {terms} terms, E' to {self.rms_storage:.2g}, E'' to {self.rms_loss:.2g} rms>"
 
     def report(self) -> str:
-        """The series and its error bars, as text of several lines."""
+        """Return the series and its error bars, as text of several lines."""
         tau = np.asarray(self.material.tau)
         times = f"tau = {tau.min():.3g} ... {tau.max():.3g} s"
         lines = [
@@ -235,7 +236,7 @@ class PronyFit:
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        """A table for notebooks."""
+        """Return a table for notebooks."""
         rows: list[tuple[str, ...] | str] = [*self._rows()]
         rows.append(f"rms of ln(fit / measured): E' {self.rms_storage:.2%}, E'' {self.rms_loss:.2%}")
         if self.dropped.size:
@@ -355,7 +356,7 @@ def _strength(smooth):
 
 
 def _weights(weights):
-    """The weights of E' and E'' as an array, checked."""
+    """Return the weights of E' and E'' as an array, checked."""
     weight = np.array([w if is_number(w) else np.nan for w in np.ravel(np.array(weights, object))], float)
     if weight.shape != (2,) or not (np.isfinite(weight) & (weight >= 0)).all() or not weight.any():
         raise ValueError(
@@ -365,7 +366,7 @@ def _weights(weights):
 
 
 def _series(data, omega, tau, relaxed, weight):
-    """The least-squares problem of the rows that have a weight."""
+    """Return the least-squares problem of the rows that have a weight."""
     tau = np.append(tau, np.inf) if relaxed is None else tau
     known = np.repeat([relaxed or 0.0, 0.0], omega.size)
     error = np.ones(len(data)) if data.error is None else data.error

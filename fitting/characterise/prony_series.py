@@ -39,7 +39,7 @@ _STRENGTHS = np.geomspace(0.03, 30.0, 19)
 
 
 def reduced(data: ModulusData, shift: Shift | None) -> ModulusData:
-    """The data as they were at the reference temperature: E(a_T omega) = E(omega, T) / b_T."""
+    """Return the data as they were at the reference temperature: E(a_T omega) = E(omega, T) / b_T."""
     if not isinstance(data, ModulusData):
         raise ValueError(f"data is a {type(data).__name__}: must be ModulusData, such as fitting.read gives")
     if data.temperature is None:
@@ -90,7 +90,7 @@ def given(data: ModulusData, tau: ArrayLike, omega: np.ndarray) -> np.ndarray:
 
 
 def fixed_modulus(E_inf: float | str) -> float | None:
-    """A relaxed modulus that is not fitted, else None."""
+    """Return a relaxed modulus that is not fitted, else None."""
     if isinstance(E_inf, str) and E_inf == "fit":
         return None
     if isinstance(E_inf, str) or not (is_number(E_inf) and E_inf >= 0):
@@ -112,7 +112,7 @@ def check_gaps(data: ModulusData, omega: np.ndarray) -> None:
 
 
 def nonnegative(A: np.ndarray, b: np.ndarray) -> np.ndarray:
-    r"""The x >= 0 that brings A x closest to b; zeros are exact.
+    r"""Return the x >= 0 that brings A x closest to b; zeros are exact.
 
     .. math:: \min_{x \ge 0} |A x - b|^2
 
@@ -131,7 +131,7 @@ def nonnegative_logarithmic(
     error: np.ndarray,
     ignored: np.ndarray | None = None,
 ) -> np.ndarray:
-    r"""The x >= 0 that brings ln(A x + known) closest to ln b, in units of `error`; zeros are exact.
+    r"""Return the x >= 0 that brings ln(A x + known) closest to ln b, in units of `error`; zeros are exact.
 
     .. math:: \min_{x \ge 0} \sum_k \left(\frac{\ln (A x + known)_k / b_k}{error_k}\right)^2
 
@@ -225,7 +225,7 @@ class SeriesProblem:
         return tuple(element_names(self.variables))
 
     def only(self, kept: np.ndarray) -> "SeriesProblem":
-        """The problem restricted to some terms."""
+        """Return the problem restricted to some terms."""
         return dataclasses.replace(self, columns=self.columns[:, kept], tau=self.tau[kept])
 
     def bounded(self) -> np.ndarray:
@@ -247,7 +247,7 @@ class SeriesProblem:
         return (model - self.measured) / error, parts / error[:, None]
 
     def solved(self, E: np.ndarray, smooth: float | None = None) -> SeriesMinimum:
-        """The minimum near E > 0 and its uncertainty; without `smooth`, E is the minimum.
+        """Return the minimum near E > 0 and its uncertainty; without `smooth`, E is the minimum.
 
         Errors that are unknown follow from the scatter, as in `fitting.fit`.
         """
@@ -291,7 +291,7 @@ class SeriesProblem:
         return float(_STRENGTHS[::-1][int(np.argmin(scores))])
 
     def _bends(self) -> np.ndarray:
-        """Changes of d ln E / d log10 tau from term to term, shape (terms - 2, terms)."""
+        """Return changes of d ln E / d log10 tau from term to term, shape (terms - 2, terms)."""
         terms = np.flatnonzero(np.isfinite(self.tau))
         order = terms[np.argsort(self.tau[terms])]
         if order.size < 3:

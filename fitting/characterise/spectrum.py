@@ -63,7 +63,7 @@ class SpectrumFit:
         )
 
     def report(self) -> str:
-        """The spectrum and its error bars, as text of several lines."""
+        """Return the spectrum and its error bars, as text of several lines."""
         lines = [
             f"Self-affine spectrum of {self.fit.data[0].label}",
             f"    {self.fit.message}",
@@ -76,7 +76,7 @@ class SpectrumFit:
         return "\n".join(lines)
 
     def _repr_html_(self) -> str:
-        """A table for notebooks."""
+        """Return a table for notebooks."""
         rows = [
             (name, f"{value} {unit}".removesuffix(" -"), more) for name, unit, value, more in self._rows()
         ]
@@ -203,7 +203,7 @@ def fit_spectrum(
 
 
 def _data(data, relative, body):
-    """The data as SpectrumData."""
+    """Return the data as SpectrumData."""
     if isinstance(data, rf.TabulatedSpectrum):
         data = (data.q, data.C)
     if isinstance(data, tuple) and len(data) == 2:
@@ -238,7 +238,7 @@ def _cutoff(name, value, default):
 
 
 def _fixed(name: str, value: float | str, low: float, high: float) -> float | None:
-    """A number that is not fitted, else None."""
+    """Return a number that is not fitted, else None."""
     if isinstance(value, str) and value == "fit":
         return None
     if isinstance(value, str) or not (is_number(value) and low <= value <= high):
@@ -276,7 +276,7 @@ def broken_line(
     low: float,
     high: float,
 ) -> Line:
-    """The line of least squares that is flat up to a kink and then falls by a slope within bounds.
+    """Return the line of least squares that is flat up to a kink and then falls by a slope within bounds.
 
     Every interval between neighbouring t is tried: the best kink inside is where the best level
     and the best straight line of the points beyond meet; else it is at one of the ends.
@@ -302,7 +302,7 @@ def broken_line(
 
 
 def _line(t, y, weight, slopes, kink):
-    """The best line with a given kink."""
+    """Return the best line with a given kink."""
     fall = np.maximum(t - kink, 0.0)
     middle, height = np.average(fall, weights=weight), np.average(y, weights=weight)
     spread = np.sum(weight * (fall - middle) ** 2)

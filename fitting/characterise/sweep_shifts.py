@@ -144,7 +144,7 @@ def _distance(cold, warm, by, cubics, s):
 
 
 def _apart(cold, warm, distance, s):
-    """The message on neighbours that do not meet at any shift."""
+    """Return the message on neighbours that do not meet at any shift."""
     where = f"the sweeps at {cold.T:.6g} and {warm.T:.6g} K do not"
     if cold.y[0].min() > warm.y[0].max() or warm.y[0].min() > cold.y[0].max():
         return (
@@ -240,7 +240,7 @@ class _Points:
         return np.concatenate(rows), np.concatenate(slopes), ranks, t, np.array(smooth)
 
     def solved(self, x):
-        """The shifts of least squares."""
+        """Return the shifts of least squares."""
         last: dict[bytes, tuple] = {}
 
         def both(x):

@@ -87,7 +87,7 @@ class Job(NamedTuple):
 
 
 def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
-    """The `Job` of a TOML file, its scene and data read.
+    """Return the `Job` of a TOML file, its scene and data read.
 
     Parameters
     ----------
@@ -142,7 +142,7 @@ def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
 
 
 def _scene(path, key, file, of_data, data, outputs):
-    """A scene and its data, from its file and the list of tables of these."""
+    """Return a scene and its data, from its file and the list of tables of these."""
     if not isinstance(data, list) or not data:
         raise ValueError(f"{path}: {of_data} = {shown(data)}: must be tables, each headed [[{of_data}]]")
     files = {key: file}

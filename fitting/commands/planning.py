@@ -148,6 +148,8 @@ def run_calibration(arguments: argparse.Namespace, interrupts: Interrupts, show:
         raise failure
     if not found.inside()[found.identified].all():
         return complain(
-            "rubberfric-fit calibration", "error bars are not what they say: see NOT CALIBRATED above", 3
+            "rubberfric-fit calibration",
+            "error bars do not have their stated coverage: see NOT CALIBRATED above",
+            3,
         )
     return 0

@@ -67,7 +67,7 @@ def _left(result: FitResult, spread: EnsembleResult | None, interrupts: Interrup
 
 
 def _fit(path: StrPath, job: Job, interrupts: Interrupts, show: Progress) -> FitResult:
-    """The fit of a job, with its progress."""
+    """Return the fit of a job, with its progress."""
 
     def callback(step: int, cost: float) -> None:
         show(f"step {step}, cost {cost:.6g}")
@@ -83,7 +83,7 @@ def _fit(path: StrPath, job: Job, interrupts: Interrupts, show: Progress) -> Fit
 def _profile(
     arguments: argparse.Namespace, result: FitResult, interrupts: Interrupts, show: Progress
 ) -> LikelihoodProfile:
-    """The cost over one number, with its progress."""
+    """Return the cost over one number, with its progress."""
 
     def callback(step: int, cost: float) -> None:
         del cost

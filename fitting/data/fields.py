@@ -29,7 +29,7 @@ class Field(NamedTuple):
 
 
 def numbers(value: ArrayLike) -> np.ndarray:
-    """A float64 array of real numbers.
+    """Return a float64 array of real numbers.
 
     ValueError if it is anything else, or empty; a text that follows the name of the value.
     """
@@ -120,7 +120,7 @@ def fields_in(
             raise ValueError(f"column {title!r}: {column.name} is given twice")
         found[field] = np.array([column.value(value, unit) for value in _numbers(title, frame[title])])
     if units:
-        raise ValueError(f"units: {next(iter(units))!r} is no column that is read")
+        raise ValueError(f"units: {next(iter(units))!r} is not a column that is read")
     for field in needed:
         if field not in found:
             titles = ", ".join(str(title) for title in frame)

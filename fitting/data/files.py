@@ -178,7 +178,7 @@ def _arguments(cls):
 
 
 def _made(cls, values, given, check_units):
-    """Data from the fields of a file and from additional arguments."""
+    """Create data from the fields of a file and from additional arguments."""
     for name, value in given.items():
         if name not in _arguments(cls):
             raise ValueError(f"{name} = {shown(value)}: must not be given; {cls.quantity} data have none")
@@ -188,7 +188,7 @@ def _made(cls, values, given, check_units):
 
 
 def _kind(path, columns, poisson, kind):
-    """The class of data in a table, by its column of measured values, or by its name."""
+    """Return the class of data in a table, by its column of measured values, or by its name."""
     if kind is not None:
         if not isinstance(kind, str) or kind not in KINDS:
             raise ValueError(f"{path}: kind = {shown(kind)}: {closest(kind, tuple(KINDS))}")

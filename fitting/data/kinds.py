@@ -209,7 +209,7 @@ KINDS = {cls.quantity: cls for cls in (FrictionData, AreaData, ModulusData, Spec
 
 
 def as_data_sets(data: Measured | Sequence[Measured]) -> list[Measured]:
-    """The data sets as a list; ValueError if there are none, or something else is among them."""
+    """Return the data sets as a list; ValueError if there are none, or something else is among them."""
     kinds = "FrictionData, AreaData, ModulusData or SpectrumData"
     if isinstance(data, Measured):
         return [data]
@@ -229,7 +229,7 @@ DataSets = Measured | Sequence[Measured]
 def data_by_scene(
     data: DataSets | Mapping[str, DataSets], names: Collection[str] | None
 ) -> tuple[list[Measured], list[str]]:
-    """Data sets, and the name of the scene that each is of.
+    """Return data sets, and the name of the scene that each is of.
 
     Parameters
     ----------
@@ -255,7 +255,7 @@ def data_by_scene(
     sets, of = [], []
     for name in names:
         if name not in data:
-            raise ValueError(f"scene {name!r} has no data: must have some, or be left out")
+            raise ValueError(f"scene {name!r} has no data; add data or leave it out")
         try:
             own = as_data_sets(data[name])
         except ValueError as error:

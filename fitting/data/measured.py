@@ -109,7 +109,7 @@ class Measured:
 
     @classmethod
     def fields(cls) -> dict[str, Field]:
-        """The fields that hold arrays; fields of all kinds come last."""
+        """Return the fields that hold arrays; fields of all kinds come last."""
         fields = sorted(dataclasses.fields(cls), key=lambda field: bool(field.kw_only))
         return {field.name: field.metadata["about"] for field in fields if "about" in field.metadata}
 
@@ -125,7 +125,7 @@ class Measured:
 
     @property
     def logarithmic(self) -> bool:
-        """Whether residuals are differences of logarithms: with relative errors, or without errors."""
+        """Return True if residuals are differences of logarithms (relative or unknown errors)."""
         return all(getattr(self, name) is None for name in self.sigmas)
 
     @property
@@ -182,7 +182,7 @@ class Measured:
 
     @classmethod
     def from_frame(cls, frame: Any, units: Mapping[str, str] | None = None, **given: Any) -> Self:
-        """Data from the columns of a pandas.DataFrame, or of a mapping of titles to numbers.
+        """Create data from the columns of a pandas.DataFrame, or of a mapping of titles to numbers.
 
         Parameters
         ----------

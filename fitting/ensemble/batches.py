@@ -94,7 +94,7 @@ def make_batch(
 
 
 def blank_iterate(members: Members) -> Iterate:
-    """The iterate of every member as arrays of zeros with a leading axis, x at the starts."""
+    """Return the iterate of every member as arrays of zeros with a leading axis, x at the starts."""
     targets, x = jax.tree.map(lambda a: a[0], (members.targets, members.starts))
     shapes = jax.eval_shape(functools.partial(_begin, members), members.problem.numbers, targets, x)
     blank = jax.tree.map(lambda s: np.zeros((len(members), *s.shape), s.dtype), shapes)
@@ -137,7 +137,7 @@ def advance_members(
 
 @functools.lru_cache(maxsize=8)  # a second ensemble of the same kind compiles nothing
 def _compiled(solver, structure, mesh, vectorised, tree, shapes, stepping):
-    """The step of a batch, or its start, for arguments of certain shapes; results on every device."""
+    """Return the step of a batch, or its start, for arguments of certain shapes; results on every device."""
 
     def one(numbers, targets, iterate):
         objective = solver_objective(structure, numbers, targets)

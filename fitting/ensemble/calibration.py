@@ -65,7 +65,7 @@ class Calibration:
     on : "normal" or "samples", how the posterior was represented; see `fitting.calibration`
     normal : place of the same fits in the normal approximation, where on is "samples"
     draws : of every posterior; 0 in the normal approximation
-    effective, tail : of every fit, the number of equal draws that its own are worth, and the tail index k of
+    effective, tail : effective sample size of the draws of every fit, and the tail index k of
         their weights, shape (members,); None in the normal approximation
     """
 
@@ -94,7 +94,7 @@ class Calibration:
         return np.flatnonzero(doubtful(self.effective, self.tail, self.draws))
 
     def on_normal(self) -> "Calibration":
-        """The calibration of the same fits with their normal approximations."""
+        """Return the calibration of the same fits with their normal approximations."""
         if self.normal is None:
             return self
         bare = {"normal": None, "draws": 0, "effective": None, "tail": None}
@@ -169,7 +169,7 @@ class Calibration:
     def plot(self, ax: style.Axes | None = None) -> style.Axes:
         """Share of u below each point minus the expected one, a line a parameter, and the 99 % envelope.
 
-        If there are more than eight lines, only those that leave the envelope have a name and a colour.
+        If there are more than eight lines, only lines that leave the envelope have a name and a colour.
         """
         ax = style.one_axes(ax, (6.0, 4.0))
         at, share = self.distribution()
@@ -206,7 +206,7 @@ def calibration(
     quadrature: rf.Quadrature | None = None,
     callback: Callable[[int, int], object] | None = None,
 ) -> Calibration:
-    """Simulation-based calibration of a planned fit, run as one ensemble.
+    """Run a simulation-based calibration of a planned fit in one ensemble.
 
     Parameters
     ----------

@@ -55,11 +55,11 @@ class Comparison:
 
     @property
     def alike(self) -> tuple[Variant, ...]:
-        """Variants that the data do not distinguish from the one that predicts best."""
+        """Return the variants that the data do not distinguish from the best one."""
         return tuple(one for one in self.variants if not is_distinguishable(one))
 
     def __getitem__(self, name: str) -> Variant:
-        """The variant of a name."""
+        """Return the variant of a name."""
         return next(one for one in self.variants if one.name == name)
 
     def report(self) -> str:
@@ -79,7 +79,7 @@ class Comparison:
         return pandas.DataFrame([one._asdict() for one in self.variants]).set_index("name")
 
     def _repr_html_(self) -> str:
-        """A table for notebooks."""
+        """Return a table for notebooks."""
         return html.table([*self._table(), *self.words], HEADINGS, self.words[0])
 
     def __repr__(self) -> str:
@@ -162,7 +162,7 @@ def compare(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> Compariso
 
 
 def is_distinguishable(one: Variant) -> bool:
-    """Return True if the data distinguish a variant from the one that predicts best."""
+    """Return True if the data distinguish a variant from the best one."""
     return one.worse > max(2 * SMALL, ERRORS * one.worse_stderr)
 
 

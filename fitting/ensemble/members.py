@@ -200,7 +200,7 @@ class Members:
         return self.source.bootstrap_of(ensemble.x, ensemble.status)
 
     def profiles(self, ensemble: EnsembleResult) -> dict[str, LikelihoodProfile]:
-        """The profiles that begin with a run of these members, by the names of the parameters.
+        """Return the profiles that begin with a run of these members, by the names of the parameters.
 
         A few more fits reach the threshold, as in `FitResult.profile`. A warning reports a minimum below
         the fit.

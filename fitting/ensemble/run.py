@@ -1,6 +1,6 @@
-"""Ensembles: thousands of fits as one program over devices and processes, with checkpoints in HDF5.
+"""Ensembles: thousands of fits in one compiled function over devices and processes, with checkpoints.
 
-A checkpoint holds what a run needs to go on to the same numbers::
+A checkpoint contains the state from which a run continues to the same numbers::
 
     /               attributes format = "rubberfric ensemble checkpoint", format_version = 1,
                     rubberfric_version, fingerprint (of the job, `Members.fingerprint`), seconds
@@ -57,7 +57,7 @@ def write_checkpoint(path: StrPath, fingerprint: str, checkpoint: Checkpoint) ->
 
 
 def read_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint) -> Checkpoint:
-    """The checkpoint that a file holds.
+    """Return the checkpoint that a file holds.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def read_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint) -> Check
             )
         if file.attrs.get("fingerprint") != fingerprint:
             raise ValueError(
-                "belongs to another job: scene, data, what is free, starts and solver must be the same"
+                "belongs to another job: scene, data, free parameters, starts and solver must be the same"
             )
         hdf5.check_names(
             file,
@@ -92,7 +92,7 @@ def read_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint) -> Check
 
 
 def _same(file: h5py.File, name: str, like: np.ndarray) -> np.ndarray:
-    """An array of the file, of the shape and dtype of another."""
+    """Return an array of the file, of the shape and dtype of another."""
     data = file[name]
     array = np.asarray(data[()] if isinstance(data, h5py.Dataset) else None)
     if array.shape != like.shape or array.dtype != like.dtype:
@@ -103,7 +103,7 @@ def _same(file: h5py.File, name: str, like: np.ndarray) -> np.ndarray:
 
 
 def check_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint, resume: bool) -> Checkpoint:
-    """The checkpoint to begin with, once it is certain that checkpoints can be written.
+    """Return the checkpoint to begin with, once it is certain that checkpoints can be written.
 
     Raises
     ------
@@ -318,9 +318,9 @@ def _several_processes(devices):
 
 
 def _from_first(checkpoint):
-    """The checkpoint of the first process, in all."""
+    """Return the checkpoint of the first process, in all."""
     leaves, tree = jax.tree.flatten(checkpoint)
-    # As bytes, because the sum over processes that sends them would change the bits of a NaN.
+    # Sent as bytes, because a sum over processes would change the bits of a NaN.
     sent = [multihost_utils.broadcast_one_to_all(_bytes(leaf)) for leaf in leaves]
     pairs = zip(sent, leaves, strict=True)
     arrays = [np.asarray(new).view(leaf.dtype).reshape(leaf.shape).copy() for new, leaf in pairs]

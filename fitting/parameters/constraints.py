@@ -200,7 +200,7 @@ def value_range(
 
 
 def with_starts(scene: Scenes, free: Mapping[str, Constraint]) -> Scenes:
-    """The scene with the numbers that it may do without, such as the q1 of a table, where rules give them."""
+    """Return the scene with optional numbers, such as the q1 of a table, from the rules."""
     given = {}
     for path, rule in ((path, rule) for key, rule in free.items() for path in paths_of(scene, key)):
         owner, name = owner_of(scene, path)

@@ -130,13 +130,13 @@ class CorrelatedRows(NamedTuple):
         return self.chosen.size
 
     def rows(self, numbers: tuple[Array, ...], leaves: list[Array], x: jax.Array) -> jax.Array:
-        """The rows of a scene, shape (size,)."""
+        """Return the rows of a scene, shape (size,)."""
         del x
         centre, whiten, low, high = numbers
         return jnp.asarray(whiten) @ (coordinates(self.chosen.of(leaves), low, high) - centre)
 
     def moved(self, to: dict[int, int]) -> "CorrelatedRows":
-        """The rows for a scene with the same leaves at other indices."""
+        """Return the rows for a scene with the same leaves at other indices."""
         return CorrelatedRows(self.chosen.moved(to))
 
 

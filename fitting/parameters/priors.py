@@ -75,7 +75,7 @@ class GaussianRows(NamedTuple):
         return len(self.elements)
 
     def rows(self, numbers: tuple[Array, Array], leaves: list[Array], x: jax.Array) -> jax.Array:
-        """The rows at x, shape (size,)."""
+        """Return the rows at x, shape (size,)."""
         del leaves
         mean, sigma = numbers
         return (x[np.array(self.elements)] - mean) / sigma
@@ -164,7 +164,7 @@ class SmoothRows(NamedTuple):
         return self.count - 2
 
     def rows(self, sigma: Array, leaves: list[Array], x: jax.Array) -> jax.Array:
-        """The rows of a scene, shape (size,)."""
+        """Return the rows of a scene, shape (size,)."""
         del x
         at = jnp.asarray(leaves[self.over])
         order = jnp.argsort(at)
@@ -172,7 +172,7 @@ class SmoothRows(NamedTuple):
         return jnp.diff(jnp.diff(jnp.log(jnp.asarray(leaves[self.leaf])[order])) / jnp.diff(u)) / sigma
 
     def moved(self, to: dict[int, int]) -> "SmoothRows":
-        """The rows for a scene with the same leaves at other indices."""
+        """Return the rows for a scene with the same leaves at other indices."""
         return self._replace(leaf=to[self.leaf], over=to[self.over])
 
 
@@ -229,7 +229,7 @@ class SumRows(NamedTuple):
         return 1
 
     def rows(self, numbers: tuple[Array, Array, Array], leaves: list[Array], x: jax.Array) -> jax.Array:
-        """The row of a scene, shape (1,)."""
+        """Return the row of a scene, shape (1,)."""
         del x
         low, high, sigma = numbers
         log_sum = jnp.log(jnp.sum(self.chosen.of(leaves)))
@@ -237,7 +237,7 @@ class SumRows(NamedTuple):
         return (beyond / sigma)[None]
 
     def moved(self, to: dict[int, int]) -> "SumRows":
-        """The rows for a scene with the same leaves at other indices."""
+        """Return the rows for a scene with the same leaves at other indices."""
         return SumRows(self.chosen.moved(to))
 
 
@@ -251,7 +251,7 @@ class PriorStructure(NamedTuple):
     terms: tuple[Rows, ...]
 
     def moved(self, to: dict[int, int]) -> "PriorStructure":
-        """The rows for a scene with the same leaves at other indices."""
+        """Return the rows for a scene with the same leaves at other indices."""
         return PriorStructure(tuple(term.moved(to) for term in self.terms))
 
 
@@ -284,5 +284,5 @@ def prior_residuals(
 
 
 def prior_size(structure: PriorStructure) -> int:
-    """Number of rows that are informative everywhere, which excludes sums."""
+    """Return the number of rows that are informative everywhere, which excludes sums."""
     return sum(term.size for term in structure.terms if not isinstance(term, SumRows))

@@ -61,12 +61,12 @@ def by_name(scenes: _S | dict[str, _S]) -> dict[str, _S]:
 
 
 def each_scene(scenes: Scenes, names: Sequence[str]) -> list[rf.Scene]:
-    """The scene of every name: of every data set."""
+    """Return the scene of every name: of every data set."""
     return [by_name(scenes)[name] for name in names]
 
 
 def chosen_scene(scenes: Scenes, name: str | None) -> rf.Scene:
-    """The only scene of a fit, or the one of a name; ValueError if the name is wrong or missing."""
+    """Return the only scene of a fit, or the one of a name; ValueError if the name is wrong or missing."""
     if name is None and isinstance(scenes, rf.Scene):
         return scenes
     if isinstance(scenes, rf.Scene):
@@ -77,14 +77,14 @@ def chosen_scene(scenes: Scenes, name: str | None) -> rf.Scene:
 
 
 def paths_of(scenes: Scenes, path: Any) -> list[str]:
-    """The key paths that one stands for: with "*" one in every scene."""
+    """Return the key paths that one stands for: with "*" one in every scene."""
     if isinstance(scenes, dict) and isinstance(path, str) and path.startswith(ALL):
         return [f"{name}.{path.removeprefix(ALL)}" for name in scenes]
     return [path]
 
 
 def next_step(owner: Any, step: str) -> Any:
-    """The object that a step of a key path leads to, None if there is none."""
+    """Return the object at a step of a key path, or None."""
     return owner.get(step) if isinstance(owner, dict) else getattr(owner, step, None)
 
 
@@ -114,7 +114,7 @@ def find(scene: Scenes, path: str) -> tuple[int, tuple[int, ...] | None]:
 
 
 def owner_of(scene: Scenes, path: str) -> tuple[Any, str]:
-    """The object whose number a key path names, or None, and the name of the number."""
+    """Return the object whose number a key path names, or None, and the name of the number."""
     *steps, name = parse_key_path(paths_of(scene, path)[0]).names
     owner: Any = scene
     for step in steps:

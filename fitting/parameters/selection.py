@@ -22,11 +22,11 @@ class Rows(Protocol):
         ...
 
     def rows(self, numbers: Any, leaves: list[Array], x: jax.Array) -> jax.Array:
-        """The rows from the leaves of a scene and from x, shape (size,)."""
+        """Return the rows from the leaves of a scene and from x, shape (size,)."""
         ...
 
     def moved(self, to: dict[int, int]) -> Self:
-        """The same for a scene with the leaves at other indices."""
+        """Return the same for a scene with the leaves at other indices."""
         ...
 
 
@@ -57,7 +57,7 @@ class Selection(NamedTuple):
         return jnp.concatenate(parts)
 
     def moved(self, to: dict[int, int]) -> "Selection":
-        """The same for a scene with the leaves at other indices."""
+        """Return the same for a scene with the leaves at other indices."""
         return self._replace(leaves=tuple(to[leaf] for leaf in self.leaves))
 
     def changing(self, variables: Variables) -> np.ndarray:
@@ -82,7 +82,7 @@ class PriorContext(NamedTuple):
         return list(self.constants.leaves)
 
     def group(self) -> Group | None:
-        """The free parameter that the key is."""
+        """Return the free parameter that the key is."""
         return next((group for group in self.variables.groups if group.path == self.key), None)
 
     def selection(self, separator: str, separated: str) -> Selection:

@@ -58,7 +58,7 @@ class Group(NamedTuple):
     kind: str  # "Positive", "Bounded", "Free", "Tied", "RmsSlope", "Shared": as of another scene
     leaf: int  # which leaf of the scene
     elements: tuple[int, ...] | None  # which elements of it; None: a scalar leaf
-    slot: tuple[int, int]  # (first, last + 1) in x; Tied, Shared: in x of what it follows; RmsSlope: none
+    slot: tuple[int, int]  # (first, last + 1) in x, for Tied and Shared of the leader; RmsSlope: none
 
 
 class Variables(NamedTuple):
@@ -71,7 +71,7 @@ class Variables(NamedTuple):
 
     @property
     def own(self) -> list[Group]:
-        """Groups with elements in x: all except those that follow others."""
+        """Return the groups with elements in x, without groups that follow others."""
         return [group for group in self.groups if group.kind not in FOLLOWING]
 
 
@@ -234,7 +234,7 @@ def _by_slot(variables, constants, x) -> dict[tuple[int, int], Array]:
 
 
 def to_scene(variables: Variables, constants: Constants, x: Array) -> Any:
-    """The scene, or the scenes by their names, with the free elements at x; every other leaf as it was."""
+    """Return the scene, or the scenes by name, with the free elements at x."""
     values = _by_slot(variables, constants, x)
     leaves, ratios, cut = list(constants.leaves), iter(constants.ratios), []
     for group in variables.groups:

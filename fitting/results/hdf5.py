@@ -120,7 +120,7 @@ def write_rules(group: h5py.Group, rules: Mapping[str, Constraint | Prior]) -> N
 
 
 def read_rules(group: h5py.Group, classes: Mapping[str, type[RuleOrPrior]]) -> dict[str, RuleOrPrior]:
-    """dict of key path -> rule or prior that `write_rules` wrote, or ValueError naming the wrong group."""
+    """Return key path -> rule or prior as stored by `write_rules`; ValueError names an invalid group."""
     rules = {}
     for one in numbered(group):
         found = {name: _python(value) for name, value in one.attrs.items()}
@@ -164,7 +164,7 @@ def write_uncertainty(group: h5py.Group, known: Uncertainty) -> None:
 
 
 def read_uncertainty(group: h5py.Group, parameters: h5py.Group, size: int) -> Uncertainty:
-    """The `Uncertainty` that `write_uncertainty` and `write_parameters` wrote."""
+    """Return the `Uncertainty` that `write_uncertainty` and `write_parameters` wrote."""
     hdf5.check_names(group, (*_ARRAYS, "unidentified"), tuple(_NUMBERS))
     vectors = ("deviation", "deviations", "x", "stretch")
     arrays = {
@@ -194,7 +194,7 @@ def write_minima(group: h5py.Group, minima: Iterable[Minimum], size: int) -> Non
 
 
 def read_minima(group: h5py.Group, size: int) -> tuple[Minimum, ...]:
-    """The tuple of `Minimum` that `write_minima` wrote."""
+    """Return the tuple of `Minimum` that `write_minima` wrote."""
     cost = np.asarray(hdf5.read_values(group, "cost", "-"))
     values = hdf5.read_array(group, "values", "as in units", (cost.size, size))
     count = hdf5.read_counts(group, "count", cost.size)
@@ -202,12 +202,12 @@ def read_minima(group: h5py.Group, size: int) -> tuple[Minimum, ...]:
 
 
 def numbered(group: h5py.Group) -> Iterator[h5py.Group]:
-    """The groups "0", "1", ... that a group holds, in this order."""
+    """Return the groups "0", "1", ... that a group holds, in this order."""
     return (hdf5.subgroup(group, str(i)) for i in range(len(group)))
 
 
 def _python(value):
-    """An attribute as a string, a float or a list of floats."""
+    """Return an attribute as a string, a float or a list of floats."""
     return value.tolist() if isinstance(value, np.generic | np.ndarray) else value
 
 
@@ -263,7 +263,7 @@ def save(
 
 
 def load(path: StrPath, cls: type[ResultType]) -> ResultType:
-    """The fit that `save` wrote, as a `fitting.FitResult` or another class of records.
+    """Return the fit that `save` wrote, as a `fitting.FitResult` or another class of records.
 
     Numbers are equal to the last bit with the precision of the fit (float64 becomes
     float32 unless JAX's x64 mode is on).

@@ -110,7 +110,7 @@ def fitted_curves(points: PlottedPoints) -> list[PlottedCurve]:
 
 
 def _text(key, several):
-    """A curve's conditions; the body only if there are several."""
+    """Return a curve's conditions; the body only if there are several."""
     scene, body, temperature, pressure = key
     texts = [scene] * bool(scene) + [body] * several
     if pressure != _ABSENT:

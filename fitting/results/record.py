@@ -67,7 +67,7 @@ class FitRecord(SolvedProblem):
     assumed: bool = False
 
     def __getitem__(self, path: str) -> Fitted:
-        """A free parameter, or all free elements of an array, after the fit: result["gamma"].stderr.
+        """Return a free parameter, or all free elements of an array, after the fit: result["gamma"].stderr.
 
         Raises
         ------
@@ -85,7 +85,7 @@ class FitRecord(SolvedProblem):
         return Fitted(*(column[which] for column in columns))
 
     def freed(self, path: str, rule: Constraint | None = None) -> Self:
-        """The same fit with one more free parameter at its present value, not at a minimum in it.
+        """Return the same fit with one more free parameter at its present value, not at a minimum in it.
 
         Parameters
         ----------

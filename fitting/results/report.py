@@ -26,7 +26,7 @@ _BARE = 4
 
 
 def unit(scene: Scenes, path: str) -> str:
-    """Unit of the number of a scene, or of several, that a key path names, "" if it is dimensionless."""
+    """Return the unit of the number at a key path of a scene or scenes, "" if dimensionless."""
     owner, name = owner_of(scene, path)
     found = unit_of(type(owner), name)
     return "" if found == "-" else found
@@ -60,7 +60,7 @@ def variable_rows(result: FitRecord) -> list[tuple[str, ...] | str]:
 
 
 def _by_scatter(result, error):
-    """The error bar that the scatter would give, where the errors given cannot be all there is."""
+    """Return the error bar that the scatter would give, where the errors given cannot be all there is."""
     if result.verdict.explains is not False or result.error_scale != 1 or not result.redchi > 1:
         return ""
     return f"[{error * np.sqrt(result.redchi):#.2g}]"
@@ -74,7 +74,7 @@ def _left_out(result, elements):
 
 
 def _digits(value, error):
-    """A value with as many digits as its error deserves: two of the error's."""
+    """Return a value with as many digits as its error deserves: two of the error's."""
     if not (error > 0 and value and np.isfinite(value)):
         return f"{value:.6g}"
     digits = int(np.floor(np.log10(abs(value))) - np.floor(np.log10(error))) + 2
@@ -82,7 +82,7 @@ def _digits(value, error):
 
 
 def tied_lines(result: FitRecord) -> list[str]:
-    """A line for every key path tied to another: its value, and the rule."""
+    """Return a line for every key path tied to another: its value, and the rule."""
     leaves, lines = jax.tree.leaves(result.scene), []
     groups = [group for group in result.variables.groups if group.kind in ("Tied", "RmsSlope")]
     rules = [
@@ -116,7 +116,7 @@ def error_text(result: Any, name: str, value: float) -> str:
 
 
 def report(result: FitRecord) -> str:
-    """The report of a `fitting.FitResult` as text of several lines.
+    """Return the report of a `fitting.FitResult` as text of several lines.
 
     Sections: [[Verdict]], [[Fit]], [[Data]], [[Statistics]], [[Variables]] with value, standard error and
     start; where there are any, [[Tied]], [[Priors]], [[Not identified]] (directions, numbered for the

@@ -41,7 +41,7 @@ class FitResult(FitRecord):
         quantity: str = "friction",
         scene: str | None = None,
     ) -> jax.Array:
-        """A quantity of the fitted scene (any that `rubberfric.solve` knows), of several the one named."""
+        """Return a quantity of the fitted scene, as computed by `rubberfric.solve`."""
         at, quadrature = (velocity, pressure, temperature), self.problem.structure.quadrature
         solution = rf.solve(
             chosen_scene(self.scene, scene), *at, quadrature=quadrature, quantities=(quantity,)
@@ -122,7 +122,7 @@ class FitResult(FitRecord):
         return drawn(self, n, warmup, chains, key, flat, callback)
 
     def as_prior(self, body: str | None = None, widen: float = 1.0) -> dict[str, Prior]:
-        """The fitted values and covariance as the `prior` of another fit.
+        """Return the fitted values and covariance as the `prior` of another fit.
 
         Parameters
         ----------
@@ -143,11 +143,11 @@ class FitResult(FitRecord):
         return dict(prior_of(self, body, widen))
 
     def report(self) -> str:
-        """The fit as text of several lines, laid out as lmfit does; see `fitting.results.report`."""
+        """Return the fit as text of several lines, laid out as lmfit does; see `fitting.results.report`."""
         return report(self)
 
     def plot(self, ax: style.Panels | None = None) -> style.Panels:
-        """Data, fit and band with residuals below; see `fitting.plot.plot_fit`."""
+        """Draw data, fit and band with residuals below; see `fitting.plot.plot_fit`."""
         return plot_fit(self, ax)
 
     def save(self, path: StrPath) -> None:
@@ -160,12 +160,12 @@ class FitResult(FitRecord):
         return hdf5.load(path, cls)
 
     def _repr_html_(self) -> str:
-        """A table for notebooks."""
+        """Return a table for notebooks."""
         return _html(self)
 
 
 def _html(result: FitRecord) -> str:
-    """The values of a fit as a table for notebooks, and its report and scene folded below."""
+    """Return the values of a fit as a table for notebooks, and its report and scene folded below."""
     rows = []
     for row in variable_rows(result):
         if isinstance(row, tuple):

@@ -131,7 +131,7 @@ class Samples:
         quantity : any that `rubberfric.solve` knows
         level : of the band
         draws : number of draws to use, evenly spaced
-        scene : name of the scene, for a fit of several
+        scene : name of the scene if there are several
         """
         check_options(level=level, count=draws)
         x = self.x.reshape(-1, self.x.shape[-1])
@@ -158,7 +158,7 @@ class Samples:
         return pandas.DataFrame(columns | {"log_density": self.log_density.ravel()})
 
     def report(self) -> str:
-        """The draws as text of several lines: diagnostics, and quantiles of all parameters."""
+        """Return the draws as text of several lines: diagnostics, and quantiles of all parameters."""
         chains, draws, _ = self.x.shape
         found = self._warnings()
         lines = [
@@ -175,7 +175,7 @@ class Samples:
         return "\n".join(lines) + "\n"
 
     def _repr_html_(self) -> str:
-        """A table for notebooks."""
+        """Return a table for notebooks."""
         headings = ("parameter", "2.5 %", "median", "97.5 %", "fit", "R-hat", "effective draws")
         chains, draws, _ = self.x.shape
         caption = "; ".join(self._warnings()) or f"{chains * draws} draws of {chains} chains"

@@ -56,7 +56,7 @@ class QuadraticModel(NamedTuple):
 
 
 def begin_quadratic(x: np.ndarray, rows: np.ndarray, jacobian: np.ndarray) -> Iterate:
-    """The iterate of a fit before its first step, from residuals (rows,) and Jacobian (rows, size) at x."""
+    """Return the first iterate of a fit from residuals (rows,) and Jacobian (rows, size) at x."""
     finite = np.isfinite(rows).all() and np.isfinite(jacobian).all()
     hessians, costs = np.zeros((*jacobian.shape, x.size)), np.full(_EVALUATIONS, np.inf)
     model = QuadraticModel(rows, jacobian, hessians, np.asarray(_FIRST), costs)
@@ -66,7 +66,7 @@ def begin_quadratic(x: np.ndarray, rows: np.ndarray, jacobian: np.ndarray) -> It
 
 
 def propose_move(iterate: Iterate, longest: float = LONGEST_STEP) -> np.ndarray:
-    """The next move, shape (size,): at most `longest` in any x."""
+    """Return the next move, shape (size,): at most `longest` in any x."""
     model = iterate.own
     largest = np.linalg.norm(model.jacobian, 2) ** 2
 
@@ -107,7 +107,7 @@ def after_move(
     rounding: float = 0.0,
     longest: float = LONGEST_STEP,
 ) -> Iterate:
-    """The iterate after a move.
+    """Return the iterate after a move.
 
     Parameters
     ----------

@@ -3,7 +3,7 @@
 A fit needs predictions at several x, of trial steps and of several starts. It needs derivatives at some of
 them: at every step, for error bars, bands and figures. One compiled function does all of this, or two where
 derivatives use reverse mode. It has places for a few x and computes only those given, one after the other,
-with derivatives along as many directions as are wanted. The steps, which are quick to compile, are separate
+with derivatives along the requested directions. The steps, which are quick to compile, are separate
 (`fitting.solvers.levenberg_marquardt`).
 """
 
@@ -79,7 +79,7 @@ def takes_long(structure: FitStructure, numbers: Numbers) -> bool:
 
 
 def _scenes(structure, numbers):
-    """The scenes of a fit at its start, by name."""
+    """Return the scenes of a fit at its start, by name."""
     return by_name(jax.tree.unflatten(structure.variables.tree, numbers.constants.leaves))
 
 

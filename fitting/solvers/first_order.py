@@ -27,13 +27,13 @@ class FirstOrder(abc.ABC):
         """Return the gradient transformation of optax."""
 
     def init(self, objective: Objective, x: jax.Array) -> Iterate:
-        """The iterate at a start vector x."""
+        """Return the iterate at a start vector x."""
         # Its own: the solver's x, the arrays of its transformation, and the steps since the cost
         # last fell by more than the tolerance.
         return first_iterate(objective.cost(x), x, (x, self.optimiser().init(x), jnp.asarray(0)))
 
     def step(self, objective: Objective, iterate: Iterate) -> Iterate:
-        """The iterate after one step."""
+        """Return the iterate after one step."""
         optax = _optax()
         here, inner, quiet = iterate.own
         if self.searches:

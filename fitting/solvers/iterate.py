@@ -40,14 +40,14 @@ class Iterate(NamedTuple):
 
 
 def first_iterate(cost: jax.Array, x: jax.Array, own: Any) -> Iterate:
-    """The iterate of a fit before its first step; `own` is the solver's."""
+    """Return the iterate of a fit before its first step; `own` is the solver's."""
     status = jnp.where(jnp.isfinite(cost), RUNNING, NOT_FINITE)
     zero = jnp.asarray(0)
     return Iterate(x, cost, status, zero + 1, zero, own)
 
 
 def unless_done(before: Iterate, after: Iterate) -> Iterate:
-    """The iterate after a step, unchanged if the fit was done before."""
+    """Return the iterate after a step, unchanged if the fit was done before."""
     running = before.status == RUNNING
     return jax.tree.map(lambda new, old: jnp.where(running, new, old), after, before)
 

@@ -47,11 +47,11 @@ class LevenbergMarquardt:
     damping: float = 1e-3
 
     def init(self, objective: Objective, x: jax.Array) -> Iterate:
-        """The iterate at a start vector x."""
+        """Return the iterate at a start vector x."""
         return first_iterate(objective.cost(x), x, jnp.asarray(self.damping, x.dtype))
 
     def step(self, objective: Objective, iterate: Iterate) -> Iterate:
-        """The iterate after one step."""
+        """Return the iterate after one step."""
         residuals, both, loss, rounding, _ = objective
         return step(residuals, both, iterate, loss, tolerance=self.tolerance, rounding=rounding)
 
@@ -135,7 +135,7 @@ def plan_step(
     loss: Loss = SQUARES,
     longest: float = LONGEST_STEP,
 ) -> Plan:
-    """The first part of a step, from the residuals and their Jacobian."""
+    """Return the first part of a step, from the residuals and their Jacobian."""
     damping, dtype = iterate.own, jnp.asarray(iterate.x).dtype
     of_rows, factor = loss.factors(plain)
     rows, jacobian = plain * of_rows, jacobian * factor[:, None]
@@ -156,7 +156,7 @@ def plan_step(
 
 
 def accelerated_move(plan: Plan, i: int | jax.Array, ahead: jax.Array) -> jax.Array:
-    """The move of damping i, from the residuals at PROBE times its velocity, shape (rows,)."""
+    """Return the move of damping i, from the residuals at PROBE times its velocity, shape (rows,)."""
     velocity = plan.velocities[i]
     # Second derivative of the residuals along the step, by a finite difference.
     second = 2 / PROBE * (plan.factor * (ahead - plan.plain) / PROBE - plan.jacobian @ velocity)
@@ -187,7 +187,7 @@ def accept_better(
     rounding: ArrayLike = 0.0,
     longest: float = LONGEST_STEP,
 ) -> Iterate:
-    """The iterate after the better of the moves, from the residuals that they lead to, shape (2, rows).
+    """Return the iterate after the better of two moves, from their residuals, shape (2, rows).
 
     If the first `is_sufficient`, the second was not evaluated and is ignored.
     """

@@ -91,5 +91,5 @@ class Objective(NamedTuple):
     moving: Array  # shape (size,), 0 where x stays at its start, else 1
 
     def cost(self, x: jax.Array) -> jax.Array:
-        """The loss at x."""
+        """Return the loss at x."""
         return self.loss.cost(self.residuals(x))

@@ -88,7 +88,7 @@ def check_options(**options: object) -> None:
 
 
 def make_solver(method: str, tolerance: float | None = None, max_steps: int | None = None) -> Solver:
-    """The solver of a method; Adam's rate falls until its last step."""
+    """Return the solver of a method; Adam's rate falls until its last step."""
     options: dict[str, Any] = {} if tolerance is None else {"tolerance": tolerance}
     if method == "adam" and max_steps is not None:
         options["max_steps"] = max_steps

@@ -73,7 +73,7 @@ def _steps(variables: Variables) -> tuple[_Step, ...]:
     above: dict[int, list[_Bound]] = {}
 
     def chain(i):
-        """The free elements that bound an element from below, the lowest first, and the element itself."""
+        """Return the free elements that bound an element from below, the lowest first, and the element."""
         free = [bound.element for bound in below.get(i, []) if bound.element is not None]
         return [*dict.fromkeys(k for j in free for k in chain(j)), i]
 
@@ -162,7 +162,7 @@ class _Walk:
         return value * theirs / own
 
     def _value(self, bound, x):
-        """The value that bounds an element."""
+        """Return the value that bounds an element."""
         if bound.element is None:
             leaf = self.xp.asarray(self.constants.leaves[bound.end.leaf])
             return self._times(bound, leaf if bound.end.element is None else leaf[bound.end.element])
@@ -309,7 +309,7 @@ def edges(variables: Variables, constants: Constants, x: np.ndarray) -> list[Edg
 
 
 def _put(x, elements):
-    """A vector with some of its elements replaced."""
+    """Return a vector with some of its elements replaced."""
     if isinstance(x, np.ndarray):
         x = x.copy()
         for i, value in elements.items():

@@ -1,6 +1,6 @@
 r"""A fit as a least-squares problem: measured values and their predictions over the free parameters.
 
-A problem is split into its structure, which is hashable and decides what is compiled, and its
+A problem consists of its structure, which is hashable and determines the compiled functions, and its
 numbers: a second fit of the same kind, a bootstrap or a profile compiles nothing new.
 `fitting.solvers.residuals` evaluates it.
 """
@@ -105,7 +105,7 @@ class Problem(NamedTuple):
         return np.asarray(to_values(self.variables, self.numbers.constants, np.asarray(x)))
 
     def scene(self, x: Array) -> Any:
-        """The scene, or the scenes by their names, with the free elements at x, shape (size,)."""
+        """Return the scene, or the scenes by their names, with the free elements at x, shape (size,)."""
         return to_scene(self.variables, self.numbers.constants, x)
 
 
@@ -119,7 +119,7 @@ def make_problem(
     quadrature: rf.Quadrature | None = None,
     of: Sequence[str] | None = None,
 ) -> Problem:
-    """The problem of fitting `free` of `scene` to `data`; see `fitting.fit` for the arguments.
+    """Return the problem of fitting `free` of `scene` to `data`; see `fitting.fit` for the arguments.
 
     `of` are the names of the scenes that the data sets belong to, if there are several. Data sets without
     errors get the relative error `ASSUMED`.
@@ -233,7 +233,7 @@ def _check_temperature(data, shifts):
 
 
 def finer(problem: Problem, x: Array, data: Sequence[Measured]) -> Problem | None:
-    """The problem with the quadrature that its scene at x needs; None if it has that or more nodes."""
+    """Return the problem with the quadrature that its scene at x needs; None if it has that or more nodes."""
     needed = _fitting(problem.scene(x), data, -_BEYOND)
     structure = problem.structure
     if _work(needed) <= _work(structure.quadrature):

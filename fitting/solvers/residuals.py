@@ -28,7 +28,7 @@ from rubberfric.roughness import log_power_spectrum
 
 
 def objective(structure: FitStructure, numbers: Numbers, targets: Targets) -> Objective:
-    """The functions of x that solvers minimise."""
+    """Return the functions of x that solvers minimise."""
     return Objective(
         lambda x: residuals(structure, numbers, targets, x),
         lambda x: residuals_and_jacobian(structure, numbers, targets, x),
@@ -58,7 +58,7 @@ def solver_objective(structure: FitStructure, numbers: Numbers, targets: Targets
 
 
 def loss_of(structure: FitStructure, numbers: Numbers) -> Loss:
-    """The loss of a problem's rows."""
+    """Return the loss of a problem's rows."""
     return Loss(structure.loss, numbers.width, data_rows(structure))
 
 
@@ -191,7 +191,7 @@ def forward(function: Callable[[jax.Array], jax.Array], x: jax.Array) -> tuple[j
 
 
 def data_rows(structure: FitStructure) -> int:
-    """Number of rows that are data."""
+    """Return the number of rows that are data."""
     return structure.blocks[-1].rows[1]
 
 
@@ -289,7 +289,7 @@ def _with_longer_tables(
 
 
 def _with_padded_tables(value: PhysicalObject, path: str, free: Collection[str]) -> PhysicalObject:
-    """An object with padded tables, except in objects at the key paths `free`."""
+    """Return an object with padded tables, except in objects at the key paths `free`."""
     changes: dict[str, Any] = {}
     for name in fields_of(type(value)):
         content = getattr(value, name)

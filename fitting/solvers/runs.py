@@ -159,7 +159,7 @@ _MOST_HESSIAN_ELEMENTS = 1_000_000
 
 
 def start(solver: Solver, structure: FitStructure, numbers: Numbers, targets: Targets, x: Array) -> Iterate:
-    """Iterates of several fits at their starts; targets and x have a leading axis of fits."""
+    """Return iterates of several fits at their starts; targets and x have a leading axis of fits."""
     if not isinstance(solver, LevenbergMarquardt):
         return _by_solver("init", solver, structure, numbers, targets, x)
     problem, x = (structure, numbers, targets), np.asarray(x)
@@ -175,7 +175,7 @@ def start(solver: Solver, structure: FitStructure, numbers: Numbers, targets: Ta
 def advance(
     solver: Solver, structure: FitStructure, numbers: Numbers, targets: Targets, iterate: Iterate
 ) -> Iterate:
-    """Iterates of several fits after one step each."""
+    """Return iterates of several fits after one step each."""
     if not isinstance(solver, LevenbergMarquardt):
         return _by_solver("step", solver, structure, numbers, targets, iterate)
     problem = structure, numbers, targets
@@ -243,14 +243,14 @@ def _accept_better(structure, numbers, targets, iterate, plan, moves, tried, tol
 
 
 def _levenberg_marquardt_step(solver, structure, numbers, targets, iterate):
-    """Iterates after one step of Levenberg-Marquardt, with two to four evaluations and one Jacobian each."""
+    """Return iterates after a Levenberg-Marquardt step with two to four evaluations and one Jacobian."""
     problem, x = (structure, numbers, targets), np.asarray(iterate.x)
     running = np.flatnonzero(np.asarray(iterate.status) == RUNNING)
     plan, ahead = _plan_step(*problem, iterate, *_evaluated(*problem, x, running, slopes=True))
     ahead = np.asarray(ahead)  # NumPy, because slicing a JAX array compiles
 
     def trial(i, which):
-        """The moves of damping i, and the rows after them, of the fits `which`."""
+        """Return the moves of damping i, and the rows after them, of the fits `which`."""
         rows, _ = _evaluated(*problem, ahead[:, i], which)
         move, there = _accelerated_move(*problem, iterate, plan, np.full(len(x), i), rows)
         return np.asarray(move), _evaluated(*problem, there, which)[0]
@@ -274,7 +274,7 @@ def _use_brown_dennis(structure, numbers, targets, x):
 
 
 def _brown_dennis_step(solver, structure, numbers, targets, iterate):
-    """Iterates after one step of Brown and Dennis, with one evaluation each."""
+    """Return iterates after one step of Brown and Dennis, with one evaluation each."""
     problem, running = (structure, numbers, targets), np.flatnonzero(iterate.status == RUNNING)
     each = [jax.tree.map(lambda a, i=i: np.asarray(a)[i], iterate) for i in range(len(iterate.status))]
     moves = {i: brown_dennis.propose_move(each[i]) for i in running}
@@ -295,7 +295,7 @@ def _side_by_side(iterates: list[Iterate]) -> Any:
 
 
 def _at_bounds(solver, structure, numbers, targets, before, after):
-    """Iterates after a step, or after a further step from bounds of the order nearby if that is lower."""
+    """Return iterates after a step, or after a step from nearby bounds of the order if that is lower."""
     problem, x = (structure, numbers, targets), np.array(after.x)
     for i in np.flatnonzero(np.asarray(after.status) == RUNNING):
         known = structure.variables, numbers.constants, np.asarray(before.x)[i], x[i]

@@ -80,7 +80,7 @@ def search(
         spent += np.stack([runs.nfev, runs.njev])
         escaped = _escaped(problem, runs.x, starts).any(1)
         again = np.flatnonzero(escaped & (succeeded(runs.status) | (runs.status == STALLED)))
-        # If there is no array to smooth, all six fits would be the same.
+        # Skipped without an array to smooth, because all six fits would be equal.
         if again.size and has_arrays(problem.variables):
             second = _smoothed(solver, stage, starts[again], max_steps, callback, min(FIT_BATCH, len(starts)))
             spent[:, again] += np.stack([second.nfev, second.njev])
@@ -181,7 +181,7 @@ def confirm_minimum(
 
 
 def _to_fit(problem, cost, costs, drawn, inner):
-    """Indices of places to fit from although they are not lower, if a fit takes little time."""
+    """Return the indices of places to fit from although they are not lower, if a fit takes little time."""
     if takes_long(problem.structure, problem.numbers):
         return []
     far = 2 * cost > _FAR * problem.targets.measured.size

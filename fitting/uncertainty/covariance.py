@@ -189,7 +189,7 @@ class Linearised(NamedTuple):
 
 
 def linearised(problem: Problem, x: np.ndarray) -> Linearised:
-    """The model of a problem at its solution x, shape (size,)."""
+    """Return the model of a problem at its solution x, shape (size,)."""
     of, x = padded(problem), np.asarray(x)
     _, inside, _ = _at_bounds(problem, x)
     rows, slopes = (part[0] for part in evaluate_rows(of.structure, of.numbers, inside[None], slopes=True))

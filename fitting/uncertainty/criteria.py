@@ -71,7 +71,7 @@ class Criteria(NamedTuple):
 
 
 def criteria(solved: SolvedProblem, estimated: int = 0) -> Criteria:
-    """The criteria of a fit; it compiles nothing that the fit has not compiled.
+    """Return the criteria of a fit; it compiles nothing that the fit has not compiled.
 
     `estimated` counts further estimated parameters, such as the amplitude of a `Discrepancy`.
     """

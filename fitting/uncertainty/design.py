@@ -77,7 +77,7 @@ class Design:
     rows: np.ndarray
 
     def report(self) -> str:
-        """The measurements and the expected errors, as text of several lines."""
+        """Return the measurements and the expected errors, as text of several lines."""
         lines = [f"Design of {self.index.size} measurements ({self.criterion}), most useful first"]
         repeats = {i: int(np.sum(self.index == i)) for i in self.index.tolist()}
         for i, count in repeats.items():

@@ -81,7 +81,7 @@ def with_discrepancy(
     data: Sequence[Measured],
     discrepancy: Discrepancy | None,
 ) -> Problem:
-    """The problem with residuals that are whitened, or without; the errors of its targets are final.
+    """Return the problem with residuals that are whitened, or without; the errors of its targets are final.
 
     scenes, data : data sets, and the scene of each
     """
@@ -96,7 +96,7 @@ def with_discrepancy(
 
 
 def first_guess(discrepancy: Discrepancy) -> Discrepancy:
-    """The discrepancy of the fit before anything is estimated."""
+    """Return the discrepancy of the fit before anything is estimated."""
     amplitude, width = discrepancy.amplitude, discrepancy.width
     return dataclasses.replace(
         discrepancy,
@@ -130,7 +130,7 @@ def averaged(
     data: Sequence[Measured],
     discrepancy: Discrepancy,
 ) -> Discrepancy:
-    """The discrepancy with its amplitude and width averaged over their posterior where they are None.
+    """Return the discrepancy with its amplitude and width averaged over their posterior where they are None.
 
     Parameters
     ----------

@@ -93,7 +93,7 @@ def doubtful(size: np.ndarray, index: np.ndarray, draws: int) -> np.ndarray:
 
 
 def _tail(draws):
-    """Number of the largest weights."""
+    """Return the number of the largest weights."""
     return int(min(0.2 * draws, 3 * np.sqrt(draws)))
 
 
@@ -143,7 +143,7 @@ class Proposal(NamedTuple):
         return -0.5 * (freedom + 1) * np.sum(np.log1p(z**2 / freedom), 1)
 
     def some(self, rows: np.ndarray) -> "Proposal":
-        """The proposals of some fits."""
+        """Return the proposals of some fits."""
         return Proposal(self.centre[rows], self.axes[rows])
 
 

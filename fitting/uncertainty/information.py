@@ -108,7 +108,7 @@ def _value_and_slope(constants, x, at, *, variables, quantity, quadrature):
 
 @quick_jit(static_argnames=("structure", "variables"))
 def _prior_slopes(numbers, constants, x, *, structure, variables):
-    """Derivatives of the rows of the priors, shape (rows, size)."""
+    """Return the derivatives of the rows of the priors, shape (rows, size)."""
     return forward(lambda x: prior_residuals(structure, numbers, to_scene(variables, constants, x), x), x)[1]
 
 
@@ -151,7 +151,7 @@ def exchange(
     cost: np.ndarray | None = None,
     target: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Indices of the candidates to measure, most useful first; repetitions appear several times.
+    """Return the indices of the candidates to measure, most useful first; repetitions appear several times.
 
     Parameters
     ----------
@@ -213,7 +213,7 @@ def gain(rows: np.ndarray, information: np.ndarray, target: np.ndarray | None) -
 
 
 def _filled(rows, base, budget, cost, target, chosen):
-    """The chosen candidates, filled up to the budget with the largest gain per cost."""
+    """Return the chosen candidates, filled up to the budget with the largest gain per cost."""
     chosen = list(chosen)
     while True:
         allowed = cost <= budget - cost[chosen].sum() + 1e-9 * budget
@@ -224,7 +224,7 @@ def _filled(rows, base, budget, cost, target, chosen):
 
 
 def _ordered(rows, base, cost, target, chosen):
-    """The chosen candidates, ordered by gain per cost."""
+    """Return the chosen candidates, ordered by gain per cost."""
     left, order = list(chosen), []
     while left:
         gains = gain(rows[:, left], information(rows, base, order), target) / cost[left]

@@ -139,7 +139,7 @@ class SolvedProblem:
             as for `rubberfric.solve`.
         quantity : any that `rubberfric.solve` knows
         level : of the band
-        scene : name of the scene, for a fit of several
+        scene : name of the scene if there are several
 
         Returns
         -------
@@ -256,7 +256,7 @@ class SolvedProblem:
     def profile_of(
         self, name: str, level: float, runs: Runs, extend: bool = True, callback: Callback | None = None
     ) -> LikelihoodProfile:
-        """The profile that begins with the fits from `profile_fits`, in their order."""
+        """Return the profile that begins with the fits from `profile_fits`, in their order."""
         anchor, q = Anchor(self.problem, self.x, self.cost), self.quantile(level)
         return profile_from(anchor, self.names.index(name), q, runs, extend, callback)
 
@@ -392,7 +392,7 @@ def _refitted(solved, x, held):
 
 
 def _step(rows, slopes, held):
-    """The Gauss-Newton step with one parameter held."""
+    """Return the Gauss-Newton step with one parameter held."""
     others = np.delete(np.arange(slopes.shape[1]), held)
     step = np.zeros(slopes.shape[1])
     step[others] = -np.linalg.lstsq(slopes[:, others], rows, rcond=None)[0]

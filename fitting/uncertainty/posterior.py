@@ -57,7 +57,7 @@ class LogDensity:
     flat: str
 
     def __call__(self, x: Array) -> jax.Array:
-        """The log density at x, shape (n,), up to a constant."""
+        """Return the log density at x, shape (n,), up to a constant."""
         structure, numbers, targets, _ = padded(self.problem)
         return _density(structure, self.flat, numbers, targets, jnp.asarray(x))
 
@@ -71,7 +71,7 @@ class LogDensity:
         return self.problem.values(x)
 
     def scene(self, x: Array) -> Any:
-        """The scene with the free elements at x, shape (n,), or the scenes by their names.
+        """Return the scene with the free elements at x, shape (n,), or the scenes by their names.
 
         Predictions of a draw are computed from it.
         """
@@ -246,7 +246,7 @@ def _chain(fixed, number, key, draws, warmup, callback):
 
 
 def _installed(package: str, module: str) -> Any:
-    """The module of a package of the extra `sampling`."""
+    """Return the module of a package of the extra `sampling`."""
     try:
         return importlib.import_module(module)
     except ModuleNotFoundError:
@@ -264,7 +264,7 @@ _potential = jax.jit(_energy, static_argnums=(0, 1))
 
 
 def _kernel(infer, structure, flat, warmup, numbers, targets, laplace, key, z):
-    """The sampler and its state at z; built while tracing, so other numbers compile nothing."""
+    """Return the sampler and its state at z; built while tracing, so other numbers compile nothing."""
     kernel = infer.NUTS(
         potential_fn=lambda z: _energy(structure, flat, numbers, targets, laplace, z), dense_mass=True
     )
@@ -283,7 +283,7 @@ def _draw(infer, structure, flat, warmup, numbers, targets, laplace, state):
 
 
 def prior_of(solved: SolvedProblem, body: str | None = None, widen: float = 1.0) -> dict[str, Correlated]:
-    """The Laplace approximation of a solved problem as a prior; see `joint_prior`.
+    """Return the Laplace approximation of a solved problem as a prior; see `joint_prior`.
 
     Unidentified directions have a standard deviation of 100 in x, practically none.
     """
@@ -326,7 +326,7 @@ def joint_prior(
     body: str | None,
     widen: float,
 ) -> dict[str, Correlated]:
-    """A joint normal distribution as an entry of the `prior` of `fitting.fit`.
+    """Return a joint normal distribution as an entry of the `prior` of `fitting.fit`.
 
     Parameters
     ----------

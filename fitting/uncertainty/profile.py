@@ -52,7 +52,7 @@ class LikelihoodProfile(NamedTuple):
     warning: str = ""  # about that minimum, or an interval of several parts
 
     def report(self) -> str:
-        """The interval, and a line for every value, as text."""
+        """Return the interval, and a line for every value, as text."""
         ends = [f"{end:.6g}" if np.isfinite(end) else _OPEN.get(end, "?") for end in (self.low, self.high)]
         lines = [
             f"[[Profile of {self.name}]]",
@@ -89,7 +89,7 @@ def profile_from(
     extend: bool = True,
     callback: Callable[[int, float], object] | None = None,
 ) -> LikelihoodProfile:
-    """The profile of element i that begins with these fits.
+    """Return the profile of element i that begins with these fits.
 
     Parameters
     ----------
@@ -254,7 +254,7 @@ class _Trace:
 
 
 def _outermost(trace, side, q):
-    """Indices of the last value below the threshold on a side, and of the next beyond; None without."""
+    """Return indices of the last value below the threshold on a side, and of the next one, or None."""
     order = np.arange(trace.best, len(trace.x)) if side > 0 else np.arange(trace.best, -1, -1)
     order = order[trace.good[order]]
     below = np.flatnonzero(trace.root()[order] < q)
@@ -338,7 +338,7 @@ def _approach(trace, side, q):
 
 
 def _left_open(trace, side, q, inner, extend, shorter):
-    """The end of a profile that stays below its threshold, and why."""
+    """Return the end of a profile that stays below its threshold, and why."""
     value = trace.anchor.problem.values(trace.x[inner])[trace.i]
     rise = trace.root()[inner] ** 2
     tried = f"chi-square rises by {rise:.4g}, less than {q**2:.4g}, at {value:.6g}"
@@ -359,7 +359,7 @@ def _left_open(trace, side, q, inner, extend, shorter):
 
 
 def _told(trace, q, ends):
-    """The profile as a user sees it."""
+    """Return the profile as a user sees it."""
     anchor, i, names = trace.anchor, trace.i, trace.anchor.problem.names
     at = np.where(np.arange(anchor.x.size) == i, np.array([[x] for x, _ in ends]), anchor.x)
     low, high = anchor.problem.values(at)[:, i].tolist()

@@ -120,7 +120,7 @@ def _sensitivity(scene, velocity, pressure, temperature, *, rows, quantity, quad
     leaves, tree = jax.tree_util.tree_flatten(scene)
 
     def moved(x):
-        """The scene with every named number times e^x of its row; a number named twice, with both."""
+        """Return the scene with every named number times e^x of its row; a number named twice, with both."""
         exponents = {}
         for leaf in dict.fromkeys(leaf for leaf, _ in rows):
             own = [k for k, row in enumerate(rows) if row[0] == leaf]

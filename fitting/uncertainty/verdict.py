@@ -62,7 +62,7 @@ def verdict(
     estimated: Sequence[float | None],
     loss: str,
 ) -> Verdict:
-    """The verdict on a fit.
+    """Return the verdict on a fit.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def verdict(
 
 
 def _size(sets, robust):
-    """Sums of squares that are too large for chance."""
+    """Return the sums of squares that are too large for chance."""
     if not sets:
         return []
     everything = ("", np.concatenate([one.rows for one in sets]), sum(one.freedom for one in sets))
@@ -143,7 +143,7 @@ def _order(one):
 
 
 def _far(sets):
-    """The farthest single values, worst first."""
+    """Return the farthest single values, worst first."""
     found, count = [], sum(one.rows.size for one in sets)
     for one in sets:
         size = np.abs(one.rows)
@@ -176,7 +176,7 @@ def rescaled_errors(
     rescaled: bool,
     error_scale: float,
 ) -> tuple[Problem, list[float | None], float]:
-    """The problem with errors from the scatter about its fit.
+    """Return the problem with errors from the scatter about its fit.
 
     Parameters
     ----------
@@ -205,7 +205,7 @@ def rescaled_errors(
 
 
 def common_ratio(before: Problem, after: Problem) -> float | None:
-    """Common factor of all errors if the minimum does not move; None if it may.
+    """Return the common factor of all errors if the minimum does not move; None if it may.
 
     A sum of squared residuals alone scales as a whole, so a second estimate would equal the first.
     """
@@ -219,7 +219,7 @@ def common_ratio(before: Problem, after: Problem) -> float | None:
 
 
 def _scatter(problem, known, rows):
-    """Standard deviation of residuals about the fit, in units of their errors."""
+    """Return the standard deviation of residuals about the fit, in units of their errors."""
     if problem.structure.loss == "linear":
         scatter = np.sqrt(np.mean(rows**2))
     else:

@@ -341,7 +341,7 @@ def _difference(found, exact):
 
 
 def _a_few(values):
-    """A few of the values, equally spaced in their order, including the smallest and the largest."""
+    """Return a few of the values, equally spaced in their order, including the smallest and the largest."""
     return np.sort(values)[np.unique(np.linspace(0, values.size - 1, _COMPARED).round().astype(int))]
 
 

@@ -46,7 +46,7 @@ class LinearisedTree(NamedTuple):
     push: Callable[[Any], list[jax.Array]]  # tangent of x -> tangents of the moving leaves
 
     def tree(self, others: Mapping[int, jax.Array]) -> Any:
-        """The pytree with some of its leaves replaced, by their indices."""
+        """Return the pytree with some of its leaves replaced, by their indices."""
         leaves = [others.get(i, leaf) for i, leaf in enumerate(self.leaves)]
         return jax.tree_util.tree_unflatten(self.structure, leaves)
 
@@ -76,7 +76,7 @@ def linearise_tree(function: Callable[[Any], Any], x: Any) -> LinearisedTree:
 
 
 def _watched(moves, *arrays):
-    """The arrays; appends to `moves` for each whether its tangent is anything but a symbolic zero."""
+    """Return the arrays; appends to `moves` for each whether its tangent is anything but a symbolic zero."""
 
     @jax.custom_jvp
     def identity(*arrays):
@@ -159,7 +159,7 @@ def value_and_jacobian(
 
 
 def _parts(scene_of, x, prepared):
-    """Derivatives of the prepared scene by parts of the scene.
+    """Return the derivatives of the prepared scene by parts of the scene.
 
     Returns a list of (LinearisedTree, tangents of its moving leaves along m directions (m, numbers),
     components of x along these directions (m, size)). The directions are the elements of the part's moving

@@ -241,7 +241,7 @@ SETTINGS = (
 
 
 def node_count(scene: Scene, quadrature: Quadrature) -> int:
-    """Number of nodes in q per point, for the contact and for the stiffness."""
+    """Return the number of nodes in q per point, for the contact and for the stiffness."""
     laws = [pair.law for pair in rough_surfaces_of(scene)]
     if not laws:
         return 0

@@ -140,7 +140,7 @@ def _halved(axis, mu, place):
 
 
 def _kept(axis, mu, place, share):
-    """Indices of the kept points of an axis: each is the farthest from the last that its share allows."""
+    """Return indices of the kept points of an axis, each as far from the last as its share allows."""
     if axis.size == 1:
         return [0]
     values = np.moveaxis(mu, place, 0).reshape(axis.size, -1)

@@ -164,7 +164,7 @@ def check_writable(path: StrPath, suffixes: tuple[str, ...]) -> None:
     path = as_path(path)
     try:
         if not path.parent.is_dir():
-            raise ValueError(f"{path}: there is no folder {str(path.parent)!r}; it must exist")
+            raise ValueError(f"{path}: folder {str(path.parent)!r} does not exist; create it first")
         if path.is_dir():
             raise ValueError(f"{path}: is a folder; must be a file")
         if path.exists() and not path.is_file():

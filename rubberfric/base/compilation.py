@@ -1,7 +1,7 @@
 """The persistent compilation cache, and XLA options for functions that are compiled to run once.
 
 The cache is JAX's [https://docs.jax.dev/en/latest/persistent_compilation_cache.html]. Each version of jaxlib
-and each processor has a folder of its own, because another one could crash on its entries; their total size
+and each processor has a separate folder, because another one could crash on its entries; their total size
 is limited. JAX is imported by the first call.
 """
 
@@ -76,7 +76,8 @@ def compilation_cache(folder: StrPath | None = None) -> Path | None:
         return None
     if not os.access(place, os.W_OK):
         return None
-    # A curve consists of ten small functions; JAX would keep only those that compile for a second.
+    # A curve consists of ten small functions. The default of JAX keeps only functions that compile for a
+    # second.
     for name, value in (
         ("jax_persistent_cache_min_compile_time_secs", 0.0),
         ("jax_persistent_cache_min_entry_size_bytes", -1),

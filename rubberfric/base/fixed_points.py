@@ -98,8 +98,8 @@ def linear_fixed_point(
 ) -> jax.Array:
     """Return the second result of a linear function where its first, f' dy + df - dy, is zero.
 
-    It carries no derivatives. The linear system is that of `implicit`; here f and a quantity that depends on
-    it are one function, which is differentiated once.
+    It carries no derivatives. The linear system is the same as in `implicit`, but f and a quantity that
+    depends on it are one function, which is differentiated once.
 
     Parameters
     ----------
@@ -202,7 +202,7 @@ def anderson(
         # Normalised columns; an unused one is 0, and gets 0 from its own equation.
         size = jnp.sqrt(jnp.diagonal(products, axis1=1, axis2=2))
         scale = jnp.where(size > 0, size, 1.0)
-        # Nearly parallel columns count as one; without the ridge the matrix would be singular.
+        # The ridge keeps the matrix regular for nearly parallel columns.
         ridge = jnp.where(size > 0, smallest, 1.0)[..., None] * jnp.eye(history, dtype=y.dtype)
         normal = products / scale[:, :, None] / scale[:, None, :] + ridge
         share = jnp.linalg.solve(normal, (jnp.einsum("mpn,pn->pm", changes, z) / scale)[..., None])[..., 0]

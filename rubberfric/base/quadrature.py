@@ -71,7 +71,7 @@ class Quadrature:
             raise ValueError(f"Quadrature.ratio = {self.ratio!r}: must be between 1 and 1e6")
 
     def resolving(self, detail: float) -> "Quadrature":
-        """Return a setting for angular means with finer detail over ln q than those of a Prony series.
+        """Return a setting for angular means with finer detail over ln q than a Prony series has.
 
         It has more panels, and fewer angular nodes in each.
 
@@ -126,7 +126,7 @@ def cumulative(order: int) -> np.ndarray:
 
     .. math:: \int_0^{x_k} w f\,dx = \sum_{s i} w(y_s)\, T_{ski}\, f(x_i)
 
-    x are the Gauss nodes, y those of `nodes_between`. f is smooth and known at x only; w is known
+    x are the Gauss nodes and y the nodes of `nodes_between`. f is smooth and known at x only; w is known
     everywhere. The rule stays accurate, and therefore positive, if w grows by 1e6 within the panel. Shape
     (nodes between, order, order).
     """
@@ -142,7 +142,7 @@ def chebyshev_fit(
 ) -> np.ndarray:
     """Return ascending monomial coefficients in u on [-1, 1] of the interpolant on [low, high]."""
     coefficients = chebyshev.chebinterpolate(
-        # NumPy's stub types the values at all nodes as one number.
+        # NumPy's stub has the wrong type for the values at all nodes.
         lambda u: function(0.5 * (high - low) * (u + 1) + low),  # pyright: ignore[reportArgumentType, reportCallIssue]
         degree,
     )

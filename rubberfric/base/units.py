@@ -48,7 +48,7 @@ def shear_from_young(young: _T, poisson: _T | float) -> _T:
 
 
 def bulk_from_young(young: _T, poisson: _T | float) -> _T:
-    """Return the bulk modulus B [Pa] for Young's modulus E [Pa] and Poisson's ratio < 0.5, where B diverges."""
+    """Return the bulk modulus B [Pa] for Young's modulus E [Pa] and Poisson's ratio < 0.5."""
     return young / (3 * (1 - 2 * poisson))
 
 

@@ -1,4 +1,4 @@
-"""The command `rubberfric`, and what other commands share with it."""
+"""The command `rubberfric`, and functions that other commands share."""
 
 from rubberfric.base.lazy import lazily
 

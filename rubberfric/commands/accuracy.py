@@ -12,14 +12,14 @@ from rubberfric.io.files import read_computable
 from rubberfric.io.results import Conditions
 from rubberfric.plot.choice import save_accuracy_plot
 
-# More points make the sweep slower, and tell hardly more.
+# More points make the sweep slower without changing the errors.
 _POINTS = 60
 
 
 def run_accuracy(arguments: argparse.Namespace, show: Phases) -> tuple[str, OSError | None]:
-    """`rubberfric accuracy`: sweep over settings at the conditions of a file.
+    """Run `rubberfric accuracy`: sweep over settings at the conditions of a file.
 
-    Returns what it prints, and what failed.
+    Returns the printed text and the error, or None.
     """
     check_error(arguments.error)
     show(f"reading {arguments.scene}")
@@ -45,7 +45,7 @@ def run_accuracy(arguments: argparse.Namespace, show: Phases) -> tuple[str, OSEr
 
 
 def thinned(conditions: Conditions) -> np.ndarray:
-    """Velocities of the conditions, equally spread over them and few enough; at least 5 if there are."""
+    """Return a few equally spread velocities of the conditions, at least 5 if available."""
     temperatures = 1 if conditions.temperature is None else conditions.temperature.size
     count = max(5, _POINTS // (temperatures * conditions.pressure.size))
     velocity = conditions.velocity

@@ -1,4 +1,4 @@
-"""Arguments of the commands, and what is wrong with them that can be known before JAX is imported."""
+"""Arguments of the commands, and checks before JAX is imported."""
 
 import argparse
 import importlib.util
@@ -9,25 +9,25 @@ from rubberfric.base.atomic import TABLE_SUFFIXES, StrPath, check_readable, chec
 from rubberfric.base.release import VERSION
 
 SCENES = (".toml", ".h5")
-# What `rubberfric map` can compute: fields of `rubberfric.Solution`, which JAX stands before.
+# Quantities of `rubberfric map`: fields of `rubberfric.Solution`, repeated to avoid importing JAX.
 MAPPED = (
     *("area", "friction", "separation", "viscoelastic_friction", "shear_friction", "transverse_friction"),
     *("flash_temperature", "converged"),
 )
-# Devices beyond which JAX takes seconds and gigabytes to begin with them.
+# Above this number of devices JAX needs seconds and gigabytes to start.
 _MOST_DEVICES = 256
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose complaint is one line."""
+    """A parser whose error message is one line."""
 
     def error(self, message: str) -> NoReturn:
-        """One line, without the usage that argparse puts before it."""
+        """Print one line without the usage, and exit."""
         self.exit(2, f"{self.prog}: {' '.join(message.split())}\n")
 
 
 def parser() -> Parser:
-    """The parser of `rubberfric`."""
+    """Return the parser of `rubberfric`."""
     whole = Parser(prog="rubberfric", description="Rubber friction and contact of rough viscoelastic solids.")
     whole.add_argument("--version", action="version", version=f"rubberfric {VERSION}")
     commands = whole.add_subparsers(dest="command", required=True, metavar="COMMAND")
@@ -121,13 +121,13 @@ def _add_explore(commands: "argparse._SubParsersAction[Parser]") -> None:
 
 
 def add_outputs(command: argparse.ArgumentParser, name: str, written: str, drawn: str) -> None:
-    """Add --out, for a file of that kind of name, and --plot."""
+    """Add --out with the default name of its file, and --plot."""
     command.add_argument("--out", metavar=name, help=written)
     command.add_argument("--plot", metavar="FILE.png", help=f"{drawn} (.png, .pdf or .svg)")
 
 
 def add_common(command: argparse.ArgumentParser) -> None:
-    """Add what every command has."""
+    """Add the arguments of every command."""
     command.add_argument(
         "--no-cache",
         action="store_true",
@@ -139,7 +139,7 @@ def add_common(command: argparse.ArgumentParser) -> None:
 
 
 def check_arguments(arguments: argparse.Namespace) -> None:
-    """ValueError that says what is wrong with the arguments of `rubberfric`, before any work begins."""
+    """Raise ValueError for invalid arguments of `rubberfric`, before any work begins."""
     if arguments.command == "doctor":
         return
     if arguments.command == "map" and arguments.devices is not None:
@@ -147,7 +147,7 @@ def check_arguments(arguments: argparse.Namespace) -> None:
     check_input(arguments.scene, SCENES)
     if arguments.command == "explore":
         if arguments.port != 0 and not 1024 <= arguments.port < 2**16:
-            raise ValueError(f"--port {arguments.port}: must be 1024 ... 65535, or 0 for any that is free")
+            raise ValueError(f"--port {arguments.port}: must be 1024 ... 65535, or 0 for any free port")
         if arguments.data is not None:
             check_input(arguments.data, TABLE_SUFFIXES)
         return
@@ -155,7 +155,7 @@ def check_arguments(arguments: argparse.Namespace) -> None:
 
 
 def check_devices(count: int) -> None:
-    """ValueError unless JAX can make so many devices of a processor."""
+    """Raise ValueError unless JAX can use a processor as `count` devices."""
     if count < 1:
         raise ValueError(f"--devices {count}: must be > 0")
     if count > _MOST_DEVICES:
@@ -163,13 +163,13 @@ def check_devices(count: int) -> None:
 
 
 def check_input(path: StrPath, suffixes: tuple[str, ...]) -> None:
-    """ValueError unless a file could be one of those kinds."""
+    """Raise ValueError unless a file is readable and has one of the suffixes."""
     check_suffix(path, suffixes)
     check_readable(path)
 
 
 def check_outputs(arguments: argparse.Namespace, suffix: str) -> None:
-    """ValueError unless what --out and --plot name could be written."""
+    """Raise ValueError unless the files of --out and --plot can be written."""
     if arguments.out is not None:
         check_writable(arguments.out, (suffix,))
     if arguments.plot is None:
@@ -182,12 +182,12 @@ def check_outputs(arguments: argparse.Namespace, suffix: str) -> None:
 def write_outputs(
     show: Callable[[str], object], *outputs: tuple[str, str | None, Callable[[str], object]]
 ) -> OSError | None:
-    """Write files; a disk that is full costs neither the next nor what is printed.
+    """Write files; an error of one does not prevent the others or the printed output.
 
     Parameters
     ----------
-    show : called with what is being done
-    outputs : tuples of a word for that, a path or None, and the function that writes to it
+    show : called with the name of each step
+    outputs : tuples of a name, a path or None, and the function that writes to it
 
     Returns
     -------

@@ -107,8 +107,8 @@ def _give_up(stream: TextIO | None) -> None:
 def _have_streams() -> bool:
     """Make the standard streams safe to use; False if stdout is closed.
 
-    An opened file takes the lowest free descriptor. If that of a closed stream were free, logs of libraries
-    would go into that file.
+    An opened file takes the lowest free descriptor. If this were the descriptor of a closed stream, logs of
+    libraries would go into that file.
     """
     have = sys.stdout is not None
     for number in range(3):
@@ -129,7 +129,7 @@ def begin_jax(*, process: bool, cache: bool) -> None:
     Parameters
     ----------
     process : as in `Interrupts`
-    cache : True uses the compilation cache if the command is a process of its own
+    cache : True uses the compilation cache if the command is a separate process
 
     Raises
     ------

@@ -1,6 +1,6 @@
 """SIGINT (Ctrl-C) and SIGTERM in the commands: one line, nothing half-written, exit status 130 or 143.
 
-In a process of its own, a command is ended by a thread that waits for signals. The main thread cannot do
+If a command is a separate process, a thread that waits for signals ends it. The main thread cannot do
 it: Python runs handlers between its own instructions only, and a compiled function may run for seconds. An
 exception cannot do it either: XLA's threads would continue to compile while the interpreter shuts down, and
 the process would end with a segmentation fault. The thread therefore removes incomplete files and ends the
@@ -53,7 +53,7 @@ class Interrupts:
     ----------
     program : beginning of the message
     process : bool
-        True if the command is a process of its own, which a signal may end. Otherwise it was called from
+        True if the command is a separate process, which a signal may end. Otherwise it was called from
         Python, and a signal raises KeyboardInterrupt.
     """
 

@@ -1,9 +1,10 @@
 """The command `rubberfric`.
 
-Exit status: 0 done; 2 bad input, with one line on stderr and nothing written; 1 the work failed;
-130 interrupted by Ctrl-C (SIGINT), 143 by SIGTERM, within a second, with one line on stderr.
+The exit status is 0 if done, 2 for bad input, with one line on stderr and nothing written, and 1 if the work
+failed. Ctrl-C (SIGINT) gives 130 and SIGTERM 143, within a second and with one line on stderr.
 
-Each step imports what it needs: signals are answered before that, arguments checked before JAX is there.
+Each step imports its modules late, so that signals are handled from the start and arguments are checked
+before JAX is imported.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command with arguments `argv`; returns the exit status.
 
-    None: those of the process, which a signal then ends (`rubberfric.commands.interrupts`).
+    None: the arguments of the process, which a signal then ends (`rubberfric.commands.interrupts`).
     """
     if argv is None:
         leave_at_once("rubberfric")
@@ -39,7 +40,7 @@ def _run(argv: Sequence[str] | None) -> int:
     check_arguments(arguments)
     with command_progress(arguments.verbose) as show:
         show("loading JAX")
-        # What measures how long compiling takes must not find it done.
+        # `accuracy` measures compile times, so it must not use the cache.
         cache = not arguments.no_cache and arguments.command != "accuracy"
         begin_jax(process=argv is None, cache=cache)
         text, failure = _work(arguments.command)(arguments, show)
@@ -50,7 +51,7 @@ def _run(argv: Sequence[str] | None) -> int:
 
 
 def _work(command: str) -> Callable[[argparse.Namespace, Phases], tuple[str, OSError | None]]:
-    """What a command does, imported alone."""
+    """Import and return the function of a command."""
     match command:
         case "run":
             from rubberfric.commands.run import run_scene as run

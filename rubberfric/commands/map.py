@@ -22,8 +22,8 @@ _SEVERAL = {"velocity": "velocities", "pressure": "pressures", "temperature": "t
 
 
 def run_map(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
-    """`rubberfric map`: a friction map of a scene file; returns what it prints, and what failed."""
-    make_devices(arguments.devices)  # before the scene is read, for with that JAX begins
+    """Run `rubberfric map`; returns the printed text and the error, or None."""
+    make_devices(arguments.devices)  # before reading the scene, which starts JAX
     show(f"reading {arguments.scene}")
     scene, conditions, title = read_computable(arguments.scene, "map")
     if arguments.plot is not None:
@@ -38,7 +38,7 @@ def run_map(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError
     show(f"compiling {', '.join(quantities)} for a map of {points} points")
 
     def computed(done: int, of: int) -> None:
-        if done:  # before that, it still compiles
+        if done:  # before, it still compiles
             show(done, of)
 
     result = friction_map(
@@ -52,20 +52,20 @@ def run_map(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError
 
 
 def make_devices(count: int | None) -> None:
-    """One device of the processor for each of its cores, or as many as asked for.
+    """Use each core of the processor as a device, or `count` devices.
 
-    ValueError if JAX has others already.
+    Raises ValueError if JAX already has other devices.
     """
     try:
         jax.config.update("jax_num_cpu_devices", count or cores())
-    except RuntimeError:  # JAX has begun, which only a caller from Python can have done
+    except RuntimeError:  # JAX was started by a caller from Python
         found = jax.local_device_count("cpu")
         if count not in (None, found):
-            raise ValueError(f"--devices {count}: JAX has begun with {found}: must be that") from None
+            raise ValueError(f"--devices {count}: JAX has started with {found}; use this number") from None
 
 
 def summary(result: Result) -> Iterator[str]:
-    """Lines that say what a map covers, and the range of each of its quantities."""
+    """Yield lines about the extent of a map and the range of each quantity."""
     if result.title:
         yield result.title
     for name, units in CONDITION_UNITS.items():
@@ -84,7 +84,7 @@ def summary(result: Result) -> Iterator[str]:
     for name, values in result.solution._asdict().items():
         if values is None or name == "converged":
             continue
-        # A temperature at a time: an array that stays in its file is not read at once.
+        # One temperature at a time, because an array may be in a file.
         low = min(float(plane.min()) for plane in values)
         i = int(np.argmax([float(plane.max()) for plane in values]))
         j, k = np.unravel_index(int(values[i].argmax()), values.shape[1:])

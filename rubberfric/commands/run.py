@@ -21,7 +21,7 @@ from rubberfric.theory.quantities import Solution, iterated, quantities_of
 
 
 def run_scene(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
-    """`rubberfric run`: compute a scene file at its conditions; returns what it prints, and what failed."""
+    """Run `rubberfric run`; returns the printed text and the error, or None."""
     show(f"reading {arguments.scene}")
     scene, conditions, title = read_computable(arguments.scene)
     quadrature = default_quadrature(scene, conditions.pressure)
@@ -51,10 +51,9 @@ def run_scene(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSErr
 
 
 def compute(scene: Scene, conditions: Conditions, quadrature: Quadrature | None = None) -> Solution:
-    """All quantities at all conditions, NumPy arrays of shape [temperature, pressure, velocity].
+    """Return all quantities of a scene as NumPy arrays of shape [temperature, pressure, velocity].
 
-    Which they are follows from the scene (`model.quantities_of`).
-    FloatingPointError if one of them is not finite.
+    Raises FloatingPointError if one of them is not finite.
     """
     quantities = quantities_of(scene)
     solution = solve(
@@ -78,11 +77,11 @@ def compute(scene: Scene, conditions: Conditions, quadrature: Quadrature | None 
 
 
 def result_lines(result: Result) -> Iterator[str]:
-    """Lines of the printed table: a block for every temperature and pressure."""
+    """Yield the lines of the table, a block for every temperature and pressure."""
     solution = result.solution._asdict()
     columns = {name: solution[name] for name, quantity in QUANTITY_FORMATS.items() if quantity.heading}
     columns = {name: values for name, values in columns.items() if values is not None}
-    # Six columns of 12 leave no more than one space between them on a line of 80.
+    # Six columns of 12 leave one space between them on a line of 80.
     gap = " " if len(columns) > 4 else "  "
     if result.title:
         yield result.title
@@ -102,7 +101,7 @@ def result_lines(result: Result) -> Iterator[str]:
 
 
 def extrapolation_line(result: Result) -> str:
-    """How far the friction rests on extrapolated moduli; "" if no modulus is tabulated."""
+    """Return the share of friction from extrapolated moduli as text; "" without tabulated moduli."""
     if not tabulated_solids(result.scene):
         return ""
     beyond = friction_outside_table(result.scene, *result.conditions.grid(), compiler_options=quick_options())
@@ -112,7 +111,7 @@ def extrapolation_line(result: Result) -> str:
 
 
 def model_error_line(result: Result) -> str:
-    """How far the theory is from boundary elements in such scenes; "" where that is not known."""
+    """Return the expected error of the theory as text; "" if unknown."""
     found = theory_error(result.scene, np.asarray(result.solution.area))
     if found is None:
         return ""
@@ -127,11 +126,11 @@ def model_error_line(result: Result) -> str:
 
 
 def convergence_line(result: Result) -> str:
-    """How many points of a heated or adhesive scene are not a solution; "" if all are."""
+    """Return the number of points that did not converge as text; "" if all did."""
     converged = result.solution.converged
     if converged is None:
         return ""
-    # A temperature at a time: an array that stays in its file is not read at once.
+    # One temperature at a time, because an array may be in a file.
     left = [np.size(plane) - np.count_nonzero(plane) for plane in converged]
     if not any(left):
         return ""

@@ -71,7 +71,7 @@ class CardFormat(NamedTuple):
 
 
 def parse_number(field: str) -> float:
-    """Number in a field of a card. An exponent may be D as in Fortran; a blank field is 0."""
+    """Return the number in a field of a card. An exponent may be D as in Fortran; a blank field is 0."""
     try:
         return float(re.sub(r"[dD](?=[+-]?\d+$)", "e", field.strip() or "0"))
     except ValueError:

@@ -65,7 +65,7 @@ class TabulatedSpectrum(Spectrum):
         return cut_law(tabulated_law(self.q, self.C), self.q0, None)
 
     def cut(self, q1: jax.Array) -> "TabulatedSpectrum":
-        """The same table with another q1."""
+        """Return the same table with another q1."""
         return self.replace(q1=within_table(self.q, q1))
 
     def entries(self) -> jax.Array:

@@ -115,7 +115,7 @@ class Kind(PhysicalObject):
         """Return the object with a concrete table padded by neutral entries to a standard length.
 
         Tables that are padded to the same length share compiled functions. Derivatives with respect to the
-        entries may be lost, so it is for constant tables only.
+        entries may be lost, so use it only for constant tables.
         """
         return self
 
@@ -209,9 +209,7 @@ def physical(cls: type[_T]) -> type[_T]:
     """
     known = _CLASSES.get(cls.__name__)
     if known is not None and (known.__module__, known.__qualname__) != (cls.__module__, cls.__qualname__):
-        raise TypeError(
-            f"{cls.__name__}: {known.__module__} has a class of that name; choose another name"
-        )
+        raise TypeError(f"{cls.__name__}: {known.__module__} has a class of that name; choose another name")
     # eq=False, because comparing arrays gives no single truth value; identity serves for hashing.
     cls = dataclasses.dataclass(frozen=True, eq=False)(cls)
     meanings = {field.name: meaning_of(cls, field) for field in dataclasses.fields(cls)}  # pyright: ignore[reportArgumentType] (it is a dataclass now)

@@ -1,1 +1,1 @@
-"""The command `rubberfric explore`: a page on which the numbers of a scene are moved."""
+"""The command `rubberfric explore`: a page with sliders for the numbers of a scene."""

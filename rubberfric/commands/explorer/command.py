@@ -169,7 +169,7 @@ def fit_download(explorer: Explorer, values: CurveValues) -> Download:
     """
     measured = explorer.measured
     if measured is None:
-        raise ValueError("no measured points: the command must be given some, --data FILE")
+        raise ValueError("no measured points; start the command with --data FILE")
     table = f"data{measured.path.suffix}"
     job = job_text(explorer, values, measured, table)
     files = {JOB: job.encode()} | {n: text.encode() for n, text in _scene(explorer, values).items()}
@@ -181,7 +181,7 @@ def job_text(explorer: Explorer, values: CurveValues, measured: MeasuredPoints, 
     away = [one for one in explorer.sliders if one.targets and values[one.name] != one.start]
     rules = dict(pair for one in away for pair in _rules(one, values[one.name]))
     if not rules:
-        raise ValueError("no number of the scene was moved that a fit can have free: move one")
+        raise ValueError("no number that a fit can vary was moved; move a slider of the scene")
     # A free array cannot have free elements as well.
     rules = {
         path: rule for path, rule in rules.items() if path.partition("[")[0] not in rules or "[" not in path

@@ -1,8 +1,8 @@
-"""The curves of a scene where the sliders are: one compiled program for all, another for sensitivities.
+"""Curves of a scene at the sliders' values: one compiled function for all, another for sensitivities.
 
-The programs take the numbers of the scene as arguments: moving one compiles nothing. Their quadrature is the
-one for ten decades at any load, so that it need not change with them. Where the curves take too long to
-follow a slider, as with adhesion, there is a third program with a coarser one, for drafts while it moves.
+The functions take the numbers of the scene as arguments, so moving a slider compiles nothing. Their
+quadrature is valid for ten decades at any load. If the curves are too slow to follow a slider, as with
+adhesion, a third function with a coarser quadrature computes drafts while the slider moves.
 """
 
 import math
@@ -26,25 +26,25 @@ from rubberfric.scene.settings import default_quadrature
 from rubberfric.theory.model import solve
 from rubberfric.theory.quantities import quantities_of
 
-# Points of a curve, of which every third has sensitivities and every second is on the curves beside measured
+# Points of a curve. Every third has sensitivities; every second is used in curves for measured
 # points; points of a master curve.
 POINTS, EVERY, BESIDE, FREQUENCIES = 61, 3, 2, 121
 # With adhesion a point takes a hundred times as long.
 ADHESIVE_POINTS = 13
-# Drafts are drawn where the curves take longer than this [s], by this quadrature: a tenth of the time. Areas
-# of adhesive scenes in data are 1 % off at most, and the page says by how much the last draft was.
+# Drafts are drawn if the curves take longer than this [s]. Their quadrature takes a tenth of the time. Areas
+# of the adhesive scenes in data have errors up to 1 %, and the page shows the error of the last draft.
 PATIENCE = 0.04
 DRAFT = Quadrature(order=8, panels=6, graded=4, ratio=6.0, angular_order=8)
-# How far pressures reach where the scene says one only, and frequencies beyond those of a material.
+# Range of pressures if the scene has only one, and of frequencies beyond those of a material.
 _REACH, _BEYOND = 30.0, 100.0
-# Of a material that does not say any [rad/s].
+# Frequencies for a material without a frequency range [rad/s].
 _FREQUENCIES = 1.0, 1e10
 
 CurveValues = Mapping[str, float]
 
 
 class Explorer:
-    """A scene, its sliders, and what is drawn.
+    """A scene with its sliders and curves.
 
     Parameters
     ----------
@@ -75,14 +75,14 @@ class Explorer:
         self.omega = {name: _frequencies(part) for name, part in _materials(self.scene).items()}
         self._curves = jax.jit(self._all_curves, static_argnames="quadrature")
         self._slopes = jax.jit(self._all_slopes)
-        self.has_drafts = False  # known when the curves are compiled, before requests come
-        # Of the thread that compiles sensitivities: that it has ended, and then why it failed.
+        self.has_drafts = False  # set when the curves are compiled, before the first request
+        # Set by the thread that compiles sensitivities: end, and reason of a failure.
         self._compiled = threading.Event()
         self.failure = ""
 
     @property
     def is_ready(self) -> bool:
-        """Whether sensitivities are compiled, or `failure` says why they could not be."""
+        """Return True if sensitivities are compiled or have failed."""
         return self._compiled.is_set()
 
     @property
@@ -97,7 +97,7 @@ class Explorer:
         return self.at.size + self.at[::BESIDE].size * len(self.curves_of_points)
 
     def moved(self, values: CurveValues) -> Scene:
-        """The scene with the sliders at these values; ValueError if they do not go together."""
+        """Return the scene with the sliders at these values; ValueError for an invalid combination."""
         scene = moved(self.scene, self.sliders, values)
         temperatures = self.conditions_at(values)[2]
         at = Conditions(np.ones(1), np.ones(1), None if temperatures is None else np.unique(temperatures))
@@ -105,7 +105,7 @@ class Explorer:
         return scene
 
     def curves(self, values: CurveValues, draft: bool = False) -> dict[str, Any]:
-        """All that is drawn where the sliders are; a draft with the coarser quadrature.
+        """Return all curves at the sliders' values; a draft has a coarser quadrature.
 
         Returns
         -------
@@ -125,7 +125,7 @@ class Explorer:
         return found
 
     def sensitivities(self, values: CurveValues) -> dict[str, np.ndarray]:
-        """d ln Q / d ln slider by its name, at `at[::EVERY]`; Q is the friction, without any the area."""
+        """Return d ln Q / d ln slider by name at `at[::EVERY]`; Q is friction, or area if friction is 0."""
         self.moved(values)
         x = jnp.array([values[one.name] for one in self.sliders])
         value, slopes = jax.device_get(self._slopes(x))
@@ -134,7 +134,7 @@ class Explorer:
         return {one.name: relative[:, i] for i, one in enumerate(self.sliders)}
 
     def compile(self) -> None:
-        """Compile the program of the curves, and that of drafts if the first takes too long."""
+        """Compile the function of the curves, and a draft function if the first is too slow."""
         start = {one.name: one.start for one in self.sliders}
         self.curves(start)
         begin = time.perf_counter()
@@ -144,16 +144,16 @@ class Explorer:
             self.has_drafts = True
 
     def compile_sensitivities(self) -> None:
-        """Compile that of the sensitivities; what failed is kept, as it may happen in a thread."""
+        """Compile the function of the sensitivities, and keep an error, because this may run in a thread."""
         try:
             self.sensitivities({one.name: one.start for one in self.sliders})
-        except Exception as error:  # a thread has nobody to raise it to
+        except Exception as error:  # a thread cannot raise it
             self.failure = str(error) or type(error).__name__
         finally:
             self._compiled.set()
 
     def conditions_at(self, values: CurveValues) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Velocity, pressure and temperature of the curve, of those beside points, and of the points."""
+        """Return velocity, pressure and temperature of the curve, of curves for points, and of the points."""
         curves, measured = self.curves_of_points, self.measured
 
         def all_of(name, one):
@@ -184,7 +184,7 @@ class Explorer:
         curves = at(slice(count), self.quantities)
         others = None
         if v.shape[0] > count:
-            # Its other quantities would take several times as long.
+            # Other quantities would take several times longer.
             others = at(slice(count, None), ("friction",))["friction"]
         parts = _materials(scene)
         moduli = {name: complex_modulus(parts[name], omega) for name, omega in self.omega.items()}
@@ -197,7 +197,7 @@ class Explorer:
         return curves, others, moduli, spectra
 
     def _all_slopes(self, x):
-        """The quantity at points, and its derivatives with respect to all sliders, (points, sliders)."""
+        """Return the quantity at points, and its derivatives by all sliders, (points, sliders)."""
         names = [one.name for one in self.sliders]
         base = cast(self.scene, float)
 
@@ -223,7 +223,7 @@ class Explorer:
             return getattr(solution, quantity)
 
         if outside:
-            # A function of each condition alone, not of all points' together: forward mode.
+            # Each point depends only on its own condition, so forward mode is efficient.
             _, push = jax.linearize(of_conditions, z)
             for name, slope in zip(outside, jax.vmap(push)(jnp.eye(len(outside))), strict=True):
                 slopes = slopes.at[:, names.index(name)].set(slope)
@@ -231,7 +231,7 @@ class Explorer:
 
 
 def _axis(conditions: Conditions, count: int) -> tuple[str, np.ndarray]:
-    """Which condition the curves are over, and its values."""
+    """Return the condition on the abscissa of the curves, and its values."""
     v = conditions.velocity[conditions.velocity > 0]
     if v.size and v.max() > v.min():
         return "velocity", np.geomspace(v.min(), v.max(), count)
@@ -243,7 +243,7 @@ def _axis(conditions: Conditions, count: int) -> tuple[str, np.ndarray]:
 
 
 def _materials(scene: Scene) -> dict[str, Material]:
-    """The solids that deform, by where they are."""
+    """Return the deformable materials by their place."""
     found = {}
     for name, body in (("upper", scene.upper), ("lower", scene.lower)):
         if body.material.deforms:
@@ -255,13 +255,13 @@ def _materials(scene: Scene) -> dict[str, Material]:
 
 
 def _frequencies(material: Material) -> np.ndarray:
-    """Where a master curve is drawn [rad/s]."""
+    """Return the frequencies of a plotted master curve [rad/s]."""
     ends = material.frequency_range()
     low, high = _FREQUENCIES if ends is None else (float(ends[0]) / _BEYOND, float(ends[1]) * _BEYOND)
     return np.geomspace(low, high, FREQUENCIES)
 
 
 def _misfit(model: np.ndarray, measured: np.ndarray) -> float:
-    """Root mean square of ln(model / measured) of what has a logarithm; NaN if nothing has."""
+    """Return the rms of ln(model / measured) over positive values; NaN without any."""
     both = (model > 0) & (measured > 0)
     return float(np.sqrt(np.mean(np.log(model[both] / measured[both]) ** 2))) if both.any() else math.nan

@@ -1,4 +1,4 @@
-"""Measured friction coefficients that are drawn beside the curves, read as a fit reads them."""
+"""Measured friction coefficients that are drawn with the curves, read as for a fit."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -11,48 +11,48 @@ from rubberfric.io.results import Conditions, check_conditions, check_plausible_
 from rubberfric.io.tables import read_table
 from rubberfric.scene.scene import Scene, takes_temperature
 
-# Points and curves that a page has room and time for.
+# Largest numbers of points and curves on a page.
 MOST_POINTS, MOST_CURVES = 2000, 12
 
 
 class MeasuredPoints(NamedTuple):
-    """Friction coefficients, arrays of shape (n,); what the file does not say is where the sliders are."""
+    """Friction coefficients, arrays of shape (n,); missing conditions are those of the sliders."""
 
     path: Path
     velocity: np.ndarray  # [m/s]
     friction: np.ndarray  # [-]
     error: np.ndarray | None  # standard deviations [-]
     pressure: np.ndarray | None  # [Pa]
-    temperature: np.ndarray | None  # [K]; None also where nothing depends on it
+    temperature: np.ndarray | None  # [K]; None also if nothing depends on it
     content: bytes  # of the file
 
 
 class Curve(NamedTuple):
-    """Points at about the same pressure and temperature, which have a curve of their own."""
+    """Points at about the same pressure and temperature, which share a curve."""
 
-    pressure: float | None  # None: where the slider is
+    pressure: float | None  # None: value of the slider
     temperature: float | None
     points: tuple[int, ...]
 
 
 def read_points(path: StrPath, scene: Scene, conditions: Conditions) -> MeasuredPoints:
-    """The points of a table with v and mu, and if it has them p, T, and sigma or relative_sigma.
+    """Read points from a table with v, mu and optionally p, T, and sigma or relative_sigma.
 
     Raises
     ------
-    ValueError : one line; no such table, or points that the scene cannot be computed at.
+    ValueError : an invalid table, or points at which the scene cannot be computed.
     """
     optional = ("p", "T", "sigma", "relative_sigma")
     table = read_table(path, ("v", "mu"), optional, increasing=False)
     if table["v"].size > MOST_POINTS:
         raise ValueError(f"{path}: has {table['v'].size} points: must have at most {MOST_POINTS}")
     if np.any(table["v"] <= 0):
-        raise ValueError(f"{path}: v = {shown(table['v'].min())}: must be > 0, for the axis is logarithmic")
+        raise ValueError(f"{path}: v = {shown(table['v'].min())}: must be > 0 on a logarithmic axis")
     p, T = table.get("p"), table.get("T")
     if not takes_temperature(scene):
         T = None
     elif T is not None and conditions.temperature is None:
-        raise ValueError(f"{path}: has temperatures, but [run] of the scene has none: must have one")
+        raise ValueError(f"{path}: has temperatures, but [run] of the scene has none; add one")
     at = Conditions(
         table["v"],
         conditions.pressure if p is None else p,
@@ -67,7 +67,7 @@ def read_points(path: StrPath, scene: Scene, conditions: Conditions) -> Measured
 
 
 def group_points(measured: MeasuredPoints) -> list[Curve]:
-    """The points in sets of one pressure and temperature, to 1 % and 1 K; the largest sets if many."""
+    """Group points by pressure (1 %) and temperature (1 K), and return the largest groups."""
     size = measured.velocity.size
     p = np.zeros(size) if measured.pressure is None else np.round(np.log(measured.pressure) / 0.01)
     T = np.zeros(size) if measured.temperature is None else np.round(measured.temperature)

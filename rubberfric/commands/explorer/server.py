@@ -1,9 +1,9 @@
-"""The page's server: to this machine alone, and there to who has the token of the URL.
+"""Server of the page, for this machine only and only for requests with the token of the URL.
 
-Another page in the same browser can send requests here, even by a name of its own that it has resolved to
-127.0.0.1: so the Host must be this server's, what is posted must come from its own page (Origin), and nothing
-is answered without the token, which other users of the machine do not know either. There are five routes and
-no files: what is asked for is compared with them, never opened.
+Another page in the same browser can send requests here, even by a domain name that resolves to 127.0.0.1.
+The Host must therefore be this server's, posts must come from its page (Origin), and every request needs the
+token, which other users of the machine do not know. There are five routes. The server compares a request
+with them and opens no files.
 """
 
 import hmac
@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 from rubberfric.base.checks import shown
 
 ADDRESS = "127.0.0.1"
-# Bytes that a request may have, seconds that it may take to arrive, and requests that may be under way.
+# Limits of a request: bytes, seconds until it has arrived, and simultaneous requests.
 LARGEST_REQUEST, REQUEST_TIMEOUT, MOST_REQUESTS = 2**14, 10.0, 32
 
 _HEADERS = {
@@ -37,7 +37,7 @@ _POLICY = (
 
 
 class Answer(NamedTuple):
-    """What is sent back."""
+    """Content of a response."""
 
     kind: str  # of the content
     content: bytes
@@ -46,7 +46,7 @@ class Answer(NamedTuple):
 
 
 class Refused(Exception):
-    """A request that is not answered."""
+    """A refused request."""
 
     def __init__(self, status: HTTPStatus, why: str) -> None:
         super().__init__(why)
@@ -54,13 +54,13 @@ class Refused(Exception):
 
 
 class Server(ThreadingHTTPServer):
-    """Answers the routes of a page, one after another.
+    """Server of a page and its routes.
 
     Parameters
     ----------
-    port : 0: any that is free
-    page : function of a nonce, gives the page whose script and style have it
-    routes : by name, functions of what was posted as JSON; ValueError for what they do not take
+    port : 0: any free port
+    page : function of a nonce that returns the page; its scripts and style have the nonce
+    routes : functions of the posted JSON value by name; they raise ValueError for invalid values
     """
 
     daemon_threads = True
@@ -78,29 +78,29 @@ class Server(ThreadingHTTPServer):
 
     @property
     def hosts(self) -> tuple[str, str]:
-        """What its Host header may say."""
+        """Return the allowed values of the Host header."""
         return f"{ADDRESS}:{self.server_port}", f"localhost:{self.server_port}"
 
     @property
     def url(self) -> str:
-        """Of the page, with the token."""
+        """Return the URL of the page, with the token."""
         return f"http://{self.hosts[0]}/{self.token}/"
 
     @property
     def entrance(self) -> str:
-        """A URL that leads to the page once: other users may see what a browser is told to open."""
+        """Return a URL that opens the page once, because other users may see the browser's arguments."""
         return f"http://{self.hosts[0]}/{self._entrance[0]}/"
 
     def enters(self, path: str) -> bool:
-        """Whether a path is that of `entrance`, which then is none any more."""
+        """Return True if a path is the one-time URL, and invalidate the URL."""
         there = any(hmac.compare_digest(path.encode(), f"/{one}/".encode()) for one in self._entrance)
         try:
             return there and bool(self._entrance.pop())
-        except IndexError:  # another thread was quicker
+        except IndexError:  # another thread was faster
             return False
 
     def process_request(self, request: Any, client_address: Any) -> None:
-        """In a thread, as browsers open connections beforehand that say nothing; not in ever so many."""
+        """Process a request in one of a limited number of threads; browsers open idle connections."""
         if not self._room.acquire(blocking=False):
             self.shutdown_request(request)
             return
@@ -114,7 +114,7 @@ class Server(ThreadingHTTPServer):
             self._room.release()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Nothing: of a connection that broke there is no news."""
+        """Ignore broken connections."""
 
 
 class Handler(BaseHTTPRequestHandler):
@@ -125,20 +125,20 @@ class Handler(BaseHTTPRequestHandler):
     server_version, sys_version = "rubberfric", ""
 
     def do_GET(self) -> None:
-        """The page."""
+        """Send the page."""
         self._answer(self._page)
 
     def do_POST(self) -> None:
-        """What the page asks for."""
+        """Answer a post of the page."""
         self._answer(self._posted)
 
     def send_error(self, code: int, message: str | None = None, explain: str | None = None) -> None:
-        """What the base class refuses, in plain text; what was asked for is not repeated."""
+        """Send an error as plain text without repeating the request."""
         del message, explain
         self._refuse(code, HTTPStatus(code).phrase)
 
     def log_message(self, format: str, *arguments: Any) -> None:
-        """Nothing: a log would have the token."""
+        """Log nothing, because a log would contain the token."""
 
     def _answer(self, work: Callable[[], Answer]) -> None:
         try:
@@ -170,7 +170,7 @@ class Handler(BaseHTTPRequestHandler):
         if self.server.enters(self.path):
             return Answer("text/plain", b"", {"Location": f"/{self.server.token}/"}, HTTPStatus.SEE_OTHER)
         if self._route() != "":
-            raise Refused(HTTPStatus.NOT_FOUND, "there is no such page")
+            raise Refused(HTTPStatus.NOT_FOUND, "page not found")
         nonce = secrets.token_urlsafe(16)
         policy = {"Content-Security-Policy": _POLICY.format(f"'nonce-{nonce}'")}
         return Answer("text/html; charset=utf-8", self.server.page(nonce).encode(), policy)
@@ -178,7 +178,7 @@ class Handler(BaseHTTPRequestHandler):
     def _posted(self) -> Answer:
         work = self.server.routes.get(self._route())
         if work is None:
-            raise Refused(HTTPStatus.NOT_FOUND, "there is no such page")
+            raise Refused(HTTPStatus.NOT_FOUND, "page not found")
         host = self._only("Host")
         if self._only("Origin") != f"http://{host}":
             raise Refused(HTTPStatus.FORBIDDEN, "Origin: must be this server")
@@ -196,7 +196,7 @@ class Handler(BaseHTTPRequestHandler):
             raise Refused(HTTPStatus.FORBIDDEN, "Host: must be this server")
 
     def _route(self) -> str:
-        """What follows the token, "" for the page; 403 without the token, whatever is asked for."""
+        """Return the path after the token, "" for the page; refuse with 403 without the token."""
         begin, token, *route = (*self.path.split("/", 2), "", "")[:3]
         known = hmac.compare_digest(token.encode(errors="replace"), self.server.token.encode())
         if begin != "" or not known:
@@ -204,7 +204,7 @@ class Handler(BaseHTTPRequestHandler):
         return route[0]
 
     def _only(self, name: str) -> str | None:
-        """A header that is there once."""
+        """Return a header that occurs exactly once."""
         found = self.headers.get_all(name) or []
         return found[0] if len(found) == 1 else None
 
@@ -218,7 +218,7 @@ class Handler(BaseHTTPRequestHandler):
 
 
 def _read_json(content: bytes) -> Any:
-    """What JSON says; ValueError for what is none, NaN and infinities among it."""
+    """Parse JSON; ValueError for invalid JSON, NaN and infinities."""
 
     def refuse(name):
         raise ValueError(f"{name}: must be a finite number")

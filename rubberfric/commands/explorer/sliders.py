@@ -1,7 +1,7 @@
-"""Sliders: which numbers of a scene the page may change, and within which ranges.
+"""Sliders: numbers of a scene that the page can change, and their ranges.
 
-They follow from the fields of what the scene is made of: a slider for each number, of series and tables one
-for all moduli, one for the frequencies and one for each decade of relaxation times, each a factor.
+They follow from the fields of the objects of a scene. Each number has a slider. Series and tables have a
+factor for all moduli, one for the frequencies and one for each decade of relaxation times.
 """
 
 import math
@@ -17,7 +17,7 @@ from rubberfric.base.objects.physical import PhysicalObject, leaves_of, parts_of
 from rubberfric.io.results import Conditions, check_conditions
 from rubberfric.scene.scene import Scene
 
-# How far a number may go to either side of where it starts, a factor, by its unit; and others.
+# Range of a number to either side of its start as a factor, by unit; and other ranges.
 _REACH = {"1/m": 100.0, "m/s": 1000.0, "m": 10.0, "Pa": 10.0, "J/m^2": 10.0}
 _OTHER_REACH, _FACTOR_REACH, _FREQUENCY_REACH = 3.0, 10.0, 1000.0
 _PRESSURE_REACH, _TEMPERATURE_REACH = 30.0, 60.0  # [-], [K]
@@ -28,26 +28,26 @@ class Target(NamedTuple):
     """A number or an array of the scene that a slider changes."""
 
     path: str
-    elements: tuple[int, ...] | None = None  # of an array; None: all
-    power: float | None = None  # of the slider's factor; None: it is the number itself
+    elements: tuple[int, ...] | None = None  # elements of an array; None: all
+    power: float | None = None  # power of the slider's factor; None: the slider is the number
 
 
 class Slider(NamedTuple):
-    """What the page may move."""
+    """A slider of the page."""
 
-    name: str  # a key path where it is a number of the scene
+    name: str  # key path if it is a number of the scene
     group: str
     label: str
-    unit: str  # "-" without one, "" of a factor
+    unit: str  # "-" without unit, "" for a factor
     start: float
     low: float
     high: float
     logarithmic: bool
-    targets: tuple[Target, ...] = ()  # none: of a condition
-    free: tuple[str, ...] = ()  # key paths that a fit can have free instead
+    targets: tuple[Target, ...] = ()  # empty for a condition
+    free: tuple[str, ...] = ()  # corresponding free parameters of a fit
 
     def at(self, part: float) -> float:
-        """The value at a part of the way from `start` to `high`, or if negative to `low`."""
+        """Return the value at a share of the way from `start` to `high`, or to `low` if negative."""
         end = self.high if part > 0 else self.low
         if self.logarithmic:
             return self.start * (end / self.start) ** abs(part)
@@ -55,13 +55,13 @@ class Slider(NamedTuple):
 
 
 def sliders_of(scene: Scene, conditions: Conditions, axis: str = "velocity") -> list[Slider]:
-    """Sliders of a scene and of pressure and temperature, their ranges within what constructors take.
+    """Return sliders for a scene, pressure and temperature, with ranges that constructors accept.
 
     Parameters
     ----------
     scene : Scene of concrete numbers, prepared by `with_cutoffs`
-    conditions : whose middle pressure and temperature are where these sliders start
-    axis : which of the conditions the curves are over, and so has none
+    conditions : their middle pressure and temperature are the start values of these sliders
+    axis : condition on the abscissa of the curves, which has no slider
     """
     found = [one for one in _of_conditions(scene, conditions) if one.name != axis]
     for path, part in parts_of(scene):
@@ -70,7 +70,7 @@ def sliders_of(scene: Scene, conditions: Conditions, axis: str = "velocity") -> 
 
 
 def with_cutoffs(scene: Scene) -> Scene:
-    """The scene whose tables of roughness say where they end, so that it can be moved."""
+    """Return the scene with explicit cutoffs of tabulated spectra, so that they have sliders."""
     paths = [
         (f"{path}.q1", part)
         for path, part in parts_of(scene)
@@ -81,23 +81,23 @@ def with_cutoffs(scene: Scene) -> Scene:
 
 
 def slider_values(sliders: Sequence[Slider], given: Any) -> dict[str, float]:
-    """The value of every slider, given those that are not where they start.
+    """Return the value of every slider from the values that differ from the start.
 
     Raises
     ------
-    ValueError : an unknown slider, what is no finite number, or one out of its range.
+    ValueError : an unknown slider, a value that is not a finite number, or a value outside its range.
     """
     if not isinstance(given, dict):
-        raise ValueError(f"values = {shown(given)}: must be numbers by the names of sliders")
+        raise ValueError(f"values = {shown(given)}: must be an object with numbers by slider name")
     known = {one.name: one for one in sliders}
     values = {one.name: one.start for one in sliders}
     for name, value in given.items():
         if name not in known:
-            raise ValueError(f"{shown(name)}: is no slider; {closest(name, tuple(known))}")
+            raise ValueError(f"{shown(name)}: unknown slider; {closest(name, tuple(known))}")
         if isinstance(value, bool) or not isinstance(value, int | float):
             raise ValueError(f"{name} = {shown(value)}: must be a number")
         low, high = known[name].low, known[name].high
-        # Comparisons that NaN does not pass, and whole numbers of any length do not overflow.
+        # These comparisons reject NaN and do not overflow for long integers.
         if not low <= value <= high:
             raise ValueError(f"{name} = {shown(value)}: must be between {low!r} and {high!r}")
         values[name] = float(value)
@@ -105,13 +105,13 @@ def slider_values(sliders: Sequence[Slider], given: Any) -> dict[str, float]:
 
 
 def changes(scene: Scene, sliders: Sequence[Slider], values: Mapping[str, Any], array: Any) -> dict[str, Any]:
-    """What `Scene.replace` takes: new numbers by key path.
+    """Return new numbers by key path, for `Scene.replace`.
 
     Parameters
     ----------
-    scene : the one that the sliders start at
-    sliders, values : and where they are, numbers or traced ones
-    array : numpy, or jax.numpy for what is traced
+    scene : Scene at the start values
+    sliders, values : sliders and their values, which may be traced
+    array : numpy, or jax.numpy for traced values
     """
     found: dict[str, Any] = {}
     for one in sliders:
@@ -130,7 +130,7 @@ def changes(scene: Scene, sliders: Sequence[Slider], values: Mapping[str, Any], 
 
 
 def moved(scene: Scene, sliders: Sequence[Slider], values: Mapping[str, float]) -> Scene:
-    """The scene with the sliders at these values; ValueError if they do not go together."""
+    """Return the scene with the sliders at these values; ValueError for an invalid combination."""
     away = [one for one in sliders if values[one.name] != one.start]
     found = changes(scene, away, values, np)
     return scene.replace(found) if found else scene
@@ -157,23 +157,23 @@ def _of_conditions(scene: Scene, conditions: Conditions) -> Iterator[Slider]:
 
 
 def _middle(values: np.ndarray) -> tuple[float, float, float]:
-    """The least of them, one in the middle, and the largest."""
+    """Return the smallest, a middle and the largest value."""
     ordered = np.sort(values).tolist()
     return ordered[0], ordered[(len(ordered) - 1) // 2], ordered[-1]
 
 
 def _of_object(path: str, part: PhysicalObject) -> Iterator[Slider]:
-    """Sliders of the numbers of one object."""
+    """Yield sliders for the numbers of one object."""
     leaves = {name: field for name, field in leaves_of(type(part)).items() if getattr(part, name) is not None}
     group, dot = path or "scene", f"{path}." if path else ""
     for name, field in leaves.items():
         if field.ndim == 0 and field.plausible != PLAUSIBLE_TEMPERATURE:
             yield from _of_number(dot + name, group, name, field, float(getattr(part, name)))
-    # Of a series or a table of moduli.
+    # Moduli of a series or a table.
     moduli = [n for n, f in leaves.items() if f.unit == "Pa" and (f.ndim == 1 or f.plus is not None)]
     if moduli:
         targets = [Target(dot + name, None, 1.0) for name in moduli]
-        # Not those of tables, nor a modulus of 0.
+        # Not for tables or a modulus of 0.
         free = [n for n in moduli if leaves[n].column is None and np.all(np.asarray(getattr(part, n)) > 0)]
         yield _factor(f"{dot}moduli", group, "all moduli", targets, [dot + name for name in free])
         powers = {"rad/s": 1.0, "s": -1.0}
@@ -187,7 +187,7 @@ def _of_object(path: str, part: PhysicalObject) -> Iterator[Slider]:
 
 
 def _of_number(path: str, group: str, name: str, field: Leaf, start: float) -> Iterator[Slider]:
-    """The slider of a number: linear between bounds or of an angle, else a factor to either side."""
+    """Yield the slider of a number: linear for bounded numbers and angles, otherwise a factor."""
     allowed = field.rule[1]
     if field.unit == "rad":
         low, high, logarithmic = start - math.pi / 2, start + math.pi / 2, False
@@ -214,8 +214,8 @@ def _factor(
 
 
 def _by_decade(path: str, group: str, name: str, times: np.ndarray) -> Iterator[Slider]:
-    """A factor for the terms of every decade of relaxation times, if there are several."""
-    # Times that are powers of ten begin their decade, however they are rounded.
+    """Yield a factor for every decade of relaxation times, if there are several."""
+    # Powers of ten begin their decade, regardless of rounding.
     decades = np.floor(np.log10(times) + 1e-6).astype(int)
     for decade in np.unique(decades) if np.ptp(decades) else ():
         elements = tuple(np.flatnonzero(decades == decade).tolist())
@@ -226,7 +226,7 @@ def _by_decade(path: str, group: str, name: str, times: np.ndarray) -> Iterator[
 
 
 def _at(scene: Scene, path: str) -> jax.Array:
-    """What a key path without brackets names."""
+    """Return the value at a key path without brackets."""
     found: Any = scene
     for name in path.split("."):
         found = getattr(found, name)
@@ -234,7 +234,7 @@ def _at(scene: Scene, path: str) -> jax.Array:
 
 
 def _accepts(scene: Scene, slider: Slider) -> Callable[[float], bool]:
-    """Whether the scene can have a value of a slider, all others where they start."""
+    """Return a test if the scene accepts a value of a slider, with the others at their start."""
 
     def accepts(value):
         try:
@@ -247,7 +247,7 @@ def _accepts(scene: Scene, slider: Slider) -> Callable[[float], bool]:
 
 
 def _within(slider: Slider, accepts: Callable[[float], bool]) -> Slider:
-    """The slider with ends that are accepted, by halving the way to those that are not."""
+    """Return the slider with accepted ends, found by bisection."""
     ends = {}
     for name, side in (("low", -1.0), ("high", 1.0)):
         if accepts(slider.at(side)):
