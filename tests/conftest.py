@@ -32,9 +32,9 @@ QUICK = (
 def pytest_configure(config):
     """Let XLA compile the ordinary run quickly: compilation is most of it.
 
-    The slow sets and the benchmarks, of which nobody waits for the compiler, run what users run.
+    Slow sets and benchmarks use the options of users.
     """
-    # What tracing leaves lives long: each search of all of it for cycles costs a second, a tenth of the run.
+    # Objects from tracing live long. Each garbage collection of them takes a second, a tenth of the run.
     gc.set_threshold(100_000, 50, 20)
     # Compiled programs of the commands that are tested are nobody's but this run's.
     os.environ["XDG_CACHE_HOME"] = CACHES.name
@@ -46,7 +46,7 @@ def pytest_configure(config):
 
 
 def _known(flags):
-    """Whether this version of XLA has the flags: it ends a process that asks for one it has not."""
+    """Return True if this version of XLA has the flags; it aborts on unknown flags."""
     environment = os.environ | {"XLA_FLAGS": " ".join(flags), "JAX_PLATFORMS": "cpu"}
     begin = [sys.executable, "-c", "import jax; jax.devices()"]
     return subprocess.run(begin, env=environment, capture_output=True, check=False).returncode == 0
@@ -56,7 +56,7 @@ def _known(flags):
 def few_memory_maps():
     """Drop compiled functions before they crash the run.
 
-    Each holds memory maps, of which Linux grants a process 65530; XLA's compiler ends in a
+    Each holds memory maps. Linux allows 65530 per process; above that XLA's compiler ends in a
     segmentation fault beyond, as the full sets of gradients showed.
     """
     yield

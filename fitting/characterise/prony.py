@@ -144,8 +144,7 @@ class PronyFit:
         return MESSAGES[self._status]
 
     def as_prior(self, body: str | None = None, widen: float = 1.0) -> dict[str, Prior]:
-        """Return the fitted moduli and their covariance as the `prior` of another fit, such as one of
-        friction.
+        """Return the fitted moduli and their covariance as the `prior` of another fit.
 
         The other scene must have this `material`, or one of the same relaxation times.
 

@@ -1,6 +1,6 @@
 """Error against run time; off by default: python -m pytest -m benchmark -s
 
-The same curve by vectorised NumPy trapezoids (200 q x 64 phi, the textbook method) is timed
+Vectorised trapezoidal rules in NumPy (200 q x 64 phi, the textbook method) are timed
 in the same run, in turns with ours, so that the ratios survive a noisy machine.
 """
 
@@ -110,7 +110,7 @@ def test_import_and_first_compiled_call():
 
 @pytest.mark.parametrize("scene", ["ONE", "TWO"])
 def test_memory_of_a_hundred_thousand_points(scene):
-    # In a process of its own: the largest resident set never falls again.
+    # In a new process, because the largest resident set never decreases.
     script = (
         "import resource, jax; jax.config.update('jax_enable_x64', True)\n"
         "import jax.numpy as jnp, numpy as np, rubberfric as rf\n"

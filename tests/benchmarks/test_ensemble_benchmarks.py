@@ -2,9 +2,9 @@
 
     python -m pytest -m benchmark -s tests/benchmarks/test_ensemble_benchmarks.py
 
-Runs on a graphics processor unchanged: a processor is told to be one device for each of its cores, and
-takes one fit after the other on each; an accelerator takes them as one batch. MEMBERS in the
-environment is the size of the ensemble, LARGEST that of the largest of the growth.
+Also runs on a GPU. A CPU is configured as one device for each core and
+runs one fit after the other on each; an accelerator runs them as one batch. MEMBERS in the
+environment is the size of the ensemble, LARGEST the size of the largest one.
 """
 
 import json
@@ -28,7 +28,7 @@ POINTS, PARAMETERS = 240, 20
 
 
 def measured(what, members, *options, devices=CORES):
-    """What `ensemble_twin.py` says."""
+    """Return the output of `ensemble_twin.py`."""
     environment = os.environ | {"JAX_NUM_CPU_DEVICES": str(devices), "PYTHONPATH": PYTHONPATH}
     command = [sys.executable, str(PROGRAM), what, str(members), *options]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)

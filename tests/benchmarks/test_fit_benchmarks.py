@@ -70,7 +70,7 @@ def problem():
 
 
 def near(problem):
-    """The same problem from a start that is off by 0.2 in every x, up or down."""
+    """Return the problem with a start that differs by +-0.2 in every x."""
     truth = make_problem(TRUTH, [twin()], FREE).start
     sign = np.random.default_rng(0).choice([-1.0, 1.0], truth.size)
     return problem._replace(start=truth + 0.2 * sign)
@@ -93,7 +93,7 @@ def trace(solver, problem, budget):
 
 
 def scipy_trace(function, problem, slopes):
-    """The same for scipy.optimize.least_squares, whose iterates are seen at its Jacobian."""
+    """Record iterates of scipy.optimize.least_squares in its Jacobian."""
     points, begin = [], time.perf_counter()
 
     def jacobian(x):

@@ -2,7 +2,7 @@
 
     python -m pytest -m benchmark -s tests/benchmarks/test_growth_benchmarks.py
 
-Measures everything anew (some minutes) and writes notebooks/growth.md and its figure: time is linear in
+Repeats all measurements (some minutes) and writes notebooks/growth.md and its figure: time is linear in
 the velocities and in the Prony terms, memory does not grow, and a million points take seconds.
 """
 
@@ -44,7 +44,7 @@ def test_growth(growth):
 
 
 def test_page_and_figure_of_what_was_measured(growth, tmp_path):
-    """The committed page is that of the committed figures; a GPU's lines would join them."""
+    """The committed page belongs to the committed figures; a GPU would add lines."""
     store = json.loads(growth.STORE.read_text())
     lines = list(growth.page(store))
     assert growth.PAGE.read_text(encoding="utf-8") == "\n".join(lines) + "\n"

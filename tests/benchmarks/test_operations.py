@@ -81,7 +81,7 @@ print(imported, first, time.perf_counter() - begin)
 
 
 def first_calls(name, quantity, cache):
-    """Seconds of import, first curve and first gradient in a process of its own, which finds `cache`."""
+    """Return seconds of import, first curve and first gradient in a new process with `cache`."""
     script = FIRST.format(tests=str(ROOT / "tests"), name=name, quantity=quantity)
     environment = os.environ | {
         "JAX_COMPILATION_CACHE_DIR": str(cache),

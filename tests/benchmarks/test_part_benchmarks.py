@@ -1,4 +1,4 @@
-"""What the optional parts of a scene cost; off by default:
+"""Cost of the optional parts of a scene; off by default:
 
     python -m pytest -m benchmark -s tests/benchmarks/test_part_benchmarks.py
 
@@ -70,7 +70,7 @@ PARTS = {
 
 
 GROUND = rf.SelfAffine(q0=1e4, qr=3e4, q1=1e6, hurst=0.8, h_rms=2e-7)
-# Areas of rubber-like solids on ground steel, whose adhesion matters: scene, velocities, pressures. Of rubber
+# Return scene, velocities and pressures of rubber on ground steel, where adhesion matters. Rubber
 # they are .14 ... .20 without and .27 ... .50 with it.
 STICKING = {
     "rubber, over velocity": (on(GROUND), np.logspace(-8, -4, 50), 1e4),

@@ -1,4 +1,4 @@
-"""What a tabulated modulus costs beside a Prony series; off by default:
+"""Cost of a tabulated modulus relative to a Prony series; off by default:
 
     python -m pytest -m benchmark -s tests/benchmarks/test_tabulated_moduli.py
 
@@ -40,7 +40,7 @@ def curve(scene, velocity=VELOCITY, quadrature=None):
 
 
 def calls(scene):
-    """What is timed, by name."""
+    """Return the timed functions by name."""
     velocity, many = jnp.asarray(VELOCITY), jnp.logspace(-6, 1, 10_000)
     closed = jax.jit(lambda velocity: curve(scene, velocity))
     traced, gradient = jax.jit(curve), jax.jit(jax.grad(lambda scene: jnp.sum(curve(scene))))
@@ -98,7 +98,7 @@ print(time.process_time() - begin)
 
 
 def first_call(name, call):
-    """CPU seconds of the first call in a process of its own, without the import."""
+    """Return CPU seconds of the first call in a new process, without the import."""
     done = subprocess.run(
         [sys.executable, "-c", FIRST, name, call],
         check=True,

@@ -1,4 +1,4 @@
-"""The guide to formats: as its script writes it, and its messages are those of the code."""
+"""The page on formats equals the output of its script, and its messages occur in the code."""
 
 import importlib.util
 import re

@@ -42,7 +42,7 @@ class Import(NamedTuple):
 
 
 class House:
-    """The modules below a folder, by name, and what they import from each other."""
+    """Return the modules below a folder by name, and their imports of each other."""
 
     def __init__(self, root: Path):
         self.root = root
@@ -120,7 +120,7 @@ def upward(house: House) -> list[str]:
 
 
 def circles(house: House) -> list[str]:
-    """Sets of modules each of which imports, by others, all of them (Tarjan's components)."""
+    """Return sets of modules that import each other in a circle (Tarjan's components)."""
     targets = {module: set() for module in house.modules}
     for one in house.imports:
         targets[one.module].add(one.target)
@@ -180,7 +180,7 @@ def private(house: House) -> list[str]:
 
 
 def across(house: House) -> list[str]:
-    """What fitting uses of rubberfric beside names in `__all__` of its top and of its rooms."""
+    """Names of rubberfric that fitting uses although they are not in `__all__` of a package."""
     found = [
         f"{one}: fitting uses names in __all__ of rubberfric or of one of its rooms"
         for one in house.imports
@@ -198,7 +198,7 @@ def across(house: House) -> list[str]:
 
 
 def is_public(house: House, target: str, name: str | None) -> bool:
-    """Whether a name of a folder, or a room of the package, is for others to use."""
+    """Return True if a name of a folder or package is public."""
     if name is None:
         above, _, own = target.rpartition(".")
         return not above or own in house.public(above)
@@ -206,7 +206,7 @@ def is_public(house: House, target: str, name: str | None) -> bool:
 
 
 def attributes(house: House) -> Iterator[tuple[str, str]]:
-    """What modules use as `module.name` of modules that they import: the module, and the dotted name."""
+    """Yield uses of `module.name` of imported modules: the module, and the dotted name."""
     for module, tree in house.trees.items():
         known = {}
         for node in ast.walk(tree):
@@ -272,7 +272,7 @@ def test_tests_import_from_support_only():
     assert not found, "\n" + "\n".join(found)
 
 
-# What each rule finds: files of a small house, and words of the message.
+# Violations for each rule: files of a small project, and words of the message.
 FAULTS = {
     "a room without a floor": (
         rooms_without_a_floor,

@@ -1,4 +1,4 @@
-"""What is installed: all of both packages and nothing else, and in a checkout the checkout itself."""
+"""Installed files: both packages and nothing else; in a checkout, the checkout."""
 
 import shutil
 import subprocess
@@ -31,7 +31,7 @@ def source(tmp_path_factory):
 
 
 def built(source, kind):
-    """Path of what the build back end makes of the project."""
+    """Return the path of the wheel of the build back end."""
     shutil.rmtree(source / "dist", ignore_errors=True)
     command = [sys.executable, "-c", BUILD, kind]
     done = subprocess.run(command, cwd=source, capture_output=True, text=True, check=False)

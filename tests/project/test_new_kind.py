@@ -196,7 +196,7 @@ def test_modulus(scene):
 
 
 def table_of(material):
-    """The same modulus as a master curve, which a table can follow."""
+    """The modulus as a master curve."""
     omega = np.logspace(-4, 16, 801)
     E = np.asarray(rf.complex_modulus(material, omega))
     return rf.TabulatedModulus(omega, E.real, E.imag)
@@ -208,7 +208,7 @@ def friction(scene, temperature):
 
 
 def test_friction_and_its_derivatives(scene):
-    """That of a master curve of many entries; derivatives are differences of values."""
+    """The value of a master curve with many entries; derivatives are differences."""
     table = scene.replace("upper.material", table_of(scene.upper.material))
     value = np.asarray(friction(scene, None))
     np.testing.assert_allclose(value, friction(table, None), rtol=1e-3)
@@ -249,7 +249,7 @@ def test_in_a_coating(kinds):
     for body in bodies:
         mu = rf.friction(rf.Scene(rf.Body(rf.Rigid(), ROAD), body), 0.1, 1e5, quadrature=FAST)
         assert 0 < float(mu) < 1
-    # Its modulus is no series: without a formula it can be in no coating.
+    # Its modulus is not a series, so it cannot be part of a coating.
     negami = kinds["HavriliakNegami"](**MATERIALS["HavriliakNegami"])
     with pytest.raises(ValueError, match=r"^Body\.material is a HavriliakNegami with a Coating: must be"):
         rf.Body(negami, None, rf.Coating(1e-3, rf.Elastic(1e9, 0.3)))

@@ -1,4 +1,4 @@
-"""Notebooks: each runs from top to bottom, and what is stored of it is whole, clean and small."""
+"""Notebooks: each runs from top to bottom, and its stored form is complete, clean and small."""
 
 import base64
 import os
@@ -22,7 +22,7 @@ def outputs_of(notebook):
 
 
 def texts_of(notebook):
-    """All that is written in a notebook but for its pictures."""
+    """Yield all text of a notebook without its pictures."""
     yield str(dict(notebook.metadata))
     for cell in notebook.cells:
         yield cell.source
@@ -41,7 +41,7 @@ OTHERS = [
 
 @pytest.mark.parametrize("path", OTHERS)
 def test_runs_from_top_to_bottom(path, tmp_path, monkeypatch):
-    """Those of fits run in `tests/fitting/whole_fits`."""
+    """Notebooks with fits run in `tests/fitting/whole_fits`."""
     run(path, tmp_path, monkeypatch)
 
 

@@ -25,7 +25,7 @@ LONG = ("rubberfric accuracy",)  # half a minute and more
 
 @pytest.fixture
 def in_a_copy(tmp_path, monkeypatch):
-    """A working folder with the data beside it, where commands may write."""
+    """A working folder with a copy of the data, in which commands may write."""
     shutil.copytree(ROOT / "data", tmp_path / "data")
     monkeypatch.chdir(tmp_path)
 

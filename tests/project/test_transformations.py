@@ -1,6 +1,6 @@
 """Every class in every transformation: closed over, as an argument, vmapped, differentiated, in float32.
 
-What an object answers by itself in the ordinary run, in a scene in the slow set.
+Methods of single objects in the ordinary run, of scenes in the slow set.
 """
 
 import functools
@@ -71,7 +71,7 @@ def _area(scene, speed):
     return rf.contact_area(scene, speed, 3e5, 303.0)
 
 
-# What an object of each class answers at four values of what it depends on.
+# Return results of an object of each class at four arguments.
 ANSWERS = {
     **dict.fromkeys(("Elastic", "Prony", "PronyShear", "TabulatedModulus"), (_modulus, OMEGA)),
     **dict.fromkeys(("WLF", "Arrhenius", "TabulatedShift"), (lambda shift, T: shift.log_factor(T), T)),

@@ -38,7 +38,7 @@ fitting.FrictionData(velocity=[1.0], mu=[0.5], pressure=1e5)  # wrong
 
 @pytest.fixture(scope="module")
 def errors(tmp_path_factory):
-    """What one run of basedpyright says of the snippets of pages, and of wrong.py."""
+    """Return the output of basedpyright for the snippets of pages and for wrong.py."""
     checker = shutil.which("basedpyright", path=Path(sys.executable).parent) or shutil.which("basedpyright")
     if checker is None:
         pytest.skip("needs basedpyright, which is in the test extra")
@@ -79,7 +79,7 @@ def test_wrong_keywords_are_errors(errors):
 
 
 class Missing(NamedTuple):
-    """Of a public function: its place, how many types it needs, and those that it lacks."""
+    """Return place, number of types and missing types of a public function."""
 
     place: str
     needed: int

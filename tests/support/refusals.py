@@ -1,4 +1,4 @@
-"""What is refused: one line that says where, what and what to do."""
+"""Refusals: one line with place, problem and remedy."""
 
 import pytest
 

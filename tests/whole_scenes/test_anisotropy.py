@@ -19,7 +19,7 @@ from rubberfric.theory.stiffness.angular_means import PronyStiffness
 from rubberfric.theory.structure import RequiredMeans
 
 NAMES = [name for name in CASES if name.startswith("grooved-")]
-# One compilation serves all but the last.
+# One compilation serves all except the last.
 ORDINARY = ("plain", "slow", "backwards", "at-rest", "along", "across", "mirrored", "table")
 # A tabulated modulus is integrated over the angle across its kinks.
 TABLES = ("grooved-table-modulus", "grooved-table-on-elastic", "grooved-table-of-both")
@@ -103,7 +103,7 @@ def test_mixed_harmonics_are_the_sum():
         shares = np.broadcast_to(np.reshape([cosine] * 3 + [sine], (4, 6, -1)), (4, 6, 7))
         expected = plain + np.einsum("kmv,kmv->kv", shares, means)
         np.testing.assert_allclose(mixed((cosine, sine), qv), expected, rtol=1e-12, atol=1e-15)
-    # The derivative by the shares is what they multiply, in reverse mode as well.
+    # The derivative by the shares equals their factor, also in reverse mode.
     by_cosine, by_sine = jax.jit(jax.jacrev(mixed))(each, qv)
     at = np.arange(7)
     found = np.concatenate([by_cosine[:3, at, :, at], by_sine[3:, at, :, at]], 1)
@@ -174,7 +174,7 @@ def test_harmonics_of_a_stretched_surface(ratio):
 
 
 def test_harmonics_left_out():
-    """The sum of the others' sizes, and what the docstring says of 16 and 32."""
+    """The sum of the other harmonics, and the figures of the docstring for 16 and 32."""
     phi = np.pi * np.arange(20000) / 20000
     left_out = jax.jit(rf.roughness.harmonics_left_out)
     for ratio in (0.5, 2.0, 4.0, 10.0):
@@ -207,7 +207,7 @@ def test_bound_of_the_harmonics_left_out():
 
 @pytest.mark.slow
 def test_a_table_has_its_own_values():
-    """Harmonics of a table are those of its rows at its wavevectors; shares are linear in ln q between."""
+    """Harmonics of a table equal those of its rows; shares are linear in ln q between rows."""
     rng = np.random.default_rng(1)
     q, C = np.array([1e2, 3e3, 1e5]), rng.uniform(1, 2, (3, 9)) * 1e-12
     spectrum = rf.TabulatedAnisotropic(q, C, 0.3)
@@ -340,7 +340,7 @@ def test_single_precision(name):
 
 @pytest.mark.slow
 def test_a_table_of_a_stretched_surface():
-    """The same roughness as a formula and as a table of 65 directions: harmonics are the table's own."""
+    """Roughness as a formula and as a table of 65 directions with the table's harmonics."""
     q = np.concatenate([[100.0], np.geomspace(1000.0, 3.1e4, 3)])
     phi = np.pi * np.arange(65) / 65
     C = np.asarray(rf.power_spectrum(ROAD, q))
@@ -475,7 +475,7 @@ def test_moments_of_a_table_of_directions():
 
 @pytest.mark.slow
 def test_cutoff_of_a_stretched_surface():
-    """As of its base: also beyond its own last wavevector, and with a derivative where it is smooth."""
+    """Like its base: also beyond its last wavevector, and with a derivative if smooth."""
     stretched = rf.Anisotropic(ROAD, 3.0, 0.4)
     assert rf.roughness.cutoff(stretched, 2.0) == rf.roughness.cutoff(ROAD, 2.0) > ROAD.q1
     cut = rf.with_cutoff(stretched, 0.7)

@@ -37,13 +37,13 @@ from support.cases.stored import (
 
 import rubberfric as rf
 
-SLOW = ("one-term", "many-terms", "gamma-0-light")  # structures of their own, or a quadrature
+SLOW = ("one-term", "many-terms", "gamma-0-light")  # separate structures, or a quadrature
 
 ORDINARY = ("one", "two")  # kinds of scenes that the ordinary run compiles
 
 
 def is_slow(name):
-    """Whether a case is in the full set only."""
+    """Return True if a case is only in the full set."""
     return name.startswith(SLOW) or CASES[name][0] not in ORDINARY
 
 
@@ -140,7 +140,7 @@ def test_refused_in_single_precision(name):
 
 
 def in_single(ordinary):
-    """Every case that float32 can hold, those that are not ordinary marked slow."""
+    """Return every case within float32, with cases outside the ordinary run marked slow."""
     names = [name for name in CASES if name not in REFUSED]
     return pytest.mark.parametrize("name", slow_if(lambda name: not ordinary(name), names))
 

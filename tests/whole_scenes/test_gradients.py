@@ -1,4 +1,4 @@
-"""Derivatives of area, friction and separation against those of brute force, and by differences.
+"""Derivatives of area, friction and separation compared with brute force and differences.
 
 Errors are measured against |Q| + |dQ/d ln theta|, the change that matters in a fit: a
 parameter off by a part moves the quantity by that part of it. A separation counts from

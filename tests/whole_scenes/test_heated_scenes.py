@@ -1,4 +1,4 @@
-"""Heated scenes against brute force: values, derivatives, fits, and what they do in extreme conditions.
+"""Heated scenes compared with brute force: values, derivatives, fits, and extremes.
 
 The kernel of the temperatures is in test_heating.py. Calls of one structure share a compiled function,
 at `POINTS` points.
@@ -151,7 +151,7 @@ QUANTITIES = ("area", "friction", "separation", "flash_temperature")
 
 
 def smooth(case):
-    """Without the wavevectors that are two things at once: there the derivatives differ on either side."""
+    """Coinciding wavevectors are left out, because one-sided derivatives differ there."""
     case = case | {"psd1": case["psd1"] | {"qr": 900.0}}
     return case if case["psd2"] is None else case | {"psd2": case["psd2"] | {"q0": 350.0, "q1": 2.5e4}}
 
@@ -212,14 +212,14 @@ def test_derivatives_by_brute_force(name, direction):
 def test_derivatives_leaf_by_leaf(name, monkeypatch):
     """Forward mode is reverse mode, and both are differences of the values.
 
-    Those are iterated further than usual, for where the iteration ends, differences enlarge.
+    They are iterated further than usual, because differences enlarge errors of the iteration.
     """
     case = smooth(CASES[name])
     at = scalar_arguments(case)
     jacobian = jax.jit(jax.jacrev(quantities))(at)
     forward = jax.jit(lambda at, step: jax.jvp(quantities, (at,), (step,))[1])
     monkeypatch.setattr(fixed_points, "_TOLERANCE", 1e-12)
-    # A setting of its own is compiled anew.
+    # Another setting compiles again.
     values = jax.jit(lambda at: quantities(at, quadrature=rf.Quadrature(heat=178)))
     size = np.abs(values(at))
     leaves, tree = jax.tree.flatten(at)
@@ -229,7 +229,7 @@ def test_derivatives_leaf_by_leaf(name, monkeypatch):
         scale = np.maximum(np.abs(reverse), 1e-3 * size)
         assert np.isfinite(reverse).all(), path
         assert (np.abs(forward(at, tree.unflatten(steps)) - reverse) <= 1e-9 * scale).all(), path
-        # A per cent of a temperature is much, for a shift.
+        # One per cent of a temperature is a large change of a shift.
         part = 0.1 if path.endswith("T_ref") or path == "[3]" else 1.0
 
         def moved(k, steps=steps, part=part):
@@ -413,7 +413,7 @@ def test_scenes_that_did_not_converge_are_finite(monkeypatch, steps):
     monkeypatch.setattr(fixed_points, "_MOST_STEPS", steps)
     # Else the branch is followed on the scene's own mesh.
     monkeypatch.setattr(branch, "_MOST_EVALUATIONS", steps)
-    # A setting of its own is compiled anew.
+    # Another setting compiles again.
     values = found(SHEARED, quadrature=rf.Quadrature(heat=160 + steps), v=[0.0, 1e-4, 1.0, 10.0])
     assert not values["converged"][1:4].any()
     assert all(np.isfinite(values[name]).all() for name in NAMES)

@@ -398,7 +398,7 @@ def test_full_contact():
     np.testing.assert_allclose(mu, oracle.full_contact_friction(case) * np.array([1, 1e-2]), rtol=1e-10)
 
 
-# What the paper says about the two roughnesses.
+# Statements of the paper about the two roughnesses.
 
 
 @pytest.mark.slow

@@ -27,7 +27,7 @@ def test_reference_values(name):
 
 @pytest.mark.slow
 def test_option_cases_are_current():
-    """A scene of every option gives what the committed file holds, on another mesh."""
+    """A scene with every option gives the stored values on another mesh."""
     for name in ("correction-two-rubbers", "frictionless-slab", "table-spectrum", "table-modulus", "wlf-hot"):
         case = reference("option_cases")[name]
         result = oracle.solve(case, halvings=110, order=14)

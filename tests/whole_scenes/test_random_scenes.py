@@ -56,17 +56,17 @@ ROUGH_ROAD, ON_ELASTIC = FIXED[0], FIXED[4]
 # Forward mode besides reverse mode, for these only in the ordinary run: it takes 3 s to compile.
 BOTH_MODES = (ROUGH_ROAD, ON_ELASTIC)
 EPS = np.finfo(float).eps
-# Of forward less reverse mode, for all leaves but the wavevectors and for these: the contact
+# Tolerance of forward minus reverse mode, for all leaves except the wavevectors, and for these: the contact
 # begins within t = ln(q/q0) ~ 1e-10 at light loads, and a derivative with respect to where t = 0
 # is, d/dt ~ 1/t, has the rounding of t in it.
 TOLERANCE = np.array([[1e-6], [1e-5]])
-# What area, friction and separation count from: a separation underflows, ~ e^(-x^2), in full
+# Floors of area, friction and separation: a separation underflows, ~ e^(-x^2), in full
 # contact, its derivatives 1e-60 before it, and zero weights stand for 1e-30 of the solid, which may relax.
 FLOOR = np.array([1e-280, 1e-12, 1e-200])
 # Of Euler's identities for stress, length, time and height. Borders of the quadrature stay where
 # they are when wavevectors move, so its error shows in the second: 6e-3 for spectra that fall by
 # ten decades between neighbours. Tabulated moduli are integrated across their kinks, and that over
-# nodes of q v that stay: good to 1e-5 ... 1e-3, as they are.
+# nodes of q v that stay fixed; errors 1e-5 ... 1e-3.
 SCALING_TOLERANCE = np.array([[1e-9], [5e-2], [1e-9], [1e-9]])
 TABULATED_TOLERANCE = np.array([[1e-9], [5e-2], [3e-3], [1e-9]])
 
@@ -80,7 +80,7 @@ WAVEVECTORS = ("q", "q0", "qr", "q1")
 
 
 def own_size(name, x, body, first):
-    """Of a change of a leaf that is about its own size; zeros count as 1, of a layer's stiffness."""
+    """Relative to a change of a leaf by its own size; zeros count as 1."""
     size = np.where(x != 0, x, 1.0)
     layer = None if body is None else body.layer
     if layer is None or layer.base != "bonded" or name not in ("poisson", "E", "E_inf", "young"):
@@ -140,7 +140,7 @@ def everything(call, heavier, directions):
 
 
 # How the leaves scale with the units of stress, length and time, and with the height of the
-# roughness at a pressure as much larger; what is not named does not.
+# roughness at a pressure larger by the factor; other numbers do not scale.
 SCALING = {
     **dict.fromkeys(("E_inf", "E", "young", "storage", "loss"), (1, 0, 0, 0)),
     **dict.fromkeys(("v", "v0"), (0, 1, -1, 0)),
@@ -157,7 +157,7 @@ QUANTITY_SCALING = np.array([[0, 0, 0, 0], [0, 0, 0, 1], [0, 1, 0, 1]])  # area,
 
 
 def scaling_error(call, values, reverse):
-    """Euler's identity, sum of exponent x dQ/d ln theta = exponent of Q x Q: error, what it is
+    """Return the error of Euler's identity, sum of exponent x dQ/d ln theta = exponent of Q x Q, its
     measured against, both of shape (4, 3)."""
     total, scale = -QUANTITY_SCALING.T * values[:, 0], np.zeros((4, 3))
     leaves = jax.tree.leaves_with_path(reverse)
@@ -177,7 +177,7 @@ def tolerance(scene, separation):
     found = (TABULATED_TOLERANCE if tables else SCALING_TOLERANCE).copy()
     # An order of 13 integrates e^(Lx) over a panel to L^26 of a constant, which is 6e-3 for L = 23.
     found[1] *= max([1.0, *(steepness(body.spectrum) / 23 for body in (scene.lower, scene.upper))]) ** 26
-    # Differences of rates that are equal but for 1e-6 have lost that much of their digits.
+    # Differences of rates that differ by 1e-6 have lost six digits.
     for material in materials:
         if isinstance(material, rf.Prony):
             gaps = np.diff(np.sort(np.log(material.tau)))
@@ -210,7 +210,7 @@ def as_numbers(call, dtype=float):
 def rounding_of_area(scene, area, eps):
     """Of A/A0, relative: an erf, and with S in G a polynomial in ln g besides.
 
-    That logarithm and where it lies in the table are rounded by eps |ln g|, of which half is in ln G (the
+    The logarithm and its position in the table are rounded by eps |ln g|; half of it is in ln G (the
     slopes of ln(G/g) are -1/2 ... 0) and half of that in x. At light loads A ~ G^-1/2 and g ~ G^2 at most.
     """
     if not scene.area_correction:
@@ -264,7 +264,7 @@ def not_finite(slopes):
 
 
 def forward_less_reverse(values, forward, reverse, directions):
-    """|forward - reverse| along every direction, and what it is measured against; shape (2, 3)."""
+    """Return |forward - reverse| along every direction, and its scale; shape (2, 3)."""
     slopes, moves = jax.tree.leaves(reverse), jax.tree.leaves(directions)
     moved = [
         np.reshape(move, (2, 1, -1)) * np.reshape(slope, (3, -1))
@@ -284,7 +284,7 @@ def check(call, heavier, both_modes):
     check_values(call, heavier, values, EPS)
     assert not not_finite(reverse)
     error, scale = scaling_error(call, values, reverse)
-    # What stands for a zero modulus does not scale with it: no identity for stress then.
+    # The floor of a zero modulus does not scale, so the identity for stress does not apply.
     begin = 1 if has_zero_moduli(call[0]) else 0
     assert (error <= tolerance(call[0], values[2, 0]) * scale)[begin:].all()
     if both_modes:
@@ -348,7 +348,7 @@ def drawn(structure, count, ranges=FAR, dtype=float):
     return found
 
 
-# Loops run in another order, whose rounding is that of the worst conditioned: friction in
+# Loops run in another order. The worst conditioned quantity determines the rounding: friction in
 # full contact, from a dissipation that cancels.
 ALIKE = {"rtol": 1e-11, "atol": 1e-290}
 
@@ -356,7 +356,7 @@ ALIKE = {"rtol": 1e-11, "atol": 1e-290}
 @pytest.mark.parametrize("structure", [ROUGH_ROAD, ON_ELASTIC], ids=str)
 @pytest.mark.slow
 def test_vmap_jit_and_plain_calls_are_alike(structure):
-    """With one quadrature: a plain call alone can choose that which fits its numbers."""
+    """With one quadrature, because only a plain call can choose one from its numbers."""
     found = drawn(structure, 24)
     batch = jax.tree.map(lambda *leaves: np.stack(leaves), *found)
 

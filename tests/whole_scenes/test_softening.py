@@ -98,7 +98,7 @@ def test_means_have_the_derivatives_of_the_quadrature():
     )
     means = np.array([by_quadrature(*given, x) for x in qv]).T
     for one, other, leaf in zip(*map(jax.tree.leaves, (forward, reverse, at)), strict=True):
-        # A glassy term hangs on its time by 1/a^2 only: digits of the mean, not of that.
+        # A glassy term depends on its time only by 1/a^2, so digits are relative to the mean.
         scale = means.reshape(*means.shape, *(1,) * leaf.ndim)
         assert (np.abs(one - other) * leaf <= 1e-14 * scale + 1e-12 * np.abs(one * leaf)).all()
     step = 1e-100
@@ -138,7 +138,7 @@ def test_means_in_series_have_the_values_and_derivatives_of_the_quadrature():
         *factors, rest, weight, tau, qv = numbers
         factors = (jnp.full((1, 2), x) for x in factors)
         F = SoftenedInSeries(PronyStiffness(rest, weight, tau), *factors)
-        # A second node at rest: what is 0 there must not spoil the sum.
+        # A second node at rest, whose zeros must not affect the sum.
         found = F.means(
             jnp.stack([qv, 0.0 * qv])[None, None],
             MEANS,
@@ -156,7 +156,7 @@ def test_means_in_series_have_the_values_and_derivatives_of_the_quadrature():
             moved = [np.array(x, complex) for x in at]
             moved[k][i] += 1j * step
             exact = np.array(in_series_by_quadrature(*moved)).imag / step
-            # What a term far off does is a share of the means, which have the digits.
+            # A distant term contributes a share of the means, which keep the digits.
             error = np.abs(np.asarray(at[k])[i] * (one[(slice(None), *i)] - exact))
             assert (error <= 1e-11 * exact_means).all()
 
@@ -405,7 +405,7 @@ DIRECTIONS = rf.TabulatedAnisotropic([1e2, 1e4], np.full((2, 5), 1e-12))
 
 
 def test_a_table_of_one_body_counts_wherever_that_of_a_scene_does():
-    """In settings, in what other methods cover, and in what is refused."""
+    """In settings, in other methods, and in refusals."""
     softened, road = rf.Body(RUBBER, softening=SOFTENING), rf.Body(rf.Rigid(), ROAD)
     for one in (rf.Scene(rf.Body(RUBBER), road, softening=SOFTENING), rf.Scene(softened, road)):
         assert optional_parts(one) == {"softening"}

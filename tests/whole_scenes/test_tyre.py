@@ -1,6 +1,6 @@
 """A measured tyre compound against the established commercial program (linear case).
 
-The data lie beside the project, not in it; without them there is nothing to compare with.
+The data lie outside the project; tests are skipped if they are missing.
 """
 
 import itertools

@@ -1,4 +1,4 @@
-"""Prony series from moduli: known ones found again, SciPy's minimum, absent terms, and what is refused."""
+"""Prony series from moduli: recovery of known series, SciPy's minimum, absent terms, refusals."""
 
 import dataclasses
 import os

@@ -1,4 +1,4 @@
-"""E' and E'' that are of one material, and those that are made to contradict each other."""
+"""Consistent and inconsistent E' and E''."""
 
 import dataclasses
 

@@ -85,7 +85,7 @@ def test_bars_are_neither_too_wide_nor_too_narrow():
 @pytest.mark.slow
 @pytest.mark.parametrize(("curve", "least"), [("zener", (0.92, 0.90)), ("prony", (0.86, 0.80))])
 def test_coverage_over_40_seeds(curve, least):
-    """Of a continuous spectrum; bars are a quarter too small where E'' has the ripples of single terms."""
+    """A continuous spectrum; with ripples of single terms in E'' error bars are a quarter too small."""
     both = [pulls(fit_master_curve(isotherms(curve, seed=seed))) for seed in range(40)]
     shifts, parameters = (np.concatenate([one[k] for one in both]) for k in (0, 1))
     within = [np.mean(np.abs(x) < 1.96) for x in (shifts, parameters)]
@@ -189,7 +189,7 @@ def one_sweep_off(**options):
 
 
 def test_sweeps_that_do_not_meet_say_by_how_much():
-    """Their E' overlap, so that they do is not what is said."""
+    """The E' ranges overlap, and the message does not state the contrary."""
     with pytest.raises(
         ValueError, match=r"^the sweeps at 253.15 and 263.15 K do not meet: at the best"
     ) as caught:

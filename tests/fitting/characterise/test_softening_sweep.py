@@ -47,7 +47,7 @@ def test_the_linear_range_is_averaged():
 
 def test_a_sweep_for_every_temperature():
     measured = {293.2: kraus(STRAIN), 333.0: kraus(STRAIN, E0=5e6)}
-    # As it drifts while it is measured, and one temperature after the other.
+    # Data with drift, one temperature after the other.
     drift = np.linspace(-0.3, 0.3, STRAIN.size)
     T = np.concatenate([333.0 + drift, 293.2 + drift])
     columns = np.concatenate([(STRAIN, *measured[333.0]), (STRAIN, *measured[293.2])], axis=1)
@@ -59,7 +59,7 @@ def test_a_sweep_for_every_temperature():
 
 
 def test_from_a_file_to_friction(tmp_path):
-    """What a laboratory does: percent and MPa from an instrument's table, a scene, a scene file."""
+    """Read percent and MPa from an instrument's table, then make a scene and a scene file."""
     storage, loss = kraus(STRAIN)
     columns = np.column_stack([100 * STRAIN, storage / 1e6, loss / 1e6])
     titles = "strain,E_stor,E_loss\n%,MPa,MPa"

@@ -1,4 +1,4 @@
-"""Self-affine spectra from tables: known ones found again, SciPy's minimum, and what is refused."""
+"""Self-affine spectra from tables: recovery of known spectra, SciPy's minimum, refusals."""
 
 import numpy as np
 import pytest

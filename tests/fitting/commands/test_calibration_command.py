@@ -1,4 +1,4 @@
-"""`rubberfric-fit calibration`: what it prints and draws, and how it answers what is wrong."""
+"""`rubberfric-fit calibration`: output, plot, and messages for invalid input."""
 
 import functools
 
@@ -20,7 +20,7 @@ def call(call_main):
 
 @pytest.fixture
 def planned(job):
-    """The small job with one number free, of which a Gaussian is known."""
+    """The small job with one free parameter that has a Gaussian prior."""
     before, _ = job.read_text().split("[free]")
     job.write_text(before + FREE)
     return job

@@ -1,4 +1,4 @@
-"""`rubberfric-fit design`: what it prints and writes, and how it answers what is wrong."""
+"""`rubberfric-fit design`: output, files, and messages for invalid input."""
 
 import functools
 

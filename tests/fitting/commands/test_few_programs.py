@@ -24,7 +24,7 @@ from support.folders import DATA
 def test_few_programs_are_compiled(command, most):
     done = subprocess.run(
         [sys.executable, "-m", *command],
-        # As users have it: the compiler's options are the commands' own.
+        # With the compiler options of the commands.
         env={k: v for k, v in os.environ.items() if k != "XLA_FLAGS"} | {"JAX_LOG_COMPILES": "1"},
         capture_output=True,
         text=True,

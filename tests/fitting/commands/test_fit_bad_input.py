@@ -1,4 +1,4 @@
-"""What a fit refuses, each with one line that says what was wrong, where, and what to do."""
+"""Inputs that a fit refuses, each with one line: what is wrong, where, and what to do."""
 
 import os
 import subprocess
@@ -263,7 +263,7 @@ print(result.success, result.values.dtype, *result.values, *result.stderr, sep="
 
 @pytest.mark.slow
 def test_single_precision():
-    """Without x64, in a process of its own; against the same fit in double precision."""
+    """In a new process without x64, compared with the fit in double precision."""
     environment = {**os.environ, "JAX_ENABLE_X64": "0", "PYTHONPATH": os.pathsep.join(sys.path)}
     done = subprocess.run(
         [sys.executable, "-W", "error", "-c", SINGLE],

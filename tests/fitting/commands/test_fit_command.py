@@ -1,4 +1,4 @@
-"""The command rubberfric-fit and its job files: what they accept, print and write, and how they end."""
+"""The command rubberfric-fit and its job files: input, output, files, and exit status."""
 
 import functools
 import importlib.metadata
@@ -317,7 +317,7 @@ def test_version_and_help(call):
 
 @pytest.mark.usefixtures("job")
 def test_command_needs_no_matplotlib_and_switches_double_precision_on():
-    """In a process of its own: conftest switches double precision on here."""
+    """In a new process, because conftest switches double precision on."""
     program = """
 import sys
 sys.modules["matplotlib"] = None
@@ -380,7 +380,7 @@ def test_failed_work(call, job, monkeypatch, error):
 
 @pytest.mark.usefixtures("job")
 def test_reader_that_goes_away():
-    """`rubberfric-fit ... | head` ends without a traceback, but writes what it was asked for."""
+    """`rubberfric-fit ... | head` ends without a traceback and writes its files."""
     program = (
         "import sys; from fitting.commands.main import main; sys.exit(main(['job.toml', '--out', 'fit.h5']))"
     )
@@ -415,7 +415,7 @@ sys.exit(main.main())
 
 
 def test_interrupt_in_the_middle_of_a_fit(job):
-    """A process of its own with a terminal: Ctrl-C ends it with the best values so far in the file."""
+    """In a new process with a terminal, Ctrl-C ends the fit with the best values in the file."""
     pty = pytest.importorskip("pty")
     job.write_text(
         JOB.replace('method = "lm"', 'method = "adam"\ntolerance = 1e-300').replace("starts = 2", "")
@@ -451,7 +451,7 @@ def test_interrupt_in_the_middle_of_a_fit(job):
     assert before == ""
     answer = "rubberfric-fit: interrupted; ends after this step, once more ends it at once\r\n"
     assert shown.count(answer) == 1
-    # without the answer, the clocks and what they repeat
+    # without the result, clocks and repeated lines
     lines = list(dict.fromkeys(re.sub(r", \d+ s$", "", line) for line in shown if line not in ("", answer)))
     phases = ["loading JAX", "reading job.toml", "compiling a fit of 4 numbers to 20 values"]
     assert lines[:3] == phases
@@ -498,7 +498,7 @@ def test_a_request_to_terminate_is_an_interrupt(call, job, monkeypatch):
 
 
 def test_an_interrupt_after_one_start_had_converged(call, job, monkeypatch):
-    """The values are good, but not all that was asked for was done."""
+    """The values are good, but one request failed."""
 
     def interrupted(*arguments, callback, **options):
         result = fitting.fit(*arguments, **options)

@@ -1,4 +1,4 @@
-"""Measured data: what the constructors refuse, what a fit sees, and files that keep every bit."""
+"""Measured data: refusals of the constructors, residuals of a fit, and exact files."""
 
 import dataclasses
 import os
@@ -44,7 +44,7 @@ def message(call):
 
 
 def equal(one, other):
-    """Whether two data sets are the same to the last bit."""
+    """Return True if two data sets are equal to the last bit."""
     assert type(one) is type(other)
     for field in dataclasses.fields(one):
         x, y = getattr(one, field.name), getattr(other, field.name)
@@ -218,7 +218,7 @@ def test_texts_and_flags(cls):
             good(cls, body="lower")
 
 
-# --- what a fit sees
+# --- residuals of a fit
 
 
 def test_order_of_arguments():
@@ -285,7 +285,7 @@ def test_replaced(cls):
         assert got == f"{cls.__name__}.measured has shape ({n + 1},): must be ({n},)"
         assert "must be finite" in message(lambda data=data: data.replaced(np.full(n, np.nan)))
         assert "measured = ['x']: must be real" in message(lambda data=data: data.replaced(["x"]))
-    # noise goes where it goes, except where there is no logarithm
+    # noise changes values unless they have no logarithm
     np.testing.assert_array_equal(absolute(cls).replaced(np.full(n, -7.0)).measured, np.full(n, -7.0))
     assert "must be > 0 with relative" in message(lambda: good(cls).replaced(np.full(n, -7.0)))
     np.testing.assert_array_equal(good(cls).replaced(np.full(n, 1e20)).measured, np.full(n, 1e20))

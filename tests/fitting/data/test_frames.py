@@ -19,7 +19,7 @@ def test_a_frame_with_units_in_its_titles():
 
 
 def test_units_beside_the_frame():
-    """A mapping does as well; logarithms and hertz are what they are in files."""
+    """A mapping is accepted too; logarithms and hertz are converted as in files."""
     found = fitting.FrictionData.from_frame(
         {"v": V, "mu": MU, "p": [0.3] * 3, "relative_sigma": [3.0] * 3},
         {"v": "um/s", "p": "MPa", "relative_sigma": "%"},

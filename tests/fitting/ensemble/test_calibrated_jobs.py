@@ -1,4 +1,4 @@
-"""Four fits that are planned, a thousand times each: error bars, and posteriors, that hold what they say.
+"""Four planned fits, a thousand times each: coverage of error bars and posteriors.
 
     python -m pytest -m slow -s tests/fitting/ensemble/test_calibrated_jobs.py [-k twin]
 
@@ -50,7 +50,7 @@ def joined(found):
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", JOBS)
-# Of a thousand posteriors some have weights that are doubted.
+# Some of a thousand posteriors have doubtful weights.
 @pytest.mark.filterwarnings("ignore:calibration. draws of:RuntimeWarning")
 def test_posteriors_hold_the_truth_as_often_as_they_say(name):
     found, wall, busy = zip(*(part_of(name, k, MEMBERS // PARTS) for k in range(PARTS)), strict=True)
@@ -68,7 +68,7 @@ def test_posteriors_hold_the_truth_as_often_as_they_say(name):
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:calibration. draws of:RuntimeWarning")
 def test_draws_see_posteriors_that_are_a_fifth_too_narrow(monkeypatch):
-    """The density to the power that makes every standard deviation 0.8 of what it was."""
+    """The density raised to a power that multiplies every standard deviation by 0.8."""
     arguments, options = JOBS["modulus"]()
     density = importance.density_at
     monkeypatch.setattr(importance, "density_at", lambda *given: density(*given) / 0.8**2)

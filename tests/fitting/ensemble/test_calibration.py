@@ -59,7 +59,7 @@ def test_against_a_linear_problem_in_closed_form():
     shrunk = np.log(found.values / 5e-4)
     np.testing.assert_allclose(shrunk.std(), np.sqrt(0.2**2 - deviation**2), rtol=0.15)
     assert found.failed == 0 and found.inside().all() and found.identified.all()
-    # Of a hundred draws, one in five of which does not count, the standard error of a share is 0.05.
+    # With a hundred draws, of which one in five does not count, the standard error of a share is 0.05.
     away = (drawn.place - found.place)[:, 0]
     assert drawn.inside().all() and abs(away.mean()) < 0.01 and 0.02 < away.std() < 0.05
     assert drawn.effective.min() > 60 and not drawn.doubtful.size and not drawn.doubts()
@@ -94,7 +94,7 @@ def test_plot():
     random = np.random.default_rng(1).random((50, 2))
     ax = fitting.Calibration(("a", "b"), random, random, random, random, 0).plot()
     assert len(ax.lines) == 2
-    # Of many only what leaves the envelope is named.
+    # If there are many lines, only lines that leave the envelope are named.
     many = np.random.default_rng(1).random((400, 9))
     many[:, 3] **= 2
     names = tuple("abcdefghi")

@@ -1,4 +1,4 @@
-"""Tables of fits: which scene predicts best, when the data cannot tell, and what is no comparison."""
+"""Tables of fits: the best scene, indistinguishable scenes, and invalid comparisons."""
 
 import dataclasses
 
@@ -19,7 +19,7 @@ FREE = {E: Free(), E_INF: Free()}
 
 
 def scene(terms, **parts):
-    """A rubber of so many terms: what is missing, and what is too much, of a scene that is quick to fit."""
+    """Return a rubber with `terms` terms, too few or too many, for a fast fit."""
     rubber = rf.Prony(3e6, TERMS[0][:terms], TERMS[1][:terms])
     return rf.Scene(ROAD, rf.Body(rubber), **parts)
 

@@ -142,7 +142,7 @@ def test_devices_do_not_change_a_bit(tmp_path, whole):
 
 @pytest.mark.slow
 def test_devices_change_friction_by_rounding_at_most(tmp_path):
-    """Programs of one device are simplified by another sequence of passes than those of several."""
+    """XLA simplifies functions for one device by other passes than for several."""
     finished(start("friction", tmp_path / "out.npz", devices=3))
     found = dict(np.load(tmp_path / "out.npz"))
     assert_same(found, {name: found[f"two_{name}"] for name in cases.ROWS})

@@ -41,7 +41,7 @@ def test_a_free_cutoff_is_found_again():
     profile = result.profile_cutoff(values=values)
     np.testing.assert_allclose(profile.values, np.sort([*values, 1.234e5]), rtol=1e-6)
     assert profile.names == result.names and 1.1e5 < profile.low < 1.234e5 < profile.high < 2e5
-    # The cost at a value is that of the scene with all else as it was fitted again there.
+    # The cost at a value equals the cost of a scene whose other parameters were fitted again.
     modulus, rise = profile.parameters[0, 1], profile.rise[0]
     there = friction_of(CUT.replace({Q1: 0.8e5, E + "[0]": modulus})).friction
     off = np.log(there / friction_of(truth).friction) / 0.01

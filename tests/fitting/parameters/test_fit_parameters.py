@@ -1,4 +1,4 @@
-"""Free parameters: what a key path names, and the rules between a scene's numbers and a solver's x."""
+"""Free parameters: key paths, and the maps between a scene's numbers and a solver's x."""
 
 import dataclasses
 import itertools
@@ -258,7 +258,7 @@ def test_start_gives_the_start_instead_of_the_scene():
     np.testing.assert_allclose(scene.upper.material.tau, [1e-7, 2e-4, 2e-4, 2e-4], rtol=1e-14)
     assert float(scene.lower.spectrum.hurst) == pytest.approx(0.5, rel=1e-15)
     assert float(scene.upper.material.E_inf) == -2.0 and x[-1] == -0.2
-    # What is tied keeps the ratio to the start values, not to the scene's.
+    # Tied parameters keep the ratio of the start values, not of the scene's values.
     assert float(scene.gamma) == pytest.approx(0.5, rel=1e-14)
 
 
@@ -460,7 +460,7 @@ def test_layouts_of_one_structure_are_equal_and_hash_alike():
         {E + "[1:]": Positive(), "lower.spectrum.hurst": Bounded(0.3, 1.0)},
     ):
         assert free_parameters(SCENE, change)[0] != one
-    # A static field of the scene changes what is compiled, too.
+    # A static field of the scene changes the compiled function, too.
     assert free_parameters(dataclasses.replace(SCENE, area_correction=True), free)[0] != one
 
 

@@ -1,4 +1,4 @@
-"""Priors and robust losses: rows beside the residuals, and how much a residual counts."""
+"""Priors and robust losses: additional rows, and weights of residuals."""
 
 import dataclasses
 import itertools

@@ -1,4 +1,4 @@
-"""Fits keep the orders that a scene demands: q0 <= qr <= q1, rising tables, and those of own classes."""
+"""Fits keep the orders of a scene: q0 <= qr <= q1, increasing tables, and orders of user classes."""
 
 import dataclasses
 from typing import ClassVar

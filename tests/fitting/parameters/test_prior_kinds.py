@@ -80,7 +80,7 @@ def test_several_vectors_are_smooth_each_for_itself():
 
 
 def test_every_vector_says_what_it_stands_over():
-    """All but those that others stand over: a new kind with a vector has to say it, too."""
+    """All vectors except abscissas: a new kind with a vector must declare its abscissa, too."""
     for scene in (SCENE, PRONY):
         leaves = dict(zip(scene_paths(scene), jax.tree.leaves(scene), strict=True))
         over = {path: path_over(scene, path) for path, leaf in leaves.items() if np.ndim(leaf)}

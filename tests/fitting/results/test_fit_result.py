@@ -1,4 +1,4 @@
-"""What a fit shows and stores: the report, the picture, the file."""
+"""Report, plot and file of a fit."""
 
 import dataclasses
 import re
@@ -214,7 +214,7 @@ def test_at_most_twenty_correlations(long):
 
 @pytest.fixture(scope="module")
 def long():
-    """A fit of a long array, most of which the data do not reach."""
+    """A fit of a long array that the data inform only in part."""
     tau = np.logspace(-15, -2, 30)
     scene = rf.Scene(ROAD, rf.Body(rf.Prony(1e6, np.full(30, 1e6), tau)))
     data = modulus(np.logspace(0, 12, 40), scene, relative=0.03)

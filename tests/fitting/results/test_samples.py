@@ -153,7 +153,7 @@ def test_diagnostics_see_chains_that_disagree(samples):
     assert abs(rhat[0] - 1) < 0.01 and 1500 < ess[0] < 2600
     rhat, ess = diagnosed(same + np.array([0, 0, 0, 2.0])[:, None, None])
     assert rhat[0] > 1.1 and ess[0] < 100
-    # Of equal means and different spread: seen by the folded draws alone.
+    # Equal means and different spread: detected only by folded draws.
     rhat, ess = diagnosed(same * np.array([2.0, 1.0, 1.0, 1.0])[:, None, None])
     assert rhat[0] > 1.03
     rhat, ess = diagnosed(np.cumsum(same[:1], 1))
@@ -184,7 +184,7 @@ def test_what_data_leave_open_is_refused(linear):
 
 
 def test_what_has_bounds_is_drawn_between_them(linear):
-    """Of a number that the data do not see the posterior is its prior, flat between its bounds."""
+    """A parameter without data has its prior as posterior, flat between its bounds."""
     free = {E: Free(), "gamma": Bounded(0.2, 0.6)}
     result = fitting.fit(SCENE, linear.data, free, quadrature=FAST)
     with pytest.raises(ValueError, match="a Bounded one is safe with flat='values'"):

@@ -73,7 +73,7 @@ def with_data(problem, measured):
 
 
 def test_spared_evaluations_reach_the_same_minima(monkeypatch):
-    """As where a model takes long: side by side, one evaluation with derivatives for every step."""
+    """For expensive models: several fits at once, with one evaluation with derivatives per step."""
     problem = master()
     starts = problem.start + 0.4 * np.random.default_rng(2).standard_normal((6, problem.start.size))
     usual = run_fits(LM, problem, starts)
@@ -90,7 +90,7 @@ def test_spared_evaluations_reach_the_same_minima(monkeypatch):
     alone = run_fits(LM, problem, starts[3:4]).row(0)
     assert alone.nfev == spared.nfev[3]
     np.testing.assert_allclose(alone.x, spared.x[3], rtol=1e-10)
-    # Robust losses have steps of their own.
+    # Robust losses have special steps.
     assert run_fits(LM, master("cauchy"), master("cauchy").start[None]).nfev[0] > 4
 
 
@@ -151,7 +151,7 @@ def test_friction_minimum_is_that_of_scipy_and_optimistix():
     x = problem.start + np.array([1.0, -1.0, 1.0, -1.0, -1.0])
     ours = best(problem, x)
     scipys = least_squares(lambda x: np.asarray(plain(x)), x, lambda x: np.asarray(both(x)[1]), xtol=1e-14)
-    # Where costs differ by rounding alone it may not stop by itself: what it has reached is compared.
+    # If costs differ only by rounding it may not stop; the result reached is compared.
     theirs = optimistix.least_squares(
         lambda x, _: plain(x),
         optimistix.LevenbergMarquardt(rtol=1e-10, atol=1e-10),
@@ -433,7 +433,7 @@ def test_several_starts_find_several_minima_and_the_lowest():
     np.testing.assert_allclose(result.values, result.minima[0].values, rtol=1e-12)
     tau = sorted(minimum.values[0] for minimum in result.minima[:2])
     assert tau[0] < 1e-3 < 1e-2 < tau[1]
-    # One start, beside the worse of the two, finds that.
+    # Another start, in addition to the worse one, finds it.
     assert len(one_peak().minima) == 1 and one_peak().cost >= result.cost
 
 
@@ -496,7 +496,7 @@ def area_data(scene):
 
 
 def test_in_full_contact_nothing_is_called_reached():
-    """Whatever is free, the area is that of full contact: no step lowers the cost, but it is no minimum."""
+    """The area is that of full contact for any parameters: no step lowers the cost, without a minimum."""
     truth = rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine(1e2, 1e3, 1e5, 0.8, 1e-4)), rf.Body(PRONY))
     data = area_data(truth)
     smooth = truth.replace("lower.spectrum.h_rms", 1e-8)

@@ -101,7 +101,7 @@ def quadratic_minimum(evaluate, x, most=300, longest=3.0, **options):
 
 
 def by_brown_dennis(residuals, x, exact=None, **options):
-    """The same as `minimum`."""
+    """Return the result in the form of `minimum`."""
     evaluate = on_host(residuals)
     slopes = evaluate if exact is None else on_host(exact)
     return quadratic_minimum(lambda x: (evaluate(x)[0], slopes(x)[1]), x, **options)
@@ -139,7 +139,7 @@ def test_directions_that_the_residuals_do_not_see_are_left(solve):
 
 @methods
 def test_a_model_that_is_known_to_some_digits_only(solve):
-    """As temperatures that are iterated to a tolerance: steps end where its noise hides the minimum."""
+    """Like temperatures that are iterated to a tolerance: steps end where the noise hides the minimum."""
 
     def exact(x):
         return jnp.stack([x[0] - 3.0, 2.0 * x[0] - 5.0, jnp.exp(x[1]) - 2.0, jnp.exp(x[1]) - 1.5])
@@ -214,7 +214,7 @@ def test_ends():
         iterate = step(root, wrong, iterate)
     assert iterate.status == STALLED and iterate.x[0] == 0 and iterate.own == STIFFEST
     after = step(root, wrong, iterate)
-    assert all(np.all(a == b) for a, b in zip(after, iterate, strict=True))  # it stays as it is
+    assert all(np.all(a == b) for a, b in zip(after, iterate, strict=True))  # it is unchanged
     assert started(lambda x: jnp.log(x), [-1.0]).status == NOT_FINITE
     infinite = step(lambda x: x, lambda x: (x, jnp.array([[jnp.nan]])), started(lambda x: x, [1.0]))
     assert infinite.status == NOT_FINITE and infinite.x[0] == 1.0
@@ -230,7 +230,7 @@ def test_vmap_is_a_loop():
     together = jax.jit(jax.vmap(two))(starts)
     for i, x in enumerate(starts):
         for a, b in zip(jax.tree.leaves(jax.jit(two)(x)), jax.tree.leaves(together), strict=True):
-            # A cost of 1e-5 is what is left of numbers of size 1 to 100.
+            # A cost of 1e-5 is the rounding error of numbers of size 1 to 100.
             np.testing.assert_allclose(a, b[i], rtol=1e-10, atol=1e-14)
 
 
@@ -280,7 +280,7 @@ def test_a_fit_that_stalls():
 
 
 def test_a_kink_at_the_minimum():
-    """As of a shift that is linear between the entries of a table."""
+    """Like a shift that is linear between the entries of a table."""
 
     def residuals(x):
         return jnp.stack([1.0 + jnp.abs(x[0] - 0.3), 0.1 * (x[0] - 5.0), x[1] - x[0]])

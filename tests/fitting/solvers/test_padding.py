@@ -36,7 +36,7 @@ def modulus(points):
 
 
 def test_lengths_recur():
-    """Few of them, each its own, and never much longer than the data."""
+    """There are few lengths, and none is much longer than the data."""
     lengths = [recurring_length(n) for n in range(1, 5001)]
     assert all(length >= n and recurring_length(length) == length for n, length in enumerate(lengths, 1))
     assert all(length <= max(8, 1.5 * n) for n, length in enumerate(lengths, 1))
@@ -47,7 +47,7 @@ def test_lengths_recur():
 
 @pytest.mark.parametrize("loss", slow_if(lambda loss: loss != "linear", list(LOSS_WIDTHS)))
 def test_added_rows_count_for_nothing(loss):
-    """Of every loss: cost, residuals, their derivatives and what the loss makes of them."""
+    """For every loss: cost, residuals, their derivatives and weights."""
     problem = make_problem(SCENE, [curve(6), modulus(5)], FREE, loss=loss, quadrature=FAST)
     of = padded(problem)
     assert [block.rows for block in of.structure.blocks] == [(0, 8), (8, 24)]
@@ -80,7 +80,7 @@ def test_added_rows_count_for_nothing(loss):
 @pytest.mark.slow
 @pytest.mark.parametrize("loss", ["linear", "cauchy"])
 def test_a_fit_is_that_of_its_own_data(loss, monkeypatch):
-    """Every number that a fit reports is what it is without the added rows."""
+    """Every number in a report is the same as without the added rows."""
     data = [curve(9), modulus(5)]
     found = fitting.fit(SCENE, data, FIT, loss=loss, quadrature=FAST)
     boot = found.bootstrap(3)
@@ -134,7 +134,7 @@ def test_other_tables_compile_nothing():
 
 @pytest.mark.slow
 def test_padded_tables_are_the_same():
-    """Values of rows and of their derivatives; a table with a free number stays as it is."""
+    """Values of rows and derivatives; a table with a free number is not padded."""
     scene, data = on_table(13, 5)
     scene = scene.replace("lower.spectrum.q1", 4e4)
     q1 = "lower.spectrum.q1"

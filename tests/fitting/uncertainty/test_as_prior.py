@@ -1,4 +1,4 @@
-"""A fit's knowledge as the prior of the next: what two fits in a row find is what one of all data does."""
+"""A fit as the prior of the next: two successive fits find the result of one fit to all data."""
 
 import dataclasses
 
@@ -36,7 +36,7 @@ def first():
 def test_two_fits_in_a_row_are_one_fit_of_all(first):
     second = fitting.fit(first.scene, TWO, FREE, prior=first.as_prior(), quadrature=FAST)
     both = fitting.fit(SCENE, [ONE, TWO], FREE, quadrature=FAST)
-    # But for what the first posterior differs from a normal one, some hundredths of an error.
+    # The first posterior differs from a normal distribution by some hundredths of an error.
     np.testing.assert_array_less(np.abs(second.values - both.values), 0.05 * both.stderr)
     np.testing.assert_allclose(second.stderr, both.stderr, rtol=0.03)
     np.testing.assert_allclose(second.correlation, both.correlation, atol=0.03)

@@ -1,6 +1,6 @@
 """Error bars of fits to friction that is not the theory's: boundary elements of 20 scenes, with 3 % noise.
 
-As a laboratory would: the moduli are known to 30 % from another measurement (their priors, and the start),
+As in a laboratory, the moduli have errors of 30 % from another measurement (their priors, and the start);
 the height is free. Curves are computed once and kept in the folder of RUBBERFRIC_CURVES, if there is one.
 """
 
@@ -28,7 +28,7 @@ def curves(tmp_path_factory):
 
 
 def held(curves, discrepancy, pressures=(0, 1)):
-    """Whether the 95 % intervals of every scene hold its moduli and height, (COUNT, TERMS + 1)."""
+    """Return True where 95 % intervals contain the moduli and height of a scene, (COUNT, TERMS + 1)."""
     found = []
     for number, friction in enumerate(curves):
         random = np.random.default_rng([8, number])

@@ -165,7 +165,7 @@ def test_twelve_are_worth_forty(designed):
 
 
 def predicted_error(at):
-    """Of measurements at conditions, all of them made, by the information at the truth."""
+    """Return the error of measurements at all conditions, from the information at the truth."""
     every = fitting.design(TRUTH, FREE, candidates=at, n=1, criterion=WANTED, prior=PRIOR, quadrature=QUICK)
     base = np.diag(every.before**-2.0)
     all_made = base + every.rows.T @ every.rows
@@ -224,7 +224,7 @@ def test_refused(options, message):
 
 @pytest.mark.slow
 def test_hundred_twins():
-    """Fits of noisy data: bands of 12 designed points beside those of 40 log-uniform ones."""
+    """Fits of noisy data: bands of 12 designed points and of 40 log-uniform points."""
     rng = np.random.default_rng(7)
     wanted = (WANTED.velocity, WANTED.pressure, WANTED.temperature)
     exact = np.asarray(rf.friction(TRUTH, *wanted, quadrature=QUICK))

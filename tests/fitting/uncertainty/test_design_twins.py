@@ -2,13 +2,13 @@
 
     python -m pytest -m slow -s tests/fitting/uncertainty/test_design_twins.py
 
-A twin is the tread of data/twin_truth.toml with each of 18 numbers drawn anew; the design begins with a scene
-whose every number is off from the twin's by up to 30 %, error bars are those of the measurements at the twin
+A twin is the tread of data/twin_truth.toml with each of 18 numbers drawn at random; the design begins with a
+scene whose numbers differ from the twin's by up to 30 %; error bars are for the measurements at the twin
 itself. The tester slides at 1e-5 ... 0.1 m/s and 0.2 MPa, at 5 ... 40 °C. Two and a half minutes of CPU.
 
-Outside of what the tester can do, twelve designed points are better than forty. Inside they cannot be: the
+Outside the range of the tester, twelve designed points are better than forty. Inside they cannot be: the
 test computes the error bar that no twelve points at all go below, from the convexity of the criterion in the
-weights w of the candidates, with d_i what one more measurement at i would take away,
+weights w of the candidates, with the reduction d_i by one more measurement at i,
 
 .. math:: \\mathrm{tr} L M(w)^{-1} - \\big(n \\max_i d_i - \\sum_i w_i d_i\\big) \\le
           \\min_{w',\\,\\sum w' = n} \\mathrm{tr} L M(w')^{-1}
@@ -87,7 +87,7 @@ def variance(information, slopes):
 
 
 def least(rows, base, slopes, count):
-    """What the variance of the prediction is at least, of so many measurements at candidates; see above."""
+    """Return the lower bound of the variance of the prediction for `n` measurements; see above."""
     w, best = np.full(len(rows), count / len(rows)), 0.0
     for _ in range(2000):
         spread = np.linalg.inv(base + rows.T @ (w[:, None] * rows))
@@ -154,7 +154,7 @@ def test_outside_of_the_measured_range_twelve_are_worth_forty(name, everything):
     ratio = told(f"{name}, {'all' if everything else 'moduli'} known to 30 %", bars)
     assert np.median(ratio) < 0.85 and np.exp(np.mean(np.log(ratio))) < 0.85
     assert np.mean(ratio <= 1) >= (1.0 if everything else 0.9) and ratio.max() < 1.5
-    # What the wrong start costs.
+    # Cost of the wrong start.
     assert np.median(bars[:, 0] / bars[:, 1]) < (1.03 if everything else 1.25)
 
 

@@ -1,4 +1,4 @@
-"""What is not identified, in words: roughness against gamma, and against contact shear."""
+"""Unidentified directions in the report: roughness with gamma, and with contact shear."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The theory's own error in fits: the covariance itself, its amplitude, and what bars are worth with it."""
+"""Model error in fits: covariance, amplitude, and coverage of error bars."""
 
 import math
 
@@ -38,7 +38,7 @@ def fitted(data, discrepancy=None, scene=SCENE, free=FREE):
 
 @pytest.fixture(scope="module")
 def off():
-    """A fit of data of which the theory is 20 % off."""
+    """A fit of data that differ from the theory by 20 %."""
     return fitted(data_of(1, 0.2), fitting.Discrepancy(None, WIDTH))
 
 
@@ -87,11 +87,11 @@ def test_no_amplitude_is_no_discrepancy():
 
 
 def test_bars_and_verdict_follow(off):
-    """Without it the bars are too small for what is wrong, and the scene is said not to explain the data."""
+    """Left out, the error bars are too small, and the verdict is "does not explain the data"."""
     without = fitted(off.data[0])
     assert without.verdict.explains is False and off.verdict.explains is True
     assert 0.08 < off.discrepancy.amplitude < 0.5 and off.discrepancy.estimated
-    known = np.isfinite(off.stderr)  # the others have no bar any more
+    known = np.isfinite(off.stderr)  # the others have no error bar
     assert known.sum() >= 2 and (off.stderr > 5 * without.stderr)[known].all()
     truth = np.array([*PLAIN.E, ROAD.spectrum.h_rms])
     low, high = off.interval(0.99)
@@ -114,7 +114,7 @@ def waves(seed, shortest, longest):
 def scanned(off, kernels):
     """log N(rows; 0, C + J (100^2) J^T) and the prior, (widths, amplitudes): all parameters integrated out.
 
-    Of the fit `off`, with kernels of amplitude 1, and the amplitudes scanned.
+    The fit `off` with kernels of amplitude 1, and the scanned amplitudes.
     """
     problem, x = off.problem, off.x
     rows = residual_rows(problem._replace(numbers=problem.numbers._replace(whitening=None)), x)[: V.size]

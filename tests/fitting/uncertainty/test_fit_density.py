@@ -114,7 +114,7 @@ def test_of_a_linear_problem_it_is_a_gaussian(modulus):
 
 @pytest.fixture(scope="module")
 def mixed(modulus):
-    """A problem with rules of every kind, two of which the data do not see."""
+    """A problem with rules of every kind; the data do not inform two parameters."""
     free = {E: Positive(), HURST: Bounded(0.3, 1.0), "gamma": Free(scale=0.2)}
     return other_problem(modulus, modulus.data, free)
 

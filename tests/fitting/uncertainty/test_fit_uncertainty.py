@@ -1,4 +1,4 @@
-"""What the data say about the parameters: error bars where there are any, and why where there are none."""
+"""Error bars of the parameters, and reasons for missing ones."""
 
 import dataclasses
 import functools
@@ -52,7 +52,7 @@ def basis(omega=OMEGA):
 
 
 def linear_data(seed=0, size=0.1):
-    """A modulus with absolute errors, for a model that is linear in the moduli."""
+    """A modulus with absolute errors; the model is linear in the moduli."""
     exact = modulus()
     values = np.concatenate([exact.real, exact.imag])
     sigma = size * values
@@ -61,7 +61,7 @@ def linear_data(seed=0, size=0.1):
 
 
 def every_gap_is_explained(result):
-    """NaN only where `withheld` says why; and what is withheld has no number."""
+    """NaN exactly where `withheld` gives a reason."""
     for name, error in zip(result.names, result.stderr, strict=True):
         assert np.isnan(error) == (name in result.withheld), name
         assert result.withheld.get(name, "a reason")
@@ -155,7 +155,7 @@ def test_an_unknown_error_is_estimated_from_the_scatter():
 
 
 def test_one_unknown_error_takes_no_second_fit():
-    """All errors scale alike: the minimum stays, and cost and bars are those of a fit with the estimate."""
+    """All errors scale equally: equal minimum; cost and error bars equal a fit with the estimate."""
     data = modulus_data(noise=0.05, given=False)
     assumed = fit(SCENE, data, BOTH, scale_errors=False)
     result = fit(SCENE, data, BOTH)
@@ -166,7 +166,7 @@ def test_one_unknown_error_takes_no_second_fit():
     assert result.cost == pytest.approx(given.cost, rel=1e-8)
     np.testing.assert_allclose(result.values, given.values, rtol=1e-6)
     np.testing.assert_allclose(result.stderr, given.stderr, rtol=1e-6)
-    # A prior does not scale with them, nor do two data sets with errors of their own.
+    # A prior does not scale with them. Two data sets with given errors do not scale either.
     known = {E_INF: Gaussian(3e6, 3e4)}
     again = fit(SCENE, data, BOTH, prior=known)
     assert again.njev > fit(SCENE, data, BOTH, prior=known, scale_errors=False).njev
@@ -201,7 +201,7 @@ def test_priors_narrow_error_bars():
     np.testing.assert_allclose(free.stderr, plain.stderr, rtol=1e-3)
     assert held.stderr[0] == pytest.approx(3e3, rel=1e-2)
     assert np.all(held.stderr[1:] <= plain.stderr[1:] * (1 + 1e-6))
-    # What a prior decides is no parameter that the data determine.
+    # Parameters that only a prior determines are not counted.
     assert plain.freedom == pytest.approx(36, rel=1e-9)
     assert 36.9 < held.freedom <= 37
 
@@ -217,7 +217,7 @@ def test_robust_error_bars_are_the_scatter_of_the_estimates():
         deviations.append(uncertainty(drawn, x).deviation)
     # 500 draws know a standard deviation to 3.2 %; one fit of 80 points knows it worse.
     np.testing.assert_allclose(np.mean(deviations, 0), runs.x.std(0), rtol=0.12)
-    # And 5 % of efficiency is what the width of the loss costs.
+    # The width of the loss costs 5 % of efficiency.
     plain = uncertainty(dry_problem("linear", 80), problem.start).deviation
     np.testing.assert_allclose(runs.x.std(0), plain / np.sqrt(0.95), rtol=0.12)
 
@@ -237,7 +237,7 @@ def test_robust_error_bars_of_few_points_are_withheld_with_a_reason():
     assert len(known.unidentified) == 1
 
 
-# --- what is not identified
+# --- unidentified directions
 
 
 @functools.cache
@@ -268,7 +268,7 @@ def test_friction_at_light_load_does_not_know_the_scale_of_the_moduli():
     assert np.sort(result.uncertainty.deviations)[-2] < 0.1
     ratios = result.values[1:] / result.values[0]
     np.testing.assert_allclose(ratios, MODULI / 3e6, rtol=0.2)
-    # And so the friction is known under that load, of a rubber of which no modulus is.
+    # The friction under that load is determined although no modulus is.
     band = result.band(light().velocity, 1e3)
     assert np.all(np.log(band.high / band.low) < 0.3)
 
@@ -293,7 +293,7 @@ def test_one_point_of_modulus_or_an_area_curve_identify_it(kind):
 
 @pytest.mark.slow
 def test_friction_at_light_load_cannot_tell_gamma_from_the_height_of_the_roughness():
-    """Data without noise, so that the fit stays where it starts along what they leave open."""
+    """Data without noise, so that the fit keeps its start along unidentified directions."""
     data = light().replaced(np.asarray(rf.friction(SCENE, light().velocity, 1e3, quadrature=QUADRATURE)))
     free = {"gamma": Bounded(0.1, 1.0), "lower.spectrum.h_rms": Positive()}
     result = fit(SCENE, data, free, quadrature=QUADRATURE)
@@ -342,7 +342,7 @@ def test_a_number_that_no_data_see_at_all():
     assert result.withheld == {"gamma": "not identified, see direction 1"}
     assert result.values[-1] == pytest.approx(0.5, abs=1e-12)  # left where it was
     every_gap_is_explained(result)
-    # What is open is as wide whatever the loss.
+    # Unidentified directions are equally wide for every loss.
     robust = fit(SCENE, modulus_data(), BOTH | {"gamma": Bounded(0.1, 1.0)}, loss="soft_l1")
     for one in (result, robust):
         assert one.uncertainty.spread[-1, -1] == pytest.approx(OPEN**2, rel=1e-12)
@@ -479,7 +479,7 @@ def test_intervals_and_bands_hold_the_truth_at_the_stated_rate():
         reach = stats.norm.ppf(0.5 + 0.5 * level) * exact.uncertainty.deviation
         inside = np.mean(np.abs(ends.x - problem.start) < reach, axis=0)
         np.testing.assert_allclose(inside, level, atol=tolerance)
-        # ln mu = ln tau_f0 - c log10(v / v0)^2 + what is not fitted.
+        # ln mu = ln tau_f0 - c log10(v / v0)^2 + constants.
         v = np.array([1e-8, 1e-4, 6e-3, 1.0, 100.0])
         band = exact.band(v, 1e5, level=level)
         slope = np.stack([np.ones(5), -0.1 * np.log10(v / 6e-3) ** 2])

@@ -78,7 +78,7 @@ def test_the_place_of_a_truth_is_uniform_however_few_and_poor_the_draws(centre, 
     with np.errstate(over="ignore"):
         weight = np.where(x > 0, -x + 0.5 * ((x - centre) / width) ** 2, -np.inf)[..., 0]
     assert scipy.stats.kstest(places(x, weight, random)[:, 0], "uniform").pvalue > 1e-3
-    # With one weight for all it is their rank, of a truth that is none of them.
+    # With equal weights it is the rank of a truth that is not a draw.
     ranks = places(x, np.zeros((fits, 4)), random)[:, 0]
     np.testing.assert_array_equal(np.floor(4 * ranks), (x[:, :3, 0] < x[:, 3]).sum(1))
     assert scipy.stats.kstest(ranks, "uniform").pvalue < 1e-3

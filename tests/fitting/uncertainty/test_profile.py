@@ -53,7 +53,7 @@ def around(log_tau, chisqr, k, bound):
 
 
 def judged(seed):
-    """Whether the interval is that of the lowest minimum, of the fit's own or wrong; if beaten; profile."""
+    """Return the minimum of the interval (lowest, the fit's, or wrong), if beaten, and the profile."""
     data, fit = twin(seed)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -87,7 +87,7 @@ def judged(seed):
 
 @pytest.mark.slow
 def test_ends_of_sixty_twins():
-    """A fit whose minimum is shut off by a rise above the threshold has an interval of its own."""
+    """A fit whose minimum is separated by a rise above the threshold has a separate interval."""
     found = [judged(seed) for seed in range(60)]
     kinds = [kind for kind, *_ in found]
     beaten = [getattr(profile, "better", None) is not None for kind, beaten, profile in found if beaten]

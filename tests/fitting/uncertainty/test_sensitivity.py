@@ -88,7 +88,7 @@ def test_heights_and_pressure_times_one_factor(quantity, expected):
 
 @pytest.mark.slow
 def test_tabulated_modulus():
-    """The same identity for E' and E'' of a table, and the derivatives of what `solve` gives."""
+    """The identity for E' and E'' of a table, and derivatives of results of `solve`."""
     omega = np.geomspace(1e-2, 1e7, 12)
     modulus = np.asarray(rf.complex_modulus(RUBBER, omega))
     rubber = rf.TabulatedModulus(omega, modulus.real, modulus.imag, 0.5)

@@ -1,4 +1,4 @@
-"""Whether a scene explains its data: the verdict on residuals that are known, and on whole fits."""
+"""The verdict if a scene explains its data, on known residuals and on fits."""
 
 import dataclasses
 import re
@@ -31,7 +31,7 @@ def noise(seed, size=40):
 
 
 def scaled(rows):
-    """As of errors that were estimated from the scatter: mean square one by the degrees of freedom."""
+    """Residuals with errors estimated from the scatter: mean square one by the degrees of freedom."""
     return rows * np.sqrt((rows.size - 4) / np.sum(rows**2))
 
 
@@ -128,7 +128,7 @@ ROAD = rf.SelfAffine(200.0, 1500.0, 5e4, 0.8, 3e-4)
 SCENE = rf.Scene(rf.Body(rf.Rigid(), ROAD), rf.Body(RUBBER))
 CONDITIONS = tuple(a.ravel() for a in np.meshgrid(np.geomspace(1e-4, 3.0, 16), [283.15, 313.15]))
 ERROR = 0.01
-# What a scene may lack, or have wrong.
+# Parts that a scene may lack or have wrong.
 TRUTHS = {
     "nothing": SCENE,
     "heat": SCENE.replace(heating=rf.Heating(1.2e3, 1.6e3, 0.2, 2e-3)),

@@ -19,7 +19,7 @@ from fitting.solvers.search import search
 from fitting.uncertainty.covariance import uncertainty
 
 UNSEEN = 0.5e6  # a pressure between the two measured ones [Pa]
-# What was found before Levenberg-Marquardt was a step of its own, in 12 steps.
+# Result of an earlier implementation of Levenberg-Marquardt, in 12 steps.
 FOUND = [
     *(9.9214025485714e08, 1.4628397765699e08, 3.0583865505904e07, 1.0951951590835e07, 3.6759122774885e06),
     *(2.6125179999101e06, 1.6344232857664e06, 1.3710264220430e06, 7.5357200903660e05, 7.4377931146505e05),
@@ -36,14 +36,14 @@ def result():
 def test_the_file_is_what_its_script_makes():
     stored, made = fitting.read(DATA / "twin_friction.csv"), twin()
     np.testing.assert_allclose(stored.measured, made.measured, rtol=1e-9)
-    # NumPy takes powers with what the processor has: the last digit differs between processors.
+    # The last digit of NumPy's powers differs between processors.
     np.testing.assert_allclose(stored.velocity, made.velocity, rtol=1e-15)
     np.testing.assert_array_equal(stored.error, make_twin.NOISE)
     assert len(stored) == 240
 
 
 def test_numbers_and_steps_stay(result):
-    """With the nodes of then; with those that fits choose, which are good to 1e-9, nearly the same."""
+    """With the former nodes; the default nodes, with errors of 1e-9, give nearly the same."""
     then = rf.Quadrature(order=13, panels=12, graded=8, ratio=4.5, angular_order=13)
     same = fitting.fit(GUESS, fitting.read(DATA / "twin_friction.csv"), FREE, quadrature=then)
     np.testing.assert_allclose(same.values, FOUND, rtol=1e-10)

@@ -1,6 +1,6 @@
 """Real tyre compounds: Prony fits of master curves, dry friction fitted on one and predicted for another.
 
-The data lie beside the project, not in it. The levels asserted are what is found, not what
+The data lie outside the project. The asserted levels are those found, not
 one would wish: six points without error bars carry three numbers, and the model without
 frictional heating is above all measurements at 0.2 m/s.
 """

@@ -59,7 +59,7 @@ SESSION = (
     print(result.report())
     """,
 )
-# Of the truth that data/make_laboratory.py says.
+# Relative to the truth in data/make_laboratory.py.
 TRUTH = {"shear.tau_f0": 2e6, "shear.c": 0.1, "shear.v0": 6e-3, "lower.spectrum.h_rms": 1.5e-4}
 
 
@@ -70,7 +70,7 @@ def undone(text):
 
 
 def entered(cell, names):
-    """What a cell prints, warns of, or ends with; shown as in a terminal."""
+    """Return the output, warnings and error of a cell, as in a terminal."""
     printed = io.StringIO()
     with warnings.catch_warnings(record=True) as caught, contextlib.redirect_stdout(printed):
         warnings.simplefilter("always")
@@ -111,7 +111,7 @@ def test_from_a_folder_of_exports_to_a_verdict(folder):
     assert sums(folder) == before
 
 
-# What is tried, and what the answer says.
+# Attempts, and words of the messages.
 MISTAKES = (
     ("import rubberfric as rf, fitting", ""),
     ('fitting.read("linear_tester.xls")', "suffix '.xls': must be .csv"),

@@ -1,9 +1,9 @@
 """Measured compounds as a laboratory has them, all in tables: fits of the contact shear and of the cut-off.
 
 Modulus, shift and road are tables; free are the law of contact shear and where the roughness ends. Six
-points a compound, without error bars: no fit of them is a proof. What is asserted is that fits end, that
-one law serves both compounds, and how far one compound says what the other does; `-s` prints the table.
-The data lie beside the project, not in it.
+points per compound, without error bars, so fits of them prove nothing. The tests assert that fits end, that
+one law serves both compounds, and how well one compound predicts the other; `-s` prints the table.
+The data lie outside the project.
 """
 
 import functools
@@ -100,7 +100,7 @@ def blind(hot):
 
 
 def baselines():
-    """The same of the other's measured curve, and of a parabola through its logarithms."""
+    """The error of the other's measured curve, and of a parabola through its logarithms."""
     curve, parabola = {}, {}
     for compound, other in (COMPOUNDS, COMPOUNDS[::-1]):
         curve[compound] = rms(measured(other).friction, compound)

@@ -1,4 +1,4 @@
-"""What is being written when a signal's thread ends the process."""
+"""Incomplete files when the thread of a signal ends the process."""
 
 import threading
 

@@ -33,7 +33,7 @@ print(folder, sum(hits), *(np.asarray(leaf).tobytes().hex() for leaf in jax.tree
 def begun(home, *arguments, **environment):
     """A process that computes the curve."""
     kept = {name: value for name, value in os.environ.items() if not name.startswith(("JAX", "TF_"))}
-    # That an entry is incomplete is the only thing that JAX may say.
+    # JAX may only warn of an incomplete entry.
     options = ["-W", "error", "-W", "ignore:Error reading persistent"]
     own = {"PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(home), "TF_CPP_MIN_LOG_LEVEL": "3"}
     return subprocess.Popen(
@@ -107,7 +107,7 @@ def test_a_folder_that_others_may_write_to_is_not_used(tmp_path):
 
 
 def test_the_oldest_folders_go_first(tmp_path, monkeypatch):
-    """Whole folders: how JAX names what is in them is its own affair."""
+    """Whole folders, because the names of entries are internal to JAX."""
     monkeypatch.setattr(module, "LARGEST_CACHE", 1000)
     folders = [tmp_path / f"jaxlib-{i}" for i in range(3)]
     for i, folder in enumerate(folders):

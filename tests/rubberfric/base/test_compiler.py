@@ -1,4 +1,4 @@
-"""Options of the compiler: the same wherever they are asked for first."""
+"""Compiler options are the same regardless of the first call."""
 
 import jax
 import pytest
@@ -30,7 +30,7 @@ def test_they_are_known_within_a_trace():
 @pytest.mark.skipif(jax.default_backend() != "cpu", reason="options of the compiler for processors")
 @pytest.mark.usefixtures("asked_for_anew")
 def test_flags_that_are_set_later_count(monkeypatch):
-    """What was asked for once is not what is true for ever."""
+    """A result is not kept when the environment changes."""
     options = []
     jit = jax.jit
 

@@ -1,4 +1,4 @@
-"""What stands on a field, and the list of the classes that have such fields."""
+"""Descriptions of fields, and the registry of classes."""
 
 from typing import Literal
 
@@ -27,7 +27,7 @@ from rubberfric.roughness.spectra import Spectrum
 
 @pytest.fixture
 def made():
-    """What makes a class known for the time of a test."""
+    """Register a class during a test."""
     known = []
 
     def make(cls):

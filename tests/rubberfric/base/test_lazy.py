@@ -1,4 +1,4 @@
-"""Packages whose names are imported when asked for: the names are all there, and JAX is not waited for."""
+"""Packages with lazy names: all names exist, and JAX is not imported early."""
 
 import ast
 import importlib
@@ -14,7 +14,7 @@ PACKAGES = ("rubberfric", *(f"rubberfric.{room}" for room in ROOMS), "fitting")
 
 
 def for_checkers(package):
-    """What the part for type checkers imports, as itself, so that they take it as public: name -> module."""
+    """Return name -> module of the imports for type checkers, which mark public names."""
     path = ROOT / package.replace(".", "/") / "__init__.py"
     (block,) = (node for node in ast.parse(path.read_text()).body if isinstance(node, ast.If))
     imports = [(one.module, alias.name) for one in block.body for alias in one.names]

@@ -1,4 +1,4 @@
-"""What every physical object must do: survive JAX's transformations, and refuse wrong values."""
+"""Every physical object survives JAX's transformations and refuses wrong values."""
 
 import dataclasses
 

@@ -35,7 +35,7 @@ def test_coefficients_of_legendre_polynomials(order):
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_gaps_between_nodes_are_summed_by_positive_weights(order):
-    """Each gap by itself: polynomials of degree 9, for there are five nodes in a gap."""
+    """Each gap separately: polynomials of degree 9, because a gap has five nodes."""
     borders = np.concatenate([[0.0], gauss(order)[0]])
     y, weight = nodes_between(order).reshape(order, -1), weights_between(order)
     assert (weight > 0).all()

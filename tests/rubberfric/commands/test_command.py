@@ -1,4 +1,4 @@
-"""The command: what it prints, writes and draws; one line and status 2 for every bad input."""
+"""The command: output, files and plots; one line and status 2 for bad input."""
 
 import functools
 import importlib.metadata
@@ -123,7 +123,7 @@ def test_contact_shear_shows_in_table_result_and_plot(call, scene_file, tmp_path
     for column, (scale, values) in enumerate(zip((1, 1, 1e6, 1, 1), solution[:5], strict=True), start=1):
         np.testing.assert_allclose(table[..., column], scale * values, rtol=1e-5)
 
-    # run again from the result, and without the shear: what is left is as ever
+    # run again from the result and without shear; the rest is unchanged
     assert call("run", out) == (0, printed, "")
     scene_file.write_text(SCENE)
     plain = numbers(call("run", scene_file)[1]).reshape(3, 2, 5, 4)
@@ -287,7 +287,7 @@ def test_commands_run_without_their_scripts(package, command):
 
 
 def test_command_needs_no_matplotlib_and_the_library_leaves_the_precision_alone(scene_file):
-    """In a process of its own: conftest switches double precision on here."""
+    """In a new process, because conftest switches double precision on."""
     program = f"""
 import sys
 sys.modules["matplotlib"] = None

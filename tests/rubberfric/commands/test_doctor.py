@@ -1,4 +1,4 @@
-"""What `rubberfric doctor` says of an installation."""
+"""Output of `rubberfric doctor`."""
 
 import argparse
 import importlib.metadata

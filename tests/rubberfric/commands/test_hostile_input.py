@@ -1,6 +1,6 @@
 """Files that are none, arguments that contradict each other, streams that are closed: one line each, at once.
 
-Nothing is computed here: what is wrong is found before that, and mostly before JAX is imported.
+Nothing is computed here: errors are found before, and mostly before JAX is imported.
 """
 
 import os
@@ -31,7 +31,7 @@ def socket_at(path):
         one.bind(str(path))
 
 
-# What stands in place of a file.
+# Objects in place of a file.
 KINDS = {
     "a pipe": os.mkfifo,
     "a device without an end": lambda path: path.symlink_to("/dev/urandom"),
@@ -243,7 +243,7 @@ sys.exit(command.main())
     ],
 )
 def test_letters_that_the_terminal_has_not(environment):
-    """They must not cost what has been computed."""
+    """They must not lose computed results."""
     status, printed, complaint = shell("", program=PRINTING, **environment)
     assert (status, complaint) == (0, "") and printed.startswith("30 ") and printed.count(" in L") == 5
 

@@ -1,4 +1,4 @@
-"""Commands as processes of their own, ended by a signal: exit status, one line, nothing half-written."""
+"""Commands as processes that a signal ends: exit status, one line, no incomplete file."""
 
 import os
 import signal
@@ -98,7 +98,7 @@ def interrupted(program, *arguments, sending=(signal.SIGINT,), after=0.0, path="
     ],
 )
 def test_a_signal_while_jax_is_imported(tmp_path, which, package):
-    """Of which one that takes a minute stands in the place."""
+    """A stand-in for the command takes a minute."""
     (tmp_path / "jax.py").write_text("import time\nprint('now', flush=True)\ntime.sleep(60)\n")
     job = ROOT / "data" / "tread_on_asphalt_fit.toml"
     arguments = ("run", SCENE) if package == "rubberfric" else (job,)

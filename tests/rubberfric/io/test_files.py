@@ -326,7 +326,7 @@ def test_tables_of_directions(tmp_path):
         q, C = read_directions(path)
         np.testing.assert_allclose(q, [1e2, 1e3], rtol=1e-15)
         np.testing.assert_allclose(C, 1e-24 * np.arange(1.0, 11.0).reshape(2, 5), rtol=1e-15)
-    # As `write_table` writes it.
+    # In the form of `write_table`.
     phi = np.tile(np.pi * np.arange(5) / 5, 2)
     write_table(path, {"q": np.repeat(q, 5), "phi": phi, "C": C.ravel()})
     for x, y in zip(read_directions(path), (q, C), strict=True):

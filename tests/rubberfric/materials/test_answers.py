@@ -1,4 +1,4 @@
-"""What materials and layers answer the theory: their ends and series are those of the complex modulus."""
+"""Methods of materials and layers: limits and series agree with the complex modulus."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -82,7 +82,7 @@ def test_frequencies():
 
 
 def test_what_follows_without_being_said():
-    """The answers of the role, which a kind may leave as they are."""
+    """Methods of the base class, which a kind may keep."""
     flat = rf.TabulatedModulus([1e-3, 1e-1, 1e1, 1e3], [1e6, 1e6, 3e6, 3e6], [1e5, 2e5, 2e5, 1e5])
     for material in (PRONY, flat):
         assert float(Material.static_modulus(material)) == pytest.approx(float(material.static_modulus()))
@@ -130,7 +130,7 @@ def test_layers_at_rest_and_glassy():
 
 @pytest.mark.parametrize("layer", [rf.Slab(1e-3), rf.Coating(1e-3, ELASTIC)], ids=["slab", "coating"])
 def test_layers_as_series(layer):
-    """At every q: at rest what `static_reduced` says, glassy that of `glassy_stiffening`."""
+    """At every q the limit at rest is `static_reduced` and the glassy limit `glassy_stiffening`."""
     series = layer.reduced_series(PRONY, 1e5, Q)
     assert isinstance(series, Series)
     assert series.weight.shape == series.tau.shape

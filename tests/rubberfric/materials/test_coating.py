@@ -43,7 +43,7 @@ def body_of(d, nu1, nu0, mu1, mu0):
 
 
 def bonded(body):
-    """Of a coated body."""
+    """A coated body."""
     return Bonded(body.layer.thickness, body.material.poisson, body.layer.base.poisson)
 
 
@@ -55,7 +55,7 @@ def of_springs(*numbers):
 
 
 def of_series(*numbers):
-    """The same by pairs in series, of solids of which nothing relaxes."""
+    """The stiffness by pairs in series, for solids that do not relax."""
     body, term = body_of(*numbers), (jnp.zeros(1), jnp.ones(1))
     layer, base = 2 * numbers[3] / (1 - numbers[1]), 2 * numbers[4] / (1 - numbers[2])
     solids = (Series(layer, *term), Series(base, *term))
@@ -77,7 +77,7 @@ FORMS = pytest.mark.parametrize("form", [of_springs, of_series])
 
 @FORMS
 def test_factor(form):
-    """As printed in 50 digits: all thicknesses, shear moduli and Poisson's ratios."""
+    """Compared with 50 digits for all thicknesses, shear moduli and Poisson's ratios."""
     points = grid([1e-8, 1e-3, 0.1, 0.9, 1.1, 10.0, 30.0, 1e8], FINE, [1e-12, 1e-4, 0.7, 1e5, 1e12])
     with mp.workdps(50):
         exact = [float(exact_factor(*map(mp.mpf, (min(p[0], 1e3), *p[1:])))) for p in points]
@@ -263,7 +263,7 @@ NUMBERS = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["both relax", "shared times", "facing elastic"])
 def test_gradients(name):
-    """Forward = reverse, and against differences of the oracle; the times of both solids scaled as one."""
+    """Forward equals reverse mode and differences of the oracle; the times of both solids scale together."""
     given = CASES[name]
     arguments = as_arrays((scene(given), given["v"], given["pressure"]))
     reverse = jax.jit(jax.jacrev(quantities))(arguments)

@@ -135,7 +135,7 @@ STEP = rf.TabulatedModulus([1e-3, 1e3, 2e3], [1e4, 1e4, 1e8], [1e2, 1e2, 1e7])
 
 
 def test_a_modulus_that_steps_up_leaves_g_positive():
-    """Interpolated as they are, the means would swing below 0 before the step."""
+    """Direct interpolation of the means would give negative values before the step."""
     road = rf.SelfAffine(100.0, 1e3, 1e5, 0.8, 1e-4)
     scene = rf.Scene(rf.Body(STEP), rf.Body(rf.Rigid(), road))
     result = rf.solve(scene, np.logspace(-6, 2, 17), 1e5)
@@ -156,12 +156,12 @@ def test_a_table_on_a_liquid_at_rest():
 
 @pytest.mark.parametrize("outside", slow_if(lambda outside: outside != "none", ["fall", "hold", "none"]))
 def test_means_follow_their_powers_beyond_the_table_of_means(outside):
-    """At q v of e^-30 ... e^40 beside the ends, against the angular integral at q v itself."""
+    """At q v of e^-30 ... e^40 beyond the ends, compared with the angular integral at q v."""
     needs = RequiredMeans(mean_abs2=True, mean_cos_loss=True, mean_storage=True, mean_sin_loss=True)
     F = Tabulated(rf.TabulatedModulus(**TABLE, outside=outside), jnp.asarray(1e-9), jnp.asarray(0.01))
     harmonics = jnp.array([0.3, -0.1]), jnp.array([0.2, 0.4])
     ends = np.log(TABLE["omega"][[0, -1]])
-    # Where E'' steps to 0 the angular integrals themselves are off, by 1e-9 of what they are in the table.
+    # Where E'' steps to 0 the angular integrals have errors of 1e-9 of their values in the table.
     small = 1e-10 if outside == "none" else 1e-20
     x = np.concatenate([ends[0] + [-19.0, -9.0, -7.0, -6.0], ends[1] + [8.99, 9.5, 11.0, 20.0, 40.0]])
     for spring in (None, F.spring):

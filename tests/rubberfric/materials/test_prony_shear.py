@@ -35,7 +35,7 @@ def test_young(bulk):
     with mp.workdps(40):
         young = np.array([complex(exact(omega, bulk)[1]) for omega in OMEGA])
     np.testing.assert_allclose(found.real, young.real, rtol=1e-14)
-    # Where the bulk modulus bounds E, its loss is what is left of the difference of larger numbers.
+    # Where the bulk modulus bounds E, its loss is the difference of larger numbers.
     np.testing.assert_allclose(found.imag, young.imag, rtol=1e-14, atol=1e-15 * np.abs(young).max())
     assert float(material(bulk).static_modulus()) == pytest.approx(young[0].real, rel=1e-14)
 

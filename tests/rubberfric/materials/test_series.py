@@ -60,7 +60,7 @@ def test_values(dtype, tolerance):
 @pytest.mark.parametrize("hard", [0.3, 1e6, 1e19])
 @pytest.mark.parametrize("apart", [1.0, 1 + 1e-6, 2.0])
 def test_derivatives_with_respect_to_every_number(hard, apart):
-    """Equal times, of which each has a derivative of its own, and a term of no weight."""
+    """Equal times with separate derivatives, and a term of zero weight."""
     rest, weight, tau = 0.02, np.array([0.1, 0.4, 0.0, 0.2]), np.array([3.0, 1e-2, 1e-4, apart * 1e-2])
     s = 40.0
     slopes = slopes_at(rest, weight, tau, hard, s)
@@ -134,7 +134,7 @@ def test_two_relaxing_solids(dtype, tolerance):
 
 @pytest.mark.parametrize("shared", ["none", "one", "all", "three", "near"])
 def test_derivatives_of_two_relaxing_solids(shared):
-    """Each of several equal times has a derivative of its own."""
+    """Each of several equal times has a separate derivative."""
     tau1, tau2 = np.array([3.0, 1e-2, 1e-4, 2e-6, 1e-7]), np.array([1.7, 2e-2, 3e-4, 5e-6])
     if shared in ("one", "three"):
         tau2[1] = tau1[1]

@@ -1,4 +1,4 @@
-"""Vertical shifts, E(omega, T) = b_T E(a_T omega): their laws, and what they do to materials and scenes."""
+"""Vertical shifts, E(omega, T) = b_T E(a_T omega): laws, materials and scenes."""
 
 import dataclasses
 
@@ -116,7 +116,7 @@ def softening():
 
 RIGID, ELASTIC = rf.Rigid(), rf.Elastic(2e7, 0.3)
 DIRECTIONS = [[2e-12, 1e-12, 3e-12, 1e-12], [2e-12, 3e-12, 1e-12, 2e-12], [1e-17] * 4]
-# Scenes of the shift of a rubber: of one solid, of two whose series changes, of which nothing relaxes.
+# Scenes with a shift: one solid, two solids whose series changes, and solids that do not relax.
 SCENES = {
     "one": lambda s: rf.Scene(rf.Body(RIGID, ROAD), rf.Body(prony(s))),
     "table": lambda s: rf.Scene(rf.Body(RIGID, ROAD), rf.Body(table(s), layer=rf.Slab(2e-3))),
@@ -191,7 +191,7 @@ def test_scenes_with_scaled_moduli(name):
         for quantity in QUANTITIES:
             value, exact = getattr(found, quantity)[i], getattr(wanted, quantity)
             np.testing.assert_allclose(value, exact, rtol=2e-11, err_msg=quantity)
-    # Without a temperature nothing is shifted.
+    # No temperature means no shift.
     cold = rf.friction(scene, V, 3e5)
     np.testing.assert_allclose(cold, rf.friction(SCENES[name](wlf()), V, 3e5), rtol=1e-12)
 

@@ -184,7 +184,7 @@ def test_profile_ends_at_the_cut():
 
 @pytest.mark.slow
 def test_joined_and_resampled():
-    """A cut table joins and resamples as one that ends there."""
+    """A cut table joins and resamples like a table that ends there."""
     upper = rf.SelfAffine(1e4, 1e4, 1e7, 0.8, 1e-6)
     for q0, q1 in (CUTS["both"], (Q[0], 3e3)):  # overlapping, and with a gap
         found, exact = (
@@ -229,7 +229,7 @@ def test_single_precision():
 
 
 def test_the_cut_of_a_slope_is_a_number_of_the_table():
-    """`with_cutoff` sets q1, the table stays; a present q1 is no limit."""
+    """`with_cutoff` sets q1 and keeps the table; the present q1 does not limit it."""
     spectrum = rf.TabulatedSpectrum(Q, C, 1.2 * Q[1], 1.1 * Q[3])
     slope = 0.8 * float(rf.rms_slope(rf.TabulatedSpectrum(Q, C, 1.2 * Q[1])))
     cut = rf.with_cutoff(spectrum, slope)

@@ -1,4 +1,4 @@
-"""Spectra joined and resampled, against interpolation and integrals of their own."""
+"""Joined and resampled spectra, compared with independent interpolation and integrals."""
 
 import itertools
 
@@ -152,7 +152,7 @@ def test_moments_are_preserved(spectrum, per_decade):
 
 @pytest.mark.slow
 def test_moments_of_a_part_are_preserved():
-    """Those between the first and the last new wavevector, by scipy."""
+    """Moments between the first and the last new wavevector, by scipy."""
     q = np.geomspace(150.0, 4e5, 12)
     table = rf.roughness.resample(SCATTERED, q, preserve=True)
     knots = np.log(np.asarray(SCATTERED.q))

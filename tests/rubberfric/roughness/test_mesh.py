@@ -71,7 +71,7 @@ def test_panels_cover_the_roughness_in_order(spectra):
 @each
 @pytest.mark.parametrize("order", [-4.0, -2.0, 0.0, 1.5])
 def test_weights_integrate_power_laws(spectra, order):
-    """The weights have q^4 C in them, exact in every piece: what is left is a power of q."""
+    """The weights contain q^4 C, exact in every piece, so the integrand is a power of q."""
     mesh = mesh_of(spectra)
     for law, weights in zip(laws(spectra), mesh.roughness, strict=True):
         found = jnp.sum(weights * mesh.q**order)
@@ -107,7 +107,7 @@ def test_integrals_up_to_borders_are_sums_of_panels():
 
 @each
 def test_interpolation_is_exact_for_polynomials(spectra):
-    """Of ln q, of the degree that an angular panel holds; over the same and over other panels."""
+    """A polynomial in ln q of the degree of an angular panel, over the same and over other panels."""
     mesh = mesh_of(spectra, logarithmic=True)
     low, high = jnp.log(mesh.angular_q.min()), jnp.log(mesh.angular_q.max())
     degree = mesh.angular_q.shape[1] - 1
@@ -138,7 +138,7 @@ def test_panels_shrink_towards_every_beginning(name):
 
 @pytest.mark.parametrize("name", ["self-affine", "table"])
 def test_derivatives_move_with_the_borders(name):
-    """Of an integral by every number of the spectrum: the nodes move with its kinks."""
+    """Derivatives of an integral by every number of the spectrum: the nodes move with its kinks."""
     (spectrum,) = SPECTRA[name]
 
     def integral(spectrum):

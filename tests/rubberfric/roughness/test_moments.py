@@ -169,7 +169,7 @@ def test_cutoff_has_the_slope(name, fraction):
     q1 = float(rf.roughness.cutoff(spectrum, slope))
     with mp.workdps(50):
         q0, qr, old, hurst, h = (mp.mpf(x) for x in leaves)
-        # The same plateau, continued far enough: h_rms of that other spectrum.
+        # h_rms of a spectrum with the same plateau, continued far enough.
         C0 = h**2 / self_affine_moment((q0, qr, old, hurst, 1), 0, old)  # 1: h_rms^2 = 1
         end = max(mp.mpf(q1), qr) * 2
         plateau = 1 / _unit_height2(q0, qr, old, hurst)
@@ -294,7 +294,7 @@ def slope_at_height(spectrum, slope):
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["road", "H = 0"])
 def test_derivatives_of_the_cutoff_at_a_height(name):
-    """The slope there is the one asked for, whatever the rest: its derivatives are 1 and 0."""
+    """The slope at the cutoff is the given one, so its derivatives are 1 and 0."""
     spectrum, slope = OBJECTS[name], 2.3 * float(slope_of(OBJECTS[name]))
     *both, second = slope_at_height(spectrum, slope)
     for by_leaves, by_slope in both:

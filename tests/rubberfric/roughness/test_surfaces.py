@@ -1,4 +1,4 @@
-"""Topography objects of SurfaceTopography, and stand-ins that have what it needs of them."""
+"""Topography objects of SurfaceTopography, and stand-ins with the same attributes."""
 
 from types import SimpleNamespace
 
@@ -12,7 +12,7 @@ MAP, LINE = RNG.normal(size=(16, 12)), RNG.normal(size=32)
 
 
 def surface(heights, sizes, unit="um", **more):
-    """What `spectrum_of_surface` needs of a topography."""
+    """Attributes that `spectrum_of_surface` needs."""
     heights = np.ma.asarray(heights) if np.ma.isMA(heights) else np.asarray(heights)
     return SimpleNamespace(
         heights=lambda: heights, physical_sizes=sizes, nb_grid_pts=heights.shape, unit=unit, **more

@@ -1,4 +1,4 @@
-"""Correlated roughness of two solids at rest: that of the difference of their surfaces."""
+"""Correlated roughness of two solids at rest equals the roughness of their difference."""
 
 import jax
 import numpy as np
@@ -34,7 +34,7 @@ def test_a_surface_on_its_replica_has_no_contact_roughness():
 
 @pytest.mark.parametrize(("coherence", "height"), [(-1.0, 3.0), (1.0, 1.0), (0.5, 3.0**0.5)])
 def test_heights_of_equal_form_add_as_those_of_the_difference(coherence, height):
-    # (2 h - h)^2 = 1, (2 h + h)^2 = 9, and 4 + 1 - 2 . 0.5 . 2 = 3 times that of one.
+    # (2 h - h)^2 = 1, (2 h + h)^2 = 9, and 4 + 1 - 2 . 0.5 . 2 = 3 times one surface.
     found = _solved(_scene(coherence, upper=ROAD.replace(h_rms=2 * ROAD.h_rms)))
     wanted = _solved(_scene(lower=ROAD.replace(h_rms=height * ROAD.h_rms), upper=None))
     np.testing.assert_allclose(found, wanted, rtol=1e-9)

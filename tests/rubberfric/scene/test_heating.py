@@ -144,11 +144,11 @@ def test_no_heat_diffuses():
 
 
 def test_energy_of_the_kernel():
-    """Seen by q -> 0 all heat is near the surface, int T dz = T_q / 2q: what was set free until t_0."""
+    """For q -> 0 all heat is near the surface, int T dz = T_q / 2q: the heat generated until t_0."""
     q, all_of_it = np.geomspace(1e2, 1e5, 5), 1e-6 * np.ones(5)
     inside, surface = kernels(heating(D), all_of_it, q, np.logspace(-5, 9, 9))
     t0 = R / np.logspace(-5, 9, 9)[:, None, None]
-    # What is beyond a depth of 1e-3 / q is missing: 1e-3 of the depths, most of it of the slowest.
+    # Heat beyond a depth of 1e-3 / q is missing: 1e-3 of the depths, mostly of the slowest.
     depth = 0.5 / q + np.sqrt(D * t0)
     error = np.abs(inside / (2 * all_of_it[:, None]) / (t0 / (2 * q)) - 1)
     assert (error < 4e-6 * depth).all()

@@ -1,4 +1,4 @@
-"""The setting that fits a scene: what it is chosen from, and that it is good to 1e-9."""
+"""The default setting of a scene, and its error below 1e-9."""
 
 import collections
 import dataclasses
@@ -124,13 +124,13 @@ def on_its_limits(seed, setting, longest, largest):
     return one, velocity, pressure
 
 
-# Those of 120 entries, so that all have one program.
+# Tables of 120 entries, so that all share one compiled function.
 SEEDS = [seed for seed in range(400) if (seed + seed // 4) % 4 == 2]
 
 
 @pytest.mark.parametrize("k", [pytest.param(k, marks=[pytest.mark.slow] * (k != 2)) for k in range(6)])
 def test_random_tables_are_good_to_1e_9(k):
-    """On the limits of every setting, of its own where a table has no steps."""
+    """At the limits of every setting; tables without steps have separate settings."""
 
     @functools.partial(jax.jit, static_argnums=3)
     def values(one, velocity, pressure, quadrature):

@@ -1,4 +1,4 @@
-"""Contact shear: its formula and derivatives in 30 digits, its place beside the viscoelastic friction."""
+"""Contact shear: formula and derivatives in 30 digits, and the sum with viscoelastic friction."""
 
 import dataclasses
 import functools
@@ -57,7 +57,7 @@ def exact_log_factor(shift, T):
     if isinstance(shift, rf.Arrhenius):
         return shift.energy / mp.mpf("8.617333262e-5") * (1 / T - 1 / shift.T_ref)
 
-    # Monotone cubics: slopes are weighted harmonic means, at the ends those of the lines.
+    # Monotone cubics: slopes are weighted harmonic means, at the ends slopes of the lines.
     log, knots = [mp.log(a) for a in shift.aT], list(shift.T)
     h = [b - a for a, b in itertools.pairwise(knots)]
     d = [(b - a) / step for (a, b), step in zip(itertools.pairwise(log), h, strict=True)]
@@ -145,7 +145,7 @@ def test_formula(at):
 
 @every_point
 def test_derivatives_with_respect_to_every_number(at):
-    """Of tau_f0, c, v0, every number of the shift, area, velocity, pressure and temperature; both modes."""
+    """Derivatives by tau_f0, c, v0, the shift, area, velocity, pressure and temperature; both modes."""
     with mp.workdps(60):
         expected, value = np.array(exact_slopes(at)), float(exact(as_mp(at)))
     theta = np.concatenate([np.ravel(x) for x in jax.tree.leaves(at)])
@@ -157,7 +157,7 @@ def test_derivatives_with_respect_to_every_number(at):
 
 @pytest.mark.parametrize("c", [1e-12, 0.1, 1e30, 0.0])
 def test_at_rest(c):
-    """Value 0 and, of every number, slope 0: for c > 0 what the formula has there, for c = 0 a convention."""
+    """Value and all slopes are 0: for c > 0 from the formula, for c = 0 by convention."""
     at = jax.tree.map(lambda x: jnp.asarray(x, float), (replace(SHEAR, c=c), 0.3, 0.0, 2e5, 300.0))
     assert shear_friction(*at) == 0.0
     for slopes in both_modes(at):
@@ -226,7 +226,7 @@ def test_parts_add_up(s):
 
 @pytest.mark.parametrize("name", ["case-I", "case-II"])
 def test_one_part_alone(name):
-    """Asked for one part, a call returns what it returns for all, and None for the rest."""
+    """A call for one part returns the same value as a call for all, and None for the rest."""
     whole = parts(SCENES[name], 0.1, 3e5)
     assert float(rf.friction(SCENES[name], 0.1, 3e5)) == pytest.approx(float(whole.friction), rel=1e-12)
     for part in PARTS[2:]:
@@ -256,7 +256,7 @@ DERIVATIVES = reference("derivative_cases")
     ],
 )
 def test_scene_against_the_oracle(name):
-    """mu and slopes: those of area and viscoelastic friction by brute force, those of tau_f exact."""
+    """mu and slopes: area and viscoelastic friction by brute force, tau_f exact."""
     case = DERIVATIVES[name]
     at_scene, v, p, *T = arguments(case)
     at = (replace(at_scene, shear=jax.tree.map(jnp.asarray, SHEAR)), v, p, *T)
@@ -314,7 +314,7 @@ gradient = jax.jit(jax.value_and_grad(lambda at: rf.friction(*at)))
 def test_python_numbers_do_not_widen_a_float32_scene(shift):
     single = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), replace(SCENES["case-I"], shear=None))
     shear = rf.ContactShear(6.5e6, 0.1, 6e-3, shift)
-    # Python numbers are left as they are, tables of numbers are not.
+    # Python numbers are unchanged, tables of numbers are converted.
     shear = jax.tree.map(lambda x: x if isinstance(x, float) else jnp.asarray(x, jnp.float32), shear)
     single = replace(single, shear=shear)
     conditions = (0.1, 3e5) if shift is None else (0.1, 3e5, 300.0)
@@ -421,7 +421,7 @@ def test_wrong_calls(call, message):
     assert str(caught.value) == message
 
 
-# --- Nothing that is absent or not asked for is traced
+# --- Absent and unrequested parts are not traced
 
 
 def test_a_scene_without_shear_traces_nothing_new():
@@ -443,7 +443,7 @@ def test_a_scene_without_shear_traces_nothing_new():
             found = evaluate(prepare(s, ("friction",), rf.Quadrature()), ("friction",), (v, p))
             return found["friction"]
 
-        # Beyond the integral itself: the dtype of every number, and the broadcast of three conditions.
+        # In addition to the integral: the dtype of every number, and the broadcast of three conditions.
         plumbing = {"convert_element_type", "broadcast_in_dim", "reshape", "squeeze"}
         bare = [name for name in primitives(integral, s, VELOCITY) if name not in plumbing]
         assert [name for name in friction if name not in plumbing] == bare

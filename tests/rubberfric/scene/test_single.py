@@ -1,4 +1,4 @@
-"""Single precision: what it cannot hold is refused with the reason, never computed wrongly."""
+"""Single precision: scenes beyond its range are refused with a reason."""
 
 import jax
 import jax.numpy as jnp

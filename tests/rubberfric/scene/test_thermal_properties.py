@@ -42,7 +42,7 @@ def test_a_given_share_leaves_the_rest_to_the_other_solid(share):
 
 @pytest.mark.parametrize("lower", [RUBBER, STONE, rf.ThermalProperties(7800.0, 460.0, 50.0)])
 def test_flash_temperature_of_two_half_spaces(lower):
-    r"""Of heat Q at the surface for t_0 = R/v each would rise by 2 Q sqrt(t_0/pi) / effusivity, alone.
+    r"""With the heat Q at the surface for t_0 = R/v each solid alone rises by 2 Q sqrt(t_0/pi) / effusivity.
 
     With both it is the same on either side, 1/T = 1/T_1 + 1/T_2 [Jaeger 1942, at high Peclet number].
     """
@@ -54,7 +54,7 @@ def test_flash_temperature_of_two_half_spaces(lower):
     alone = [float(rise_below_surface(x, jnp.array([power]))[0, 0]) for x in spread]
     t0 = 2e-3 / v
     exact = [2 * power * v * np.sqrt(t0 / np.pi) / effusivity(x) for x in bodies]
-    # What q sees is the mean over a depth of 1e-9 m.
+    # The temperature at q is the mean over a depth of 1e-9 m.
     np.testing.assert_allclose(alone, exact, rtol=1e-4)
     shares = shear_shares(*bodies, True)
     found = [
@@ -67,7 +67,7 @@ def test_flash_temperature_of_two_half_spaces(lower):
 
 @pytest.mark.parametrize(("q", "hotter"), [(3e2, 10.0), (1e4, 3.5), (1e9, 1.0)])
 def test_rise_below_the_surface_is_a_share_of_that_of_either_solid(q, hotter):
-    r"""At finite q each solid has its share of what all heat would cause in it; that is no harmonic sum.
+    r"""At finite q each solid has its share of the rise from all heat, which is not a harmonic sum.
 
     By scipy: T_i = s_i (2/pi) Q/(rho c_p) int dk (1 - exp(-D k^2 t_0))/(D k^2) 4 q^2/(k^2 + 4 q^2).
     """

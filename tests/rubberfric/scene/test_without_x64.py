@@ -2,7 +2,7 @@
 
     python tests/rubberfric/scene/test_without_x64.py [SCENE ...]
 
-In the ordinary run one scene, in a process of its own; `.ci/versions single` tries all.
+The ordinary run tests one scene in a new process; `.ci/versions single` tests all.
 """
 
 import os
@@ -24,7 +24,7 @@ CLOSE, FEW_DIGITS = 2e-3, 3e-2
 
 
 def compare(name: str) -> str:
-    """Values in both precisions, and a gradient in single; what was found, as a line."""
+    """Compare values in both precisions, compute a gradient in single, and return a line."""
     scene, (v, p, T), _ = read_computable(DATA / f"{name}.toml")
     points = slice(None, None, max(1, v.size // 5))
     v, p, T = v[points], float(p[0]), None if T is None else float(T[0])
@@ -53,7 +53,7 @@ def compare(name: str) -> str:
 
 
 def test_one_scene_without_double_precision():
-    """That JAX has another setting here does not count: it is a process of its own."""
+    """The setting of JAX here does not matter, because it is a new process."""
     environment = os.environ | {"JAX_ENABLE_X64": "0", "PYTHONPATH": str(DATA.parent)}
     done = subprocess.run(
         [sys.executable, __file__, "tread_on_asphalt"],

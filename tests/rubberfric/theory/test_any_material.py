@@ -1,4 +1,4 @@
-"""A solid is what it answers: Prony's own, the same by its series alone, and by its modulus alone."""
+"""A solid through Prony, through its series alone, and through its modulus alone."""
 
 import functools
 
@@ -85,7 +85,7 @@ V = np.array([1e-4, 0.3, 20.0])
 
 @pytest.fixture(scope="module")
 def solids():
-    """The same solid of three classes, two of them known while these tests run."""
+    """Return a solid of three classes; two are registered during these tests."""
     made = [physical(cls()) for cls in (by_series, by_modulus)]
     numbers = {"E_inf": TREAD.E_inf, "E": TREAD.E, "tau": TREAD.tau, "poisson": 0.45, "shift": WLF}
     yield [cls(**numbers) for cls in (rf.Prony, *made)]

@@ -1,4 +1,4 @@
-"""Published boundary-element runs: what the two versions of G are worth.
+"""Published boundary-element runs, and the errors of both versions of G.
 
 Elastic half-space on rigid self-affine roughness, H = 0.8, without roll-off, q1/q0 = 16, whose
 numbers depend on p / (E* h') only, h' the rms slope.

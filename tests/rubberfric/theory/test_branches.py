@@ -268,13 +268,13 @@ def test_random_scenes_by_damped_brute_force():
     np.testing.assert_allclose(found[1], rises[:, -1], rtol=1e-8, atol=3e-13)
 
 
-# --- Energy, files, and what does not converge
+# --- Energy, files, and failed convergence
 
 
 def test_energy_is_what_friction_set_free():
     r"""Near the surface, rho c_p int dz T = R mu sigma_0 / P_m, and q -> 0 sees T_q = 2 q int dz T.
 
-    At any temperatures, those of a solution or not.
+    At any temperatures, a solution or not.
     """
     scene, v, q = folded(), jnp.array([1e-3, 0.1, 1.0]), jnp.array([1e-13])
     points = v, jnp.full(3, PRESSURE), jnp.full(3, COLD)
@@ -303,7 +303,7 @@ def test_branch_in_files(tmp_path):
 
 
 def test_what_did_not_converge_is_named(monkeypatch, recwarn):
-    """Of concrete values, and where the caller does not look himself."""
+    """For concrete values, unless the caller requests `converged`."""
     values = rf.Solution(friction=jnp.ones(5), converged=jnp.array([True, False, False, False, False]))
     monkeypatch.setattr(model, "_solve", lambda *_, **__: values)
     scene, v = folded(), np.array([1.0, 2.0, 3.0, 4.0, 5.0])
@@ -331,7 +331,7 @@ ANALYSES = ["profile", "dissipated_power", "contact_stiffness", "stress_distribu
 
 @pytest.mark.parametrize("name", slow_if(lambda name: name != "dissipated_power", ANALYSES))
 def test_what_did_not_converge_is_named_by_the_analysis(name, monkeypatch, recwarn):
-    """As if the second of three points had not converged."""
+    """With the second of three points marked as not converged."""
     scene, v = folded(), np.array([1e-9, 0.1, 1e-9])
     further = {"profile": {"q": [1e3]}, "stress_distribution": {"stress": 3e5}}.get(name, {})
     small = rf.Quadrature(order=4, panels=2, graded=1, angular_order=4, heat=48)

@@ -13,7 +13,7 @@ SCENES = reference("forward_cases") | reference("edge_cases")
 OPTIONS = reference("option_cases")
 
 
-# Structures that are those of another scene but for the number of terms, or that test_extremes has.
+# Structures that differ from another scene only in the number of terms, or are in test_extremes.
 SLOW_SCENES = (
     "case1-rough-rubber-rough-rigid-1",
     "case2-rough-rubber-smooth-rigid-1",

@@ -1,4 +1,4 @@
-"""What a scene does not contain is not traced; counted on the jaxpr."""
+"""Absent parts of a scene are not traced; counted on the jaxpr."""
 
 import dataclasses
 
@@ -15,7 +15,7 @@ from rubberfric.theory import adhesive_contact
 
 VELOCITY = jnp.logspace(-6, 1, 50)
 QUADRATURE = rf.Quadrature()
-OWN = rf.Quadrature(order=5, panels=3, graded=1)  # that no other test has: traced anew
+OWN = rf.Quadrature(order=5, panels=3, graded=1)  # used by no other test, so that it is traced
 TERMS = 3
 ANGULAR = QUADRATURE.panels * QUADRATURE.angular_order  # nodes where the stiffness is evaluated
 
@@ -87,7 +87,7 @@ def test_what_a_scene_lacks_adds_nothing_to_a_point():
     plain = added(scene((TREAD,), (RIGID, ROAD)), "friction")
     # The layer is real: it belongs to the scene, not to the velocity.
     assert added(scene((TREAD, None, rf.Slab(1e-3)), (RIGID, ROAD)), "friction") == plain
-    # Rough rubber on a rigid solid excites nothing of its own: a static term of G.
+    # Rough rubber on a rigid solid is not excited: only a static term of G.
     rough = added(scene((TREAD, WORN), (RIGID, ROAD)), "friction")
     assert rough["sqrt"] - plain["sqrt"] == rough["erf"] - plain["erf"] == contact_nodes(2) - contact_nodes(1)
     # An elastic block in series is a Prony solid of as many terms.

@@ -14,7 +14,7 @@ from support.cases.stored import FOLDER, QUANTITIES, arguments, as_arrays, h_rms
 import rubberfric as rf
 
 REFERENCES = json.loads((FOLDER / "extremes.json").read_text())
-# Without gamma, S P falls like (q/q0 - 1)^(-3/4) at light load instead of ^(-1/2): the
+# For gamma = 0, S P falls like (q/q0 - 1)^(-3/4) at light load instead of ^(-1/2): the
 # default is 4e-8 off there, and needs more graded panels.
 FINER = {"gamma-0-light-corrected": rf.Quadrature(graded=16)}
 
@@ -77,7 +77,7 @@ def _reverse_of(quadrature):
 
 
 def value_floor(case, dtype=float):
-    """What area, friction and separation count from: what stands for nothing is not nothing."""
+    """Values of area, friction and separation below which errors are absolute."""
     # Zero weights stand for 1e-30 of the stiffness (float32: 1e-16), which may relax; a separation
     # in full contact is 1e-100 of the roughness.
     weights = np.concatenate([np.ravel(case[solid].get("E", 1.0)) for solid in ("solid1", "solid2")])
@@ -86,9 +86,9 @@ def value_floor(case, dtype=float):
 
 
 def slope_scale(case, names, expected, slopes):
-    """What errors of derivatives are relative to: the derivative itself, shape (leaf element, quantity).
+    """Return the scale of errors of derivatives, shape (leaf element, quantity).
 
-    Where it is small, 1e-3 of what it were if the parameter mattered as much as the one that
+    The derivative, or if it is small 1e-3 of its value if the parameter mattered as much as the one that
     matters most, or as if the quantity were proportional to it.
     """
     theta = np.array([entry_of(case, name) for name in names])
@@ -144,12 +144,12 @@ def slope_errors(name):
 
 
 def rounded(case):
-    """Arguments in float32, and the same numbers in float64: rounding them is no error of ours."""
+    """Return arguments in float32 and the same numbers in float64, so that rounding is not counted."""
     single = conditions(case, jnp.float32)
     return single, jax.tree.map(lambda x: x.astype(float), single)
 
 
-# What float32 cannot hold, and what the error says it is.
+# Scenes beyond float32, and words of the message.
 REFUSED = {
     "two-liquids-two": "E_inf",
     "two-liquids-slabs": "E_inf",

@@ -12,7 +12,7 @@ CASES = reference("part_cases")
 
 
 def quantities(arguments):
-    """Area, friction, separation and transverse friction as one array."""
+    """Return area, friction, separation and transverse friction in one array."""
     found = rf.solve(*arguments, quantities=QUANTITIES)
     return jnp.stack([getattr(found, name) for name in QUANTITIES])
 

@@ -32,9 +32,9 @@ def draw(kind, count, seed):
 
 
 def draw_heated(kind, count, seed):
-    """As `draw`, of a road or an elastic solid with contact shear, and temperatures (count, POINTS).
+    """Draw a road or an elastic solid with contact shear, and temperatures (count, POINTS).
 
-    Of three decades and loads as `default_quadrature` has settings of their own for.
+    Three decades, and loads for which `default_quadrature` has special settings.
     """
     rng = np.random.default_rng(seed)
     scenes, pressure = [], []
@@ -52,7 +52,7 @@ def draw_heated(kind, count, seed):
 def errors(scenes, velocity, pressure, quadrature, exact=None, temperature=None):
     """Relative errors (scenes, points) against the tight setting, or those values (scenes, 3, points).
 
-    Of the separation what is below 1e-6 of the roughness counts as zero: in full contact it is 1e-100 of it.
+    Separations below 1e-6 of the roughness count as zero; in full contact it is 1e-100.
     """
     found = values(scenes, velocity, pressure, quadrature, temperature)
     exact = values(scenes, velocity, pressure, TIGHT, temperature) if exact is None else exact

@@ -3,7 +3,7 @@
 Twenty rubbers of one relaxation time a decade on twenty self-affine surfaces, q1/qr = 8 ... 64,
 H = 0.6 ... 1, at twelve velocities over five decades and two pressures, A/A0 = 0.8 ... 8 % in the middle of
 the lower one. None of them is in notebooks/boundary_elements.csv, and the defaults of `fitting.Discrepancy`
-were chosen before they were drawn. Some five minutes of one core in all; what was computed is kept in a
+were chosen before they were drawn. It takes five minutes of one core; results are kept in a
 folder, and goes on where it was stopped.
 """
 

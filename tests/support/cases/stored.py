@@ -74,7 +74,7 @@ def three(solution):
 
 
 def quantities(arguments):
-    """Area, friction and separation as one array."""
+    """Return area, friction and separation in one array."""
     return jnp.stack(three(rf.solve(*arguments)))
 
 

@@ -1,4 +1,4 @@
-"""What a test compiles."""
+"""Count the compilations of a test."""
 
 import contextlib
 

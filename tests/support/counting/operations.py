@@ -1,21 +1,21 @@
-"""Counting what a function computes, by walking its jaxpr."""
+"""Count the operations of a function in its jaxpr."""
 
 from collections import Counter
 
 import jax
 import numpy as np
 
-# What costs more than an addition.
+# Primitives that cost more than an addition.
 COSTLY = ("sqrt", "div", "exp", "expm1", "log", "log1p", "erf", "logistic", "tanh", "integer_pow", "pow")
 
 
 def equations(jaxpr):
-    """All equations, those of inner jaxprs in place of the call; a loop's body once."""
+    """Yield all equations, with calls replaced by inner jaxprs; a loop's body once."""
     for equation in jaxpr.eqns:
         inner = [p for v in equation.params.values() for p in (v if isinstance(v, tuple | list) else [v])]
         inner = [getattr(p, "jaxpr", p) for p in inner if hasattr(p, "eqns") or hasattr(p, "jaxpr")]
         if inner:
-            # A custom derivative keeps the rule beside the function: the function is what runs.
+            # A custom derivative has a rule and a function; only the function runs.
             for sub in inner[:1] if equation.primitive.name.startswith("custom_jvp") else inner:
                 yield from equations(sub)
         else:
@@ -51,7 +51,7 @@ def work(function, *arguments):
 
 
 def per_point(function, velocity, *arguments):
-    """Operations that one more velocity adds (the difference of two counts), and those of the scene."""
+    """Return the operations of one more velocity (difference of two counts), and of the scene."""
     n = velocity.size
     some, more = (operations(function, *arguments, velocity[:k]) for k in (n // 2, n))
     step = {name: (more[name] - some[name]) / (n - n // 2) for name in more}

@@ -1,8 +1,8 @@
-"""Four fits that are planned: what they measure, what they free, and what is known before.
+"""Four planned fits: data, free parameters, and priors.
 
-The twin job frees 20 numbers of the scene in data/; DMA moduli and relaxation times; contact shear the shear
-law and the Hurst exponent; friction with discrepancy eight moduli and the height of a drawn scene, where the
-theory may be off by as much as `fitting.Discrepancy` says.
+The twin job frees 20 numbers of the scene in data/. The DMA job frees moduli and relaxation times, contact
+shear the shear law and the Hurst exponent; friction with discrepancy eight moduli and the height of a drawn
+scene, where the theory may be off by as much as `fitting.Discrepancy` says.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from support.scenes.fits import FAST, ROAD, SHIFTED, E
 import fitting
 import rubberfric as rf
 
-# Of the priors of the twin's numbers: their standard deviations over their values, and that of the exponent.
+# Priors of the twin's numbers: standard deviations over values, and of the exponent.
 PART, EXPONENT = 0.1, 0.02
 
 

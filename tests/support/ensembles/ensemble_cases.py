@@ -1,4 +1,4 @@
-"""Small ensembles, and a program that runs one in a process of its own:
+"""Small ensembles, and a script that runs one in a new process:
 
     python tests/support/ensembles/ensemble_cases.py CASE OUT.npz [CHECKPOINT.h5] [PROCESSES ID PORT]
 

@@ -1,4 +1,4 @@
-"""One measurement of an ensemble of twin fits, in a process of its own, told as a line of JSON:
+"""Measure an ensemble of twin fits in a new process, and print a line of JSON:
 
     python tests/support/ensembles/ensemble_twin.py ensemble|loop|parts MEMBERS [float32]
 
@@ -43,7 +43,7 @@ def bootstrap(count):
 def ensemble(count):
     """The whole ensemble; its seconds are without compilation.
 
-    Memory grows from what a first run, which compiles, came to.
+    Memory in excess of a first run, which compiles.
     """
     members = bootstrap(count)
     fitting.run_ensemble(dataclasses.replace(members, max_steps=1))
@@ -79,7 +79,7 @@ def loop(count):
 def parts(count):
     """Seconds per member of Jacobian, residuals and decomposition, `count` to each device, all devices busy.
 
-    On a processor one member after the other, else as one batch, as `fitting.ensemble.batches` has it.
+    On a CPU one member after the other, otherwise one batch, as in `fitting.ensemble.batches`.
     """
     members = bootstrap(1)
     problem, devices = members.problem, jax.devices()

@@ -1,4 +1,4 @@
-"""The twin measurements of data/, and the fit that its job file asks for."""
+"""The twin measurements of data/, and the fit of its job file."""
 
 import importlib.util
 

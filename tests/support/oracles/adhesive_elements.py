@@ -6,7 +6,7 @@ Gaps g >= 0 that make least
           K = \tfrac12 q E_r
 
 by conjugate gradients of what is apart, after Polonsky and Keer [Wear 231, 206 (1999)], with a step that is
-halved until the energy falls. Of several minima the one below a start.
+halved until the energy falls. The result is the minimum below the start.
 """
 
 import math
@@ -30,7 +30,7 @@ def adhesive_contact(
     """Share of the area in contact, gaps, and whether they were found.
 
     heights : (n, n) of a period, of the given length; modulus : E_r; work, reach : of p_a = work/r exp(-u/r);
-    together : start from full contact, not apart; tolerance : stresses left over those of the solids
+    together : start from full contact, not apart; tolerance : residual stresses over stresses of the solids
     """
     heights = np.asarray(heights)
     K = 0.5 * modulus * _wavevectors(len(heights), length)
@@ -95,7 +95,7 @@ def slopes_of(heights, length):
 
 
 def _dot(one, two):
-    """Without the threads of a BLAS, which wait for each other where processes share the cores."""
+    """No BLAS threads, which wait for each other if processes share the cores."""
     return float(np.sum(one * two))
 
 

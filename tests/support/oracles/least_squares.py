@@ -1,7 +1,7 @@
 """Standard problems of least squares: starts and minima.
 
-Those of Moré, Garbow and Hillstrom, "Testing unconstrained optimization software", ACM Transactions on
-Mathematical Software 7 (1981) 17, who give them.
+The problems are from Moré, Garbow and Hillstrom, "Testing unconstrained optimization software", ACM
+Transactions on Mathematical Software 7 (1981) 17, who give them.
 """
 
 import jax.numpy as jnp

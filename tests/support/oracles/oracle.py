@@ -21,7 +21,7 @@ A scene is a plain dictionary, as in `reference/*.json`:
                      "vertical": {"kind": "entropic", "expansion"} or {"kind": "table", "T", "bT"};
                      elastic and prony also with "coating": {"thickness", "base"}, a layer of
                      the solid on a half-space of another, "base", an elastic or prony solid;
-                     a prony base without a shift has that of the layer
+                     a prony base without a shift has the layer's shift
     psd1, psd2       null, {"q0", "qr", "q1", "H", "h_rms"}, with "ratio" and "angle" if it is stretched,
                      or {"q", "C"}, with "angle" if C is a list of directions for each q, an odd number
     v, pressure, gamma, temperature (default none), area_correction (default false)
@@ -50,9 +50,9 @@ def solve(case, halvings=150, order=12):
 
 
 def state(case, halvings=150, order=12, warm=(None, None), marks=()):
-    """The quantities, and what they are made of.
+    """The quantities and their parts.
 
-    warm : for each solid its temperature as a function of q, or None: that of the case
+    warm : for each solid its temperature as a function of q, or None for the case's
     marks : wavevectors that must be borders of panels
 
     Besides the quantities: "q" of the nodes, "terms", the friction of every node by the roughness of
@@ -133,7 +133,7 @@ def _softened(softening, spectra, weight, q, active, order):
 
 
 def full_contact_friction(case, order=12):
-    """mu with P = S = 1: what a huge load gives."""
+    """Return mu with P = S = 1, as at a huge load."""
     return solve({**case, "pressure": 1e30}, order=order)["friction"] * 1e30 / case["pressure"]
 
 
@@ -210,7 +210,7 @@ class _Solid:
         return shift_factor(shift, temperature) if shift else np.ones(np.shape(temperature))
 
     def modulus(self, omega, temperature=None):
-        """E' + i E'' at omega >= 0, of a relaxing shear G' + i G''; the temperature is that of the case."""
+        """Return E' + i E'' at omega >= 0, for a relaxing shear G' + i G'', at the case's temperature."""
         temperature = self.temperature if temperature is None else temperature
         if temperature is None:
             return self._at_reference(np.asarray(omega, float))
@@ -317,7 +317,7 @@ def _averaged(knots, values, fall, width, x):
     for k, slope in enumerate(slopes):
         low = -np.inf if k == 0 else (knots[k - 1] - x) / width
         high = np.inf if k == slopes.size - 1 else (knots[k] - x) / width
-        # Of the tails, or of what lies between: whichever keeps its digits.
+        # From the tails or from the middle, whichever keeps its digits.
         mass = 0.5 * (erf(high / 2**0.5) - erf(low / 2**0.5))
         mean = (np.exp(-0.5 * np.square(low)) - np.exp(-0.5 * np.square(high))) / np.sqrt(2 * np.pi)
         total += (height[k] + slope * (x - begin[k])) * mass + slope * width * mean
@@ -532,7 +532,7 @@ def _angular(moved, resting, at, v, order, temperatures, shape):
         M = M + resting.compliance(q_i, np.zeros(q_i.shape), factor_r[rows, None, None], soft_r, T[1])
         K = 1 / M
         even = measure
-        if shape is not None:  # the four quarters of the circle, of which the measure has one
+        if shape is not None:  # the four quarters of the circle; the measure has one
             phi = 0.5 * np.pi - psi
             quarters = [shape(q_i, x) for x in (phi, np.pi - phi, np.pi + phi, -phi)]
             even = 0.25 * measure * sum(quarters)

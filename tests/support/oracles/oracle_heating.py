@@ -1,7 +1,7 @@
 """Brute force for heated scenes: `oracle.state` with a temperature for every q, iterated to its fixed point.
 
 The kernel is the one of the theory, summed over k on panels that double in width, the temperatures are
-polynomials in ln q, and the iteration is the plain one, damped. Beside the keys of `oracle`:
+polynomials in ln q, and the iteration is damped. Keys in addition to those of `oracle`:
 
     heating   {"density", "heat_capacity", "conductivity", "radius"}, and as in rf.Heating
               "area_fraction", "shear_share", "shear_at"; a solid may have "thermal", its own first three
@@ -56,7 +56,7 @@ def solve(case, halvings=30, order=8, damping=0.5, tolerance=1e-13, start=None, 
             mu_con = shear_friction(case["shear"], found["area"], v, case["pressure"], T)
         new = np.zeros((2, points))
         for i in deformable:
-            # terms: [by the roughness of solid 1, of solid 2]; solid 1 is heated by that of solid 2.
+            # terms: [by the roughness of solid 1, of solid 2]; the roughness of solid 2 heats solid 1.
             # f dq = 2 q (heat of dq per volume), and the heat of dq is terms sigma v / P_m.
             terms = found["terms"][1 - i].ravel()
             power = terms * case["pressure"] * v / fraction / heats[i]
@@ -116,7 +116,7 @@ def kernel(heating, v, q, q_source):
 
 
 def surface_kernel(heating, v, q):
-    """The same for heat at the surface: 2 instead of 4 q'/(k^2 + 4 q'^2), the spectrum of its depth."""
+    """Return the kernel of heat at the surface: 2 instead of 4 q'/(k^2 + 4 q'^2), its depth spectrum."""
     if v == 0:
         return np.zeros(q.size)
     k, weight = memory_panels(heating, v, q)

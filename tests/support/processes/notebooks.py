@@ -12,7 +12,7 @@ SECONDS = 150  # for one notebook; on a quiet core each takes a part of it
 
 
 def run(path, folder, monkeypatch):
-    """In a copy of its folder beside the data, against this checkout, compiled as `conftest` has it."""
+    """In a copy of its folder and the data, with this checkout and the compiler options of `conftest`."""
     why = "notebooks need pip install 'rubberfric[notebooks]'"
     for name in ("matplotlib", "ipykernel", "numpyro", "arviz_stats"):
         pytest.importorskip(name, reason=why)

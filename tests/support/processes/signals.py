@@ -18,7 +18,7 @@ from typing import NamedTuple
 from support.folders import ROOT
 from support.scenes.fits import JOB_FILES, write_job
 
-# Of a signal's number in the line of /proc that says which ones a process has handlers of its own for.
+# Bit of a signal in the line of /proc about the handlers of a process.
 TERMINATE = 1 << (signal.SIGTERM - 1)
 SCENE = ROOT / "data" / "tread_on_asphalt.toml"
 PROGRAM = "import sys; from {}.commands.main import main; sys.exit(main())"
@@ -29,12 +29,12 @@ COMMANDS = {
     "explore": ("rubberfric", "explore", SCENE, "--no-browser"),
     "fit": ("fitting", "job.toml", "--out", "out.h5"),
 }
-LONGEST = 25.0  # of a command, as far as it is looked at [s]
+LONGEST = 25.0  # longest observed duration of a command [s]
 HELD = "interrupted; ends after this step"
 
 
 class Answer(NamedTuple):
-    """What became of one process."""
+    """Result of one process."""
 
     after: float  # from its beginning to the signal [s]
     status: int
@@ -76,7 +76,7 @@ def begun(name, folder):
 
 
 def answer(name, which, after):
-    """What a command does about a signal, some seconds after its beginning."""
+    """Return the reaction of a command to a signal some seconds after its start."""
     folder = Path(tempfile.mkdtemp())
     lines, ready = [], True
     with begun(name, folder) as process:
@@ -107,13 +107,13 @@ def answer(name, which, after):
 
 
 def has_handlers(process):
-    """Whether a process has a handler for SIGTERM, as Python has none before the command begins."""
+    """Return True if a process has a handler for SIGTERM; Python has none before the command begins."""
     status = Path(f"/proc/{process}/status").read_text()
     return bool(int(status.split("SigCgt:")[1].split()[0], 16) & TERMINATE)
 
 
 def duration(name):
-    """Seconds of a command that is let alone, or as far as it is looked at."""
+    """Return the duration of an undisturbed command, or the limit."""
     begin = time.monotonic()
     with tempfile.TemporaryDirectory() as folder, begun(name, Path(folder)) as process:
         try:

@@ -1,4 +1,4 @@
-"""What most tests of fits are about: rubbers on a road, and a quadrature that is enough for them."""
+"""Scenes for tests of fits: rubbers on a road, and a sufficient quadrature."""
 
 import numpy as np
 

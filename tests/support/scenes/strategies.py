@@ -1,6 +1,6 @@
-"""Hypothesis strategies for whole scenes, with numbers far beyond what is physical.
+"""Hypothesis strategies for whole scenes, with numbers far beyond physical ranges.
 
-Two layers. A `Structure` says which classes a scene is made of: it decides what is traced and
+Two layers. A `Structure` has the classes of a scene, which determine what is traced and
 compiled. `calls(structure)` draws the numbers: uniform in the logarithm over `FAR` (or `SINGLE`,
 for float32), with the special values of the theory often: zeros, ties, ends of ranges.
 """
@@ -73,7 +73,7 @@ FAR = Ranges(
     shear=(-3.0, 12.0),
 )
 
-# What float32 holds: moduli, wavevectors and heights of solids, with their squares.
+# Range of float32 for moduli, wavevectors and heights, with their squares.
 SINGLE = FAR._replace(
     modulus=(3.0, 11.0),
     tau=(-14.0, 8.0),
@@ -118,8 +118,8 @@ def decades(low, high):
     return st.floats(low, high).map(lambda exponent: 10.0**exponent)
 
 
-# Of ln(q^4 C) over ln q: a hundred waves of one length have a peak as steep. Steeper ones: see the limits of
-# `rubberfric.TabulatedSpectrum`.
+# Slope of ln(q^4 C) over ln q: a hundred waves of one length have such a peak. For steeper ones see the
+# limits of `rubberfric.TabulatedSpectrum`.
 STEEPEST = 300.0
 
 POISSON = st.one_of(st.sampled_from((0.5, 0.0)), st.floats(0.0, 0.5))
@@ -155,7 +155,7 @@ def _prony(draw, terms, shift, ranges):
 def _table(draw, outside, shift, ranges):
     steps = draw(_vector(decades(-3.0, ranges.tau[1] / 4), ENTRIES - 1))
     omega = draw(decades(ranges.tau[0], ranges.tau[0] / 4)) * np.cumprod([1.0, *(1 + np.array(steps))])
-    # What sums of relaxations can do, d ln E' / d ln omega = 0 ... 2 and d ln E'' / d ln omega = -1 ... 1,
+    # Limits of sums of relaxations, d ln E' / d ln omega = 0 ... 2 and d ln E'' / d ln omega = -1 ... 1,
     # and scatter of a factor 2 on top.
     scatter = [np.array(draw(_vector(st.floats(0.5, 2.0), ENTRIES))) for _ in range(2)]
     slopes = [np.array(draw(_vector(st.floats(*ends), ENTRIES - 1))) for ends in ((0.0, 2.0), (-1.0, 1.0))]
@@ -207,7 +207,7 @@ def _spectrum(draw, kind, ranges, ends):
     if kind == "table":
         gaps = np.log1p(draw(_vector(decades(-3.0, 3.0), ENTRIES - 1)))
         q = q0 * np.exp(np.cumsum([0.0, *gaps]))
-        # ln(q^4 C) may rise and fall by 10 decades between two entries, but for its slope.
+        # ln(q^4 C) may rise and fall by 10 decades between two entries within the limit of its slope.
         steps, most = np.diff(draw(_vector(st.floats(-23.0, 23.0), ENTRIES))), STEEPEST * gaps
         steps = np.clip(steps, -most, most)
         height = draw(decades(*ranges.height)) * q0

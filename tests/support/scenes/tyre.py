@@ -1,4 +1,4 @@
-"""A measured tyre compound and road: conditions and tables, which lie beside the project."""
+"""A measured tyre compound and road: conditions and tables, which lie outside the project."""
 
 import numpy as np
 from support.folders import TYRE

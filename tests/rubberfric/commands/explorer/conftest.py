@@ -17,7 +17,7 @@ def browser(tmp_path_factory):
     webdriver = pytest.importorskip("selenium.webdriver", reason="needs selenium: pip install selenium")
     options = webdriver.ChromeOptions()
     options.binary_location = BROWSER
-    # As root and in containers there is neither a sandbox nor much shared memory.
+    # Root users and containers have no sandbox and little shared memory.
     for flag in ("--headless=new", "--no-sandbox", "--disable-gpu", "--disable-dev-shm-usage"):
         options.add_argument(flag)
     options.add_argument("--window-size=1500,900")

@@ -84,7 +84,7 @@ def test_a_slider_moves_the_curves(opened, wait):
 
 
 def test_many_moves_are_few_questions(opened, wait):
-    """Those that are stale when an answer arrives are never asked; the last one is."""
+    """Requests that are outdated when an answer arrives are skipped, except the last."""
     answers = opened.execute_script(ANSWERS)
     opened.execute_script(f"for (let k = 500; k <= 700; k++) {{ (function() {{ {MOVE} }})('gamma', k); }}")
     wait(f"{ANSWERS} > arguments[0] + 1", answers)
@@ -124,7 +124,7 @@ def test_sensitivities_come_when_they_are_compiled(server, opened, wait):
 
 
 def test_drafts_while_a_slider_moves_and_curves_when_it_rests(server, opened, wait, monkeypatch):
-    """Of scenes that take long; this one is told to be one, and its drafts are a little off."""
+    """For slow scenes; this one is forced to be slow, and its drafts have small errors."""
     asked, curves = [], server.explorer.curves
 
     def noted(values, draft=False):

@@ -1,4 +1,4 @@
-"""The command `rubberfric explore`: its arguments, what it prints, and how it ends."""
+"""The command `rubberfric explore`: arguments, output and exit."""
 
 import http.client
 import json

@@ -1,4 +1,4 @@
-"""What the page draws: the values of `solve`, of scenes made by hand; sensitivities are differences."""
+"""Curves of the page equal `solve` for scenes made by hand; sensitivities equal differences."""
 
 import threading
 

@@ -79,7 +79,7 @@ def test_round_trip(name):
 @pytest.mark.benchmark
 @pytest.mark.parametrize("name", SCENES)
 def test_from_slider_to_curve_in_the_browser(name, browser):
-    """What a person waits for; 50 ms are aimed at."""
+    """Waiting time of a user; the aim is 50 ms."""
     from selenium.webdriver.support.ui import WebDriverWait
 
     scene, conditions, title = read_computable(DATA / f"{name}.toml")

@@ -1,4 +1,4 @@
-"""The server of the page: whom it answers, what it refuses, and with which headers."""
+"""The server of the page: accepted and refused requests, and headers."""
 
 import http.client
 import json
@@ -102,7 +102,7 @@ def test_a_browser_is_let_in_once(server, ask):
     ],
 )
 def test_a_foreign_host_gets_nothing(server, ask, host):
-    """As by a name that its owner has resolved to this machine."""
+    """A domain name that resolves to this machine."""
     port = str(server.server_port)
     host = (
         [x.replace("PORT", port) for x in host]
@@ -251,7 +251,7 @@ def test_more_connections_than_there_is_room_for(server, ask):
         except (ConnectionError, http.client.HTTPException):
             continue
     else:
-        pytest.fail("is not answered any more")
+        pytest.fail("is refused")
 
 
 def test_a_port_that_is_taken(server):

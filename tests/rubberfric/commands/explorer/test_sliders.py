@@ -1,4 +1,4 @@
-"""Sliders follow from the scene; what they take, and what of it the page may send."""
+"""Sliders of a scene, their ranges, and valid posts of the page."""
 
 import math
 
@@ -40,7 +40,7 @@ def test_sliders_of_a_scene():
     )
     assert found["lower.spectrum.hurst"][5:8] == (0.0, 1.0, False)
     assert found["upper.material.poisson"][5:8] == (0.0, 0.5, False)
-    # At its left end q1 meets qr, beyond which there is no such spectrum.
+    # At its left end q1 equals qr, its smallest value.
     assert 1000 <= found["lower.spectrum.q1"].low < 1000.01 and found["lower.spectrum.q1"].high == 3.1e6
     np.testing.assert_allclose([found["temperature"].low, found["temperature"].high], [183.15, 413.15])
     assert (found["pressure"].start, found["temperature"].start) == (1e5, 293.15)

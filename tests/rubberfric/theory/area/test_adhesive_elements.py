@@ -3,7 +3,7 @@
 Long range: one surface of 2 periods, q1/q0 = 16, qr/q0 = 2, 256^2 points, an elastic half-space, p_a =
 work/r exp(-u/r) with the work at which the attraction of the gaps without adhesion is the load. R = 2 / rms
 curvature in Tabor's parameter (R work^2 / E_r^2 r^3)^(1/3). A/A0 without and with adhesion, by elements and
-by the theory with S in G (without it areas are 8 to 29 % low, as they are without adhesion):
+by the theory with S in G (otherwise areas are 8 to 29 % too small, as without adhesion):
 
 ===  =====  =====  =============  =============  ======  ===========================
 H    p/E h' Tabor  elements       theory         error   gaps of elements, this limit
@@ -24,8 +24,8 @@ H    p/E h' Tabor  elements       theory         error   gaps of elements, this 
 
 At Tabor 0.1 all are within 4 %. At 0.3 light loads miss 5 % by far, and not for the distribution of
 separations: the last column has p_ad from the gaps of elements without adhesion. There the attraction
-deforms the solids, which the limit leaves out. If what is in contact did not attract (p_ad from the gaps
-alone), areas at Tabor 0.1 were 10 to 28 % below those of the elements.
+deforms the solids, which the limit neglects. If the contact area did not attract (p_ad from the gaps
+alone), areas at Tabor 0.1 would be 10 to 28 % below the elements.
 
 Short range, at Tabor 3: four surfaces (twelve of the lightest) of one period, q1/q0 = 8, 512^2 points, of
 which approach has the mean and its error, and the state that is left when full contact is unloaded. By
@@ -95,7 +95,7 @@ def attracted(hurst, load, tabor):
 
 @pytest.mark.parametrize("force", [pytest.param(0.3, marks=pytest.mark.slow), 2.0])
 def test_elements_have_the_sphere_of_johnson_kendall_and_roberts(force):
-    """In a square of which it touches a tenth, at Tabor 5."""
+    """In a square; the contact covers a tenth of it, at Tabor 5."""
     n, length, radius, work = 256, 6e-5, 1e-4, 0.05
     x = (np.arange(n) - n // 2) * length / n
     reach = (radius * (work / MODULUS) ** 2) ** (1 / 3) / 5
@@ -152,7 +152,7 @@ def test_areas_are_those_of_elements(hurst, load, tabor, error):
     law = scene.adhesion
     area, _, found = adhesive_contact(*surface, MODULUS, pressure, law.work, law.range)
     assert found and area > 1.5 * plain
-    # At the same load over the slope of the spectrum, of which a surface has a few modes.
+    # At the same load over the slope of the spectrum; a surface has a few modes.
     theory = float(rf.contact_area(scene, 0.0, load * MODULUS * float(rf.rms_slope(scene.lower.spectrum))))
     assert theory == pytest.approx(area, rel=error)
 

@@ -134,7 +134,7 @@ def test_a_vanishing_work_is_contact_without_adhesion(corrected):
 
 
 def test_the_pull_off_force_is_that_of_the_least_energy():
-    """A smooth sphere has that of Johnson, Kendall and Roberts; stiff roughness leaves nothing of it."""
+    """A smooth sphere has the pull-off force of Johnson, Kendall and Roberts; stiff roughness removes it."""
     force = rf.analysis.pull_off_force
     smooth = rf.Scene(rf.Body(rf.Rigid()), rf.Body(rf.Elastic(1e7, 0.5)), adhesion=rf.Adhesion(0.05))
     assert float(force(smooth, 1e-2, 1e5)) == pytest.approx(1.5 * math.pi * 1e-2 * 0.05, rel=1e-14)
@@ -230,7 +230,7 @@ def test_a_point_depends_on_itself_alone():
 
 @pytest.mark.slow
 def test_a_fit_finds_the_work_of_adhesion_across_jumps():
-    """From friction that is contact shear, of which some points are in full contact and some are not."""
+    """Friction from contact shear, with some points in full contact and some not."""
     ground = rf.SelfAffine(q0=1e4, qr=3e4, q1=1e6, hurst=0.8, h_rms=2e-7)
 
     def scene(work, tau):

@@ -111,7 +111,7 @@ def test_the_load_agrees_with_brute_force(pressure, share, reach):
 
 
 def test_area_and_separation_are_those_without_adhesion_under_the_load():
-    """Which is that of both, and with S in G too."""
+    """The same value for both, also with S in G."""
     for options in ({}, {"area_correction": True}):
         found = _solve(_scene(1e-2, 1e-7, **options), 0.0, 1e5)
         plain = _scene(**options)
@@ -174,7 +174,7 @@ def _plateau(work=None, reach=1.5e-6):
 
 
 def test_light_loads_agree_with_brute_force():
-    """Nodes about another load than the one that is borne gave areas 2 to 800 times too large."""
+    """Nodes placed for another load gave areas 2 to 800 times too large."""
     brute = DmtAttraction(5.8e4, 1.8e5, 2.5e6, 0.62, 3.1e-6, 4e6 / (1 - 0.49**2), 1.0)
     pressure = np.array([1.0, 30.0, 200.0, 2e3, 2e4])
     found = rf.solve(_plateau(0.3), 0.0, pressure, quantities=AREA)
@@ -249,7 +249,7 @@ def test_areas_grow_with_load_and_work(count):
     ],
 )
 def test_no_lesser_load_is_a_solution(share, reach):
-    """Below it the attraction is always more than what is missing."""
+    """Below it the attraction always exceeds the missing load."""
     scene, pressure = _scene(share * 1e3 * reach, reach), 1e3
     found = _solve(scene, 0.0, pressure)
     area = float(found.area)
@@ -355,7 +355,7 @@ def test_wrong_ranges_are_refused():
 
 
 def _work_left(work, reach, spectrum=FINE):
-    """Of the pull-off force, in shares of the work."""
+    """Derivatives of the pull-off force, relative to the work."""
     force = rf.analysis.pull_off_force(_scene(work, reach, spectrum), 1e-2, 1e5)
     return float(force) / (2 * math.pi * 1e-2 * work)
 
@@ -381,7 +381,7 @@ def test_limits_of_the_work_of_separation():
         left = _work_left(work, 1e-7)
         full = 1 - float(rf.analysis.full_contact_energy(_scene(work, 1e-7))) / work
         assert full - 2e-6 <= left < 1  # near full contact <e^-u/r> is 1e-6 off
-    # Of a range beyond all gaps what separates them is the range alone.
+    # If the range exceeds all gaps, only the range determines the separation.
     assert _work_left(1e-2, 1e-3) == pytest.approx(1.0, abs=1e-3)
 
 

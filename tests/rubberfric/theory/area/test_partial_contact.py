@@ -67,7 +67,7 @@ def test_derivatives_of_the_separation_weight(gamma):
 
 
 def test_argument_of_the_contact_fraction():
-    """x = 1 / (2 sqrt G) to the smallest and largest G, and 27 with derivative 0 where there is none."""
+    """x = 1 / (2 sqrt G) to the smallest and largest G, and 27 with derivative 0 at G = 0."""
     g = np.logspace(-300, 300, 13)
     found, by_g = jax.vmap(jax.value_and_grad(contact_argument))(jnp.array(g))
     free = g > 1 / 54**2

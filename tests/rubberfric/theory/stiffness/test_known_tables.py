@@ -1,4 +1,4 @@
-"""Tables of means that outlive a call: values are those of the program, and never of other numbers."""
+"""Kept tables of means give the values of the compiled function, never of other numbers."""
 
 import jax
 import jax.numpy as jnp

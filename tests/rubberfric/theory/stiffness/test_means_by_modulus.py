@@ -68,7 +68,7 @@ def test_means_of_a_table(spring, outside):
     found = F.means(jnp.asarray(QV)[None], ALL, harmonics=harmonics)
     tabled = table.means(jnp.asarray(QV)[None], jnp.ones(1), None, ALL, harmonics=harmonics)
     exact = np.array([exact_means(qv, None if spring is None else float(spring), outside) for qv in QV])
-    # Of the transverse mean, which may cancel, what is summed is the dissipation; a loss that steps to
+    # The transverse mean may cancel, so errors are relative to the dissipation; a loss that steps to
     # zero is far less than the largest of all.
     scale = dict(zip(ALL.kinds, np.abs(exact.T), strict=True))
     scale["mean_sin_loss"] = scale["mean_sin_loss"] + scale["mean_cos_loss"]
@@ -96,7 +96,7 @@ class Maxwell(Material):
 
 @functools.cache
 def alike(nodes=()):
-    """The same solid by its series and by its modulus; a scale at every node if there are nodes."""
+    """A solid by its series and by its modulus; a scale at every node if there are nodes."""
     scale = jnp.asarray(nodes) if nodes else jnp.ones(())
     by_series = PronyStiffness(
         scale * Maxwell.rest, scale[..., None] * Maxwell.weight, jnp.asarray(Maxwell.tau)

@@ -25,7 +25,7 @@ def velocities(table):
 
 
 def stiffness(table, outside, spring):
-    """As by_quadrature has it: E' and E'' themselves."""
+    """E' and E'' as in by_quadrature."""
     material = rf.TabulatedModulus(*map(jnp.exp, table), poisson=0.0, outside=outside)
     return Tabulated(material, jnp.asarray(1.0), spring)
 
@@ -65,7 +65,7 @@ def test_means_of_random_tables(seed):
 
 @pytest.mark.parametrize("seed", slow_if(lambda seed: seed % 2, range(4)))
 def test_means_in_series_with_a_spring(seed):
-    """The same for all nodes, or another for every node."""
+    """One value for all nodes, or one for every node."""
     table, outside = random_table(seed), OUTSIDE[seed % 3]
     x, F = velocities(table), stiffness(table, outside, jnp.asarray(2.0))
     exact = by_quadrature(table, outside, x, 2.0)
@@ -78,7 +78,7 @@ def test_derivatives_of_random_tables(seed):
     """With respect to every entry, ln omega, ln E' and ln E'', and to ln(q v)."""
     table, outside = random_table(seed), OUTSIDE[seed // 4 % 3]
     x, rng = velocities(table), np.random.default_rng(2)
-    # Along a direction of all entries: a difference in omega must not be larger than what it moves.
+    # Along a direction of all entries, with a difference in omega smaller than its spacing.
     gap = np.diff(table[0]).min()
     along = np.array([0.1 * gap, 1, 1])[:, None] * rng.uniform(-1, 1, (3, table[0].size))
     h = 1e-3
@@ -128,7 +128,7 @@ def test_at_rest_a_loss_is_nothing_however_large():
 
 
 def test_the_dissipation_of_a_loss_that_ends_is_not_negative():
-    """Far below the table a spline through what has underflown from it swings."""
+    """Far below the table a spline through underflowed values oscillates."""
     table = np.log(
         [
             [1.0955e-6, 1.1171e-6, 4.4342e-6, 4.4785e-6],
@@ -183,7 +183,7 @@ def test_no_seams():
 
 @pytest.mark.parametrize("of", [means, means_by_node])
 def test_where_a_table_begins_on_the_grid_does_not_matter(of):
-    """Beyond its ends as well: an end that rounding takes for the cell before the first was a step off."""
+    """Also beyond the ends: an end that rounding placed in the cell before the first was one step off."""
     # Where a product and a sum are rounded once, as XLA does by default.
     of = jax.jit(of.__wrapped__, compiler_options={"xla_backend_optimization_level": 3})
     x, *logarithms = random_table(0)
