@@ -2,15 +2,15 @@
 
 import dataclasses
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
-import scipy.stats
-from scipy.optimize import least_squares
+from scipy.interpolate import BSpline, PchipInterpolator
 
 import rubberfric as rf
 from fitting.characterise.pictures import plot_master_curve
-from fitting.characterise.sweep_shifts import Shifts, check_overlap, shifts_of, sweeps_of
+from fitting.characterise.shift_laws import ShiftLaw, arrhenius_through, wlf_through
+from fitting.characterise.sweep_shifts import Shifts, shifts_of
+from fitting.characterise.sweeps import sweeps_of
 from fitting.data.kinds import ModulusData
 from fitting.parameters.constraints import is_number
 from fitting.parameters.priors import Prior
@@ -18,136 +18,32 @@ from fitting.uncertainty.posterior import joint_prior
 from rubberfric.base import shown
 from rubberfric.plot import style
 
-# Chance of as large a misfit below which a law does not hold.
-_CHANCE = 1e-3
-_FAR = 1e5  # C2 [K] beyond which WLF is a straight line over any temperatures
 _ROOM = 293.15
-
-
-class ShiftLaw(NamedTuple):
-    """A law through shift factors.
-
-    Attributes
-    ----------
-    shift : WLF or Arrhenius
-    names : of its parameters, ("C1", "C2") or ("energy",)
-    values, stderr, covariance : of them; C1 [-], C2 [K], energy [eV]
-    chisqr, freedom : sum of squares of the misfit in standard errors, and shifts less parameters
-    """
-
-    shift: rf.WLF | rf.Arrhenius
-    names: tuple[str, ...]
-    values: np.ndarray
-    covariance: np.ndarray
-    chisqr: float
-    freedom: int
-
-    @property
-    def stderr(self) -> np.ndarray:
-        """Standard errors of the parameters."""
-        return np.sqrt(np.diag(self.covariance))
-
-    @property
-    def holds(self) -> bool:
-        """True if chance exceeds the misfit, by chi-square, with a probability above 0.1 %."""
-        return self.freedom == 0 or bool(scipy.stats.chi2.sf(self.chisqr, self.freedom) > _CHANCE)
-
-    @property
-    def aic(self) -> float:
-        """Akaike's criterion up to a constant; lower is better."""
-        return self.chisqr + 2 * len(self.names)
-
-
-def wlf_through(T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref: float) -> ShiftLaw | None:
-    r"""log10 a_T = -C1 (T - T_ref) / (C2 + T - T_ref) through ln a_T with their covariance.
-
-    T, log_a and covariance exclude T_ref, shape (n,). None for n < 2, which leaves a parameter undetermined,
-    and if the shifts do not fall with temperature.
-    """
-    if T.size < 2:
-        return None
-    above, whiten = T - T_ref, _whitener(covariance)
-    aim = -log_a / np.log(10)
-
-    def rows(p):
-        return whiten @ ((p[0] * above / (p[1] + above) - aim) * np.log(10))
-
-    def slopes(p):
-        by = np.stack([above / (p[1] + above), -p[0] * above / (p[1] + above) ** 2], axis=1)
-        return whiten @ (by * np.log(10))
-
-    lowest = max(1e-3, 1e-3 - above.min())  # no pole among the temperatures
-    # (T - T_ref)/aim = C2/C1 + (T - T_ref)/C1 is a straight line.
-    slope, offset = np.polyfit(above, above / np.where(aim == 0, 1e-12, aim), 1)
-    starts = [(17.4, 51.6 + lowest), (8.86, 101.6 + lowest), (100.0, 1000.0 + lowest)]
-    if slope > 0 and offset / slope > lowest:
-        starts.insert(0, (1 / slope, offset / slope))
-    bounds = ([1e-6, lowest], [np.inf, _FAR])
-    found = [
-        least_squares(
-            rows,
-            np.clip(p, bounds[0], bounds[1]),
-            slopes,  # pyright: ignore[reportArgumentType]  # the stub knows text only
-            bounds=bounds,
-            x_scale="jac",
-            xtol=1e-13,
-        )
-        for p in starts
-    ]
-    best = min(found, key=lambda one: one.cost)
-    if not best.x[0] > 1e-5:
-        return None
-    J = slopes(best.x)
-    inner = np.linalg.pinv(J.T @ J, rcond=1e-14, hermitian=True)
-    law = rf.WLF(float(best.x[0]), float(best.x[1]), T_ref)
-    return ShiftLaw(law, ("C1", "C2"), best.x, inner, 2 * float(best.cost), T.size - 2)
-
-
-def arrhenius_through(
-    T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref: float
-) -> ShiftLaw | None:
-    """ln a_T = (energy / k_B) (1/T - 1/T_ref) in the same way; None where the energy would not be > 0."""
-    whiten = _whitener(covariance)
-    of_one_eV = np.asarray(rf.Arrhenius(1.0, T_ref).log_factor(T), float)
-    column, aim = whiten @ of_one_eV, whiten @ log_a
-    size = column @ column
-    energy = float(column @ aim / size)
-    if not energy > 0:
-        return None
-    rest = aim - energy * column
-    law = rf.Arrhenius(energy, T_ref)
-    return ShiftLaw(
-        law, ("energy",), np.array([energy]), np.array([[1 / size]]), float(rest @ rest), T.size - 1
-    )
-
-
-def _whitener(covariance):
-    """W with W C W^T = 1."""
-    values, vectors = np.linalg.eigh(covariance)
-    values = np.maximum(values, 1e-14 * values.max())
-    return (vectors / np.sqrt(values)).T
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class MasterCurve:
-    """Sweeps brought together, and by how much each was shifted.
+    """Sweeps shifted onto one curve, with the shifts, their errors and laws.
 
     Attributes
     ----------
-    data : the master curve at T_ref, of all points, by rising reduced frequency, for `fit_prony`,
-        `kramers_kronig`, or `rubberfric.TabulatedModulus` after smoothing
+    data : the master curve at T_ref: all points with E' and E'' > 0, by rising reduced frequency, for
+        `fit_prony`, `kramers_kronig`, or `rubberfric.TabulatedModulus` after smoothing
     T : temperatures of the sweeps, rising [K], shape (n,)
-    reference : which of them is T_ref
+    reference : number of the sweep at T_ref
     log_aT, stderr : ln a_T and its standard errors (0 at T_ref) [-], shape (n,)
-    log_bT, stderr_bT : ln b_T likewise; 0 without vertical shifts
+    log_bT, stderr_bT : ln b_T and its standard errors; 0 without vertical shifts
     covariance : of ln a_T, shape (n, n)
     wlf, arrhenius : laws through the shifts with errors; None if no law fits
     law : the better of both by Akaike's criterion, or None
-    shift : that law's `WLF` or `Arrhenius`; `table` where neither holds within the errors
+    shift : that law's `WLF` or `Arrhenius`; `table` if neither agrees with the shifts within the errors
     table : `TabulatedShift` of the shifts themselves
     residuals : ln E' and ln E'' less the smooth curve, in the order of `data`, shape (2, points)
     of_sweep : number of the sweep of every point of `data`
-    scatter : relative errors of E' and E'': of the points about the curve, or those given (median)
+    offsets : mean of ln E' and ln E'' of every sweep less the curve, shape (2, n)
+    offset_errors : standard errors of `offsets`, from the scatter of the points, shape (2, n)
+    bad_points : ("E'" or "E''", T [K], omega [rad/s]) of points <= 0 or beyond four standard deviations
+    scatter : relative errors of E' and E'': scatter of points within sweeps, or the given errors (median)
     redchi : sum of squares by degrees of freedom, 1 where errors are estimated
     """
 
@@ -159,7 +55,11 @@ class MasterCurve:
     arrhenius: ShiftLaw | None
     of_sweep: np.ndarray
     residuals: np.ndarray
-    vertical: bool
+    offsets: np.ndarray
+    offset_errors: np.ndarray
+    bad_points: tuple[tuple[str, float, float], ...]
+    vertical: bool | str
+    temperature_error: float
 
     @property
     def T_ref(self) -> float:
@@ -246,26 +146,74 @@ class MasterCurve:
         places = np.full(mean.size, np.nan) if places is None else places
         return dict(joint_prior(paths, mean, covariance, (np.zeros(mean.size), none), places, body, widen))
 
+    def moduli(self, omega: np.ndarray, temperature: float) -> tuple[np.ndarray, np.ndarray]:
+        """Return ln E' and ln E'' that a further sweep is expected to show, and their standard errors.
+
+        The errors include those of the curve and the shift, an error of the temperature, the offset of a
+        sweep, and the scatter of its points.
+
+        Parameters
+        ----------
+        omega : angular frequencies [rad/s], shape (points,)
+        temperature : between the lowest and highest temperature of the sweeps [K]
+
+        Returns
+        -------
+        values and standard errors, each of shape (2, points)
+
+        Raises
+        ------
+        ValueError : the temperature is outside the range of the sweeps
+        """
+        if not self.T[0] <= temperature <= self.T[-1]:
+            raise ValueError(
+                f"temperature = {temperature:g} K: must be {self.T[0]:.6g} ... {self.T[-1]:.6g} K, the range"
+                " of the sweeps"
+            )
+        one, n = self.shifts, self.T.size
+        between = np.array([np.interp(temperature, self.T, e) for e in np.eye(n)])
+        log_a = PchipInterpolator(self.T, self.log_aT)(temperature)
+        log_b = np.interp(temperature, self.T, self.log_bT) + one.power * np.log(temperature / self.T_ref)
+        t = np.log(omega) + log_a
+        inside = np.clip(t, one.knots[3], one.knots[-4] - 1e-9)
+        B = BSpline.design_matrix(inside, one.knots, 3).toarray()
+        y = one.splines @ B.T
+        slope = np.array([BSpline(one.knots, c, 3).derivative()(inside) for c in one.splines])
+        # An error of the temperature: both that of the sweep itself and those of its neighbours.
+        thermal = self.temperature_error * PchipInterpolator(self.T, self.log_aT).derivative()(temperature)
+        variance = np.array(one.offset)[:, None] ** 2 + np.array(one.scatter)[:, None] ** 2
+        variance = variance + 1.5 * (slope * thermal) ** 2
+        variance += one.phase**2 * np.exp(2 * (y[1] - y[0]) * np.array([[1], [-1]]))
+        for k in (0, 1):
+            X = np.concatenate([B, slope[k][:, None] * between], axis=1)
+            variance[k] += np.einsum("ij,ij->i", X @ one.covariances[k], X)
+        return y + log_b, np.sqrt(variance)
+
     def __repr__(self) -> str:
         name = type(self.shift).__name__
         return f"<MasterCurve: {self.T.size} sweeps, T_ref = {self.T_ref:.6g} K, {name}>"
 
     def report(self) -> str:
-        """Shifts, laws and scatter, as text of several lines."""
+        """Return shifts, laws, scatter, and sweeps that do not superpose, as text of several lines."""
         low, high = self.data.omega[[0, -1]]
         lines = [
             f"Master curve of {self.T.size} sweeps at {self.T_ref:.6g} K, {low:.3g} ... {high:.3g} rad/s",
-            f"    scatter: E' {self.scatter[0]:.2%}, E'' {self.scatter[1]:.2%}",
+            f"    scatter: E' {self.scatter[0]:.2%}, E'' {self.scatter[1]:.2%}; temperatures to"
+            f" {self.temperature_error:g} K",
         ]
+        if self.shifts.phase > 1e-3:
+            lines[-1] += f"; phase error {self.shifts.phase:.2g} rad"
         if self.data.error is not None:
             lines.append(f"    errors given; reduced chi-square {self.redchi:.4g}")
-        lines.append(f"    {'T [K]':>8} {'log10 a_T':>10}" + " " * 12 * self.vertical)
+        lines.append(f"    {'T [K]':>8} {'log10 a_T':>10}")
         for i, T in enumerate(self.T):
             bar = "(reference)" if i == self.reference else f"+/- {self.stderr[i] / np.log(10):.2g}"
             line = f"    {T:8.6g} {self.log_aT[i] / np.log(10):10.4f}  {bar}"
             if self.vertical and i != self.reference:
-                line += f"   b_T {np.exp(self.log_bT[i]):.4f} +/- {self.stderr_bT[i]:.2g}"
+                line += f"   b_T {np.exp(self.log_bT[i]):.4f}"
+                line += f" +/- {self.stderr_bT[i]:.2g}" if self.vertical is True else ""
             lines.append(line)
+        lines += self._misfits()
         for name, law in (("WLF", self.wlf), ("Arrhenius", self.arrhenius)):
             if law is None:
                 lines.append(f"    {name}: none goes through these shifts")
@@ -279,6 +227,31 @@ class MasterCurve:
         if self.law is not None and not self.law.holds:
             lines.append("    no law holds within the errors: shift is the table")
         return "\n".join(lines)
+
+    def _misfits(self):
+        """Return lines about sweeps and points that are off the curve."""
+        lines = []
+        if self.shifts.power:
+            lines.append(
+                f"    moduli rise with temperature as (T/T_ref)^{self.shifts.power:.2f}, which the shifts allow"
+                ' for but `data` show; vertical="entropic" shifts them by T/T_ref'
+            )
+        expected = np.hypot(self.offset_errors, np.array(self.shifts.offset)[:, None])
+        off = np.flatnonzero((np.abs(self.offsets) > 2.5 * expected).any(axis=0))
+        for i in off:
+            storage, loss = np.expm1(self.offsets[:, i])
+            tan = np.expm1(self.offsets[1, i] - self.offsets[0, i])
+            lines.append(
+                f"    the sweep at {self.T[i]:.6g} K does not superpose: E' {storage:+.1%}, E'' {loss:+.1%} off"
+                f" the curve; tan(delta), to which mu is roughly proportional, {tan:+.1%}"
+            )
+        if self.bad_points:
+            shown_points = [
+                f"{name} at {T:.6g} K, {omega:.3g} rad/s" for name, T, omega in self.bad_points[:5]
+            ]
+            more = f" and {len(self.bad_points) - 5} more" if len(self.bad_points) > 5 else ""
+            lines.append(f"    points with little or no weight: {'; '.join(shown_points)}{more}")
+        return lines
 
     def plot(self, ax: style.Panels | None = None) -> style.Panels:
         """Shifted E' and E'', a colour for every temperature, and ln a_T with 95 % bars and the laws.
@@ -302,26 +275,32 @@ def fit_master_curve(
     isotherms: ModulusData | Sequence[ModulusData],
     reference: float | None = None,
     *,
-    vertical: bool = False,
+    vertical: bool | str = False,
     same: float = 1.0,
+    temperature_error: float = 0.5,
 ) -> MasterCurve:
-    r"""Shift factors, their law, and the master curve of sweeps at several temperatures.
+    r"""Fit shift factors, their law, and the master curve of sweeps at several temperatures.
 
     .. math:: E(\omega, T) = b_T E(a_T \omega, T_\mathrm{ref})
 
-    The shifts bring ln E' and ln E'' of all sweeps closest to one smooth curve
-    (`fitting.characterise.sweep_shifts`); the laws are fitted to them with their covariance
-    [Williams, Landel & Ferry, J. Am. Chem. Soc. 77 (1955) 3701, doi:10.1021/ja01619a008].
+    One smooth curve of ln E' and one of ln E'' go through all sweeps at once
+    (`fitting.characterise.sweep_shifts`). The laws are fitted to the shifts with their covariance
+    [Williams, Landel & Ferry, J. Am. Chem. Soc. 77 (1955) 3701, doi:10.1021/ja01619a008]. The
+    Vogel-Fulcher-Tammann law is the WLF law with T_0 = T_ref - C2.
 
     Parameters
     ----------
     isotherms : ModulusData with a temperature for every row, or a list of them
-        in any order and several files; a sweep may be spread over them.
+        in any order and several files; a sweep may be spread over them. E' or E'' <= 0 is ignored and named
+        in the report (such data need check_units=False).
     reference : temperature of the master curve [K]; the nearest sweep is used
         None: the sweep nearest to 20 °C.
-    vertical : whether moduli are shifted, too, by b_T
+    vertical : True: b_T of every sweep is fitted; "entropic": b_T = T/T_ref; False: b_T = 1
+        Compare `kramers_kronig(curve.data).rms` of each: the right vertical shift contradicts least.
     same : rows belong to one sweep whose temperatures lie closer together than this [K]
-        a drift within a sweep is allowed for by the shifts of the others.
+        a drift within a sweep is corrected with the shifts of the others.
+    temperature_error : standard deviation of the temperature of a sweep [K]
+        Superposition cannot detect it. It adds temperature_error |d ln a_T / dT| to the errors.
 
     Returns
     -------
@@ -330,20 +309,23 @@ def fit_master_curve(
     Raises
     ------
     ValueError
-        one line: neighbouring sweeps that do not overlap, by their temperatures; a reference away from all
-        sweeps; less than two temperatures or three points in a sweep; values <= 0; no temperature.
+        one line: a reference far from all sweeps; fewer than two temperatures or three points > 0 in a sweep;
+        no temperature.
 
     Notes
     -----
-    Errors of the data that are not given follow from the scatter of E' and of E'' about the curve, each by
-    itself. Time-temperature superposition is an assumption: where E' and E'' want different shifts, the
-    residuals show it. Bars hold for smooth relaxation spectra; with single terms a decade apart, whose
-    ripples the curve cannot follow through the scatter, they are a quarter too small.
+    Neighbours that share few points or none are joined by the smoothness of the curve and get large errors.
+    If errors of the data are not given, they follow from the scatter. The standard errors also include an
+    offset of each sweep (1 % or more), correlated scatter, a phase error of the instrument, and an unknown
+    vertical shift (T/T_ref)^m, m = 0 +/- 0.25. If unshifted moduli fit much better with about T/T_ref, the
+    shifts allow for it, and the report says so.
     """
-    if not isinstance(vertical, bool):
-        raise ValueError(f"vertical = {shown(vertical)}: must be True or False")
+    if not (isinstance(vertical, bool) or vertical == "entropic"):
+        raise ValueError(f'vertical = {shown(vertical)}: must be True, False or "entropic"')
     if not (is_number(same) and same > 0):
         raise ValueError(f"same = {shown(same)}: must be a number > 0 [K]")
+    if not (is_number(temperature_error) and temperature_error >= 0):
+        raise ValueError(f"temperature_error = {shown(temperature_error)}: must be a number >= 0 [K]")
     if reference is not None and not (is_number(reference) and reference > 0):
         raise ValueError(f"reference = {shown(reference)}: must be None or a temperature > 0 [K]")
     sweeps = sweeps_of(isotherms, float(same))
@@ -354,30 +336,38 @@ def fit_master_curve(
             f"reference = {reference:g} K: must be the temperature of a sweep:"
             f" {', '.join(f'{one:.6g}' for one in T)} K"
         )
-    shifts = shifts_of(sweeps, nearest, vertical)
-    check_overlap(sweeps, shifts.log_a)
+    shifts = shifts_of(sweeps, nearest, vertical, float(temperature_error))
     moving = np.delete(np.arange(T.size), nearest)
     known = (T[moving], shifts.log_a[moving], shifts.covariance[np.ix_(moving, moving)], float(T[nearest]))
     sets = [isotherms] if isinstance(isotherms, ModulusData) else list(isotherms)
-    order = np.argsort(shifts.t, kind="stable")
     which = np.repeat(np.arange(T.size), [one.t.size for one in sweeps])
-    y = np.concatenate([one.y for one in sweeps], axis=1)
-    moduli = np.exp(y - shifts.log_b[which])[:, order]
+    y = np.concatenate([one.y for one in sweeps], axis=1) - shifts.log_b[which]
+    order = np.argsort(shifts.t, kind="stable")
+    order = order[np.isfinite(y).all(axis=0)[order]]
     errors = {}
     if sweeps[0].error is not None:
-        sigma = (
-            moduli * np.concatenate([one.error for one in sweeps if one.error is not None], axis=1)[:, order]
-        )
+        relative = np.concatenate([one.error for one in sweeps if one.error is not None], axis=1)
+        sigma = np.exp(y[:, order]) * relative[:, order]
         errors = {"sigma_storage": sigma[0], "sigma_loss": sigma[1]}
     bodies = {one.body for one in sets}
     data = ModulusData(
         np.exp(shifts.t[order]),
-        *moduli,
+        *np.exp(y[:, order]),
         **errors,
         name=f"master curve of {sets[0].name}" if sets[0].name and len(sets) == 1 else "master curve",
         body=bodies.pop() if len(bodies) == 1 else None,
         check_units=False,
     )
+    residuals = y - shifts.smooth
+    # Without the vertical shift that `data` show, and without bad points.
+    rest = residuals - shifts.power * np.log(T / T[nearest])[which]
+    rest = np.where(shifts.bad, np.nan, rest)
+    count = [np.maximum(np.isfinite(rest[:, which == i]).sum(axis=1), 1) for i in range(T.size)]
+    t = np.concatenate([one.t for one in sweeps])
+    bad = [
+        (("E'", "E''")[k], float(T[which[i]]), float(np.exp(t[i])))
+        for k, i in zip(*np.nonzero(shifts.bad), strict=True)
+    ]
     return MasterCurve(
         data=data,
         T=T,
@@ -386,6 +376,11 @@ def fit_master_curve(
         wlf=wlf_through(*known),
         arrhenius=arrhenius_through(*known),
         of_sweep=which[order],
-        residuals=(y - shifts.log_b[which] - shifts.smooth)[:, order],
+        residuals=residuals[:, order],
+        offsets=np.stack([np.nanmean(rest[:, which == i], axis=1) for i in range(T.size)], axis=1),
+        offset_errors=np.array(shifts.scatter)[:, None]
+        * np.sqrt(shifts.correlated[:, None] / np.transpose(count)),
+        bad_points=tuple(bad),
         vertical=vertical,
+        temperature_error=float(temperature_error),
     )

@@ -1,335 +1,309 @@
 r"""Shift isothermal sweeps of E' and E'' onto one smooth curve.
 
-Measured data are split into sweeps by temperature and checked. An initial guess compares neighbours; then
+The model of point k in the sweep s at temperature T_s is
 
-.. math:: \min_{a, b, S', S''} \sum_k \left(\frac{\ln E'_k - \ln b_T - S'(\ln a_T\omega_k)}{s'}\right)^2
-          + \left(\frac{\ln E''_k - \ln b_T - S''(\ln a_T\omega_k)}{s''}\right)^2
+.. math:: \ln E'_k = S'(\ln a_s + \ln\omega_k) + \ln b_s + u'_s + e'_k
 
-is solved. S' and S'' are cubic splines. Their coefficients enter linearly and are eliminated (variable
-projection) [Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413;
-Kaufman, BIT 15 (1975) 49].
+and the same for E''. S' and S'' are cubic splines with a penalty on their second differences, u' and u'' are
+offsets that the sweeps do not share, and e' and e'' scatter. The phase error of an instrument adds
+phase^2 tan^2(delta) to the variance of ln E' and phase^2 / tan^2(delta) to that of ln E''. Coefficients and
+offsets enter linearly and are eliminated (variable projection) [Golub & Pereyra, SIAM J. Numer. Anal. 10
+(1973) 413]. Gauss-Newton steps find the shifts. The variances and the penalty maximise the restricted
+likelihood [Wood & Fasiolo, Biometrics 73 (2017) 1071, doi:10.1111/biom.12666].
 """
 
 import dataclasses
-import itertools
 from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import BSpline
-from scipy.optimize import least_squares
 
-from fitting.data.kinds import ModulusData
+from fitting.characterise.sweeps import Sweep, first_shifts
+from rubberfric import Entropic
 
-# Points that a sweep needs, and points of each of two neighbours that must overlap.
-_FEWEST, _OVERLAP = 3, 2
-# Number of trial shifts, misfit of ln E allowed to a cubic, and the mean square distance in units of the
-# scatter beyond which neighbours do not meet.
-_TRIED, _BLUR, _CLOSE = 241, 0.01, 12.0
-# Fits, each weighted with the scatter that the one before it left; the least scatter.
-_FIRST, _ROUNDS, _EXACT = 2, 4, 1e-6
-_STEPS = 40  # of each
-_SEEN = 1e-11  # squared singular value below which the data do not determine a combination of splines
-_LEAST = 0.01  # least part of a squared slope that is not noise
-# Knots per decade that are tried.
-_KNOTS = (1.0, 1.5, 2.0, 3.0, 4.0, 6.0)
-
-
-class Sweep(NamedTuple):
-    """E' and E'' over frequency at one temperature."""
-
-    T: float  # mean [K]
-    at: np.ndarray  # temperature of every point [K]
-    t: np.ndarray  # ln omega
-    y: np.ndarray  # ln E' and ln E'', shape (2, points)
-    error: np.ndarray | None  # of them, shape (2, points)
-
-
-def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sweep]:
-    """Sweeps of all the data, by rising temperature; rows within `same` [K] of a neighbour belong together.
-
-    ValueError for other data, values <= 0, no temperature, one temperature only, or too short a sweep.
-    """
-    sets = [data] if isinstance(data, ModulusData) else data
-    if not isinstance(sets, list | tuple) or not sets:
-        raise ValueError(f"isotherms is a {type(data).__name__}: must be ModulusData, or a list of them")
-    rows = [_rows(i, one) for i, one in enumerate(sets)]
-    errors = [one[3] for one in rows if one[3] is not None]
-    known = [one[3] is not None for one in rows]
-    if any(known) and not all(known):
-        raise ValueError(f"isotherms[{known.index(False)}] have no errors, others have: must be all or none")
-    T, t = np.concatenate([one[0] for one in rows]), np.concatenate([one[1] for one in rows])
-    y = np.concatenate([one[2] for one in rows], axis=1)
-    error = np.concatenate(errors, axis=1) if errors else None
-    order = np.lexsort((t, T))
-    groups = np.split(order, np.flatnonzero(np.diff(T[order]) > same) + 1)
-    if len(groups) < 2:
-        raise ValueError(
-            f"isotherms: all are at {T.mean():.6g} K within {same:g} K: must be of two temperatures at least"
-        )
-    found = []
-    for group in groups:
-        group = group[np.argsort(t[group], kind="stable")]
-        if group.size < _FEWEST:
-            raise ValueError(
-                f"the sweep at {T[group].mean():.6g} K has {group.size} points: must have {_FEWEST} at least;"
-                f" temperatures within {same:g} K count as one (same=...)"
-            )
-        errors = None if error is None else error[:, group]
-        found.append(Sweep(float(T[group].mean()), T[group], t[group], y[:, group], errors))
-    return found
-
-
-def _rows(i, one):
-    """Temperature, ln omega, ln E and its error of one data set."""
-    if not isinstance(one, ModulusData):
-        raise ValueError(f"isotherms[{i}] is a {type(one).__name__}: must be ModulusData")
-    if one.temperature is None:
-        raise ValueError(f"isotherms[{i}], {one.label!r}: have no temperature: must have one for every row")
-    if not (one.measured > 0).all():
-        raise ValueError(f"isotherms[{i}], {one.label!r}: have values <= 0: E' and E'' must be > 0")
-    error = one.error
-    if error is not None:
-        error = (error if one.logarithmic else error / one.measured).reshape(2, -1)
-    return one.temperature, np.log(one.omega), np.log(one.measured).reshape(2, -1), error
-
-
-def first_shifts(sweeps: list[Sweep]) -> np.ndarray:
-    """ln a_T of every sweep, 0 of the first: where each comes closest to its colder neighbour.
-
-    Minimises the mean square distance of ln E' and ln E'' to a cubic through the other sweep over all shifts
-    with shared points. The unit is the scatter about the sweep's own cubic, or the given error if larger.
-    ValueError with the temperatures and distance of neighbours that do not meet at any shift.
-    """
-    cubics, scatter = zip(*(_cubic(one) for one in sweeps), strict=True)
-    log_a = [0.0]
-    for i, (cold, warm) in enumerate(itertools.pairwise(sweeps)):
-        s = np.sqrt(0.5 * (scatter[i] ** 2 + scatter[i + 1] ** 2) + _BLUR**2)
-        # The warmer sweep looks like the colder one at lower frequencies.
-        ends = cold.t.min() - warm.t.max(), cold.t.max() - warm.t.min()
-        tried = np.linspace(*ends, _TRIED)
-        cost = [_distance(cold, warm, by, cubics[i : i + 2], s) for by in tried]
-        best = int(np.argmin(cost))
-        if not cost[best] < _CLOSE:
-            raise ValueError(_apart(cold, warm, cost[best], s))
-        log_a.append(log_a[-1] + float(tried[best]))
-    return np.array(log_a)
-
-
-def _cubic(sweep):
-    """Cubics through ln E' and ln E'' over ln omega, and errors: the scatter, or those given if larger."""
-    degree = min(3, sweep.t.size - 2)
-    found = [np.polynomial.Polynomial.fit(sweep.t, y, degree) for y in sweep.y]
-    rest = [np.sum((y - p(sweep.t)) ** 2) for y, p in zip(sweep.y, found, strict=True)]
-    variance = np.array(rest) / (sweep.t.size - degree - 1)
-    if sweep.error is not None:
-        variance = np.maximum(variance, np.mean(sweep.error**2, axis=1))
-    return found, np.sqrt(variance)
-
-
-def _distance(cold, warm, by, cubics, s):
-    """Mean square distance in units of the scatter, once the warmer sweep is moved; inf without overlap."""
-    low, high = max(cold.t.min(), warm.t.min() + by), min(cold.t.max(), warm.t.max() + by)
-    total, count = 0.0, 0
-    for one, other, moved in ((cold, cubics[1], by), (warm, cubics[0], -by)):
-        at = one.t if moved == by else one.t + by
-        shared = (at >= low) & (at <= high)
-        if shared.sum() < _OVERLAP:
-            return np.inf
-        for y, p, scatter in zip(one.y, other, s, strict=True):
-            total += float(np.sum(((y[shared] - p(one.t[shared] - moved)) / scatter) ** 2))
-            count += int(shared.sum())
-    # Few points are met by chance.
-    return total / count + 2 / np.sqrt(count)
-
-
-def _apart(cold, warm, distance, s):
-    """Return the message on neighbours that do not meet at any shift."""
-    where = f"the sweeps at {cold.T:.6g} and {warm.T:.6g} K do not"
-    if cold.y[0].min() > warm.y[0].max() or warm.y[0].min() > cold.y[0].max():
-        return (
-            f"{where} overlap: E' of one is {_range(cold)}, of the other {_range(warm)}; measure between"
-            " them, or over more frequencies"
-        )
-    if not np.isfinite(distance):
-        return f"{where} share {_OVERLAP} points of each at any shift: must; measure at more frequencies"
-    unit = "the scatter" if cold.error is None else "the larger of scatter and given errors"
-    return (
-        f"{where} meet: at the best shift the mean square distance of ln E' and ln E'' is {distance:.3g} in"
-        f" units of {unit} (E' {s[0]:.2g}, E'' {s[1]:.2g}), must be < {_CLOSE:g}; give errors (relative=...)"
-        " if moduli are less certain than that, or leave one sweep out"
-    )
-
-
-def _range(sweep):
-    return f"{np.exp(sweep.y[0].min()):.3g} ... {np.exp(sweep.y[0].max()):.3g} Pa"
-
-
-def check_overlap(sweeps: list[Sweep], log_a: np.ndarray) -> None:
-    """ValueError naming neighbours that share less than two points of each, once they are shifted."""
-    for i, (cold, warm) in enumerate(itertools.pairwise(sweeps)):
-        one, other = cold.t + log_a[i], warm.t + log_a[i + 1]
-        low, high = max(one.min(), other.min()), min(one.max(), other.max())
-        slack = 1e-9
-        shared = [int(np.sum((x >= low - slack) & (x <= high + slack))) for x in (one, other)]
-        if min(shared) < _OVERLAP:
-            raise ValueError(
-                f"the sweeps at {cold.T:.6g} and {warm.T:.6g} K do not overlap: once shifted they share"
-                f" {shared[0]} and {shared[1]} points, must be {_OVERLAP} of each; measure between them, or"
-                " over more frequencies"
-            )
+# Phase error [rad] and offsets of ln E' and ln E'' that the initial guesses assume.
+_GUESSES = (0.003, (0.02, 0.02)), (0.03, (0.002, 0.02))
+_KNOTS = 2.5  # a decade
+_ROUNDS, _HOLD, _SCREEN = 50, 6, 14  # iterations; of them with fixed variances; for each initial guess
+_OFFSET, _BELIEF = 0.01, 20.0  # expected offset of a sweep, and the number of sweeps that this counts for
+_STIFFEST = 300.0  # largest penalty; beyond it sharp bends pass for offsets
+_PHASE = (1e-4, 0.1)  # range of the phase error [rad]
+_EXACT = 1e-5  # least scatter of ln E
+_OUTLIER = 4.0  # standard deviations beyond which a point loses weight
+# Standard deviation of m in (T/T_ref)^m that multiplies b_T = 1, and the entropic b_T.
+_ENTROPIC = Entropic(6e-4)
+_UNSEEN, _SEEN = 0.25, 0.3
+_GAIN = 8.0  # of -2 ln(likelihood), beyond which data need the latter; chance gives as much in 0.5 %
+_FREE = 0.3  # standard deviation of free ln b_T
 
 
 class Shifts(NamedTuple):
-    """Shifts of all sweeps; the reference has shift 0 without error."""
+    """Shifts of all sweeps and the curve; the reference has shift 0 without error."""
 
     log_a: np.ndarray  # ln a_T, shape (sweeps,)
     log_b: np.ndarray  # ln b_T, shape (sweeps,); 0 without vertical shifts
-    covariance: np.ndarray  # of both, shape (2 sweeps, 2 sweeps)
+    covariance: np.ndarray  # of both, shape (2 sweeps, 2 sweeps); errors of the temperatures included
     scatter: tuple[float, float]  # of ln E' and ln E'', estimated; of given errors their median
+    phase: float  # phase error [rad]
+    offset: tuple[float, float]  # standard deviation of the offsets of ln E' and ln E''
+    hidden: np.ndarray  # ln b_T that unshifted moduli need and the shifts allow for, shape (sweeps,)
     redchi: float  # sum of squares by degrees of freedom, 1 where errors are estimated
     t: np.ndarray  # reduced ln omega of all points, sweep by sweep
     smooth: np.ndarray  # the splines there, shape (2, points)
+    bad: np.ndarray  # True for points <= 0 or beyond 4 standard deviations, shape (2, points)
+    correlated: np.ndarray  # points of a sweep that count as one, shape (2,)
+    knots: np.ndarray  # of both splines, ln omega
+    splines: np.ndarray  # their coefficients, shape (2, n)
+    covariances: np.ndarray  # of (coefficients, ln a_T) without errors of temperature, shape (2, m, m)
 
 
-@dataclasses.dataclass(frozen=True, eq=False)
-class _Points:
-    """All points of all sweeps, and which sweep each is of."""
+@dataclasses.dataclass
+class _Superposition:
+    """Points, variances and solution; one iteration updates all of them."""
 
-    t: np.ndarray
-    y: np.ndarray  # (2, points)
-    error: np.ndarray  # (2, points)
-    which: np.ndarray
+    sweeps: Sequence[Sweep]
     reference: int
-    vertical: bool
-    knots: np.ndarray
+    x: np.ndarray  # ln a_T
+    vertical: np.ndarray  # factors of the coefficients of ln b of every sweep, shape (sweeps, coefficients)
+    wide: float  # standard deviation of the coefficients
+    phase: float  # initial guess of the phase error [rad]
 
-    def unpacked(self, x):
-        """(ln a, ln b) of every sweep."""
-        parts = np.split(x, 2) if self.vertical else (x, np.zeros_like(x))
-        return [np.insert(part, self.reference, 0.0) for part in parts]
+    def __post_init__(self):
+        each, n = self.sweeps, len(self.sweeps)
+        self.T = np.array([one.T for one in each])
+        self.which = np.repeat(np.arange(n), [one.t.size for one in each])
+        self.measured = np.concatenate([one.t for one in each])
+        self.drift = np.concatenate([one.at for one in each]) - self.T[self.which]
+        y = np.concatenate([one.y for one in each], axis=1)
+        self.ok = np.isfinite(y)
+        self.y = np.where(self.ok, y, 0.0)
+        tan = np.clip(np.where(self.ok.all(axis=0), np.exp(self.y[1] - self.y[0]), 0.1), 1e-3, 1e3)
+        self.by_phase = np.array([tan**2, tan**-2])
+        self.each = np.eye(n)[self.which]
+        self.moving = np.delete(np.arange(n), self.reference)
+        given = [one.error for one in each if one.error is not None]
+        self.given = np.concatenate(given, axis=1) if given else None
+        self.sigma2, self.phase2 = np.array([0.01, 0.02]) ** 2, self.phase**2
+        self.tau2, self.penalty, self.inflation = np.full(2, _OFFSET**2), np.full(2, 30.0), np.ones(2)
+        self.weight = self.ok.astype(float)
+        self.x = self.x - self.x[self.reference]
 
-    def projected(self, x, calm=False):
-        """Residuals at x and their derivatives, projected orthogonally to the splines."""
-        log_a, log_b = self.unpacked(x)
-        t = self.t + log_a[self.which]
-        inside = np.clip(t, self.knots[3], self.knots[-4] * (1 - 1e-12))
+    def variance(self):
+        """Return the variance of every ln E' and ln E''."""
+        return self.sigma2[:, None] + self.phase2 * self.by_phase if self.given is None else self.given**2
+
+    def curve(self, x):
+        """Solve for the splines, offsets and vertical coefficients at the shifts x."""
+        t = self.measured + x[self.which]
+        inside = np.clip(t, self.knots[3] + 1e-9, self.knots[-4] - 1e-9)
         B = BSpline.design_matrix(inside, self.knots, 3).toarray()
-        at = np.delete(np.eye(log_a.size), self.reference, axis=1)[self.which]
-        rows, slopes, ranks, smooth = [], [], 0, []
-        for y, error in zip(self.y, self.error, strict=True):
-            weighted = B / error[:, None]
-            values, vectors = np.linalg.eigh(weighted.T @ weighted)
-            seen = values > _SEEN * values[-1]
-            vectors = vectors[:, seen] / np.sqrt(values[seen])
-            U = weighted @ vectors
-            z = (y - log_b[self.which]) / error
-            c = vectors @ (U.T @ z)
-            dS = BSpline(self.knots, c, 3).derivative()(inside)
-            if calm:
-                # Noise makes slopes, too, which would pass for information about the shifts.
-                noise = np.sum(BSpline(self.knots, vectors, 3).derivative()(inside) ** 2, axis=1)
-                dS = dS * np.sqrt(np.maximum(1 - noise / np.maximum(dS**2, 1e-300), _LEAST))
-            J = -at * (dS / error)[:, None]
-            if self.vertical:
-                J = np.concatenate([J, -at / error[:, None]], axis=1)
-            rows.append(z - U @ (U.T @ z))
-            slopes.append(J - U @ (U.T @ J))
-            smooth.append(B @ c)
-            ranks += U.shape[1]
-        return np.concatenate(rows), np.concatenate(slopes), ranks, t, np.array(smooth)
+        X = np.concatenate([B, self.each, self.vertical[self.which]], axis=1)
+        b, n, v = B.shape[1], len(self.sweeps), self.vertical.shape[1]
+        q = b + n
+        places = [np.concatenate([np.arange(k * q, (k + 1) * q), 2 * q + np.arange(v)]) for k in (0, 1)]
+        D = np.diff(np.eye(b), 2, axis=0)
+        H, right = np.zeros((2 * q + v, 2 * q + v)), np.zeros(2 * q + v)
+        prior = np.zeros_like(H)
+        prior[range(2 * q, 2 * q + v), range(2 * q, 2 * q + v)] = self.wide**-2
+        w = self.weight / self.variance() / self.inflation[:, None]
+        for k, at in enumerate(places):
+            H[np.ix_(at, at)] += X.T @ (w[k][:, None] * X)
+            right[at] += X.T @ (w[k] * self.y[k])
+            spline, offsets = at[:b], at[b:q]
+            # The last term keeps coefficients finite where a penalty of 2 differences leaves a straight line.
+            prior[np.ix_(spline, spline)] = self.penalty[k] * D.T @ D + 1e-8 * np.eye(b)
+            prior[offsets, offsets] = 1 / self.tau2[k]
+        H += prior
+        c = np.linalg.solve(H, right)
+        r = self.y - np.array([X @ c[at] for at in places])
+        slope = np.array([BSpline(self.knots, c[at[:b]], 3).derivative()(inside) for at in places])
+        return _Curve(float(np.sum(w * r**2) + c @ prior @ c), H, c, r, slope, w, X, places, D, t)
 
-    def solved(self, x):
-        """Return the shifts of least squares."""
-        last: dict[bytes, tuple] = {}
+    def bordered(self, found):
+        """Return the covariance of all unknowns, the Gauss-Newton step, and the derivatives by the shifts."""
+        size, p = found.c.size, self.moving.size
+        J = -found.slope[:, :, None] * self.each[:, self.moving]
+        H, right = np.zeros((size + p, size + p)), np.zeros(p)
+        H[:size, :size] = found.H
+        for k, at in enumerate(found.places):
+            WJ = found.w[k][:, None] * J[k]
+            H[at, size:] -= found.X.T @ WJ
+            H[size:, size:] += J[k].T @ WJ
+            right -= J[k].T @ (found.w[k] * found.r[k])
+        H[size:, :size] = H[:size, size:].T
+        H[range(size, size + p), range(size, size + p)] += 1e-4  # shifts within 100 e-folds
+        C = np.linalg.inv(H)
+        return C, C[size:, size:] @ right, -J
 
-        def both(x):
-            if (key := x.tobytes()) not in last:
-                last.clear()
-                last[key] = self.projected(x)
-            return last[key]
+    def iterate(self, update):
+        """Make one step of the shifts; update variances and weights. Return the largest change."""
+        gradient = np.gradient(self.x, self.T)
+        self.measured = np.concatenate([one.t for one in self.sweeps]) + (self.drift * gradient[self.which])
+        t, h = self.measured + self.x[self.which], np.log(10) / _KNOTS
+        self.knots = h * np.arange(np.floor(t.min() / h) - 8, np.ceil(t.max() / h) + 9)
+        found = self.curve(self.x)
+        C, step, J = self.bordered(found)
+        step *= min(1.0, 2.0 / max(np.abs(step).max(), 1e-12))
+        for _ in range(6):
+            x = self.x.copy()
+            x[self.moving] += step
+            if self.curve(x).objective <= found.objective + 1e-9:
+                break
+            step *= 0.5
+        else:
+            x = self.x
+        change, self.x = np.abs(x - self.x).max(), x
+        return max(change, self.reweigh(found, C, J)) if update else np.inf
 
-        found = least_squares(
-            lambda x: both(x)[0],
-            x,
-            lambda x: both(x)[1],  # pyright: ignore[reportArgumentType]  # the stub knows text only
-            xtol=1e-6,
-            ftol=1e-8,
-            gtol=1e-12,
-            max_nfev=_STEPS,
-        )
-        return found.x
+    def reweigh(self, found, C, J):
+        """Update variances, penalties and weights of outliers. Return the largest relative change / 50."""
+        old = np.concatenate([self.sigma2, self.tau2, self.penalty])
+        variance, phase, leverage = self.variance(), np.zeros(2), _leverage(found, C, J)
+        for k, at in enumerate(found.places):
+            inner, free = C[np.ix_(at, at)], variance[k] * (1 - leverage[k])
+            square, per = self.weight[k] * found.r[k] ** 2, self.ok[k] / variance[k] ** 2
+            self.sigma2[k] = max(self.sigma2[k] * (per @ square) / max(per @ free, 1e-9), _EXACT**2)
+            phase += (per * self.by_phase[k]) @ np.stack([square, free], axis=1)
+            b = found.D.shape[1]
+            c, u, S = found.c[at[:b]], found.c[at[b : b + self.T.size]], found.D.T @ found.D
+            rank = b - 2 - self.penalty[k] * np.sum(S * inner[:b, :b])
+            self.penalty[k] = np.clip(max(rank, 0.1) / (c @ S @ c), 1.0, _STIFFEST)
+            used = self.T.size - np.trace(inner[b : b + u.size, b : b + u.size]) / self.tau2[k]
+            self.tau2[k] = (u @ u + _BELIEF * _OFFSET**2) / (max(used, 0.0) + _BELIEF)
+            z = np.where(self.ok[k], np.abs(found.r[k]) / np.sqrt(variance[k]), 0.0)
+            if self.given is None:
+                self.inflation[k] = np.sqrt(self.inflation[k] * self.correlated(z * np.sign(found.r[k])))
+            self.weight[k] = self.ok[k] * np.minimum(1.0, (_OUTLIER / np.maximum(z, 1e-9)) ** 2)
+        self.phase2 = np.clip(self.phase2 * phase[0] / phase[1], _PHASE[0] ** 2, _PHASE[1] ** 2)
+        return np.abs(np.log(np.concatenate([self.sigma2, self.tau2, self.penalty]) / old)).max() / 50
+
+    def correlated(self, z):
+        """Return the number of points that count as one, by the correlation of neighbours in a sweep."""
+        z = np.clip(z, -_OUTLIER, _OUTLIER)
+        within = self.which[1:] == self.which[:-1]
+        rho = np.mean((z[1:] * z[:-1])[within]) / max(np.mean(z**2), 1e-30)
+        return (1 + np.clip(rho, 0, 0.9)) / (1 - np.clip(rho, 0, 0.9))
+
+    def run(self, rounds):
+        """Iterate until shifts change by less than 0.2 % and variances by less than 10 %."""
+        for i in range(rounds):
+            if self.iterate(update=i >= _HOLD) < 2e-3 and i > 2 * _HOLD:
+                break
+        return self
+
+    def misfit(self):
+        """Return the sum of ln(rms) of ln E' and ln E'' about the curve, offsets included."""
+        found = self.curve(self.x)
+        b, n = found.D.shape[1], self.T.size
+        rest = found.r + np.array([self.each @ found.c[at[b : b + n]] for at in found.places])
+        squares = np.sum(self.weight * rest**2, axis=1) / self.ok.sum(axis=1)
+        return 0.5 * float(np.sum(np.log(squares + _EXACT**2)))
 
 
-def shifts_of(sweeps: list[Sweep], reference: int, vertical: bool) -> Shifts:
-    """Shifts of all sweeps onto that with the number `reference`.
+def _leverage(found, C, J):
+    """Return the derivative of every fitted value by the measured one."""
+    each = [np.concatenate([at, np.arange(found.c.size, C.shape[0])]) for at in found.places]
+    X = [np.concatenate([found.X, one], axis=1) for one in J]
+    return (
+        np.array([np.einsum("ij,ij->i", x @ C[np.ix_(at, at)], x) for x, at in zip(X, each, strict=True)])
+        * found.w
+    )
 
-    The splines have as many knots as Akaike's criterion (corrected for few points) wants.
+
+class _Curve(NamedTuple):
+    """The linear part of the problem at given shifts."""
+
+    objective: float
+    H: np.ndarray
+    c: np.ndarray
+    r: np.ndarray
+    slope: np.ndarray
+    w: np.ndarray
+    X: np.ndarray
+    places: list[np.ndarray]
+    D: np.ndarray
+    t: np.ndarray
+
+
+def shifts_of(
+    sweeps: Sequence[Sweep], reference: int, vertical: bool | str, temperature_error: float
+) -> Shifts:
+    """Return the shifts of all sweeps onto the one with the number `reference`.
 
     Parameters
     ----------
     sweeps : by rising temperature
-    vertical : whether moduli are shifted, too
+    vertical : True: free b_T; "entropic": T rho / (T_ref rho_ref); False: none
+        If moduli that are not shifted fit much better with about this b_T, the shifts allow for it.
+    temperature_error : standard deviation of the temperature of a sweep [K]
     """
-    log_a = first_shifts(sweeps)
-    x = np.delete(log_a - log_a[reference], reference)
-    if vertical:
-        x = np.concatenate([x, np.zeros(len(sweeps) - 1)])
-    tried = [_rounds(sweeps, reference, vertical, knots, x, _FIRST) for knots in _KNOTS]
-    best = int(np.argmin([one[2] for one in tried]))
-    return _rounds(sweeps, reference, vertical, _KNOTS[best], tried[best][0], _ROUNDS)[1]
+    T, n = np.array([one.T for one in sweeps]), len(sweeps)
+    power = ((T - T[reference]) / T[reference])[:, None]
+    entropic = np.asarray(_ENTROPIC.log_factor(T, T[reference]), float)
+    none = np.zeros(n)
+    free = np.delete(np.eye(n), reference, axis=1)
+
+    def best(known, columns, wide):
+        moved = [one._replace(y=one.y - b) for one, b in zip(sweeps, known, strict=True)]
+        tried = [
+            _Superposition(moved, reference, first_shifts(moved, *guess), columns, wide, guess[0]).run(
+                _SCREEN
+            )
+            for guess in _GUESSES
+        ]
+        return min(tried, key=_Superposition.misfit).run(_ROUNDS)
+
+    if vertical is True:
+        return _result(best(none, free, _FREE), none, temperature_error)
+    scaled = best(entropic, power, _SEEN)
+    if vertical == "entropic":
+        return _result(scaled, entropic, temperature_error)
+    plain = best(none, power[:, :0], 1.0)
+    if 2 * n * (plain.misfit() - scaled.misfit()) > _GAIN:
+        return _result(scaled, none, temperature_error, hidden=entropic)
+    plain.vertical, plain.wide = power, _UNSEEN
+    return _result(plain, none, temperature_error)
 
 
-def _rounds(sweeps, reference, vertical, per_decade, x, rounds):
-    """(x, Shifts, criterion) after fits that are each weighted with the scatter that the last one left."""
-    count = len(sweeps)
-    T, which = (
-        np.array([one.T for one in sweeps]),
-        np.repeat(np.arange(count), [one.t.size for one in sweeps]),
+def _result(fit, known, temperature_error, hidden=None):
+    """Return the shifts and their covariance, in which the errors of the temperatures are included."""
+    n, moving = fit.T.size, fit.moving
+    linear = fit.curve(fit.x)
+    C, _, J = fit.bordered(linear)
+    size, b = linear.c.size, linear.D.shape[1]
+    shifted, covariance = np.arange(size, C.shape[0]), np.zeros((2 * n, 2 * n))
+    log_b, places = known.copy(), [shifted]
+    if fit.vertical.shape[1] > 1:
+        places.append(np.arange(size - moving.size, size))
+        log_b[moving] = linear.c[places[1]]
+    places, targets = np.concatenate(places), np.concatenate([moving, n + moving])
+    targets = targets[: places.size]
+    covariance[np.ix_(targets, targets)] = C[np.ix_(places, places)]
+    both = np.zeros((2, b + n, b + n))
+    for k, at in enumerate(linear.places):
+        inner = np.concatenate([np.arange(b), b + moving])
+        both[k][np.ix_(inner, inner)] = C[np.ix_(*2 * [np.concatenate([at[:b], shifted])])]
+    slope = np.gradient(fit.x, fit.T) * temperature_error
+    contrast = np.eye(n) - np.eye(n)[fit.reference]
+    covariance[:n, :n] += (contrast * slope**2) @ contrast.T
+    splines = np.array([linear.c[at[:b]] for at in linear.places])
+    freedom = fit.ok.sum() - _leverage(linear, C, J).sum()
+    variance = fit.sigma2 if fit.given is None else np.median(fit.given, axis=1) ** 2
+    return Shifts(
+        log_a=fit.x,
+        log_b=log_b,
+        covariance=covariance,
+        scatter=(float(np.sqrt(variance[0])), float(np.sqrt(variance[1]))),
+        phase=float(np.sqrt(fit.phase2)) if fit.given is None else 0.0,
+        offset=(float(np.sqrt(fit.tau2[0])), float(np.sqrt(fit.tau2[1]))),
+        hidden=np.zeros(n) if hidden is None else hidden + fit.vertical[:, 0] * linear.c[-1],
+        redchi=1.0 if fit.given is None else float(np.sum(linear.w * linear.r**2)) / max(freedom, 1),
+        t=linear.t,
+        smooth=splines @ linear.X[:, :b].T,
+        bad=fit.weight < 1,
+        correlated=fit.inflation,
+        knots=fit.knots,
+        splines=splines,
+        covariances=both,
     )
-    y, t = (np.concatenate([one[k] for one in sweeps], axis=-1) for k in (3, 2))
-    drift = np.concatenate([one.at for one in sweeps]) - T[which]
-    given = [one.error for one in sweeps if one.error is not None]
-    error = np.concatenate(given, axis=1) if given else np.ones_like(y)
-    points = _Points(t, y, error, which, reference, vertical, np.empty(0))
-    for _ in range(rounds):
-        log_a, log_b = points.unpacked(x)
-        # Points a little off their sweep's temperature are moved along with the shifts of the others.
-        moved = t + drift * np.gradient(log_a, T)[which]
-        knots = _knots(moved + log_a[which], per_decade)
-        points = dataclasses.replace(points, t=moved, error=error, knots=knots)
-        x = points.solved(x)
-        r, J, rank, reduced, smooth = points.projected(x)
-        freedom = max(r.size - rank - x.size, 1)
-        redchi = float(r @ r) / freedom
-        squares = np.sum(r.reshape(2, -1) ** 2, axis=1)
-        if not given:
-            before = error
-            error = error * np.maximum(np.sqrt(squares * 2 / freedom), 1e-30)[:, None]
-            error = np.maximum(error, _EXACT)
-    used = rank + x.size
-    penalty = 2 * used * r.size / max(r.size - used - 1, 0.1)
-    if given:
-        fit = float(squares.sum())
-    else:
-        fit = float(np.sum(np.log(squares * before[:, 0] ** 2 / y.shape[1] + _EXACT**2)) * y.shape[1])
-    log_a, log_b = points.unpacked(x)
-    moving = np.delete(np.arange(count), reference)
-    moving = np.concatenate([moving, count + moving]) if vertical else moving
-    covariance = np.zeros((2 * count, 2 * count))
-    J = dataclasses.replace(points, error=error).projected(x, calm=True)[1]
-    inner = np.linalg.pinv(J.T @ J, hermitian=True)
-    covariance[np.ix_(moving, moving)] = inner
-    scatter = (float(np.median(error[0])), float(np.median(error[1])))
-    shifts = Shifts(log_a, log_b, covariance, scatter, redchi if given else 1.0, reduced, smooth)
-    return x, shifts, fit + penalty
-
-
-def _knots(t: np.ndarray, per_decade: float) -> np.ndarray:
-    """Knots of cubic splines over all t, each interval with some points on either side."""
-    low, high = t.min(), t.max()
-    count = max(int(np.ceil(per_decade * (high - low) / np.log(10))), 1)
-    count = min(count, max(t.size // 3, 1))
-    inner = np.linspace(low, high, count + 1)
-    step = inner[1] - inner[0]
-    return np.concatenate([low - step * np.arange(3, 0, -1), inner, high + step * np.arange(1, 4)])

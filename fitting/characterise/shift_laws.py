@@ -1,0 +1,116 @@
+"""Fit the WLF and Arrhenius laws to shift factors with their covariance."""
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.stats
+from scipy.optimize import least_squares
+
+import rubberfric as rf
+
+_CHANCE = 1e-3  # probability of a misfit as large, below which a law does not hold
+_FAR = 1e5  # C2 [K] beyond which WLF is a straight line over any temperatures
+
+
+class ShiftLaw(NamedTuple):
+    """A law through shift factors.
+
+    Attributes
+    ----------
+    shift : WLF or Arrhenius
+    names : of its parameters, ("C1", "C2") or ("energy",)
+    values, stderr, covariance : of them; C1 [-], C2 [K], energy [eV]
+    chisqr, freedom : sum of squares of the misfit in standard errors, and shifts less parameters
+    """
+
+    shift: rf.WLF | rf.Arrhenius
+    names: tuple[str, ...]
+    values: np.ndarray
+    covariance: np.ndarray
+    chisqr: float
+    freedom: int
+
+    @property
+    def stderr(self) -> np.ndarray:
+        """Standard errors of the parameters."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def holds(self) -> bool:
+        """True if chance exceeds the misfit, by chi-square, with a probability above 0.1 %."""
+        return self.freedom == 0 or bool(scipy.stats.chi2.sf(self.chisqr, self.freedom) > _CHANCE)
+
+    @property
+    def aic(self) -> float:
+        """Akaike's criterion up to a constant; lower is better."""
+        return self.chisqr + 2 * len(self.names)
+
+
+def wlf_through(T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref: float) -> ShiftLaw | None:
+    r"""log10 a_T = -C1 (T - T_ref) / (C2 + T - T_ref) through ln a_T with their covariance.
+
+    T, log_a and covariance exclude T_ref, shape (n,). None for n < 2, which leaves a parameter undetermined,
+    and if the shifts do not fall with temperature.
+    """
+    if T.size < 2:
+        return None
+    above, whiten = T - T_ref, _whitener(covariance)
+    aim = -log_a / np.log(10)
+
+    def rows(p):
+        return whiten @ ((p[0] * above / (p[1] + above) - aim) * np.log(10))
+
+    def slopes(p):
+        by = np.stack([above / (p[1] + above), -p[0] * above / (p[1] + above) ** 2], axis=1)
+        return whiten @ (by * np.log(10))
+
+    lowest = max(1e-3, 1e-3 - above.min())  # no pole among the temperatures
+    # (T - T_ref)/aim = C2/C1 + (T - T_ref)/C1 is a straight line.
+    slope, offset = np.polyfit(above, above / np.where(aim == 0, 1e-12, aim), 1)
+    starts = [(17.4, 51.6 + lowest), (8.86, 101.6 + lowest), (100.0, 1000.0 + lowest)]
+    if slope > 0 and offset / slope > lowest:
+        starts.insert(0, (1 / slope, offset / slope))
+    bounds = ([1e-6, lowest], [np.inf, _FAR])
+    found = [
+        least_squares(
+            rows,
+            np.clip(p, bounds[0], bounds[1]),
+            slopes,  # pyright: ignore[reportArgumentType]  # the stub knows text only
+            bounds=bounds,
+            x_scale="jac",
+            xtol=1e-13,
+        )
+        for p in starts
+    ]
+    best = min(found, key=lambda one: one.cost)
+    if not best.x[0] > 1e-5:
+        return None
+    J = slopes(best.x)
+    inner = np.linalg.pinv(J.T @ J, rcond=1e-14, hermitian=True)
+    law = rf.WLF(float(best.x[0]), float(best.x[1]), T_ref)
+    return ShiftLaw(law, ("C1", "C2"), best.x, inner, 2 * float(best.cost), T.size - 2)
+
+
+def arrhenius_through(
+    T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref: float
+) -> ShiftLaw | None:
+    """ln a_T = (energy / k_B) (1/T - 1/T_ref) in the same way; None where the energy would not be > 0."""
+    whiten = _whitener(covariance)
+    of_one_eV = np.asarray(rf.Arrhenius(1.0, T_ref).log_factor(T), float)
+    column, aim = whiten @ of_one_eV, whiten @ log_a
+    size = column @ column
+    energy = float(column @ aim / size)
+    if not energy > 0:
+        return None
+    rest = aim - energy * column
+    law = rf.Arrhenius(energy, T_ref)
+    return ShiftLaw(
+        law, ("energy",), np.array([energy]), np.array([[1 / size]]), float(rest @ rest), T.size - 1
+    )
+
+
+def _whitener(covariance):
+    """W with W C W^T = 1."""
+    values, vectors = np.linalg.eigh(covariance)
+    values = np.maximum(values, 1e-14 * values.max())
+    return (vectors / np.sqrt(values)).T

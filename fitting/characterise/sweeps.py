@@ -1,0 +1,146 @@
+r"""Split data into isothermal sweeps, and guess the shifts that superpose them.
+
+The guess models ln E of two neighbours as one smooth random function of ln omega, an integrated Wiener process.
+"""
+
+import itertools
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from fitting.data.kinds import ModulusData
+
+_FEWEST = 3  # points of a sweep with E', and with E''
+_TRIED = 81  # shifts of one neighbour to the other
+_BENDING = 0.03  # variance of the slope of ln E that a change of ln omega by 1 adds
+
+
+class Sweep(NamedTuple):
+    """E' and E'' over frequency at one temperature."""
+
+    T: float  # mean [K]
+    at: np.ndarray  # temperature of every point [K]
+    t: np.ndarray  # ln omega
+    y: np.ndarray  # ln E' and ln E'', shape (2, points); NaN where E <= 0
+    error: np.ndarray | None  # of them, shape (2, points)
+
+
+def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sweep]:
+    """Return the sweeps of all data, by rising temperature.
+
+    Rows whose temperatures lie within `same` [K] of a neighbour belong to one sweep. ValueError for other
+    data, no temperature, one temperature only, or a sweep with too few points > 0.
+    """
+    sets = [data] if isinstance(data, ModulusData) else data
+    if not isinstance(sets, list | tuple) or not sets:
+        raise ValueError(f"isotherms is a {type(data).__name__}: must be ModulusData, or a list of them")
+    rows = [_rows(i, one) for i, one in enumerate(sets)]
+    errors = [one[3] for one in rows if one[3] is not None]
+    known = [one[3] is not None for one in rows]
+    if any(known) and not all(known):
+        raise ValueError(f"isotherms[{known.index(False)}] have no errors, others have: must be all or none")
+    T, t = np.concatenate([one[0] for one in rows]), np.concatenate([one[1] for one in rows])
+    y = np.concatenate([one[2] for one in rows], axis=1)
+    error = np.concatenate(errors, axis=1) if errors else None
+    order = np.lexsort((t, T))
+    groups = np.split(order, np.flatnonzero(np.diff(T[order]) > same) + 1)
+    if len(groups) < 2:
+        raise ValueError(
+            f"isotherms: all are at {T.mean():.6g} K within {same:g} K: must be of two temperatures at least"
+        )
+    found = []
+    for group in groups:
+        group = group[np.argsort(t[group], kind="stable")]
+        count = int(np.isfinite(y[:, group]).sum(axis=1).min())
+        if count < _FEWEST:
+            raise ValueError(
+                f"the sweep at {T[group].mean():.6g} K has {count} points > 0: must have {_FEWEST} at least;"
+                f" temperatures within {same:g} K count as one (same=...)"
+            )
+        errors = None if error is None else error[:, group]
+        found.append(Sweep(float(T[group].mean()), T[group], t[group], y[:, group], errors))
+    return found
+
+
+def _rows(i, one):
+    """Return temperature, ln omega, ln E and its error of one data set."""
+    if not isinstance(one, ModulusData):
+        raise ValueError(f"isotherms[{i}] is a {type(one).__name__}: must be ModulusData")
+    if one.temperature is None:
+        raise ValueError(f"isotherms[{i}], {one.label!r}: have no temperature: must have one for every row")
+    positive = np.where(one.measured > 0, one.measured, np.nan)
+    error = one.error
+    if error is not None:
+        error = (error if one.logarithmic else error / np.abs(one.measured)).reshape(2, -1)
+    return one.temperature, np.log(one.omega), np.log(positive).reshape(2, -1), error
+
+
+def first_shifts(sweeps: Sequence[Sweep], phase: float, offsets: tuple[float, float]) -> np.ndarray:
+    """Return an initial guess of ln a_T of every sweep, 0 of the first.
+
+    The likelihood of a common smooth curve through two neighbours is tabulated over their relative shift. The
+    WLF law with the largest sum over all neighbours then decides where one pair alone is ambiguous.
+
+    Parameters
+    ----------
+    phase : phase error [rad]
+    offsets : standard deviation of the offsets of ln E' and of ln E'' between sweeps
+    """
+    T = np.array([one.T for one in sweeps])
+    pairs = [_pair(cold, warm, phase, offsets) for cold, warm in itertools.pairwise(sweeps)]
+    middle, best = np.median(T), (-np.inf, np.zeros(T.size - 1))
+    for C2 in np.geomspace(3, 3000, 40) + max(0.0, middle - T[0]):
+        steps = np.diff(-(T - middle) / (C2 + T - middle))
+        C1 = np.geomspace(0.3, 300, 60) * (1 + C2 / 100)
+        each = [
+            np.maximum(np.interp(C1 * np.log(10) * step, s, L, left=-np.inf, right=-np.inf) - L.max(), -15)
+            for (s, L), step in zip(pairs, steps, strict=True)
+        ]
+        total = np.sum(each, axis=0)
+        if total.max() > best[0]:
+            best = float(total.max()), steps * C1[np.argmax(total)] * np.log(10)
+    chosen = [
+        s[np.argmax(L - 0.5 * ((s - step) / (0.3 + 0.3 * abs(step))) ** 2)]
+        for (s, L), step in zip(pairs, best[1], strict=True)
+    ]
+    return np.concatenate([[0.0], np.cumsum(chosen)])
+
+
+def _pair(cold, warm, phase, offsets):
+    """Return trial shifts of the warmer sweep, and the log likelihood of each."""
+    shifts = np.linspace(cold.t.min() - warm.t.max() - 2 * np.log(10), 1.0, _TRIED)
+    likelihood = np.zeros(_TRIED)
+    first = np.arange(cold.t.size + warm.t.size) < cold.t.size
+    with np.errstate(invalid="ignore"):
+        tan = np.nan_to_num(np.exp(np.concatenate([one.y[1] - one.y[0] for one in (cold, warm)])), nan=0.1)
+    for k, offset in enumerate(offsets):
+        y = np.concatenate([cold.y[k], warm.y[k]])
+        scatter = np.hypot(
+            np.where(first, *(max(_roughness(one, k), 0.01) for one in (cold, warm))),
+            phase * tan ** (1 - 2 * k),
+        )
+        if cold.error is not None:
+            scatter = np.maximum(scatter, np.concatenate([cold.error[k], warm.error[k]]))
+        ok = np.isfinite(y)
+        t = np.where(first, 0.0, shifts[:, None])[:, ok] + np.concatenate([cold.t, warm.t])[ok]
+        t -= t.mean(axis=1, keepdims=True)
+        # Integrated Wiener process about a straight line with wide priors (the constants).
+        V = (
+            _BENDING * np.abs(t[:, :, None] - t[:, None, :]) ** 3 / 12
+            + 1e5
+            + 100 * t[:, :, None] * t[:, None]
+        )
+        V += offset**2 * (first[ok][:, None] == first[ok]) + np.diag(scatter[ok] ** 2)
+        L = np.linalg.cholesky(V)
+        z = np.linalg.solve(L, np.broadcast_to((y[ok] - y[ok].mean())[:, None], (*t.shape, 1)))
+        likelihood -= np.sum(z**2, axis=(1, 2)) / 2 + np.log(np.diagonal(L, axis1=1, axis2=2)).sum(axis=1)
+    return shifts, likelihood
+
+
+def _roughness(sweep, k):
+    """Return the scatter of ln E about the sweep's own cubic, from the median."""
+    ok = np.isfinite(sweep.y[k])
+    t, y = sweep.t[ok], sweep.y[k][ok]
+    fitted = np.polynomial.Polynomial.fit(t, y, min(3, t.size - 2))(t)
+    return 1.4826 * float(np.median(np.abs(y - fitted)))
