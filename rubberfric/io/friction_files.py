@@ -65,9 +65,9 @@ def write_friction(
     table : FrictionTable, or a result of `rubberfric.friction_map`, `solve` or `friction`
         `rubberfric.analysis.friction_table` and `fitting.friction_table` choose a grid for a stated error.
     program : "abaqus", "lsdyna", "csv", "json" or "log10"; None: by the suffix .inp, .k, .csv, .json, .txt
-        abaqus: *FRICTION with data lines mu, slip rate, pressure, temperature.
+        abaqus: `*FRICTION` with data lines mu, slip rate, pressure, temperature.
         lsdyna: DEFINE_TABLE_2D with a curve for each pressure and a table for each temperature, numbered
-        from 1001; *CONTACT takes a table with FS = 2 and its number as FD.
+        from 1001; `*CONTACT` takes a table with FS = 2 and its number as FD.
         csv, json: in SI, with standard errors if the table has them; `fitting.read` reads csv.
         log10: columns log10 v, mu, A/A0 of one curve, as the established program writes them, in m/s.
     unit_velocity : "m/s", "mm/s" or "um/s", for abaqus and lsdyna

@@ -140,7 +140,7 @@ class TabulatedAnisotropic(Spectrum):
         return (self.C.shape[1] - 1) // 2
 
     def harmonics_at(self, q: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """Return (c_m, s_m) at q of any shape, each (harmonics, *q.shape)."""
+        """Return (c_m, s_m) at q of any shape, each (harmonics, ``*q.shape``)."""
         count = self.harmonic_count()
         even = jnp.fft.rfft(self.C, axis=1)[:, 1 : count + 1] * (2 / self.C.shape[1])
         mean = jnp.mean(self.C, 1, keepdims=True)
