@@ -246,7 +246,7 @@ def cutoff_path(scene: Scenes, path: str | None) -> str:
         return known[0]
     if path is None or any(one not in known for one in paths_of(scene, path)):
         raise ValueError(
-            f"path = {path!r}: must end in .q1 of a spectrum: {', '.join(known) or 'there is none'}"
+            f"path = {path!r}: must end in .q1 of a spectrum: {', '.join(known) or 'none exists'}"
         )
     return path
 

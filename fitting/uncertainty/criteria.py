@@ -34,7 +34,7 @@ from fitting.uncertainty.intervals import SolvedProblem
 
 # Leverage above which a value alone determines a parameter, and its left-out density is unreliable.
 ALONE = 0.7
-# Of 1 - h, which rounding may leave at 0.
+# Lower bound of 1 - h, which may round to 0.
 _ROUNDING = 1e-12
 _NODES = 64
 

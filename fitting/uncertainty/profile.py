@@ -137,7 +137,7 @@ class _Trace:
 
     @property
     def at(self):
-        """Of the element, increasing."""
+        """Values of the element, increasing."""
         return self.x[:, self.i]
 
     @property

@@ -264,7 +264,7 @@ def test_random_scenes_by_damped_brute_force():
     error = np.abs(caused(jnp.log(v), rises) - rises).max(1)
     assert (error <= 1e-10 * rises.max(1)).all()
     found = vmapped(scenes, v, pressure, temperature)
-    # Of T less the background the digits of T are left.
+    # T minus the background has the digits of T.
     np.testing.assert_allclose(found[1], rises[:, -1], rtol=1e-8, atol=3e-13)
 
 
