@@ -57,6 +57,8 @@ from rubberfric.theory.quantities import Solution
 _FORMAT = "rubberfric scene"
 # NAME of a dimension scale without coordinates, as netCDF writes it before the length.
 _BARE = "This is a netCDF dimension but not a netCDF variable."
+# Largest number of velocities, pressures or temperatures of a command.
+MOST_CONDITIONS = 100_000
 # Bytes of a result file without its quantities, rounded up.
 _HEAD = 2**20
 # Attributes of an interpolated map.
@@ -120,6 +122,9 @@ def read_computable(path: StrPath, table: str = "run") -> tuple[Scene, Condition
     found = read_scene_file(path, table)
     if found.conditions is None:
         raise ValueError(f"{path}: {table}: is missing; must hold velocity and pressure to compute at")
+    for name, values in found.conditions._asdict().items():
+        if values is not None and values.size > MOST_CONDITIONS:
+            raise ValueError(f"{path}: {name} has {values.size} values: must have at most {MOST_CONDITIONS}")
     return found.scene, found.conditions, found.title
 
 

@@ -56,12 +56,26 @@ def reading(path: Any, form: str, version: int = 1) -> Iterator[h5py.File]:
     try:
         with h5py.File(path, "r") as file:
             _check_format(file, form, version)
+            _check_own_data(file)
             yield file
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     except (OSError, KeyError, RuntimeError, TypeError) as error:
         text = str(error).strip("'\"").splitlines()[0]
         raise ValueError(f"{path}: must be a whole HDF5 file: {text}") from None
+
+
+def _check_own_data(group: h5py.Group) -> None:
+    """Raise ValueError for links and datasets whose data are outside the file."""
+    for name in group:
+        where, link = _path(group, name), group.get(name, getlink=True)
+        if not isinstance(link, h5py.HardLink):
+            raise ValueError(f"{where} is a link; the data must be in this file")
+        one = group[name]
+        if isinstance(one, h5py.Group):
+            _check_own_data(one)
+        elif isinstance(one, h5py.Dataset) and (one.is_virtual or one.external):
+            raise ValueError(f"{where} has its data in another file; the data must be in this file")
 
 
 def write_values(group: h5py.Group, name: str, values: ArrayLike, units: str) -> h5py.Dataset:

@@ -251,7 +251,7 @@ PRIOR = '"upper.material.E_inf" = { mean = 1e6, sigma = 1e5 }'
             "start = 2",
             "fit.start: unknown key; did you mean 'starts'? must be one of method, starts",
         ),
-        ("starts = 2", "starts = 0", "fit.starts = 0: must be an integer >= 1"),
+        ("starts = 2", "starts = 0", "fit.starts = 0: must be an integer, 1 to 10000"),
         ("starts = 2", "seed = 1.5", "fit.seed = 1.5: must be an integer >= 0"),
         ("starts = 2", "starts = true", "fit.starts = True: must be an integer >= 1"),
         (

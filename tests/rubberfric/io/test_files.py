@@ -14,10 +14,11 @@ from support.scenes.examples import EXAMPLES, examples, same
 
 import rubberfric as rf
 from rubberfric.base.objects.physical import PhysicalObject, kinds, leaves_of
-from rubberfric.io.files import load_result, read_scene_file, save_result
+from rubberfric.io.files import load_result, read_computable, read_scene_file, save_result
 from rubberfric.io.results import Conditions, Result
 from rubberfric.io.tables import read_directions, read_table, write_table
 from rubberfric.io.toml import scene_texts
+from rubberfric.theory.quantities import Solution
 
 SCENE_FILES = sorted(path for path in DATA.glob("*.toml") if not path.stem.endswith("_fit"))
 
@@ -764,6 +765,49 @@ def replace(name, value, **attributes):
 )
 def test_faulty_hdf5(tmp_path, change, message):
     assert message in spoil(tmp_path / "scene.h5", change)
+
+
+def elsewhere(tmp_path, kind):
+    """Replace gamma by a number that is stored in another file."""
+    with h5py.File(tmp_path / "other.h5", "w") as other:
+        other["x"] = 0.3
+
+    def change(file):
+        kept = dict(file["scene/gamma"].attrs)
+        del file["scene/gamma"]
+        if kind == "external link":
+            file["scene/gamma"] = h5py.ExternalLink(str(tmp_path / "other.h5"), "/x")
+            return
+        if kind == "soft link":
+            file["copy"] = 0.3
+            file["scene/gamma"] = h5py.SoftLink("/copy")
+        elif kind == "virtual":
+            layout = h5py.VirtualLayout((1,), float)
+            layout[:] = h5py.VirtualSource(str(tmp_path / "other.h5"), "x", (1,))
+            file.create_virtual_dataset("scene/gamma", layout)
+        else:
+            (tmp_path / "raw").write_bytes(np.float64(0.3).tobytes())
+            file["scene"].create_dataset("gamma", (1,), float, external=[(str(tmp_path / "raw"), 0, 8)])
+        file["scene/gamma"].attrs.update(kept)
+
+    return change
+
+
+@pytest.mark.parametrize("kind", ["external link", "soft link", "virtual", "external storage"])
+def test_hdf5_with_data_in_another_file_is_refused(tmp_path, kind):
+    message = spoil(tmp_path / "scene.h5", elsewhere(tmp_path, kind))
+    assert "/scene/gamma" in message and "must be in this file" in message
+
+
+def test_hdf5_scenes_have_a_limit_of_conditions(tmp_path):
+    scene = rf.load_scene(DATA / "tread_on_asphalt.toml")
+    many = np.linspace(1e-6, 1.0, 100_001)
+    conditions = Conditions(many, np.array([1e5]), np.array([293.15]))
+    path = tmp_path / "many.h5"
+    save_result(path, Result(scene, conditions, Solution(), rf.Quadrature()))
+    assert "velocity has 100001 values: must have at most 100000" in refused(
+        path, lambda: read_computable(path)
+    )
 
 
 @pytest.mark.parametrize(
