@@ -428,3 +428,21 @@ def test_units():
     G, nu = 2.0, 0.3
     E = rf.units.young_from_shear(G, nu)
     np.testing.assert_allclose(rf.units.bulk_from_young(E, nu), 2 * G * nu / (1 - 2 * nu) + 2 * G / 3)
+
+
+def test_a_distant_cell_of_a_workbook_is_refused(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl", reason="reads .xlsx")
+    book = openpyxl.Workbook()
+    book.active["A1"], book.active["XFD60000"] = "v [mm/s]", 1.0
+    path = tmp_path / "distant.xlsx"
+    book.save(path)
+    assert "more than 5000000 cells" in refused(path, lambda: read(path))
+
+
+def test_a_workbook_that_unpacks_to_much_is_refused(tmp_path):
+    pytest.importorskip("openpyxl", reason="reads .xlsx")
+    path = tmp_path / "bomb.xlsx"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("xl/worksheets/sheet1.xml", b" " * (2**26 + 1))
+    assert path.stat().st_size < 1e5
+    assert "has 64 MiB unpacked" in refused(path, lambda: read(path))
