@@ -90,7 +90,7 @@ CALLS = {
     ),
     "a quantity by its symbol": (
         lambda: rf.solve(SCENE, 1.0, 1e5, quantities="mu"),
-        ("quantities has 'mu'", "must be out of area, friction"),
+        ("quantities has 'mu'", "must be one of area, friction"),
     ),
     "the modulus of a scene": (
         lambda: rf.complex_modulus(SCENE, 1.0),
@@ -313,7 +313,7 @@ def test_commands(call_main, tmp_path):
         (main, ("run", job), "No such file"),
         (main, ("rnu", scene), "invalid choice: 'rnu'"),
         (main, ("run", scene, "--out", tmp_path / "r.csv"), "suffix '.csv': must be .h5"),
-        (main, ("run", scene, "--out", tmp_path / "no" / "r.h5"), "there is no folder"),
+        (main, ("run", scene, "--out", tmp_path / "no" / "r.h5"), "does not exist; create it first"),
         (fit_main, (scene,), "data: is missing; must be given"),
     ]
     for text, words in (

@@ -285,9 +285,9 @@ def test_bad_jobs(call, job, monkeypatch, old, new, message):
         (("job.json",), "job.json: suffix '.json': must be .toml"),
         (("job.toml", "--fast"), "unrecognized arguments: --fast"),
         (("job.toml", "--out", "fit.csv"), "fit.csv: suffix '.csv': must be .h5"),
-        (("job.toml", "--out", "no/fit.h5"), "there is no folder 'no'; it must exist"),
+        (("job.toml", "--out", "no/fit.h5"), "folder 'no' does not exist; create it first"),
         (("job.toml", "--plot", "fit.gif"), "must be .png or .pdf or .svg"),
-        (("job.toml", "--plot", "no/fit.png"), "there is no folder 'no'; it must exist"),
+        (("job.toml", "--plot", "no/fit.png"), "folder 'no' does not exist; create it first"),
     ],
 )
 def test_bad_arguments(call, monkeypatch, arguments, message):

@@ -114,7 +114,7 @@ def test_a_scalar_has_no_elements():
         ("upper.spectrum.hurst", "the scene has no spectrum"),
         ("upper.layer.thickness", "the scene has no layer"),
         ("heating", "the scene has no heating"),
-        ("gamma[0]", "gamma is a single number; must be without [ ]"),
+        ("gamma[0]", "gamma is a single number; leave [ ] out"),
         (E + "[4]", "has the elements [0] ... [3]; must name one of them"),
         (E + "[-5]", "has the elements [0] ... [3]"),
         (E + "[2:2]", "has the elements [0] ... [3]"),

@@ -154,7 +154,7 @@ def test_heat_shows_in_table_result_and_plot(call, scene_file, tmp_path):
 
     scene_file.write_text(SCENE.replace("[run]", HEATING + "[run]").replace("temperature", "# temperature"))
     status, _, complaint = call("run", scene_file)
-    assert status == 2 and "run.temperature is missing: a scene with heating needs" in complaint
+    assert status == 2 and "run.temperature is missing: a scene with heating requires" in complaint
 
 
 def test_no_viscoelastic_solid_no_friction(call, scene_file):
@@ -220,10 +220,10 @@ def test_bad_scene(call, scene_file, tmp_path, old, new, message):
         (("run", "cut.h5"), "cut.h5: must be a whole HDF5 file"),
         (("run", "bare.h5"), "bare.h5: run: is missing; must hold velocity and pressure"),
         (("run", "scene.toml", "--out", "r.csv"), "r.csv: suffix '.csv': must be .h5"),
-        (("run", "scene.toml", "--out", "no/r.h5"), "there is no folder 'no'; it must exist"),
+        (("run", "scene.toml", "--out", "no/r.h5"), "folder 'no' does not exist; create it first"),
         (("run", "scene.toml", "--out", "folder.h5"), "folder.h5: is a folder; must be a file"),
         (("run", "scene.toml", "--plot", "r.jpeg2000"), "must be .png or .pdf or .svg"),
-        (("run", "scene.toml", "--plot", "no/r.png"), "there is no folder 'no'; it must exist"),
+        (("run", "scene.toml", "--plot", "no/r.png"), "folder 'no' does not exist; create it first"),
         (("run", "scene.toml", "--fast"), "unrecognized arguments: --fast"),
     ],
 )

@@ -130,7 +130,7 @@ def test_what_is_no_scene(call_main, tmp_path, monkeypatch, content, place):
         (main, ("run", "scene.toml", "--out", "/proc/out.h5"), "cannot be written"),
         (main, ("run", "scene.toml", "--out", "x" * 300 + ".h5"), "cannot be written: File name too long"),
         (main, ("run", "scene.toml", "--plot", "pipe.png"), "is a pipe or a device; must be a file"),
-        (main, ("accuracy", "scene.toml", "--out", "no/folder.csv"), "there is no folder 'no'"),
+        (main, ("accuracy", "scene.toml", "--out", "no/folder.csv"), "folder 'no' does not exist"),
         (main, ("run", "scene\0.toml"), "cannot be read: "),
         (
             fit_main,

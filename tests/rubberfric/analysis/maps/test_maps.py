@@ -121,7 +121,7 @@ def test_streaming_to_a_file_equals_memory(tmp_path, monkeypatch):
         ({"scene": "scene"}, "scene is a str: must be a Scene"),
         ({"quadrature": 1e-9}, "quadrature is a float: must be a Quadrature"),
         ({"path": "m.csv"}, "m.csv: suffix '.csv': must be .h5"),
-        ({"path": "no/m.h5"}, "there is no folder 'no'; it must exist"),
+        ({"path": "no/m.h5"}, "folder 'no' does not exist; create it first"),
         (
             {"velocity": np.logspace(0, 1, 1000), "pressure": np.logspace(5, 6, 1000)},
             "path is None, but the results take 0.0745 GiB and memory holds 0.00",

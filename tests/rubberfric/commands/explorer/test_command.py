@@ -27,7 +27,7 @@ LOST = "rubberfric: interrupted; what was not yet complete is not written\n"
         ((), "the following arguments are required: SCENE"),
         (("no.toml",), "no.toml: cannot be read: No such file"),
         (("scene.csv",), "scene.csv: suffix '.csv': must be .toml or .h5"),
-        ((SCENE, "--port", "80"), "--port 80: must be 1024 ... 65535, or 0 for any that is free"),
+        ((SCENE, "--port", "80"), "--port 80: must be 1024 ... 65535, or 0 for any free port"),
         ((SCENE, "--port", "65536"), "--port 65536: must be 1024 ... 65535"),
         ((SCENE, "--port", "x"), "invalid int value: 'x'"),
         ((SCENE, "--data", "no.csv"), "no.csv: cannot be read: No such file"),
@@ -45,7 +45,7 @@ def test_bad_arguments_without_jax(call_main, monkeypatch, arguments, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("v,mu\nm/s,-\n0,0.5\n1,0.5\n", "v = 0.0: must be > 0, for the axis is logarithmic"),
+        ("v,mu\nm/s,-\n0,0.5\n1,0.5\n", "v = 0.0: must be > 0 on a logarithmic axis"),
         ("v,mu,T\nm/s,-,K\n1,0.5,100\n2,0.5,300\n", "temperature[0] = 100.0: must be > 143.15 K"),
         ("v,mu,T\nm/s,-,K\n1,0.5,900\n2,0.5,1200\n", "must be 100 ... 1000 K"),
         ("v,nu\nm/s,-\n1,0.5\n2,0.5\n", "column 'nu'"),
@@ -127,7 +127,7 @@ def test_a_signal_ends_it_at_once(begun, tmp_path, which):
     assert answer.status == 200 and len(json.loads(answer.read())["curves"]["friction"]) == 61
     connection.request("POST", f"/{token}/curves", json.dumps({"file": "/etc/passwd"}), headers)
     answer = connection.getresponse()
-    assert answer.status == 400 and answer.read().startswith(b"'file': is no slider; must be one of ")
+    assert answer.status == 400 and answer.read().startswith(b"'file': unknown slider; must be one of ")
     connection.close()
     begin = time.monotonic()
     process.send_signal(which)
