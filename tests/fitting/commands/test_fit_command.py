@@ -252,8 +252,8 @@ PRIOR = '"upper.material.E_inf" = { mean = 1e6, sigma = 1e5 }'
             "fit.start: unknown key; did you mean 'starts'? must be one of method, starts",
         ),
         ("starts = 2", "starts = 0", "fit.starts = 0: must be an integer, 1 to 10000"),
-        ("starts = 2", "seed = 1.5", "fit.seed = 1.5: must be an integer >= 0"),
-        ("starts = 2", "starts = true", "fit.starts = True: must be an integer >= 1"),
+        ("starts = 2", "seed = 1.5", "fit.seed = 1.5: must be an integer, 0 to 2147483647"),
+        ("starts = 2", "starts = true", "fit.starts = True: must be an integer, 1 to 10000"),
         (
             "starts = 2",
             'loss = "l1"',
@@ -262,7 +262,7 @@ PRIOR = '"upper.material.E_inf" = { mean = 1e6, sigma = 1e5 }'
         ("starts = 2", "loss_width = 0", "fit.loss_width = 0: must be a finite number > 0"),
         ("starts = 2", "tolerance = inf", "fit.tolerance = inf: must be a finite number > 0"),
         ("starts = 2", "decades = [1]", "fit.decades = [1]: must be a finite number > 0"),
-        ("starts = 2", "max_steps = 1e3", "fit.max_steps = 1000.0: must be an integer >= 1"),
+        ("starts = 2", "max_steps = 1e3", "fit.max_steps = 1000.0: must be an integer, 1 to 1000000"),
     ],
 )
 def test_bad_jobs(call, job, monkeypatch, old, new, message):
