@@ -214,7 +214,7 @@ def _from(solver, problem, x, max_steps, callback, starts):
 
 
 def _resolved(solver, problem, end, data, max_steps, callback, starts, tell):
-    """Go on with a fit until its quadrature is fine enough for the scene at its end."""
+    """Return Go on with a fit until its quadrature is fine enough for the scene at its end."""
     evaluations = np.zeros(2, int)
     while succeeded(end.status) and (with_more := finer(problem, end.x, data)) is not None:
         tell("fitting on, with the quadrature that the scene at the end of the fit needs")
@@ -225,7 +225,7 @@ def _resolved(solver, problem, end, data, max_steps, callback, starts, tell):
 
 
 def _minima(problem, runs):
-    """Distinct minima that the starts found, lowest first."""
+    """Return the distinct minima that the starts found, lowest first."""
     found = []
     for i in np.argsort(runs.cost):
         if not succeeded(runs.status[i]):
@@ -239,7 +239,7 @@ def _minima(problem, runs):
 
 
 def _not_finite(problem, data):
-    """One line on what of a problem is not finite at its start."""
+    """Return one line about the values that are not finite at the start."""
     rows = residual_rows(problem, problem.start)
     for one, where in zip(data, problem.order, strict=True):
         bad = np.flatnonzero(~np.isfinite(rows[where]))

@@ -59,7 +59,7 @@ class ShiftLaw(NamedTuple):
 
 
 def wlf_through(T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref: float) -> ShiftLaw | None:
-    r"""log10 a_T = -C1 (T - T_ref) / (C2 + T - T_ref) through ln a_T with their covariance.
+    r"""Return log10 a_T = -C1 (T - T_ref) / (C2 + T - T_ref) through ln a_T with their covariance.
 
     T, log_a and covariance exclude T_ref, shape (n,). None for n < 2, which leaves a parameter undetermined,
     and if the shifts do not fall with temperature.
@@ -106,7 +106,7 @@ def wlf_through(T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref:
 def arrhenius_through(
     T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref: float
 ) -> ShiftLaw | None:
-    """ln a_T = (energy / k_B) (1/T - 1/T_ref) in the same way; None where the energy would not be > 0."""
+    """Return the Arrhenius law through ln a_T with their covariance; None if its energy is not > 0."""
     whiten = _whitener(covariance)
     of_one_eV = np.asarray(rf.Arrhenius(1.0, T_ref).log_factor(T), float)
     column, aim = whiten @ of_one_eV, whiten @ log_a
@@ -122,7 +122,7 @@ def arrhenius_through(
 
 
 def _whitener(covariance):
-    """W with W C W^T = 1."""
+    """Return W with W C W^T = 1."""
     values, vectors = np.linalg.eigh(covariance)
     values = np.maximum(values, 1e-14 * values.max())
     return (vectors / np.sqrt(values)).T
@@ -251,7 +251,7 @@ class MasterCurve:
         return f"<MasterCurve: {self.T.size} sweeps, T_ref = {self.T_ref:.6g} K, {name}>"
 
     def report(self) -> str:
-        """Shifts, laws and scatter, as text of several lines."""
+        """Return the shifts, laws and scatter, as text of several lines."""
         low, high = self.data.omega[[0, -1]]
         lines = [
             f"Master curve of {self.T.size} sweeps at {self.T_ref:.6g} K, {low:.3g} ... {high:.3g} rad/s",
@@ -281,7 +281,7 @@ class MasterCurve:
         return "\n".join(lines)
 
     def plot(self, ax: style.Panels | None = None) -> style.Panels:
-        """Shifted E' and E'', a colour for every temperature, and ln a_T with 95 % bars and the laws.
+        """Draw shifted E' and E'' coloured by temperature, and ln a_T with 95 % error bars and laws.
 
         Needs matplotlib: pip install 'rubberfric[plot]'.
 

@@ -46,7 +46,7 @@ class Sweep(NamedTuple):
 
 
 def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sweep]:
-    """Sweeps of all the data, by rising temperature; rows within `same` [K] of a neighbour belong together.
+    """Return the sweeps in order of temperature; rows within `same` [K] form one sweep.
 
     ValueError for other data, values <= 0, no temperature, one temperature only, or too short a sweep.
     """
@@ -81,7 +81,7 @@ def sweeps_of(data: ModulusData | Sequence[ModulusData], same: float) -> list[Sw
 
 
 def _rows(i, one):
-    """Temperature, ln omega, ln E and its error of one data set."""
+    """Return the temperature, ln omega, ln E and its error of one data set."""
     if not isinstance(one, ModulusData):
         raise ValueError(f"isotherms[{i}] is a {type(one).__name__}: must be ModulusData")
     if one.temperature is None:
@@ -95,7 +95,7 @@ def _rows(i, one):
 
 
 def first_shifts(sweeps: list[Sweep]) -> np.ndarray:
-    """ln a_T of every sweep, 0 of the first: where each comes closest to its colder neighbour.
+    """Return ln a_T of every sweep, 0 of the first: where each comes closest to its colder neighbour.
 
     Minimises the mean square distance of ln E' and ln E'' to a cubic through the other sweep over all shifts
     with shared points. The unit is the scatter about the sweep's own cubic, or the given error if larger.
@@ -117,7 +117,7 @@ def first_shifts(sweeps: list[Sweep]) -> np.ndarray:
 
 
 def _cubic(sweep):
-    """Cubics through ln E' and ln E'' over ln omega, and errors: the scatter, or those given if larger."""
+    """Return cubics through ln E' and ln E'' over ln omega, and errors: the larger of scatter and given."""
     degree = min(3, sweep.t.size - 2)
     found = [np.polynomial.Polynomial.fit(sweep.t, y, degree) for y in sweep.y]
     rest = [np.sum((y - p(sweep.t)) ** 2) for y, p in zip(sweep.y, found, strict=True)]
@@ -128,7 +128,7 @@ def _cubic(sweep):
 
 
 def _distance(cold, warm, by, cubics, s):
-    """Mean square distance in units of the scatter, once the warmer sweep is moved; inf without overlap."""
+    """Return the mean square distance after the shift in units of the scatter; inf without overlap."""
     low, high = max(cold.t.min(), warm.t.min() + by), min(cold.t.max(), warm.t.max() + by)
     total, count = 0.0, 0
     for one, other, moved in ((cold, cubics[1], by), (warm, cubics[0], -by)):
@@ -166,7 +166,7 @@ def _range(sweep):
 
 
 def check_overlap(sweeps: list[Sweep], log_a: np.ndarray) -> None:
-    """ValueError naming neighbours that share less than two points of each, once they are shifted."""
+    """Raise ValueError naming neighbours that share less than two points of each, once they are shifted."""
     for i, (cold, warm) in enumerate(itertools.pairwise(sweeps)):
         one, other = cold.t + log_a[i], warm.t + log_a[i + 1]
         low, high = max(one.min(), other.min()), min(one.max(), other.max())
@@ -205,12 +205,12 @@ class _Points:
     knots: np.ndarray
 
     def unpacked(self, x):
-        """(ln a, ln b) of every sweep."""
+        """Return (ln a, ln b) of every sweep."""
         parts = np.split(x, 2) if self.vertical else (x, np.zeros_like(x))
         return [np.insert(part, self.reference, 0.0) for part in parts]
 
     def projected(self, x, calm=False):
-        """Residuals at x and their derivatives, projected orthogonally to the splines."""
+        """Return the residuals at x and their derivatives, projected orthogonally to the splines."""
         log_a, log_b = self.unpacked(x)
         t = self.t + log_a[self.which]
         inside = np.clip(t, self.knots[3], self.knots[-4] * (1 - 1e-12))
@@ -262,7 +262,7 @@ class _Points:
 
 
 def shifts_of(sweeps: list[Sweep], reference: int, vertical: bool) -> Shifts:
-    """Shifts of all sweeps onto that with the number `reference`.
+    """Return the shifts of all sweeps onto that with the number `reference`.
 
     The splines have as many knots as Akaike's criterion (corrected for few points) wants.
 
@@ -281,7 +281,7 @@ def shifts_of(sweeps: list[Sweep], reference: int, vertical: bool) -> Shifts:
 
 
 def _rounds(sweeps, reference, vertical, per_decade, x, rounds):
-    """(x, Shifts, criterion) after fits that are each weighted with the scatter that the last one left."""
+    """Return (x, Shifts, criterion) after fits weighted by the scatter of the previous fit."""
     count = len(sweeps)
     T, which = (
         np.array([one.T for one in sweeps]),
@@ -326,7 +326,7 @@ def _rounds(sweeps, reference, vertical, per_decade, x, rounds):
 
 
 def _knots(t: np.ndarray, per_decade: float) -> np.ndarray:
-    """Knots of cubic splines over all t, each interval with some points on either side."""
+    """Return the knots of cubic splines over all t, each interval with some points on either side."""
     low, high = t.min(), t.max()
     count = max(int(np.ceil(per_decade * (high - low) / np.log(10))), 1)
     count = min(count, max(t.size // 3, 1))

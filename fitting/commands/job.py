@@ -154,7 +154,7 @@ def _scene(path, key, file, of_data, data, outputs):
 
 
 def _check_outputs(path, files, outputs):
-    """ValueError if a file of the job would be overwritten; what else is wrong with a name is found later."""
+    """Raise ValueError if an output would overwrite a file of the job."""
     for key, name in files.items():
         for output in outputs:
             if isinstance(name, str) and (path.parent / name).resolve() == Path(output).resolve():
@@ -168,7 +168,7 @@ def _text(path, key, value):
 
 
 def _one(path, key, value):
-    """One number, not a list of them."""
+    """Return one number, not a list of them."""
     if isinstance(value, list):
         raise ValueError(f"{path}: {key} = {shown(value)}: must be one number")
     return toml.number(path, key, value)
@@ -196,7 +196,7 @@ def _data(path, key, content):
 
 
 def _check_paths(path, table, content, keys):
-    """ValueError for a key path without quotes, which TOML takes for tables within tables."""
+    """Raise ValueError for a key path without quotes, which TOML takes for tables within tables."""
     toml.check_keys(path, table, content, content)
     if table == "free" and not content:
         raise ValueError(f"{path}: free: is empty; must name the key paths that are free")
@@ -228,7 +228,7 @@ def _rule(path, key, value):
 
 
 def _known(path, value):
-    """Priors from the file of another fit."""
+    """Return the priors from the file of another fit."""
     toml.check_keys(path, "prior.fit", value, FIT_KEYS, ("file",))
     given: dict[str, Any] = {}
     if "body" in value:
@@ -267,7 +267,7 @@ def _made(path, key, cls, values):
 
 
 def _options(path, content):
-    """Keyword arguments of `fitting.fit`."""
+    """Return the keyword arguments of `fitting.fit`."""
     toml.check_keys(path, "fit", content, FILE_OPTIONS)
     try:
         check_options(**content)

@@ -83,7 +83,7 @@ def run_design(arguments: argparse.Namespace, interrupts: Interrupts, show: Prog
 
 
 def read_design(path: StrPath, content: Any, scene: rf.Scene) -> dict[str, Any]:
-    """Arguments of `fitting.design` from the table [design]; ValueError in one line."""
+    """Return the arguments of `fitting.design` from the table [design]; ValueError in one line."""
     path = Path(path)
     toml.check_keys(path, "design", content, KEYS, ("velocity", "pressure", "n"))
     options: dict[str, Any] = {"candidates": _grid(path, "design", content, scene), "n": content["n"]}
@@ -105,7 +105,7 @@ def read_design(path: StrPath, content: Any, scene: rf.Scene) -> dict[str, Any]:
 
 
 def _grid(path, table, content, scene):
-    """Every combination of velocity, pressure and temperature, flat."""
+    """Return every combination of velocity, pressure and temperature, flat."""
     given = {name: content[name] for name in _POINTS if name in content}
     v, p, T = read_conditions(path, table, given, scene).grid()
     found = np.broadcast_arrays(*(x for x in (v, p, T) if x is not None))

@@ -98,7 +98,7 @@ def _profile(
 def _bootstrap(
     arguments: argparse.Namespace, result: FitResult, interrupts: Interrupts, show: Progress
 ) -> EnsembleResult:
-    """Refits of simulated data, with their progress."""
+    """Return the refits of simulated data, with their progress."""
 
     def callback(done: int, members: int) -> None:
         show(f"bootstrap: {done} of {members} fits")

@@ -45,7 +45,7 @@ def read(
     kind: str | None = None,
     check_units: bool = True,
 ) -> Measured:
-    """Measured data of a table (.csv, .txt, .tsv, .dat, and .xlsx with openpyxl) or an .h5 file.
+    """Read measured data from a table (.csv, .txt, .tsv, .dat, and .xlsx with openpyxl) or an .h5 file.
 
     Parameters
     ----------
@@ -128,7 +128,7 @@ def write(path: StrPath, data: Measured) -> None:
 
 
 def read_group(group: h5py.Group | h5py.Dataset | h5py.Datatype, **given: Any) -> Measured:
-    """Measured data that `Measured.write_group` stored; `given` adds missing values as in `read`.
+    """Return the measured data that `Measured.write_group` stored; `given` adds missing values as in `read`.
 
     ValueError in one line if the group holds no such data.
     """
@@ -151,7 +151,7 @@ def read_group(group: h5py.Group | h5py.Dataset | h5py.Datatype, **given: Any) -
 
 
 def _present(**arguments):
-    """Arguments that are not None."""
+    """Return the arguments that are not None."""
     return {name: value for name, value in arguments.items() if value is not None}
 
 
@@ -213,7 +213,7 @@ def _kind(path, columns, poisson, kind):
 
 
 def _spellings(cls):
-    """Names that tables may use for each column that a kind of data needs."""
+    """Return the names that tables may use for each column that a kind of data needs."""
     for name in cls.needed():
         column = cls.fields()[name].column
         yield " or ".join(

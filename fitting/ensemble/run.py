@@ -281,7 +281,7 @@ class _Record:
             self.write()
 
     def _take_in(self):
-        """Rows that came; done again if an interrupt stopped it half-way."""
+        """Return the rows that came; done again if an interrupt stopped it half-way."""
         if self.pending is None:
             return
         which, iterate, steps, seconds = self.pending

@@ -94,22 +94,22 @@ class Discrepancy:
 
 
 def rational_quadratic(x: np.ndarray, width: float) -> np.ndarray:
-    """Correlation of errors at x of one curve with a given width, (n, n)."""
+    """Return the correlation of errors at x of one curve with a given width, (n, n)."""
     return 1 / (1 + 0.5 * ((x[:, None] - x) / width) ** 2)
 
 
 def squared_exponential(x: np.ndarray, width: float) -> np.ndarray:
-    """Correlation of errors at x of one curve for one of several widths, (n, n)."""
+    """Return the correlation of errors at x of one curve for one of several widths, (n, n)."""
     return np.exp(-0.5 * ((x[:, None] - x) / width) ** 2)
 
 
 def between_curves(near: np.ndarray, curve: np.ndarray, shared: float) -> np.ndarray:
-    """Correlation of errors across curves, (n, n), from `near` of one curve; `curve` numbers each value's."""
+    """Return the correlation of errors across curves, (n, n); `near` is that of one curve."""
     return np.where(curve[:, None] == curve, near, shared * near)
 
 
 def covariances(x: np.ndarray, curve: np.ndarray, discrepancy: Discrepancy) -> np.ndarray:
-    """Covariance of the theory's errors at x of curves, both of shape (n,); (n, n)."""
+    """Return the covariance of the theory's errors at x of curves, both of shape (n,); (n, n)."""
     amplitude, width = discrepancy.amplitude, discrepancy.width
     if amplitude is None or width is None:
         raise ValueError("Discrepancy: amplitude and width must be numbers, or estimated before")

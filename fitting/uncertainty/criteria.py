@@ -104,7 +104,7 @@ def criteria(solved: SolvedProblem, estimated: int = 0) -> Criteria:
 
 
 def _left_out(solved):
-    """Residuals, leverages, and ln p of every value without itself in units of its error."""
+    """Return the residuals, leverages, and ln p of every value without itself in units of its error."""
     problem, known = solved.problem, solved.uncertainty
     count = problem.targets.measured.size
     model = linearised(problem, solved.x)
@@ -129,7 +129,7 @@ def _left_out(solved):
 
 
 def _density(problem: Problem, r):
-    """ln p of residuals in units of their errors; for robust losses up to a constant."""
+    """Return ln p of residuals in units of their errors; for robust losses up to a constant."""
     return -0.5 * np.asarray(rho(*_loss(problem), jnp.asarray(r))[0], float) - 0.5 * np.log(2 * np.pi)
 
 

@@ -86,7 +86,7 @@ def sensitivity(
 
 
 def sensitivity_names(scene: rf.Scene, parameters: str | Iterable[str]) -> tuple[str, ...]:
-    """Key path of every row that `sensitivity` returns for the same `parameters`.
+    """Return Key path of every row that `sensitivity` returns for the same `parameters`.
 
     Returns
     -------
@@ -108,7 +108,7 @@ def _paths(parameters):
 
 
 def _rows(scene, path):
-    """(leaf, element) of every number that a key path names; element None of a scalar leaf."""
+    """Return (leaf, element) of every number that a key path names; element None of a scalar leaf."""
     leaf, elements = find(scene, path)
     return [(leaf, element) for element in elements or (None,)]
 

@@ -133,12 +133,12 @@ def _squares_by_median(rows):
 
 
 def _bound(freedom):
-    """Chi-square that is exceeded with probability _SIGNIFICANCE."""
+    """Return the chi-square that is exceeded with probability _SIGNIFICANCE."""
     return 2 * float(scipy.special.gammainccinv(freedom / 2, _SIGNIFICANCE))
 
 
 def _order(one):
-    """Curves along which the residuals change sign too rarely."""
+    """Return the curves along which the residuals change sign too rarely."""
     data, parts = one.data, len(one.data.values)
     conditions = [getattr(data, name) for name in data.conditions]
     # lexsort takes its last key first: along the first condition, the others fixed.

@@ -39,7 +39,7 @@ class TableUnits(NamedTuple):
     temperature: str
 
     def scales(self) -> Iterator[tuple[float, float]]:
-        """Factor and offset from the file to SI, for velocity, pressure and temperature."""
+        """Return the factor and offset from the file to SI, for velocity, pressure and temperature."""
         yield from ((_SPEED[self.velocity], 0.0), (STRESS[self.pressure], 0.0))
         yield 1.0, TEMPERATURE[self.temperature]
 
@@ -148,7 +148,7 @@ def _program(path: Path, program: str | None) -> str:
 
 
 def _head(table: FrictionTable, units: TableUnits) -> list[str]:
-    """Lines of a comment with contents, interpolation error and units of a table."""
+    """Return the lines of a comment with contents, interpolation error and units of a table."""
     sizes = f"{table.velocity.size} velocities x {table.pressure.size} pressures"
     named = f"Units: {units.velocity}, {units.pressure}"
     if table.temperature is not None:
@@ -177,7 +177,7 @@ def _units(text: str, velocity: str | None, pressure: str | None, temperature: s
 
 
 def _file_axes(table: FrictionTable, units: TableUnits) -> list[np.ndarray]:
-    """Velocity, pressure and, if there is one, temperature in the units of a file."""
+    """Return the velocity, pressure and, if there is one, temperature in the units of a file."""
     axes = [getattr(table, name) for name in AXES if getattr(table, name) is not None]
     return [(axis - zero) / factor for axis, (factor, zero) in zip(axes, units.scales(), strict=False)]
 

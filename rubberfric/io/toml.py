@@ -90,7 +90,7 @@ def check_keys(
 
 
 def join(key: str, name: str) -> str:
-    """Key path of `name` in the table at `key`; "" is the file."""
+    """Return Key path of `name` in the table at `key`; "" is the file."""
     return f"{key}.{name}" if key else name
 
 
@@ -235,7 +235,7 @@ def _read_cards(path, key, cls, content):
 
 
 def _curves(cls):
-    """Columns of the fields that come from a CSV file."""
+    """Return the columns of the fields that come from a CSV file."""
     return {name: field.column for name, field in leaves_of(cls).items() if field.column is not None}
 
 
@@ -245,7 +245,7 @@ def _has_directions(cls):
 
 
 def _file_keys(cls):
-    """Keys of a class that describe its CSV file."""
+    """Return the keys of a class that describe its CSV file."""
     columns = _curves(cls).values()
     if _has_directions(cls):
         return ("file", "normalisation")
@@ -333,7 +333,7 @@ def scene_texts(
 
 
 def _object(key: str, value: PhysicalObject, tables: dict[str, str], prefix: str) -> Iterator[str]:
-    """Lines of an object at a key path: numbers and options, then nested objects."""
+    """Return the lines of an object at a key path: numbers and options, then nested objects."""
     fields = fields_of(type(value))
     if isinstance(value, Kind):
         yield f"kind = {_string(value.file_kind)}"

@@ -56,7 +56,7 @@ class TabulatedSpectrum(Spectrum):
         check_ends("TabulatedSpectrum", self.q, self.q0, self.q1)
 
     def doubts(self) -> list[str]:
-        """See `doubts_of_roughness`."""
+        """Return See `doubts_of_roughness`."""
         log_q, log_C = np.log(np.asarray(self.q, float)), np.log(np.asarray(self.C, float))
         low = log_q[0] if self.q0 is None else np.log(float(self.q0))
         high = log_q[-1] if self.q1 is None else np.log(float(self.q1))
@@ -68,7 +68,7 @@ class TabulatedSpectrum(Spectrum):
         return cut_law(tabulated_law(self.q, self.C), self.q0, self.q1)
 
     def uncut_law(self) -> BrokenPowerLaw:
-        """From q0 to the end of the table."""
+        """Return the from q0 to the end of the table."""
         return cut_law(tabulated_law(self.q, self.C), self.q0, None)
 
     def cut(self, q1: jax.Array) -> "TabulatedSpectrum":
@@ -76,11 +76,11 @@ class TabulatedSpectrum(Spectrum):
         return self.replace(q1=within_table(self.q, q1))
 
     def entries(self) -> jax.Array:
-        """C [m^4]."""
+        """Return C [m^4]."""
         return self.C
 
     def padded(self) -> "TabulatedSpectrum":
-        """With entries beyond q1."""
+        """Return with entries beyond q1."""
         return self.replace(padded_table(self.q, self.C, self.q0, self.q1))
 
 
