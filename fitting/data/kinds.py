@@ -10,14 +10,14 @@ in SI units, one element for each measured point. A fit sees all of them in the 
 """
 
 import dataclasses
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
 
 from fitting.data.fields import Field, GivenArray, OptionalArray, array, measurement, unit_rule
 from fitting.data.measured import Measured
-from rubberfric.base import POSITIVE, closest, shown
+from rubberfric.base import POSITIVE, closest, shown, warn_caller
 
 _VELOCITY = Field(
     "v",
@@ -220,7 +220,28 @@ def as_data_sets(data: Measured | Sequence[Measured]) -> list[Measured]:
     for i, one in enumerate(data):
         if not isinstance(one, Measured):
             raise ValueError(f"data[{i}] is a {type(one).__name__}: must be {kinds}")
+    for i, j in repeated(data):
+        text = f"data[{i}] has the values of data[{j}]: {REPEATED}"
+        warn_caller(text, UserWarning)
     return list(data)
+
+
+REPEATED = "remove one, because values that are given twice make error bars too small by a factor sqrt(2)"
+
+
+def repeated(data: Sequence[Measured]) -> Iterator[tuple[int, int]]:
+    """Yield (i, j), i > j, of data sets with the same values at the same conditions, whatever their errors.
+
+    Sets of less than four values are omitted. They can agree by chance, because of rounding.
+    """
+    contents = []
+    for one in data:
+        fields = (getattr(one, name, None) for name in (*one.conditions, *one.values, "body"))
+        contents.append((type(one), [np.asarray(values).tolist() for values in fields]))
+    for i, content in enumerate(contents):
+        for j in range(i):
+            if content == contents[j] and len(data[i]) > 3:
+                yield i, j
 
 
 DataSets = Measured | Sequence[Measured]

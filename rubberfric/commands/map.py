@@ -16,7 +16,7 @@ from rubberfric.io.files import read_computable
 from rubberfric.io.results import CONDITION_UNITS, QUANTITY_FORMATS, Result, result_shape
 from rubberfric.plot.choice import save_map_plot
 from rubberfric.plot.maps import check_map
-from rubberfric.theory.quantities import iterates
+from rubberfric.theory.quantities import has_transverse_force, iterates
 
 _SEVERAL = {"velocity": "velocities", "pressure": "pressures", "temperature": "temperatures"}
 
@@ -34,6 +34,12 @@ def run_map(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError
     quantities: list[str] = list(arguments.quantity or DEFAULT_QUANTITIES)
     if iterates(scene) and "converged" not in quantities:
         quantities.append("converged")
+    for name, is_there, needs in (
+        ("shear_friction", scene.shear is not None, "contact shear"),
+        ("transverse_friction", has_transverse_force(scene), "anisotropic roughness on a viscoelastic solid"),
+    ):
+        if name in quantities and not is_there:
+            raise ValueError(f"{arguments.scene}: --quantity {name}: is 0 everywhere; it needs {needs}")
     points = math.prod(result_shape(conditions))
     show(f"compiling {', '.join(quantities)} for a map of {points} points")
 

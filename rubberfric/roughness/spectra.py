@@ -28,6 +28,11 @@ from rubberfric.base.checks import (
 from rubberfric.base.objects.fields import Number, leaf
 from rubberfric.base.objects.physical import Kind, check_kind, kinds, physical
 
+# Plausible rms heights and largest wavevectors. Roads have 1e-3 m; a wavevector below 1e2 1/m is a wavelength
+# above 6 cm, one above 1e12 1/m is a wavelength below the size of an atom.
+MAX_HEIGHT = 0.1  # [m]
+CUTOFF_RANGE = (1e2, 1e12)  # [1/m]
+
 
 class BrokenPowerLaw(NamedTuple):
     """q^2 C(q) = height2 * exp(log_value) at the kinks, a power of q between them."""
@@ -225,9 +230,12 @@ def mean_growth(y: jax.Array) -> jax.Array:
 
 
 def doubts_of_roughness(log_q: np.ndarray, log_C: np.ndarray, h_rms: float | None = None) -> list[str]:
-    r"""Return warnings for heights above the longest wavelength and for implausible slopes.
+    r"""Return warnings for implausible heights, slopes and wavevectors.
 
-    .. math:: h_\mathrm{rms} q_0 \le 1, \qquad \Big(2\pi\int q^3 C\,dq\Big)^{1/2} \le 30
+    .. math:: h_\mathrm{rms} q_0 \le 1, \qquad \Big(2\pi\int q^3 C\,dq\Big)^{1/2} \le 30, \qquad
+              h_\mathrm{rms} \le 0.1\,\mathrm{m}, \qquad 10^2 \le q_1 \le 10^{12}\,\mathrm{m}^{-1}
+
+    The last two conditions find heights and wavevectors that are both in another unit of length.
 
     Parameters
     ----------
@@ -246,6 +254,12 @@ def doubts_of_roughness(log_q: np.ndarray, log_C: np.ndarray, h_rms: float | Non
             f"rms height {_shown(log_height)} m beside 1/q0 = {_shown(-x[0])} m: must be less;"
             " is it in mm or um, or C in another normalisation?"
         )
+    if log_height > np.log(MAX_HEIGHT):
+        found.append(f"rms height {_shown(log_height)} m: must be <= {MAX_HEIGHT:g} m; is it in mm or um?")
+    low, high = CUTOFF_RANGE
+    if not np.log(low) <= x[-1] <= np.log(high):
+        rule = f"must be {low:g} ... {high:g} 1/m; is it in 1/mm or 1/um?"
+        found.append(f"largest wavevector {_shown(x[-1])} 1/m: {rule}")
     if log_slope > np.log(30):
         found.append(f"rms slope {_shown(log_slope)}: must be at most 30; are heights, q and C in SI?")
     return found

@@ -12,7 +12,7 @@ from support.folders import TYRE
 from support.refusals import refused
 
 from fitting.data.files import read, read_group, write
-from fitting.data.kinds import AreaData, FrictionData, ModulusData, SpectrumData
+from fitting.data.kinds import AreaData, FrictionData, ModulusData, SpectrumData, data_by_scene
 from rubberfric.io.tables import COLUMNS
 
 GOOD = {
@@ -582,3 +582,17 @@ def test_measured_tyre_data():
     ):
         np.testing.assert_allclose(data.velocity, 10**log10_v, rtol=1e-14)
         np.testing.assert_array_equal(data.measured, values)
+
+
+def test_data_given_twice_are_reported():
+    """Twice the same values halve the variance of every parameter."""
+    v, mu = np.logspace(-3, 0, 5), np.linspace(0.2, 0.6, 5)
+    one = FrictionData(v, mu, pressure=1e5, relative=0.05)
+    again = dataclasses.replace(one, name="copy", relative=0.03)
+    with pytest.warns(UserWarning, match=r"data\[2\] has the values of data\[0\]"):
+        data_by_scene([one, FrictionData(v, mu, pressure=2e5), again], None)
+    data_by_scene([one, FrictionData(v, mu, pressure=2e5), AreaData(v, mu, pressure=1e5)], None)
+    # Two scenes may be compared with the same moduli.
+    data_by_scene({"a": one, "b": again}, ["a", "b"])
+    # Single points can agree by chance, because of rounding.
+    data_by_scene([FrictionData([0.1], [0.3], pressure=1e5)] * 2, None)

@@ -124,6 +124,12 @@ def test_what_is_no_scene(call_main, tmp_path, monkeypatch, content, place):
         (main, ("map", "scene.toml", "--devices", "-1"), "must be > 0"),
         (main, ("map", "scene.toml", "--devices", "1e3"), "invalid int value: '1e3'"),
         (main, ("map", "scene.toml", "--quantity", "mu"), "invalid choice: 'mu'"),
+        (
+            main,
+            ("map", "scene.toml", "--quantity", "area", "shear_friction"),
+            "is 0 everywhere; it needs contact",
+        ),
+        (main, ("map", "scene.toml", "--quantity", "transverse_friction"), "is 0 everywhere; it needs aniso"),
         (main, ("run", "scene.toml", "--out", "pipe.h5"), "is a pipe or a device; must be a file"),
         (main, ("run", "scene.toml", "--out", "full.h5"), "is a pipe or a device; must be a file"),
         (main, ("run", "scene.toml", "--out", "folder.h5"), "is a folder; must be a file"),
