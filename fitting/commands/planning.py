@@ -20,6 +20,7 @@ bars, or the draws, of a number that the data determine are wrong.
 """
 
 import argparse
+import math
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,8 @@ _POINTS = ("velocity", "pressure", "temperature")
 KEYS = (*_POINTS, "n", "criterion", "relative", "draws", "seed")
 # Options in the table [fit] of a job that a calibration has as well; the others concern the search.
 _SHARED_OPTIONS = ("key", "discrepancy")
+# Largest numbers of candidates, of measurements to choose, and of draws.
+_MOST = {"candidates": 100_000, "n": 10_000, "draws": 100_000}
 
 
 def run_design(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
@@ -87,6 +90,9 @@ def read_design(path: StrPath, content: Any, scene: rf.Scene) -> dict[str, Any]:
     path = Path(path)
     toml.check_keys(path, "design", content, KEYS, ("velocity", "pressure", "n"))
     options: dict[str, Any] = {"candidates": _grid(path, "design", content, scene), "n": content["n"]}
+    for name in ("n", "draws"):
+        if isinstance(content.get(name), int | float) and content[name] > _MOST[name]:
+            raise ValueError(f"{path}: design.{name} = {content[name]}: must be at most {_MOST[name]}")
     criterion = content.get("criterion", "D")
     if isinstance(criterion, dict):
         toml.check_keys(path, "design.criterion", criterion, _POINTS)
@@ -107,7 +113,11 @@ def read_design(path: StrPath, content: Any, scene: rf.Scene) -> dict[str, Any]:
 def _grid(path, table, content, scene):
     """Every combination of velocity, pressure and temperature, flat."""
     given = {name: content[name] for name in _POINTS if name in content}
-    v, p, T = read_conditions(path, table, given, scene).grid()
+    conditions = read_conditions(path, table, given, scene)
+    size = math.prod(values.size for values in conditions if values is not None)
+    if size > _MOST["candidates"]:
+        raise ValueError(f"{path}: {table}: has {size} candidates: must have at most {_MOST['candidates']}")
+    v, p, T = conditions.grid()
     found = np.broadcast_arrays(*(x for x in (v, p, T) if x is not None))
     return tuple(np.array(x).ravel() for x in found)
 

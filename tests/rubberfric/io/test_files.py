@@ -810,6 +810,28 @@ def test_hdf5_scenes_have_a_limit_of_conditions(tmp_path):
     )
 
 
+def test_hdf5_datasets_have_a_limit_of_values(tmp_path):
+    """Chunks that are not written take no space in a file, and terabytes in memory."""
+
+    def change(file):
+        kept = dict(file["scene/lower/material/tau"].attrs)
+        del file["scene/lower/material/tau"]
+        file["scene/lower/material"].create_dataset("tau", (10**12,), float, chunks=(1000,)).attrs.update(
+            kept
+        )
+
+    message = spoil(tmp_path / "scene.h5", change)
+    assert "/scene/lower/material/tau has 1000000000000 values: must have at most 100000000" in message
+    path, saved = tmp_path / "r.h5", result()
+    save_result(path, saved)
+    with h5py.File(path, "r+") as file:
+        del file["area"]
+        file.create_dataset("area", (10**12, 2, 3), float, chunks=(1000, 1, 1)).attrs["units"] = "-"
+    assert "/area has shape (1000000000000, 2, 3): must be (1, 2, 3)" in refused(
+        path, lambda: load_result(path)
+    )
+
+
 @pytest.mark.parametrize(
     "name",
     [
