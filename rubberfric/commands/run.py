@@ -41,7 +41,7 @@ def run_scene(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSErr
         ("drawing", arguments.plot, draw),
     )
     if tabulated_solids(scene):
-        show("computing what lies outside the tables")
+        show("computing the friction from outside the tables")
     ends = [
         line
         for line in (extrapolation_line(result), convergence_line(result), model_error_line(result))
@@ -139,5 +139,5 @@ def convergence_line(result: Result) -> str:
     return (
         f"the {iterated(result.scene)} did not converge at {sum(left)} of {converged.size} points, "
         f"first at v = {result.conditions.velocity[k]:g} m/s, p = {result.conditions.pressure[j]:g} Pa: "
-        "the values there are those of the last iterate"
+        "their values are the last iterate"
     )

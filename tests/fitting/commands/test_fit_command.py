@@ -454,7 +454,7 @@ def test_interrupt_in_the_middle_of_a_fit(job):
     # the progress is rewritten in place and gone at the end
     before, *shown, last = seen.decode().split("\r\033[K")  # begins and clears a line
     assert before == ""
-    answer = "rubberfric-fit: interrupted; ends after this step, once more ends it at once\r\n"
+    answer = "rubberfric-fit: interrupted; stopping after this step (a second signal stops at once)\r\n"
     assert shown.count(answer) == 1
     # without the result, clocks and repeated lines
     lines = list(dict.fromkeys(re.sub(r", \d+ s$", "", line) for line in shown if line not in ("", answer)))
@@ -516,7 +516,7 @@ def test_an_interrupt_after_one_start_had_converged(call, job, monkeypatch):
     monkeypatch.setattr(work, "fit", interrupted)
     status, printed, complaint = call(job)
     assert status == 130
-    assert complaint == "rubberfric-fit: interrupted: a start had converged, others had not\n"
+    assert complaint == "rubberfric-fit: interrupted: one start has converged, others have not\n"
     assert printed.startswith("Small fit\n[[Verdict]]")
 
 
@@ -528,7 +528,7 @@ def test_an_interrupt_while_saving_waits_until_the_file_is_whole(call, job, monk
     command_save = work.save
     monkeypatch.setattr(work, "save", slow)
     status, _, complaint = call(job, "--out", "fit.h5")
-    assert (status, complaint) == (130, "rubberfric-fit: interrupted: what was to be done was done\n")
+    assert (status, complaint) == (130, "rubberfric-fit: interrupted: all results are complete\n")
     assert fitting.FitResult.load("fit.h5").success
 
 
@@ -540,7 +540,7 @@ def test_a_second_interrupt_does_not_wait_and_leaves_no_half_file(call, job, mon
     monkeypatch.setattr("fitting.results.hdf5.write_minima", impatient)
     status, printed, complaint = call(job, "--out", "fit.h5")
     assert (status, printed) == (130, "")
-    assert complaint == "rubberfric-fit: interrupted; what was not yet complete is not written\n"
+    assert complaint == "rubberfric-fit: interrupted; incomplete files are not written\n"
     assert sorted(os.listdir()) == JOB_FILES
 
 

@@ -150,7 +150,7 @@ def test_what_is_no_scene(call_main, tmp_path, monkeypatch, content, place):
             ("job.toml", "--bootstrap", "3", "--out", "folder.h5/../c.h5", "--checkpoint", "link.h5"),
             "is the file of --out; must be another",
         ),
-        (fit_main, ("job.toml", "--bootstrap", "3", "--checkpoint", "old.h5"), "there is a file already"),
+        (fit_main, ("job.toml", "--bootstrap", "3", "--checkpoint", "old.h5"), "the file exists"),
         (
             fit_main,
             ("job.toml", "--bootstrap", "3", "--checkpoint", "pipe.h5", "--resume"),

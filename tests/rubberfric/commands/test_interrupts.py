@@ -10,7 +10,7 @@ from support.folders import ROOT
 from support.scenes.fits import JOB_FILES
 
 SCENE = ROOT / "data" / "tread_on_asphalt.toml"
-LOST = "interrupted; what was not yet complete is not written\n"
+LOST = "interrupted; incomplete files are not written\n"
 
 # The main thread is in C for minutes, where no handler of Python's is called.
 BUSY = "hashlib.pbkdf2_hmac('sha256', b'', b'', 2**30)"
@@ -155,6 +155,6 @@ def test_a_second_signal_does_not_wait_for_a_fit():
         sending=(signal.SIGINT, signal.SIGTERM),
         after=0.5,
     )
-    answer = "rubberfric-fit: interrupted; ends after this step, once more ends it at once\n"
+    answer = "rubberfric-fit: interrupted; stopping after this step (a second signal stops at once)\n"
     assert found == (143, "", f"{answer}rubberfric-fit: {LOST}")
     assert sorted(os.listdir()) == JOB_FILES

@@ -18,7 +18,7 @@ from rubberfric.commands.explorer.command import page
 
 SCENE = DATA / "twin_truth.toml"
 PROGRAM = "import sys; from rubberfric.commands.main import main; sys.exit(main())"
-LOST = "rubberfric: interrupted; what was not yet complete is not written\n"
+LOST = "rubberfric: interrupted; incomplete files are not written\n"
 
 
 @pytest.mark.parametrize(
