@@ -12,8 +12,6 @@ from support.scenes.fits import PLAIN, ROAD, SHIFTED
 import fitting
 import rubberfric as rf
 from fitting import FrictionData, Positive
-from fitting.commands.main import main as fit_main
-from rubberfric.commands.main import main
 
 SCENE = rf.Scene(ROAD, rf.Body(SHIFTED))
 DATA = FrictionData([1e-3, 1.0], [0.3, 0.4], pressure=1e5)
@@ -296,47 +294,6 @@ def test_tables(name, tmp_path):
         words = "friction[0] = 60.0: must be -50 ... 50; is it in percent?"
     message = answer(lambda: fitting.read(path))
     assert message.startswith(f"{path}: ") and words in message, message
-
-
-# --- commands
-
-
-def test_commands(call_main, tmp_path):
-    scene, table, job = tmp_path / "scene.toml", tmp_path / "friction.csv", tmp_path / "job.toml"
-    scene.write_text(SCENE_TOML, encoding="utf-8")
-    table.write_text(FRICTION.replace("MPa", "Pa"), encoding="utf-8")
-    head = 'scene = "scene.toml"\n'
-    data, free = '[[data]]\nfile = "friction.csv"\n', '[free]\n"upper.material.E" = "positive"\n'
-    cases = [
-        (main, ("run", tmp_path), "must be .toml or .h5; it is a folder"),
-        (main, ("run", table), "suffix '.csv': must be .toml or .h5"),
-        (main, ("run", job), "No such file"),
-        (main, ("rnu", scene), "invalid choice: 'rnu'"),
-        (main, ("run", scene, "--out", tmp_path / "r.csv"), "suffix '.csv': must be .h5"),
-        (main, ("run", scene, "--out", tmp_path / "no" / "r.h5"), "does not exist; create it first"),
-        (fit_main, (scene,), "data: is missing; must be given"),
-    ]
-    for text, words in (
-        (head + free, "data: is missing; must be given"),
-        (head + data, "free: is missing; must be given"),
-        (head + data + free, "pressure[0] = 0.1: must be >= 1 Pa"),
-        (
-            head + data + "check_unit = false\n" + free,
-            "data[0].check_unit: unknown key; did you mean 'check_units'?",
-        ),
-        (head.replace("scene.toml", "scene.tml") + data + free, "suffix '.tml': must be .toml or .h5"),
-        (head + data.replace(".csv", ".ods") + free, "save a sheet as .csv"),
-        (head + '[data]\nfile = "friction.csv"\n' + free, "must be tables, each headed [[data]]"),
-    ):
-        job.write_text(text, encoding="utf-8")
-        status, out, err = call_main(fit_main, job)
-        assert status == 2 and not out and words in err and err.count("\n") == 1, err
-    job.unlink()
-    for command, arguments, words in cases:
-        if command is fit_main:
-            words = "must"
-        status, out, err = call_main(command, *arguments)
-        assert status == 2 and not out and words in err and err.count("\n") == 1, err
 
 
 def test_a_data_set_that_may_have_any_unit(tmp_path):

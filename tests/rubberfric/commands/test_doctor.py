@@ -16,12 +16,7 @@ MAIN = "import sys; from rubberfric.commands.main import main; sys.exit(main())"
 
 def test_versions_devices_and_programs(tmp_path):
     done = subprocess.run(
-        [
-            sys.executable,
-            "-c",
-            MAIN,
-            "doctor",
-        ],
+        [sys.executable, "-c", MAIN, "doctor"],
         env={"PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path)},
         capture_output=True,
         text=True,
