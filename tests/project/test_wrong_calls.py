@@ -30,10 +30,6 @@ def answer(call, error=ValueError):
 
 
 CALLS = {
-    "wave vectors in the reverse order": (
-        lambda: rf.SelfAffine(3e4, 1e3, 1e2, 0.8, 5e-4),
-        ("SelfAffine.qr = 1000.0", "must be >= q0 = 30000.0"),
-    ),
     "a number as text": (lambda: rf.Elastic("1e7", 0.5), ("Elastic.young = '1e7'", "must be a number")),
     "Poisson's ratio in percent": (
         lambda: rf.Elastic(1e7, 50),
@@ -46,10 +42,6 @@ CALLS = {
     "a material by its name": (
         lambda: rf.Body("rubber"),
         ("Body.material = 'rubber'", "must be Rigid, Elastic"),
-    ),
-    "materials without bodies": (
-        lambda: rf.Scene(rf.Rigid(), PLAIN),
-        ("Scene.lower = Rigid()", "must be Body"),
     ),
     "roughness before the material": (
         lambda: rf.Body(ROAD.spectrum, rf.Rigid()),
@@ -99,10 +91,6 @@ CALLS = {
         ("omega = '1 Hz'", "must be a number"),
     ),
     "the slope of a body": (lambda: rf.rms_slope(ROAD), ("spectrum is a Body", "must be SelfAffine, Tab")),
-    "the spectrum of a rubber": (
-        lambda: rf.power_spectrum(PLAIN, 1e3),
-        ("spectrum is a Prony", "must be Self"),
-    ),
     "a scene before its file": (
         lambda: rf.save_scene(SCENE, "scene.h5"),
         ("path is a Scene", "must be the path of a file"),
@@ -119,25 +107,9 @@ CALLS = {
         lambda: fitting.fit(DATA, SCENE, {"gamma": Positive()}),
         ("scene is a FrictionData", "must be a Scene, or a dict of them"),
     ),
-    "free parameters as a list": (
-        lambda: fitting.fit(SCENE, DATA, ["gamma"]),
-        ("free: must be a dict of key",),
-    ),
     "a rule without brackets": (
         lambda: fitting.fit(SCENE, DATA, {"upper.material.E": Positive}),
         ("free['upper.material.E']", "a class, must be made with Positive(...)"),
-    ),
-    "a rule as text": (
-        lambda: fitting.fit(SCENE, DATA, {"upper.material.E": "positive"}),
-        ("free['upper.material.E'] = 'positive'", "must be Positive, Bounded, Free, Tied or RmsSlope"),
-    ),
-    "the path of one body in the other": (
-        lambda: fitting.fit(SCENE, DATA, {"lower.material.E": Positive()}),
-        ("'lower.material.E': unknown key path", "did you mean 'upper.material.E'?"),
-    ),
-    "velocities in km/h": (
-        lambda: FrictionData([1.0, 3600.0], [0.3, 0.4], pressure=1e5),
-        ("FrictionData.velocity[1] = 3600.0", "is it in mm/s or um/s?"),
     ),
     "a file in place of data": (
         lambda: fitting.fit_prony("master_curve.csv"),
