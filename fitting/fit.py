@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 import rubberfric as rf
-from fitting.data.kinds import DataSets, data_by_scene
+from fitting.data.kinds import DataSets, data_by_scene, warn_of_repeated
 from fitting.parameters.constraints import Constraint
 from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import Prior
@@ -122,6 +122,7 @@ def fit(
     check_options(decades=decades, max_steps=max_steps, tolerance=tolerance, scale_errors=scale_errors)
     scene = as_scenes(scene)
     data, of = data_by_scene(data, scene if isinstance(scene, dict) else None)
+    warn_of_repeated(data, of)
     problem = make_problem(scene, data, free, prior, loss, loss_width, quadrature, of)
     scenes = each_scene(scene, of)
     if discrepancy is not None:

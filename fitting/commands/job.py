@@ -55,7 +55,6 @@ import numpy as np
 
 import rubberfric as rf
 from fitting.data.files import read
-from fitting.data.kinds import REPEATED, repeated
 from fitting.data.measured import Measured
 from fitting.parameters.constraints import CONSTRAINTS, Constraint
 from fitting.parameters.discrepancy import Discrepancy
@@ -148,10 +147,7 @@ def _scene(path, key, file, of_data, data, outputs):
         files[f"{of_data}[{i}].file"] = one.get("file") if isinstance(one, dict) else None
     _check_outputs(path, files, outputs)
     scene = _read(path, key, file, rf.load_scene)
-    sets = [_data(path, f"{of_data}[{i}]", one) for i, one in enumerate(data)]
-    for i, j in repeated(sets):
-        raise ValueError(f"{path}: {of_data}[{i}] has the values of {of_data}[{j}]: {REPEATED}")
-    return scene, sets
+    return scene, [_data(path, f"{of_data}[{i}]", one) for i, one in enumerate(data)]
 
 
 def _check_outputs(path, files, outputs):

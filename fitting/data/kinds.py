@@ -10,7 +10,8 @@ in SI units, one element for each measured point. A fit sees all of them in the 
 """
 
 import dataclasses
-from collections.abc import Collection, Iterator, Mapping, Sequence
+import itertools
+from collections.abc import Collection, Mapping, Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -220,28 +221,7 @@ def as_data_sets(data: Measured | Sequence[Measured]) -> list[Measured]:
     for i, one in enumerate(data):
         if not isinstance(one, Measured):
             raise ValueError(f"data[{i}] is a {type(one).__name__}: must be {kinds}")
-    for i, j in repeated(data):
-        text = f"data[{i}] has the values of data[{j}]: {REPEATED}"
-        warn_caller(text, UserWarning)
     return list(data)
-
-
-REPEATED = "remove one, because values that are given twice make error bars too small by a factor sqrt(2)"
-
-
-def repeated(data: Sequence[Measured]) -> Iterator[tuple[int, int]]:
-    """Yield (i, j), i > j, of data sets with the same values at the same conditions, whatever their errors.
-
-    Sets of less than four values are omitted. They can agree by chance, because of rounding.
-    """
-    contents = []
-    for one in data:
-        fields = (getattr(one, name, None) for name in (*one.conditions, *one.values, "body"))
-        contents.append((type(one), [np.asarray(values).tolist() for values in fields]))
-    for i, content in enumerate(contents):
-        for j in range(i):
-            if content == contents[j] and len(data[i]) > 3:
-                yield i, j
 
 
 DataSets = Measured | Sequence[Measured]
@@ -257,8 +237,9 @@ def data_by_scene(
     data : one set or several; for several scenes a dict of them by scene
     names : of the scenes, None of a single one
 
-    Returns ------- (data sets, names of their scenes), "" for a single scene. Labels begin with the name if
-    there are several.
+    Returns
+    -------
+    (data sets, names of their scenes), "" for a single scene. With several scenes, labels begin with it.
 
     Raises
     ------
@@ -284,6 +265,21 @@ def data_by_scene(
         sets += [_named(one, name) for one in own]
         of += [name] * len(own)
     return sets, of
+
+
+def warn_of_repeated(data: Sequence[Measured], of: Sequence[str]) -> None:
+    """Warn if two data sets of a scene are equal, because repeated data shrink error bars."""
+    for (i, one), (j, other) in itertools.combinations(enumerate(data), 2):
+        if (
+            type(one) is type(other)
+            and of[i] == of[j]
+            and all(np.array_equal(getattr(one, name), getattr(other, name)) for name in one.fields())
+        ):
+            warn_caller(
+                f"data sets {i + 1} and {j + 1} are equal, so the data count twice and error bars shrink by "
+                "sqrt(2). Leave one out.",
+                UserWarning,
+            )
 
 
 def _named(data: Measured, scene: str) -> Measured:

@@ -32,14 +32,14 @@ def run_map(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError
         except ValueError as error:
             raise ValueError(f"{arguments.scene}: {error}") from None
     quantities: list[str] = list(arguments.quantity or DEFAULT_QUANTITIES)
+    for name, absent in (
+        ("shear_friction", scene.shear is None),
+        ("transverse_friction", not has_transverse_force(scene)),
+    ):
+        if name in quantities and absent:
+            raise ValueError(f"{arguments.scene}: {name} is 0 in this scene; must be left out of --quantity")
     if iterates(scene) and "converged" not in quantities:
         quantities.append("converged")
-    for name, is_there, needs in (
-        ("shear_friction", scene.shear is not None, "contact shear"),
-        ("transverse_friction", has_transverse_force(scene), "anisotropic roughness on a viscoelastic solid"),
-    ):
-        if name in quantities and not is_there:
-            raise ValueError(f"{arguments.scene}: --quantity {name}: is 0 everywhere; it needs {needs}")
     points = math.prod(result_shape(conditions))
     show(f"compiling {', '.join(quantities)} for a map of {points} points")
 

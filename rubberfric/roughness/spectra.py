@@ -19,6 +19,8 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.checks import (
     NONNEGATIVE,
+    PLAUSIBLE_HEIGHT,
+    PLAUSIBLE_WAVEVECTOR,
     POSITIVE,
     between,
     either,
@@ -27,11 +29,6 @@ from rubberfric.base.checks import (
 )
 from rubberfric.base.objects.fields import Number, leaf
 from rubberfric.base.objects.physical import Kind, check_kind, kinds, physical
-
-# Plausible rms heights and largest wavevectors. Roads have 1e-3 m; a wavevector below 1e2 1/m is a wavelength
-# above 6 cm, one above 1e12 1/m is a wavelength below the size of an atom.
-MAX_HEIGHT = 0.1  # [m]
-CUTOFF_RANGE = (1e2, 1e12)  # [1/m]
 
 
 class BrokenPowerLaw(NamedTuple):
@@ -111,11 +108,11 @@ class SelfAffine(Spectrum):
     alternatives: ClassVar = {"C0": "h_rms"}
     rising: ClassVar = (("q0", "qr", "q1"),)
 
-    q0: Number = leaf(POSITIVE, unit="1/m")
-    qr: Number = leaf(POSITIVE, unit="1/m")
-    q1: Number = leaf(POSITIVE, unit="1/m")
+    q0: Number = leaf(POSITIVE, unit="1/m", plausible=PLAUSIBLE_WAVEVECTOR)
+    qr: Number = leaf(POSITIVE, unit="1/m", plausible=PLAUSIBLE_WAVEVECTOR)
+    q1: Number = leaf(POSITIVE, unit="1/m", plausible=PLAUSIBLE_WAVEVECTOR)
     hurst: Number = leaf(between(0.0, 1.0), unit="-")
-    h_rms: Number = leaf(NONNEGATIVE, unit="m")
+    h_rms: Number = leaf(NONNEGATIVE, unit="m", plausible=PLAUSIBLE_HEIGHT)
 
     def _check(self):
         if is_concrete(self.q0) and is_concrete(self.q1) and float(self.q0) == float(self.q1):
@@ -230,12 +227,9 @@ def mean_growth(y: jax.Array) -> jax.Array:
 
 
 def doubts_of_roughness(log_q: np.ndarray, log_C: np.ndarray, h_rms: float | None = None) -> list[str]:
-    r"""Return warnings for implausible heights, slopes and wavevectors.
+    r"""Return warnings for heights above the longest wavelength and for implausible slopes.
 
-    .. math:: h_\mathrm{rms} q_0 \le 1, \qquad \Big(2\pi\int q^3 C\,dq\Big)^{1/2} \le 30, \qquad
-              h_\mathrm{rms} \le 0.1\,\mathrm{m}, \qquad 10^2 \le q_1 \le 10^{12}\,\mathrm{m}^{-1}
-
-    The last two conditions find heights and wavevectors that are both in another unit of length.
+    .. math:: h_\mathrm{rms} q_0 \le 1, \qquad \Big(2\pi\int q^3 C\,dq\Big)^{1/2} \le 30
 
     Parameters
     ----------
@@ -254,12 +248,6 @@ def doubts_of_roughness(log_q: np.ndarray, log_C: np.ndarray, h_rms: float | Non
             f"rms height {_shown(log_height)} m beside 1/q0 = {_shown(-x[0])} m: must be less;"
             " is it in mm or um, or C in another normalisation?"
         )
-    if log_height > np.log(MAX_HEIGHT):
-        found.append(f"rms height {_shown(log_height)} m: must be <= {MAX_HEIGHT:g} m; is it in mm or um?")
-    low, high = CUTOFF_RANGE
-    if not np.log(low) <= x[-1] <= np.log(high):
-        rule = f"must be {low:g} ... {high:g} 1/m; is it in 1/mm or 1/um?"
-        found.append(f"largest wavevector {_shown(x[-1])} 1/m: {rule}")
     if log_slope > np.log(30):
         found.append(f"rms slope {_shown(log_slope)}: must be at most 30; are heights, q and C in SI?")
     return found

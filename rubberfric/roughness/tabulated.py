@@ -8,7 +8,14 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import recurring_length
-from rubberfric.base.checks import POSITIVE, check_increasing, check_lengths, is_concrete, shown
+from rubberfric.base.checks import (
+    PLAUSIBLE_WAVEVECTOR,
+    POSITIVE,
+    check_increasing,
+    check_lengths,
+    is_concrete,
+    shown,
+)
 from rubberfric.base.objects.fields import OptionalNumber, Vector, leaf
 from rubberfric.base.objects.physical import physical
 from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum, doubts_of_roughness, log_ratio
@@ -36,10 +43,10 @@ class TabulatedSpectrum(Spectrum):
     file_kind: ClassVar[str] = "tabulated"
     rising: ClassVar = (("q",), ("q[0]", "q0", "q1", "q[-1]"))
 
-    q: Vector = leaf(POSITIVE, unit="1/m", column="q")
+    q: Vector = leaf(POSITIVE, unit="1/m", plausible=PLAUSIBLE_WAVEVECTOR, column="q")
     C: Vector = leaf(POSITIVE, unit="m^4", column="C", over="q")
-    q0: OptionalNumber = leaf(POSITIVE, unit="1/m", default=None)
-    q1: OptionalNumber = leaf(POSITIVE, unit="1/m", default=None)
+    q0: OptionalNumber = leaf(POSITIVE, unit="1/m", plausible=PLAUSIBLE_WAVEVECTOR, default=None)
+    q1: OptionalNumber = leaf(POSITIVE, unit="1/m", plausible=PLAUSIBLE_WAVEVECTOR, default=None)
 
     def _check(self):
         check_lengths("TabulatedSpectrum", q=self.q, C=self.C)

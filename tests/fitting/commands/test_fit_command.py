@@ -142,11 +142,6 @@ PRIOR = '"upper.material.E_inf" = { mean = 1e6, sigma = 1e5 }'
             'body = "up"',
             "data[0].file: modulus.csv: ModulusData.body = 'up': must be 'low",
         ),
-        (
-            "[free]",
-            '[[data]]\nfile = "modulus.csv"\nbody = "upper"\nrelative = 0.05\n[free]',
-            "data[1] has the values of data[0]: remove one",
-        ),
         ("modulus.csv", "no.csv", "data[0].file: no.csv: cannot be read: No such file"),
         ("modulus.csv", "friction.h5", "body = 'upper': must not be given; friction data have none"),
         ("relative = 0.03", "relative = -0.03", "ModulusData.relative = -0.03: must be > 0"),

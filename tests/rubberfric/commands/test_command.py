@@ -266,6 +266,13 @@ def test_failed_work(call, scene_file, tmp_path, monkeypatch, failure):
     assert os.listdir(tmp_path) == ["scene.toml"]
 
 
+@pytest.mark.parametrize("name", ["shear_friction", "transverse_friction"])
+def test_a_map_of_zeros_is_refused(call, scene_file, name):
+    scene_file.write_text(scene_file.read_text().replace("[run]", "[map]"))
+    status, _, complaint = call("map", str(scene_file), "--quantity", name)
+    assert status == 2 and f"{name} is 0 in this scene" in complaint
+
+
 @pytest.mark.parametrize(("package", "command"), [("rubberfric",) * 2, ("fitting", "rubberfric-fit")])
 def test_commands_run_without_their_scripts(package, command):
     done = subprocess.run([sys.executable, "-m", package, "no.toml"], capture_output=True, text=True)

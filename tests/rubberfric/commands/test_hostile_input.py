@@ -129,7 +129,6 @@ def test_what_is_no_scene(call_main, tmp_path, monkeypatch, content, place):
             ("map", "scene.toml", "--quantity", "area", "shear_friction"),
             "is 0 everywhere; it needs contact",
         ),
-        (main, ("map", "scene.toml", "--quantity", "transverse_friction"), "is 0 everywhere; it needs aniso"),
         (main, ("run", "large.toml"), "run has 10000000000 points: must have at most 1000000"),
         (main, ("accuracy", "large.toml"), "run has 10000000000 points: must have at most 1000000"),
         (main, ("run", "scene.toml", "--out", "pipe.h5"), "is a pipe or a device; must be a file"),

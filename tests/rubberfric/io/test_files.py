@@ -450,8 +450,8 @@ SCENES = {
     "anisotropic": put(put(full_scene(), "lower.spectrum", STRETCHED), "upper.spectrum", DIRECTIONS),
     "heated": put(put(full_scene(), "softening", {"file": "softening.csv"}), "heating", HEATED),
 }
-# Scene: a key, a wrong value, and the message, which names the file, the key, the value and the rule. The rules
-# of constructors are in tests/rubberfric/base/test_objects.py; here one of each depth shows its key.
+# Scene: a key, a wrong value, and the message, which names the file, the key, the value and the rule.
+# Rules of constructors are in tests/rubberfric/base/test_objects.py; here one of each depth shows its key.
 FAULTS = {
     "full": [
         ("lower.materail", {}, "lower.materail: unknown key; did you mean 'material'? must be one of"),

@@ -78,23 +78,9 @@ def test_last_iterates_point_here():
     assert found[0].filename == __file__
 
 
-@pytest.mark.parametrize(
-    ("spectrum", "text"),
-    [
-        # Lengths in um: they agree with each other, and no rms slope or h_rms q0 is large.
-        (rf.SelfAffine(1e-4, 1e-3, 3e-2, 0.8, 500.0), "rms height 500 m: must be <= 0.1 m"),
-        (
-            rf.SelfAffine(1e-4, 1e-3, 3e-2, 0.8, 0.05),
-            "largest wavevector 0.03 1/m: must be 100 ... 1e+12 1/m",
-        ),
-        (rf.SelfAffine(1e8, 1e9, 3e15, 0.8, 5e-10), "largest wavevector 3e+15 1/m: must be 100"),
-        (rf.TabulatedSpectrum([1e-3, 1e-2, 1.0], [1e8, 1e6, 1e-2]), "rms height"),
-    ],
-)
-def test_lengths_in_another_unit(spectrum, text):
-    assert any(text in line for line in spectrum.doubts())
-
-
-def test_roughness_of_roads_and_glass_is_plausible():
-    road, glass = rf.SelfAffine(1.0, 1e3, 1e7, 0.9, 5e-3), rf.SelfAffine(1e4, 1e6, 1e10, 0.9, 2e-10)
-    assert not road.doubts() and not glass.doubts()
+def test_lengths_in_micrometres_are_noticed():
+    """Heights and spacing in micrometres as numbers, which agree with each other."""
+    with pytest.warns(rf.UnitWarning, match=r"q0 = 0.0006.* must be 0.1 ... 1e\+12 1/m; is it in 1/mm"):
+        rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine(6e-4, 1e-3, 1.0, 0.8, 34.0)), rf.Body(TREAD))
+    with pytest.warns(rf.UnitWarning, match="h_rms = 3.4 m: must be at most 1 m; is it in mm or um"):
+        rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine(0.2, 0.2, 1.0, 0.8, 3.4)), rf.Body(TREAD))
