@@ -15,7 +15,8 @@ Free           scale x                                   value / scale
 =============  ========================================  =======================
 """
 
-from collections.abc import Hashable, Mapping
+import functools
+from collections.abc import Callable, Hashable, Mapping
 from typing import Any, NamedTuple
 
 import jax
@@ -33,10 +34,12 @@ from fitting.parameters.constraints import (
     cutoff_of,
     start_values,
     value_range,
+    with_starts,
 )
 from fitting.parameters.scenes import (
     OrderedPair,
     Scenes,
+    as_scenes,
     check_start,
     find,
     leaf_names,
@@ -44,6 +47,7 @@ from fitting.parameters.scenes import (
     paths_of,
 )
 from rubberfric.base import as_array
+from rubberfric.scene import cast, result_dtype
 
 # A Positive element that fell by more than this factor was driven towards zero.
 VANISHED = 1e6
@@ -258,6 +262,39 @@ def to_scene(variables: Variables, constants: Constants, x: Array) -> Any:
     for group, slope in cut:  # from all the others
         leaves[group.leaf] = cutoff_of(jax.tree.unflatten(variables.tree, leaves), group.path, slope)
     return jax.tree.unflatten(variables.tree, leaves)
+
+
+def unconstrained(
+    scene: Scenes, free: Mapping[str, Constraint]
+) -> tuple[jax.Array, Callable[[jax.Array], Any]]:
+    """Return a scene's free parameters as unconstrained numbers, for optimisers other than `fitting.fit`.
+
+    ::
+
+        x, to_scene = fitting.unconstrained(scene, {"lower.spectrum.h_rms": fitting.Positive()})
+        gradient = jax.grad(lambda x: loss(to_scene(x)))(x)
+
+    Parameters
+    ----------
+    scene : Scene, or dict of name -> Scene; its numbers are the initial guess and the fixed parameters
+    free : dict of key path -> Positive, Bounded, Free, Tied or RmsSlope, as for `fitting.fit`
+
+    Returns
+    -------
+    x : shape (n,) [-]
+        ln of Positive parameters, logit of Bounded ones, value over scale of Free ones. A step of 1 changes a
+        parameter by about its own size.
+    to_scene : pure function of x, which `jit`, `vmap` and `grad` support; returns the scene or scenes
+        The order of numbers in a scene, such as q0 <= qr <= q1, is not enforced.
+
+    Raises
+    ------
+    ValueError : as in `fitting.fit` for `free`
+    """
+    scene = as_scenes(scene)
+    dtype = result_dtype(scene, 1.0)
+    variables, constants, start = free_parameters(with_starts(cast(scene, dtype), free), free)
+    return jnp.asarray(start, dtype), functools.partial(to_scene, variables, cast(constants, dtype))
 
 
 def slopes(variables: Variables, constants: Constants, x: np.ndarray) -> np.ndarray:

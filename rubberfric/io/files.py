@@ -26,7 +26,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from rubberfric.base.atomic import StrPath, as_path, check_suffix, check_writable, replacing
+from rubberfric.base.atomic import StrPath, as_path, check_suffix, check_writable, replacing, write_text
+from rubberfric.base.objects.physical import fields_of, parts_of
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.io.hdf5 import (
     check_names,
@@ -50,7 +51,7 @@ from rubberfric.io.results import (
     check_conditions,
     result_shape,
 )
-from rubberfric.io.toml import read_scene_toml
+from rubberfric.io.toml import read_scene_toml, scene_texts
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.quantities import Solution
 
@@ -90,16 +91,26 @@ def load_scene(path: StrPath) -> Scene:
 
 
 def save_scene(path: StrPath, scene: Scene) -> None:
-    """Save a scene as an HDF5 file (.h5), completely or not at all.
+    """Save a scene as an HDF5 file (.h5) or a TOML file (.toml), completely or not at all.
+
+    A TOML file has all digits. Its tables are CSV files in the same folder, named after it. It has no
+    conditions; add a section [run] for `rubberfric run`.
 
     Raises
     ------
-    ValueError : the suffix is not .h5, the folder is missing, or a constructor refuses a value of the scene
+    ValueError : another suffix, a missing folder, or a value of the scene that a constructor refuses
     """
-    check_writable(path, (".h5",))
+    check_writable(path, (".h5", ".toml"))
     if not isinstance(scene, Scene):
         raise ValueError(f"{path}: scene must be a Scene, got {type(scene).__name__}")
     try:
+        if (place := as_path(path)).suffix.lower() == ".toml":
+            for _, part in parts_of(scene):  # JAX rebuilds objects without checks
+                type(part)(**{name: getattr(part, name) for name in fields_of(type(part))})
+            texts = scene_texts(scene, None, name=place.name, prefix=f"{place.stem}_")
+            for name, text in reversed(texts.items()):  # the TOML file last, when its tables exist
+                write_text(place.parent / name, text)
+            return
         with replacing(path) as temporary, creating(temporary, _FORMAT) as file:
             write_object(file, "scene", scene)
     except ValueError as error:

@@ -567,6 +567,8 @@ def test_scenes_of_the_data_folder(path, tmp_path):
     assert title
     rf.save_scene(tmp_path / "scene.h5", scene)
     same(scene, rf.load_scene(tmp_path / "scene.h5"))
+    rf.save_scene(tmp_path / f"{path.stem}.toml", scene)
+    same(scene, rf.load_scene(tmp_path / f"{path.stem}.toml"))
     again = read_back(tmp_path, *found)
     same(again[:2], found[:2])
     assert again.title == title
@@ -678,7 +680,7 @@ def test_saving_writes_nothing_wrong(tmp_path):
     refused(path, lambda: rf.save_scene(path, negative))
     assert path.read_bytes() == before
     assert os.listdir(tmp_path) == ["scene.h5"]
-    for wrong in (tmp_path / "scene.toml", tmp_path / "no" / "scene.h5", tmp_path / "scene"):
+    for wrong in (tmp_path / "scene.json", tmp_path / "no" / "scene.h5", tmp_path / "scene"):
         refused(wrong, lambda wrong=wrong: rf.save_scene(wrong, scene))
     (tmp_path / "folder.h5").mkdir()
     refused(tmp_path / "folder.h5", lambda: rf.save_scene(tmp_path / "folder.h5", scene))
