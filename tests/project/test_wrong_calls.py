@@ -196,7 +196,7 @@ SCENES = {
     "a height in um": (
         "h_rms = 5e-4",
         "h_rms = 500.0",
-        "lower.spectrum: rms height 500 m beside 1/q0 = 0.01 m: must be less; is it in mm or um, or C in",
+        "lower.spectrum.h_rms = 500 m: must be at most 1 m; is it in mm or um?",
     ),
     "one modulus in MPa": (
         "E_inf = 3e6",

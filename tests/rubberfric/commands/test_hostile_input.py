@@ -124,11 +124,6 @@ def test_what_is_no_scene(call_main, tmp_path, monkeypatch, content, place):
         (main, ("map", "scene.toml", "--devices", "-1"), "must be > 0"),
         (main, ("map", "scene.toml", "--devices", "1e3"), "invalid int value: '1e3'"),
         (main, ("map", "scene.toml", "--quantity", "mu"), "invalid choice: 'mu'"),
-        (
-            main,
-            ("map", "scene.toml", "--quantity", "area", "shear_friction"),
-            "is 0 everywhere; it needs contact",
-        ),
         (main, ("run", "large.toml"), "run has 10000000000 points: must have at most 1000000"),
         (main, ("accuracy", "large.toml"), "run has 10000000000 points: must have at most 1000000"),
         (main, ("run", "scene.toml", "--out", "pipe.h5"), "is a pipe or a device; must be a file"),
