@@ -254,9 +254,9 @@ def node_count(scene: Scene, quadrature: Quadrature) -> int:
 
 
 def check_error(error: float) -> None:
-    """Raise ValueError unless a wanted error is a number between 0 and 1."""
-    if isinstance(error, bool) or not isinstance(error, int | float) or not 0 < error < 1:
-        raise ValueError(f"error = {error!r}: must be a number, > 0 and < 1")
+    """Raise ValueError unless a wanted error is a number that double precision can meet, below 1."""
+    if isinstance(error, bool) or not isinstance(error, int | float) or not 1e-15 <= error < 1:
+        raise ValueError(f"error = {error!r}: must be a number, >= 1e-15 and < 1")
 
 
 def quadrature_for(
