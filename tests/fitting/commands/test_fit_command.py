@@ -477,7 +477,7 @@ def test_a_request_to_terminate_is_an_interrupt(call, job, monkeypatch):
 
 
 def test_an_interrupt_after_one_start_had_converged(call, job, monkeypatch):
-    """The values are good, but one request failed."""
+    """The values are good, although the command was interrupted."""
 
     def interrupted(*arguments, callback, **options):
         result = fitting.fit(*arguments, **options)
