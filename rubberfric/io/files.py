@@ -60,6 +60,8 @@ _FORMAT = "rubberfric scene"
 _BARE = "This is a netCDF dimension but not a netCDF variable."
 # Largest number of velocities, pressures or temperatures of a command.
 MOST_CONDITIONS = 100_000
+# Largest number of points of the commands that keep all results in memory.
+MOST_POINTS = 1_000_000
 # Bytes of a result file without its quantities, rounded up.
 _HEAD = 2**20
 # Attributes of an interpolated map.
@@ -128,14 +130,21 @@ def read_scene_file(path: StrPath, table: str = "run") -> SceneFile:
         return _read_scene(file)
 
 
-def read_computable(path: StrPath, table: str = "run") -> tuple[Scene, Conditions, str]:
-    """Read scene, conditions and title; ValueError without conditions."""
+def read_computable(
+    path: StrPath, table: str = "run", most: float = math.inf
+) -> tuple[Scene, Conditions, str]:
+    """Read scene, conditions and title; ValueError without conditions, or with more than `most` points."""
     found = read_scene_file(path, table)
     if found.conditions is None:
         raise ValueError(f"{path}: {table}: is missing; must hold velocity and pressure to compute at")
     for name, values in found.conditions._asdict().items():
         if values is not None and values.size > MOST_CONDITIONS:
             raise ValueError(f"{path}: {name} has {values.size} values: must have at most {MOST_CONDITIONS}")
+    points = math.prod(result_shape(found.conditions))
+    if points > most:
+        raise ValueError(
+            f"{path}: {table} has {points} points: must have at most {most}; see `rubberfric map`"
+        )
     return found.scene, found.conditions, found.title
 
 
@@ -187,11 +196,7 @@ def load_result(path: StrPath) -> Result:
         if conditions is None:
             raise ValueError("has a scene but no results; must be a result file")
         shape = result_shape(conditions)
-        values = {name: _read_quantity(file, name) for name in QUANTITY_FORMATS if name in file}
-        for name, array in values.items():
-            if np.shape(array) != shape:
-                axes = ", ".join(DIMENSIONS)
-                raise ValueError(f"/{name} has shape {np.shape(array)}: must be {shape}, [{axes}]")
+        values = {name: _read_quantity(file, name, shape) for name in QUANTITY_FORMATS if name in file}
         quadrature = read_quadrature(file)
         interpolation = None
         if _FROM in file.attrs and _ERROR in file.attrs:
@@ -199,11 +204,11 @@ def load_result(path: StrPath) -> Result:
     return Result(scene, conditions, Solution(**values), quadrature, title, interpolation)
 
 
-def _read_quantity(file: h5py.File, name: str) -> np.ndarray:
+def _read_quantity(file: h5py.File, name: str, shape: tuple[int, ...]) -> np.ndarray:
     data = file[name]
-    if name == "converged" and isinstance(data, h5py.Dataset) and data.dtype == bool:
+    if name == "converged" and isinstance(data, h5py.Dataset) and (data.dtype, data.shape) == (bool, shape):
         return np.asarray(data[()])
-    values = np.asarray(read_values(file, name, QUANTITY_FORMATS[name].unit))
+    values = np.asarray(read_values(file, name, QUANTITY_FORMATS[name].unit, shape))
     return values != 0 if name == "converged" else values
 
 

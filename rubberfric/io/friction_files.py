@@ -1,6 +1,7 @@
 """Friction tables in the formats of other programs, read and written."""
 
 import json
+import math
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -187,13 +188,13 @@ def _from_rows(rows: Any, units: TableUnits) -> FrictionTable:
     mu, v, p, T = np.array(rows, float).T
     axes, places = zip(*(np.unique(x, return_inverse=True) for x in (T, p, v)), strict=True)
     temperatures, pressures, velocities = shape = tuple(axis.size for axis in axes)
-    friction = np.full(shape, np.nan)
-    friction[places] = mu
-    if mu.size != friction.size or np.isnan(friction).any():
+    if mu.size != math.prod(shape) or np.unique(np.ravel_multi_index(places, shape)).size != mu.size:
         raise ValueError(
             f"has {mu.size} points over {velocities} velocities, {pressures} pressures and {temperatures}"
             " temperatures: must have every combination once"
         )
+    friction = np.empty(shape)
+    friction[places] = mu
     v, p, T = (axis * factor + zero for axis, (factor, zero) in zip(axes[::-1], units.scales(), strict=True))
     return FrictionTable(v, p, None if np.isnan(T).any() else T, friction)
 

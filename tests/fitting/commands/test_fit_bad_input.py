@@ -1,4 +1,4 @@
-"""Inputs that a fit refuses, each with one line: what is wrong, where, and what to do."""
+"""Inputs that a fit refuses with a one-line message."""
 
 import os
 import subprocess

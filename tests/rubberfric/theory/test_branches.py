@@ -310,7 +310,7 @@ def test_what_did_not_converge_is_named(monkeypatch, recwarn):
     with pytest.warns(
         RuntimeWarning,
         match=r"^the temperatures did not converge at 4 of 5 points, at v = 2 m/s, "
-        r"p = 300000 Pa, T = 258 K; .*v = 4 .* and others: the values there are those of the last",
+        r"p = 300000 Pa, T = 258 K; .*v = 4 .* and others: their values are the last",
     ):
         rf.friction(scene, v, PRESSURE, COLD)
     recwarn.clear()

@@ -443,7 +443,7 @@ def test_an_interrupted_command_says_so_and_writes_nothing(call_main, scene_file
         command.main, "map", scene_file, "--out", scene_file.parent / "m.h5"
     )
     assert (status, printed) == (130, "")
-    assert complaint == "rubberfric: interrupted; what was not yet complete is not written\n"
+    assert complaint == "rubberfric: interrupted; incomplete files are not written\n"
     assert os.listdir(scene_file.parent) == ["scene.toml"]
 
 

@@ -18,7 +18,7 @@ from rubberfric.commands.explorer.command import page
 
 SCENE = DATA / "twin_truth.toml"
 PROGRAM = "import sys; from rubberfric.commands.main import main; sys.exit(main())"
-LOST = "rubberfric: interrupted; what was not yet complete is not written\n"
+LOST = "rubberfric: interrupted; incomplete files are not written\n"
 
 
 @pytest.mark.parametrize(
@@ -87,7 +87,7 @@ def test_the_page_needs_nothing_else():
     text = page("N0nce")
     assert text.count('nonce="N0nce"') == 2 and "{{" not in text
     assert len(re.findall(r"<(?:script|style)\b", text)) == 2
-    # The one address is a namespace.
+    # The only address is a namespace.
     assert set(re.findall(r"https?://[^\s\"'`]*", text)) == {"http://www.w3.org/2000/svg"}
     for word in ("@import", "src=", "url(h", "innerHTML", "eval(", "document.write", "onclick="):
         assert word not in text, word
@@ -115,9 +115,9 @@ def begun(tmp_path):
             process.kill()
 
 
-@pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("which", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_a_signal_ends_it_at_once(begun, tmp_path, which):
-    """While it serves, and compiles the other program."""
+    """While it serves, and compiles the sensitivities."""
     process, url = begun
     host, port, token = re.fullmatch(r"http://(127\.0\.0\.1):(\d+)/(\S+)/", url).groups()
     connection = http.client.HTTPConnection(host, int(port), timeout=60)
