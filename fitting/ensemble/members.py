@@ -151,7 +151,7 @@ class EnsembleResult:
             arrays = {name: hdf5.read_array(file, name, _UNITS[name], shape) for name, shape in rows.items()}
             arrays |= {name: hdf5.read_counts(file, name, count) for name in _COUNTS}
             if not np.isin(arrays["status"], list(MESSAGES)).all():
-                raise ValueError(f"/status: must be out of {', '.join(map(str, MESSAGES))}")
+                raise ValueError(f"/status: must be one of {', '.join(map(str, MESSAGES))}")
             return cls(names=names, **arrays, **hdf5.attributes(file, _ATTRIBUTES))
 
 
