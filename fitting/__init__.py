@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from fitting.parameters.priors import Gaussian as Gaussian
     from fitting.parameters.priors import Smooth as Smooth
     from fitting.parameters.priors import Sum as Sum
+    from fitting.parameters.variables import unconstrained as unconstrained
     from fitting.results import plot as plot
     from fitting.results.result import FitResult as FitResult
     from fitting.results.result import friction_table as friction_table

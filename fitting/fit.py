@@ -7,7 +7,7 @@ import jax
 import numpy as np
 
 import rubberfric as rf
-from fitting.data.kinds import DataSets, data_by_scene
+from fitting.data.kinds import DataSets, data_by_scene, warn_of_repeated
 from fitting.parameters.constraints import Constraint
 from fitting.parameters.discrepancy import Discrepancy
 from fitting.parameters.priors import Prior
@@ -66,62 +66,63 @@ def fit(
     Parameters
     ----------
     scene : Scene, or dict of name -> Scene
-        gives the values of fixed numbers, and the start values of free ones.
+        gives the values of fixed parameters, and the initial guess of free ones.
     data : FrictionData, AreaData, ModulusData, SpectrumData, or a list of them, fitted jointly
-        of several scenes a dict of them by the scenes' names: {"R20": data, "R40": [more, of_it]}.
+        For several scenes a dict from the scenes' names to data: {"R20": data, "R40": [more, of_it]}.
     free : dict of key path -> Positive, Bounded, Free, Tied or RmsSlope
-        such as {"upper.material.E": Positive(), "lower.spectrum.hurst": Bounded(0.3, 1)}. For several scenes
-        "R20.shear.tau_f0" is one scene's number, "*.shear.tau_f0" one number that all of them share.
+        Such as {"upper.material.E": Positive(), "lower.spectrum.hurst": Bounded(0.3, 1)}. For several scenes
+        `R20.shear.tau_f0` is a parameter of one scene, `*.shear.tau_f0` a parameter that all scenes share.
     method : "lm" (Levenberg-Marquardt), "lbfgs" or "adam"
     starts : number of starts; the first is the scene's, the others random (`decades`)
     key : jax.random.key for random starts, or None for key(0)
     prior : dict of key path -> Gaussian, Smooth, Sum or Correlated, or None
-        what another fit knows is one: prior=fit_prony(data).as_prior("lower") | {...}.
+        The result of another fit can be a prior: prior=fit_prony(data).as_prior("lower") | {...}.
     callback : called as callback(step, cost) after every step, or None
     loss, loss_width : "linear", "huber", "soft_l1" or "cauchy", and its width in standard errors
         None: the width at which Gaussian data lose 5 % of their weight (`fitting.solvers.losses`).
     decades : random starts of Positive parameters lie within a factor 10^decades
-    max_steps, tolerance : of the method; None: its own
+    max_steps, tolerance : limits of the method; None: its defaults
     quadrature : Quadrature of the forward model
-        None: chosen for the scene at the start; if the scene at the end needs a finer one, the fit goes
-        on with that.
+        None: chosen for the scene at the start. If the scene at the end needs a finer one, the fit continues
+        with it.
     scale_errors : "auto", True or False
-        whether the size of errors is taken from the scatter about the fit; bars, bands and densities
-        follow. "auto": where none were given; those given stand, and where the scene does not explain
-        the data the report has both bars. True: those given as well, for relative weights only, all
-        times `FitResult.error_scale`. False: never; without errors 10 % are assumed.
+        Estimate the size of the errors from the scatter about the fit; error bars, bands and densities
+        follow. "auto": only for data without given errors. If the scene does not explain data with given
+        errors, the report has both error bars. True: given errors are relative weights, all multiplied by
+        `FitResult.error_scale`. False: never; data without errors have 10 %.
     discrepancy : Discrepancy or None
-        how far the theory of friction itself may be off, see `fitting.parameters.discrepancy`; error bars,
-        bands and verdict allow for it, and the report says by how much. None: the theory is true.
+        error of the theory of friction, see `fitting.Discrepancy`. Error bars, bands and verdict include it,
+        and the report states its size. None: the theory is exact.
     progress : function of a line of text, or None
-        called before what takes seconds and has no steps, as compiling has none.
+        called before steps that take seconds without callbacks, such as compiling.
 
     Returns
     -------
     FitResult
-        of the start that reached the lowest cost. An interrupt from the keyboard ends the fit
-        with the best values so far, `success` False.
+        of the start with the lowest cost. An interrupt from the keyboard ends the fit with the best values so
+        far and `success` False.
 
     Raises
     ------
     ValueError
-        one line: a bad path, start, prior or option, data that the scene cannot predict, or
-        more free parameters than values and priors.
+        an invalid path, start, prior or option, data that the scene cannot predict, or more free parameters
+        than values and priors.
     FloatingPointError
         the model is not finite at any start.
 
     Notes
     -----
-    Data without errors are taken to have one relative error each, which is estimated from
-    their scatter about the fit (twice, the second fit weighted with the first estimate, where that
-    can move the minimum: of several data sets, with priors or a robust loss); the report says so.
-    The `verdict` of the result says whether the scene explains the data.
+    Each data set without errors has one relative error, which is estimated from its scatter about the fit.
+    If this can move the minimum (several data sets, priors or a robust loss), a second fit uses the first
+    estimate as weights. The report states it. The `verdict` of the result states if the scene explains the
+    data.
     """
     began = time.perf_counter()
     check_options(method=method, starts=starts, key=key, prior=prior, callback=callback)
     check_options(decades=decades, max_steps=max_steps, tolerance=tolerance, scale_errors=scale_errors)
     scene = as_scenes(scene)
     data, of = data_by_scene(data, scene if isinstance(scene, dict) else None)
+    warn_of_repeated(data, of)
     problem = make_problem(scene, data, free, prior, loss, loss_width, quadrature, of)
     scenes = each_scene(scene, of)
     if discrepancy is not None:
@@ -213,7 +214,7 @@ def _from(solver, problem, x, max_steps, callback, starts):
 
 
 def _resolved(solver, problem, end, data, max_steps, callback, starts, tell):
-    """Go on with a fit until its quadrature is fine enough for the scene at its end."""
+    """Return Go on with a fit until its quadrature is fine enough for the scene at its end."""
     evaluations = np.zeros(2, int)
     while succeeded(end.status) and (with_more := finer(problem, end.x, data)) is not None:
         tell("fitting on, with the quadrature that the scene at the end of the fit needs")
@@ -224,7 +225,7 @@ def _resolved(solver, problem, end, data, max_steps, callback, starts, tell):
 
 
 def _minima(problem, runs):
-    """Distinct minima that the starts found, lowest first."""
+    """Return the distinct minima that the starts found, lowest first."""
     found = []
     for i in np.argsort(runs.cost):
         if not succeeded(runs.status[i]):
@@ -238,7 +239,7 @@ def _minima(problem, runs):
 
 
 def _not_finite(problem, data):
-    """One line on what of a problem is not finite at its start."""
+    """Return one line about the values that are not finite at the start."""
     rows = residual_rows(problem, problem.start)
     for one, where in zip(data, problem.order, strict=True):
         bad = np.flatnonzero(~np.isfinite(rows[where]))

@@ -42,7 +42,7 @@ def inline_formula(translator, node):
 
 
 def displayed_formula(translator, node):
-    """Write a formula on a line of its own."""
+    """Write a displayed formula."""
     translator.body.append(latex2mathml.converter.convert(node.astext(), display="block"))
     raise SkipNode
 

@@ -138,7 +138,7 @@ class KramersKronig:
         return "\n".join(lines)
 
     def plot(self, ax: style.Panels | None = None) -> style.Panels:
-        """E' and E'' with the E'' that E' implies, and below how far they are apart, with 95 % bars.
+        """Draw E', E'' and the E'' implied by E', and below their difference with 95 % error bars.
 
         Needs matplotlib: pip install 'rubberfric[plot]'. Nodes that are not counted are grey.
 
@@ -186,7 +186,7 @@ class KramersKronig:
 def kramers_kronig(
     data: ModulusData, per_decade: float = 2.0, *, shift: Shift | None = None
 ) -> KramersKronig:
-    r"""How far measured E' and E'' contradict each other, and where.
+    r"""Return how far measured E' and E'' contradict each other, and where.
 
     .. math:: \min_{H \ge 0, k} \sum_j \left(\frac{\ln E'_j / E'(\omega_j)}{s'}\right)^2
               + \left(\frac{\ln E''_j / E''(\omega_j) - k(\omega_j)}{s''}\right)^2
@@ -278,7 +278,7 @@ def kramers_kronig(
 
 
 def _relative(data):
-    """Relative errors of E' and E'', and whether they were given; of equal size if not."""
+    """Return the relative errors of E' and E'', and whether they were given; of equal size if not."""
     if data.error is None:
         return np.ones(len(data)), False
     return data.error if data.logarithmic else data.error / data.measured, True

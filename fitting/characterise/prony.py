@@ -194,7 +194,7 @@ class PronyFit:
         return fit(scene, self.data, free, prior=prior)
 
     def plot(self, ax: style.Panels | None = None) -> style.Panels:
-        """Measured E' and E'', the series, its terms, and the residuals below.
+        """Draw measured E' and E'', the series, its terms, and the residuals below.
 
         Needs matplotlib: pip install 'rubberfric[plot]'.
 
@@ -244,7 +244,7 @@ class PronyFit:
         return html.table(rows, ("tau [s]", "E [Pa]", "error [Pa]"), caption)
 
     def _rows(self):
-        """Texts of every term, E_inf first: relaxation time, modulus, and its error or why it has none."""
+        """Return texts of every term, E_inf first: time, modulus, and its error or the reason for none."""
         tau, E = np.asarray(self.material.tau), np.asarray(self.material.E)
         rows = [("inf", "E_inf", float(self.material.E_inf))]
         rows += [(f"{tau[i]:.4g}", f"E[{i}]", float(E[i])) for i in range(tau.size)]
@@ -262,7 +262,7 @@ def fit_prony(
     smooth: float | str | None = None,
     weights: Sequence[float] = (1.0, 1.0),
 ) -> PronyFit:
-    r"""Prony series of a measured modulus.
+    r"""Fit a Prony series to a measured modulus.
 
     .. math:: \min_{E \ge 0} w' \sum_k \left(\frac{\ln E'(\omega_k)/E'_k}{e_k}\right)^2
               + w'' \sum_k \left(\frac{\ln E''(\omega_k)/E''_k}{e_k}\right)^2
@@ -384,7 +384,7 @@ def _series(data, omega, tau, relaxed, weight):
 
 
 def _peaks(data, omega, tau):
-    """E, all > 0: the loss at the peak of every term, and half the lowest storage for tau = inf."""
+    """Return initial E > 0: the loss at the peak of every term, and half the lowest storage for E_inf."""
     finite = np.isfinite(tau)
     order, at = np.argsort(omega), np.argsort(tau[finite])
     floor = 1e-6 * np.abs(data.storage).max()

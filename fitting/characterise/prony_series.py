@@ -63,7 +63,7 @@ def reduced(data: ModulusData, shift: Shift | None) -> ModulusData:
 
 
 def grid(omega: np.ndarray, per_decade: float) -> np.ndarray:
-    """Relaxation times, as many per decade at least, from 1/omega_max to 1/omega_min."""
+    """Return the relaxation times, as many per decade at least, from 1/omega_max to 1/omega_min."""
     if not (is_number(per_decade) and 0 < per_decade <= 100):
         raise ValueError(f"per_decade = {shown(per_decade)}: must be a number > 0, at most 100")
     decades = np.log10(omega.max() / omega.min())
@@ -72,7 +72,7 @@ def grid(omega: np.ndarray, per_decade: float) -> np.ndarray:
 
 
 def given(data: ModulusData, tau: ArrayLike, omega: np.ndarray) -> np.ndarray:
-    """Relaxation times that the caller chose, checked."""
+    """Return the relaxation times that the caller chose, checked."""
     tau = np.asarray(as_leaf("tau", tau, 1), float)
     check_values("tau", tau, POSITIVE)
     if tau.size == 0:
@@ -99,7 +99,7 @@ def fixed_modulus(E_inf: float | str) -> float | None:
 
 
 def check_gaps(data: ModulusData, omega: np.ndarray) -> None:
-    """ValueError where frequencies leave a gap in which a term would hide."""
+    """Raise ValueError where frequencies leave a gap in which a term would hide."""
     sorted_omega = np.sort(omega)
     gaps = np.diff(np.log10(sorted_omega))
     if gaps.size and gaps.max() > _GAP:
@@ -229,7 +229,7 @@ class SeriesProblem:
         return dataclasses.replace(self, columns=self.columns[:, kept], tau=self.tau[kept])
 
     def bounded(self) -> np.ndarray:
-        """E at the minimum over E >= 0, zeros exact."""
+        """Return E at the minimum over E >= 0, zeros exact."""
         if self.logarithmic:
             E = nonnegative_logarithmic(self.columns, self.measured, self.known, self.error)
         else:
@@ -239,7 +239,7 @@ class SeriesProblem:
         return np.where((self.columns * E > _ROUNDING * model[:, None]).any(0), E, 0.0)
 
     def rows(self, x: np.ndarray, error: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Residuals at x = ln E in units of errors, and their derivatives."""
+        """Return the residuals at x = ln E in units of errors, and their derivatives."""
         parts = self.columns * np.exp(x)
         model = parts.sum(1) + self.known
         if self.logarithmic:
@@ -268,7 +268,7 @@ class SeriesProblem:
         return SeriesMinimum(np.exp(x), scale, known, slope)
 
     def cross_validated(self, E: np.ndarray) -> float:
-        r"""Strength of `Smooth` with the least prediction error of left-out data, sigma [-].
+        r"""Return the strength of `Smooth` with the least prediction error of left-out data, sigma [-].
 
         .. math:: \min_\sigma \frac{n \sum_k r_k^2}{(n - \mathrm{tr} H)^2}
 
@@ -300,7 +300,7 @@ class SeriesProblem:
         return np.diff(slopes, axis=0)
 
     def _minimum(self, x, error, bends):
-        """x of least squares of data and prior, by Levenberg and Marquardt."""
+        """Return x of least squares of data and prior, by Levenberg and Marquardt."""
         damping, (r, J) = 1e-3, self._all(x, error, bends)
         for _ in range(_ITERATIONS):
             H, g = J.T @ J, J.T @ r
@@ -333,7 +333,7 @@ class SeriesProblem:
 
 
 def columns(omega: np.ndarray, tau: np.ndarray) -> np.ndarray:
-    """E' and E'' of every term with E = 1, shape (2 frequencies, terms); of tau = inf, E_inf, too."""
+    """Return E' and E'' of every term with E = 1, shape (2 frequencies, terms); of tau = inf, E_inf, too."""
     finite = np.isfinite(tau)
     a = omega[:, None] * np.where(finite, tau, 1.0)
     terms = np.concatenate([a**2 / (1 + a**2), a / (1 + a**2)])

@@ -28,7 +28,7 @@ def softening_from_sweep(
     linear: float | None = None,
     factor: float = 1.0,
 ) -> rf.Softening | dict[float, rf.Softening]:
-    r"""Softening of a scene from a strain sweep at one frequency.
+    r"""Fit the softening of a scene to a strain sweep at one frequency.
 
     A file of it is read by `rubberfric.io.read_table(path, ["strain", "E_stor", "E_loss"], ["T"],
     increasing=False)`.

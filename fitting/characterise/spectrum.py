@@ -85,7 +85,7 @@ class SpectrumFit:
         return html.table(rows, ("parameter", "value", "error"), caption)
 
     def _rows(self):
-        """Texts of every parameter: name, unit, value, and its error or why it has none."""
+        """Return the texts of every parameter: name, unit, value, and its error or why it has none."""
         rows = []
         for name in ("h_rms", "hurst", "qr", "q0", "q1"):
             value = float(getattr(self.spectrum, name))
@@ -114,7 +114,7 @@ def fit_spectrum(
     relative: ArrayLike | None = None,
     body: str | None = None,
 ) -> SpectrumFit:
-    r"""Self-affine spectrum of a measured one.
+    r"""Fit a self-affine spectrum to a measured one.
 
     .. math:: \min \sum_k \left( \frac{\ln C(q_k) - \ln C_k}{e_k} \right)^2
 
@@ -222,7 +222,7 @@ def _data(data, relative, body):
 
 
 def _weights(data):
-    """1 / variance of ln C, 1 where unknown."""
+    """Return 1 / variance of ln C, 1 where unknown."""
     if data.error is None:
         return np.ones(len(data))
     error = data.error if data.logarithmic else data.error / np.maximum(data.C, data.error)
@@ -247,13 +247,13 @@ def _fixed(name: str, value: float | str, low: float, high: float) -> float | No
 
 
 def _ordered(line, q0, q1, H):
-    """(qr, q1, H) of a line; the logarithm's rounding must not make a roll-off apart from a cut-off."""
+    """Return (qr, q1, H) of a line, with qr = q1 if they differ only by rounding."""
     qr = next((q for q in (q0, q1) if abs(line.kink - np.log(q)) < 1e-12), np.exp(line.kink))
     return float(np.clip(qr, q0, q1)), q1, float(np.clip(H, 0.0, 1.0))
 
 
 def _start(t, y, weight, slopes, fixed_qr, q0, q1, known):
-    """(Line, remarks): the best broken line, without a plateau unless the data show one."""
+    """Return (Line, remarks): the best broken line, without a plateau unless the data show one."""
     if fixed_qr is not None:
         return _line(t, y, weight, slopes, np.log(fixed_qr)), []
     flat = _line(t, y, weight, slopes, np.log(q0))

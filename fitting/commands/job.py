@@ -7,7 +7,7 @@
 
     [[data]]                            # one for each data set
     file = "friction.csv"               # or .h5, see `fitting.data.files`
-    pressure = 1e5                      # and temperature, relative, body, name: what the file lacks;
+    pressure = 1e5                      # and temperature, relative, body, name, if the file lacks them;
                                         # normalisation, hurst of a spectrum; poisson, columns, kind of a
                                         # table as other programs write it, check_units = false,
                                         # see `fitting.read`
@@ -16,7 +16,7 @@
     [scenes.R20]                        # several scenes instead, which share numbers
     file = "R20.toml"
     [[scenes.R20.data]]                 # as above
-    ...                                 # key paths then are "R20.gamma", and "*.gamma" of a shared number
+    ...                                 # key paths are "R20.gamma", or "*.gamma" for a shared parameter
 
     [free]                              # key paths in quotes
     "upper.material.E" = "positive"
@@ -29,11 +29,11 @@
     "lower.spectrum.hurst" = { mean = 0.8, sigma = 0.05 }
     "upper.material.E" = { smooth = 1.0 }
     "upper.material.E_inf + upper.material.E" = { high = 2e9 }    # a sum; and low, sigma
-    fit = { file = "moduli.h5", body = "upper" }    # what another fit knows; and widen; or a list of such
+    fit = { file = "moduli.h5", body = "upper" }    # posterior of another fit; and widen; or a list
 
-    [discrepancy]                       # optional: the theory may be off, see `fitting.Discrepancy`
-    amplitude = 0.25                    # or "estimated", from the data; so if it is missing
-    width = 4.6                         # likewise; and shared = 0.8, 0.6 if missing
+    [discrepancy]                       # optional: error of the theory, see `fitting.Discrepancy`
+    amplitude = 0.25                    # or "estimated" from the data (default)
+    width = 4.6                         # likewise; and shared = 0.8 (default 0.6)
 
     [fit]                               # optional: method, starts, seed, loss, loss_width, decades,
     starts = 8                          # max_steps, tolerance, scale_errors as in `fitting.fit`
@@ -71,7 +71,7 @@ FIT_KEYS = ("file", "body", "widen")
 CONDITIONS = ("pressure", "temperature", "relative", "hurst", "poisson")
 TEXTS = ("body", "normalisation", "kind")
 EXTRA = ("columns", "check_units", "name")
-REALS = ("loss_width", "decades", "tolerance")  # which TOML may have written as integers
+REALS = ("loss_width", "decades", "tolerance")  # may be integers in TOML
 
 
 class Job(NamedTuple):
@@ -96,9 +96,7 @@ def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
 
     Raises
     ------
-    ValueError
-        one line naming the file, the key, its value and the rule it breaks, or the error in
-        the scene or the data.
+    ValueError : names the file, the key, its value and the rule, or the error in the scene or the data
     """
     path = Path(path)
     if path.suffix.lower() != ".toml":
@@ -106,8 +104,7 @@ def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
     content = toml.read_toml(path)
     if {"lower", "upper"} & set(content):
         raise ValueError(
-            f"{path}: is a scene, which `rubberfric run` takes: must be a job,"
-            f' with scene = "{path.name}", data and free'
+            f'{path}: is a scene, for `rubberfric run`; a job has scene = "{path.name}", data and free'
         )
     several = "scenes" in content
     needed = ("scenes", "free") if several else ("scene", "data", "free")
@@ -154,7 +151,7 @@ def _scene(path, key, file, of_data, data, outputs):
 
 
 def _check_outputs(path, files, outputs):
-    """ValueError if a file of the job would be overwritten; what else is wrong with a name is found later."""
+    """Raise ValueError if a file of the job would be overwritten; other faults of names are found later."""
     for key, name in files.items():
         for output in outputs:
             if isinstance(name, str) and (path.parent / name).resolve() == Path(output).resolve():
@@ -168,7 +165,7 @@ def _text(path, key, value):
 
 
 def _one(path, key, value):
-    """One number, not a list of them."""
+    """Return one number; ValueError for a list."""
     if isinstance(value, list):
         raise ValueError(f"{path}: {key} = {shown(value)}: must be one number")
     return toml.number(path, key, value)
@@ -196,7 +193,7 @@ def _data(path, key, content):
 
 
 def _check_paths(path, table, content, keys):
-    """ValueError for a key path without quotes, which TOML takes for tables within tables."""
+    """Raise ValueError for a key path without quotes, which TOML parses as tables within tables."""
     toml.check_keys(path, table, content, content)
     if table == "free" and not content:
         raise ValueError(f"{path}: free: is empty; must name the key paths that are free")
@@ -228,7 +225,7 @@ def _rule(path, key, value):
 
 
 def _known(path, value):
-    """Priors from the file of another fit."""
+    """Return priors from the file of another fit."""
     toml.check_keys(path, "prior.fit", value, FIT_KEYS, ("file",))
     given: dict[str, Any] = {}
     if "body" in value:
@@ -267,7 +264,7 @@ def _made(path, key, cls, values):
 
 
 def _options(path, content):
-    """Keyword arguments of `fitting.fit`."""
+    """Return keyword arguments of `fitting.fit`."""
     toml.check_keys(path, "fit", content, FILE_OPTIONS)
     try:
         check_options(**content)

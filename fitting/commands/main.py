@@ -5,7 +5,7 @@ not converged, or the work failed; 2 bad input, with one line on stderr and noth
 interrupted, by Ctrl-C (SIGINT) or SIGTERM. An interrupt after the first step of a fit gives a message at
 once. The best values so far are reported and written, as for a fit that did not converge. An interrupt before
 the first step, or a second one, ends the process within a second. A bootstrap that was interrupted, or
-killed, goes on with --resume.
+killed, continues with --resume.
 """
 
 from __future__ import annotations
@@ -67,7 +67,7 @@ def check_fit_arguments(arguments: argparse.Namespace) -> None:
 
     checkpoint = arguments.checkpoint
     if arguments.bootstrap is None and (checkpoint is not None or arguments.resume):
-        raise ValueError("--checkpoint and --resume are of a bootstrap: must come with --bootstrap N")
+        raise ValueError("--checkpoint and --resume must come with --bootstrap N")
     if arguments.resume and checkpoint is None:
         raise ValueError("--resume: must come with --checkpoint FILE.h5")
     check_input(arguments.job, (".toml",))
@@ -78,9 +78,7 @@ def check_fit_arguments(arguments: argparse.Namespace) -> None:
     if arguments.out is not None and Path(checkpoint).resolve() == Path(arguments.out).resolve():
         raise ValueError(f"--checkpoint {checkpoint}: is the file of --out; must be another")
     if Path(checkpoint).exists() and not arguments.resume:
-        raise ValueError(
-            f"{checkpoint}: there is a file already; must be gone on with (--resume), or removed first"
-        )
+        raise ValueError(f"{checkpoint}: the file exists; continue it with --resume, or remove it")
 
 
 def _design_parser() -> Parser:
@@ -90,7 +88,7 @@ def _design_parser() -> Parser:
         prog=f"{PROGRAM} design", description="Fit a job and choose the measurements to make next."
     )
     parser.add_argument("job", metavar="JOB", help="job file (.toml) with a table [design]")
-    add_outputs(parser, "FILE.csv", "write the conditions to measure at", "draw what each would tell")
+    add_outputs(parser, "FILE.csv", "write the conditions to measure at", "draw the gain of each measurement")
     add_common(parser)
     return parser
 
@@ -100,19 +98,23 @@ def _calibration_parser() -> Parser:
 
     parser = Parser(
         prog=f"{PROGRAM} calibration",
-        description="Fit data drawn from the priors of a job; say whether its error bars hold what they say.",
+        description="Fit data drawn from the priors of a job; report the coverage of its error bars.",
     )
     parser.add_argument(
-        "job", metavar="JOB", help="job file (.toml) with a Gaussian prior of all that is free"
+        "job", metavar="JOB", help="job file (.toml) with a Gaussian prior of each free parameter"
     )
-    parser.add_argument("--members", metavar="N", type=_count, default=1000, help="fits, 1000 if not given")
+    parser.add_argument(
+        "--members", metavar="N", type=_count, default=1000, help="number of fits (default: 1000)"
+    )
     parser.add_argument(
         "--on",
         choices=("normal", "samples"),
         default="normal",
-        help="hold the truths against error bars, or against draws from the posterior, which takes longer",
+        help="compare the truths with error bars, or with draws from the posterior, which takes longer",
     )
-    parser.add_argument("--plot", metavar="FILE.png", help="draw where the truths lie (.png, .pdf or .svg)")
+    parser.add_argument(
+        "--plot", metavar="FILE.png", help="draw the ranks of the truths (.png, .pdf or .svg)"
+    )
     parser.set_defaults(out=None)
     add_common(parser)
     return parser
@@ -126,27 +128,27 @@ def _parser() -> Parser:
         prog=PROGRAM,
         description="Fit parameters of a rubber friction scene to measurements; print values and errors.",
         epilog="rubberfric-fit design JOB: fit, and choose the measurements to make next."
-        " rubberfric-fit calibration JOB: whether error bars would hold what they say.",
+        " rubberfric-fit calibration JOB: measure the coverage of error bars.",
     )
     parser.add_argument("--version", action="version", version=f"{PROGRAM} {VERSION}")
-    parser.add_argument("job", metavar="JOB", help="job file (.toml): scene, data, what is free")
+    parser.add_argument("job", metavar="JOB", help="job file (.toml): scene, data, free parameters")
     add_outputs(
         parser, "FILE.h5", "write the fit; fitting.FitResult.load reads it", "draw data, fit and residuals"
     )
     parser.add_argument(
-        "--bootstrap", metavar="N", type=_count, help="refit N simulated data sets, report their spread"
+        "--bootstrap", metavar="N", type=_count, help="fit N simulated data sets, report their spread"
     )
     parser.add_argument(
         "--profile",
         metavar="KEYPATH",
-        help="hold this free number, or the q1 of a spectrum, at several values; print what it costs",
+        help="fix this parameter, or the q1 of a spectrum, at several values; print the cost",
     )
     parser.add_argument(
         "--checkpoint",
         metavar="FILE.h5",
         help="save the bootstrap's state every minute; refused if it exists",
     )
-    parser.add_argument("--resume", action="store_true", help="go on with the checkpoint, if it exists")
+    parser.add_argument("--resume", action="store_true", help="continue the checkpoint, if it exists")
     add_common(parser)
     return parser
 

@@ -1,6 +1,6 @@
 """Commands on planned measurements: `rubberfric-fit design` and `rubberfric-fit calibration`.
 
-`design` fits a job and says what to measure next. The job has an additional table of what could be measured:
+`design` fits a job and chooses the next measurements. The job has an additional table of the candidates:
 
     [design]
     velocity = { from = 1e-5, to = 0.1, points = 17 }   # as in [run] of a scene file; every combination
@@ -11,15 +11,16 @@
                                                         # temperature at which friction is to be predicted
     relative = 0.05                                     # optional: error of a measurement; draws, seed
 
-Exit status as of `rubberfric-fit`, whose verdict is on the fit that the design rests on.
+Exit status as of `rubberfric-fit`, for the fit on which the design is based.
 
 `calibration` tests the error bars that a job would give. Truths are drawn from the priors of the job, which
 must be Gaussian for every free number; data are drawn from their scenes, at the conditions and with the
 errors of the job's data. The measured values are not used. Exit status as of `rubberfric-fit`; 3: the error
-bars, or the draws, of a number that the data determine are wrong.
+bars or the draws of an identified parameter are wrong.
 """
 
 import argparse
+import math
 from pathlib import Path
 from typing import Any
 
@@ -39,8 +40,10 @@ from rubberfric.plot import save_figure
 _DESIGN, _CALIBRATION = "rubberfric-fit design", "rubberfric-fit calibration"
 _POINTS = ("velocity", "pressure", "temperature")
 KEYS = (*_POINTS, "n", "criterion", "relative", "draws", "seed")
-# Options in the table [fit] of a job that a calibration has as well; the others concern the search.
+# Options in the table [fit] of a job that a calibration uses; the others concern the search.
 _SHARED_OPTIONS = ("key", "discrepancy")
+# Largest numbers of candidates, of measurements to choose, and of draws.
+_MOST = {"candidates": 100_000, "n": 10_000, "draws": 100_000}
 
 
 def run_design(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
@@ -83,10 +86,13 @@ def run_design(arguments: argparse.Namespace, interrupts: Interrupts, show: Prog
 
 
 def read_design(path: StrPath, content: Any, scene: rf.Scene) -> dict[str, Any]:
-    """Arguments of `fitting.design` from the table [design]; ValueError in one line."""
+    """Return arguments of `fitting.design` from the table [design]; ValueError for invalid ones."""
     path = Path(path)
     toml.check_keys(path, "design", content, KEYS, ("velocity", "pressure", "n"))
     options: dict[str, Any] = {"candidates": _grid(path, "design", content, scene), "n": content["n"]}
+    for name in ("n", "draws"):
+        if isinstance(content.get(name), int | float) and content[name] > _MOST[name]:
+            raise ValueError(f"{path}: design.{name} = {content[name]}: must be at most {_MOST[name]}")
     criterion = content.get("criterion", "D")
     if isinstance(criterion, dict):
         toml.check_keys(path, "design.criterion", criterion, _POINTS)
@@ -105,9 +111,13 @@ def read_design(path: StrPath, content: Any, scene: rf.Scene) -> dict[str, Any]:
 
 
 def _grid(path, table, content, scene):
-    """Every combination of velocity, pressure and temperature, flat."""
+    """Return every combination of velocity, pressure and temperature, flat."""
     given = {name: content[name] for name in _POINTS if name in content}
-    v, p, T = read_conditions(path, table, given, scene).grid()
+    conditions = read_conditions(path, table, given, scene)
+    size = math.prod(values.size for values in conditions if values is not None)
+    if size > _MOST["candidates"]:
+        raise ValueError(f"{path}: {table}: has {size} candidates: must have at most {_MOST['candidates']}")
+    v, p, T = conditions.grid()
     found = np.broadcast_arrays(*(x for x in (v, p, T) if x is not None))
     return tuple(np.array(x).ravel() for x in found)
 
@@ -117,7 +127,7 @@ def run_calibration(arguments: argparse.Namespace, interrupts: Interrupts, show:
     show(f"reading {arguments.job}")
     job = read_job(arguments.job, [] if arguments.plot is None else [arguments.plot])
     if not isinstance(job.scene, rf.Scene) or isinstance(job.data, dict):
-        raise ValueError(f"{arguments.job}: scenes: must be one scene, not several, for a calibration")
+        raise ValueError(f"{arguments.job}: calibration needs one scene, not several")
     if job.options.get("loss", "linear") != "linear":
         raise ValueError(f"{arguments.job}: fit.loss: must be 'linear' for a calibration")
     options: dict[str, Any] = {name: job.options[name] for name in _SHARED_OPTIONS if name in job.options}

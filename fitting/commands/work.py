@@ -60,10 +60,8 @@ def _left(result: FitResult, spread: EnsembleResult | None, interrupts: Interrup
     if not result.success:
         return "these are the best values so far"
     if not interrupts.stopped:
-        return "what was to be done was done"
-    return (
-        "a start had converged, others had not" if spread is None else "of the bootstrap only a part is done"
-    )
+        return "all results are complete"
+    return "one start has converged, others have not" if spread is None else "the bootstrap is incomplete"
 
 
 def _fit(path: StrPath, job: Job, interrupts: Interrupts, show: Progress) -> FitResult:
@@ -98,7 +96,7 @@ def _profile(
 def _bootstrap(
     arguments: argparse.Namespace, result: FitResult, interrupts: Interrupts, show: Progress
 ) -> EnsembleResult:
-    """Refits of simulated data, with their progress."""
+    """Return fits of simulated data, with their progress."""
 
     def callback(done: int, members: int) -> None:
         show(f"bootstrap: {done} of {members} fits")

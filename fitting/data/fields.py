@@ -15,7 +15,7 @@ _T = TypeVar("_T")
 
 
 def unit_rule(text: str, test: Callable[[np.ndarray], np.ndarray]) -> ValueRule:
-    """Rule that only values in a wrong unit, or noise, break."""
+    """Return the rule that only values in a wrong unit, or noise, break."""
     return (f"{text} (check_units=False accepts it)", test)
 
 
@@ -64,7 +64,7 @@ class OptionalArray:
 
 
 def array(about: Field, *, default: Any = dataclasses.MISSING, kw_only: bool = False) -> Any:
-    """Field of a `measurement` that is annotated as Numbers or OptionalNumbers.
+    """Return the field of a `measurement` that is annotated as Numbers or OptionalNumbers.
 
     Parameters
     ----------
@@ -83,7 +83,7 @@ def measurement(cls: type[_T]) -> type[_T]:
 def fields_in(
     frame: Any, fields: Mapping[str, Field], needed: Collection[str], units: Mapping[str, str] | None = None
 ) -> dict[str, np.ndarray]:
-    """Columns of a frame in SI, by the fields that they are; columns of other names are left out.
+    """Return the columns of a frame in SI, by the fields that they are; columns of other names are left out.
 
     Parameters
     ----------

@@ -45,7 +45,7 @@ def read(
     kind: str | None = None,
     check_units: bool = True,
 ) -> Measured:
-    """Measured data of a table (.csv, .txt, .tsv, .dat, and .xlsx with openpyxl) or an .h5 file.
+    """Read measured data from a table (.csv, .txt, .tsv, .dat, and .xlsx with openpyxl) or an .h5 file.
 
     Parameters
     ----------
@@ -54,7 +54,8 @@ def read(
         values that the file lacks. Friction and area need a pressure [Pa], in the file or here. A CSV file
         never contains the body.
     normalisation, hurst : of the spectrum in a CSV file, see `rubberfric.roughness.normalisation`
-        None: "C". One along a line must be given, with H, and is converted as of a self-affine surface.
+        Required for a spectrum; "C" for a file of `write`. A spectrum along a line also requires H and is
+        converted as for a self-affine surface.
     poisson : Poisson's ratio [-], needed for a table of shear moduli, E = 2 (1 + poisson) G; a "storage
         modulus" is one of E without it.
     columns : list of "name [unit]", or None
@@ -94,7 +95,7 @@ def read(
     cls = _kind(path, columns, poisson, kind)
     names = {name: about.column for name, about in cls.fields().items()}
     if cls is SpectrumData:
-        names = _spectrum_columns(path, names, normalisation, hurst, columns)
+        names = _spectrum_columns(path, names, normalisation, hurst)
     else:
         _refuse(path, scaling, "it is for CSV spectra")
     needed = tuple(names[name] for name in cls.needed() if name != "pressure")
@@ -127,7 +128,7 @@ def write(path: StrPath, data: Measured) -> None:
 
 
 def read_group(group: h5py.Group | h5py.Dataset | h5py.Datatype, **given: Any) -> Measured:
-    """Measured data that `Measured.write_group` stored; `given` adds missing values as in `read`.
+    """Return the measured data that `Measured.write_group` stored; `given` adds missing values as in `read`.
 
     ValueError in one line if the group holds no such data.
     """
@@ -150,7 +151,7 @@ def read_group(group: h5py.Group | h5py.Dataset | h5py.Datatype, **given: Any) -
 
 
 def _present(**arguments):
-    """Arguments that are not None."""
+    """Return the arguments that are not None."""
     return {name: value for name, value in arguments.items() if value is not None}
 
 
@@ -159,12 +160,12 @@ def _refuse(path, arguments, why):
         raise ValueError(f"{path}: {name} = {shown(value)}: must not be given; {why}")
 
 
-def _spectrum_columns(path, names, normalisation, hurst, columns):
-    """Column of every field of a spectrum in a normalisation, None being C."""
-    if normalisation is None and {"C_1D", "log10_C_1D"} & set(read_names(path, columns)):
+def _spectrum_columns(path, names, normalisation, hurst):
+    """Return the column of every field of a spectrum in a normalisation."""
+    if normalisation is None:
         raise ValueError(f"{path}: normalisation is missing: {NORMALISATION_RULE}")
     try:
-        check_normalisation("C" if normalisation is None else normalisation, hurst)
+        check_normalisation(normalisation, hurst)
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     if normalisation in LINES:
@@ -212,7 +213,7 @@ def _kind(path, columns, poisson, kind):
 
 
 def _spellings(cls):
-    """Names that tables may use for each column that a kind of data needs."""
+    """Return the names that tables may use for each column that a kind of data needs."""
     for name in cls.needed():
         column = cls.fields()[name].column
         yield " or ".join(

@@ -10,6 +10,7 @@ in SI units, one element for each measured point. A fit sees all of them in the 
 """
 
 import dataclasses
+import itertools
 from collections.abc import Collection, Mapping, Sequence
 from typing import ClassVar
 
@@ -17,7 +18,7 @@ import numpy as np
 
 from fitting.data.fields import Field, GivenArray, OptionalArray, array, measurement, unit_rule
 from fitting.data.measured import Measured
-from rubberfric.base import POSITIVE, closest, shown
+from rubberfric.base import POSITIVE, closest, shown, warn_caller
 
 _VELOCITY = Field(
     "v",
@@ -236,8 +237,9 @@ def data_by_scene(
     data : one set or several; for several scenes a dict of them by scene
     names : of the scenes, None of a single one
 
-    Returns ------- (data sets, names of their scenes), "" for a single scene. Labels begin with the name if
-    there are several.
+    Returns
+    -------
+    (data sets, names of their scenes), "" for a single scene. With several scenes, labels begin with it.
 
     Raises
     ------
@@ -263,6 +265,21 @@ def data_by_scene(
         sets += [_named(one, name) for one in own]
         of += [name] * len(own)
     return sets, of
+
+
+def warn_of_repeated(data: Sequence[Measured], of: Sequence[str]) -> None:
+    """Warn if two data sets of a scene are equal, because repeated data shrink error bars."""
+    for (i, one), (j, other) in itertools.combinations(enumerate(data), 2):
+        if (
+            type(one) is type(other)
+            and of[i] == of[j]
+            and all(np.array_equal(getattr(one, name), getattr(other, name)) for name in one.fields())
+        ):
+            warn_caller(
+                f"data sets {i + 1} and {j + 1} are equal, so the data count twice and error bars shrink by "
+                "sqrt(2). Leave one out.",
+                UserWarning,
+            )
 
 
 def _named(data: Measured, scene: str) -> Measured:

@@ -79,7 +79,7 @@ class Measured:
             object.__setattr__(self, name, own)
 
     def _arrays(self) -> dict[str, np.ndarray]:
-        """Fields that are given, as float64 arrays of the shapes they came in."""
+        """Return the fields that are given, as float64 arrays of the shapes they came in."""
         arrays = {}
         for name, about in self.fields().items():
             value = getattr(self, name)
@@ -90,7 +90,7 @@ class Measured:
         return arrays
 
     def _check_errors(self, arrays: dict[str, np.ndarray]) -> None:
-        """ValueError unless there are relative errors, absolute ones of all values, or none."""
+        """Raise ValueError unless there are relative errors, absolute ones of all values, or none."""
         kind = type(self).__name__
         given = [name for name in self.sigmas if name in arrays]
         if given and "relative" in arrays:
@@ -115,7 +115,7 @@ class Measured:
 
     @classmethod
     def needed(cls) -> list[str]:
-        """Names of the arrays that must be given."""
+        """Return the names of the arrays that must be given."""
         return [field.name for field in dataclasses.fields(cls) if field.type is GivenArray]
 
     @property
@@ -153,7 +153,7 @@ class Measured:
         return ", ".join(texts)
 
     def place(self, k: int) -> str:
-        """Conditions of `measured[k]` in words: "velocity = 0.1 m/s, pressure = 1e+05 Pa"."""
+        """Return the conditions of `measured[k]` in words: "velocity = 0.1 m/s, pressure = 1e+05 Pa"."""
         given = {name: getattr(self, name) for name in self.conditions if getattr(self, name) is not None}
         fields = self.fields()
         return ", ".join(
@@ -202,12 +202,12 @@ class Measured:
         return cls(**found | given)
 
     def columns(self) -> dict[str, np.ndarray]:
-        """Measured values and conditions in SI by titles "name [unit]", which `from_frame` reads."""
+        """Return values and conditions in SI by titles "name [unit]", which `from_frame` reads."""
         given = {about: getattr(self, name) for name, about in self.fields().items()}
         return {f"{a.column} [{a.unit}]": values for a, values in given.items() if values is not None}
 
     def to_dataframe(self) -> Any:
-        """`columns` as a pandas.DataFrame (which must be installed)."""
+        """Return `columns` as a pandas.DataFrame (which must be installed)."""
         import pandas
 
         return pandas.DataFrame(self.columns())

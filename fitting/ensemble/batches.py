@@ -111,7 +111,7 @@ def _begin(members, numbers, targets, x):
 def advance_members(
     batch: Batch, program: Program, members: Members, iterate: Iterate, which: np.ndarray
 ) -> Iterate:
-    """Rows `which` of the ensemble's iterate after one call of a program, as NumPy arrays.
+    """Return the rows `which` of the ensemble's iterate after one call of a program, as NumPy arrays.
 
     Parameters
     ----------
@@ -161,7 +161,7 @@ def _compiled(solver, structure, mesh, vectorised, tree, shapes, stepping):
 
 
 def _shapes(members, count, mesh):
-    """Shapes, dtypes and shardings of the arguments of a program."""
+    """Return the shapes, dtypes and shardings of the arguments of a program."""
 
     def shape(a, spec, rows=()):
         a = jnp.asarray(a) if not hasattr(a, "dtype") else a

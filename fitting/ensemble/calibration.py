@@ -101,21 +101,21 @@ class Calibration:
         return dataclasses.replace(self, place=self.normal, on="normal", **bare)
 
     def ranks(self, draws: int = 99) -> np.ndarray:
-        """Rank of the truth among so many draws of the posterior, 0 ... draws, shape (members, size)."""
+        """Return the rank of the truth among the draws of the posterior, shape (members, size)."""
         return np.minimum((self.place * (draws + 1)).astype(int), draws)
 
     def coverage(self, level: float = 0.95) -> np.ndarray:
-        """Share of the truths within the intervals of a level, shape (size,)."""
+        """Return the share of the truths within the intervals of a level, shape (size,)."""
         check_options(level=level)
         return np.mean(np.abs(self.place - 0.5) < 0.5 * level, 0)
 
     def distribution(self) -> tuple[np.ndarray, np.ndarray]:
-        """Points between 0 and 1, and the share of u below each of them, shape (points, size)."""
+        """Return the points between 0 and 1, and the share of u below each of them, shape (points, size)."""
         at = np.arange(1, _POINTS) / _POINTS
         return at, np.mean(self.place[:, None] < at[:, None], 0)
 
     def envelope(self, level: float = 0.99) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper shares at these points that a uniform u stays between, everywhere at once."""
+        """Return lower and upper shares at these points that contain a uniform u simultaneously."""
         check_options(level=level)
         count, at = len(self.place), np.arange(1, _POINTS) / _POINTS
         # Number of uniform samples below every point: cumulative sums of a multinomial distribution.
@@ -127,13 +127,13 @@ class Calibration:
         return scipy.stats.binom.ppf(tail, count, at) / count, scipy.stats.binom.isf(tail, count, at) / count
 
     def inside(self, level: float = 0.99) -> np.ndarray:
-        """Which elements stay within the envelope, shape (size,)."""
+        """Return which elements stay within the envelope, shape (size,)."""
         low, high = self.envelope(level)
         share = self.distribution()[1]
         return np.all((share >= low[:, None]) & (share <= high[:, None]), 0)
 
     def report(self) -> str:
-        """Text: a line a parameter."""
+        """Return the report, with a line for each parameter."""
         lines = [
             f"{len(self.place)} fits, {self.failed} did not converge; {self._posterior()}",
             "parameter: share within 68 %, 95 %",
@@ -167,7 +167,7 @@ class Calibration:
         return said + f", {self.doubtful.size} doubtful" * bool(self.doubtful.size)
 
     def plot(self, ax: style.Axes | None = None) -> style.Axes:
-        """Share of u below each point minus the expected one, a line a parameter, and the 99 % envelope.
+        """Draw the share of u below each point minus the expected one, and the 99 % envelope.
 
         If there are more than eight lines, only lines that leave the envelope have a name and a colour.
         """
@@ -288,7 +288,7 @@ def calibration(
 
 
 def _twins(problem: Problem, members: int, key: jax.Array) -> tuple[np.ndarray, Targets]:
-    """Truths from the priors, shape (members, size), and the data that they make, with errors."""
+    """Return the truths from the priors, shape (members, size), and the data that they make, with errors."""
     pairs = zip(problem.structure.prior.terms, problem.numbers.prior, strict=True)
     drawn = [(term.elements, *numbers) for term, numbers in pairs if isinstance(term, GaussianRows)]
     known = [i for elements, *_ in drawn for i in elements]
@@ -307,13 +307,13 @@ def _twins(problem: Problem, members: int, key: jax.Array) -> tuple[np.ndarray, 
 
 @functools.partial(jax.jit, static_argnums=0)
 def _models(structure, numbers, x):
-    """Model predictions at every x, one after the other because one evaluation keeps a core busy."""
+    """Return predictions at every x in sequence, because one evaluation keeps a core busy."""
     return jax.lax.map(lambda x: predictions(structure, numbers, x)[0], x)
 
 
 @functools.partial(jax.jit, static_argnums=0)
 def _precisions(structure, numbers, targets, x):
-    """J^T J at every x, priors included; it does not depend on the data but through their errors."""
+    """Return J^T J at every x, priors included; it does not depend on the data but through their errors."""
     one = jax.tree.map(lambda a: a[0], targets)
 
     def precision(x):

@@ -63,7 +63,7 @@ class Comparison:
         return next(one for one in self.variants if one.name == name)
 
     def report(self) -> str:
-        """Table and words, as text of several lines."""
+        """Return the table and words, as text of several lines."""
         rows = [HEADINGS, *self._table()]
         widths = [max(len(row[k]) for row in rows) for k in range(len(HEADINGS))]
         lines = []
@@ -73,7 +73,7 @@ class Comparison:
         return "\n".join([*lines, "", *self.words]) + "\n"
 
     def to_dataframe(self) -> Any:
-        """Variants as a pandas.DataFrame (which must be installed), by their names."""
+        """Return the variants as a pandas.DataFrame (which must be installed), by their names."""
         import pandas
 
         return pandas.DataFrame([one._asdict() for one in self.variants]).set_index("name")
@@ -167,7 +167,7 @@ def is_distinguishable(one: Variant) -> bool:
 
 
 def _words(variants: list[Variant], fits: dict[str, FitRecord], found: dict[str, Criteria]) -> list[str]:
-    """Interpretation of a comparison, in lines of text."""
+    """Return the interpretation of a comparison, in lines of text."""
     alike, worse = (
         [one for one in variants if not is_distinguishable(one)],
         [one for one in variants if is_distinguishable(one)],
@@ -213,12 +213,12 @@ def _words(variants: list[Variant], fits: dict[str, FitRecord], found: dict[str,
 
 
 def _amplitudes(fit):
-    """How many numbers of the theory's own error were estimated: amplitude and width."""
+    """Return the number of estimated parameters of the model error: amplitude and width."""
     return 0 if fit.discrepancy is None else fit.discrepancy.estimated + bool(fit.discrepancy.parts)
 
 
 def _place(fit, k):
-    """Where a value is, of all in the order of the data."""
+    """Return the position of a value in the order of the data."""
     for one in fit.data:
         if k < len(one):
             return f"{one.label!r} at {one.place(k)}"
@@ -231,7 +231,7 @@ def _prior_text(fit):
 
 
 def _named(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> dict[str, FitRecord]:
-    """Fits by their names."""
+    """Return the fits by their names."""
     if isinstance(results, Mapping):
         named = dict(results)
     elif isinstance(results, list | tuple):
@@ -261,7 +261,7 @@ def _what(fit: FitRecord) -> str:
 
 
 def _check_same(name: str, fit: FitRecord, other_name: str, other: FitRecord) -> None:
-    """ValueError unless two fits are of the same data, seen in the same way."""
+    """Raise ValueError unless two fits are of the same data, seen in the same way."""
     where = f"{other_name!r} and {name!r}"
     if len(fit.data) != len(other.data):
         raise ValueError(

@@ -97,7 +97,7 @@ class EnsembleResult:
         return int(np.argmin(np.where(np.isfinite(self.cost), self.cost, np.inf)))
 
     def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-        """Quantiles of the values of the members that converged."""
+        """Return the quantiles of the values of the members that converged."""
         check_options(level=level)
         if not self.good.any():
             raise ValueError("no member converged: there are no quantiles")
@@ -106,7 +106,7 @@ class EnsembleResult:
         return low, high
 
     def report(self) -> str:
-        """How the members ended, and where, as text of several lines."""
+        """Return how the members ended, and where, as text of several lines."""
         lines = ["[[Ensemble]]", f"    kind     = {self.kind}", f"    members  = {len(self)}"]
         lines += [
             f"    {np.sum(self.status == s):8d} {text}" for s, text in MESSAGES.items() if s in self.status
@@ -151,7 +151,7 @@ class EnsembleResult:
             arrays = {name: hdf5.read_array(file, name, _UNITS[name], shape) for name, shape in rows.items()}
             arrays |= {name: hdf5.read_counts(file, name, count) for name in _COUNTS}
             if not np.isin(arrays["status"], list(MESSAGES)).all():
-                raise ValueError(f"/status: must be out of {', '.join(map(str, MESSAGES))}")
+                raise ValueError(f"/status: must be one of {', '.join(map(str, MESSAGES))}")
             return cls(names=names, **arrays, **hdf5.attributes(file, _ATTRIBUTES))
 
 
@@ -194,7 +194,7 @@ class Members:
         return self.problem.names
 
     def bootstrap(self, ensemble: EnsembleResult) -> Bootstrap:
-        """Bootstrap from a run of these members."""
+        """Return the bootstrap from a run of these members."""
         if self.kind != "bootstrap" or self.source is None:
             raise ValueError(f"members are of kind {self.kind!r}: must be 'bootstrap'")
         return self.source.bootstrap_of(ensemble.x, ensemble.status)
@@ -218,7 +218,7 @@ class Members:
         return found
 
     def fingerprint(self) -> str:
-        """sha256 of all that decides the numbers of a run: structure, constants, data, starts, solver."""
+        """Return the sha256 of structure, constants, data, starts and solver of a run."""
         digest = hashlib.sha256()
         # The text of the scene's tree and the variables is complete: classes, static fields, key paths.
         for part in (self.kind, self.problem.structure, self.solver, self.max_steps):
@@ -245,7 +245,7 @@ def multi_start(
     tolerance: float | None = None,
     quadrature: rf.Quadrature | None = None,
 ) -> Members:
-    """Fits of one problem from several starts.
+    """Return the fits of one problem from several starts.
 
     Parameters
     ----------
@@ -286,7 +286,7 @@ def bootstrap_members(
     key: jax.Array | None = None,
     tolerance: float | None = None,
 ) -> Members:
-    """Fits of data drawn from a fitted model with the errors of the data, from its minimum.
+    """Return the fits of data drawn from a fitted model with the errors of the data, from its minimum.
 
     Parameters
     ----------
@@ -308,7 +308,7 @@ def profile_members(
     level: float = 0.95,
     points: int = 8,
 ) -> Members:
-    """Fits with one parameter fixed at each of 2 points + 1 values, for several parameters.
+    """Return the fits with one parameter fixed at each of 2 points + 1 values, for several parameters.
 
     Parameters
     ----------
@@ -328,7 +328,7 @@ def profile_members(
 
 
 def _members(kind, problem, starts, targets, solver, max_steps=None, parameter=None, source=None, level=0.95):
-    """`Members` in the dtype of the problem."""
+    """Return `Members` in the dtype of the problem."""
     dtype = problem.start.dtype
     targets = jax.tree.map(lambda a: np.asarray(a, dtype), targets)
     parameter = np.full(len(starts), -1) if parameter is None else parameter

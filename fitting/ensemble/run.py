@@ -112,9 +112,7 @@ def check_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint, resume:
     """
     check_writable(path, (".h5",))
     if Path(path).exists() and not resume:
-        raise ValueError(
-            f"{path}: there is a file already; must be gone on with (resume=True), or removed first"
-        )
+        raise ValueError(f"{path}: the file exists; continue it with resume=True, or remove it")
     checkpoint = read_checkpoint(path, fingerprint, blank) if Path(path).exists() else blank
     try:
         # Twice, because the disk holds both files for a moment, as at all later times.
@@ -281,7 +279,7 @@ class _Record:
             self.write()
 
     def _take_in(self):
-        """Rows that came; done again if an interrupt stopped it half-way."""
+        """Return the rows that came; done again if an interrupt stopped it half-way."""
         if self.pending is None:
             return
         which, iterate, steps, seconds = self.pending

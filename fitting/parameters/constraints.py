@@ -130,7 +130,7 @@ def common_values(
     places: list[LeafElements],
     leaves: list[np.ndarray],
 ) -> np.ndarray:
-    """Values of the scene for the elements that a path names.
+    """Return the values of the scene for the elements that a path names.
 
     All scenes must have the same value of a shared element, unless the rule gives it.
 
@@ -179,7 +179,7 @@ def start_values(path: str, rule: Positive | Bounded | Free, values: np.ndarray)
 def value_range(
     path: str, rule: Positive | Bounded | Free, values: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """(low, width) of a group, its start values checked."""
+    """Return (low, width) of a group, its start values checked."""
     zero, one = np.zeros(values.shape), np.ones(values.shape)
     if isinstance(rule, Positive):
         if not (values > 0).all():
@@ -224,7 +224,7 @@ def with_starts(scene: Scenes, free: Mapping[str, Constraint]) -> Scenes:
 
 
 def cutoff_of(scene: Scenes, path: str, slope: float | jax.Array) -> jax.Array:
-    """q1 with which the spectrum that a key path ends in has an rms slope; ValueError if it has none."""
+    """Return the q1 at which the spectrum at a key path has an rms slope; ValueError if none exists."""
     owner, name = owner_of(scene, path)
     if name != "q1" or not (hasattr(owner, "power_law") and name in fields_of(type(owner))):
         raise ValueError(f"free[{path!r}]: RmsSlope is for the q1 of a spectrum; must end in .q1")
@@ -235,7 +235,7 @@ def cutoff_of(scene: Scenes, path: str, slope: float | jax.Array) -> jax.Array:
 
 
 def cutoff_path(scene: Scenes, path: str | None) -> str:
-    """Key path of the q1 of a spectrum; ValueError unless it is one, or there is one only."""
+    """Return Key path of the q1 of a spectrum; ValueError unless it is one, or there is one only."""
     known = [
         f"{name}.{side}.spectrum.q1".lstrip(".")
         for name, one in by_name(scene).items()
@@ -246,12 +246,12 @@ def cutoff_path(scene: Scenes, path: str | None) -> str:
         return known[0]
     if path is None or any(one not in known for one in paths_of(scene, path)):
         raise ValueError(
-            f"path = {path!r}: must end in .q1 of a spectrum: {', '.join(known) or 'there is none'}"
+            f"path = {path!r}: must end in .q1 of a spectrum: {', '.join(known) or 'none exists'}"
         )
     return path
 
 
 def last_wavevector(scene: Scenes, path: str) -> float:
-    """How far the q1 at a key path may go [1/m]: to the end of a table."""
+    """Return the largest q1 at a key path [1/m], the end of a table."""
     ends = [getattr(owner_of(scene, one)[0], "q", None) for one in paths_of(scene, path)]
     return min((float(q[-1]) for q in ends if q is not None), default=float("inf"))

@@ -69,7 +69,7 @@ class Correlated:
             raise ValueError("Correlated: mean must be finite and between low and high")
 
     def read(self, place: PriorContext) -> list[tuple["CorrelatedRows", tuple[np.ndarray, ...]]]:
-        """Structure and numbers; ValueError where it does not speak of this scene."""
+        """Return the structure and numbers; ValueError where it does not speak of this scene."""
         where, chosen = place.where, place.selection(",", ", or several separated by commas")
         mean, low, high = (np.array(value) for value in (self.mean, self.low, self.high))
         if chosen.size != mean.size:
@@ -101,7 +101,7 @@ class Correlated:
         return [(CorrelatedRows(chosen), (centre, whitener(covariance), low, high))]
 
     def _check_places(self, place: PriorContext, chosen: Selection) -> None:
-        """ValueError unless every element stands where it stood."""
+        """Raise ValueError unless every element stands where it stood."""
         if self.places is None:
             return
         before, i = np.array(self.places), 0
@@ -141,7 +141,7 @@ class CorrelatedRows(NamedTuple):
 
 
 def coordinates(v: Array, low: Array, high: Array) -> jax.Array:
-    """t of numbers, not finite outside their limits."""
+    """Return t of numbers, not finite outside their limits."""
     floor, roof = jnp.isfinite(low), jnp.isfinite(high)
     # The branch that is not selected must have a finite derivative.
     above = jnp.log(jnp.where(floor, v - jnp.where(floor, low, 0.0), 1.0))
@@ -150,7 +150,7 @@ def coordinates(v: Array, low: Array, high: Array) -> jax.Array:
 
 
 def whitener(covariance: np.ndarray) -> np.ndarray:
-    """W with W C W^T = 1, of deviations that may differ by many orders of magnitude."""
+    """Return W with W C W^T = 1, of deviations that may differ by many orders of magnitude."""
     size = np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
     # Less is the rounding of the matrix: of a number that is known to follow others exactly.

@@ -34,20 +34,21 @@ class Discrepancy:
 
     Parameters
     ----------
-        amplitude : a, its standard deviation [-], 0.25 stands for 25 %; or None
-            None: averaged over its posterior. The prior is half lognormal (median 0.5, a factor of 1.6 up and
-            down) and half flat in ln a between 0.001 and 2.
-        width : w, over which it changes, in ln v [-], 2.3 is a decade; or None
-            None: averaged over the posterior of widths from a tenth of a decade to 1.6 decades.
-        shared : correlation between the errors of different curves at the same v a_T, 0 ... 1
-            A curve is one data set at one pressure and temperature. 1: all have the same error, 0: each its
-            own.
-        estimated : whether the amplitude came from the data; set by a fit
-        parts : (amplitude, width) of every squared exponential of an estimated width; set by a fit
-        remark : why the discrepancy may not suit the data, "" if nothing was found; set by a fit
+    amplitude : a, its standard deviation [-], 0.25 stands for 25 %; or None
+        None: averaged over its posterior. The prior is half lognormal (median 0.5, a factor of 1.6 up and
+        down) and half flat in ln a between 0.001 and 2.
+    width : w, the range of ln v over which it changes [-], 2.3 is a decade; or None
+        None: averaged over the posterior of widths from a tenth of a decade to 1.6 decades.
+    shared : correlation between the errors of different curves at the same v a_T, 0 ... 1
+        A curve is one data set at one pressure and temperature. 1: all have the same error; 0: the errors
+        are independent.
+    estimated : True if the amplitude was estimated from the data; set by a fit
+    parts : (amplitude, width) of every squared exponential of an estimated width; set by a fit
+    remark : reason why the discrepancy may not suit the data, "" if none was found; set by a fit
 
-    In 20 drawn scenes (friction from boundary elements at 12 velocities over five decades, 3 % noise,
-    `area_correction`, moduli known beforehand to 30 %, the height free) 95 % intervals hold the truth of
+    In 20 random scenes (friction from boundary elements at 12 velocities over five decades, 3 % noise,
+    `area_correction`, moduli known beforehand to 30 %, the height free) 95 % intervals contain the true
+    value of
 
     ============================  ============  ==========  ============  ==========
     discrepancy                   two pressures              one pressure
@@ -58,12 +59,12 @@ class Discrepancy:
     0.5 over a decade, given      94 %          100 %       95 %          100 %
     ============================  ============  ==========  ============  ==========
 
-    and in 60 drawn rubbers for each kind of error, of 20 % with wavelengths of 1-2, 2-4 and 4-8 decades, the
+    In 60 random rubbers for each kind of error, of 20 % with wavelengths of 1-2, 2-4 and 4-8 decades, the
     default holds 97, 96 and 94 %. The median of the amplitudes estimated there is 0.37, 0.38 and 0.43. This
     is too large, because prior and kernel let intervals err on the safe side.
 
     Limits: linear loss, errors of the friction given. The shift a_T is taken from the scene at its start.
-    Intervals of the moduli of solids with one relaxation time hold the truth in five cases of six. Where
+    Intervals of the moduli of solids with one relaxation time contain the truth in five of six cases. Where
     friction alone determines the moduli, fit and truth lie along a curved valley. Most moduli then get no
     interval, and the others can miss the truth; `FitResult.profile` follows the valley.
     """
@@ -93,22 +94,22 @@ class Discrepancy:
 
 
 def rational_quadratic(x: np.ndarray, width: float) -> np.ndarray:
-    """Correlation of errors at x of one curve with a given width, (n, n)."""
+    """Return the correlation of errors at x of one curve with a given width, (n, n)."""
     return 1 / (1 + 0.5 * ((x[:, None] - x) / width) ** 2)
 
 
 def squared_exponential(x: np.ndarray, width: float) -> np.ndarray:
-    """Correlation of errors at x of one curve for one of several widths, (n, n)."""
+    """Return the correlation of errors at x of one curve for one of several widths, (n, n)."""
     return np.exp(-0.5 * ((x[:, None] - x) / width) ** 2)
 
 
 def between_curves(near: np.ndarray, curve: np.ndarray, shared: float) -> np.ndarray:
-    """Correlation of errors across curves, (n, n), from `near` of one curve; `curve` numbers each value's."""
+    """Return the correlation of errors across curves, (n, n); `near` is that of one curve."""
     return np.where(curve[:, None] == curve, near, shared * near)
 
 
 def covariances(x: np.ndarray, curve: np.ndarray, discrepancy: Discrepancy) -> np.ndarray:
-    """Covariance of the theory's errors at x of curves, both of shape (n,); (n, n)."""
+    """Return the covariance of the theory's errors at x of curves, both of shape (n,); (n, n)."""
     amplitude, width = discrepancy.amplitude, discrepancy.width
     if amplitude is None or width is None:
         raise ValueError("Discrepancy: amplitude and width must be numbers, or estimated before")

@@ -47,7 +47,7 @@ class Gaussian:
                 object.__setattr__(self, name, tuple(map(float, each)))
 
     def read(self, place: PriorContext) -> list[tuple["GaussianRows", tuple[np.ndarray, np.ndarray]]]:
-        """Structure and numbers; ValueError unless the key is a free parameter."""
+        """Return the structure and numbers; ValueError unless the key is a free parameter."""
         find(place.scene, place.key)  # or its error, with the close ones
         group, variables, constants = place.group(), place.variables, place.constants
         if group is None or group.kind in FOLLOWING:
@@ -87,7 +87,7 @@ class GaussianRows(NamedTuple):
 
 
 def _x_of_mean(where, group, mean, low, width):
-    """x at the mean of every element of a group."""
+    """Return x at the mean of every element of a group."""
     if group.kind == "Positive" and not (mean > 0).all():
         raise ValueError(f"{where}: mean = {mean.min():g}: must be > 0, because the parameter is Positive")
     inside = (low < mean) & (mean < low + width)
@@ -124,7 +124,7 @@ class Smooth:
             raise ValueError(f"Smooth: sigma = {self.sigma!r}: must be a finite number > 0")
 
     def read(self, place: PriorContext) -> list[tuple["SmoothRows", float]]:
-        """Structure and numbers of every vector; ValueError unless it is one, free, over three places."""
+        """Return structure and numbers of every vector; ValueError unless it is free with three entries."""
         found = []
         for path in (path.strip() for path in place.key.split(",")):
             leaf, elements = find(place.scene, path)
@@ -208,7 +208,7 @@ class Sum:
             raise ValueError(f"Sum: sigma = {self.sigma!r}: must be a finite number > 0")
 
     def read(self, place: PriorContext) -> list[tuple["SumRows", tuple[float, float, float]]]:
-        """Structure and numbers; ValueError unless the sum is > 0 and a fit changes it."""
+        """Return the structure and numbers; ValueError unless the sum is > 0 and a fit changes it."""
         chosen = place.selection("+", " or a sum with some")
         start = float(np.sum(np.asarray(chosen.of(place.start))))
         if not start > 0:
@@ -262,7 +262,7 @@ PriorNumbers = tuple[Any, ...]
 def read_priors(
     scene: Scenes, variables: Variables, constants: Constants, prior: Mapping[str, Prior] | None
 ) -> tuple[PriorStructure, PriorNumbers]:
-    """Structure and numbers of the priors of a fit; ValueError naming the path that is wrong."""
+    """Return the structure and numbers of the priors of a fit; ValueError naming the path that is wrong."""
     terms, numbers = [], []
     for key, rule in (prior or {}).items():
         where = f"prior[{key!r}]"
@@ -277,7 +277,7 @@ def read_priors(
 def prior_residuals(
     structure: PriorStructure, numbers: PriorNumbers, scene: Scenes, x: jax.Array
 ) -> jax.Array:
-    """Rows of the priors at x, shape (rows,), in the order in which they were given."""
+    """Return the rows of the priors at x, shape (rows,), in the order in which they were given."""
     leaves = jax.tree.leaves(scene) if structure.terms else []
     rows = [term.rows(own, leaves, x) for term, own in zip(structure.terms, numbers, strict=True)]
     return jnp.concatenate(rows) if rows else jnp.zeros(0, x.dtype)

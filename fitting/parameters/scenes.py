@@ -37,7 +37,7 @@ _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 
 
 def as_scenes(scene: rf.Scene | Mapping[str, rf.Scene]) -> Scenes:
-    """One scene, or several by their names; ValueError if it is neither."""
+    """Return one scene, or several by their names; ValueError if it is neither."""
     if isinstance(scene, rf.Scene):
         return scene
     if not isinstance(scene, Mapping):
@@ -56,7 +56,7 @@ def as_scenes(scene: rf.Scene | Mapping[str, rf.Scene]) -> Scenes:
 
 
 def by_name(scenes: _S | dict[str, _S]) -> dict[str, _S]:
-    """Scenes, or their belongings, by name; a single scene has the name ""."""
+    """Return the scenes, or their belongings, by name; a single scene has the name ""."""
     return scenes if isinstance(scenes, dict) else {"": scenes}
 
 
@@ -89,13 +89,13 @@ def next_step(owner: Any, step: str) -> Any:
 
 
 def scene_paths(scene: Scenes) -> list[str]:
-    """Key path of every leaf of a scene, or of several, in the order of flattening."""
+    """Return Key path of every leaf of a scene, or of several, in the order of flattening."""
     flat = jax.tree_util.tree_flatten_with_path(scene)[0]
     return [jax.tree_util.keystr(path, simple=True, separator=".") for path, _ in flat]
 
 
 def find(scene: Scenes, path: str) -> tuple[int, tuple[int, ...] | None]:
-    """Which leaf of the scene a key path names, and which elements of it (None for a scalar).
+    """Return which leaf of the scene a key path names, and which elements of it (None for a scalar).
 
     For shared parameters, the leaf of the first scene.
 
@@ -123,7 +123,7 @@ def owner_of(scene: Scenes, path: str) -> tuple[Any, str]:
 
 
 def path_over(scene: Scenes, path: str) -> str | None:
-    """Key path of the abscissa of a vector; None if it has none.
+    """Return Key path of the abscissa of a vector; None if it has none.
 
     Of E of a Prony series tau, of the columns of a table their first.
     """
@@ -135,13 +135,13 @@ def path_over(scene: Scenes, path: str) -> str | None:
 
 
 def leaf_names(path: str, elements: tuple[int, ...] | None) -> list[str]:
-    """Names of the elements of a key path."""
+    """Return the names of the elements of a key path."""
     name = path.split("[")[0]
     return [name] if elements is None else [f"{name}[{i}]" for i in elements]
 
 
 def _why_not(scene, name, names):
-    """Why a path names no leaf."""
+    """Return why a path names no leaf."""
     below = [other for other in names if other.startswith(name + ".")]
     if below:
         return f"is an object; must be one of its numbers: {', '.join(below)}"
@@ -183,7 +183,7 @@ class OrderedPair(NamedTuple):
 
 
 def ordered_pairs(scene: Scenes) -> tuple[OrderedPair, ...]:
-    """Pairs of neighbours low <= high in the chains of a scene, or of several."""
+    """Return the pairs of neighbours low <= high in the chains of a scene, or of several."""
     names, pairs = {name: i for i, name in enumerate(scene_paths(scene))}, []
     for prefix, one in by_name(scene).items():
         for path, part in parts_of(one, prefix):
@@ -211,7 +211,7 @@ def in_order(pairs: tuple[OrderedPair, ...], leaves: Any) -> Any:
 
 
 def check_start(scene: Scenes, pairs: tuple[OrderedPair, ...], leaves: list[np.ndarray]) -> None:
-    """ValueError where the start values of a fit are out of order."""
+    """Raise ValueError where the start values of a fit are out of order."""
     names = scene_paths(scene)
     for low, high in pairs:
         below, above = (

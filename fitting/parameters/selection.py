@@ -49,7 +49,7 @@ class Selection(NamedTuple):
         return [name for path, chosen in pairs for name in leaf_names(path, chosen)]
 
     def of(self, leaves: list[Array]) -> jax.Array:
-        """Values of the elements, shape (size,)."""
+        """Return the values of the elements, shape (size,)."""
         parts = []
         for leaf, chosen in zip(self.leaves, self.elements, strict=True):
             values = jnp.asarray(leaves[leaf])
@@ -61,7 +61,7 @@ class Selection(NamedTuple):
         return self._replace(leaves=tuple(to[leaf] for leaf in self.leaves))
 
     def changing(self, variables: Variables) -> np.ndarray:
-        """Which elements a fit changes, freed or following others, shape (size,)."""
+        """Return which elements a fit changes, freed or following others, shape (size,)."""
         free = {(group.leaf, chosen) for group in variables.groups for chosen in group.elements or (None,)}
         pairs = zip(self.leaves, self.elements, strict=True)
         return np.array([(leaf, one) in free for leaf, chosen in pairs for one in chosen or (None,)])
@@ -86,7 +86,7 @@ class PriorContext(NamedTuple):
         return next((group for group in self.variables.groups if group.path == self.key), None)
 
     def selection(self, separator: str, separated: str) -> Selection:
-        """Elements that the key names; ValueError unless a fit changes some of them."""
+        """Return the elements that the key names; ValueError unless a fit changes some of them."""
         paths = tuple(path.strip() for path in self.key.split(separator))
         found = [find(self.scene, path) for path in paths]
         chosen = Selection(paths, tuple(leaf for leaf, _ in found), tuple(one for _, one in found))

@@ -15,7 +15,8 @@ Free           scale x                                   value / scale
 =============  ========================================  =======================
 """
 
-from collections.abc import Hashable, Mapping
+import functools
+from collections.abc import Callable, Hashable, Mapping
 from typing import Any, NamedTuple
 
 import jax
@@ -33,10 +34,12 @@ from fitting.parameters.constraints import (
     cutoff_of,
     start_values,
     value_range,
+    with_starts,
 )
 from fitting.parameters.scenes import (
     OrderedPair,
     Scenes,
+    as_scenes,
     check_start,
     find,
     leaf_names,
@@ -44,6 +47,7 @@ from fitting.parameters.scenes import (
     paths_of,
 )
 from rubberfric.base import as_array
+from rubberfric.scene import cast, result_dtype
 
 # A Positive element that fell by more than this factor was driven towards zero.
 VANISHED = 1e6
@@ -85,7 +89,7 @@ class Constants(NamedTuple):
 
 
 def free_parameters(scene: Scenes, free: Mapping[str, Constraint]) -> tuple[Variables, Constants, np.ndarray]:
-    """Variables, constants and start vector for the free parameters of a scene, or of several.
+    """Return the variables, constants and start vector for the free parameters of a scene, or of several.
 
     Parameters
     ----------
@@ -158,7 +162,7 @@ def _take(path, places, taken):
 
 
 def to_x(kind: str, low: Array, width: Array, values: Any) -> Any:
-    """x of elements of one kind at their values: `from_x` undone."""
+    """Return x of elements of one kind at their values: `from_x` undone."""
     xp = jnp if isinstance(values, jax.Array) else np
     if kind == "Positive":
         return xp.log(values)
@@ -167,7 +171,7 @@ def to_x(kind: str, low: Array, width: Array, values: Any) -> Any:
 
 
 def from_x(kind: str, low: Array, width: Array, x: Any) -> Any:
-    """Values of elements of one kind at their x."""
+    """Return the values of elements of one kind at their x."""
     xp, sigmoid = (jnp, jax.nn.sigmoid) if isinstance(x, jax.Array) else (np, scipy.special.expit)
     if kind == "Positive":
         with np.errstate(over="ignore"):  # inf, as XLA has it: the model is not finite there
@@ -176,7 +180,7 @@ def from_x(kind: str, low: Array, width: Array, x: Any) -> Any:
 
 
 def slopes_of(kind: str, width: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """d value / d x of elements of one kind at their x, on the host; see `slopes`."""
+    """Return d value / d x of elements of one kind at their x, on the host; see `slopes`."""
     if kind == "Positive":
         return np.exp(x)
     far = np.exp(-np.abs(x))
@@ -184,7 +188,7 @@ def slopes_of(kind: str, width: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def _follow(rules, groups, leaves, tree):
-    """Fill in the slots of Tied groups; return the groups with the ratios, or slopes, of dependent ones."""
+    """Fill in the slots of Tied groups; return the groups, and ratios or slopes of dependent ones."""
     by_path = {group.path: group for group in groups}
     done, ratios = [], []
     for group in groups:
@@ -218,13 +222,13 @@ def _follow(rules, groups, leaves, tree):
 
 
 def to_values(variables: Variables, constants: Constants, x: Array) -> Array:
-    """Values of the free elements at x, shape (..., size); on the host if x is, which compiles nothing."""
+    """Return the values of the free elements at x, shape (..., size); on the host if x is."""
     xp = np if isinstance(x, np.ndarray) else jnp
     return xp.concatenate(list(_by_slot(variables, constants, x).values()), -1)
 
 
 def _by_slot(variables, constants, x) -> dict[tuple[int, int], Array]:
-    """Values by slot: each piece depends on its slot of x only, which derivatives use."""
+    """Return the values by slot: each piece depends on its slot of x only, which derivatives use."""
     xp = np if isinstance(x, np.ndarray) else jnp
     low, width, parts = xp.asarray(constants.low), xp.asarray(constants.width), {}
     for group in variables.own:
@@ -260,8 +264,41 @@ def to_scene(variables: Variables, constants: Constants, x: Array) -> Any:
     return jax.tree.unflatten(variables.tree, leaves)
 
 
+def unconstrained(
+    scene: Scenes, free: Mapping[str, Constraint]
+) -> tuple[jax.Array, Callable[[jax.Array], Any]]:
+    """Return a scene's free parameters as unconstrained numbers, for optimisers other than `fitting.fit`.
+
+    ::
+
+        x, to_scene = fitting.unconstrained(scene, {"lower.spectrum.h_rms": fitting.Positive()})
+        gradient = jax.grad(lambda x: loss(to_scene(x)))(x)
+
+    Parameters
+    ----------
+    scene : Scene, or dict of name -> Scene; its numbers are the initial guess and the fixed parameters
+    free : dict of key path -> Positive, Bounded, Free, Tied or RmsSlope, as for `fitting.fit`
+
+    Returns
+    -------
+    x : shape (n,) [-]
+        ln of Positive parameters, logit of Bounded ones, value over scale of Free ones. A step of 1 changes a
+        parameter by about its own size.
+    to_scene : pure function of x, which `jit`, `vmap` and `grad` support; returns the scene or scenes
+        The order of numbers in a scene, such as q0 <= qr <= q1, is not enforced.
+
+    Raises
+    ------
+    ValueError : as in `fitting.fit` for `free`
+    """
+    scene = as_scenes(scene)
+    dtype = result_dtype(scene, 1.0)
+    variables, constants, start = free_parameters(with_starts(cast(scene, dtype), free), free)
+    return jnp.asarray(start, dtype), functools.partial(to_scene, variables, cast(constants, dtype))
+
+
 def slopes(variables: Variables, constants: Constants, x: np.ndarray) -> np.ndarray:
-    """d value / d x of every free element, on the host."""
+    """Return d value / d x of every free element, on the host."""
     width = np.asarray(constants.width)
     parts = [slice(*group.slot) for group in variables.own]
     return np.concatenate(
@@ -270,5 +307,5 @@ def slopes(variables: Variables, constants: Constants, x: np.ndarray) -> np.ndar
 
 
 def element_names(variables: Variables) -> list[str]:
-    """Key path of every free element, in the order of x."""
+    """Return Key path of every free element, in the order of x."""
     return [name for group in variables.own for name in leaf_names(group.path, group.elements)]

@@ -138,7 +138,7 @@ def read_rules(group: h5py.Group, classes: Mapping[str, type[RuleOrPrior]]) -> d
 
 
 def write_parameters(group: h5py.Group, result: FitRecord) -> None:
-    """Names, values, units and x of the free elements."""
+    """Return the names, values, units and x of the free elements."""
     hdf5.write_values(group, "x", result.x, "-")
     units = []
     for free in result.variables.own:
@@ -151,7 +151,7 @@ def write_parameters(group: h5py.Group, result: FitRecord) -> None:
 
 
 def write_uncertainty(group: h5py.Group, known: Uncertainty) -> None:
-    """All but why an error bar is withheld, which stands with the parameters."""
+    """Return the other fields; reasons for withheld error bars are stored with the parameters."""
     for name, units in _ARRAYS.items():
         hdf5.write_values(group, name, getattr(known, name), units)
     for name, kind in _NUMBERS.items():
@@ -185,7 +185,7 @@ def read_uncertainty(group: h5py.Group, parameters: h5py.Group, size: int) -> Un
 
 
 def write_minima(group: h5py.Group, minima: Iterable[Minimum], size: int) -> None:
-    """Cost, values and number of starts of every minimum, one row each."""
+    """Return the cost, values and number of starts of every minimum, one row each."""
     hdf5.write_values(group, "cost", np.array([minimum.cost for minimum in minima], float), "-")
     hdf5.write_values(
         group, "values", np.array([m.values for m in minima], float).reshape(-1, size), "as in units"
@@ -283,7 +283,7 @@ def load(path: StrPath, cls: type[ResultType]) -> ResultType:
 
 
 def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
-    """Fields of the record."""
+    """Return the fields of the record."""
     found, options = hdf5.attributes(file, FIELDS), hdf5.attributes(file, OPTIONS)
     if found["status"] not in MESSAGES:
         raise ValueError(f"status = {found['status']!r}: must be one of {', '.join(map(str, MESSAGES))}")

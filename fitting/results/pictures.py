@@ -57,7 +57,7 @@ class PlottedCurve(NamedTuple):
 
 
 def measured_points(result: FitRecord, quantity: str) -> PlottedPoints:
-    """Points of all data sets of a quantity, without those at velocities <= 0."""
+    """Return the points of all data sets of a quantity, without those at velocities <= 0."""
     problem = result.problem
     model, residual = model_rows(problem, result.x), residual_rows(problem, result.x)
     parts = []
@@ -88,7 +88,7 @@ def measured_points(result: FitRecord, quantity: str) -> PlottedPoints:
 
 
 def fitted_curves(points: PlottedPoints) -> list[PlottedCurve]:
-    """Curves in the order of body, temperature and pressure; of a modulus, E' and E'' of each."""
+    """Return the curves in the order of body, temperature and pressure; of a modulus, E' and E'' of each."""
     columns = (points.scene, points.body, points.temperature, points.pressure)
     keys = sorted(set(zip(*(column.tolist() for column in columns), strict=True)))
     if len(keys) <= _CURVES:
@@ -123,7 +123,7 @@ def _text(key, several):
 def lines(
     result: FitRecord, quantity: str, points: PlottedPoints, curves: list[PlottedCurve], level: float
 ) -> list[tuple[np.ndarray, Band] | None]:
-    """(x, Band) of every curve; None for one without a line.
+    """Return (x, Band) of every curve; None for one without a line.
 
     The bands are linear in the logarithm of positive quantities, as in `FitResult.band`.
     """
@@ -154,7 +154,7 @@ def lines(
 
 
 def _band(result, blocks, conditions, level):
-    """Prediction and band at conditions other than the data's."""
+    """Return the prediction and band at conditions other than the data's."""
     x, found = result.uncertainty.x, []
     for block, columns in zip(blocks, conditions, strict=True):
         key = block.quantity, block.body, block.scene
@@ -163,7 +163,7 @@ def _band(result, blocks, conditions, level):
 
 
 def _compiled(result, block, columns, x):
-    """Predictions and their derivatives by a separately compiled function."""
+    """Return the predictions and their derivatives by a separately compiled function."""
     structure = result.problem.structure._replace(blocks=(block,))
     numbers = result.problem.numbers._replace(conditions=(columns,))
     found = quick_jit()(lambda x: forward(lambda x: predictions(structure, numbers, x)[0], x))(jnp.asarray(x))
@@ -210,7 +210,7 @@ def plot_correlation(result: Any, ax: style.Axes | None = None) -> style.Axes:
 
 
 def _write(axes, correlation):
-    """Numbers or signs in the cells, for what colours do not tell in grey."""
+    """Return the numbers or signs in the cells, for what colours do not tell in grey."""
     count = len(correlation)
     if count > _SIGNS:
         return
@@ -224,7 +224,7 @@ def _write(axes, correlation):
 
 
 def _hatch(axes, correlation):
-    """Cells without a correlation, and a legend above the matrix that says so."""
+    """Hatch cells without a correlation, and draw a legend for them."""
     from matplotlib.patches import Patch, Rectangle
 
     look = {"facecolor": "0.9", "edgecolor": "0.6", "hatch": "////", "linewidth": 0}

@@ -107,7 +107,7 @@ def save_plot(path: StrPath, result: FitRecord, title: str = "") -> None:
 
 
 def _present(result):
-    """Quantities among the data."""
+    """Return the quantities among the data."""
     return [name for name in LABELS if any(one.quantity == name for one in result.data)]
 
 
@@ -158,7 +158,7 @@ def _draw(quantity, points, curves, fitted, upper, lower):
 
 
 def _dress(quantity, points, upper, lower):
-    """Scales, limits, labels."""
+    """Return the scales, limits, labels."""
     logarithmic = quantity in ("modulus", "spectrum")
     if logarithmic:
         for axes in (upper, lower):

@@ -112,7 +112,7 @@ class FitRecord(SolvedProblem):
         return shared if scene in self.scene_at_start and shared.split("[")[0] in known else path
 
     def to_dataframe(self) -> Any:
-        """Free numbers by their key paths as a pandas.DataFrame (which must be installed)."""
+        """Return the free numbers by their key paths as a pandas.DataFrame (which must be installed)."""
         import pandas
 
         withheld = [self.withheld.get(name, "") for name in self.names]

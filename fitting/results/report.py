@@ -33,7 +33,7 @@ def unit(scene: Scenes, path: str) -> str:
 
 
 def variable_rows(result: FitRecord) -> list[tuple[str, ...] | str]:
-    """Texts of every free element: name, value, error, unit, relative error, start and a remark.
+    """Return the texts of every free element: name, value, error, unit, relative error, start and a remark.
 
     One text stands for the elements of a long array that are left out.
     """
@@ -67,7 +67,7 @@ def _by_scatter(result, error):
 
 
 def _left_out(result, elements):
-    """One line for the elements of a long array that are not listed."""
+    """Return one line for the elements of a long array that are not listed."""
     bare = sum(result.names[i] in result.withheld for i in elements)
     remark = f", {bare} of them without an error bar" if bare else ""
     return f"... {len(elements)} more, see result.values{remark}"
@@ -104,7 +104,7 @@ def tied_lines(result: FitRecord) -> list[str]:
 
 
 def error_text(result: Any, name: str, value: float) -> str:
-    """Error of a fitted value, why it has none, or that it was fixed.
+    """Return the error of a fitted value, why it has none, or that it was fixed.
 
     `result` is a FitResult or PronyFit; `name` ends a key path.
     """
@@ -145,7 +145,7 @@ def report(result: FitRecord) -> str:
 
 
 def headlines(result: FitRecord) -> list[str]:
-    """Headlines on failures and rejected scenes, a line each; empty for a good fit."""
+    """Return the headlines on failures and rejected scenes, a line each; empty for a good fit."""
     if not result.success:
         return [f"THE FIT DID NOT SUCCEED: {result.message}"]
     found = result.verdict
@@ -203,7 +203,7 @@ def _data(result):
 
 
 def _errors(data, scale, result):
-    """Where the errors of a data set come from."""
+    """Return where the errors of a data set come from."""
     if scale is not None:
         if result.assumed:
             why = "too few values to estimate" if result.freedom < 0.5 else "not estimated, as was asked for"
@@ -277,7 +277,7 @@ def _priors(result):
 
 
 def _of_several(result, key, prior):
-    """One line on a prior of several parameters: its statement, and the fitted value."""
+    """Return one line on a prior of several parameters: its statement, and the fitted value."""
     place = PriorContext("", key, result.scene, result.variables, result.problem.numbers.constants)
     [(rows, numbers)] = prior.read(place)
     leaves = jax.tree.leaves(result.scene)

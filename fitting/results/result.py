@@ -55,7 +55,7 @@ class FitResult(FitRecord):
         values: ArrayLike | None = None,
         callback: Callback | None = None,
     ) -> LikelihoodProfile:
-        """Profile likelihood of the cut-off q1 of a spectrum, all other parameters fitted again.
+        """Return the profile likelihood of the cut-off q1 of a spectrum, all other parameters fitted again.
 
         Parameters
         ----------
@@ -89,7 +89,7 @@ class FitResult(FitRecord):
         flat: str = "x",
         callback: DrawProgress | None = None,
     ) -> Samples:
-        """Draws from the posterior: of the same residuals, errors, loss, priors and bounds as the fit.
+        """Draw from the posterior with the residuals, errors, loss, priors and bounds of the fit.
 
         Uses the No-U-Turn sampler of numpyro and the diagnostics of arviz-stats (pip install
         'rubberfric[sampling]'). The metric and starts come from the fit's covariance; see
@@ -198,7 +198,7 @@ def friction_table(
     error: float = 0.01,
     title: str = "",
 ) -> FrictionTable:
-    """mu(v, p, T) of a fit on a grid for multilinear interpolation, with a standard error at each point.
+    """Return mu(v, p, T) of a fit with standard errors, on a grid for multilinear interpolation.
 
     Parameters
     ----------

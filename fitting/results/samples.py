@@ -95,7 +95,7 @@ class Samples:
         return not self._warnings()
 
     def quantiles(self, levels: Sequence[float] | float = _QUANTILES) -> np.ndarray:
-        """Quantiles of the values at levels within 0 ... 1, shape (levels, size); of one level (size,).
+        """Return quantiles of the values at levels 0 ... 1, shape (levels, size), or (size,) for one.
 
         Raises
         ------
@@ -107,7 +107,7 @@ class Samples:
         return np.quantile(self._rows, asked, axis=0)
 
     def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper ends of the central intervals of all values."""
+        """Return the lower and upper ends of the central intervals of all values."""
         check_options(level=level)
         low, high = self.quantiles((0.5 - 0.5 * level, 0.5 + 0.5 * level))
         return low, high
@@ -122,7 +122,7 @@ class Samples:
         draws: int = 200,
         scene: str | None = None,
     ) -> Band:
-        """Median prediction of the draws and the central band that holds `level` of them.
+        """Return the median prediction of the draws and the central band that holds `level` of them.
 
         Parameters
         ----------
@@ -149,7 +149,7 @@ class Samples:
         return Band(value, low, high)
 
     def to_dataframe(self) -> Any:
-        """Draws as a pandas.DataFrame (which must be installed): chain, draw, values, log_density."""
+        """Return the draws as a pandas.DataFrame: chain, draw, values, log_density."""
         import pandas
 
         chains, draws, _ = self.x.shape
@@ -187,7 +187,7 @@ class Samples:
         return f"<Samples: {chains} chains of {draws} draws, {size} numbers{said}>"
 
     def _table(self):
-        """Texts of every number: name, quantiles, value of the fit, R-hat, effective number."""
+        """Return the texts of every number: name, quantiles, value of the fit, R-hat, effective number."""
         columns = (*self.quantiles(), self.fit.values)
         return [
             (name, *(f"{column[i]:.5g}" for column in columns), f"{self.rhat[i]:.4f}", f"{self.ess[i]:.0f}")
@@ -195,7 +195,7 @@ class Samples:
         ]
 
     def _warnings(self):
-        """Reasons why the draws are unreliable, a line each, with advice."""
+        """Return the reasons why the draws are unreliable, a line each, with advice."""
         found, chains = [], self.x.shape[0]
         worst = int(np.argmax(self.rhat))
         if not self.rhat[worst] < _RHAT:
@@ -257,7 +257,7 @@ def drawn(
     flat: str,
     callback: DrawProgress | None,
 ) -> Samples:
-    """Draws from the posterior of a fit; see `fitting.FitResult.sample`."""
+    """Draw from the posterior of a fit; see `fitting.FitResult.sample`."""
     check_options(n=n, warmup=warmup, chains=chains, key=key, callback=callback)
     if flat not in FLAT:
         raise ValueError(f"flat = {flat!r}: must be one of {', '.join(FLAT)}")

@@ -152,18 +152,18 @@ def after_move(
 
 
 def _predicted(model, move):
-    """Residuals and Jacobian of the quadratic functions."""
+    """Return the residuals and Jacobian of the quadratic functions."""
     bend = model.hessians @ move
     return model.rows + model.jacobian @ move + 0.5 * bend @ move, model.jacobian + bend
 
 
 def _promise(model, move):
-    """Gain in cost that the quadratic models predict for a move."""
+    """Return the gain in cost that the quadratic models predict for a move."""
     return 0.5 * float(np.sum(model.rows**2) - np.sum(_predicted(model, move)[0] ** 2))
 
 
 def _linear_promise(model, longest):
-    """Gain in cost that the linear models predict for a step of at most `longest` in each direction."""
+    """Return the predicted gain of the linear models for a step of at most `longest` per direction."""
     U, s, _ = np.linalg.svd(model.jacobian, full_matrices=False)
     along = np.abs(U.T @ model.rows)
     return float(np.sum(np.minimum(0.5 * along**2, along * s * longest)))
@@ -198,7 +198,7 @@ def _least(model, damping, move):
 
 
 def _updated_hessians(model, move, jacobian):
-    """H after a move that led to a Jacobian."""
+    """Return H after a move that led to a Jacobian."""
     unit, length = move / np.linalg.norm(move), np.linalg.norm(move)
     left = (jacobian - model.jacobian) / length - model.hessians @ unit
     both = left[:, :, None] * unit

@@ -30,7 +30,7 @@ CALLS = 100
 def evaluate_rows(
     structure: FitStructure, numbers: Numbers, x: Array, slopes: bool = False
 ) -> tuple[np.ndarray, np.ndarray]:
-    """`fitting.solvers.residuals.rows_of` at every row of x, and their derivatives.
+    """Return `fitting.solvers.residuals.rows_of` at every row of x, and their derivatives.
 
     Parameters
     ----------
@@ -84,20 +84,20 @@ def _scenes(structure, numbers):
 
 
 def rows(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
-    """Rows alone, at one x."""
+    """Return the rows alone, at one x."""
     del directions
     values = rows_of(structure, numbers, x)
     return values, jnp.zeros((values.size, 0), x.dtype)
 
 
 def both(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
-    """Rows and their derivatives by the mode that suits them."""
+    """Return the rows and their derivatives by the mode that suits them."""
     del directions
     return rows_and_slopes(structure, numbers, x)
 
 
 def along(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
-    """Rows and their derivatives with respect to the first elements of x."""
+    """Return the rows and their derivatives with respect to the first elements of x."""
     values, push = jax.linearize(lambda x: rows_of(structure, numbers, x), x)
 
     def add(k, slopes):
@@ -133,7 +133,7 @@ _PROGRAMS = {kind.__name__: quick_jit(static_argnums=(0,))(_at_places(kind)) for
 
 
 def residual_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """Residuals of the data, then of the priors, in units of their errors."""
+    """Return the residuals of the data, then of the priors, in units of their errors."""
     of = padded(problem)
     return of.kept(np.asarray(errors_of_rows(of.structure, of.numbers, of.targets, _rows_at(of, x))))
 
@@ -144,7 +144,7 @@ errors_of_slopes = quick_jit(static_argnums=(0,))(slopes_in_errors)
 
 
 def model_rows(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """Model predictions for the measured values, or for their logarithms if errors are relative."""
+    """Return predictions of the measured values, or of their logarithms if errors are relative."""
     of = padded(problem)
     return _rows_at(of, x)[of.data]
 
@@ -156,7 +156,7 @@ def _rows_at(of, x):
 def at_conditions(
     problem: Problem, key: tuple[str, str | None, str], conditions: tuple[Array | None, ...], x: Array
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Predictions at other conditions by the compiled function of a fit, with their derivatives by x.
+    """Return predictions and derivatives by x at other conditions, by the fit's compiled function.
 
     Parameters
     ----------

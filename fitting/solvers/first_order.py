@@ -82,7 +82,7 @@ class LBFGS(FirstOrder):
     patience: int = 5
 
     def optimiser(self) -> Any:
-        """L-BFGS with the zoom line search."""
+        """Return the L-BFGS with the zoom line search."""
         return _optax().lbfgs(memory_size=self.memory)
 
 
@@ -106,7 +106,7 @@ class Adam(FirstOrder):
     patience: int = 200
 
     def optimiser(self) -> Any:
-        """Adam with its rate schedule."""
+        """Return the Adam with its rate schedule."""
         return _optax().adam(_optax().cosine_decay_schedule(self.rate, self.max_steps))
 
 

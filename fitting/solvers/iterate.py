@@ -59,7 +59,7 @@ def status_after(
     stalled: Array | bool = False,
     near: Array | bool = False,
 ) -> jax.Array:
-    """Status after a step.
+    """Return the status after a step.
 
     `near`: whether the gain that a step may still bring is negligible, if the fit has stalled.
     """

@@ -71,7 +71,7 @@ def step(
     rounding: ArrayLike = 0.0,
     longest: float = LONGEST_STEP,
 ) -> Iterate:
-    """One step of least squares, or of robust losses; a pure function, that jit and vmap go through.
+    """Return one step of least squares, or of robust losses; a pure function, that jit and vmap go through.
 
     Parameters
     ----------
@@ -222,6 +222,6 @@ def accept_better(
 
 
 def _limited(moves, longest):
-    """Factors <= 1 that keep every element of every move below `longest`."""
+    """Return the factors <= 1 that keep every element of every move below `longest`."""
     length = jnp.max(jnp.abs(moves), -1, keepdims=True)
     return jnp.minimum(1.0, longest / jnp.where(length > 0, length, 1.0))

@@ -28,7 +28,7 @@ LOSS_WIDTHS = {"linear": 1.0, "huber": 1.345, "soft_l1": 1.287, "cauchy": 2.385}
 
 
 def rho(loss: str, width: Scalar, residual: jax.Array) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """rho of every residual, and its first and second derivative with respect to r^2."""
+    """Return rho of every residual, and its first and second derivative with respect to r^2."""
     z = (residual / width) ** 2
     if loss == "linear":
         return residual**2, jnp.ones_like(z), jnp.zeros_like(z)
@@ -45,7 +45,7 @@ def rho(loss: str, width: Scalar, residual: jax.Array) -> tuple[jax.Array, jax.A
 
 
 def factors(loss: str, width: Scalar, residual: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Factors of the residuals and of the rows of their Jacobian in a step of the robust cost.
+    """Return the factors of the residuals and of the rows of their Jacobian in a step of the robust cost.
 
     The gradient is exact; the curvature rho' + 2 r^2 rho'' is kept positive, as Triggs et
     al. (Bundle adjustment, 2000, sec. 4.3) do, so that the step goes downhill.
@@ -64,12 +64,12 @@ class Loss(NamedTuple):
     rows: int = 0
 
     def cost(self, residuals: jax.Array) -> jax.Array:
-        """Half the sum of rho and of the squares."""
+        """Return half the sum of rho and of the squares."""
         robust = rho(self.kind, self.width, residuals[: self.rows])[0]
         return 0.5 * (jnp.sum(robust) + jnp.sum(residuals[self.rows :] ** 2))
 
     def factors(self, residuals: jax.Array) -> list[jax.Array]:
-        """`factors` for all residuals and for all rows of their Jacobian."""
+        """Return `factors` for all residuals and for all rows of their Jacobian."""
         ones = jnp.ones(residuals.size - self.rows, residuals.dtype)
         robust = factors(self.kind, self.width, residuals[: self.rows])
         return [jnp.concatenate([part, ones]) for part in robust]

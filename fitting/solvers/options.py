@@ -30,12 +30,12 @@ def _rule(text: str, test: Callable[[Any], bool]) -> OptionRule:
     return lambda value: "" if test(value) else f"must be {text}"
 
 
-def _integer(smallest: int) -> OptionRule:
+def _integer(smallest: int, largest: int = 1_000_000) -> OptionRule:
     def test(value):
         whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
-        return whole and smallest <= int(value) < 2**31
+        return whole and smallest <= int(value) <= largest
 
-    return _rule(f"an integer >= {smallest}", test)
+    return _rule(f"an integer, {smallest} to {largest}", test)
 
 
 def _or_none(rule: OptionRule) -> OptionRule:
@@ -48,8 +48,8 @@ _POSITIVE = _rule(
 # Options that a job file may hold.
 FILE_OPTIONS: dict[str, OptionRule] = {
     "method": _choice(SOLVERS),
-    "starts": _integer(1),
-    "seed": _integer(0),  # of job files, for key
+    "starts": _integer(1, 10_000),
+    "seed": _integer(0, 2**31 - 1),  # of job files, for key
     "loss": _choice(LOSS_WIDTHS),
     "loss_width": _or_none(_POSITIVE),
     "decades": _POSITIVE,
@@ -73,7 +73,7 @@ OPTION_RULES: dict[str, OptionRule] = FILE_OPTIONS | {
     "count": _integer(1),
     "n": _integer(1),
     "warmup": _integer(1),
-    "chains": _integer(1),
+    "chains": _integer(1, 1000),
     "every": _rule("a number of seconds >= 0", lambda value: is_number(value) and value >= 0),
     "max_memory": _rule("a number of bytes > 0", lambda value: is_number(value) and value > 0),
     "batch": _rule("an integer >= 1, or None", lambda value: value is None or not _integer(1)(value)),

@@ -51,7 +51,7 @@ class _Step(NamedTuple):
 
 
 def _places(variables):
-    """Which element of x a number is, and its ratio to that; None for `RmsSlope`."""
+    """Return which element of x a number is, and its ratio to that; None for `RmsSlope`."""
     places: dict[End, tuple[int, tuple[int, int] | None] | None] = {}
     ratio = -1  # counts the groups that have one
     for group in variables.groups:
@@ -150,7 +150,7 @@ class _Walk:
         return self.margin * self.xp.where(finite, 1 + abs(self.xp.where(finite, end, 0.0)), 0.0)
 
     def _range(self, i):
-        """Values that its own rule allows."""
+        """Return the values that its own rule allows."""
         if self.kinds[i] == "Bounded":
             return self.constants.low[i], self.constants.low[i] + self.constants.width[i]
         return (0.0 if self.kinds[i] == "Positive" else -np.inf), np.inf
@@ -170,7 +170,7 @@ class _Walk:
         return self._times(bound, from_x(self.kinds[j], self.constants.low[j], self.constants.width[j], x[j]))
 
     def _inverse(self, i, value):
-        """x of a value, of one beyond the element's own range at its end."""
+        """Return x of a value, of one beyond the element's own range at its end."""
         xp, (low, high) = self.xp, self._range(i)
         within = (value > low) & (value < high)
         # A value inside, so that the branch not taken has a finite derivative.
@@ -180,12 +180,12 @@ class _Walk:
 
 
 def _between(xp, a, b, z):
-    """x between a and b."""
+    """Return x between a and b."""
     return (xp.logaddexp(_SHARP * a, _SHARP * z) - xp.logaddexp(0.0, _SHARP * (z - b))) / _SHARP
 
 
 def x_of(variables: Variables, constants: Constants, z: Array, moving: Array) -> Array:
-    """x of a solver's z, both of shape (size,); moving: 0 where an element stays, else 1."""
+    """Return x of a solver's z, both of shape (size,); moving: 0 where an element stays, else 1."""
     if not variables.order:
         return z
     walk = _Walk(variables, constants, z, moving)
@@ -196,7 +196,7 @@ def x_of(variables: Variables, constants: Constants, z: Array, moving: Array) ->
 
 
 def z_of(variables: Variables, constants: Constants, x: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """z of a start x, on the host; one outside its bounds is reflected, one on them moved inside."""
+    """Return z of a start x, on the host; one outside its bounds is reflected, one on them moved inside."""
     if not variables.order:
         return x
     walk, z = _Walk(variables, constants, x, moving), {}
@@ -221,21 +221,21 @@ def z_of(variables: Variables, constants: Constants, x: np.ndarray, moving: np.n
 
 
 def start_z(variables: Variables, constants: Constants, x: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """z of several starts, shape (fits, size), as `z_of` has it."""
+    """Return z of several starts, shape (fits, size), as `z_of` has it."""
     if not variables.order:
         return x
     return np.stack([z_of(variables, constants, *pair) for pair in zip(x, np.asarray(moving), strict=True)])
 
 
 def end_x(variables: Variables, constants: Constants, z: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """x of several ends, shape (fits, size)."""
+    """Return x of several ends, shape (fits, size)."""
     if not variables.order:
         return z
     return np.stack([x_of(variables, constants, *pair) for pair in zip(z, np.asarray(moving), strict=True)])
 
 
 def slopes_of_x(variables: Variables, constants: Constants, z: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """d x / d z on the host, shape (size, size)."""
+    """Return d x / d z on the host, shape (size, size)."""
     found = np.eye(z.size, dtype=z.dtype)
     if not variables.order:
         return found
@@ -257,7 +257,7 @@ def slopes_of_x(variables: Variables, constants: Constants, z: np.ndarray, movin
 def put_on_bounds(
     variables: Variables, constants: Constants, before: np.ndarray, z: np.ndarray, moving: np.ndarray
 ) -> np.ndarray:
-    """z with elements on their bounds that came near to them since `before`, tried once in every factor e."""
+    """Return z with elements moved onto bounds that they have approached since `before`."""
     walk, there = _Walk(variables, constants, z, moving), z.copy()
     for i, _, a, b in walk:
         walk.x[i] = z[i]
@@ -288,7 +288,7 @@ class Edge(NamedTuple):
 
 
 def edges(variables: Variables, constants: Constants, x: np.ndarray) -> list[Edge]:
-    """Elements of x, shape (size,), within `AT_EDGE` of a neighbour."""
+    """Return the elements of x, shape (size,), within `AT_EDGE` of a neighbour."""
     if not variables.order:
         return []
     leaves = [np.asarray(leaf) for leaf in jax.tree.leaves(to_scene(variables, constants, np.asarray(x)))]

@@ -101,7 +101,7 @@ class Problem(NamedTuple):
         return tuple(element_names(self.variables))
 
     def values(self, x: Array) -> np.ndarray:
-        """Values of the free elements at x; both of shape (..., size)."""
+        """Return the values of the free elements at x; both of shape (..., size)."""
         return np.asarray(to_values(self.variables, self.numbers.constants, np.asarray(x)))
 
     def scene(self, x: Array) -> Any:
@@ -153,7 +153,7 @@ def make_problem(
 
 
 def _blocks(scenes, data, of):
-    """Blocks that predict the data, their conditions, and the rows of every data set."""
+    """Return the blocks that predict the data, their conditions, and the rows of every data set."""
     keys = [(_block_key(scenes[name], one), name) for one, name in zip(data, of, strict=True)]
     blocks, conditions, order = [], [], {}
     first = 0
@@ -175,7 +175,7 @@ def _blocks(scenes, data, of):
 
 
 def _block_key(scene, data):
-    """Key that data sets of one block share; ValueError if the scene cannot predict the data."""
+    """Return Key that data sets of one block share; ValueError if the scene cannot predict the data."""
     temperature = getattr(data, "temperature", None)
     if data.quantity in CURVE_QUANTITIES:
         _check_curve(scene, data)
@@ -190,7 +190,7 @@ def _block_key(scene, data):
 
 
 def _check_curve(scene, data):
-    """ValueError unless the scene has such a curve at the temperatures of the data."""
+    """Raise ValueError unless the scene has such a curve at the temperatures of the data."""
     if data.quantity == "friction" and scene.shear is None and not dissipates(scene):
         raise ValueError(  # nothing could be learned from it
             f"data {data.label!r}: the scene has no friction: a rough solid must face a viscoelastic one,"
@@ -242,7 +242,7 @@ def finer(problem: Problem, x: Array, data: Sequence[Measured]) -> Problem | Non
 
 
 def _fitting(scene, data, margin=_MARGIN):
-    """Quadrature for the scene, or scenes, and for scenes that a fit may pass through."""
+    """Return the quadrature for the scene, or scenes, and for scenes that a fit may pass through."""
     pressures = [np.min(one.pressure) for one in data if hasattr(one, "pressure")]
     lowest = min(pressures, default=1.0)
     settings = [

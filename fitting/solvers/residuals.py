@@ -39,7 +39,7 @@ def objective(structure: FitStructure, numbers: Numbers, targets: Targets) -> Ob
 
 
 def solver_objective(structure: FitStructure, numbers: Numbers, targets: Targets) -> Objective:
-    """`objective` in the variables z of solvers; see `fitting.solvers.ordered`."""
+    """Return `objective` in the variables z of solvers; see `fitting.solvers.ordered`."""
     plain, variables = objective(structure, numbers, targets), structure.variables
     if not variables.order:
         return plain
@@ -63,7 +63,7 @@ def loss_of(structure: FitStructure, numbers: Numbers) -> Loss:
 
 
 def predictions(structure: FitStructure, numbers: Numbers, x: jax.Array) -> tuple[jax.Array, Any]:
-    """Model predictions for all data, shape (rows,), and the scene, or scenes."""
+    """Return the model predictions for all data, shape (rows,), and the scene, or scenes."""
     scene = to_scene(structure.variables, numbers.constants, x)
     scenes, pairs = by_name(scene), zip(structure.blocks, numbers.conditions, strict=True)
     rows = [_predicted(structure, block, at, scenes[block.scene]) for block, at in pairs]
@@ -71,13 +71,13 @@ def predictions(structure: FitStructure, numbers: Numbers, x: jax.Array) -> tupl
 
 
 def _if_in_order(structure, scene, rows):
-    """Rows, or NaN if free numbers violate the order that the scene demands."""
+    """Return the rows, or NaN if free numbers violate the order that the scene demands."""
     order = structure.variables.order
     return jnp.where(in_order(order, jax.tree.leaves(scene)), rows, jnp.nan) if order else rows
 
 
 def _predicted(structure, block, conditions, scene):
-    """Rows of one block; their logarithm where it is logarithmic."""
+    """Return the rows of one block; their logarithm where it is logarithmic."""
     if block.quantity in CURVE_QUANTITIES:
         heated = () if "converged" not in rf.quantities_of(scene) else ("converged",)
         solution = rf.solve(
@@ -99,7 +99,7 @@ def _predicted(structure, block, conditions, scene):
 
 
 def rows_of(structure: FitStructure, numbers: Numbers, x: jax.Array) -> jax.Array:
-    """Predictions, followed by the rows of priors and smoothing in units of their errors."""
+    """Return the predictions, followed by the rows of priors and smoothing in units of their errors."""
     model, scene = predictions(structure, numbers, x)
     prior = prior_residuals(structure.prior, numbers.prior, scene, x)
     return jnp.concatenate(
@@ -108,7 +108,7 @@ def rows_of(structure: FitStructure, numbers: Numbers, x: jax.Array) -> jax.Arra
 
 
 def rows_and_slopes(structure: FitStructure, numbers: Numbers, x: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """`rows_of` and their derivatives with respect to x, shape (rows, size)."""
+    """Return `rows_of` and their derivatives with respect to x, shape (rows, size)."""
 
     def scene_of(x):
         return to_scene(structure.variables, numbers.constants, x)
@@ -138,39 +138,39 @@ def rows_and_slopes(structure: FitStructure, numbers: Numbers, x: jax.Array) -> 
 
 
 def in_errors(structure: FitStructure, numbers: Numbers, targets: Targets, rows: Array) -> jax.Array:
-    """Residuals from `rows_of`, in units of the errors."""
+    """Return the residuals from `rows_of`, in units of the errors."""
     count = data_rows(structure)
     of_data = (rows[:count] - targets.measured) / targets.error
     return jnp.concatenate([_whitened(numbers, of_data), rows[count:]])
 
 
 def slopes_in_errors(structure: FitStructure, numbers: Numbers, targets: Targets, slopes: Array) -> jax.Array:
-    """Jacobian of the residuals from the derivatives of `rows_of`; 0 where x does not move."""
+    """Return the Jacobian of the residuals from the derivatives of `rows_of`; 0 where x does not move."""
     count = data_rows(structure)
     of_data = _whitened(numbers, slopes[:count] / targets.error[:, None])
     return jnp.concatenate([of_data, slopes[count:]]) * targets.moving
 
 
 def residuals(structure: FitStructure, numbers: Numbers, targets: Targets, x: jax.Array) -> jax.Array:
-    """Rows of the data, of the priors, and of the smoothing, in units of their errors."""
+    """Return the rows of the data, of the priors, and of the smoothing, in units of their errors."""
     return in_errors(structure, numbers, targets, rows_of(structure, numbers, x))
 
 
 def residuals_and_jacobian(
     structure: FitStructure, numbers: Numbers, targets: Targets, x: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """`residuals` and their Jacobian, shape (rows, size), 0 where x does not move."""
+    """Return `residuals` and their Jacobian, shape (rows, size), 0 where x does not move."""
     rows, slopes = rows_and_slopes(structure, numbers, x)
     return in_errors(structure, numbers, targets, rows), slopes_in_errors(structure, numbers, targets, slopes)
 
 
 def _whitened(numbers, rows):
-    """Rows of the data in units of their errors, first axis, made independent of each other."""
+    """Return the rows of the data in units of their errors, first axis, made independent of each other."""
     return rows if numbers.whitening is None else numbers.whitening @ rows
 
 
 def _second_differences(variables: Variables, dtype):
-    """Second differences of x along the arrays of Positive elements, shape (rows, size)."""
+    """Return the second differences of x along the arrays of Positive elements, shape (rows, size)."""
     rows = [np.zeros((0, variables.size))]
     for group in variables.groups:
         first, last = group.slot
@@ -185,7 +185,7 @@ def has_arrays(variables: Variables) -> bool:
 
 
 def forward(function: Callable[[jax.Array], jax.Array], x: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Value of a function and its derivatives with respect to x, the last axis, by forward mode."""
+    """Return a function's value and its derivatives by x (last axis), by forward mode."""
     jacobian, value = jax.jacfwd(lambda x: (function(x),) * 2, has_aux=True)(x)
     return value, jacobian
 
@@ -196,7 +196,7 @@ def data_rows(structure: FitStructure) -> int:
 
 
 def rounding(structure: FitStructure, targets: Targets) -> jax.Array:
-    """Cost due to rounding if the data are met exactly."""
+    """Return the cost due to rounding if the data are met exactly."""
     error = 100 * float(jnp.finfo(targets.measured.dtype).eps)  # of a prediction, relative
     offset = np.zeros(data_rows(structure))
     for block in structure.blocks:
@@ -268,7 +268,7 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
 def _with_longer_tables(
     variables: Variables, constants: Constants
 ) -> tuple[Variables, Constants, dict[int, int]]:
-    """Variables and constants of the same scene with padded tables, and where each leaf is in it.
+    """Return the variables and constants of the same scene with padded tables, and where each leaf is in it.
 
     Objects with free numbers are not padded.
     """

@@ -58,13 +58,13 @@ class Runs(NamedTuple):
     njev: np.ndarray
 
     def row(self, i: int) -> "Runs":
-        """One fit's end, in the same fields."""
+        """Return the end of one fit, in the same fields."""
         return Runs(*(array[i] for array in self))
 
 
 @jax.jit
 def _choose(new, mask, old):
-    """Rows of `new` where the mask says so."""
+    """Return the rows of `new` where the mask says so."""
     return jax.tree.map(lambda n, o: jnp.where(mask.reshape(-1, *[1] * (n.ndim - 1)), n, o), new, old)
 
 
@@ -189,7 +189,7 @@ def advance(
 
 @functools.partial(jax.jit, static_argnums=(0, 1, 2))
 def _by_solver(name, solver, structure, numbers, targets, state):
-    """`init` or `step` of a first-order solver, for several fits."""
+    """Return `init` or `step` of a first-order solver, for several fits."""
 
     def one(targets, state):
         return getattr(solver, name)(solver_objective(structure, numbers, targets), state)
@@ -290,7 +290,7 @@ def _brown_dennis_step(solver, structure, numbers, targets, iterate):
 
 
 def _side_by_side(iterates: list[Iterate]) -> Any:
-    """One iterate with an axis of fits."""
+    """Join the iterates of several fits along a new axis."""
     return jax.tree.map(lambda *a: np.stack(a), *iterates)
 
 
@@ -313,7 +313,7 @@ def _at_bounds(solver, structure, numbers, targets, before, after):
 
 
 def _evaluated(structure, numbers, targets, z, which=None, slopes=False):
-    """Rows of the model, and their derivatives by z, at rows of z; zero except for the fits `which`."""
+    """Return rows of the model and derivatives by z at rows of z; zero except for the fits `which`."""
     variables, constants, z = structure.variables, numbers.constants, np.asarray(z)
     which = np.arange(len(z)) if which is None else which
     pairs = list(zip(z[which], np.asarray(targets.moving)[which], strict=True))

@@ -39,7 +39,7 @@ SMOOTHING = (30.0, 10.0, 3.0, 1.0, 0.3, 0.0)  # standard errors for a factor e b
 def random_starts(
     variables: Variables, x: Array, key: jax.Array | None, count: int, decades: float = 1.0
 ) -> Array:
-    """`count` start vectors: x itself, then random ones, shape (count, size).
+    """Return `count` start vectors: x itself, then random ones, shape (count, size).
 
     Positive elements are drawn from within `decades` of x, evenly in the logarithm;
     Bounded ones from the middle 98 % between their bounds; Free ones from x +- their scale. The key is
@@ -70,7 +70,7 @@ def search(
     max_steps: int | None = None,
     callback: Callback | None = None,
 ) -> Runs:
-    """Fits from every row of `starts`; `Runs` as of `fitting.solvers.runs.run_fits`."""
+    """Return the fits from every row of `starts`; `Runs` as of `fitting.solvers.runs.run_fits`."""
     spent = np.zeros((2, len(starts)), int)
     x = starts = np.asarray(starts)
     for times in (1.0,) if problem.structure.loss == "linear" else (WIDE, 1.0):
@@ -98,7 +98,7 @@ def search(
 
 
 def _smoothed(solver, problem, starts, max_steps, callback, batch):
-    """Fits whose arrays are kept smooth, ever less; in a batch of the size that is compiled."""
+    """Return the fits whose arrays are kept smooth, ever less; in a batch of the size that is compiled."""
     x, spent = starts, np.zeros((2, len(starts)), int)
     for weight in SMOOTHING:
         numbers = problem.numbers._replace(smoothing=jnp.asarray(weight, problem.numbers.smoothing.dtype))
@@ -190,7 +190,7 @@ def _to_fit(problem, cost, costs, drawn, inner):
 
 
 def costs_at(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """Costs at rows of x, inf where the model is not finite."""
+    """Return the costs at rows of x, inf where the model is not finite."""
     of, loss = padded(problem), loss_of(problem.structure, problem.numbers)
     rows, _ = evaluate_rows(of.structure, of.numbers, x.astype(problem.start.dtype))
     costs = [
@@ -220,7 +220,7 @@ def _moves(problem, x):
 
 
 def _places_to_try(problem, end):
-    """Rows of x a little inside of bounds and all around a high cost; which are drawn, which inside by 1."""
+    """Return random rows of x inside the bounds about a fit of high cost, and flags of their kind."""
     x, variables, constants = np.asarray(end.x), problem.variables, problem.numbers.constants
     places, drawn, inner = [], np.arange(0), []
 

@@ -90,7 +90,7 @@ class Part(NamedTuple):
 
 
 def describe_direction(variables: Variables, loadings: np.ndarray, deviation: float) -> str:
-    """One line of text on a direction: the changes it makes, their size within the errors, and advice."""
+    """Return one line on a direction: its changes, their size within the errors, and advice."""
     parts = _parts(variables, loadings)
     leaves = {part.leaf for part in parts}
     # Advice on trade-offs needs several parameters.
@@ -115,7 +115,7 @@ def describe_direction(variables: Variables, loadings: np.ndarray, deviation: fl
 
 
 def _traded(parts):
-    """Text on the parameters that compensate for roughness; empty without such a trade-off."""
+    """Return the text on the parameters that compensate for roughness; empty without such a trade-off."""
     rougher = {p.name: p.loading > 0 for p in parts if p.leaf in ROUGHER}
     rougher |= {p.name: p.loading < 0 for p in parts if p.leaf in SMOOTHER}
     others = {p.name: p.loading > 0 for p in parts if p.leaf in ("gamma", *SHEAR)}
@@ -128,7 +128,7 @@ def _traded(parts):
 
 
 def _parts(variables, loadings):
-    """Largest loadings of a direction; arrays with equal loadings have one entry."""
+    """Return the largest loadings of a direction; arrays with equal loadings have one entry."""
     names, largest, parts = element_names(variables), np.max(np.abs(loadings)), []
     for group in variables.own:
         leaf = group.path.split("[")[0].rsplit(".", 1)[-1]
@@ -147,7 +147,7 @@ def _parts(variables, loadings):
 
 
 def _change(part, power):
-    """How one parameter moves, as a power of the factor λ that the leading one moves by."""
+    """Return how one parameter moves, as a power of the factor λ that the leading one moves by."""
     if part.kind == "Positive":
         return f"{part.name} * λ" if abs(power - 1) < 0.05 else f"{part.name} * λ^{power:.2g}"
     return f"{part.name} {'up' if power > 0 else 'down'}"
@@ -199,14 +199,14 @@ def linearised(problem: Problem, x: np.ndarray) -> Linearised:
 
 
 def data_residuals(problem: Problem, model: Linearised) -> np.ndarray:
-    """Residuals of the data at a solution, in units of their errors."""
+    """Return the residuals of the data at a solution, in units of their errors."""
     of = padded(problem)
     rows = errors_of_rows(of.structure, of.numbers, of.targets, model.at)
     return of.kept(np.asarray(rows))[: data_rows(problem.structure)]
 
 
 def weighted_rows(problem: Problem, model: Linearised) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Residuals of a model, the factors that the loss gives them, and their Jacobian with its own."""
+    """Return residuals and Jacobian of a model, each times the factors of the loss."""
     of = padded(problem)
     found = _weighted(of.structure, of.numbers, of.targets, model.inside, model.slopes)
     plain, of_rows, jacobian = map(of.kept, map(np.asarray, found))
@@ -215,14 +215,14 @@ def weighted_rows(problem: Problem, model: Linearised) -> tuple[np.ndarray, np.n
 
 @quick_jit(static_argnums=(0,))
 def _weighted(structure, numbers, targets, rows, slopes):
-    """`weighted_rows` for padded rows in one XLA computation."""
+    """Return `weighted_rows` for padded rows in one XLA computation."""
     rows = in_errors(structure, numbers, targets, rows)
     of_rows, of_jacobian = loss_of(structure, numbers).factors(rows)
     return rows, of_rows, slopes_in_errors(structure, numbers, targets, slopes) * of_jacobian[:, None]
 
 
 def uncertainty(problem: Problem, x: np.ndarray, model: Linearised | None = None) -> Uncertainty:
-    """Uncertainty of a problem's solution x, shape (size,); `model` of it where that is known already."""
+    """Return the uncertainty of a solution x, shape (size,); `model` is its linearisation if known."""
     structure, numbers = problem.structure, problem.numbers
     withheld, inside, stretch = _at_bounds(problem, x)
     model = linearised(problem, x) if model is None else model
@@ -255,7 +255,7 @@ def from_jacobian(
     withheld: dict[str, str] | None = None,
     influence: np.ndarray | None = None,
 ) -> Uncertainty:
-    """Uncertainty from the Jacobian of a solution, without any compilation.
+    """Return the uncertainty from the Jacobian of a solution, without any compilation.
 
     Parameters
     ----------
@@ -316,7 +316,7 @@ def from_jacobian(
 
 
 def _spread(jacobian, count, rows, V, deviations, parameters):
-    """Covariance of x, no direction longer than OPEN, and the deviations along the directions."""
+    """Return the covariance of x, no direction longer than OPEN, and the deviations along the directions."""
     length = np.minimum(deviations, OPEN)
     if rows is None:
         return (V * length**2) @ V.T, deviations
@@ -334,7 +334,7 @@ def _spread(jacobian, count, rows, V, deviations, parameters):
 
 
 def _at_bounds(problem, x):
-    """(name -> reason, x a little inside, stretch) for parameters at a bound or driven to zero."""
+    """Return (name -> reason, x a little inside, stretch) for parameters at a bound or driven to zero."""
     constants, names, reasons = problem.numbers.constants, problem.names, {}
     inside, stretch = np.array(x), np.ones(len(names), np.asarray(x).dtype)
     edge = np.log(1 / EDGE - 1)

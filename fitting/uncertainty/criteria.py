@@ -34,7 +34,7 @@ from fitting.uncertainty.intervals import SolvedProblem
 
 # Leverage above which a value alone determines a parameter, and its left-out density is unreliable.
 ALONE = 0.7
-# Of 1 - h, which rounding may leave at 0.
+# Lower bound of 1 - h, which may round to 0.
 _ROUNDING = 1e-12
 _NODES = 64
 
@@ -104,7 +104,7 @@ def criteria(solved: SolvedProblem, estimated: int = 0) -> Criteria:
 
 
 def _left_out(solved):
-    """Residuals, leverages, and ln p of every value without itself in units of its error."""
+    """Return the residuals, leverages, and ln p of every value without itself in units of its error."""
     problem, known = solved.problem, solved.uncertainty
     count = problem.targets.measured.size
     model = linearised(problem, solved.x)
@@ -129,7 +129,7 @@ def _left_out(solved):
 
 
 def _density(problem: Problem, r):
-    """ln p of residuals in units of their errors; for robust losses up to a constant."""
+    """Return ln p of residuals in units of their errors; for robust losses up to a constant."""
     return -0.5 * np.asarray(rho(*_loss(problem), jnp.asarray(r))[0], float) - 0.5 * np.log(2 * np.pi)
 
 

@@ -95,7 +95,7 @@ class Design:
         return "\n".join(lines) + "\n"
 
     def plot(self, ax: style.Panels | None = None) -> style.Panels:
-        """Where one measurement would tell how much, and the measurements chosen."""
+        """Draw the information of one measurement at each candidate, and the chosen measurements."""
         return plot_design(self, ax)
 
     def write(self, path: StrPath) -> None:
@@ -234,7 +234,7 @@ def _cost(cost, at):
 
 
 def _error(source, quantity):
-    """Relative error that the fit's data of a quantity have, in the mean."""
+    """Return the mean relative error of the fit's data of a quantity."""
     if not isinstance(source, SolvedProblem):
         return _ERROR
     blocks = [b for b in source.problem.structure.blocks if b.quantity == quantity and b.logarithmic]
@@ -243,7 +243,7 @@ def _error(source, quantity):
 
 
 def _target(known, xs, criterion):
-    """L of every draw, or None for D."""
+    """Return L of every draw, or None for D."""
     if isinstance(criterion, prediction):
         conditions = (criterion.velocity, criterion.pressure)
         conditions += () if criterion.temperature is None else (criterion.temperature,)
@@ -317,7 +317,7 @@ def plot_design(design: Any, ax: style.Panels | None = None) -> style.Panels:
 
 
 def _group(design, value, over_temperature):
-    """Which candidates belong to a panel."""
+    """Return which candidates belong to a panel."""
     _, p, T = design.candidates
     if over_temperature:
         return p == value

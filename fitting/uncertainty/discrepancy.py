@@ -183,13 +183,13 @@ def averaged(
 
 
 def _prior(amplitudes):
-    """Prior density of ln a: half of it lognormal, half flat, so that theories may also be true."""
+    """Return the prior density of ln a, half lognormal and half flat, which includes an exact theory."""
     lognormal = scipy.stats.norm.pdf(np.log(amplitudes), np.log(_MEDIAN), _DEVIATION)
     return 0.5 * lognormal + 0.5 / np.log(_AMPLITUDES[-1] / _AMPLITUDES[0])
 
 
 def _at_the_ends(of_width):
-    """Remarks on widths that lie at the ends of the range, from the probability of each."""
+    """Return the remarks on widths that lie at the ends of the range, from the probability of each."""
     first, last = (w / math.log(10) for w in (WIDTHS[0], WIDTHS[-1]))
     if of_width[0] > 0.5:
         return [
@@ -238,7 +238,7 @@ class _Likelihood:
 
 
 def _places(problem, scenes, data):
-    """1 over the relative error (0 except for friction), ln(v a_T) and curve number of the rows of data."""
+    """Return 1 / relative error (0 except for friction), ln(v a_T) and curve number of data rows."""
     scaled, x, curve = (np.zeros(data_rows(problem.structure)) for _ in range(3))
     error = np.asarray(problem.targets.error)
     found: dict[tuple, int] = {}

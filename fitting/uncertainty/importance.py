@@ -62,21 +62,21 @@ _POINTS = 256
 
 
 def relative(log_weight: np.ndarray) -> np.ndarray:
-    """Weights, the largest of each fit 1."""
+    """Return the weights, the largest of each fit 1."""
     largest = np.max(log_weight, 1, keepdims=True)
     # All are 0 if the model is finite nowhere.
     return np.exp(log_weight - np.where(np.isfinite(largest), largest, 0.0))
 
 
 def effective(log_weight: np.ndarray) -> np.ndarray:
-    """Effective sample size of every fit, shape (fits,)."""
+    """Return the effective sample size of every fit, shape (fits,)."""
     weight = relative(log_weight)
     squares = np.sum(weight**2, 1)
     return np.sum(weight, 1) ** 2 / np.where(squares > 0, squares, 1.0)
 
 
 def tail_index(log_weight: np.ndarray) -> np.ndarray:
-    """k of the largest weights of every fit, shape (fits,); -inf where weights are all the same."""
+    """Return k of the largest weights of every fit, shape (fits,); -inf where weights are all the same."""
     rows = log_weight.shape[1]
     count = _tail(rows)
     ordered = np.sort(relative(log_weight), 1)
@@ -84,7 +84,7 @@ def tail_index(log_weight: np.ndarray) -> np.ndarray:
 
 
 def doubtful(size: np.ndarray, index: np.ndarray, draws: int) -> np.ndarray:
-    """Fits whose weighted draws are unreliable, shape (fits,).
+    """Return the fits whose weighted draws are unreliable, shape (fits,).
 
     True for an effective sample size below 10, or a tail index above 0.7 by two of its standard errors.
     """
@@ -98,7 +98,7 @@ def _tail(draws):
 
 
 def _pareto_shape(excess):
-    """Shape of the generalised Pareto distribution of values > 0 in increasing order (Zhang & Stephens).
+    """Return the shape of the generalised Pareto distribution of increasing values > 0.
 
     Regularised as if ten more values had a shape of 1/2 (Vehtari et al.).
     """
@@ -125,13 +125,13 @@ class Proposal(NamedTuple):
 
     @classmethod
     def of(cls, centre: np.ndarray, covariance: np.ndarray) -> "Proposal":
-        """From m and C of the module's docstring."""
+        """Return the from m and C of the module's docstring."""
         variance, directions = np.linalg.eigh(covariance)
         wider = 1 + 1 / centre.shape[1]
         return cls(np.array(centre), directions * np.sqrt(wider * variance)[:, None])
 
     def draws(self, count: int, random: np.random.Generator) -> np.ndarray:
-        """Points x, shape (fits, count, size)."""
+        """Draw points x, shape (fits, count, size)."""
         size = self.centre.shape[1]
         z = random.standard_t(max(_FEWEST, size), (len(self.centre), count, size))
         return self.centre[:, None] + np.einsum("fij,fsj->fsi", self.axes, z)
@@ -155,7 +155,7 @@ def guided(
     count: int,
     random: np.random.Generator,
 ) -> Proposal:
-    """Proposal for `count` draws of every fit, improved by pilot runs.
+    """Return the proposal for `count` draws of every fit, improved by pilot runs.
 
     Parameters
     ----------
@@ -199,7 +199,7 @@ def log_weights(
     x: np.ndarray,
     callback: Callable[[int, int], object] | None = None,
 ) -> np.ndarray:
-    """ln w of the module's docstring up to a constant of each fit, shape (fits, rows); -inf: not finite.
+    """Return ln w up to a constant of each fit, shape (fits, rows); -inf if not finite.
 
     Parameters
     ----------
@@ -233,7 +233,7 @@ def log_weights(
 
 
 def places(x: np.ndarray, log_weight: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """U of the module's docstring of the last row among all, number by number, shape (fits, size)."""
+    """Return U of the module's docstring of the last row among all, number by number, shape (fits, size)."""
     weight = relative(log_weight)
     below = np.einsum("fs,fsi->fi", weight, x < x[:, -1:])
     own = weight[:, -1:] * random.random(below.shape)
@@ -241,7 +241,7 @@ def places(x: np.ndarray, log_weight: np.ndarray, random: np.random.Generator) -
 
 
 def _some(targets, rows):
-    """Targets of some fits."""
+    """Return the targets of some fits."""
     return jax.tree.map(lambda a: a[rows] if len(a) > 1 else a, targets)
 
 

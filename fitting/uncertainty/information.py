@@ -73,14 +73,14 @@ class PriorInformation(NamedTuple):
         return to_scene(self.variables, self.constants, self.x)
 
     def draws(self, count: int, reach: float, key: jax.Array) -> np.ndarray:
-        """x itself, and draws about it, along no direction farther than `reach`; shape (count, size)."""
+        """Draw x itself, and draws about it, along no direction farther than `reach`; shape (count, size)."""
         values, V = np.linalg.eigh(self.information)
         noise = np.array(jax.random.normal(key, (count, self.x.size)))
         noise[0] = 0.0
         return self.x + self.stretch * ((noise * np.minimum(values**-0.5, reach)) @ V.T)
 
     def rows(self, x: np.ndarray, at: Conditions, quantity: str, logarithmic: bool = True) -> np.ndarray:
-        """d ln Q / dy, or dQ / dy, at points and a draw x, shape (points, size).
+        """Return d ln Q / dy, or dQ / dy, at points and a draw x, shape (points, size).
 
         The points are padded to a length that recurs: other candidates compile nothing.
         """
@@ -118,7 +118,7 @@ def known_of(
     prior: Mapping[str, Prior] | None,
     quadrature: rf.Quadrature | None,
 ) -> PriorInformation:
-    """Information of a fit, or of the priors on the `free` parameters of a scene."""
+    """Return the information of a fit, or of the priors on the `free` parameters of a scene."""
     if isinstance(source, SolvedProblem):
         for name, value in (("free", free), ("prior", prior), ("quadrature", quadrature)):
             if value is not None:
@@ -183,25 +183,25 @@ def exchange(
 
 
 def information(rows: np.ndarray, base: np.ndarray, chosen: list[int] | np.ndarray) -> np.ndarray:
-    """M of every draw, shape (draws, size, size)."""
+    """Return M of every draw, shape (draws, size, size)."""
     some = rows[:, np.asarray(chosen, int)]
     return base + np.swapaxes(some, 1, 2) @ some
 
 
 def criterion(information: np.ndarray, target: np.ndarray | None) -> float:
-    """phi, the mean over the draws."""
+    """Return phi, the mean over the draws."""
     if target is None:
         return float(np.mean(np.linalg.slogdet(information)[1]))
     return -float(np.mean(np.log(variance(information, target))))
 
 
 def variance(information: np.ndarray, target: np.ndarray) -> np.ndarray:
-    """tr(L M^-1) of every draw, shape (draws,)."""
+    """Return tr(L M^-1) of every draw, shape (draws,)."""
     return np.trace(target @ np.linalg.inv(information), axis1=1, axis2=2)
 
 
 def gain(rows: np.ndarray, information: np.ndarray, target: np.ndarray | None) -> np.ndarray:
-    """Gain in phi of each candidate, shape (candidates,)."""
+    """Return the gain in phi of each candidate, shape (candidates,)."""
     covariance = np.linalg.inv(information)
     moved = rows @ covariance
     seen = np.sum(moved * rows, -1)

@@ -57,7 +57,7 @@ class Bootstrap(NamedTuple):
     failed: int  # fits that did not converge
 
     def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-        """Quantiles of the fits."""
+        """Return the quantiles of the fits."""
         tail = 50 * (1 - level)
         return np.percentile(self.values, tail, axis=0), np.percentile(self.values, 100 - tail, axis=0)
 
@@ -71,7 +71,7 @@ class Band(NamedTuple):
 
 
 def quantile(level: float, freedom: float = np.inf) -> float:
-    """Two-sided quantile: normal, or Student's with `freedom` degrees of freedom."""
+    """Return the two-sided quantile: normal, or Student's with `freedom` degrees of freedom."""
     check_options(level=level)
     if not np.isfinite(freedom):
         return float(scipy.special.ndtri(0.5 + 0.5 * level))
@@ -110,12 +110,12 @@ class SolvedProblem:
         return self.problem.targets.measured.size - self.uncertainty.parameters
 
     def quantile(self, level: float) -> float:
-        """Student's where errors come from the scatter of the same data, else the normal one."""
+        """Return the Student's where errors come from the scatter of the same data, else the normal one."""
         estimated = self.error_scale != 1 or any(scale is not None for scale in self.estimated)
         return quantile(level, max(self.freedom, 0.5) if estimated else np.inf)
 
     def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper ends of the intervals of all values, linear in x; NaN where withheld."""
+        """Return the lower and upper ends of the intervals of all values, linear in x; NaN where withheld."""
         reach = self.quantile(level) * self.uncertainty.deviation
         return self.problem.values(self.x - reach), self.problem.values(self.x + reach)
 
@@ -128,7 +128,7 @@ class SolvedProblem:
         level: float = 0.95,
         scene: str | None = None,
     ) -> Band:
-        """Prediction of the fitted scene and its confidence band.
+        """Return the prediction of the fitted scene and its confidence band.
 
         Linear in the logarithm of the quantity (in the quantity itself where it is not > 0). Unidentified
         directions widen the band only as far as the prediction depends on them.
@@ -167,7 +167,7 @@ class SolvedProblem:
         return self.widened(value, slope, level)
 
     def widened(self, value: np.ndarray, slope: np.ndarray, level: float) -> Band:
-        """Band of a prediction, shape (...), with its derivatives with respect to x, shape (..., size)."""
+        """Return the band of a prediction (...) from its derivatives by x, shape (..., size)."""
         known = self.uncertainty
         slope = slope * known.stretch
         reach = self.quantile(level) * np.sqrt(np.einsum("...i,ij,...j->...", slope, known.spread, slope))
@@ -186,7 +186,7 @@ class SolvedProblem:
         *,
         values: ArrayLike | None = None,
     ) -> LikelihoodProfile:
-        """Profile likelihood of one parameter, on both sides of its fitted value.
+        """Return the profile likelihood of one parameter, on both sides of its fitted value.
 
         The cost is taken as -ln likelihood, also of a robust loss. Values are added on each side until
         chi-square has risen by the threshold, or the parameter is a factor of 1e6 from the fit or a millionth
@@ -244,7 +244,7 @@ class SolvedProblem:
         return self.x + others, jax.tree.map(lambda a: a[None], targets)
 
     def _x_of(self, i: int, values: ArrayLike) -> np.ndarray:
-        """x of values of the i-th element."""
+        """Return x of values of the i-th element."""
         constants, wanted = self.problem.numbers.constants, np.atleast_1d(np.asarray(values, float))
         kind = next(group.kind for group in self.problem.variables.own if group.slot[0] <= i < group.slot[1])
         low, width = float(constants.low[i]), float(constants.width[i])
@@ -284,13 +284,13 @@ class SolvedProblem:
         return np.tile(self.x, (count, 1)), targets
 
     def bootstrap_of(self, x: np.ndarray, status: np.ndarray) -> Bootstrap:
-        """Bootstrap from the fits of `bootstrap_fits`."""
+        """Return the bootstrap from the fits of `bootstrap_fits`."""
         good = succeeded(status)
         return Bootstrap(self.names, self.problem.values(x[good]), int((~good).sum()))
 
 
 def drawn_errors(problem: Problem, count: int, key: jax.Array) -> np.ndarray:
-    """Errors of so many data sets, of logarithms where they are relative, (count, rows); the theory's too."""
+    """Draw errors of `count` data sets, with model errors, (count, rows); relative ones as logarithms."""
     noise = np.asarray(jax.random.normal(key, (count, problem.targets.measured.size)))
     if problem.numbers.whitening is not None:
         noise = np.linalg.solve(np.asarray(problem.numbers.whitening), noise.T).T
@@ -326,7 +326,7 @@ class Valley(NamedTuple):
 
 
 def valleys(solved: SolvedProblem) -> tuple[Valley, ...]:
-    """Parameters of the (at most two) pairs with the largest correlations above 0.98, largest first.
+    """Return parameters of at most two pairs with the largest correlations above 0.98.
 
     Uses the compiled function of the fit, with six to ten evaluations of rows and derivatives per parameter.
     Empty for robust losses, whose cost is not a likelihood; without parameters whose ends are not finite.
@@ -362,14 +362,14 @@ def valleys(solved: SolvedProblem) -> tuple[Valley, ...]:
 
 
 def _values(solved, which, offsets):
-    """Values of parameters at offsets in x from the solution."""
+    """Return the values of parameters at offsets in x from the solution."""
     x = np.tile(solved.x, (len(which), 1))
     x[np.arange(len(which)), which] += offsets
     return solved.problem.values(x)[np.arange(len(which)), which]
 
 
 def _refitted(solved, x, held):
-    """Costs at rows of x with all other parameters fitted again; inf where the model is not finite."""
+    """Return costs at rows of x with the other parameters fitted again; inf if not finite."""
     of = padded(solved.problem)
     best, cost = x, np.full(len(x), np.inf)
     step = np.zeros_like(x)

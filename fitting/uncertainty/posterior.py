@@ -67,7 +67,7 @@ class LogDensity:
         return self.problem.names
 
     def values(self, x: Array) -> np.ndarray:
-        """Values of the free elements at x; both of shape (..., n)."""
+        """Return the values of the free elements at x; both of shape (..., n)."""
         return self.problem.values(x)
 
     def scene(self, x: Array) -> Any:
@@ -168,7 +168,7 @@ def run_chains(
     key: jax.Array,
     callback: DrawProgress | None = None,
 ) -> Chains:
-    """Draws from the posterior of a fit; see `fitting.FitResult.sample` for the arguments.
+    """Return the draws from the posterior of a fit; see `fitting.FitResult.sample` for the arguments.
 
     Raises
     ------
@@ -207,7 +207,7 @@ def check_proper(solved: SolvedProblem, flat: str) -> None:
 
 
 def diagnosed(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """R-hat and bulk effective sample size of every parameter by arviz-stats, shape (size,) each.
+    """Return R-hat and bulk effective sample size of every parameter by arviz-stats, shape (size,) each.
 
     R-hat is the larger of rank-normalised split R-hat and its folded version, which compares the spread of
     the chains [Vehtari, Gelman, Simpson, Carpenter & Buerkner, Bayesian Anal. 16 (2021) 667,
@@ -225,7 +225,7 @@ def diagnosed(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _chain(fixed, number, key, draws, warmup, callback):
-    """One chain: z, potential energy, diverging, acceptance and steps of its draws."""
+    """Return one chain: z, potential energy, diverging, acceptance and steps of its draws."""
     static, numbers = fixed
     to_start, to_run = jax.random.split(key)
     z = jax.random.normal(to_start, numbers[-1].centre.shape, numbers[-1].centre.dtype)
@@ -256,7 +256,7 @@ def _installed(package: str, module: str) -> Any:
 
 
 def _energy(structure: FitStructure, flat: str, numbers: Numbers, targets: Targets, laplace: _Laplace, z):
-    """Minus the log density at z."""
+    """Return minus the log density at z."""
     return -density_at(structure, flat, numbers, targets, laplace.centre + laplace.root @ z)
 
 
@@ -343,7 +343,7 @@ def joint_prior(
 
 
 def _moved(paths, body):
-    """Key paths in a scene whose solid is another body."""
+    """Return Key paths in a scene whose solid is another body."""
     if body is None:
         return paths
     if not isinstance(body, str) or body.split(".")[-1] not in _BODIES:

@@ -137,7 +137,7 @@ class _Trace:
 
     @property
     def at(self):
-        """Of the element, increasing."""
+        """Values of the element, increasing."""
         return self.x[:, self.i]
 
     @property
@@ -151,13 +151,13 @@ class _Trace:
         return int(np.argmin(np.where(self.good, self.cost, np.inf)))
 
     def root(self):
-        """Root of the rise, nearly linear in x; NaN where a fit did not converge."""
+        """Return the root of the rise, nearly linear in x; NaN where a fit did not converge."""
         with np.errstate(invalid="ignore"):
             rise = np.maximum(2 * (self.cost - self.lowest), 0.0)
         return np.sqrt(np.where(self.good, rise, np.nan))
 
     def little(self, cost):
-        """Difference of costs that is of no account."""
+        """Return the difference of costs that is of no account."""
         return NEGLIGIBLE * max(1.0, cost)
 
     def add(self, starts, free=False):
@@ -220,7 +220,7 @@ class _Trace:
         return bool(np.all(np.abs(np.diff(steps)) * np.diff(self.at)[1:] < _JUMP))
 
     def _costs(self, x):
-        """Costs at rows of x."""
+        """Return the costs at rows of x."""
         problem = self.anchor.problem
         of = padded(problem)
         rows, _ = evaluate_rows(of.structure, of.numbers, x.astype(problem.start.dtype))
@@ -242,7 +242,7 @@ class _Trace:
         return True
 
     def range(self):
-        """x of the element between which a profile may go."""
+        """Return x of the element between which a profile may go."""
         problem, here = self.anchor.problem, float(self.anchor.x[self.i])
         group = next(g for g in problem.variables.own if g.slot[0] <= self.i < g.slot[1])
         if group.kind == "Bounded":
@@ -263,7 +263,7 @@ def _outermost(trace, side, q):
 
 
 def _end(trace, side, q, extend):
-    """x of an end of the interval, and "reached" or why it was not."""
+    """Return x of an end of the interval, and "reached" or why it was not."""
     if not trace.good.any():
         return np.nan, "not found: no fit converged"
     limit = trace.range()[side > 0]
@@ -303,7 +303,7 @@ def _ahead(trace, inner, side, target):
 
 
 def _crossing(trace, side, q):
-    """x where the root reaches q, by three values, and by two or inf where there are not three."""
+    """Return x where the root reaches q, by three values, and by two or inf where there are not three."""
     inner, outer = _outermost(trace, side, q)
     root, x = trace.root(), trace.at
     line = x[inner] + (q - root[inner]) / (root[outer] - root[inner]) * (x[outer] - x[inner])

@@ -32,7 +32,7 @@ def sensitivity(
     quantity: str = "friction",
     quadrature: rf.Quadrature | None = None,
 ) -> jax.Array:
-    r"""d ln Q / d ln theta of a quantity with respect to numbers of the scene.
+    r"""Return d ln Q / d ln theta of a quantity with respect to numbers of the scene.
 
     .. math:: \frac{\partial \ln |Q|}{\partial \ln \theta_k}
               = \frac1Q \left.\frac{\partial Q(\theta_k e^x)}{\partial x}\right|_{x=0}
@@ -50,21 +50,20 @@ def sensitivity(
 
     Returns
     -------
-    array, shape (n_parameters, *broadcast shape) [-]
+    array, shape (n_parameters, ...) with the broadcast shape [-]
         a row for each element, in the order of `sensitivity_names`.
 
     Raises
     ------
-    ValueError : a path that names nothing (the message has the close ones), a static field or an
-        object; an unknown quantity; and as `rubberfric.solve`.
+    ValueError : an unknown path (the message suggests similar ones), a static field or an object, an unknown
+        quantity, or as in `rubberfric.solve`.
 
     Notes
     -----
-    0 where theta_k = 0, which no factor changes, and by definition where Q = 0: friction at
-    rest, or of a scene that has none, has no logarithm, but no parameter changes it either.
-    jit, vmap and grad go through. Memory does not grow with points times parameters beyond the
-    result: points are taken in blocks, and the derivatives of all parameters together cost a
-    few evaluations (with a TabulatedModulus, each costs one).
+    The result is 0 for theta_k = 0, and by definition for Q = 0, such as friction at rest. The function
+    supports jit, vmap and grad. Points are evaluated in blocks, so only the result grows with points times
+    parameters. The derivatives by all parameters take a few evaluations together (with a TabulatedModulus,
+    one each).
     """
     known = [name for name in rf.Solution._fields if name != "converged"]  # a flag
     if quantity not in known:
@@ -87,7 +86,7 @@ def sensitivity(
 
 
 def sensitivity_names(scene: rf.Scene, parameters: str | Iterable[str]) -> tuple[str, ...]:
-    """Key path of every row that `sensitivity` returns for the same `parameters`.
+    """Return Key path of every row that `sensitivity` returns for the same `parameters`.
 
     Returns
     -------
@@ -109,7 +108,7 @@ def _paths(parameters):
 
 
 def _rows(scene, path):
-    """(leaf, element) of every number that a key path names; element None of a scalar leaf."""
+    """Return (leaf, element) of every number that a key path names; element None of a scalar leaf."""
     leaf, elements = find(scene, path)
     return [(leaf, element) for element in elements or (None,)]
 

@@ -82,15 +82,26 @@ def verdict(
     sets = [_Set(one, r, r.size * share, scale is None) for one, r, scale in triples]
     given, robust = [one for one in sets if one.given], loss != "linear"
     reasons = _size(given, robust) + [text for one in sets for text in _order(one)]
+    far = _far(sets)
     if not robust:
-        reasons += _far(sets)
+        reasons += _lines(far)
+        if given and far and not _size(_without(given, far), robust=False):
+            reasons.append(
+                'the other values agree with their errors: check the outliers, or use loss="huber"'
+            )
     if reasons:
         return Verdict(False, "THE SCENE DOES NOT EXPLAIN THE DATA", tuple(reasons))
     if not given:
         text = "nothing speaks against it; but without errors of the data their scatter was taken for them"
         return Verdict(None, text, ())
     total, freedom = sum(np.sum(one.rows**2) for one in given), sum(one.freedom for one in given)
-    text = f"explains the data: chi-square {total:.4g} for {freedom:.4g} degrees of freedom"
+    if robust:
+        squares = _squares_by_median(np.concatenate([one.rows for one in given]))
+        outliers = f" except {len(far)} outlier{'s' * (len(far) > 1)} of {count} values" if far else ""
+        text = f"explains the data{outliers}: chi-square by the median {squares:.4g}"
+    else:
+        text = f"explains the data: chi-square {total:.4g}"
+    text += f" for {freedom:.4g} degrees of freedom"
     if not robust and scipy.special.gammainc(freedom / 2, total / 2) < _SIGNIFICANCE:
         text += ", so few by chance in less than one of 1000: the errors given are too large"
     return Verdict(True, text, ())
@@ -106,7 +117,7 @@ def _size(sets, robust):
     for where, rows, freedom in [everything, *parts]:
         ratio, squares = 1.0, float(np.sum(rows**2))
         if robust:
-            ratio, squares = _MEDIAN, rows.size * float(_NORMAL * np.median(np.abs(rows))) ** 2
+            ratio, squares = _MEDIAN, _squares_by_median(rows)
         allowed = ratio * _bound(freedom / ratio)
         if squares > allowed:
             found.append(
@@ -116,13 +127,18 @@ def _size(sets, robust):
     return found
 
 
+def _squares_by_median(rows):
+    """Return the sum of squares as estimated from the median, which outliers do not change."""
+    return rows.size * float(_NORMAL * np.median(np.abs(rows))) ** 2
+
+
 def _bound(freedom):
-    """Chi-square that is exceeded with probability _SIGNIFICANCE."""
+    """Return the chi-square that is exceeded with probability _SIGNIFICANCE."""
     return 2 * float(scipy.special.gammainccinv(freedom / 2, _SIGNIFICANCE))
 
 
 def _order(one):
-    """Curves along which the residuals change sign too rarely."""
+    """Return the curves along which the residuals change sign too rarely."""
     data, parts = one.data, len(one.data.values)
     conditions = [getattr(data, name) for name in data.conditions]
     # lexsort takes its last key first: along the first condition, the others fixed.
@@ -143,7 +159,7 @@ def _order(one):
 
 
 def _far(sets):
-    """Return the farthest single values, worst first."""
+    """Return (size, set, index) of single values that are too far off, worst first."""
     found, count = [], sum(one.rows.size for one in sets)
     for one in sets:
         size = np.abs(one.rows)
@@ -155,9 +171,23 @@ def _far(sets):
             rest = np.maximum(freedom - size**2, 1e-12 * freedom)
             chance = 2 * count * scipy.special.stdtr(freedom - 1, -size * np.sqrt((freedom - 1) / rest))
         found += [(float(size[k]), one, int(k)) for k in np.flatnonzero(chance < _SIGNIFICANCE)]
-    found.sort(key=lambda far: -far[0])
-    lines = [_named(*far) for far in found[:_WORST]]
-    return lines + [f"and {len(found) - _WORST} values more that are too far off"] * (len(found) > _WORST)
+    return sorted(found, key=lambda far: -far[0])
+
+
+def _lines(far):
+    """Return a line for each of the worst values."""
+    lines = [_named(*one) for one in far[:_WORST]]
+    return lines + [f"and {len(far) - _WORST} values more that are too far off"] * (len(far) > _WORST)
+
+
+def _without(sets, far):
+    """Return the sets without the values that are too far off."""
+    found = []
+    for one in sets:
+        kept = np.delete(one.rows, [k for _, other, k in far if other is one])
+        share = kept.size / one.rows.size
+        found.append(one._replace(rows=kept, freedom=one.freedom * share))
+    return found
 
 
 def _named(size, one, k):

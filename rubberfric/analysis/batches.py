@@ -150,7 +150,7 @@ def fitted(tiling: Tiling, task: Task) -> Tiling:
 
 
 def program_bytes(tiling: Tiling, task: Task) -> int:
-    """Bytes that the compiled function holds on one device, with its arguments and results."""
+    """Return the bytes that the compiled function holds on one device, with its arguments and results."""
     arguments, static = _arguments(tiling, task, next(batches(tiling)))
     # JAX keeps the compiled function for the calls that follow.
     found = _evaluate.lower(*arguments, **static).compile().memory_analysis()
@@ -166,7 +166,7 @@ def launch(tiling: Tiling, task: Task, batch: MapBatch) -> dict[str, jax.Array]:
 
 
 def points(conditions: Conditions, batch: MapBatch) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-    """Velocities of the pairs of a batch (pairs,), its pressures, temperatures of the pairs."""
+    """Return the velocities of the pairs of a batch (pairs,), its pressures, temperatures of the pairs."""
     T, v = np.divmod(np.arange(batch.first, batch.stop), conditions.velocity.size)
     temperature = None if conditions.temperature is None else conditions.temperature[T]
     return conditions.velocity[v], conditions.pressure[batch.low : batch.high], temperature

@@ -81,7 +81,7 @@ class SlidingContact(NamedTuple):
         return 0.5 * (edges[1:] + edges[:-1]), density * np.mean(values > 0)
 
     def heat_beyond(self, q: float) -> float:
-        """Share of the dissipation above q [1/m]; 0 without dissipation. The theory has none above q1."""
+        """Return the share of the dissipation above q [1/m]; 0 without dissipation."""
         beyond = float(self.friction_by_wavevector[self.wavevector > q].sum())
         return beyond / self.friction_of_heat if self.friction_of_heat else 0.0
 
@@ -327,7 +327,7 @@ class Surface(NamedTuple):
 
 
 def random_surface(spectrum: Spectrum, key: jax.Array, grid: int = 512, periods: float = 4.0) -> Surface:
-    """Generate a periodic surface with a given spectrum and random phases, on the host in double precision.
+    """Generate a periodic surface with a given spectrum and random phases, in double precision.
 
     Parameters
     ----------

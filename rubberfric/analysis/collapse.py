@@ -66,7 +66,7 @@ class PressureSeries(NamedTuple):
 
     @classmethod
     def of(cls, nodes: np.ndarray, values: np.ndarray) -> "PressureSeries":
-        """Series through values (m, n). The powers connect the first and the last node."""
+        """Return the series through values (m, n). The powers connect the first and the last node."""
         same_sign = np.sign(values[0]) * np.sign(values[-1]) > 0
         first, last = (np.log(np.abs(np.where(same_sign, x, 1.0))) for x in (values[0], values[-1]))
         exponents = (last - first) / (nodes[-1] - nodes[0])
@@ -74,7 +74,7 @@ class PressureSeries(NamedTuple):
         return cls(nodes, values / powers, exponents)
 
     def at(self, log_pressure: float) -> np.ndarray:
-        """Values at ln p, (n,)."""
+        """Return the values at ln p, (n,)."""
         if self.exponents is None:
             return self.values[np.argmin(np.abs(self.nodes - log_pressure))]
         size, middle = self.nodes.size, 0.5 * (self.nodes[0] + self.nodes[-1])
@@ -154,7 +154,7 @@ def collapse(
 
 
 def log_speeds(scene: Scene, conditions: Conditions) -> np.ndarray | None:
-    """ln|v a_T|, (temperatures, velocities), -inf at rest; None if the map does not collapse."""
+    """Return ln|v a_T|, (temperatures, velocities), -inf at rest; None if the map does not collapse."""
     if scene.heating is not None:
         return None
     T, shift = conditions.temperature, np.zeros(1)
@@ -171,7 +171,7 @@ def log_speeds(scene: Scene, conditions: Conditions) -> np.ndarray | None:
 
 @quick_jit()
 def _log_factors(scene, temperature):
-    """ln a_T for each sliding surface; None if anything else depends on the temperature."""
+    """Return ln a_T for each sliding surface; None if anything else depends on the temperature."""
     found = []
     for surface in rough_surfaces_of(scene):
         if surface.static:
@@ -184,7 +184,7 @@ def _log_factors(scene, temperature):
 
 
 def whole(found: CollapsedMap, conditions: Conditions) -> Quantities:
-    """Quantities at conditions of the map, [temperature, pressure, velocity]."""
+    """Return the quantities at conditions of the map, [temperature, pressure, velocity]."""
     values = {name: np.empty(result_shape(conditions)) for name in found.quantities}
     for T, j, piece in pieces(found, conditions):
         for name, array in piece.items():
@@ -221,7 +221,7 @@ def pieces(found: CollapsedMap, conditions: Conditions) -> Iterator[tuple[slice,
 
 
 def _on_curve(scene, quantities):
-    """Names of the interpolated parts: without contact shear, and the area if the shear needs it."""
+    """Return the interpolated parts: no contact shear, and the area if the shear needs it."""
     parts = quantity_parts(quantities)
     needed = parts - {"shear_friction"}
     if scene.shear is not None and "shear_friction" in parts:
@@ -231,7 +231,7 @@ def _on_curve(scene, quantities):
 
 @jax.jit
 def _shear(shear, velocity, temperature):
-    """Friction of the contact shear at A/A0 = 1 and 1 Pa, (temperatures, velocities)."""
+    """Return the friction of the contact shear at A/A0 = 1 and 1 Pa, (temperatures, velocities)."""
     one = jnp.ones((), velocity.dtype)
     found = shear_friction(shear, one, velocity, one, temperature)
     return jnp.broadcast_to(found, (1 if temperature is None else temperature.size, velocity.size))
@@ -269,7 +269,7 @@ def interpolant(
 
 
 def _over_panels(waiting, nodes, in_series, budget, evaluate):
-    """`Interpolant` over panels (start, width), halved as needed; None if it fails or exceeds the budget."""
+    """Return the `Interpolant` over panels, halved as needed; None if it fails or is too expensive."""
     done: list[tuple[float, float, Quantities]] = []
     rest: Quantities = {}
     evaluations = 0
@@ -319,7 +319,7 @@ def _over_panels(waiting, nodes, in_series, budget, evaluate):
 
 
 def _pressure_nodes(log_pressure):
-    """ln p of the nodes; None if there are hardly more pressures than nodes."""
+    """Return ln p of the nodes; None if there are hardly more pressures than nodes."""
     low, high = log_pressure.min(), log_pressure.max()
     count = math.ceil(_PRESSURES + _PRESSURES_EACH * (high - low))
     if log_pressure.size <= 1.3 * count:
@@ -328,7 +328,7 @@ def _pressure_nodes(log_pressure):
 
 
 def _difference(found, exact):
-    """Largest relative difference, in units of the largest value where the sign changes; inf if NaN."""
+    """Return the largest relative difference, relative to the maximum at sign changes; inf if NaN."""
     worst = 0.0
     for name, values in exact.items():
         changes = values.min() < 0 < values.max()
@@ -350,13 +350,13 @@ def _a_few(values):
 
 @functools.cache
 def _roots(count):
-    """Chebyshev nodes of the first kind on (-1, 1), ascending, shape (count,)."""
+    """Return the Chebyshev nodes of the first kind on (-1, 1), ascending, shape (count,)."""
     return -np.cos(np.pi * (np.arange(count) + 0.5) / count)
 
 
 @functools.cache
 def _series(count):
-    """Matrix from values at the nodes to Chebyshev coefficients, (count, count)."""
+    """Return the matrix from values at the nodes to Chebyshev coefficients, (count, count)."""
     matrix = 2 / count * chebyshev.chebvander(_roots(count), count - 1).T
     matrix[0] /= 2
     return matrix
@@ -364,7 +364,7 @@ def _series(count):
 
 @functools.cache
 def _to_cells(count):
-    """Matrix from values at nodes of a panel to power series of its cells, (all coefficients, count)."""
+    """Return the matrix from node values of a panel to power series of its cells."""
     centers = -1 + (2 * np.arange(_CELLS) + 1) / _CELLS
     at = (centers[:, None] + _roots(_COEFFICIENTS) / _CELLS).reshape(-1)
     values = chebyshev.chebvander(at, count - 1) @ _series(count)
@@ -375,7 +375,7 @@ def _to_cells(count):
 
 
 def _last_coefficients(values):
-    """Largest of the last three coefficients along the last axis, relative to the smallest value.
+    """Return the largest of the last three coefficients along the last axis, relative to the smallest value.
 
     Relative to the largest value where the sign changes; infinite where some but not all values are 0.
     """

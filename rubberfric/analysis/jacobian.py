@@ -52,7 +52,7 @@ class LinearisedTree(NamedTuple):
 
 
 def linearise_tree(function: Callable[[Any], Any], x: Any) -> LinearisedTree:
-    """Value and derivatives of a function that returns a pytree; leaves that are not arrays are kept."""
+    """Return value and derivatives of a function that returns a pytree; other leaves are kept."""
     structure, others, moves = None, {}, []
 
     def reals_and_integers(x):
@@ -188,13 +188,13 @@ def _parts(scene_of, x, prepared):
 
 
 def _part_name(path):
-    """Which part of the scene a leaf belongs to."""
+    """Return which part of the scene a leaf belongs to."""
     names = [getattr(key, "name", "") for key in path]
     return next((name for name in ("spectrum", "layer") if name in names), "others")
 
 
 def _flat(arrays, like):
-    """Arrays with the first axis of `like`, side by side, (rows, numbers)."""
+    """Return the arrays with the first axis of `like`, side by side, (rows, numbers)."""
     rows = len(like)
     # In reverse mode a complex leaf would need its conjugate.
     assert not any(jnp.iscomplexobj(a) for a in arrays)

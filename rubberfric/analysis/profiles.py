@@ -247,7 +247,7 @@ def density_of(
 
 
 def _root(square):
-    """Square root with derivative 0 instead of infinity at 0."""
+    """Return the square root with derivative 0 instead of infinity at 0."""
     return jnp.where(square > 0, jnp.sqrt(jnp.where(square > 0, square, 1.0)), 0.0)
 
 

@@ -208,7 +208,7 @@ def reference(case: Case, gradients: bool = True) -> Reference:
 
 
 def compare_outcomes(found: Outcome, exact: Outcome, case: Case) -> Errors:
-    """Errors of an outcome; without sensitivities, of the values alone."""
+    """Return the errors of an outcome; without sensitivities, of the values alone."""
     scale = np.abs(exact.values)
     scale[QUANTITIES.index("separation")] += _NEGLIGIBLE * case.height
     worst = _relative(np.abs(found.values - exact.values), scale)
@@ -220,7 +220,7 @@ def compare_outcomes(found: Outcome, exact: Outcome, case: Case) -> Errors:
 
 
 def _relative(difference: np.ndarray, scale: np.ndarray) -> list[float]:
-    """Largest ratios over the last axis; 0/0 = 0, and non-finite ratios count as infinite."""
+    """Return the largest ratios over the last axis; 0/0 = 0, and non-finite ratios count as infinite."""
     ratio = difference / np.where(scale > 0, scale, 1.0)
     ratio = np.where((scale > 0) | (difference == 0), ratio, np.inf)
     return [float(x) for x in np.max(np.where(np.isfinite(ratio), ratio, np.inf), -1)]
@@ -254,9 +254,9 @@ def node_count(scene: Scene, quadrature: Quadrature) -> int:
 
 
 def check_error(error: float) -> None:
-    """Raise ValueError unless a wanted error is a number between 0 and 1."""
-    if isinstance(error, bool) or not isinstance(error, int | float) or not 0 < error < 1:
-        raise ValueError(f"error = {error!r}: must be a number, > 0 and < 1")
+    """Raise ValueError unless a wanted error is a number that double precision can meet, below 1."""
+    if isinstance(error, bool) or not isinstance(error, int | float) or not 1e-15 <= error < 1:
+        raise ValueError(f"error = {error!r}: must be a number, >= 1e-15 and < 1")
 
 
 def quadrature_for(

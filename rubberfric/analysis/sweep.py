@@ -76,7 +76,7 @@ class Accuracy(NamedTuple):
         return self._cheapest(lambda errors: errors.value, lambda row: row.forward)
 
     def known(self, row: Row) -> Errors:
-        """Errors of a row, raised to the resolution of the reference."""
+        """Return the errors of a row, raised to the resolution of the reference."""
         bounds = {name: _KNOWN * a for name, a in self.agreement._asdict().items() if a is not None}
         errors = row.errors._asdict()
         return row.errors._replace(
@@ -162,13 +162,13 @@ class Accuracy(NamedTuple):
         yield from self._choices()
 
     def _varied(self) -> tuple[str, ...]:
-        """Fields of the settings; without `heat` if it is the same in all."""
+        """Return the fields of the settings; without `heat` if it is the same in all."""
         settings = [row.setting for row in self.rows if row.method == "panels"]
         same = {knob for knob in ("heat",) if len({getattr(one, knob) for one in settings}) < 2}
         return tuple(knob for knob in _KNOBS if knob not in same)
 
     def _cells(self, row: Row, knobs: tuple[str, ...]) -> tuple[str, ...]:
-        """Texts of a row: setting, nodes, six errors, two run times [ms], two compilation times [s]."""
+        """Return texts of a row: setting, nodes, six errors, two run times [ms], two compile times [s]."""
         errors = (
             "-" if error is None or known is None else "<" * (known > error) + f"{known:.0e}"
             for error, known in zip(row.errors, self.known(row), strict=True)
@@ -179,7 +179,7 @@ class Accuracy(NamedTuple):
         return (short_setting(row.setting, knobs), f"{row.nodes}", *errors, *texts)
 
     def _choices(self) -> Iterator[str]:
-        """Lines about the cheapest settings; one line if the same setting serves both uses."""
+        """Return the lines about the cheapest settings; one line if the same setting serves both uses."""
         values, both = self.chosen_values, self.chosen
         if values is None or values is not both:
             yield from self._choice("values", values, self.agreement.value)
@@ -345,7 +345,7 @@ def in_float32(settings: Sequence[Quadrature], errors: Sequence[float]) -> list[
 
 
 def in_turns(functions: Mapping[Key, Callable[[], Any]], rounds: int) -> dict[Key, float]:
-    """Median times of several functions [s], called alternately in every round."""
+    """Return the median times of several functions [s], called alternately in every round."""
     times: dict[Key, list[float]] = {name: [] for name in functions}
     for function in functions.values():
         jax.block_until_ready(function())

@@ -97,7 +97,7 @@ def _between(x):
 
 
 def _ends(name, given):
-    """(lowest, highest) of an axis."""
+    """Return (lowest, highest) of an axis."""
     values = np.asarray(as_leaf(name, given, np.ndim(given)), float).ravel()
     check_values(name, values, POSITIVE)
     if values.size not in (1, 2) or values[0] > values[-1]:
@@ -113,7 +113,7 @@ def _points(name: str, ends: tuple[float, float], count: int) -> np.ndarray:
 
 
 def _computed(scene, axes, quadrature):
-    """mu and A/A0 on a grid [temperature, pressure, velocity]."""
+    """Return mu and A/A0 on a grid [temperature, pressure, velocity]."""
     whether = ("converged",) if iterates(scene) else ()
     solution = friction_map(
         scene, *axes, quantities=("friction", "area", *whether), quadrature=quadrature
@@ -130,7 +130,7 @@ def _computed(scene, axes, quadrature):
 
 
 def _halved(axis, mu, place):
-    """Largest relative error of interpolating every second point of an axis from its neighbours."""
+    """Return the largest relative error of interpolating every second point from its neighbours."""
     if axis.size == 1:
         return 0.0
     values = np.moveaxis(mu, place, 0)

@@ -6,9 +6,9 @@ import importlib
 import os
 import stat
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 StrPath = str | os.PathLike[str]
 
@@ -16,6 +16,8 @@ StrPath = str | os.PathLike[str]
 TABLE_SUFFIXES = (".csv", ".txt", ".tsv", ".dat", ".xlsx")
 # Largest size in bytes of a file that is read; typical measured data have a hundredth of it.
 LARGEST_FILE = 2**26
+# Largest number of cells of a workbook.
+MOST_CELLS = 5_000_000
 # Bytes above ASCII in exports in Latin-1: ° µ ¹ ² ³ ·, German vowels, French letters.
 _LATIN = b"\xb0\xb5\xb9\xb2\xb3\xb7\xe4\xf6\xfc\xc4\xd6\xdc\xdf\xe9\xe8\xea\xe0\xe2\xe7\xf4\xee\xc9"
 
@@ -211,8 +213,9 @@ def _sheet(path: StrPath) -> str:
         ) from None
     try:
         with open(path, "rb") as file:
+            _check_unpacked(file)
             book = openpyxl.load_workbook(file, read_only=True, data_only=True)
-            sheets = [list(sheet.iter_rows(values_only=True)) for sheet in book.worksheets]
+            sheets = _rows(book.worksheets)
     except OSError as error:
         raise ValueError(f"{path}: cannot be read: {error.strerror}") from None
     except _damages() as error:
@@ -221,6 +224,32 @@ def _sheet(path: StrPath) -> str:
         if any(isinstance(cell, int | float) for row in rows for cell in row):
             return "\n".join("\t".join(map(_cell, row)) for row in rows) + "\n"
     raise ValueError(f"{path}: cannot be read: no sheet has numbers")
+
+
+def _check_unpacked(file: IO[bytes]) -> None:
+    """Raise ValueError if a workbook, which is an archive, unpacks to more than a text file may have."""
+    import zipfile
+
+    size = sum(part.file_size for part in zipfile.ZipFile(file).infolist())
+    if size > LARGEST_FILE:
+        raise ValueError(f"has {size / 2**20:.0f} MiB unpacked: must have at most {LARGEST_FILE / 2**20:.0f}")
+    file.seek(0)
+
+
+def _rows(sheets: Iterable[Any]) -> list[list[tuple[Any, ...]]]:
+    """Return the rows of sheets; ValueError above `MOST_CELLS`, which one distant cell can cause."""
+    found, cells = [], 0
+    for sheet in sheets:
+        found.append([])
+        for row in sheet.iter_rows(values_only=True):
+            cells += len(row)
+            if cells > MOST_CELLS:
+                raise ValueError(
+                    f"sheet {sheet.title!r} makes more than {MOST_CELLS} cells, empty ones included: "
+                    "must have fewer; delete distant cells, or save it as .csv"
+                )
+            found[-1].append(row)
+    return found
 
 
 def _damages() -> tuple[type[Exception], ...]:

@@ -22,6 +22,8 @@ FINITE: Rule = ("must be finite", lambda x: np.isfinite(x))
 # Ranges of magnitudes in SI; numbers outside are probably in another unit, see `objects.leaf`.
 PLAUSIBLE_STRESS = (1e2, 1e13)  # [Pa]
 PLAUSIBLE_TEMPERATURE = (1e2, 1e3)  # [K]
+PLAUSIBLE_WAVEVECTOR = (0.1, 1e12)  # [1/m]
+PLAUSIBLE_HEIGHT = (0.0, 1.0)  # [m]
 
 
 class UnitWarning(UserWarning):

@@ -8,7 +8,7 @@ from rubberfric.analysis.reference import check_error
 from rubberfric.analysis.sweep import accuracy
 from rubberfric.base.progress import Phases
 from rubberfric.commands.arguments import write_outputs
-from rubberfric.io.files import read_computable
+from rubberfric.io.files import MOST_POINTS, read_computable
 from rubberfric.io.results import Conditions
 from rubberfric.plot.choice import save_accuracy_plot
 
@@ -23,7 +23,7 @@ def run_accuracy(arguments: argparse.Namespace, show: Phases) -> tuple[str, OSEr
     """
     check_error(arguments.error)
     show(f"reading {arguments.scene}")
-    scene, conditions, title = read_computable(arguments.scene)
+    scene, conditions, title = read_computable(arguments.scene, most=MOST_POINTS)
     velocity = thinned(conditions)
     at = conditions._replace(velocity=velocity).grid()
     found = accuracy(

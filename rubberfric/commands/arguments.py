@@ -37,9 +37,9 @@ def parser() -> Parser:
     _add_explore(commands)
     doctor = commands.add_parser(
         "doctor",
-        help="say what this installation is, and whether compiled programs are kept",
-        description="Print versions, devices, precision and the folder of compiled programs, whether a "
-        "program is found there again, and known faults of these versions.",
+        help="report versions, devices and the compilation cache",
+        description="Print versions, devices, precision, the folder of the compilation cache and a test of "
+        "it, and known faults of these versions.",
     )
     add_common(doctor)
     return whole
@@ -50,8 +50,8 @@ def _add_run(commands: "argparse._SubParsersAction[Parser]") -> None:
         "run",
         help="compute a scene at the conditions in its file",
         description="Print contact area, friction coefficient and mean separation over velocity; parts of "
-        "the friction, the force across the direction of sliding and the flash temperature where the scene "
-        "has contact shear, anisotropic roughness and heating.",
+        "the friction, transverse force and flash temperature if the scene has contact shear, anisotropic "
+        "roughness or heating.",
     )
     command.add_argument(
         "scene", metavar="SCENE", help="scene file (.toml), or result file (.h5) to compute again"
@@ -64,12 +64,12 @@ def _add_accuracy(commands: "argparse._SubParsersAction[Parser]") -> None:
     command = commands.add_parser(
         "accuracy",
         help="measure errors and run times of a scene for settings of increasing accuracy",
-        description="Print errors of area, friction, separation and of their gradients beside run times, for "
+        description="Print errors of area, friction, separation and of their gradients with run times, for "
         "accuracy settings in double and single precision and for the textbook method, and the cheapest "
-        "setting for a wanted error. Rows are told as they come, in a terminal or with --verbose.",
+        "setting for a required error. Rows are printed as they come, in a terminal or with --verbose.",
     )
     command.add_argument("scene", metavar="SCENE", help="scene file (.toml) or result file (.h5)")
-    command.add_argument("--error", type=float, default=1e-6, help="wanted relative error (default: 1e-6)")
+    command.add_argument("--error", type=float, default=1e-6, help="required relative error (default: 1e-6)")
     add_outputs(command, "FILE.csv", "write the table", "draw error over run time")
     add_common(command)
 
@@ -79,8 +79,8 @@ def _add_map(commands: "argparse._SubParsersAction[Parser]") -> None:
         "map",
         help="compute a scene over velocity, temperature and pressure",
         description="Compute a scene at every combination of the velocities, pressures and temperatures of "
-        "the table [map] of its file, or of [run] if there is none; print the range of each quantity, and "
-        "where its largest value is.",
+        "the table [map] of its file, or of [run] if there is none; print the range of each quantity and "
+        "the conditions of its largest value.",
     )
     command.add_argument("scene", metavar="SCENE", help="scene file (.toml) or result file (.h5)")
     add_outputs(command, "FILE.h5", "write the map and the scene that made it", "draw the map")
@@ -89,13 +89,13 @@ def _add_map(commands: "argparse._SubParsersAction[Parser]") -> None:
         nargs="+",
         choices=MAPPED,
         metavar="NAME",
-        help=f"what to compute, out of {', '.join(MAPPED)} (default: friction area)",
+        help=f"quantities to compute, from {', '.join(MAPPED)} (default: friction area)",
     )
     command.add_argument(
         "--devices",
         type=int,
         metavar="N",
-        help="devices that JAX makes of the processor (default: one for each core); nothing to other devices",
+        help="number of CPU devices of JAX (default: one for each core); no effect on other devices",
     )
     add_common(command)
 
@@ -103,19 +103,18 @@ def _add_map(commands: "argparse._SubParsersAction[Parser]") -> None:
 def _add_explore(commands: "argparse._SubParsersAction[Parser]") -> None:
     command = commands.add_parser(
         "explore",
-        help="move the numbers of a scene on a page and see the curves follow",
-        description="Serve one page, to this machine alone, with a slider for each number of a scene: "
-        "friction, contact area, moduli, spectra and sensitivities follow; measured points beside them; "
-        "downloads of the scene and of a fit that begins there. It compiles two programs, for the curves and "
-        "for the sensitivities, and is ended by Ctrl-C.",
+        help="change the numbers of a scene on a page with sliders",
+        description="Serve a page to this machine only, with a slider for each number of a scene. It shows "
+        "friction, contact area, moduli, spectra, sensitivities and measured points. The scene and a fit "
+        "that begins there can be downloaded. Ctrl-C ends it.",
     )
     command.add_argument("scene", metavar="SCENE", help="scene file (.toml) or result file (.h5)")
     command.add_argument(
-        "--data", metavar="FILE", help="measured friction: a table with v, mu, and p and T if it has them"
+        "--data", metavar="FILE", help="measured friction: a table with v, mu, and optionally p and T"
     )
-    command.add_argument("--port", type=int, default=0, metavar="N", help="port (default: any that is free)")
+    command.add_argument("--port", type=int, default=0, metavar="N", help="port (default: any free port)")
     command.add_argument(
-        "--no-browser", action="store_true", help="print the address, and open it in no browser"
+        "--no-browser", action="store_true", help="print the address without opening a browser"
     )
     add_common(command)
 
@@ -131,10 +130,10 @@ def add_common(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--no-cache",
         action="store_true",
-        help="keep no compiled programs, and use none that were kept",
+        help="neither read nor write the cache of compiled functions",
     )
     command.add_argument(
-        "--verbose", action="store_true", help="say on stderr what is being done, in a file as well"
+        "--verbose", action="store_true", help="print progress to stderr, also if it is not a terminal"
     )
 
 

@@ -53,13 +53,13 @@ def _version(name: str) -> str:
     try:
         return importlib.metadata.version(name)
     except importlib.metadata.PackageNotFoundError:
-        return "is there, but not installed"
+        return "is importable, but not installed"
 
 
 def _about_cache(arguments: argparse.Namespace) -> Iterator[str]:
     """Yield lines about the compilation cache."""
     if arguments.no_cache:
-        yield f"{'programs':12} are not kept: --no-cache"
+        yield f"{'cache':12} not used: --no-cache"
         return
     with _options_kept():
         yield from _tried()
@@ -92,16 +92,16 @@ def _tried() -> Iterator[str]:
     if folder is None:
         config: Any = jax.config  # whose options checkers do not know
         off = not config.jax_enable_compilation_cache
-        why = "JAX_ENABLE_COMPILATION_CACHE is false" if off else "their folder cannot be written to"
-        yield f"{'programs':12} are compiled by every process: {why}"
+        why = "JAX_ENABLE_COMPILATION_CACHE is false" if off else "its folder cannot be written to"
+        yield f"{'cache':12} not used: {why}"
         return
     size = sum(file.stat().st_size for file in folder.glob("*"))
-    yield f"{'programs':12} {size / 1e6:.3g} MB in {folder}"
+    yield f"{'cache':12} {size / 1e6:.3g} MB in {folder}"
     first, again = _is_found(), _is_found()
-    yield f"{'':12} one for the first time: {'hit' if first else 'miss'}; again: {'hit' if again else 'miss'}"
+    yield f"{'':12} first compilation: {'hit' if first else 'miss'}; second: {'hit' if again else 'miss'}"
     if not again:
         yield (
-            f"{'':12} what is kept is not found again: of some processors jax {jax.__version__} takes none "
+            f"{'':12} entries are not found again: jax {jax.__version__} refuses entries of some processors "
             "(jax-ml/jax#38445), or the disk is full"
         )
 

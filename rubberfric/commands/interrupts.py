@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from types import FrameType
     from typing import Any, Self
 
-LOST = "what was not yet complete is not written"
-WAIT = "interrupted; ends after this step, once more ends it at once"
+LOST = "incomplete files are not written"
+WAIT = "interrupted; stopping after this step (a second signal stops at once)"
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 

@@ -16,7 +16,7 @@ from rubberfric.io.files import read_computable
 from rubberfric.io.results import CONDITION_UNITS, QUANTITY_FORMATS, Result, result_shape
 from rubberfric.plot.choice import save_map_plot
 from rubberfric.plot.maps import check_map
-from rubberfric.theory.quantities import iterates
+from rubberfric.theory.quantities import has_transverse_force, iterates
 
 _SEVERAL = {"velocity": "velocities", "pressure": "pressures", "temperature": "temperatures"}
 
@@ -32,6 +32,12 @@ def run_map(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError
         except ValueError as error:
             raise ValueError(f"{arguments.scene}: {error}") from None
     quantities: list[str] = list(arguments.quantity or DEFAULT_QUANTITIES)
+    for name, absent in (
+        ("shear_friction", scene.shear is None),
+        ("transverse_friction", not has_transverse_force(scene)),
+    ):
+        if name in quantities and absent:
+            raise ValueError(f"{arguments.scene}: {name} is 0 in this scene; must be left out of --quantity")
     if iterates(scene) and "converged" not in quantities:
         quantities.append("converged")
     points = math.prod(result_shape(conditions))

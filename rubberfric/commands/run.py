@@ -12,7 +12,7 @@ from rubberfric.base.progress import Progress
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.base.units import to_celsius
 from rubberfric.commands.arguments import write_outputs
-from rubberfric.io.files import read_computable, save_result
+from rubberfric.io.files import MOST_POINTS, read_computable, save_result
 from rubberfric.io.results import QUANTITY_FORMATS, Conditions, Result, result_shape
 from rubberfric.scene.scene import Scene
 from rubberfric.scene.settings import default_quadrature
@@ -23,7 +23,7 @@ from rubberfric.theory.quantities import Solution, iterated, quantities_of
 def run_scene(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
     """Run `rubberfric run`; returns the printed text and the error, or None."""
     show(f"reading {arguments.scene}")
-    scene, conditions, title = read_computable(arguments.scene)
+    scene, conditions, title = read_computable(arguments.scene, most=MOST_POINTS)
     quadrature = default_quadrature(scene, conditions.pressure)
     quantities = quantities_of(scene)
     points = math.prod(result_shape(conditions))
@@ -41,7 +41,7 @@ def run_scene(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSErr
         ("drawing", arguments.plot, draw),
     )
     if tabulated_solids(scene):
-        show("computing what lies outside the tables")
+        show("computing the friction from outside the tables")
     ends = [
         line
         for line in (extrapolation_line(result), convergence_line(result), model_error_line(result))
@@ -139,5 +139,5 @@ def convergence_line(result: Result) -> str:
     return (
         f"the {iterated(result.scene)} did not converge at {sum(left)} of {converged.size} points, "
         f"first at v = {result.conditions.velocity[k]:g} m/s, p = {result.conditions.pressure[j]:g} Pa: "
-        "the values there are those of the last iterate"
+        "their values are the last iterate"
     )

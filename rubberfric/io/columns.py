@@ -48,7 +48,7 @@ class Column(NamedTuple):
 
 
 def _log10(name: str, units: Mapping[str, float], offered: bool = False) -> Column:
-    """Column of logarithms; a logarithm of a pure number may have the unit "-" as well."""
+    """Return the column of logarithms; a logarithm of a pure number may have the unit "-" as well."""
     own = dict(units) if list(units) == ["-"] else {}
     logs = own | {f"log10({unit})": factor for unit, factor in units.items()}
     return Column(name, logs, log10=True, offered=offered)

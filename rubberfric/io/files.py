@@ -26,7 +26,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from rubberfric.base.atomic import StrPath, as_path, check_suffix, check_writable, replacing
+from rubberfric.base.atomic import StrPath, as_path, check_suffix, check_writable, replacing, write_text
+from rubberfric.base.objects.physical import fields_of, parts_of
 from rubberfric.base.quadrature import Quadrature
 from rubberfric.io.hdf5 import (
     check_names,
@@ -50,13 +51,17 @@ from rubberfric.io.results import (
     check_conditions,
     result_shape,
 )
-from rubberfric.io.toml import read_scene_toml
+from rubberfric.io.toml import read_scene_toml, scene_texts
 from rubberfric.scene.scene import Scene
 from rubberfric.theory.quantities import Solution
 
 _FORMAT = "rubberfric scene"
 # NAME of a dimension scale without coordinates, as netCDF writes it before the length.
 _BARE = "This is a netCDF dimension but not a netCDF variable."
+# Largest number of velocities, pressures or temperatures of a command.
+MOST_CONDITIONS = 100_000
+# Largest number of points of the commands that keep all results in memory.
+MOST_POINTS = 1_000_000
 # Bytes of a result file without its quantities, rounded up.
 _HEAD = 2**20
 # Attributes of an interpolated map.
@@ -86,16 +91,26 @@ def load_scene(path: StrPath) -> Scene:
 
 
 def save_scene(path: StrPath, scene: Scene) -> None:
-    """Save a scene as an HDF5 file (.h5), completely or not at all.
+    """Save a scene as an HDF5 file (.h5) or a TOML file (.toml), completely or not at all.
+
+    A TOML file has all digits. Its tables are CSV files in the same folder, named after it. It has no
+    conditions; add a section [run] for `rubberfric run`.
 
     Raises
     ------
-    ValueError : the suffix is not .h5, the folder is missing, or a constructor refuses a value of the scene
+    ValueError : another suffix, a missing folder, or a value of the scene that a constructor refuses
     """
-    check_writable(path, (".h5",))
+    check_writable(path, (".h5", ".toml"))
     if not isinstance(scene, Scene):
         raise ValueError(f"{path}: scene must be a Scene, got {type(scene).__name__}")
     try:
+        if (place := as_path(path)).suffix.lower() == ".toml":
+            for _, part in parts_of(scene):  # JAX rebuilds objects without checks
+                type(part)(**{name: getattr(part, name) for name in fields_of(type(part))})
+            texts = scene_texts(scene, None, name=place.name, prefix=f"{place.stem}_")
+            for name, text in reversed(texts.items()):  # the TOML file last, when its tables exist
+                write_text(place.parent / name, text)
+            return
         with replacing(path) as temporary, creating(temporary, _FORMAT) as file:
             write_object(file, "scene", scene)
     except ValueError as error:
@@ -115,11 +130,21 @@ def read_scene_file(path: StrPath, table: str = "run") -> SceneFile:
         return _read_scene(file)
 
 
-def read_computable(path: StrPath, table: str = "run") -> tuple[Scene, Conditions, str]:
-    """Read scene, conditions and title; ValueError without conditions."""
+def read_computable(
+    path: StrPath, table: str = "run", most: float = math.inf
+) -> tuple[Scene, Conditions, str]:
+    """Read scene, conditions and title; ValueError without conditions, or with more than `most` points."""
     found = read_scene_file(path, table)
     if found.conditions is None:
         raise ValueError(f"{path}: {table}: is missing; must hold velocity and pressure to compute at")
+    for name, values in found.conditions._asdict().items():
+        if values is not None and values.size > MOST_CONDITIONS:
+            raise ValueError(f"{path}: {name} has {values.size} values: must have at most {MOST_CONDITIONS}")
+    points = math.prod(result_shape(found.conditions))
+    if points > most:
+        raise ValueError(
+            f"{path}: {table} has {points} points: must have at most {most}; see `rubberfric map`"
+        )
     return found.scene, found.conditions, found.title
 
 
@@ -171,11 +196,7 @@ def load_result(path: StrPath) -> Result:
         if conditions is None:
             raise ValueError("has a scene but no results; must be a result file")
         shape = result_shape(conditions)
-        values = {name: _read_quantity(file, name) for name in QUANTITY_FORMATS if name in file}
-        for name, array in values.items():
-            if np.shape(array) != shape:
-                axes = ", ".join(DIMENSIONS)
-                raise ValueError(f"/{name} has shape {np.shape(array)}: must be {shape}, [{axes}]")
+        values = {name: _read_quantity(file, name, shape) for name in QUANTITY_FORMATS if name in file}
         quadrature = read_quadrature(file)
         interpolation = None
         if _FROM in file.attrs and _ERROR in file.attrs:
@@ -183,11 +204,11 @@ def load_result(path: StrPath) -> Result:
     return Result(scene, conditions, Solution(**values), quadrature, title, interpolation)
 
 
-def _read_quantity(file: h5py.File, name: str) -> np.ndarray:
+def _read_quantity(file: h5py.File, name: str, shape: tuple[int, ...]) -> np.ndarray:
     data = file[name]
-    if name == "converged" and isinstance(data, h5py.Dataset) and data.dtype == bool:
+    if name == "converged" and isinstance(data, h5py.Dataset) and (data.dtype, data.shape) == (bool, shape):
         return np.asarray(data[()])
-    values = np.asarray(read_values(file, name, QUANTITY_FORMATS[name].unit))
+    values = np.asarray(read_values(file, name, QUANTITY_FORMATS[name].unit, shape))
     return values != 0 if name == "converged" else values
 
 

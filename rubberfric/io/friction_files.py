@@ -1,6 +1,7 @@
 """Friction tables in the formats of other programs, read and written."""
 
 import json
+import math
 import re
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -39,7 +40,7 @@ class TableUnits(NamedTuple):
     temperature: str
 
     def scales(self) -> Iterator[tuple[float, float]]:
-        """Factor and offset from the file to SI, for velocity, pressure and temperature."""
+        """Return the factor and offset from the file to SI, for velocity, pressure and temperature."""
         yield from ((_SPEED[self.velocity], 0.0), (STRESS[self.pressure], 0.0))
         yield 1.0, TEMPERATURE[self.temperature]
 
@@ -65,9 +66,9 @@ def write_friction(
     table : FrictionTable, or a result of `rubberfric.friction_map`, `solve` or `friction`
         `rubberfric.analysis.friction_table` and `fitting.friction_table` choose a grid for a stated error.
     program : "abaqus", "lsdyna", "csv", "json" or "log10"; None: by the suffix .inp, .k, .csv, .json, .txt
-        abaqus: *FRICTION with data lines mu, slip rate, pressure, temperature.
+        abaqus: `*FRICTION` with data lines mu, slip rate, pressure, temperature.
         lsdyna: DEFINE_TABLE_2D with a curve for each pressure and a table for each temperature, numbered
-        from 1001; *CONTACT takes a table with FS = 2 and its number as FD.
+        from 1001; `*CONTACT` takes a table with FS = 2 and its number as FD.
         csv, json: in SI, with standard errors if the table has them; `fitting.read` reads csv.
         log10: columns log10 v, mu, A/A0 of one curve, as the established program writes them, in m/s.
     unit_velocity : "m/s", "mm/s" or "um/s", for abaqus and lsdyna
@@ -148,7 +149,7 @@ def _program(path: Path, program: str | None) -> str:
 
 
 def _head(table: FrictionTable, units: TableUnits) -> list[str]:
-    """Lines of a comment with contents, interpolation error and units of a table."""
+    """Return the lines of a comment with contents, interpolation error and units of a table."""
     sizes = f"{table.velocity.size} velocities x {table.pressure.size} pressures"
     named = f"Units: {units.velocity}, {units.pressure}"
     if table.temperature is not None:
@@ -177,7 +178,7 @@ def _units(text: str, velocity: str | None, pressure: str | None, temperature: s
 
 
 def _file_axes(table: FrictionTable, units: TableUnits) -> list[np.ndarray]:
-    """Velocity, pressure and, if there is one, temperature in the units of a file."""
+    """Return the velocity, pressure and, if there is one, temperature in the units of a file."""
     axes = [getattr(table, name) for name in AXES if getattr(table, name) is not None]
     return [(axis - zero) / factor for axis, (factor, zero) in zip(axes, units.scales(), strict=False)]
 
@@ -187,13 +188,13 @@ def _from_rows(rows: Any, units: TableUnits) -> FrictionTable:
     mu, v, p, T = np.array(rows, float).T
     axes, places = zip(*(np.unique(x, return_inverse=True) for x in (T, p, v)), strict=True)
     temperatures, pressures, velocities = shape = tuple(axis.size for axis in axes)
-    friction = np.full(shape, np.nan)
-    friction[places] = mu
-    if mu.size != friction.size or np.isnan(friction).any():
+    if mu.size != math.prod(shape) or np.unique(np.ravel_multi_index(places, shape)).size != mu.size:
         raise ValueError(
             f"has {mu.size} points over {velocities} velocities, {pressures} pressures and {temperatures}"
             " temperatures: must have every combination once"
         )
+    friction = np.empty(shape)
+    friction[places] = mu
     v, p, T = (axis * factor + zero for axis, (factor, zero) in zip(axes[::-1], units.scales(), strict=True))
     return FrictionTable(v, p, None if np.isnan(T).any() else T, friction)
 

@@ -44,7 +44,7 @@ class FrictionTable(NamedTuple):
 
 
 def hats(axis: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Weights of the points of an axis at x, shape (x.size, axis.size); constant beyond its ends."""
+    """Return weights of the points of an axis at x, (x.size, axis.size); constant beyond its ends."""
     weights = np.zeros((x.size, axis.size))
     if axis.size == 1:
         return weights + 1.0

@@ -29,6 +29,9 @@ from rubberfric.base.objects.fields import Child, Leaf, Static
 from rubberfric.base.objects.physical import PhysicalObject, fields_of, kinds
 from rubberfric.base.release import VERSION
 
+# Largest number of values in a dataset of an object or of conditions. A file can claim any number.
+MOST_VALUES = 10**8
+
 
 @contextlib.contextmanager
 def creating(
@@ -56,12 +59,26 @@ def reading(path: Any, form: str, version: int = 1) -> Iterator[h5py.File]:
     try:
         with h5py.File(path, "r") as file:
             _check_format(file, form, version)
+            _check_own_data(file)
             yield file
     except ValueError as error:
         raise ValueError(f"{path}: {error}") from None
     except (OSError, KeyError, RuntimeError, TypeError) as error:
         text = str(error).strip("'\"").splitlines()[0]
         raise ValueError(f"{path}: must be a whole HDF5 file: {text}") from None
+
+
+def _check_own_data(group: h5py.Group) -> None:
+    """Raise ValueError for links and datasets whose data are outside the file."""
+    for name in group:
+        where, link = _path(group, name), group.get(name, getlink=True)
+        if not isinstance(link, h5py.HardLink):
+            raise ValueError(f"{where} is a link; the data must be in this file")
+        one = group[name]
+        if isinstance(one, h5py.Group):
+            _check_own_data(one)
+        elif isinstance(one, h5py.Dataset) and (one.is_virtual or one.external):
+            raise ValueError(f"{where} has its data in another file; the data must be in this file")
 
 
 def write_values(group: h5py.Group, name: str, values: ArrayLike, units: str) -> h5py.Dataset:
@@ -77,8 +94,13 @@ def write_values(group: h5py.Group, name: str, values: ArrayLike, units: str) ->
     return data
 
 
-def read_values(group: h5py.Group, name: str, units: str) -> np.ndarray:
-    """Read numbers with the required units: a NumPy array, or a float for a weakly typed number."""
+def read_values(group: h5py.Group, name: str, units: str, shape: tuple[int, ...] | None = None) -> np.ndarray:
+    """Read numbers with the required units: a NumPy array, or a float for a weakly typed number.
+
+    Raises
+    ------
+    ValueError : another shape than `shape`, or more than `MOST_VALUES` values without `shape`
+    """
     where, data = _path(group, name), group.get(name)
     if not isinstance(data, h5py.Dataset):
         raise ValueError(f"{where}: is missing; must be a dataset")
@@ -86,6 +108,10 @@ def read_values(group: h5py.Group, name: str, units: str) -> np.ndarray:
         raise ValueError(f"{where}: units = {data.attrs.get('units')!r}: must be {units!r}")
     if data.dtype.kind != "f":
         raise ValueError(f"{where}: has type {data.dtype}: must be a floating-point number")
+    if shape is not None and data.shape != shape:
+        raise ValueError(f"{where} has shape {data.shape}: must be {shape}")
+    if shape is None and (data.size or 0) > MOST_VALUES:
+        raise ValueError(f"{where} has {data.size} values: must have at most {MOST_VALUES}")
     array = np.asarray(data[()], data.dtype.newbyteorder("="))
     if data.attrs.get("weak", False) and array.ndim == 0:
         return float(array)  # pyright: ignore[reportReturnType] (a number can replace an array)
@@ -94,10 +120,7 @@ def read_values(group: h5py.Group, name: str, units: str) -> np.ndarray:
 
 def read_array(group: h5py.Group, name: str, units: str, shape: tuple[int, ...]) -> np.ndarray:
     """Read numbers of the required shape."""
-    array = np.asarray(read_values(group, name, units))
-    if array.shape != shape:
-        raise ValueError(f"{_path(group, name)} has shape {array.shape}: must be {shape}")
-    return array
+    return np.asarray(read_values(group, name, units, shape))
 
 
 def read_counts(group: h5py.Group, name: str, size: int) -> np.ndarray:

@@ -117,11 +117,11 @@ def write_prony(
     path : file, or None to return the text only
     material : Prony, PronyShear, or an object with one as `material`, such as a Body or a PronyFit
     program : "abaqus", "ansys", "comsol", "lsdyna", "openradioss" or "pyvisco"
-        abaqus: *ELASTIC and *VISCOELASTIC, TIME=PRONY, with *TRS for a WLF shift. Poisson's ratio 0.5 is
-        written with k_i = 0 for hybrid elements; other elements need `bulk`.
+        abaqus: `*ELASTIC` and `*VISCOELASTIC, TIME=PRONY`, with `*TRS` for a WLF shift. Poisson's ratio 0.5
+        is written with k_i = 0 for hybrid elements; other elements need `bulk`.
         ansys: MP,EX and PRXY, TB,PRONY for shear and bulk, TB,SHIFT; at most 100 terms.
         comsol: table of branches for its Generalized Maxwell model; moduli and shift in comments.
-        lsdyna: *MAT_GENERAL_VISCOELASTIC (076) in fields of 10 characters, which hold 6 digits; at most
+        lsdyna: `*MAT_GENERAL_VISCOELASTIC` (076) in fields of 10 characters, which hold 6 digits; at most
         18 terms including the relaxed modulus; a WLF shift in K.
         openradioss: /MAT/LAW42 with the relaxed moduli and /VISC/PRONY; no shift.
         pyvisco: CSV table of the terms of Young's modulus; no shift.

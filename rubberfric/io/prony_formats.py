@@ -79,7 +79,7 @@ def parse_number(field: str) -> float:
 
 
 def format_number(value: float, width: int = 20) -> str:
-    """Most accurate text of a number within `width` characters."""
+    """Return the largest accurate text of a number within `width` characters."""
     value = float(value)
     texts = [repr(value), f"{value:.{width}f}"[:width]]
     for digits in range(width):
@@ -89,7 +89,7 @@ def format_number(value: float, width: int = 20) -> str:
 
 
 def keyword_blocks(text: str, skip: str, mark: str = r"\s*\*") -> list[tuple[str, list[str]]]:
-    """(keyword line, lines below it) of each block; `skip` matches comments, `mark` keyword lines."""
+    """Return (keyword line, lines below it) of each block; `skip` matches comments, `mark` keyword lines."""
     blocks: list[tuple[str, list[str]]] = []
     for line in text.splitlines():
         if re.match(skip, line):
@@ -102,32 +102,32 @@ def keyword_blocks(text: str, skip: str, mark: str = r"\s*\*") -> list[tuple[str
 
 
 def comma_numbers(line: str) -> list[float]:
-    """Numbers between commas; a comma may end the line."""
+    """Return the numbers between commas; a comma may end the line."""
     return [parse_number(field) for field in line.rstrip().rstrip(",").split(",")]
 
 
 def comma_line(*values: float) -> str:
-    """Numbers as a line that `comma_numbers` reads."""
+    """Return the numbers as a line that `comma_numbers` reads."""
     return ", ".join(map(format_number, values))
 
 
 def wide_numbers(line: str, count: int, width: int = 20) -> list[float]:
-    """Numbers in fields of `width` characters."""
+    """Return the numbers in fields of `width` characters."""
     return [parse_number(line[i : i + width]) for i in range(0, width * count, width)]
 
 
 def wide_line(*values: float, width: int = 20) -> str:
-    """Numbers as a line that `wide_numbers` reads."""
+    """Return the numbers as a line that `wide_numbers` reads."""
     return "".join(f"{format_number(value, width):>{width}}" for value in values)
 
 
 def glassy_bulk(young: float, poisson: float) -> float:
-    """Bulk modulus; inf for an incompressible solid."""
+    """Return the bulk modulus; inf for an incompressible solid."""
     return float(bulk_from_young(young, poisson)) if poisson < 0.5 else math.inf
 
 
 def _relative(young, nu, g, k, tau, wlf=(), long_term=False) -> Cards:
-    """Cards with Young's modulus, relaxed if `long_term` and else glassy, and relative weights."""
+    """Return the cards with Young's modulus, relaxed if `long_term` and else glassy, and relative weights."""
     total = float(np.sum(g))
     if total > 1 + 1e-12:
         raise ValueError(f"the weights of the shear modulus add up to {total:g}: must be at most 1")
@@ -203,7 +203,7 @@ def _read_ansys(text: str, options: CardOptions) -> Cards:
 
 
 def _ansys_commands(text: str) -> tuple[dict[str, float], dict[str, dict[int, float]]]:
-    """Material constants by label, and tables by "LABEL,OPTION" with values by their number."""
+    """Return the material constants by label, and tables by "LABEL,OPTION" with values by their number."""
     constants, tables, current = {}, {}, None
     for line in text.splitlines():
         command, *fields = (field.strip() for field in line.split("!")[0].split(","))
@@ -221,7 +221,7 @@ def _ansys_commands(text: str) -> tuple[dict[str, float], dict[str, dict[int, fl
 
 
 def _ansys_pairs(tables: dict[str, dict[int, float]], what: str) -> np.ndarray:
-    """Weights and times of a table, shape (2, n)."""
+    """Return the weights and times of a table, shape (2, n)."""
     table = tables.get(f"PRONY,{what}", {})
     if len(table) % 2 or sorted(table) != list(range(1, len(table) + 1)):
         constants = sorted(table)

@@ -50,7 +50,7 @@ class Conditions(NamedTuple):
     temperature: np.ndarray | None  # [K], shape (k,); None where nothing depends on it
 
     def grid(self) -> tuple[np.ndarray, np.ndarray, np.ndarray | None]:
-        """Velocity, pressure and temperature that broadcast to [temperature, pressure, velocity]."""
+        """Return velocity, pressure and temperature that broadcast to [temperature, pressure, velocity]."""
         T = self.temperature
         return self.velocity, self.pressure[:, None], None if T is None else T[:, None, None]
 
@@ -92,7 +92,7 @@ class Result(NamedTuple):
     interpolation: Interpolation | None = None  # None: the model was evaluated at every point
 
     def _repr_html_(self) -> str:
-        """Tables for notebooks: conditions, the range of every quantity, the scene."""
+        """Return the tables for notebooks: conditions, the range of every quantity, the scene."""
         conditions, quantities = (
             {name: values for name, values in record._asdict().items() if values is not None}
             for record in (self.conditions, self.solution)
@@ -216,13 +216,13 @@ def _on_a_grid(solution: Solution, given: dict[str, ArrayLike | None]) -> Curves
 
 
 def result_shape(conditions: Conditions) -> tuple[int, int, int]:
-    """Shape [temperature, pressure, velocity] of the results; length 1 without temperature."""
+    """Return the shape [temperature, pressure, velocity] of the results; length 1 without temperature."""
     temperatures = 1 if conditions.temperature is None else conditions.temperature.size
     return temperatures, conditions.pressure.size, conditions.velocity.size
 
 
 def _range(values: np.ndarray, name: str) -> str:
-    """Smallest and largest value, and shape."""
+    """Return the smallest and largest value, and shape."""
     if not is_concrete(values) or np.size(values) in (0, 1) or np.size(values) > _SEARCHED:
         return short(values)
     array = np.asarray(values)

@@ -50,8 +50,8 @@ def read_table(
     ----------
     path : path of the file
     needed, optional : names in SI ("omega", not "f") of columns that the file must and may hold
-        E_stor and E_loss are computed from tan(delta), |E*| or shear moduli if necessary. Other columns are
-        errors in a table of the project, and ignored in an export.
+        E_stor and E_loss are computed from tan(delta), `abs(E*)` or shear moduli if necessary. Other columns
+        are errors in a table of the project, and ignored in an export.
     increasing : require that the first needed column increases strictly; in an export it may also decrease
     columns : "name [unit]" of each column if the file does not name them, or None
     poisson : Poisson's ratio [-] for E = 2 (1 + poisson) G, or None

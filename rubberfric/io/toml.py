@@ -90,7 +90,7 @@ def check_keys(
 
 
 def join(key: str, name: str) -> str:
-    """Key path of `name` in the table at `key`; "" is the file."""
+    """Return Key path of `name` in the table at `key`; "" is the file."""
     return f"{key}.{name}" if key else name
 
 
@@ -235,7 +235,7 @@ def _read_cards(path, key, cls, content):
 
 
 def _curves(cls):
-    """Columns of the fields that come from a CSV file."""
+    """Return the columns of the fields that come from a CSV file."""
     return {name: field.column for name, field in leaves_of(cls).items() if field.column is not None}
 
 
@@ -245,7 +245,7 @@ def _has_directions(cls):
 
 
 def _file_keys(cls):
-    """Keys of a class that describe its CSV file."""
+    """Return the keys of a class that describe its CSV file."""
     columns = _curves(cls).values()
     if _has_directions(cls):
         return ("file", "normalisation")
@@ -298,16 +298,21 @@ def _normalisation(path, key, content):
 
 
 def scene_texts(
-    scene: Scene, conditions: Conditions, title: str = "", *, name: str = "scene.toml"
+    scene: Scene,
+    conditions: Conditions | None,
+    title: str = "",
+    *,
+    name: str = "scene.toml",
+    prefix: str = "",
 ) -> dict[str, str]:
     """Return a scene as files: a TOML file, and a CSV file for each table, named by its place in the scene.
 
     Parameters
     ----------
     scene : Scene with concrete values, which `read_scene_toml` restores exactly
-    conditions : for [run]
+    conditions : for [run], or None
     title : one line of text
-    name : of the TOML file
+    name, prefix : name of the TOML file, and beginning of the names of CSV files
 
     Returns
     -------
@@ -315,10 +320,11 @@ def scene_texts(
     """
     tables: dict[str, str] = {}
     lines = [f"title = {_string(title)}"] if title else []
-    if [*doubts_of_scene(scene), *doubts_of_conditions(**conditions._asdict())]:
+    given = {} if conditions is None else conditions._asdict()
+    if [*doubts_of_scene(scene), *doubts_of_conditions(**given)]:
         lines.append("plausible = false")
-    lines += [*_object("", scene, tables), "", "[run]"]
-    for key, values in conditions._asdict().items():
+    lines += [*_object("", scene, tables, prefix), *["", "[run]"] * bool(given)]
+    for key, values in given.items():
         if values is not None:
             lines.append(
                 f"{key} = {_literal(values if values.size > 1 else values[0])}  # {CONDITION_UNITS[key]}"
@@ -326,8 +332,8 @@ def scene_texts(
     return {name: "\n".join(lines) + "\n"} | tables
 
 
-def _object(key: str, value: PhysicalObject, tables: dict[str, str]) -> Iterator[str]:
-    """Lines of an object at a key path: numbers and options, then nested objects."""
+def _object(key: str, value: PhysicalObject, tables: dict[str, str], prefix: str) -> Iterator[str]:
+    """Return the lines of an object at a key path: numbers and options, then nested objects."""
     fields = fields_of(type(value))
     if isinstance(value, Kind):
         yield f"kind = {_string(value.file_kind)}"
@@ -342,7 +348,7 @@ def _object(key: str, value: PhysicalObject, tables: dict[str, str]) -> Iterator
         unit = f"  # {field.unit}" if isinstance(field, Leaf) and field.unit != "-" else ""
         yield f"{name} = {_literal(content)}{unit}"
     if columns:
-        file = f"{key.replace('.', '_')}.csv"
+        file = f"{prefix}{key.replace('.', '_')}.csv"
         tables[file] = _table(columns)
         yield f"file = {_string(file)}"
         if "C" in columns:
@@ -350,7 +356,7 @@ def _object(key: str, value: PhysicalObject, tables: dict[str, str]) -> Iterator
     for name, field in fields.items():
         content = getattr(value, name)
         if isinstance(field, Child) and content is not None:
-            yield from ("", f"[{join(key, name)}]", *_object(join(key, name), content, tables))
+            yield from ("", f"[{join(key, name)}]", *_object(join(key, name), content, tables, prefix))
 
 
 def _table(columns: dict[str, np.ndarray]) -> str:

@@ -1,6 +1,6 @@
 """Pictures of scenes and results. They need matplotlib: pip install 'rubberfric[plot]'.
 
-Every function `plot_...` draws into the axes that it is given, or into a new figure of its own that
+Every function `plot_...` draws into the given axes, or into a new figure that
 pyplot does not know, and returns the axes: `plot_friction(result).figure` at the end of a cell shows
 in a notebook, after `%matplotlib inline`. `auto` picks the picture.
 """

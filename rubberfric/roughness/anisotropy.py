@@ -14,7 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 
-from rubberfric.base.checks import FINITE, POSITIVE, check_increasing
+from rubberfric.base.checks import (
+    FINITE,
+    PLAUSIBLE_WAVEVECTOR,
+    POSITIVE,
+    check_increasing,
+)
 from rubberfric.base.objects.fields import Matrix, Number, OptionalNumber, Vector, child, leaf, static
 from rubberfric.base.objects.physical import check_kind, physical
 from rubberfric.roughness.spectra import BrokenPowerLaw, SelfAffine, Spectrum, log_ratio
@@ -108,11 +113,11 @@ class TabulatedAnisotropic(Spectrum):
     harmonics_vary: ClassVar[bool] = True
     rising: ClassVar = (("q",), ("q[0]", "q0", "q1", "q[-1]"))
 
-    q: Vector = leaf(POSITIVE, unit="1/m", column="q")
+    q: Vector = leaf(POSITIVE, unit="1/m", plausible=PLAUSIBLE_WAVEVECTOR, column="q")
     C: Matrix = leaf(POSITIVE, unit="m^4", column="C")
     angle: Number = leaf(FINITE, unit="rad", default=0.0)
-    q0: OptionalNumber = leaf(POSITIVE, unit="1/m", default=None)
-    q1: OptionalNumber = leaf(POSITIVE, unit="1/m", default=None)
+    q0: OptionalNumber = leaf(POSITIVE, unit="1/m", plausible=PLAUSIBLE_WAVEVECTOR, default=None)
+    q1: OptionalNumber = leaf(POSITIVE, unit="1/m", plausible=PLAUSIBLE_WAVEVECTOR, default=None)
 
     def _check(self):
         if self.C.shape[0] != self.q.shape[0] or self.q.shape[0] < 2 or self.C.shape[1] < 4:
@@ -140,7 +145,7 @@ class TabulatedAnisotropic(Spectrum):
         return (self.C.shape[1] - 1) // 2
 
     def harmonics_at(self, q: jax.Array) -> tuple[jax.Array, jax.Array]:
-        """Return (c_m, s_m) at q of any shape, each (harmonics, *q.shape)."""
+        """Return (c_m, s_m) at q of any shape, each (harmonics, ``*q.shape``)."""
         count = self.harmonic_count()
         even = jnp.fft.rfft(self.C, axis=1)[:, 1 : count + 1] * (2 / self.C.shape[1])
         mean = jnp.mean(self.C, 1, keepdims=True)

@@ -186,7 +186,7 @@ def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C",
 
 @jax.jit
 def _cutoff_below(spectrum, slope):
-    """Return the cutoff for a slope, infinite if there is none, and True if there is one."""
+    """Return the cutoff for a slope, infinite if none exists, and True if it exists."""
     law = spectrum.uncut_law()
     piece, beyond, reachable = _where_reached(law, slope, spectrum.endless)
     return jnp.where(reachable, law.q[piece] * jnp.exp(beyond), jnp.inf), reachable

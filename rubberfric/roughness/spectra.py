@@ -19,6 +19,8 @@ from jax.typing import ArrayLike
 
 from rubberfric.base.checks import (
     NONNEGATIVE,
+    PLAUSIBLE_HEIGHT,
+    PLAUSIBLE_WAVEVECTOR,
     POSITIVE,
     between,
     either,
@@ -106,11 +108,11 @@ class SelfAffine(Spectrum):
     alternatives: ClassVar = {"C0": "h_rms"}
     rising: ClassVar = (("q0", "qr", "q1"),)
 
-    q0: Number = leaf(POSITIVE, unit="1/m")
-    qr: Number = leaf(POSITIVE, unit="1/m")
-    q1: Number = leaf(POSITIVE, unit="1/m")
+    q0: Number = leaf(POSITIVE, unit="1/m", plausible=PLAUSIBLE_WAVEVECTOR)
+    qr: Number = leaf(POSITIVE, unit="1/m", plausible=PLAUSIBLE_WAVEVECTOR)
+    q1: Number = leaf(POSITIVE, unit="1/m", plausible=PLAUSIBLE_WAVEVECTOR)
     hurst: Number = leaf(between(0.0, 1.0), unit="-")
-    h_rms: Number = leaf(NONNEGATIVE, unit="m")
+    h_rms: Number = leaf(NONNEGATIVE, unit="m", plausible=PLAUSIBLE_HEIGHT)
 
     def _check(self):
         if is_concrete(self.q0) and is_concrete(self.q1) and float(self.q0) == float(self.q1):

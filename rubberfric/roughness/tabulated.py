@@ -8,7 +8,14 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.blocks import recurring_length
-from rubberfric.base.checks import POSITIVE, check_increasing, check_lengths, is_concrete, shown
+from rubberfric.base.checks import (
+    PLAUSIBLE_WAVEVECTOR,
+    POSITIVE,
+    check_increasing,
+    check_lengths,
+    is_concrete,
+    shown,
+)
 from rubberfric.base.objects.fields import OptionalNumber, Vector, leaf
 from rubberfric.base.objects.physical import physical
 from rubberfric.roughness.spectra import BrokenPowerLaw, Spectrum, doubts_of_roughness, log_ratio
@@ -36,10 +43,10 @@ class TabulatedSpectrum(Spectrum):
     file_kind: ClassVar[str] = "tabulated"
     rising: ClassVar = (("q",), ("q[0]", "q0", "q1", "q[-1]"))
 
-    q: Vector = leaf(POSITIVE, unit="1/m", column="q")
+    q: Vector = leaf(POSITIVE, unit="1/m", plausible=PLAUSIBLE_WAVEVECTOR, column="q")
     C: Vector = leaf(POSITIVE, unit="m^4", column="C", over="q")
-    q0: OptionalNumber = leaf(POSITIVE, unit="1/m", default=None)
-    q1: OptionalNumber = leaf(POSITIVE, unit="1/m", default=None)
+    q0: OptionalNumber = leaf(POSITIVE, unit="1/m", plausible=PLAUSIBLE_WAVEVECTOR, default=None)
+    q1: OptionalNumber = leaf(POSITIVE, unit="1/m", plausible=PLAUSIBLE_WAVEVECTOR, default=None)
 
     def _check(self):
         check_lengths("TabulatedSpectrum", q=self.q, C=self.C)
@@ -49,7 +56,7 @@ class TabulatedSpectrum(Spectrum):
         check_ends("TabulatedSpectrum", self.q, self.q0, self.q1)
 
     def doubts(self) -> list[str]:
-        """See `doubts_of_roughness`."""
+        """Return See `doubts_of_roughness`."""
         log_q, log_C = np.log(np.asarray(self.q, float)), np.log(np.asarray(self.C, float))
         low = log_q[0] if self.q0 is None else np.log(float(self.q0))
         high = log_q[-1] if self.q1 is None else np.log(float(self.q1))
@@ -61,7 +68,7 @@ class TabulatedSpectrum(Spectrum):
         return cut_law(tabulated_law(self.q, self.C), self.q0, self.q1)
 
     def uncut_law(self) -> BrokenPowerLaw:
-        """From q0 to the end of the table."""
+        """Return the from q0 to the end of the table."""
         return cut_law(tabulated_law(self.q, self.C), self.q0, None)
 
     def cut(self, q1: jax.Array) -> "TabulatedSpectrum":
@@ -69,11 +76,11 @@ class TabulatedSpectrum(Spectrum):
         return self.replace(q1=within_table(self.q, q1))
 
     def entries(self) -> jax.Array:
-        """C [m^4]."""
+        """Return C [m^4]."""
         return self.C
 
     def padded(self) -> "TabulatedSpectrum":
-        """With entries beyond q1."""
+        """Return with entries beyond q1."""
         return self.replace(padded_table(self.q, self.C, self.q0, self.q1))
 
 

@@ -18,6 +18,8 @@ _QUESTIONS = {
     "Pa": "is it in MPa or GPa?",
     "K": "is it in °C? then add 273.15",
     "m/s": "is it in mm/s or um/s?",
+    "1/m": "is it in 1/mm or 1/um?",
+    "m": "is it in mm or um?",
 }
 # Conditions: lowest and highest plausible magnitude, and unit.
 _CONDITIONS = {

@@ -125,7 +125,7 @@ def warn_of_last_iterates(
     named = [", ".join(point) for point in zip(*columns, strict=True)]
     warn_caller(
         f"the {iterated(scene)} did not converge at {left.sum()} of {left.size} points, at {'; '.join(named)}"
-        f"{' and others' if left.sum() > len(named) else ''}: the values there are those of the last iterate",
+        f"{' and others' if left.sum() > len(named) else ''}: their values are the last iterate",
         RuntimeWarning,
     )
 

@@ -23,18 +23,18 @@ import rubberfric as rf
 pytestmark = pytest.mark.benchmark
 
 
-HEADER = """# What a scene costs
+HEADER = """# Cost of a scene
 
-What a scene does not contain is not traced. Counted on the jaxpr, for the default `rf.Quadrature()`:
-*roots* are all operations that cost more than an addition (square roots, divisions, exp, log, erf),
-element by element, the body of a loop once; *products* the multiply-adds of matrix products. Both once for
-a scene, whatever the number of velocities, and for each velocity. The bound of the closed form is one
-square root and one division for each angular node (168) and Prony term.
+Absent parts of a scene are not traced. Operations are counted on the jaxpr for `rf.Quadrature()`:
+*roots* are all elementwise operations that cost more than an addition (square roots, divisions, exp, log,
+erf), with the body of a loop counted once. *products* are the multiply-adds of matrix products. Both are
+given once for a scene and for each velocity. The closed form takes one square root and one division for each
+angular node (168) and Prony term.
 
-*First call* is what a new process waits for a curve of 50 velocities, and *gradient* for its gradient
-with respect to every number of the scene: tracing, compilation and evaluation, without the import
-({imported}). Later calls with equal structure compile nothing. *Again* is the same in a second process
-that finds what the first compiled: with `JAX_COMPILATION_CACHE_DIR=<folder>` and
+*First call* is the time of a curve of 50 velocities in a new process, and *gradient* of its gradient with
+respect to every number of the scene: tracing, compilation and evaluation, without the import
+({imported}). Later calls with equal structure compile nothing. *Again* is the time in a second process that
+loads the functions compiled by the first, with `JAX_COMPILATION_CACHE_DIR=<folder>` and
 `JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS=0` in the environment of both.
 
 | {columns} |

@@ -30,29 +30,30 @@ pytestmark = pytest.mark.benchmark
 INTRODUCTION = f"""\
 # Errors on stiff and extreme scenes
 
-Every scene below is a change made to one of {len(BASES)} base scenes: rough rubber with three relaxation
+Every scene below is a variation of one of {len(BASES)} base scenes: rough rubber with three relaxation
 times on a rough rigid solid (`one`), on a second rubber (`two`) and on an elastic solid (`on-elastic`); both
 rubbers as slabs bonded to rigid bases (`slabs`), the first as a slab that slides on its base (`layer`); with
 S in G (`corrected`), with WLF shifts and contact shear (`sheared`), on a tabulated spectrum (`measured`).
-`tests/support/cases/extremes.py` lists them, {len(CASES)} scenes. A row is the worst of its scenes.
+`tests/support/cases/extremes.py` lists them, {len(CASES)} scenes. A row gives the largest errors of its
+scenes.
 
-- **value**: the largest relative error of contact area, friction and separation. A friction below 1e-18 and
-  a separation below 1e-6 of the rms height count from there upwards.
+- **value**: the largest relative error of contact area, friction and separation. Errors of
+  frictions below 1e-18 and separations below 1e-6 of the rms height are relative to these values.
 - **gradient**: the largest relative error of the derivatives of the three with respect to every number of
-  scene, velocity, pressure and temperature. One that matters less than 1e-3 of the one that matters most (as
-  theta dQ/dtheta, or Q itself) counts from there upwards.
-- **float64** is held against references of 25 digits and more, stored in `tests/reference/extremes.json` and
-  computed by `tests/reference/precise/make_extremes.py` in 120-digit arithmetic: the theory's integrals,
-  without the library's arrangements against cancellation, on two meshes that must agree; derivatives are
-  differences with a relative step of 1e-32. Tests bound these errors by 1e-9 (values) and 1e-7 (gradients;
-  1e-4 and 1e-5 for Poisson's ratio of two incompressible films, on which Sbar depends 1e16-fold).
-- **float32** is held against float64 at the same numbers, those that float32 has: what rounding them costs,
-  up to 1e-5 for a spectrum from 200 to 200.2 1/m, is no error of the computation. Tests bound the error of
-  values by 1e-5. Where a weight E_i is 0, a friction counts from 1e-12 upwards. Scenes marked `refused`
-  are beyond float32, and the library says so. Its gradients are finite, and mostly good to 1e-3; not where
-  they are what large terms leave (all weights zero, bands of 1e-3, thin films).
+  scene, velocity, pressure and temperature. Errors of small
+  derivatives are relative to 1e-3 of the largest theta dQ/dtheta, or of Q.
+- **float64** is compared with references of at least 25 digits, stored in `tests/reference/extremes.json` and
+  computed by `tests/reference/precise/make_extremes.py` in 120-digit arithmetic: the theory's integrals in
+  their original form, on two meshes that must agree. Derivatives are differences with a relative step of
+  1e-32. Tests bound these errors by 1e-9 (values) and 1e-7 (gradients; 1e-4 and 1e-5 for Poisson's ratio of
+  two incompressible films, on which Sbar depends 1e16-fold).
+- **float32** is compared with float64 at the same rounded numbers. The effect of rounding the numbers, up to
+  1e-5 for a spectrum from 200 to 200.2 1/m, is not counted. Tests bound the error of
+  values by 1e-5. If a weight E_i is 0, errors of frictions below 1e-12 are relative to 1e-12. Scenes marked
+  `refused` are beyond float32, and the library refuses them. Gradients are finite and mostly have errors
+  below 1e-3, except where large terms cancel (all weights zero, bands of 1e-3, thin films).
 
-`Quadrature` is the default but for `gamma-0-light` in float64, with `graded=16`. Made by
+`Quadrature` is the default, except for `gamma-0-light` in float64, with `graded=16`. Made by
 
     TABLE=notebooks/stability.md python -m pytest -m benchmark -s tests/benchmarks/test_stability_table.py
 

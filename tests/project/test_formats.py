@@ -33,7 +33,7 @@ def test_messages_are_those_of_the_code():
     """Each stands in a module, perhaps over two lines of text."""
     sources = [p.read_text() for package in ("rubberfric", "fitting") for p in (ROOT / package).rglob("*.py")]
     whole = "\n".join(re.sub(r'"\s*\n\s*f?"', "", source) for source in sources)
-    section = PAGE.split("## What to do about which message")[1].split("\n## ")[0]
+    section = PAGE.split("## Messages")[1].split("\n## ")[0]
     messages = re.findall(r"^\| `(.+?)` \|", section, re.M)
     assert len(messages) > 20
     for message in messages:

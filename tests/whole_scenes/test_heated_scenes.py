@@ -438,7 +438,7 @@ def test_without_roughness_nothing_is_hot():
 
 def test_what_a_heated_scene_must_have():
     heated = scene(BASE)
-    with pytest.raises(ValueError, match=r"^temperature is missing: a scene with heating needs that far"):
+    with pytest.raises(ValueError, match=r"^temperature is missing: a scene with heating requires it, far"):
         rf.friction(heated, 1.0, 1e6)
     cold = dataclasses.replace(heated, heating=None)
     for name in ("flash_temperature", "converged"):

@@ -63,7 +63,7 @@ TOLERANCE = np.array([[1e-6], [1e-5]])
 # Floors of area, friction and separation: a separation underflows, ~ e^(-x^2), in full
 # contact, its derivatives 1e-60 before it, and zero weights stand for 1e-30 of the solid, which may relax.
 FLOOR = np.array([1e-280, 1e-12, 1e-200])
-# Of Euler's identities for stress, length, time and height. Borders of the quadrature stay where
+# Tolerances of Euler's identities for stress, length, time and height. Borders of the quadrature stay where
 # they are when wavevectors move, so its error shows in the second: 6e-3 for spectra that fall by
 # ten decades between neighbours. Tabulated moduli are integrated across their kinks, and that over
 # nodes of q v that stay fixed; errors 1e-5 ... 1e-3.
@@ -171,7 +171,7 @@ def scaling_error(call, values, reverse):
 
 
 def tolerance(scene, separation):
-    """Of Euler's identities for area, friction and separation, (4, 3)."""
+    """Exponents of Euler's identities for area, friction and separation, (4, 3)."""
     materials = scene.lower.material, scene.upper.material
     tables = [material for material in materials if isinstance(material, rf.TabulatedModulus)]
     found = (TABULATED_TOLERANCE if tables else SCALING_TOLERANCE).copy()
@@ -208,7 +208,7 @@ def as_numbers(call, dtype=float):
 
 
 def rounding_of_area(scene, area, eps):
-    """Of A/A0, relative: an erf, and with S in G a polynomial in ln g besides.
+    """Relative error of A/A0: an erf, and with S in G also a polynomial in ln g.
 
     The logarithm and its position in the table are rounded by eps |ln g|; half of it is in ln G (the
     slopes of ln(G/g) are -1/2 ... 0) and half of that in x. At light loads A ~ G^-1/2 and g ~ G^2 at most.

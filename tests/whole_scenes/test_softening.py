@@ -90,7 +90,7 @@ def test_means_of_storage_and_loss_apart(name):
 
 @pytest.mark.slow
 def test_means_have_the_derivatives_of_the_quadrature():
-    """Of <F'^2> and <F''^2>: forward = reverse = the integrals' own derivatives, taken by complex steps."""
+    """<F'^2> and <F''^2>: forward mode = reverse mode = derivatives of the integrals by complex steps."""
     given, qv = PronyStiffness(*map(np.array, F["four terms"])), np.array([1e-4, 0.3, 1e3])
     at = as_arrays(given)
     forward, reverse = (

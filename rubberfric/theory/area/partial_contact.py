@@ -134,7 +134,7 @@ def _polynomial(coefficients, u):
 
 @functools.cache
 def _psi_tables():
-    r"""Chebyshev fits of the parts of Psi, from quadrature on the host; z = x^2.
+    r"""Return the Chebyshev fits of the parts of Psi, from quadrature on the host; z = x^2.
 
     z < 2:  Psi = gamma/sqrt(pi) [-C - ln z + Ein(z)] + (1-gamma) Q(z)
     z > 2:  Psi = e^-z/z {(3 - 2 gamma) h1 - (1-gamma) e^-z/x h3}

@@ -199,7 +199,13 @@ def _pairs_jvp(primals, tangents):
 def _sums(weights, tau, qv):
     """Return sums over the terms at every q v in one pass, without an array of terms x points."""
     front = (slice(None), *(None,) * qv.ndim)
-    return _sums_of_rows({name: weight[front] for name, weight in weights.items()}, tau[front] * qv)
+    stored = {name: _stored(weight)[front] for name, weight in weights.items()}
+    return _sums_of_rows(stored, _stored(tau)[front] * qv)
+
+
+def _stored(values):
+    """Return values (n,) as sums, because XLA would compute other operations again for every point."""
+    return jnp.sum(jnp.where(jnp.eye(values.shape[0], dtype=bool), values, 0.0), -1)
 
 
 @_sums.defjvp

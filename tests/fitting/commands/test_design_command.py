@@ -38,6 +38,12 @@ def test_report_file_and_picture(call, job, tmp_path):
         (TABLE.replace("n = 2", ""), "design.n: is missing"),
         (TABLE + "crit = 1\n", "design.crit: unknown key; did you mean 'criterion'?"),
         (TABLE.replace("2e5", "-2e5"), "design.pressure[0] = -200000.0: must be > 0 and finite"),
+        (TABLE.replace("n = 2", "n = 1e9"), "design.n = 1000000000.0: must be at most 10000"),
+        (TABLE + "draws = 1000000000\n", "design.draws = 1000000000: must be at most 100000"),
+        (
+            TABLE.replace("points = 4", "points = 90000").replace("2e5", "[1e5, 2e5]"),
+            "design: has 180000 candidates: must have at most 100000",
+        ),
         (TABLE + "seed = 1.5\n", "design.seed = 1.5: must be an integer"),
     ],
 )

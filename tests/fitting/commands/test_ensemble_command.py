@@ -34,7 +34,7 @@ def test_bootstrap_is_interrupted_and_goes_on(call, job, monkeypatch):
     assert "interrupted: these are the best values so far" in printed
     monkeypatch.setattr(work, "run_ensemble", run)
     status, _, complaint = call(*arguments)
-    assert status == 2 and "run.h5: there is a file already" in complaint
+    assert status == 2 and "run.h5: the file exists" in complaint
     status, printed, complaint = call(*arguments, "--resume")
     assert (status, complaint) == (0, "")
     read = read_job(job)
@@ -57,7 +57,7 @@ def test_bootstrap_is_interrupted_and_goes_on(call, job, monkeypatch):
         (["--checkpoint", "run.h5"], "must come with --bootstrap N"),
         (["--resume", "--bootstrap", "3"], "must come with --checkpoint FILE.h5"),
         (["--bootstrap", "3", "--checkpoint", "run.txt"], "suffix '.txt': must be .h5"),
-        (["--bootstrap", "3", "--checkpoint", "none/run.h5"], "there is no folder"),
+        (["--bootstrap", "3", "--checkpoint", "none/run.h5"], "does not exist; create it first"),
     ],
 )
 def test_bad_arguments(call, job, arguments, words):

@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import warnings
 
 import h5py
 import jax
@@ -12,7 +13,7 @@ from support.folders import TYRE
 from support.refusals import refused
 
 from fitting.data.files import read, read_group, write
-from fitting.data.kinds import AreaData, FrictionData, ModulusData, SpectrumData
+from fitting.data.kinds import AreaData, FrictionData, ModulusData, SpectrumData, warn_of_repeated
 from rubberfric.io.tables import COLUMNS
 
 GOOD = {
@@ -321,12 +322,17 @@ def examples():
     yield FrictionData(1e9, 0.5, pressure=1e-9, temperature=1.0, check_units=False)
 
 
+def normalised(data):
+    """Arguments that a CSV file of a spectrum needs."""
+    return {"normalisation": "C"} if isinstance(data, SpectrumData) else {}
+
+
 @pytest.mark.parametrize("data", list(examples()), ids=lambda data: data.quantity)
 def test_files_keep_every_bit(data, tmp_path):
     data.write(tmp_path / "data.h5")
     equal(data, read(tmp_path / "data.h5"))
     data.write(str(tmp_path / "data.csv"))
-    again = read(str(tmp_path / "data.csv"), check_units=False)
+    again = read(str(tmp_path / "data.csv"), check_units=False, **normalised(data))
     assert again.name == ""
     equal(dataclasses.replace(data, name="", check_units=False), again)
     first = (tmp_path / "data.csv").read_text(encoding="utf-8").splitlines()[0]
@@ -344,8 +350,9 @@ def test_body_in_files(cls, tmp_path):
     )
     write(tmp_path / "data.csv", data)
     assert (tmp_path / "data.csv").read_text().startswith("# name\n# of the upper body\n")
-    assert read(tmp_path / "data.csv").body is None
-    equal(dataclasses.replace(data, name=""), read(tmp_path / "data.csv", body="upper"))
+    assert read(tmp_path / "data.csv", **normalised(data)).body is None
+    again = read(tmp_path / "data.csv", body="upper", **normalised(data))
+    equal(dataclasses.replace(data, name=""), again)
 
 
 def test_columns_are_in_the_units_of_the_fields():
@@ -370,7 +377,7 @@ def test_units_of_a_table(tmp_path):
     equal(data, AreaData([2e-6, 2e-6], [0.5, 0.4], 0.01, 0.15e6))
     data = read(csv(tmp_path, "f,E_stor,E_loss,sigma_stor,sigma_loss\nHz,MPa,MPa,kPa,GPa\n2,4,3,20,0.001\n"))
     equal(data, ModulusData(4 * np.pi, 4e6, 3e6, 2e4, 1e6))
-    data = read(csv(tmp_path, "q,C,sigma_C\n1/mm,um^4,mm^4\n2,4,0.5\n1,3,0.5\n"))
+    data = read(csv(tmp_path, "q,C,sigma_C\n1/mm,um^4,mm^4\n2,4,0.5\n1,3,0.5\n"), normalisation="C")
     equal(data, SpectrumData([2e3, 1e3], np.array([4.0, 3.0]) * 1e-24, 5e-13))
 
 
@@ -425,9 +432,21 @@ ABSENT = "must not be given; "
         (FRICTION, {"pressure": [1e5, -1]}, "FrictionData.pressure[1] = -1.0: must be > 0"),
         (FRICTION, {"pressure": 1e5, "body": "upper"}, f"body = 'upper': {ABSENT}friction data have none"),
         (MODULUS, {"pressure": 1e5}, f"pressure = 100000.0: {ABSENT}modulus data have none"),
-        (SPECTRUM, {"temperature": 300.0}, f"temperature = 300.0: {ABSENT}spectrum data have none"),
-        (SPECTRUM, {"temperature": np.ones((2, 2))}, f"{ABSENT}spectrum data have none"),
-        (SPECTRUM, {"body": "middle"}, "SpectrumData.body = 'middle': must be 'lower', 'upper' or None"),
+        (
+            SPECTRUM,
+            {"temperature": 300.0, "normalisation": "C"},
+            f"temperature = 300.0: {ABSENT}spectrum data have none",
+        ),
+        (
+            SPECTRUM,
+            {"temperature": np.ones((2, 2)), "normalisation": "C"},
+            f"{ABSENT}spectrum data have none",
+        ),
+        (
+            SPECTRUM,
+            {"body": "middle", "normalisation": "C"},
+            "SpectrumData.body = 'middle': must be 'lower', 'upper' or None",
+        ),
         (
             "v,mu,p\nm/s,-,Pa\n1,0.5,1e5\n",
             {"pressure": 1e5},
@@ -440,12 +459,12 @@ ABSENT = "must not be given; "
         ),
         (
             "q,C,relative_sigma\n1/m,m^4,%\n1e3,1e-12,5\n",
-            {"relative": 0.1},
+            {"relative": 0.1, "normalisation": "C"},
             f"relative = 0.1: {ABSENT}the file has it",
         ),
         (
             "q,C,sigma_C\n1/m,m^4,m^4\n1e3,1e-12,1e-13\n",
-            {"relative": 0.1},
+            {"relative": 0.1, "normalisation": "C"},
             "SpectrumData: sigma and relative are given: must be one or the other",
         ),
         (
@@ -572,7 +591,7 @@ def test_measured_tyre_data():
         f, storage, loss = np.loadtxt(path, delimiter=",", skiprows=2).T
         equal(read(path, body="upper"), ModulusData(2 * np.pi * f, storage, loss, body="upper"))
     q, C = np.loadtxt(TYRE / "psd_asphalt.csv", delimiter=",", skiprows=2).T
-    equal(read(TYRE / "psd_asphalt.csv"), SpectrumData(q, C))
+    equal(read(TYRE / "psd_asphalt.csv", normalisation="C"), SpectrumData(q, C))
     path = TYRE / "program_linear_R00.csv"
     assert "or kind must say which" in refused(path, lambda: read(path, pressure=0.3e6))
     log10_v, mu, area = np.loadtxt(path, delimiter=",", skiprows=2).T
@@ -582,3 +601,24 @@ def test_measured_tyre_data():
     ):
         np.testing.assert_allclose(data.velocity, 10**log10_v, rtol=1e-14)
         np.testing.assert_array_equal(data.measured, values)
+
+
+def test_data_given_twice_are_noticed():
+    """They count twice, so error bars would shrink by sqrt(2)."""
+    one = ModulusData([1.0, 10.0], [1e6, 2e6], [1e5, 2e5], relative=0.1)
+    same = ModulusData([1.0, 10.0], [1e6, 2e6], [1e5, 2e5], relative=0.1, name="copy")
+    other = ModulusData([1.0, 10.0], [1e6, 2e6], [1e5, 2.1e5], relative=0.1)
+    with pytest.warns(UserWarning, match="data sets 1 and 3 are equal"):
+        warn_of_repeated([one, other, same], ["", "", ""])
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warn_of_repeated([one, other], ["", ""])
+        warn_of_repeated([one, same], ["R20", "R40"])
+
+
+def test_a_spectrum_needs_its_normalisation(tmp_path):
+    path = tmp_path / "psd.csv"
+    path.write_text("q,C\n1/m,m^4\n1e2,1e-12\n1e4,1e-18\n")
+    with pytest.raises(ValueError, match="normalisation is missing"):
+        read(path)
+    assert read(path, normalisation="C").C[0] == 1e-12

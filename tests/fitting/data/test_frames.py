@@ -69,7 +69,7 @@ def test_there_and_back():
         ({"v [km/h]": V, "mu": MU}, None, r"^column 'v \[km/h\]': unit 'km/h': "),
         ({"v": V, "log10_v": V, "mu": MU}, None, r"^column 'log10_v': v is given twice$"),
         ({"v": V, "mu": ["a"] * 3}, None, r"^column 'mu': must be numbers$"),
-        ({"v": V, "mu": MU}, {"T": "C"}, r"^units: 'T' is no column that is read$"),
+        ({"v": V, "mu": MU}, {"T": "C"}, r"^units: 'T' is not a column that is read$"),
         ({"v": V, "mu": [1.0, np.nan, 1.0], "p": [1e5] * 3}, None, r"^FrictionData\.friction\[1\] = nan"),
         (
             {"v": V, "mu": MU},

@@ -51,7 +51,7 @@ def test_against_a_linear_problem_in_closed_form():
     np.testing.assert_allclose(found.deviation, deviation, rtol=1e-6)
     off = np.log(found.truth / found.values) / deviation
     np.testing.assert_allclose(found.place, scipy.special.ndtr(off), rtol=1e-6)
-    # Of 300 the standard error of a mean is 0.06, of a standard deviation 0.04.
+    # With 300 draws the standard error of a mean is 0.06, of a standard deviation 0.04.
     assert abs(off.mean()) < 0.2 and 0.87 < off.std() < 1.13
     moved = np.log(found.truth / 5e-4) / 0.2
     assert abs(moved.mean()) < 0.2 and 0.87 < moved.std() < 1.13
@@ -80,7 +80,7 @@ def test_doubtful_draws_are_named():
 
 
 def test_envelope_holds_uniform_samples():
-    """Of 400 uniform samples it loses about one in a hundred."""
+    """It rejects about one in a hundred of 400 uniform samples."""
     random = np.random.default_rng(1)
     uniform = random.random((200, 400))
     names = tuple(map(str, range(400)))

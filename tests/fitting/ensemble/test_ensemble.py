@@ -348,7 +348,7 @@ def test_a_disk_that_fills_up_meanwhile_costs_no_results(tmp_path, members, whol
 
 def test_paths_that_cannot_be_written_to(tmp_path, members):
     for path, words in {
-        tmp_path / "none" / "run.h5": "there is no folder",
+        tmp_path / "none" / "run.h5": "does not exist; create it first",
         tmp_path / "run.txt": "suffix '.txt': must be .h5",
         tmp_path / "folder.h5": "is a folder",
     }.items():
@@ -459,7 +459,7 @@ def test_a_result_is_saved_and_read(tmp_path, whole):
     assert np.all(low <= high) and repr(back) == repr(whole)
     with h5py.File(path, "r+") as file:
         file["status"][0] = 99
-    refused(lambda: fitting.EnsembleResult.load(path), path, "/status: must be out of")
+    refused(lambda: fitting.EnsembleResult.load(path), path, "/status: must be one of")
 
 
 def test_single_precision_stays_single():

@@ -7,9 +7,11 @@ import jax
 import jax.numpy as jnp
 import mpmath
 import numpy as np
+import optax
 import pytest
 from support.scenes.fits import ROAD, E
 
+import fitting
 import rubberfric as rf
 from fitting import Bounded, Free, Positive, Tied
 from fitting.parameters.scenes import find, scene_paths
@@ -114,7 +116,7 @@ def test_a_scalar_has_no_elements():
         ("upper.spectrum.hurst", "the scene has no spectrum"),
         ("upper.layer.thickness", "the scene has no layer"),
         ("heating", "the scene has no heating"),
-        ("gamma[0]", "gamma is a single number; must be without [ ]"),
+        ("gamma[0]", "gamma is a single number; leave [ ] out"),
         (E + "[4]", "has the elements [0] ... [3]; must name one of them"),
         (E + "[-5]", "has the elements [0] ... [3]"),
         (E + "[2:2]", "has the elements [0] ... [3]"),
@@ -503,3 +505,22 @@ def test_every_order_of_freeing_gives_the_same_scene():
         expected = scene if expected is None else expected
         for a, b in zip(jax.tree.leaves(scene), jax.tree.leaves(expected), strict=True):
             np.testing.assert_allclose(a, b, rtol=1e-15)
+
+
+def test_an_optimiser_on_unconstrained_numbers():
+    """Adam moves h_rms by its own scale, keeps H within its bounds, and lowers the cost."""
+    free = {"lower.spectrum.h_rms": Positive(), "lower.spectrum.hurst": Bounded(0.3, 1.0)}
+    x, to_scene = fitting.unconstrained(SCENE, free)
+    jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, rtol=1e-15), to_scene(x), SCENE)
+    assert x.shape == (2,)
+    np.testing.assert_allclose(x[0], np.log(SCENE.lower.spectrum.h_rms), rtol=1e-15)
+    target = 1.3 * SCENE.lower.spectrum.h_rms
+    optimiser = optax.adam(0.05)
+    state = optimiser.init(x)
+    slope = jax.jit(jax.grad(lambda x: jnp.log(to_scene(x).lower.spectrum.h_rms / target) ** 2))
+    for _ in range(200):
+        change, state = optimiser.update(slope(x), state)
+        x = optax.apply_updates(x, change)
+    np.testing.assert_allclose(to_scene(x).lower.spectrum.h_rms, target, rtol=1e-3)
+    far = jax.vmap(to_scene)(jnp.array([[0.0, -50.0], [0.0, 50.0]]))
+    assert np.all((far.lower.spectrum.hurst >= 0.3) & (far.lower.spectrum.hurst <= 1.0))

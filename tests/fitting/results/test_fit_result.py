@@ -565,7 +565,11 @@ def test_files_that_are_none(quick, tmp_path):
 
 @pytest.mark.parametrize(
     ("name", "message"),
-    [("fit.hdf", "suffix '.hdf': must be .h5"), ("no/fit.h5", "there is no folder"), (".", "suffix ''")],
+    [
+        ("fit.hdf", "suffix '.hdf': must be .h5"),
+        ("no/fit.h5", "does not exist; create"),
+        (".", "suffix ''"),
+    ],
 )
 def test_paths_that_cannot_be_written(quick, tmp_path, name, message):
     with pytest.raises(ValueError, match=re.escape(message)):

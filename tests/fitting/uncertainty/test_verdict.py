@@ -75,8 +75,16 @@ def test_the_sum_of_squares():
     assert judged(3 * rows, loss="huber").explains is False
     rows = fitted(noise(3))
     rows[::9] = 30.0
-    assert judged(rows, loss="huber").explains is True
+    found = judged(rows, loss="huber")
+    assert found.explains is True
+    squares = 40 * (1.4826 * np.median(np.abs(rows))) ** 2
+    assert found.text == (
+        f"explains the data except 5 outliers of 40 values: chi-square by the median {squares:.4g} for 36"
+        " degrees of freedom"
+    )
     assert judged(rows).explains is False
+    assert "loss=" in judged(rows).reasons[-1]
+    assert not any("loss=" in reason for reason in judged(3 * fitted(noise(3))).reasons)
 
 
 def test_one_bad_set_among_good_ones_is_named():
@@ -111,14 +119,15 @@ def test_curves_are_followed_one_by_one():
 def test_single_values_are_named():
     rows = 0.8 * fitted(noise(4))
     rows[7] = 5.0
-    (reason,) = judged(rows).reasons
+    reason, advice = judged(rows).reasons
+    assert advice == 'the other values agree with their errors: check the outliers, or use loss="huber"'
     at = f"velocity = {V[7]:g} m/s, pressure = 300000 Pa"
     assert reason == f"data 'R20': at {at} the fit is 5 errors above the measured 1"
     found = judged(scaled(rows), 0.02)
     assert re.search(rf"at velocity = {V[7]:g} m/s.* errors above", found.reasons[-1])
     assert found.explains is False
     rows[[1, 5, 9, 20]] = [-9, 8, -7, 6]
-    *_, first, second, third, rest = judged(rows).reasons
+    *_, first, second, third, rest, _ = judged(rows).reasons
     assert ("9 errors below" in first, "8 errors above" in second, "7 errors below" in third) == (True,) * 3
     assert rest == "and 2 values more that are too far off"
 

@@ -364,7 +364,8 @@ def test_times_are_medians_over_alternating_rounds():
 @pytest.mark.parametrize(
     ("changed", "message"),
     [
-        ({"error": -1e-6}, "error = -1e-06: must be a number, > 0 and < 1"),
+        ({"error": -1e-6}, "error = -1e-06: must be a number, >= 1e-15 and < 1"),
+        ({"error": 1e-40}, "error = 1e-40: must be a number, >= 1e-15"),
         ({"error": float("nan")}, "error = nan: must be a number"),
         ({"error": "small"}, "error = 'small': must be a number"),
         ({"settings": ()}, "settings is empty"),
@@ -466,10 +467,10 @@ def test_velocities_are_thinned_to_a_number_of_points():
     ("arguments", "message"),
     [
         (("no.toml",), "no.toml: cannot be read: No such file"),
-        (("scene.toml", "--error", "-1"), "error = -1.0: must be a number, > 0 and < 1"),
+        (("scene.toml", "--error", "-1"), "error = -1.0: must be a number, >= 1e-15 and < 1"),
         (("scene.toml", "--error", "small"), "argument --error: invalid float value: 'small'"),
         (("scene.toml", "--out", "t.h5"), "t.h5: suffix '.h5': must be .csv"),
-        (("scene.toml", "--out", "no/t.csv"), "there is no folder 'no'; it must exist"),
+        (("scene.toml", "--out", "no/t.csv"), "folder 'no' does not exist; create it first"),
         (("scene.toml", "--plot", "t.csv"), "t.csv: suffix '.csv': must be .png or .pdf or .svg"),
         (("bare.h5",), "bare.h5: run: is missing; must hold velocity and pressure"),
         ((), "SCENE"),

@@ -16,12 +16,7 @@ MAIN = "import sys; from rubberfric.commands.main import main; sys.exit(main())"
 
 def test_versions_devices_and_programs(tmp_path):
     done = subprocess.run(
-        [
-            sys.executable,
-            "-c",
-            MAIN,
-            "doctor",
-        ],
+        [sys.executable, "-c", MAIN, "doctor"],
         env={"PYTHONPATH": str(ROOT), "XDG_CACHE_HOME": str(tmp_path)},
         capture_output=True,
         text=True,
@@ -30,14 +25,14 @@ def test_versions_devices_and_programs(tmp_path):
     for name in ("jax", "jaxlib", "numpy", "scipy", "h5py"):
         assert re.search(rf"^{name} +{re.escape(importlib.metadata.version(name))}$", done.stdout, re.M)
     assert re.search(r"^float64 +yes$", done.stdout, re.M)
-    assert re.search(rf"^programs +\S+ MB in {tmp_path}/rubberfric/jaxlib-", done.stdout, re.M)
-    assert "one for the first time: miss; again: hit" in done.stdout
+    assert re.search(rf"^cache +\S+ MB in {tmp_path}/rubberfric/jaxlib-", done.stdout, re.M)
+    assert "first compilation: miss; second: hit" in done.stdout
     assert "FAULT" not in done.stdout and "jax#38445" not in done.stdout
 
 
 def test_known_faults(monkeypatch):
     said = "\n".join(doctor._lines(argparse.Namespace(no_cache=True)))
-    assert "are not kept: --no-cache" in said and "FAULT" not in said
+    assert "not used: --no-cache" in said and "FAULT" not in said
     monkeypatch.setattr(jax, "__version__", "0.10.2")
     said = "\n".join(doctor._lines(argparse.Namespace(no_cache=True)))
     assert "FAULT        jax 0.10.2: it computes wrong numbers on processors (jax-ml/jax#39103)" in said
@@ -47,10 +42,10 @@ def test_programs_that_are_not_found_again(monkeypatch, tmp_path):
     monkeypatch.setattr(doctor, "compilation_cache", lambda: tmp_path)
     monkeypatch.setattr(doctor, "_is_found", lambda: False)
     said = "\n".join(doctor._lines(argparse.Namespace(no_cache=False)))
-    assert "miss; again: miss" in said and "jax-ml/jax#38445" in said
+    assert "miss; second: miss" in said and "jax-ml/jax#38445" in said
     monkeypatch.setattr(doctor, "compilation_cache", lambda: None)
     said = "\n".join(doctor._lines(argparse.Namespace(no_cache=False)))
-    assert "are compiled by every process: their folder cannot be written to" in said
+    assert "not used: its folder cannot be written to" in said
 
 
 def test_packages_that_are_on_the_path_only(monkeypatch):
@@ -58,5 +53,5 @@ def test_packages_that_are_on_the_path_only(monkeypatch):
         raise importlib.metadata.PackageNotFoundError(name)
 
     monkeypatch.setattr(importlib.metadata, "version", missing)
-    assert doctor._version("jax") == "is there, but not installed"
+    assert doctor._version("jax") == "is importable, but not installed"
     assert doctor._version("no_such_package") == "is not installed"

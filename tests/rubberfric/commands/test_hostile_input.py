@@ -124,13 +124,15 @@ def test_what_is_no_scene(call_main, tmp_path, monkeypatch, content, place):
         (main, ("map", "scene.toml", "--devices", "-1"), "must be > 0"),
         (main, ("map", "scene.toml", "--devices", "1e3"), "invalid int value: '1e3'"),
         (main, ("map", "scene.toml", "--quantity", "mu"), "invalid choice: 'mu'"),
+        (main, ("run", "large.toml"), "run has 10000000000 points: must have at most 1000000"),
+        (main, ("accuracy", "large.toml"), "run has 10000000000 points: must have at most 1000000"),
         (main, ("run", "scene.toml", "--out", "pipe.h5"), "is a pipe or a device; must be a file"),
         (main, ("run", "scene.toml", "--out", "full.h5"), "is a pipe or a device; must be a file"),
         (main, ("run", "scene.toml", "--out", "folder.h5"), "is a folder; must be a file"),
         (main, ("run", "scene.toml", "--out", "/proc/out.h5"), "cannot be written"),
         (main, ("run", "scene.toml", "--out", "x" * 300 + ".h5"), "cannot be written: File name too long"),
         (main, ("run", "scene.toml", "--plot", "pipe.png"), "is a pipe or a device; must be a file"),
-        (main, ("accuracy", "scene.toml", "--out", "no/folder.csv"), "there is no folder 'no'"),
+        (main, ("accuracy", "scene.toml", "--out", "no/folder.csv"), "folder 'no' does not exist"),
         (main, ("run", "scene\0.toml"), "cannot be read: "),
         (
             fit_main,
@@ -142,7 +144,7 @@ def test_what_is_no_scene(call_main, tmp_path, monkeypatch, content, place):
             ("job.toml", "--bootstrap", "3", "--out", "folder.h5/../c.h5", "--checkpoint", "link.h5"),
             "is the file of --out; must be another",
         ),
-        (fit_main, ("job.toml", "--bootstrap", "3", "--checkpoint", "old.h5"), "there is a file already"),
+        (fit_main, ("job.toml", "--bootstrap", "3", "--checkpoint", "old.h5"), "the file exists"),
         (
             fit_main,
             ("job.toml", "--bootstrap", "3", "--checkpoint", "pipe.h5", "--resume"),
@@ -159,6 +161,10 @@ def test_contradictions_are_found_before_work_begins(
 ):
     monkeypatch.chdir(tmp_path)
     Path("scene.toml").write_text(JOB_SCENE + "[run]\nvelocity = 1.0\npressure = 1e5\n")
+    many = "{ from = 1e4, to = 1e6, points = 100000 }"
+    Path("large.toml").write_text(
+        f"plausible = false\n{JOB_SCENE}[run]\nvelocity = {many}\npressure = {many}\n"
+    )
     Path("job.toml").write_text(JOB.replace("modulus.csv", "friction.h5"))
     for name in ("old.h5", "friction.h5"):
         Path(name).write_bytes(b"old")

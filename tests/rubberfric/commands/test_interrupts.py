@@ -10,7 +10,7 @@ from support.folders import ROOT
 from support.scenes.fits import JOB_FILES
 
 SCENE = ROOT / "data" / "tread_on_asphalt.toml"
-LOST = "interrupted; what was not yet complete is not written\n"
+LOST = "interrupted; incomplete files are not written\n"
 
 # The main thread is in C for minutes, where no handler of Python's is called.
 BUSY = "hashlib.pbkdf2_hmac('sha256', b'', b'', 2**30)"
@@ -74,8 +74,7 @@ def interrupted(program, *arguments, sending=(signal.SIGINT,), after=0.0, path="
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
-        env=environment
-        | {"PYTHONPATH": f"{path}{os.pathsep}{ROOT}", "JAX_ENABLE_COMPILATION_CACHE": "false"},
+        env=environment,
     ) as process:
         try:
             assert process.stdout.readline() == "now\n"
@@ -98,7 +97,7 @@ def interrupted(program, *arguments, sending=(signal.SIGINT,), after=0.0, path="
     ],
 )
 def test_a_signal_while_jax_is_imported(tmp_path, which, package):
-    """A stand-in for the command takes a minute."""
+    """A module with the name of JAX sleeps for a minute when it is imported."""
     (tmp_path / "jax.py").write_text("import time\nprint('now', flush=True)\ntime.sleep(60)\n")
     job = ROOT / "data" / "tread_on_asphalt_fit.toml"
     arguments = ("run", SCENE) if package == "rubberfric" else (job,)
@@ -147,14 +146,8 @@ def test_a_signal_before_the_first_step_of_a_fit():
 
 @pytest.mark.usefixtures("job")
 def test_a_second_signal_does_not_wait_for_a_fit():
-    found = interrupted(
-        FITTING.replace("NAME", "save"),
-        "job.toml",
-        "--out",
-        "fit.h5",
-        sending=(signal.SIGINT, signal.SIGTERM),
-        after=0.5,
-    )
-    answer = "rubberfric-fit: interrupted; ends after this step, once more ends it at once\n"
+    program, signals = FITTING.replace("NAME", "save"), (signal.SIGINT, signal.SIGTERM)
+    found = interrupted(program, "job.toml", "--out", "fit.h5", sending=signals, after=0.5)
+    answer = "rubberfric-fit: interrupted; stopping after this step (a second signal stops at once)\n"
     assert found == (143, "", f"{answer}rubberfric-fit: {LOST}")
     assert sorted(os.listdir()) == JOB_FILES

@@ -197,7 +197,7 @@ def test_columns_of_a_file_that_does_not_say(tmp_path):
     table = rf.io.read_columns(path, columns=[titles[0], "-", "-"])
     assert list(table) == ["omega"]
     path = put(tmp_path, "log10_q;log10_C\nlog10(1/m);log10(m^4)\n2;-10\n3;-13\n")
-    found = read(path)
+    found = read(path, normalisation="C")
     assert isinstance(found, SpectrumData)
     np.testing.assert_allclose(found.C, [1e-10, 1e-13], rtol=1e-14)
 
@@ -320,7 +320,7 @@ def test_other_languages(tmp_path, encoding):
             [data.velocity, data.friction, data.pressure], [[5e-4, 5e-3], [0.61, 0.75], [2e5] * 2]
         )
     if encoding != "latin-1":
-        data = read(put(tmp_path, ROUGH.encode(encoding)))
+        data = read(put(tmp_path, ROUGH.encode(encoding)), normalisation="C")
         np.testing.assert_allclose([data.q, data.C], [[1e5, 1e6], [1e-27, 1e-31]], rtol=1e-13)
 
 
@@ -428,3 +428,21 @@ def test_units():
     G, nu = 2.0, 0.3
     E = rf.units.young_from_shear(G, nu)
     np.testing.assert_allclose(rf.units.bulk_from_young(E, nu), 2 * G * nu / (1 - 2 * nu) + 2 * G / 3)
+
+
+def test_a_distant_cell_of_a_workbook_is_refused(tmp_path):
+    openpyxl = pytest.importorskip("openpyxl", reason="reads .xlsx")
+    book = openpyxl.Workbook()
+    book.active["A1"], book.active["XFD60000"] = "v [mm/s]", 1.0
+    path = tmp_path / "distant.xlsx"
+    book.save(path)
+    assert "more than 5000000 cells" in refused(path, lambda: read(path))
+
+
+def test_a_workbook_that_unpacks_to_much_is_refused(tmp_path):
+    pytest.importorskip("openpyxl", reason="reads .xlsx")
+    path = tmp_path / "bomb.xlsx"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("xl/worksheets/sheet1.xml", b" " * (2**26 + 1))
+    assert path.stat().st_size < 1e5
+    assert "has 64 MiB unpacked" in refused(path, lambda: read(path))

@@ -176,6 +176,13 @@ def test_cards_of_others(tmp_path):
     assert "has 3 points over 2 velocities, 2 pressures and 1 temperatures: must have every" in message
 
 
+def test_scattered_points_are_refused_without_their_grid(tmp_path):
+    """The grid over 50 000 distinct velocities, pressures and temperatures has 1e14 points."""
+    path, x = tmp_path / "t.csv", np.arange(1, 50_001)
+    rf.io.write_table(path, {"v": x, "p": 1e3 * x, "T": 200 + 1e-3 * x, "mu": np.ones(x.size)})
+    assert "has 50000 points over 50000 velocities" in refused(path, lambda: rf.io.read_friction(path))
+
+
 def test_refused(table, tmp_path):
     def write(name, source=table, **options):
         return refused(tmp_path / name, lambda: rf.io.write_friction(tmp_path / name, source, **options))

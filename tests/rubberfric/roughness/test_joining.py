@@ -1,6 +1,7 @@
 """Joined and resampled spectra, compared with independent interpolation and integrals."""
 
 import itertools
+import re
 
 import jax
 import jax.numpy as jnp
@@ -173,7 +174,7 @@ def test_moments_of_a_part_are_preserved():
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda: rf.roughness.join_spectra(LOW), "join_spectra: has 1 spectra: must be two at least"),
+        (lambda: rf.roughness.join_spectra(LOW), "join_spectra: has 1 spectra: must be at least two"),
         (
             lambda: rf.roughness.join_spectra(HIGH, LOW),
             "spectrum 1 has 100 ... 10000 1/m after 2000 ... 1e+06: must begin",
@@ -190,19 +191,19 @@ def test_moments_of_a_part_are_preserved():
             lambda: rf.roughness.join_spectra(LOW, rf.SelfAffine(1e3, 1e3, 1e6, 0.8, 0.0)),
             "spectrum 1 is zero: must be rough",
         ),
-        (lambda: rf.roughness.resample(LOW), "must be given one of q and per_decade"),
+        (lambda: rf.roughness.resample(LOW), "pass exactly one of q and per_decade"),
         (
             lambda: rf.roughness.resample(LOW, [50.0, 1e3]),
             "q = 50 ... 1000: must be within the spectrum's 100 ... 10000",
         ),
         (
             lambda: rf.roughness.resample(LOW, [1e3, 500.0]),
-            "must be two wavevectors at least, strictly increasing",
+            "must be at least two wavevectors, strictly increasing",
         ),
         (lambda: rf.roughness.resample(LOW, per_decade=-1), "per_decade = -1: must be a number > 0"),
     ],
 )
 def test_what_is_refused(call, message):
-    with pytest.raises(ValueError, match="must") as error:
+    with pytest.raises(ValueError, match=re.escape(message)) as error:
         call()
-    assert message in str(error.value) and "\n" not in str(error.value)
+    assert "\n" not in str(error.value)

@@ -1,6 +1,7 @@
 """Normalisations of spectra, and spectra along a line against Abel's integrals in 30 digits."""
 
 import itertools
+import re
 
 import jax
 import jax.numpy as jnp
@@ -251,9 +252,9 @@ def test_conversion_is_traced():
     ],
 )
 def test_what_is_refused(call, message):
-    with pytest.raises(ValueError, match="must") as error:
+    with pytest.raises(ValueError, match=re.escape(message)) as error:
         call()
-    assert message in str(error.value) and "\n" not in str(error.value)
+    assert "\n" not in str(error.value)
 
 
 SCENE = """
@@ -307,9 +308,9 @@ def test_scene_files(tmp_path):
     ],
 )
 def test_scene_files_refused(tmp_path, table, normalisation, more, message):
-    with pytest.raises(ValueError, match="must") as error:
+    with pytest.raises(ValueError, match=re.escape(message)) as error:
         scene_of(tmp_path, table, normalisation, more)
-    assert message in str(error.value) and "\n" not in str(error.value)
+    assert "\n" not in str(error.value)
 
 
 def test_measured_data_in_another_normalisation(tmp_path):
@@ -318,9 +319,9 @@ def test_measured_data_in_another_normalisation(tmp_path):
     data = fitting.read(path, normalisation="C_iso")
     np.testing.assert_allclose(data.C, np.array([1e-12, 1e-18]) / (4 * np.pi**2), rtol=1e-14)
     np.testing.assert_allclose(data.sigma, data.C / 10, rtol=1e-14)
-    np.testing.assert_array_equal(fitting.read(path).C, [1e-12, 1e-18])
+    np.testing.assert_array_equal(fitting.read(path, normalisation="C").C, [1e-12, 1e-18])
     path.write_text("log10_q,log10_C\nlog10(1/m),log10(m^4)\n2,-12\n4,-18\n")
-    np.testing.assert_allclose(fitting.read(path).C, [1e-12, 1e-18], rtol=1e-13)
+    np.testing.assert_allclose(fitting.read(path, normalisation="C").C, [1e-12, 1e-18], rtol=1e-13)
     path.write_text("log10_q,C_1D,relative_sigma\nlog10(1/m),m^3,%\n2,1e-10,3\n4,1e-16,3\n")
     data = fitting.read(path, normalisation="C_1D", hurst=0.8, body="lower")
     np.testing.assert_allclose(
@@ -333,9 +334,9 @@ def test_measured_data_in_another_normalisation(tmp_path):
         ({"normalisation": "C"}, "column 'C_1D': must be one of q, log10_q, C, log10_C"),
         ({"hurst": 0.8, "normalisation": "C_iso"}, "hurst = 0.8: must be absent"),
     ):
-        with pytest.raises(ValueError, match="must") as error:
+        with pytest.raises(ValueError, match=re.escape(message)) as error:
             fitting.read(path, **given)
-        assert message in str(error.value) and "\n" not in str(error.value)
+        assert "\n" not in str(error.value)
     path.write_text("v,mu,p\nm/s,-,Pa\n1,1,1e5\n")
     with pytest.raises(ValueError, match="normalisation = 'C': must not be given; it is for CSV spectra"):
         fitting.read(path, normalisation="C")

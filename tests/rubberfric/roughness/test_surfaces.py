@@ -1,5 +1,6 @@
 """Topography objects of SurfaceTopography, and stand-ins with the same attributes."""
 
+import re
 from types import SimpleNamespace
 
 import numpy as np
@@ -51,11 +52,11 @@ HOLES = np.ma.masked_array(MAP, mask=MAP > 1)
     [
         (
             lambda: rf.roughness.spectrum_of_surface(MAP),
-            "topography is a ndarray without heights: must be one of Surf",
+            "topography is a ndarray without heights: must be a Surf",
         ),
         (
             lambda: rf.roughness.spectrum_of_surface(surface(MAP, (1.0, 1.0), None)),
-            "unit is missing: must be given",
+            "unit is missing and the topography has none",
         ),
         (
             lambda: rf.roughness.spectrum_of_surface(surface(MAP, (1.0, 1.0), "inch")),
@@ -63,28 +64,28 @@ HOLES = np.ma.masked_array(MAP, mask=MAP > 1)
         ),
         (
             lambda: rf.roughness.spectrum_of_surface(surface(MAP, (1.0, 1.0)), unit="nm"),
-            "unit = 'nm': must not be given; the topography has 'um'",
+            "unit = 'nm': leave it out; the topography has 'um'",
         ),
         (
             lambda: rf.roughness.spectrum_of_surface(surface(HOLES, (1.0, 1.0))),
-            "has undefined points: must have none",
+            "has undefined points; fill them in first",
         ),
         (
             lambda: rf.roughness.spectrum_of_surface(surface(LINE, (1.0,), is_uniform=False)),
-            "has points at uneven distances: must be uniform",
+            "has unevenly spaced points",
         ),
         (lambda: rf.roughness.spectrum_of_surface(surface(MAP, (1.0,))), "must have as many entries, 1 or 2"),
         (
             lambda: rf.roughness.spectrum_of_surface(surface(MAP, (1.0, 1.0)), window="kaiser"),
             "must be one of hann",
         ),
-        (lambda: rf.roughness.spectrum_from("C", HOLES[0], HOLES[0]), "has masked entries: must have none"),
+        (lambda: rf.roughness.spectrum_from("C", HOLES[0], HOLES[0]), "has masked entries; leave them out"),
     ],
 )
 def test_what_is_refused(call, message):
-    with pytest.raises(ValueError, match="must") as error:
+    with pytest.raises(ValueError, match=re.escape(message)) as error:
         call()
-    assert message in str(error.value) and "\n" not in str(error.value)
+    assert "\n" not in str(error.value)
 
 
 def test_surface_topography_itself():

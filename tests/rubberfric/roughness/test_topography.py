@@ -2,6 +2,7 @@
 
 import itertools
 import math
+import re
 
 import numpy as np
 import pytest
@@ -235,7 +236,7 @@ FLAT = np.zeros(20)
         ),
         (
             lambda: rf.roughness.spectrum_of_profile(1.0, FLAT + np.nan),
-            "heights[0] is not finite: must be; fill in",
+            "heights[0] is not finite; fill in",
         ),
         (
             lambda: rf.roughness.spectrum_of_profile(1.0, FLAT, window="kaiser"),
@@ -254,6 +255,6 @@ FLAT = np.zeros(20)
     ],
 )
 def test_what_is_refused(call, message):
-    with pytest.raises(ValueError, match="must") as error:
+    with pytest.raises(ValueError, match=re.escape(message)) as error:
         call()
-    assert message in str(error.value) and "\n" not in str(error.value)
+    assert "\n" not in str(error.value)

@@ -76,3 +76,11 @@ def test_last_iterates_point_here():
     with pytest.warns(RuntimeWarning, match="did not converge") as found:
         warn_of_last_iterates(STICKY, np.array([False]), [np.array([1.0]), np.array([3e5]), None])
     assert found[0].filename == __file__
+
+
+def test_lengths_in_micrometres_are_noticed():
+    """Heights and spacing in micrometres as numbers, which agree with each other."""
+    with pytest.warns(rf.UnitWarning, match=r"q0 = 0.0006.* must be 0.1 ... 1e\+12 1/m; is it in 1/mm"):
+        rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine(6e-4, 1e-3, 1.0, 0.8, 34.0)), rf.Body(TREAD))
+    with pytest.warns(rf.UnitWarning, match="h_rms = 3.4 m: must be at most 1 m; is it in mm or um"):
+        rf.Scene(rf.Body(rf.Rigid(), rf.SelfAffine(0.2, 0.2, 1.0, 0.8, 3.4)), rf.Body(TREAD))

@@ -410,7 +410,7 @@ def test_temperature_outside_the_shift_of_the_shear(shift, T, message):
         ),
         (
             lambda: parts(SCENES["case-I"], 0.1, 3e5, quantities=("shear",)),
-            "quantities has 'shear': must be out of area, friction, separation, viscoelastic_friction, "
+            "quantities has 'shear': must be one of area, friction, separation, viscoelastic_friction, "
             "shear_friction, transverse_friction, flash_temperature, converged",
         ),
     ],

@@ -264,7 +264,7 @@ def test_random_scenes_by_damped_brute_force():
     error = np.abs(caused(jnp.log(v), rises) - rises).max(1)
     assert (error <= 1e-10 * rises.max(1)).all()
     found = vmapped(scenes, v, pressure, temperature)
-    # Of T less the background the digits of T are left.
+    # T minus the background has the digits of T.
     np.testing.assert_allclose(found[1], rises[:, -1], rtol=1e-8, atol=3e-13)
 
 
@@ -310,7 +310,7 @@ def test_what_did_not_converge_is_named(monkeypatch, recwarn):
     with pytest.warns(
         RuntimeWarning,
         match=r"^the temperatures did not converge at 4 of 5 points, at v = 2 m/s, "
-        r"p = 300000 Pa, T = 258 K; .*v = 4 .* and others: the values there are those of the last",
+        r"p = 300000 Pa, T = 258 K; .*v = 4 .* and others: their values are the last",
     ):
         rf.friction(scene, v, PRESSURE, COLD)
     recwarn.clear()

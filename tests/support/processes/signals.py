@@ -30,7 +30,7 @@ COMMANDS = {
     "fit": ("fitting", "job.toml", "--out", "out.h5"),
 }
 LONGEST = 25.0  # longest observed duration of a command [s]
-HELD = "interrupted; ends after this step"
+HELD = "interrupted; stopping after this step"
 
 
 class Answer(NamedTuple):

@@ -140,7 +140,7 @@ def test_two_processes_of_two_devices_equal_one(tmp_path):
         port = listener.getsockname()[1]
     assert shares(tmp_path, [None]) == [""]
     first, second = shares(tmp_path, [0, 1], port)
-    assert "m.h5: there is no folder" in first
+    assert "m.h5: does not exist; create it first" in first
     assert second.endswith("no/m.h5: cannot be written by the first process; see its message\n")
     one, several = (np.load(tmp_path / f"{name}.h5.npy") for name in (None, 0))
     np.testing.assert_allclose(several, one, rtol=1e-13)
@@ -164,7 +164,7 @@ def test_the_command_makes_devices(tmp_path):
     )
     assert [line for line in done.stdout.splitlines() if line.endswith(" 3")] == ["0 3", "2 3", "2 3"]
     assert done.stderr.splitlines() == [
-        "rubberfric: --devices 2: JAX has begun with 3: must be that",
+        "rubberfric: --devices 2: JAX has started with 3; use this number",
         "rubberfric: --devices 0: must be > 0",
     ]
 

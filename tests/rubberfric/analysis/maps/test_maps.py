@@ -121,7 +121,7 @@ def test_streaming_to_a_file_equals_memory(tmp_path, monkeypatch):
         ({"scene": "scene"}, "scene is a str: must be a Scene"),
         ({"quadrature": 1e-9}, "quadrature is a float: must be a Quadrature"),
         ({"path": "m.csv"}, "m.csv: suffix '.csv': must be .h5"),
-        ({"path": "no/m.h5"}, "there is no folder 'no'; it must exist"),
+        ({"path": "no/m.h5"}, "folder 'no' does not exist; create it first"),
         (
             {"velocity": np.logspace(0, 1, 1000), "pressure": np.logspace(5, 6, 1000)},
             "path is None, but the results take 0.0745 GiB and memory holds 0.00",
@@ -443,7 +443,7 @@ def test_an_interrupted_command_says_so_and_writes_nothing(call_main, scene_file
         command.main, "map", scene_file, "--out", scene_file.parent / "m.h5"
     )
     assert (status, printed) == (130, "")
-    assert complaint == "rubberfric: interrupted; what was not yet complete is not written\n"
+    assert complaint == "rubberfric: interrupted; incomplete files are not written\n"
     assert os.listdir(scene_file.parent) == ["scene.toml"]
 
 

@@ -18,7 +18,7 @@ from rubberfric.commands.explorer.command import page
 
 SCENE = DATA / "twin_truth.toml"
 PROGRAM = "import sys; from rubberfric.commands.main import main; sys.exit(main())"
-LOST = "rubberfric: interrupted; what was not yet complete is not written\n"
+LOST = "rubberfric: interrupted; incomplete files are not written\n"
 
 
 @pytest.mark.parametrize(
@@ -27,7 +27,7 @@ LOST = "rubberfric: interrupted; what was not yet complete is not written\n"
         ((), "the following arguments are required: SCENE"),
         (("no.toml",), "no.toml: cannot be read: No such file"),
         (("scene.csv",), "scene.csv: suffix '.csv': must be .toml or .h5"),
-        ((SCENE, "--port", "80"), "--port 80: must be 1024 ... 65535, or 0 for any that is free"),
+        ((SCENE, "--port", "80"), "--port 80: must be 1024 ... 65535, or 0 for any free port"),
         ((SCENE, "--port", "65536"), "--port 65536: must be 1024 ... 65535"),
         ((SCENE, "--port", "x"), "invalid int value: 'x'"),
         ((SCENE, "--data", "no.csv"), "no.csv: cannot be read: No such file"),
@@ -45,7 +45,7 @@ def test_bad_arguments_without_jax(call_main, monkeypatch, arguments, message):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("v,mu\nm/s,-\n0,0.5\n1,0.5\n", "v = 0.0: must be > 0, for the axis is logarithmic"),
+        ("v,mu\nm/s,-\n0,0.5\n1,0.5\n", "v = 0.0: must be > 0 on a logarithmic axis"),
         ("v,mu,T\nm/s,-,K\n1,0.5,100\n2,0.5,300\n", "temperature[0] = 100.0: must be > 143.15 K"),
         ("v,mu,T\nm/s,-,K\n1,0.5,900\n2,0.5,1200\n", "must be 100 ... 1000 K"),
         ("v,nu\nm/s,-\n1,0.5\n2,0.5\n", "column 'nu'"),
@@ -87,7 +87,7 @@ def test_the_page_needs_nothing_else():
     text = page("N0nce")
     assert text.count('nonce="N0nce"') == 2 and "{{" not in text
     assert len(re.findall(r"<(?:script|style)\b", text)) == 2
-    # The one address is a namespace.
+    # The only address is a namespace.
     assert set(re.findall(r"https?://[^\s\"'`]*", text)) == {"http://www.w3.org/2000/svg"}
     for word in ("@import", "src=", "url(h", "innerHTML", "eval(", "document.write", "onclick="):
         assert word not in text, word
@@ -115,9 +115,9 @@ def begun(tmp_path):
             process.kill()
 
 
-@pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("which", [signal.SIGINT, pytest.param(signal.SIGTERM, marks=pytest.mark.slow)])
 def test_a_signal_ends_it_at_once(begun, tmp_path, which):
-    """While it serves, and compiles the other program."""
+    """While it serves, and compiles the sensitivities."""
     process, url = begun
     host, port, token = re.fullmatch(r"http://(127\.0\.0\.1):(\d+)/(\S+)/", url).groups()
     connection = http.client.HTTPConnection(host, int(port), timeout=60)
@@ -127,7 +127,7 @@ def test_a_signal_ends_it_at_once(begun, tmp_path, which):
     assert answer.status == 200 and len(json.loads(answer.read())["curves"]["friction"]) == 61
     connection.request("POST", f"/{token}/curves", json.dumps({"file": "/etc/passwd"}), headers)
     answer = connection.getresponse()
-    assert answer.status == 400 and answer.read().startswith(b"'file': is no slider; must be one of ")
+    assert answer.status == 400 and answer.read().startswith(b"'file': unknown slider; must be one of ")
     connection.close()
     begin = time.monotonic()
     process.send_signal(which)

@@ -123,9 +123,9 @@ def test_what_the_points_lack_is_where_the_sliders_are(tmp_path):
 def test_no_job_without_points_or_moved_numbers():
     explorer = explorer_of("twin_guess")
     values = slider_values(explorer.sliders, {"gamma": 0.4})
-    with pytest.raises(ValueError, match="no measured points: the command must be given some, --data FILE"):
+    with pytest.raises(ValueError, match="no measured points; start the command with --data FILE"):
         fit_download(explorer, values)
     explorer = explorer_of("twin_guess", DATA / "twin_friction.csv")
     for moved in ({}, {"pressure": 2e5}, {"upper.material.frequencies": 2.0}):
-        with pytest.raises(ValueError, match="no number of the scene was moved that a fit can have free"):
+        with pytest.raises(ValueError, match="no number that a fit can vary was moved"):
             fit_download(explorer, slider_values(explorer.sliders, moved))

@@ -100,9 +100,9 @@ GOOD = Slider("E", "upper", "E", "Pa", 2.0, 1.0, 4.0, True)
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"F": 2.0}, "'F': is no slider; did you mean|'F': is no slider; must be one of E"),
-        ({"file": "/etc/passwd"}, "'file': is no slider"),
-        ({"__class__": 1.0}, "is no slider"),
+        ({"F": 2.0}, "'F': unknown slider; did you mean|'F': unknown slider; must be one of E"),
+        ({"file": "/etc/passwd"}, "'file': unknown slider"),
+        ({"__class__": 1.0}, "unknown slider"),
         ({"E": math.nan}, "E = nan: must be between 1.0 and 4.0"),
         ({"E": math.inf}, "E = inf: must be between"),
         ({"E": -math.inf}, "must be between"),
@@ -114,9 +114,9 @@ GOOD = Slider("E", "upper", "E", "Pa", 2.0, 1.0, 4.0, True)
         ({"E": None}, "must be a number"),
         ({"E": [2.0]}, "must be a number"),
         ({"E": {"file": "x"}}, "must be a number"),
-        ([], "must be numbers by the names of sliders"),
-        ("E", "must be numbers by the names"),
-        (None, "must be numbers by the names"),
+        ([], "must be an object with numbers by slider name"),
+        ("E", "must be an object with numbers by slider name"),
+        (None, "must be an object with numbers by slider name"),
     ],
 )
 def test_what_is_no_value(given, message):
