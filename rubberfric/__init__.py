@@ -47,6 +47,8 @@ if TYPE_CHECKING:
     from rubberfric.scene import Scene as Scene
     from rubberfric.scene import Softening as Softening
     from rubberfric.scene import ThermalProperties as ThermalProperties
+    from rubberfric.scene import same as same
+    from rubberfric.scene import tuned as tuned
     from rubberfric.theory import Solution as Solution
     from rubberfric.theory import contact_area as contact_area
     from rubberfric.theory import friction as friction

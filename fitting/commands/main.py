@@ -1,10 +1,10 @@
 """The command `rubberfric-fit`.
 
 Exit status: 0 fitted; 3 fitted, but the scene does not explain the data (`fitting.uncertainty.verdict`); 1
-not converged, or the work failed; 2 bad input, with one line on stderr and nothing written; 130 or 143
-interrupted, by Ctrl-C (SIGINT) or SIGTERM. An interrupt after the first step of a fit gives a message at
-once. The best values so far are reported and written, as for a fit that did not converge. An interrupt before
-the first step, or a second one, ends the process within a second. A bootstrap that was interrupted, or
+not converged, or the work failed; 2 bad input, with one line on stderr and nothing written; 130, 143 or 129
+interrupted, by Ctrl-C (SIGINT), SIGTERM or SIGHUP. An interrupt after the first step of a fit gives a message
+at once. The best values so far are reported and written, as for a fit that did not converge. An interrupt
+before the first step, or a second one, ends the process within a second. A bootstrap that was interrupted, or
 killed, continues with --resume.
 """
 

@@ -76,6 +76,11 @@ def read_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint) -> Check
                 f"written by version {found}: this is {VERSION}, whose steps may differ; must be the same"
             )
         if file.attrs.get("fingerprint") != fingerprint:
+            held = file.get("steps")
+            if isinstance(held, h5py.Dataset) and held.size != blank.steps.size:
+                raise ValueError(
+                    f"has {held.size} members: must have {blank.steps.size}; resume with the same number"
+                )
             raise ValueError(
                 "belongs to another job: scene, data, free parameters, starts and solver must be the same"
             )

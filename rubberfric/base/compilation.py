@@ -141,10 +141,14 @@ _QUICK = {"xla_cpu_use_fusion_emitters": False, "xla_backend_optimization_level"
 
 
 def quick_options() -> dict[str, bool | int] | None:
-    """Return options for jax.jit, or None if XLA does not know them or the user has set XLA_FLAGS."""
+    """Return options for jax.jit, or None.
+
+    None if XLA does not know them, the user has set XLA_FLAGS, or JAX_DISABLE_JIT switches compilation off.
+    """
     import jax
 
-    if jax.default_backend() != "cpu" or "XLA_FLAGS" in os.environ:
+    config: Any = jax.config  # its options are unknown to type checkers
+    if config.jax_disable_jit or jax.default_backend() != "cpu" or "XLA_FLAGS" in os.environ:
         return None
     return dict(_QUICK) if _are_known() else None
 

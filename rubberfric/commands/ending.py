@@ -118,8 +118,10 @@ def _have_streams() -> bool:
             os.open(os.devnull, os.O_RDWR)
     if sys.stderr is None:
         sys.stderr = open(2, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 (open until the process ends)
-    if isinstance(sys.stdout, io.TextIOWrapper) and sys.stdout.errors == "strict":
-        sys.stdout.reconfigure(errors="replace")  # a locale without ° still prints the table
+    for stream in (sys.stdout, sys.stderr):
+        # A locale without ° still prints the table. In the locale C Python sets surrogateescape.
+        if isinstance(stream, io.TextIOWrapper) and stream.errors in ("strict", "surrogateescape"):
+            stream.reconfigure(errors="replace")
     return have
 
 
@@ -134,6 +136,7 @@ def begin_jax(*, process: bool, cache: bool) -> None:
     Raises
     ------
     MemoryError : a limit of the process (ulimit -v) is below the address space that JAX needs.
+    ValueError : JAX cannot start the platform in JAX_PLATFORMS.
     """
     _check_space()
     if process and cache:
@@ -147,6 +150,13 @@ def begin_jax(*, process: bool, cache: bool) -> None:
 
     # Only commands do this; the library leaves the precision to its caller.
     jax.config.update("jax_enable_x64", True)
+    try:
+        jax.devices()
+    except (RuntimeError, AssertionError):  # an unknown platform, or one without a device
+        name = os.environ.get("JAX_PLATFORMS", "")
+        raise ValueError(
+            f"JAX_PLATFORMS = {name!r}: JAX cannot start this platform; use cpu, or unset it"
+        ) from None
 
 
 def _check_space() -> None:

@@ -1,4 +1,4 @@
-"""SIGINT (Ctrl-C) and SIGTERM in the commands: one line, nothing half-written, exit status 130 or 143.
+"""SIGINT (Ctrl-C), SIGTERM and SIGHUP in the commands: one line, nothing half-written, status 128 + signal.
 
 If a command is a separate process, a thread that waits for signals ends it. The main thread cannot do
 it: Python runs handlers between its own instructions only, and a compiled function may run for seconds. An
@@ -21,7 +21,13 @@ if TYPE_CHECKING:
 LOST = "incomplete files are not written"
 WAIT = "interrupted; stopping after this step (a second signal stops at once)"
 
-SIGNALS = (signal.SIGINT, signal.SIGTERM)
+# Windows has no SIGHUP, which a terminal sends when it closes.
+SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+
+# Function of JAX that waits for XLA's compiler and calls signal handlers meanwhile. An exception would leave
+# the compiler running, and the process would end with a segmentation fault.
+_COMPILING = "backend_compile_and_load"
+_AGAIN = 0.02  # seconds after which a signal during compilation is raised again
 
 
 def leave_at_once(program: str) -> None:
@@ -62,6 +68,7 @@ class Interrupts:
         self.asked = self.stopped = False
         self.which = signal.SIGINT
         self._holding = self._seen = False
+        self._again: Any = None  # timer
         self._before: dict[signal.Signals, Any] = {}  # handlers
 
     def __enter__(self) -> Self:
@@ -81,6 +88,8 @@ class Interrupts:
         return self
 
     def __exit__(self, *error: object) -> None:
+        if self._again is not None:
+            self._again.cancel()
         for which, handler in self._before.items():
             # The work is done and the process is about to end.
             signal.signal(which, signal.SIG_IGN if self.process else handler)
@@ -89,10 +98,16 @@ class Interrupts:
             self._tell.close()
             self._thread.join()  # if a signal came before, it ends the process
 
-    def _arrived(self, which: int, _frame: FrameType | None) -> None:
+    def _arrived(self, which: int, frame: FrameType | None) -> None:
         first, self.asked, self.which = not self.asked, True, which
-        if not (self._holding and first) and not self.process:
+        if self.process or (self._holding and first):
+            return
+        if not _compiles(frame):
             raise KeyboardInterrupt
+        from threading import Timer
+
+        self._again = Timer(_AGAIN, signal.raise_signal, (which,))
+        self._again.start()
 
     def _wait(self, hear: Any) -> None:
         """End the process at the first signal that is not held back; runs in the thread."""
@@ -140,3 +155,12 @@ class Interrupts:
         if self.asked:
             self.stopped = True
             raise KeyboardInterrupt
+
+
+def _compiles(frame: FrameType | None) -> bool:
+    """Return True if a frame or one of its callers waits for XLA's compiler."""
+    while frame is not None:
+        if frame.f_code.co_name == _COMPILING:
+            return True
+        frame = frame.f_back
+    return False

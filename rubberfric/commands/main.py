@@ -1,7 +1,7 @@
 """The command `rubberfric`.
 
 The exit status is 0 if done, 2 for bad input, with one line on stderr and nothing written, and 1 if the work
-failed. Ctrl-C (SIGINT) gives 130 and SIGTERM 143, within a second and with one line on stderr.
+failed. Ctrl-C (SIGINT) gives 130, SIGTERM 143 and SIGHUP 129, within a second and with one line on stderr.
 
 Each step imports its modules late, so that signals are handled from the start and arguments are checked
 before JAX is imported.

@@ -10,9 +10,11 @@ from rubberfric.scene.scene import (
     check_background,
     dissipates,
     result_dtype,
+    same,
     shifts,
     takes_temperature,
 )
+from rubberfric.scene.settings import tuned
 from rubberfric.scene.shear import ContactShear
 from rubberfric.scene.softening import Softening
 
@@ -29,6 +31,8 @@ __all__ = [
     "check_background",
     "dissipates",
     "result_dtype",
+    "same",
     "shifts",
     "takes_temperature",
+    "tuned",
 ]

@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from rubberfric.base.checks import as_array, between
-from rubberfric.base.objects.fields import Number, child, leaf, static
-from rubberfric.base.objects.physical import PhysicalObject, physical
+from rubberfric.base.objects.fields import Number, child, leaf, setting, static
+from rubberfric.base.objects.physical import PhysicalObject, fields_of, physical
+from rubberfric.base.quadrature import Quadrature
 from rubberfric.materials.material import Material
 from rubberfric.materials.shifts import Shift
 from rubberfric.materials.slab import Layer
@@ -98,6 +99,9 @@ class Scene(PhysicalObject):
         A/A0 = 1 % (0.11 to 0.16 rms in ln mu), for narrow spectra (q1/qr below 4: friction 14 % too
         large) and for moduli that rise by 1000. It is extrapolated beyond q1/q0 = 128. The separation is the
         paper's.
+    quadrature : Quadrature or None (static)
+        accuracy setting of calls without `quadrature`; `rubberfric.tuned` sets it for `jit` and `vmap` with
+        the scene as an argument. None: chosen in every call. Files do not hold it.
 
     Two rigid bodies raise ValueError, because nothing would deform.
     """
@@ -112,8 +116,13 @@ class Scene(PhysicalObject):
     adhesion: Adhesion | None = child(default=None)
     correlation: Correlation | None = child(default=None)
     contact_model: Literal["paper", "boundary_elements"] = static(default="paper")
+    quadrature: Quadrature | None = setting(default=None)
 
     def _check(self):
+        if not isinstance(self.quadrature, Quadrature | None):
+            raise ValueError(
+                f"Scene.quadrature is a {type(self.quadrature).__name__}: must be a Quadrature or None"
+            )
         if not (self.lower.material.deforms or self.upper.material.deforms):
             raise ValueError(
                 "Scene: lower.material and upper.material are both Rigid; one of the solids must deform"
@@ -176,6 +185,17 @@ def _check_apart(part, others, parts):
     for name in others:
         if part in parts and name in parts:
             raise ValueError(f"Scene.{part}: not together with {name}; one of them must be left out")
+
+
+def same(one: Scene, other: Scene) -> bool:
+    """Return True if two scenes have the same parts, options and numbers; `quadrature` may differ.
+
+    `==` compares identity, because a comparison of arrays has no single truth value.
+    """
+    (left, tree), (right, other_tree) = (
+        jax.tree.flatten([getattr(scene, name) for name in fields_of(Scene)]) for scene in (one, other)
+    )
+    return tree == other_tree and all(map(np.array_equal, left, right))
 
 
 def optional_parts(scene: Scene) -> set[str]:

@@ -12,6 +12,7 @@ Within the limits below, the errors of thousands of random scenes are below 4e-1
 `tests/rubberfric/scene/test_settings.py` tests the limits on other scenes.
 """
 
+import dataclasses
 import math
 
 import jax
@@ -105,7 +106,7 @@ def default_quadrature(
 
     Parameters
     ----------
-    scene : Scene
+    scene : Scene; its `quadrature` is returned if it has one
     pressure : [Pa], any shape
     margin : e-folds by which the range of wavevectors and the moduli may grow
     separation : False: only area and friction must meet 1e-9
@@ -126,6 +127,11 @@ def default_quadrature(
     if not isinstance(scene, Scene):
         raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
     check_values("pressure", pressure, POSITIVE)
+    return _chosen(scene, pressure, margin, separation) if scene.quadrature is None else scene.quadrature
+
+
+def _chosen(scene, pressure, margin, separation):
+    """Return the setting for the numbers of a scene."""
     bodies = scene.lower, scene.upper
     rough = [body.spectrum for body in bodies if body.spectrum is not None]
     if not rough or not all(type(spectrum) in (SelfAffine, TabulatedSpectrum) for spectrum in rough):
@@ -144,6 +150,39 @@ def default_quadrature(
         return OTHER[0] if span + margin <= OTHER[1] else ROBUST
     except _TracedError:
         return TRACED[len(rough)] if plain else ROBUST
+
+
+def tuned(scene: Scene, pressure: ArrayLike, *, margin: float = 0.0) -> Scene:
+    """Return the scene with the quadrature that fits it, for functions that take the scene as an argument.
+
+    `jit` and `vmap` trace the numbers of such a scene, and calls would use a setting for ten decades of
+    roughness at any load::
+
+        scene = rf.tuned(scene, 3e5)
+        slope = jax.jit(jax.grad(lambda scene: rf.friction(scene, 0.1, 3e5)))(scene)
+
+    Parameters
+    ----------
+    scene : Scene with concrete numbers
+    pressure : all pressures that the scene will be computed at [Pa], any shape
+    margin : e-folds by which q1/q0, the moduli and the roughness may grow with errors below 1e-9, as in
+        `default_quadrature`
+
+    Returns
+    -------
+    Scene with the same numbers and another `quadrature`. Errors grow slowly beyond the margin; tune the scene
+    again after large changes.
+
+    Raises
+    ------
+    ValueError : no Scene; a number of the scene or the pressure is traced; a pressure <= 0.
+    """
+    if not isinstance(scene, Scene):
+        raise ValueError(f"scene is a {type(scene).__name__}: must be a Scene")
+    if not all(is_concrete(x) for x in jax.tree.leaves((scene, pressure))):
+        raise ValueError("scene and pressure: must be concrete numbers; call tuned outside jit and vmap")
+    check_values("pressure", pressure, POSITIVE)
+    return dataclasses.replace(scene, quadrature=_chosen(scene, pressure, margin, separation=True))
 
 
 def _rules_of(scene, rough, plain, separation, margin):

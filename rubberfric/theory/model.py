@@ -51,8 +51,9 @@ def contact_area(
         temperature None: every shift is at its reference temperature. A heated scene requires a
         temperature, far from the contact.
     quadrature : Quadrature, static, or None
-        None: chosen for the scene, with errors below 1e-9 (`rf.analysis.default_quadrature`). If `jit` or
-        `vmap` traces a number of the scene, `Quadrature()`.
+        None: that of the scene (`rubberfric.tuned`). Without one it is chosen for the scene, with errors
+        below 1e-9 (`rf.analysis.default_quadrature`), or is `Quadrature()` if `jit` or `vmap` traces a number
+        of the scene.
 
     Returns
     -------

@@ -127,6 +127,11 @@ def static(*, default: Any = dataclasses.MISSING) -> Any:
     return _field(Static(), default)
 
 
+def setting(*, default: Any) -> Any:
+    """Return a static field of how a scene is computed; files do not hold it."""
+    return dataclasses.field(default=default, metadata={"setting": True})
+
+
 def child(*, hint: str = "", unnamed: str | None = None, default: Any = dataclasses.MISSING) -> Any:
     """Return a field with an object of the annotated class or a subclass; "| None" allows None.
 

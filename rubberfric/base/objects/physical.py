@@ -24,6 +24,7 @@ from rubberfric.base.objects.fields import (
     child,
     leaf,
     meaning_of,
+    setting,
     static,
 )
 from rubberfric.base.objects.html import short, table, with_unit
@@ -42,6 +43,7 @@ class PhysicalObject:
     rising: ClassVar[Sequence[Sequence[str]]] = ()
 
     _meanings: ClassVar[Mapping[str, Meaning]] = {}
+    _settings: ClassVar[Sequence[str]] = ()
 
     def __post_init__(self) -> None:
         for name, field in fields_of(type(self)).items():
@@ -199,7 +201,7 @@ def unit_of(cls: type[PhysicalObject], name: str) -> str:
     return field.unit if isinstance(field, Leaf) else ""
 
 
-@dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(leaf, static, child))
+@dataclass_transform(frozen_default=True, eq_default=False, field_specifiers=(leaf, static, setting, child))
 def physical(cls: type[_T]) -> type[_T]:
     """Make a class a frozen dataclass that is checked when constructed, and a pytree; a class decorator.
 
@@ -212,7 +214,9 @@ def physical(cls: type[_T]) -> type[_T]:
         raise TypeError(f"{cls.__name__}: {known.__module__} has a class of that name; choose another name")
     # eq=False, because comparing arrays gives no single truth value; identity serves for hashing.
     cls = dataclasses.dataclass(frozen=True, eq=False)(cls)
-    meanings = {field.name: meaning_of(cls, field) for field in dataclasses.fields(cls)}  # pyright: ignore[reportArgumentType] (it is a dataclass now)
+    fields = dataclasses.fields(cls)  # pyright: ignore[reportArgumentType] (it is a dataclass now)
+    cls._settings = tuple(field.name for field in fields if "setting" in field.metadata)
+    meanings = {field.name: meaning_of(cls, field) for field in fields if field.name not in cls._settings}
     cls._meanings = types.MappingProxyType(meanings)
     _register_pytree(cls)
     _CLASSES[cls.__name__] = cls
@@ -246,7 +250,7 @@ def _check_rising(owner, chain):
 def _register_pytree(cls):
     fields = fields_of(cls)
     children = tuple(name for name, field in fields.items() if not isinstance(field, Static))
-    aux = tuple(name for name, field in fields.items() if isinstance(field, Static))
+    aux = *(name for name, field in fields.items() if isinstance(field, Static)), *cls._settings
 
     def flatten_with_keys(self):
         keyed = tuple((jax.tree_util.GetAttrKey(n), getattr(self, n)) for n in children)
@@ -266,7 +270,7 @@ def _register_pytree(cls):
 
 def _replaced(owner, where, changes):
     """Return an object with changes (key path, remaining steps, new value); `where` is its path."""
-    values = {name: getattr(owner, name) for name in fields_of(type(owner))}
+    values = {name: getattr(owner, name) for name in (*fields_of(type(owner)), *owner._settings)}
     by_field: dict[str, list] = {}
     for path, steps, new in changes:
         if steps[0] not in values:

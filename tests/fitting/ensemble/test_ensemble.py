@@ -388,6 +388,16 @@ def test_a_checkpoint_of_another_job_is_refused(members, half_way, change):
     assert half_way.read_bytes() == before
 
 
+def test_a_checkpoint_of_fewer_members_names_both_numbers(members, half_way):
+    more = dataclasses.replace(members, starts=np.concatenate([members.starts, members.starts[:2]]))
+    count = members.starts.shape[0]
+    refused(
+        lambda: fitting.run_ensemble(more, checkpoint=half_way, resume=True),
+        half_way,
+        f"has {count} members: must have {count + 2}",
+    )
+
+
 def test_the_same_job_made_again_is_the_same(members):
     assert cases.modulus().fingerprint() == members.fingerprint()
 

@@ -46,4 +46,6 @@ def test_flags_that_are_set_later_count(monkeypatch):
     assert quick_options() is None and twice(1.0) == 2.0
     monkeypatch.delenv("XLA_FLAGS")
     assert quick_options() is not None and twice(1.0) == 2.0
+    with jax.disable_jit():
+        assert quick_options() is None and twice(1.0) == 2.0
     assert [one is None for one in options] == [False, True]  # each compiled once

@@ -243,7 +243,7 @@ sys.exit(command.main())
     "environment",
     [
         {"PYTHONIOENCODING": "ascii"},
-        {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0", "PYTHONIOENCODING": "ascii:strict"},
+        {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"},
         {"PYTHONIOENCODING": "latin-1"},
         {"PYTHONIOENCODING": "utf-8:strict"},
     ],
@@ -252,6 +252,15 @@ def test_letters_that_the_terminal_has_not(environment):
     """They must not lose computed results."""
     status, printed, complaint = shell("", program=PRINTING, **environment)
     assert (status, complaint) == (0, "") and printed.startswith("30 ") and printed.count(" in L") == 5
+
+
+@pytest.mark.parametrize("name", ["cuda", "nonsense"])
+def test_a_platform_that_jax_cannot_start(name):
+    program = "import sys; from rubberfric.commands.main import main; sys.exit(main())"
+    status, printed, complaint = shell("doctor", program=program, JAX_PLATFORMS=name)
+    assert (status, printed) == (2, "")
+    text = f"JAX_PLATFORMS = {name!r}: JAX cannot start this platform; use cpu, or unset it"
+    assert complaint == f"rubberfric: {text}\n"
 
 
 @pytest.mark.parametrize("redirection", [">/dev/full", "| head -c 0"])

@@ -4,10 +4,13 @@ import os
 import signal
 import subprocess
 import sys
+import time
 
 import pytest
 from support.folders import ROOT
 from support.scenes.fits import JOB_FILES
+
+from rubberfric.commands import Interrupts
 
 SCENE = ROOT / "data" / "tread_on_asphalt.toml"
 LOST = "interrupted; incomplete files are not written\n"
@@ -107,7 +110,7 @@ def test_a_signal_while_jax_is_imported(tmp_path, which, package):
     assert found == (128 + which, "", f"{name}: {LOST}")
 
 
-SLOW = (signal.SIGINT, 0.7), (signal.SIGTERM, 0.5)
+SLOW = (signal.SIGINT, 0.7), (signal.SIGTERM, 0.5), (signal.SIGHUP, 0.5)
 
 
 @pytest.mark.parametrize(
@@ -119,6 +122,51 @@ def test_a_signal_while_a_map_compiles(tmp_path, which, after):
     found = interrupted(COMPILING, "map", SCENE, "--out", tmp_path / "m.h5", sending=(which,), after=after)
     assert found == (128 + which, "", f"rubberfric: {LOST}")
     assert os.listdir(tmp_path) == []
+
+
+@pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGHUP])
+def test_a_command_called_from_python_waits_for_the_compiler(which):
+    """JAX calls handlers while it compiles; an exception there ended in a segmentation fault at exit."""
+
+    def backend_compile_and_load():
+        signal.raise_signal(which)
+        time.sleep(0.1)
+        return "compiled"
+
+    with Interrupts("rubberfric", process=False) as interrupts:
+        assert backend_compile_and_load() == "compiled"
+        with pytest.raises(KeyboardInterrupt):
+            time.sleep(10)
+    assert interrupts.status == 128 + which
+
+
+def test_a_signal_during_the_last_compilation_does_not_reach_the_caller():
+    def backend_compile_and_load():
+        signal.raise_signal(signal.SIGINT)
+
+    with Interrupts("rubberfric", process=False):
+        backend_compile_and_load()
+    time.sleep(0.1)
+
+
+EMBEDDED = """
+import os, signal, sys, threading
+from rubberfric.analysis import batches
+from rubberfric.commands.main import main
+def told(*arguments, fitted=batches.fitted):
+    threading.Timer(0.2, os.kill, (os.getpid(), signal.SIGINT)).start()
+    return fitted(*arguments)
+batches.fitted = told
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@pytest.mark.slow
+def test_a_map_called_from_python_is_interrupted_while_it_compiles():
+    environment = {name: value for name, value in os.environ.items() if name != "XLA_FLAGS"}
+    command = [sys.executable, "-c", EMBEDDED, "map", str(SCENE)]
+    done = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", f"rubberfric: {LOST}")
 
 
 @pytest.mark.parametrize("which", [pytest.param(signal.SIGINT, marks=pytest.mark.slow), signal.SIGTERM])

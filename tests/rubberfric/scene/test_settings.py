@@ -73,6 +73,49 @@ def test_the_usual_scene_has_fewer_nodes_and_a_wide_or_traced_one_the_default():
     assert seen == [small]
 
 
+def test_a_tuned_scene_carries_its_setting_through_transformations_and_changes():
+    ready, seen = rf.tuned(USUAL, PRESSURE), []
+    assert ready.quadrature == default_quadrature(USUAL, PRESSURE) != TRACED[1]
+    assert default_quadrature(ready, 1e-30) == ready.quadrature
+    assert rf.tuned(ready, 1e-30).quadrature == default_quadrature(USUAL, 1e-30) == WIDE
+    assert rf.tuned(USUAL, PRESSURE, margin=1.0).quadrature == default_quadrature(USUAL, PRESSURE, margin=1.0)
+
+    @jax.jit
+    def curve(one):
+        seen.append(default_quadrature(one, PRESSURE))
+        return rf.friction(one, 0.1, PRESSURE)
+
+    values = [curve(ready), curve(ready.replace("gamma", 0.4)), curve(USUAL)]
+    assert seen == [ready.quadrature, TRACED[1]]  # a changed number does not trace again
+    assert values[0] == pytest.approx(float(values[2]), rel=1e-9) and values[0] != values[1]
+    assert jax.grad(curve)(ready).quadrature == ready.quadrature
+    explicit = rf.friction(ready, 0.1, PRESSURE, quadrature=rf.Quadrature(panels=2, order=4))
+    assert abs(float(explicit / values[0]) - 1) > 1e-9
+
+
+def test_a_tuned_scene_is_the_same_and_files_do_not_hold_the_setting(tmp_path):
+    ready = rf.tuned(USUAL, PRESSURE)
+    assert rf.same(ready, USUAL) and ready != USUAL
+    assert not rf.same(ready, USUAL.replace("lower.spectrum.hurst", 0.7))
+    assert not rf.same(ready, USUAL.replace(area_correction=True))
+    assert not rf.same(USUAL, TWO)
+    for name in ("scene.h5", "scene.toml"):
+        rf.save_scene(tmp_path / name, ready)
+        back = rf.load_scene(tmp_path / name)
+        assert rf.same(back, ready) and back.quadrature is None
+
+
+def test_only_concrete_scenes_are_tuned():
+    with pytest.raises(ValueError, match="call tuned outside jit and vmap"):
+        jax.jit(lambda one: rf.tuned(one, PRESSURE))(USUAL)
+    with pytest.raises(ValueError, match="scene is a float: must be a Scene"):
+        rf.tuned(1.0, PRESSURE)
+    with pytest.raises(ValueError, match="pressure"):
+        rf.tuned(USUAL, -1.0)
+    with pytest.raises(ValueError, match=r"Scene\.quadrature is a int: must be a Quadrature or None"):
+        USUAL.replace(quadrature=13)
+
+
 def test_parts_that_nothing_was_measured_for_have_more_nodes():
     others = [
         scene((RIGID, ROAD), (TABLE, None, rf.Slab(1e-3))),

@@ -90,7 +90,7 @@ class _Theory:
     ("pressure", "share", "reach"),
     [
         (1e5, 3.0, 1e-8),
-        (1e4, 10.0, 3e-7),
+        pytest.param(1e4, 10.0, 3e-7, marks=pytest.mark.slow),
         pytest.param(1e5, 1.0, 1e-7, marks=pytest.mark.slow),
         pytest.param(1e6, 0.5, 3e-9, marks=pytest.mark.slow),
     ],
@@ -187,8 +187,7 @@ def test_light_loads_agree_with_brute_force():
 
 
 @pytest.mark.parametrize(
-    "pressure",
-    [1.0, pytest.param(1e3, marks=pytest.mark.slow), 2e5, pytest.param(5e5, marks=pytest.mark.slow)],
+    "pressure", [2e5, *(pytest.param(p, marks=pytest.mark.slow) for p in (1.0, 1e3, 5e5))]
 )
 def test_the_attraction_agrees_with_brute_force(pressure):
     brute = DmtAttraction(5.8e4, 1.8e5, 2.5e6, 0.62, 3.1e-6, 4e6 / (1 - 0.49**2), 1.0)
@@ -214,8 +213,9 @@ def _random_scenes(count):
     )
 
 
-@pytest.mark.parametrize("count", [6, pytest.param(20, marks=pytest.mark.slow)])
-def test_areas_grow_with_load_and_work(count):
+@pytest.mark.slow
+def test_areas_grow_with_load_and_work():
+    count = 20
     base = _scene(1.0, 1.0, ROLLING)
 
     def area(parameters, work, pressure):
@@ -226,7 +226,7 @@ def test_areas_grow_with_load_and_work(count):
         found = rf.solve(scene, 0.0, pressure, quantities=AREA, quadrature=rf.Quadrature())
         return found.area, found.converged
 
-    parameters = _random_scenes(20)[:, :count]
+    parameters = _random_scenes(count)
     loads = np.broadcast_to(np.geomspace(1.0, 1e5, 18), (count, 18))
     works = np.broadcast_to(parameters[8][:, None], loads.shape)
     along_work = parameters[8][:, None] * np.geomspace(1e-3, 1.0, 7)
@@ -240,14 +240,8 @@ def test_areas_grow_with_load_and_work(count):
         assert np.all(np.diff(part, axis=1) >= -1e-9 * part[:, 1:])
 
 
-@pytest.mark.parametrize(
-    ("share", "reach"),
-    [
-        (30.0, 1e-8),
-        pytest.param(300.0, 3e-9, marks=pytest.mark.slow),
-        pytest.param(10.0, 1e-7, marks=pytest.mark.slow),
-    ],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("share", "reach"), [(30.0, 1e-8), (300.0, 3e-9), (10.0, 1e-7)])
 def test_no_lesser_load_is_a_solution(share, reach):
     """Below it the attraction always exceeds the missing load."""
     scene, pressure = _scene(share * 1e3 * reach, reach), 1e3
@@ -360,7 +354,8 @@ def _work_left(work, reach, spectrum=FINE):
     return float(force) / (2 * math.pi * 1e-2 * work)
 
 
-@pytest.mark.parametrize(("work", "reach"), [pytest.param(1e-3, 1e-7, marks=pytest.mark.slow), (1e-2, 3e-8)])
+@pytest.mark.slow
+@pytest.mark.parametrize(("work", "reach"), [(1e-3, 1e-7), (1e-2, 3e-8)])
 def test_the_work_of_separation_agrees_with_brute_force(work, reach):
     """Attraction less elastic energy at loads one by one, and the largest of it."""
     log_load = math.log(work / reach) + np.linspace(-12, 2, 57)
