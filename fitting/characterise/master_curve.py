@@ -173,7 +173,7 @@ class MasterCurve:
         one, n = self.shifts, self.T.size
         between = np.array([np.interp(temperature, self.T, e) for e in np.eye(n)])
         log_a = PchipInterpolator(self.T, self.log_aT)(temperature)
-        log_b = np.interp(temperature, self.T, self.log_bT) + one.power * np.log(temperature / self.T_ref)
+        log_b = np.interp(temperature, self.T, self.log_bT + one.hidden)
         t = np.log(omega) + log_a
         inside = np.clip(t, one.knots[3], one.knots[-4] - 1e-9)
         B = BSpline.design_matrix(inside, one.knots, 3).toarray()
@@ -231,10 +231,11 @@ class MasterCurve:
     def _misfits(self):
         """Return lines about sweeps and points that are off the curve."""
         lines = []
-        if self.shifts.power:
+        if self.shifts.scaled:
+            low, high = np.exp(self.shifts.hidden[[0, -1]])
             lines.append(
-                f"    moduli rise with temperature as (T/T_ref)^{self.shifts.power:.2f}, which the shifts allow"
-                ' for but `data` show; vertical="entropic" shifts them by T/T_ref'
+                f"    moduli rise with temperature by factors from {low:.3f} to {high:.3f}, which the shifts allow"
+                ' for but `data` show; vertical="entropic" removes them from `data`'
             )
         expected = np.hypot(self.offset_errors, np.array(self.shifts.offset)[:, None])
         off = np.flatnonzero((np.abs(self.offsets) > 2.5 * expected).any(axis=0))
@@ -360,7 +361,7 @@ def fit_master_curve(
     )
     residuals = y - shifts.smooth
     # Without the vertical shift that `data` show, and without bad points.
-    rest = residuals - shifts.power * np.log(T / T[nearest])[which]
+    rest = residuals - shifts.hidden[which]
     rest = np.where(shifts.bad, np.nan, rest)
     count = [np.maximum(np.isfinite(rest[:, which == i]).sum(axis=1), 1) for i in range(T.size)]
     t = np.concatenate([one.t for one in sweeps])

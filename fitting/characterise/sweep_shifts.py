@@ -47,7 +47,8 @@ class Shifts(NamedTuple):
     scatter: tuple[float, float]  # of ln E' and ln E'', estimated; of given errors their median
     phase: float  # phase error [rad]
     offset: tuple[float, float]  # standard deviation of the offsets of ln E' and ln E''
-    hidden: np.ndarray  # ln b_T that unshifted moduli need and the shifts allow for, shape (sweeps,)
+    hidden: np.ndarray  # ln b_T beside log_b that the curve allows for, shape (sweeps,)
+    scaled: bool  # True if moduli are not shifted, but rise with temperature as in rubber elasticity
     redchi: float  # sum of squares by degrees of freedom, 1 where errors are estimated
     t: np.ndarray  # reduced ln omega of all points, sweep by sweep
     smooth: np.ndarray  # the splines there, shape (2, points)
@@ -255,28 +256,34 @@ def shifts_of(
         return min(tried, key=_Superposition.misfit).run(_ROUNDS)
 
     if vertical is True:
-        return _result(best(none, free, _FREE), none, temperature_error)
-    scaled = best(entropic, power, _SEEN)
+        return _result(best(none, free, _FREE), none, temperature_error, free=True)
+    rubber = best(entropic, power, _SEEN)
     if vertical == "entropic":
-        return _result(scaled, entropic, temperature_error)
+        return _result(rubber, entropic, temperature_error)
     plain = best(none, power[:, :0], 1.0)
-    if 2 * n * (plain.misfit() - scaled.misfit()) > _GAIN:
-        return _result(scaled, none, temperature_error, hidden=entropic)
+    if 2 * n * (plain.misfit() - rubber.misfit()) > _GAIN:
+        return _result(rubber, none, temperature_error, unseen=entropic)
     plain.vertical, plain.wide = power, _UNSEEN
     return _result(plain, none, temperature_error)
 
 
-def _result(fit, known, temperature_error, hidden=None):
-    """Return the shifts and their covariance, in which the errors of the temperatures are included."""
+def _result(fit, log_b, temperature_error, *, free=False, unseen=None):
+    """Return the shifts and their covariance, in which the errors of the temperatures are included.
+
+    free : the coefficients are ln b_T of the sweeps
+    unseen : ln b_T that was taken from the moduli although they are to stay unshifted
+    """
     n, moving = fit.T.size, fit.moving
     linear = fit.curve(fit.x)
     C, _, J = fit.bordered(linear)
     size, b = linear.c.size, linear.D.shape[1]
     shifted, covariance = np.arange(size, C.shape[0]), np.zeros((2 * n, 2 * n))
-    log_b, places = known.copy(), [shifted]
-    if fit.vertical.shape[1] > 1:
+    log_b, hidden, places = log_b.copy(), np.zeros(n), [shifted]
+    if free:
         places.append(np.arange(size - moving.size, size))
         log_b[moving] = linear.c[places[1]]
+    else:
+        hidden = fit.vertical @ linear.c[size - fit.vertical.shape[1] :] + (0.0 if unseen is None else unseen)
     places, targets = np.concatenate(places), np.concatenate([moving, n + moving])
     targets = targets[: places.size]
     covariance[np.ix_(targets, targets)] = C[np.ix_(places, places)]
@@ -297,7 +304,8 @@ def _result(fit, known, temperature_error, hidden=None):
         scatter=(float(np.sqrt(variance[0])), float(np.sqrt(variance[1]))),
         phase=float(np.sqrt(fit.phase2)) if fit.given is None else 0.0,
         offset=(float(np.sqrt(fit.tau2[0])), float(np.sqrt(fit.tau2[1]))),
-        hidden=np.zeros(n) if hidden is None else hidden + fit.vertical[:, 0] * linear.c[-1],
+        hidden=hidden,
+        scaled=unseen is not None,
         redchi=1.0 if fit.given is None else float(np.sum(linear.w * linear.r**2)) / max(freedom, 1),
         t=linear.t,
         smooth=splines @ linear.X[:, :b].T,

@@ -11,7 +11,7 @@ import numpy as np
 
 from fitting.data.kinds import ModulusData
 
-_FEWEST = 3  # points of a sweep with E', and with E''
+_FEWEST = 2  # points of a sweep with E', and with E''
 _TRIED = 81  # shifts of one neighbour to the other
 _BENDING = 0.03  # variance of the slope of ln E that a change of ln omega by 1 adds
 
