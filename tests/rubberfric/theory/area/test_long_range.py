@@ -110,6 +110,7 @@ def test_the_load_agrees_with_brute_force(pressure, share, reach):
     assert load > 1.1 * pressure
 
 
+@pytest.mark.slow
 def test_area_and_separation_are_those_without_adhesion_under_the_load():
     """The same value for both, also with S in G."""
     for options in ({}, {"area_correction": True}):
