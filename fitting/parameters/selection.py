@@ -26,7 +26,7 @@ class Rows(Protocol):
         ...
 
     def moved(self, to: dict[int, int]) -> Self:
-        """Return the same for a scene with the leaves at other indices."""
+        """Return the rows for a scene with the same leaves at other indices."""
         ...
 
 
@@ -57,11 +57,11 @@ class Selection(NamedTuple):
         return jnp.concatenate(parts)
 
     def moved(self, to: dict[int, int]) -> "Selection":
-        """Return the same for a scene with the leaves at other indices."""
+        """Return the selection for a scene with the same leaves at other indices."""
         return self._replace(leaves=tuple(to[leaf] for leaf in self.leaves))
 
     def changing(self, variables: Variables) -> np.ndarray:
-        """Return which elements a fit changes, freed or following others, shape (size,)."""
+        """Return True for elements that a fit changes, because they are free or tied, shape (size,)."""
         free = {(group.leaf, chosen) for group in variables.groups for chosen in group.elements or (None,)}
         pairs = zip(self.leaves, self.elements, strict=True)
         return np.array([(leaf, one) in free for leaf, chosen in pairs for one in chosen or (None,)])
@@ -82,7 +82,7 @@ class PriorContext(NamedTuple):
         return list(self.constants.leaves)
 
     def group(self) -> Group | None:
-        """Return the free parameter that the key is."""
+        """Return the free parameter with the prior's key, or None."""
         return next((group for group in self.variables.groups if group.path == self.key), None)
 
     def selection(self, separator: str, separated: str) -> Selection:
@@ -93,6 +93,6 @@ class PriorContext(NamedTuple):
         if not chosen.changing(self.variables).any():
             free = ", ".join(group.path for group in self.variables.groups)
             raise ValueError(
-                f"{self.where}: must name a free parameter{separated}, wholly or in elements: {free}"
+                f"{self.where}: the key must name a free parameter{separated}, or elements of one: {free}"
             )
         return chosen

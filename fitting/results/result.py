@@ -139,7 +139,7 @@ class FitResult(FitRecord):
         ValueError : the fit did not succeed, or the parameters are of both bodies and `body` is given.
         """
         if not self.success:
-            raise ValueError(f"as_prior: the fit did not succeed, {self.message}: must have converged")
+            raise ValueError(f"as_prior: the fit did not converge ({self.message}); use a converged fit")
         return dict(prior_of(self, body, widen))
 
     def report(self) -> str:
