@@ -250,7 +250,7 @@ def calibration(
     for one in data:
         if one.error is None:
             raise ValueError(
-                f"data {one.label!r}: have no errors; they are required, because data are drawn with them"
+                f"data {one.label!r}: have no errors: must have errors, because data are drawn with them"
             )
     problem = make_problem(scene, data, free, prior, quadrature=quadrature)
     if discrepancy is not None:
@@ -302,7 +302,7 @@ def _twins(problem: Problem, members: int, key: jax.Array) -> tuple[np.ndarray, 
     known = [i for elements, *_ in drawn for i in elements]
     bare = [name for i, name in enumerate(problem.names) if i not in known]
     if bare:
-        raise ValueError(f"prior: {bare[0]} has none; it needs a Gaussian, from which truths are drawn")
+        raise ValueError(f"prior: {bare[0]} has none: must be a Gaussian, because truths are drawn from it")
     draw_truth, draw_noise = jax.random.split(key)
     x = np.empty((members, len(known)))
     mean, sigma = (np.concatenate([np.asarray(one[k]) for one in drawn]) for k in (1, 2))

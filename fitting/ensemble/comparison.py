@@ -266,12 +266,12 @@ def _check_same(name: str, fit: FitRecord, other_name: str, other: FitRecord) ->
     where = f"{other_name!r} and {name!r}"
     if len(fit.data) != len(other.data):
         raise ValueError(
-            f"{where} are fits of {len(other.data)} and {len(fit.data)} data sets; compare fits of the same"
+            f"{where} are fits of {len(other.data)} and {len(fit.data)} data sets; both must be of the same"
             " data"
         )
     for i, (one, another) in enumerate(zip(fit.data, other.data, strict=True)):
         if not _same(one, another):
-            raise ValueError(f"{where}: data[{i}], {another.label!r}, differs; compare fits of the same data")
+            raise ValueError(f"{where}: data[{i}], {another.label!r}, differs: must be the same data")
     structures = fit.problem.structure, other.problem.structure
     losses = [
         (one.loss, float(x.problem.numbers.width)) for one, x in zip(structures, (fit, other), strict=True)
@@ -279,7 +279,9 @@ def _check_same(name: str, fit: FitRecord, other_name: str, other: FitRecord) ->
     if losses[0] != losses[1]:
         raise ValueError(f"{where}: losses are {losses[1]} and {losses[0]}; they must be the same")
     if (fit.error_scale != 1) != (other.error_scale != 1):
-        raise ValueError(f"{where}: errors of only one are scaled by the scatter; scale both or none")
+        raise ValueError(
+            f"{where}: errors of one are scaled by the scatter; those of both must be scaled, or of none"
+        )
 
 
 def _same(one: Measured, other: Measured) -> bool:

@@ -101,10 +101,13 @@ def test_what_is_no_comparison(fits):
         ({"a": one, "b": other}, "'b' and 'a': data[0], "),
         (
             {"a": one, "b": two_sets},
-            "'b' and 'a' are fits of 2 and 1 data sets; compare fits of the same data",
+            "'b' and 'a' are fits of 2 and 1 data sets; both must be of the same data",
         ),
         ({"a": one, "b": robust}, "losses are ('huber', 1.345) and ('linear', 1.0); they must be the same"),
-        ({"a": one, "b": scaled}, "errors of only one are scaled by the scatter; scale both or none"),
+        (
+            {"a": one, "b": scaled},
+            "errors of one are scaled by the scatter; those of both must be scaled, or of none",
+        ),
     ):
         with pytest.raises(ValueError, match="must") as caught:
             fitting.compare(results)
