@@ -31,7 +31,7 @@ class Rows(Protocol):
 
 
 class Selection(NamedTuple):
-    """Elements of leaves of a scene, in the order of the key that names them; hashable."""
+    """Numbers of a scene that a prior's key names, as elements of leaves in their order; hashable."""
 
     paths: tuple[str, ...]
     leaves: tuple[int, ...]
@@ -68,7 +68,7 @@ class Selection(NamedTuple):
 
 
 class PriorContext(NamedTuple):
-    """Key and scene of a prior, from which it is read."""
+    """Key, scene and free parameters of a prior, for its method `read`."""
 
     where: str  # for errors: "prior['gamma']"
     key: str  # the key paths that it is given for
@@ -78,7 +78,7 @@ class PriorContext(NamedTuple):
 
     @property
     def start(self) -> list[Array]:
-        """Leaves of the scene that the fit starts from."""
+        """Leaves of the scene at the start of the fit."""
         return list(self.constants.leaves)
 
     def group(self) -> Group | None:

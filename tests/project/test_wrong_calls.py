@@ -109,7 +109,7 @@ CALLS = {
     ),
     "a rule without brackets": (
         lambda: fitting.fit(SCENE, DATA, {"upper.material.E": Positive}),
-        ("free['upper.material.E']", "a class, must be made with Positive(...)"),
+        ("free['upper.material.E']", "this is a class, create it with Positive(...)"),
     ),
     "a file in place of data": (
         lambda: fitting.fit_prony("master_curve.csv"),

@@ -371,13 +371,19 @@ def test_what_is_tied_moves_with_its_source_in_gradients():
 @pytest.mark.parametrize(
     ("free", "text"),
     [
-        ({E: Tied("gamma")}, "tied to 'gamma': must be a key of free that is not tied itself"),
-        ({E: Tied(E + "[0]"), "gamma": Positive()}, "must be a key of free that is not tied itself"),
-        ({E: Tied(E), "gamma": Positive()}, "must be a key of free that is not tied itself"),
-        ({E: Tied(3), "gamma": Positive()}, "tied to 3: must be a key of free"),
-        ({E: Positive(), "gamma": Tied(E + "[:]")}, "must be a key of free"),
-        ({E: Positive(), "gamma": Tied(E)}, f"has 1 elements, '{E}' has 4: must have as many, or one"),
-        ({E + "[:3]": Tied(E + "[3:]"), E + "[3:]": Free(start=0.0)}, "starts at 0: give the ratio"),
+        ({E: Tied("gamma")}, "tied to 'gamma': must be another key of free, one that is not tied itself"),
+        (
+            {E: Tied(E + "[0]"), "gamma": Positive()},
+            "must be another key of free, one that is not tied itself",
+        ),
+        ({E: Tied(E), "gamma": Positive()}, "must be another key of free, one that is not tied itself"),
+        ({E: Tied(3), "gamma": Positive()}, "tied to 3: must be another key of free"),
+        ({E: Positive(), "gamma": Tied(E + "[:]")}, "must be another key of free"),
+        ({E: Positive(), "gamma": Tied(E)}, f"has 1 elements, but '{E}' has 4; it must have as many, or one"),
+        (
+            {E + "[:3]": Tied(E + "[3:]"), E + "[3:]": Free(start=0.0)},
+            "starts at 0, so the ratio must be given",
+        ),
     ],
 )
 def test_wrong_ties(free, text):
