@@ -202,8 +202,8 @@ def _follow(rules, groups, leaves, tree):
         source = by_path.get(rule.to)
         if source is None or source.kind in FOLLOWING:
             raise ValueError(
-                f"free[{group.path!r}]: tied to {rule.to!r}: must be tied to another key of free, which is"
-                " not tied itself"
+                f"free[{group.path!r}]: tied to {rule.to!r}: must be another key of free, one that is not"
+                " tied itself"
             )
         count, sources = (len(g.elements or (0,)) for g in (group, source))
         if sources not in (1, count):
