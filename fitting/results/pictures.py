@@ -30,7 +30,7 @@ _CELL, _AROUND = 0.38, 2.6
 
 
 class PlottedPoints(NamedTuple):
-    """All points of one quantity, arrays of one length."""
+    """All measured and fitted points of one quantity, as arrays of equal length."""
 
     x: np.ndarray  # velocity, omega or q
     measured: np.ndarray
@@ -47,7 +47,7 @@ class PlottedPoints(NamedTuple):
 
 
 class PlottedCurve(NamedTuple):
-    """Points on one line, or the points of a data set without lines."""
+    """Points that share one line of a plot; if a plot has no lines, the points of one data set."""
 
     text: str
     conditions: tuple[str, str, float, float] | None  # (scene, body, temperature, pressure), None: no line
@@ -57,7 +57,7 @@ class PlottedCurve(NamedTuple):
 
 
 def measured_points(result: FitRecord, quantity: str) -> PlottedPoints:
-    """Return the points of all data sets of a quantity, without those at velocities <= 0."""
+    """Return the points of all data sets of a quantity, except points at velocities <= 0."""
     problem = result.problem
     model, residual = model_rows(problem, result.x), residual_rows(problem, result.x)
     parts = []
@@ -88,7 +88,7 @@ def measured_points(result: FitRecord, quantity: str) -> PlottedPoints:
 
 
 def fitted_curves(points: PlottedPoints) -> list[PlottedCurve]:
-    """Return the curves in the order of body, temperature and pressure; of a modulus, E' and E'' of each."""
+    """Return the curves, ordered by body, temperature and pressure; a modulus has curves of E' and E''."""
     columns = (points.scene, points.body, points.temperature, points.pressure)
     keys = sorted(set(zip(*(column.tolist() for column in columns), strict=True)))
     if len(keys) <= _CURVES:
@@ -154,7 +154,7 @@ def lines(
 
 
 def _band(result, blocks, conditions, level):
-    """Return the prediction and band at conditions other than the data's."""
+    """Return the prediction and band at conditions that differ from those of the data."""
     x, found = result.uncertainty.x, []
     for block, columns in zip(blocks, conditions, strict=True):
         key = block.quantity, block.body, block.scene
@@ -210,7 +210,7 @@ def plot_correlation(result: Any, ax: style.Axes | None = None) -> style.Axes:
 
 
 def _write(axes, correlation):
-    """Return the numbers or signs in the cells, for what colours do not tell in grey."""
+    """Write numbers or signs into the cells, so that signs are visible in grey."""
     count = len(correlation)
     if count > _SIGNS:
         return

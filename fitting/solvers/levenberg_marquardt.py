@@ -5,7 +5,8 @@ r"""Levenberg-Marquardt: nonlinear least squares by damped Gauss-Newton steps.
 with geodesic acceleration [Transtrum & Sethna, arXiv:1201.5885], which halves the number of steps in the
 curved valleys of relaxation spectra. One singular value decomposition of the Jacobian serves two dampings.
 The larger one is tried if the smaller one brings less than `SUFFICIENT` of the gain that the linear model
-predicts, and the better of both is accepted, because residuals take a small part of the time of the Jacobian.
+predicts, and the better of both is accepted. The second trial costs little, because evaluating the residuals
+takes a small part of the time of the Jacobian.
 Directions that do not change the data (s = 0) stay unchanged.
 """
 
@@ -34,10 +35,9 @@ class LevenbergMarquardt:
     Parameters
     ----------
     tolerance : float
-        the fit is done when both the predicted and the actual relative decrease of the cost
-        are smaller.
+        the fit ends when the predicted and the actual relative decrease of the cost are both smaller.
     damping : float
-        of the first step; smaller where fits start near their minimum.
+        damping of the first step; smaller for fits that start near their minimum.
     """
 
     title: ClassVar[str] = "Levenberg-Marquardt"
@@ -71,18 +71,18 @@ def step(
     rounding: ArrayLike = 0.0,
     longest: float = LONGEST_STEP,
 ) -> Iterate:
-    """Return one step of least squares, or of robust losses; a pure function, that jit and vmap go through.
+    """Return the iterate after one step for least squares or a robust loss; works with jit and vmap.
 
     Parameters
     ----------
     residuals : function of x, shape (size,), to residuals, shape (rows,)
-    residuals_and_jacobian : function of x to the same and their derivatives, shape (rows, size)
+    residuals_and_jacobian : function of x to residuals and their derivatives, shape (rows, size)
     iterate : from `fitting.solvers.iterate.first_iterate` with `own` = lambda / (largest singular
-        value)^2, or from the last step; unchanged if it is done
-    loss : of the residuals
-    tolerance : as of `LevenbergMarquardt`
-    rounding : cost below which the data are met to rounding
-    longest : largest change of any x, beyond which the linear model is useless
+        value)^2, or from the last step; returned unchanged if the fit has ended
+    loss : Loss of the residuals
+    tolerance : as in `LevenbergMarquardt`
+    rounding : cost due to rounding, below which the data are fitted exactly
+    longest : largest allowed change of any x, because the linear model fails beyond
 
     Returns
     -------
@@ -92,7 +92,7 @@ def step(
     plan = plan_step(*residuals_and_jacobian(x), iterate, loss, longest)
 
     def evaluated(state):
-        """Evaluate ahead along a velocity, or at the accelerated move."""
+        """Evaluate the residuals at PROBE times a velocity, or after the accelerated move."""
         count, moves, rows, _ = state
         i, ahead = count // 2, count % 2 == 0
         move = jnp.where(ahead, PROBE * plan.velocities[i], accelerated_move(plan, i, rows[i]))
@@ -113,7 +113,7 @@ def step(
 
 
 class Plan(NamedTuple):
-    """Two steps by the linear model, one for each damping."""
+    """Two trial steps by the linear model, one for each damping."""
 
     plain: jax.Array  # residuals, shape (rows,)
     factor: jax.Array  # of the rows of the Jacobian, by the loss
@@ -135,7 +135,7 @@ def plan_step(
     loss: Loss = SQUARES,
     longest: float = LONGEST_STEP,
 ) -> Plan:
-    """Return the first part of a step, from the residuals and their Jacobian."""
+    """Plan a step from the residuals and their Jacobian."""
     damping, dtype = iterate.own, jnp.asarray(iterate.x).dtype
     of_rows, factor = loss.factors(plain)
     rows, jacobian = plain * of_rows, jacobian * factor[:, None]
