@@ -153,7 +153,11 @@ PRIOR = '"upper.material.E_inf" = { mean = 1e6, sigma = 1e5 }'
             "pressure = 100000.0: must not be given; modulus data have none",
         ),
         ("relative = 0.03", "name = 3", "data[0].name = 3: must be one line of text"),
-        (JOB[JOB.index("[free]") :], "[free]", "free: is empty; must name the key paths that are free"),
+        (
+            JOB[JOB.index("[free]") :],
+            "[free]",
+            "free: is empty; must contain the key paths of free parameters",
+        ),
         (
             E_LINE,
             'upper.material.E = "positive"',
