@@ -202,7 +202,8 @@ class Sum:
         given = [limit for limit in (self.low, self.high) if limit is not None]
         if not given or not all(is_number(limit) and limit > 0 for limit in given):
             raise ValueError(
-                f"Sum: low = {self.low!r}, high = {self.high!r}: at least one must be given, as a number > 0"
+                f"Sum: low = {self.low!r}, high = {self.high!r}: must be numbers > 0, at least one of them"
+                " given"
             )
         if self.low is not None and self.high is not None and not self.low < self.high:
             raise ValueError(f"Sum: low = {self.low!r}, high = {self.high!r}: must be low < high")

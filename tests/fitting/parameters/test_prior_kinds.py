@@ -194,7 +194,7 @@ def test_wrong_keys():
 @pytest.mark.parametrize(
     ("make", "text"),
     [
-        (lambda: Sum(), "at least one must be given, as a number > 0"),
+        (lambda: Sum(), "must be numbers > 0, at least one of them given"),
         (lambda: Sum(high=-1.0), "must be numbers > 0"),
         (lambda: Sum(2.0, 1.0), "must be low < high"),
         (lambda: Sum(high=1.0, sigma=0.0), "sigma = 0.0: must be a finite number > 0"),
