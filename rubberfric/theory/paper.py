@@ -43,9 +43,9 @@ class Nodes(NamedTuple):
 
 @functools.cache
 def gauss_nodes(order: int = 12, panels: int = 6, graded: int = 14, step: float = 0.25) -> Nodes:
-    """Return nodes with which area and friction are good to 1e-14 and the separation to 1e-10.
+    """Return nodes with errors of 1e-14 for area and friction, and of 1e-10 for the separation.
 
-    For a tabulated modulus step = 0.05 and panels = 12 give 1e-9.
+    For a tabulated modulus, step = 0.05 and panels = 12 give errors of 1e-9.
 
     Parameters
     ----------

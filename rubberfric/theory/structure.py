@@ -57,7 +57,11 @@ _NEEDS = {
 
 
 class SurfaceTemperatures(NamedTuple):
-    """Temperatures of the solids of a rough surface [K]: None (at reference), (points,), or by wavevector."""
+    """Temperatures of a rough solid and of the solid that it strains [K].
+
+    None stands for the reference temperature. Arrays have the shape (points,), or (panels, points, order) if
+    the temperature depends on the wavevector.
+    """
 
     strained: jax.Array | None = None
     rough: jax.Array | None = None
