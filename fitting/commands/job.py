@@ -108,7 +108,7 @@ def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
     content = toml.read_toml(path)
     if {"lower", "upper"} & set(content):
         raise ValueError(
-            f'{path}: is a scene, for `rubberfric run`; a job has scene = "{path.name}", data and free'
+            f'{path}: is a scene file, for `rubberfric run`; a job has scene = "{path.name}", data and free'
         )
     several = "scenes" in content
     needed = ("scenes", "free") if several else ("scene", "data", "free")

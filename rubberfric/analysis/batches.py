@@ -79,7 +79,7 @@ class MapBatch(NamedTuple):
         return (self.stop - self.first) * (self.high - self.low)
 
     def pieces(self, velocities: int) -> Iterator[tuple[slice, slice, slice]]:
-        """Yield the rectangles of the map that the batch fills: temperatures, velocities, pairs of the batch."""
+        """Yield the rectangles of a map that the batch fills: temperatures, velocities, pairs."""
         first = self.first
         while first < self.stop:
             T, v = divmod(first, velocities)

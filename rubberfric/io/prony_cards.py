@@ -147,7 +147,7 @@ def write_prony(
     if density is not None:
         if unit_stress not in _DENSITY:
             raise ValueError(
-                f"density = {shown(density)}: must be absent; unit_stress must be Pa or MPa for it"
+                f"density = {shown(density)}: must not be given; it requires unit_stress = Pa or MPa"
             )
         check_values("density", as_leaf("density", density, 0), POSITIVE)
         mass = float(density) / _DENSITY[unit_stress]

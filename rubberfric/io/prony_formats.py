@@ -308,7 +308,9 @@ def _read_lsdyna(text: str, options: CardOptions) -> Cards:
         )
     (_, _, bulk, _, _, T_ref, A, B, *_), curve, *terms = cards
     if curve[0]:
-        raise ValueError(f"*MAT_GENERAL_VISCOELASTIC has the curve {curve[0]:g}: must have terms")
+        raise ValueError(
+            f"*MAT_GENERAL_VISCOELASTIC has the curve {curve[0]:g} instead of terms: must have terms"
+        )
     if options.shift and any((T_ref, A, B)) and not all((T_ref, A, B)):
         raise ValueError(
             f"TREF = {T_ref:g}, A = {A:g}, B = {B:g}: must be != 0 for a WLF shift; shift=False leaves it out"

@@ -122,9 +122,7 @@ def _join(lower, upper, share, number):
         if is_concrete(law.height2) and not law.height2 > 0:
             raise ValueError(f"join_spectra: spectrum {number + i} is zero: must be rough")
         if not q[0] < q[-1]:
-            raise ValueError(
-                f"join_spectra: spectrum {number + i} has equal first and last q; q must increase"
-            )
+            raise ValueError(f"join_spectra: spectrum {number + i} has an empty range: must have q0 < q1")
     if not (qa[0] < qb[0] and qa[-1] < qb[-1]):
         raise ValueError(
             f"join_spectra: spectrum {number + 1} has {qb[0]:g} ... {qb[-1]:g} 1/m after {qa[0]:g} ..."

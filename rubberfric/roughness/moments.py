@@ -174,7 +174,7 @@ def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C",
         wrong = float(np.asarray(rms_slope)[~np.asarray(reachable)].flat[0])
         if at_height:
             raise ValueError(
-                f"rms_slope = {wrong!r}: no cutoff on the power law has this slope at the height of the "
+                f"rms_slope = {wrong!r}: no cutoff on the power law gives this slope with the height of the "
                 f"spectrum; must be larger than the slope of the plateau, and the surface rough"
             )
         whole = cumulative_moment(unscaled(spectrum.uncut_law()), 2, jnp.inf)

@@ -195,7 +195,7 @@ def rise_below_surface(kernel: HeatKernel, power: jax.Array) -> jax.Array:
     power : heat over velocity per area of macroasperity contact [Pa], shape (points,)
     """
     if kernel.surface is None:
-        raise ValueError("kernel.surface is None: must have been made for heat at the surface")
+        raise ValueError("kernel.surface is None: must be a kernel for heat at the surface")
     return 2 / jnp.pi * power[:, None] * kernel.surface / kernel.heat
 
 

@@ -31,7 +31,7 @@ from rubberfric.scene.single_precision import check_single
 from rubberfric.theory.quantities import Values, iterated, iterates
 
 AT_REST: Rule = (
-    "must be 0: correlated roughness is of solids at rest, sliding it excites them at different frequencies",
+    "must be 0, because correlated roughness is possible between solids at rest only",
     lambda v: v == 0,
 )
 

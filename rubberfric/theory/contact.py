@@ -48,7 +48,7 @@ class Contact(NamedTuple):
     def x(self) -> jax.Array:
         """Return 1 / (2 sqrt(G)) at the contact nodes, for the plain G."""
         if self.G is None:
-            raise ValueError("G is known at the largest wavevector only; prepare friction or separation")
+            raise ValueError("G was computed at the largest wavevector only; prepare friction or separation")
         return contact_argument(self.G)
 
     def area(self, panels: jax.Array | None = None) -> jax.Array:

@@ -254,7 +254,11 @@ GOOD = "f [Hz];E' [MPa];E'' [MPa]\n1;5;1\n2;6;2\n"
         ("2;6;2", "2;6;2;7", "line 3: has 4 fields: must have 3"),
         ("2;6;2", "2;6,5;2.5", "line 3: '2.5': has a decimal point, others a comma: must be one"),
         ("2;6;2", "2;-6;2", "line 3: E' [MPa] = '-6': must be > 0"),
-        ("2;6;2", "E' [MPa];f [Hz]\n5;1", "line 3: has other columns than line 1: must be one table a file"),
+        (
+            "2;6;2",
+            "E' [MPa];f [Hz]\n5;1",
+            "line 3: has other columns than line 1: a file must have one table",
+        ),
     ],
 )
 def test_faulty_exports(tmp_path, old, new, message):
