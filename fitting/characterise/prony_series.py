@@ -197,10 +197,10 @@ class SeriesProblem:
     ----------
     columns : E' and then E'' of every term with E = 1, shape (rows, terms)
     known : part of the model that is not fitted, shape (rows,)
-    measured, error : shape (rows,); `error` is that of the logarithm if `logarithmic`, else absolute
+    measured, error : shape (rows,); `error` belongs to the logarithm if `logarithmic`, else to the value
     estimate : True if only the ratios of `error` are known, so that its size is estimated
     tau : relaxation times [s]; inf, at the end, stands for E_inf
-    body : "lower" or "upper", for the key paths of the moduli
+    body : "lower" or "upper", part of the key paths of the moduli
     """
 
     columns: np.ndarray

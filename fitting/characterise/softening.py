@@ -54,7 +54,7 @@ def softening_from_sweep(
     ------
     ValueError
         one line: numbers of the wrong sign or shape, fewer than two strains in a sweep, no strain up to
-        `linear`, or equal strains. Of a sweep up and down, give one direction or the mean of both.
+        `linear`, or equal strains. If the strain rises and falls, give one direction or the mean of both.
 
     Warns
     -----
@@ -63,7 +63,7 @@ def softening_from_sweep(
         above the linear range, and f and g are too large.
 
     Limits: f and g are assumed to be the same at all frequencies, and to apply to the strain of each length
-    scale (`rubberfric.Softening`). Beyond the sweep they are constant.
+    scale (`rubberfric.Softening`). They are constant outside the sweep.
     """
     columns = {"strain": strain, "storage": storage, "loss": loss}
     if temperature is not None:

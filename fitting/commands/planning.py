@@ -11,12 +11,12 @@
                                                         # temperature at which friction is to be predicted
     relative = 0.05                                     # optional: error of a measurement; draws, seed
 
-The exit status is that of `rubberfric-fit` for the fit on which the design is based.
+The exit status refers to the fit on which the design is based, as for `rubberfric-fit`.
 
 `calibration` tests the error bars that a job would give. True parameters are drawn from the priors of the
 job, which must be Gaussian for every free number. Data are drawn from the scenes with these parameters, at
-the conditions and with the errors of the job's data. The measured values are not used. The exit status is
-that of `rubberfric-fit`, and 3 if the error bars or the draws of an identified parameter are wrong.
+the conditions and with the errors of the job's data. The measured values are not used. The exit status is as
+for `rubberfric-fit`, and 3 if the error bars or the draws of an identified parameter are wrong.
 """
 
 import argparse

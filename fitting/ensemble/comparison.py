@@ -116,7 +116,7 @@ def compare(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> Compariso
     Parameters
     ----------
     results : FitResults of the same data, or a dict of them by name
-        Without names, each fit is named after the optional parts of its scene.
+        In a list, each fit is named after the optional parts of its scene.
 
     Returns
     -------
@@ -280,7 +280,7 @@ def _check_same(name: str, fit: FitRecord, other_name: str, other: FitRecord) ->
         raise ValueError(f"{where}: losses are {losses[1]} and {losses[0]}; they must be the same")
     if (fit.error_scale != 1) != (other.error_scale != 1):
         raise ValueError(
-            f"{where}: errors of one are scaled by the scatter; those of both must be scaled, or of none"
+            f"{where}: errors of only one are scaled by the scatter; both or none must be scaled"
         )
 
 

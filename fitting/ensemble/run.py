@@ -67,7 +67,7 @@ def read_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint) -> Check
     Raises
     ------
     ValueError
-        one line naming the file, which is truncated, is no checkpoint, or belongs to another job or version.
+        one line naming the file, which is truncated, not a checkpoint, or from another job or version.
     """
     with hdf5.reading(path, _FORMAT) as file:
         found = hdf5.plain(file.attrs.get("rubberfric_version"))
@@ -144,8 +144,8 @@ def run_ensemble(
     devices : list of jax devices; None: all, of all processes
     checkpoint : path of an HDF5 file (.h5) for the state of the ensemble, or None
     every : seconds between checkpoints; 0: after every step of the batch
-    resume : True continues from the checkpoint, with the results of an uninterrupted run; begins if
-        there is no file. False refuses to overwrite a file.
+    resume : True continues from the checkpoint, with the results of an uninterrupted run, or begins if the
+        file does not exist. False refuses to overwrite a file.
     max_memory : bytes of each device that a step may take [B]
     batch : number of members of each device that take a step together, before results are examined;
         None: as many as there is work and memory for

@@ -147,7 +147,8 @@ def common_values(
         if elements != places[0][1]:
             raise ValueError(
                 f"free[{path!r}]: {paths[0]} has {values[0].size} elements, {one} has {here.size};"
-                " shared parameters must have equal elements in all scenes; free them separately, or tie them"
+                " shared parameters must have equal elements in all scenes, so free them separately or tie"
+                " them"
             )
         if rule.start is None and not np.array_equal(here, values[0]):
             k = int(np.flatnonzero(here != values[0])[0])
@@ -159,7 +160,7 @@ def common_values(
 
 
 def start_values(path: str, rule: Positive | Bounded | Free, values: np.ndarray) -> np.ndarray:
-    """Return the start values of a group: those of the rule, or `values` of the scene."""
+    """Return the start values of a group, from its rule or else `values` of the scene."""
     if rule.start is None:
         return values
     try:

@@ -113,7 +113,7 @@ def covariances(x: np.ndarray, curve: np.ndarray, discrepancy: Discrepancy) -> n
     """Return the covariance of the theory's errors at x of curves, both of shape (n,); (n, n)."""
     amplitude, width = discrepancy.amplitude, discrepancy.width
     if amplitude is None or width is None:
-        raise ValueError("Discrepancy: amplitude and width must be numbers, or estimated before")
+        raise ValueError("Discrepancy: amplitude and width must be numbers, or be estimated first")
     parts = discrepancy.parts
     if parts:
         near = np.sum([a**2 * squared_exponential(x, w) for a, w in parts], axis=0)

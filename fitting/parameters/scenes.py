@@ -114,7 +114,7 @@ def find(scene: Scenes, path: str) -> tuple[int, tuple[int, ...] | None]:
 
 
 def owner_of(scene: Scenes, path: str) -> tuple[Any, str]:
-    """Return the object that has the number of a key path (None if there is none), and the number's name."""
+    """Return the object that holds the number of a key path, or None, and the name of the number."""
     *steps, name = parse_key_path(paths_of(scene, path)[0]).names
     owner: Any = scene
     for step in steps:
@@ -125,7 +125,7 @@ def owner_of(scene: Scenes, path: str) -> tuple[Any, str]:
 def path_over(scene: Scenes, path: str) -> str | None:
     """Return the key path of the abscissa of a vector; None if it has none.
 
-    The abscissa of E of a Prony series is tau, that of a column of a table is the first column.
+    E of a Prony series has the abscissa tau, a column of a table has the first column.
     """
     owner, name = owner_of(scene, path)
     field = fields_of(type(owner)).get(name) if isinstance(owner, PhysicalObject) else None

@@ -68,7 +68,7 @@ class Selection(NamedTuple):
 
 
 class PriorContext(NamedTuple):
-    """Key, scene and free parameters of a prior, for its method `read`."""
+    """Key, scene and free parameters of a prior: the argument of its method `read`."""
 
     where: str  # for errors: "prior['gamma']"
     key: str  # the key paths that it is given for

@@ -75,7 +75,7 @@ class Variables(NamedTuple):
 
     @property
     def own(self) -> list[Group]:
-        """Return the groups with elements in x, without those that are tied to others."""
+        """Return the groups with elements in x; groups that are tied to others have none."""
         return [group for group in self.groups if group.kind not in FOLLOWING]
 
 

@@ -154,7 +154,7 @@ def lines(
 
 
 def _band(result, blocks, conditions, level):
-    """Return the prediction and band at conditions that differ from those of the data."""
+    """Return the prediction and band at conditions other than the measured ones."""
     x, found = result.uncertainty.x, []
     for block, columns in zip(blocks, conditions, strict=True):
         key = block.quantity, block.body, block.scene

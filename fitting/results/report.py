@@ -121,8 +121,8 @@ def report(result: FitRecord) -> str:
     Sections are [[Verdict]], [[Fit]], [[Data]], [[Statistics]], [[Variables]] with value, standard error and
     start, and, if not empty, [[Tied]], [[Priors]], [[Not identified]] (directions; reasons of withheld error
     bars have their numbers), [[Minima]] (of several starts), [[Correlations]]. The first line states if the
-    fit did not converge, or if the scene does not explain the data. Of an array with more free elements than
-    `LISTED`, only the first and the last are listed.
+    fit did not converge, or if the scene does not explain the data. If an array has more free elements
+    than `LISTED`, only the first and the last are listed.
     """
     lines = [line for line in headlines(result) for line in (line, "")]
     sections = {

@@ -59,7 +59,7 @@ class FitResult(FitRecord):
 
         Parameters
         ----------
-        path : key path that ends in .q1, free in this fit or not; None: that of the only rough solid
+        path : key path that ends in .q1, free in this fit or not; None: q1 of the only rough solid
         level : confidence level of the interval
         values : values of q1 [1/m]; None: 0.1 to 10 times the fitted one, within the range of a table
 

@@ -61,7 +61,7 @@ def status_after(
 ) -> jax.Array:
     """Return the status after a step.
 
-    `near` : True if the gain that a step may still bring is negligible, for a fit that has stalled
+    `near` : True if the gain that a step may still bring to a stalled fit is negligible
     """
     stalled, near = jnp.asarray(stalled), jnp.asarray(near)
     ends = [NOT_FINITE, PERFECT, CONVERGED, PRECISE, STALLED]

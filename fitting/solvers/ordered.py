@@ -284,7 +284,7 @@ def put_on_bounds(
 
 
 class Edge(NamedTuple):
-    """An element of x whose value equals that of a neighbour, within `AT_EDGE`."""
+    """An element of x whose value equals a neighbour's within `AT_EDGE`."""
 
     element: int
     side: str  # "lower" or "upper", side of the neighbour

@@ -4,8 +4,8 @@ r"""Residuals of a problem, and their derivatives.
           r_i = \frac{model_i - measured_i}{sigma_i}
 
 The first form is for data with relative errors. Rows with infinite errors are added (`padded`), so that, for
-example, 6 and 7 points share a compiled function. The rows of the priors (`fitting.parameters.priors`)
-follow, and those that keep arrays smooth during a search (`fitting.solvers.search`).
+example, 6 and 7 points share a compiled function. The rows of the priors follow
+(`fitting.parameters.priors`), and rows that keep arrays smooth during a search (`fitting.solvers.search`).
 """
 
 from collections.abc import Callable, Collection

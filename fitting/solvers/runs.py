@@ -86,7 +86,7 @@ def run_fits(
     starts : start vectors, shape (fits, size)
     targets : Targets with a leading axis, of one entry for each fit or one entry for all;
         None: the targets of the problem
-    max_steps : largest number of steps of a fit; None: that of the solver
+    max_steps : largest number of steps of a fit; None: max_steps of the solver
     callback : called as callback(step, lowest cost) after every step of the batch, or None
         KeyboardInterrupt, from it or the keyboard, ends the run with the values reached.
     batch : number of fits that run side by side; None: `FIT_BATCH`, or the number of fits if smaller
@@ -250,7 +250,7 @@ def _levenberg_marquardt_step(solver, structure, numbers, targets, iterate):
     ahead = np.asarray(ahead)  # NumPy, because slicing a JAX array compiles
 
     def trial(i, which):
-        """Return the moves with damping i and the rows after them, for the fits `which`."""
+        """Return the moves with damping i of the fits `which`, and the rows after them."""
         rows, _ = _evaluated(*problem, ahead[:, i], which)
         move, there = _accelerated_move(*problem, iterate, plan, np.full(len(x), i), rows)
         return np.asarray(move), _evaluated(*problem, there, which)[0]

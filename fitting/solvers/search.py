@@ -87,7 +87,7 @@ def search(
         spent += np.stack([runs.nfev, runs.njev])
         escaped = _escaped(problem, runs.x, starts).any(1)
         again = np.flatnonzero(escaped & (succeeded(runs.status) | (runs.status == STALLED)))
-        # Without an array to smooth, all six fits would be equal.
+        # If there is no array to smooth, all six fits would be equal.
         if again.size and has_arrays(problem.variables):
             second = _smoothed(solver, stage, starts[again], max_steps, callback, min(FIT_BATCH, len(starts)))
             spent[:, again] += np.stack([second.nfev, second.njev])

@@ -233,7 +233,7 @@ def log_weights(
 
 
 def places(x: np.ndarray, log_weight: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Return u of the module's docstring, shape (fits, size), for the last row of x as the truth."""
+    """Return u of the module's docstring, shape (fits, size); the last row of x is the truth."""
     weight = relative(log_weight)
     below = np.einsum("fs,fsi->fi", weight, x < x[:, -1:])
     own = weight[:, -1:] * random.random(below.shape)

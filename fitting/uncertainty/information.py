@@ -121,7 +121,7 @@ def known_of(
     prior: Mapping[str, Prior] | None,
     quadrature: rf.Quadrature | None,
 ) -> PriorInformation:
-    """Return the prior information: that of a fit, or of the priors on `free` parameters of a scene."""
+    """Return the prior information from a fit, or from priors on `free` parameters of a scene."""
     if isinstance(source, SolvedProblem):
         for name, value in (("free", free), ("prior", prior), ("quadrature", quadrature)):
             if value is not None:

@@ -287,7 +287,7 @@ def _end(trace, side, q, extend):
             shorter += 1
     if outer is None:
         return _left_open(trace, side, q, inner, extend, shorter)
-    # No values are added to those that the caller gave.
+    # No values are added if the caller gave values.
     return _approach(trace, side, q) if extend else _crossing(trace, side, q)[0], "reached"
 
 
@@ -309,7 +309,7 @@ def _ahead(trace, inner, side, target):
 def _crossing(trace, side, q):
     """Return x where the root reaches q, from a parabola through three values and from a line through two.
 
-    With two values only, the result is that of the line, and inf.
+    With two values only, the result is the line's x, and inf.
     """
     inner, outer = _outermost(trace, side, q)
     root, x = trace.root(), trace.at

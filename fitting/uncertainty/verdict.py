@@ -167,7 +167,7 @@ def _far(sets):
             chance = 2 * count * scipy.special.ndtr(-size)
         else:
             freedom = max(one.freedom, 1.5)
-            # Studentised: scatter without the value's own contribution; inf if there is no other.
+            # Studentised: scatter without the value's own contribution, inf if all scatter is its own.
             rest = np.maximum(freedom - size**2, 1e-12 * freedom)
             chance = 2 * count * scipy.special.stdtr(freedom - 1, -size * np.sqrt((freedom - 1) / rest))
         found += [(float(size[k]), one, int(k)) for k in np.flatnonzero(chance < _SIGNIFICANCE)]

@@ -356,7 +356,8 @@ def random_surface(spectrum: Spectrum, key: jax.Array, grid: int = 512, periods:
     if not isinstance(grid, int) or grid % 2 or grid < needed:
         raise ValueError(
             f"grid = {shown(grid)}: must be even and >= {needed}, {_COARSEST} points per shortest wavelength"
-            f" with {periods:g} longest ones (q1 / q0 = {q1 / q0:g}); {2 * needed} leaves friction 1 % off"
+            f" with {periods:g} longest ones (q1 / q0 = {q1 / q0:g}); {2 * needed} reduces the error of"
+            " friction to 1 %"
         )
     # Modes are drawn independently of the grid.
     reach = math.floor(most * (1 + 1e-9))

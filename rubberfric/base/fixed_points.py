@@ -96,11 +96,12 @@ def linear_fixed_point(
     also: jax.Array,
     inverse: Inverse | None = None,
 ) -> jax.Array:
-    """Return the derivative of a quantity that depends on a fixed point, without derivatives of its own.
+    """Return the derivative of a quantity that depends on a fixed point.
 
     A linear function of dy returns the residual f' dy + df - dy and the derivative of the quantity. The
-    result is the latter at the dy where the residual is zero. The linear system is that of `implicit`. Here f
-    and the quantity are one function, which is differentiated only once.
+    result is this derivative at the dy where the residual is zero. It cannot be differentiated again. The
+    linear system is the same as in `implicit`, but f and the quantity are one function, which is
+    differentiated once.
 
     Parameters
     ----------

@@ -104,8 +104,8 @@ def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
 
     Parameters
     ----------
-    path : table of text or .xlsx with positions in the first column and heights of a trace in each other one
-        Titles are free. The unit of length stands in brackets behind a title, or in the row below.
+    path : text table or .xlsx with positions in the first column, and the heights of a trace in each other
+        one Titles are arbitrary. The unit of length is in brackets behind a title, or in the row below.
 
     Returns
     -------

@@ -79,7 +79,7 @@ def parse_number(field: str) -> float:
 
 
 def format_number(value: float, width: int = 20) -> str:
-    """Return the largest accurate text of a number within `width` characters."""
+    """Return the most accurate text of a number with at most `width` characters."""
     value = float(value)
     texts = [repr(value), f"{value:.{width}f}"[:width]]
     for digits in range(width):

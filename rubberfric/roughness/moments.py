@@ -159,7 +159,7 @@ def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C",
     Raises
     ------
     ValueError : concrete rms_slope <= 0, or a slope that the spectrum never has; with "h_rms", a slope below
-        that of the plateau alone.
+        the slope of the plateau.
 
     Limits: closed form, differentiable; `rms_slope` at the result has an error of 1e-13. A slope that grows
     like ln q (H = 1) may give a wavevector beyond the floating-point range: infinite.

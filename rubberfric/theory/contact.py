@@ -84,7 +84,7 @@ class Contact(NamedTuple):
         return x if self.correction is None else correct_argument(self.correction, x)
 
     def under(self, load: jax.Array, converged: jax.Array, lift: jax.Array | None = None) -> "Contact":
-        """Return the contact that bears `load` times sigma_0, as adhesion makes it."""
+        """Return the contact under `load` times sigma_0, with adhesion acting like this load."""
         square = load * load
         return self._replace(
             modulus_over_pressure=self.modulus_over_pressure / load,

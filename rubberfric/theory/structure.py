@@ -73,9 +73,9 @@ AT_REFERENCE = SurfaceTemperatures()
 class MeansInterpolation(enum.Enum):
     """Interpolation of angular means to the contact nodes."""
 
-    NONE = "taken there: they have kinks over q"
-    LINEAR = "from the angular nodes: they are smooth in ln q"
-    LOGARITHMIC = "from the angular nodes, <|F|^2> in its logarithm: it may rise by 1e9 within an e-fold of q"
+    NONE = "evaluated at the contact nodes, because they have kinks over q"
+    LINEAR = "interpolated between the angular nodes, because they are smooth in ln q"
+    LOGARITHMIC = "as LINEAR, but in ln <|F|^2>, because <|F|^2> may rise by 1e9 within an e-fold of q"
 
 
 class RoughSurface(NamedTuple):

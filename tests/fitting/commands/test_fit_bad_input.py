@@ -210,7 +210,7 @@ def test_logarithm_of_a_friction_that_is_not_positive(velocity):
 def test_a_smooth_prior_of_a_series_with_a_zero_in_it():
     scene = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, [5e7, 0.0, 8e6], [1e-5, 1e-4, 1e-3])))
     refused(
-        f"prior['{E}']: {E} starts at 0: Smooth is of logarithms, must be > 0",
+        f"prior['{E}']: {E} starts at 0: must be > 0, because Smooth uses logarithms",
         scene,
         MODULUS,
         {E + "[0]": Positive()},

@@ -218,7 +218,7 @@ PRIOR = '"upper.material.E_inf" = { mean = 1e6, sigma = 1e5 }'
         (
             "[5e7, 2e7]",
             "-1",
-            "free['upper.material.E']: starts at -1: a Positive one must start > 0; give start=",
+            "free['upper.material.E']: starts at -1: must start > 0, because it is Positive; give start=",
         ),
         (
             "low = 1e5",
@@ -235,12 +235,12 @@ PRIOR = '"upper.material.E_inf" = { mean = 1e6, sigma = 1e5 }'
         (
             INF_LINE,
             '"upper.material.E_inf" = { rule = "tied", to = "gamma" }',
-            "tied to 'gamma': must be a key of fr",
+            "tied to 'gamma': must be another key of free",
         ),
         (
             PRIOR,
             '"gamma" = { mean = 1, sigma = 1 }',
-            "prior['gamma']: must be a free parameter: upper.material.E,",
+            "prior['gamma']: the key must be one of the free parameters upper.material.E,",
         ),
         (
             "sigma = 1e5",
