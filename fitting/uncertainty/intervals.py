@@ -290,7 +290,10 @@ class SolvedProblem:
 
 
 def drawn_errors(problem: Problem, count: int, key: jax.Array) -> np.ndarray:
-    """Draw errors of `count` data sets, shape (count, rows), with model errors; of logarithms if relative."""
+    """Draw errors of `count` data sets, shape (count, rows), including model errors.
+
+    Relative errors are errors of the logarithms.
+    """
     noise = np.asarray(jax.random.normal(key, (count, problem.targets.measured.size)))
     if problem.numbers.whitening is not None:
         noise = np.linalg.solve(np.asarray(problem.numbers.whitening), noise.T).T

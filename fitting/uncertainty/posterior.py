@@ -154,7 +154,7 @@ class Chains(NamedTuple):
 
 
 class _Laplace(NamedTuple):
-    """x = centre + root z; a pytree."""
+    """Laplace approximation of a posterior, x = centre + root z; a pytree."""
 
     centre: Any
     root: Any

@@ -66,7 +66,7 @@ class Tiling(NamedTuple):
 
 
 class MapBatch(NamedTuple):
-    """The pairs first ... stop at the pressures low ... high."""
+    """A batch of a map: the pairs from `first` to `stop` at the pressures from `low` to `high`, as indices."""
 
     first: int
     stop: int
@@ -75,7 +75,7 @@ class MapBatch(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Points."""
+        """Number of points."""
         return (self.stop - self.first) * (self.high - self.low)
 
     def pieces(self, velocities: int) -> Iterator[tuple[slice, slice, slice]]:

@@ -120,7 +120,7 @@ def shear_shares(lower: Heating, upper: Heating, both_deform: bool) -> tuple[jax
 
 
 class Diffusion(NamedTuple):
-    """The sum over k: factors of the sources and of the target wavevectors."""
+    """Factors of the terms of the sum over k, for the source and for the target wavevectors."""
 
     k: jax.Array  # [1/m], (m,)
     step: jax.Array  # of ln k

@@ -49,7 +49,7 @@ class Coarse(NamedTuple):
 
 
 class Thermal(NamedTuple):
-    """Data of a scene that the temperatures need."""
+    """Data of a scene for the computation of its temperatures."""
 
     heating: Heating
     bodies: tuple[Heating, ...]  # of every deformable solid, with its own properties

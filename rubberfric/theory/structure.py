@@ -119,7 +119,7 @@ class RoughSurface(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Structure:
-    """Parts of a scene and needs of its quantities, without numbers."""
+    """Parts of a scene, and the means that its quantities need; it contains no numbers."""
 
     needs: RequiredMeans  # empty for quantities that are constant in the scene
     rough: bool  # True if a surface is rough

@@ -192,7 +192,7 @@ def _places(thermal, points, targets):
 
 
 def _refined(thermal, roughness, points, guess, arrived):
-    """Return the `Rises` from rises on the coarse mesh."""
+    """Return the `Rises` on the fine mesh, given rises on the coarse mesh."""
     coarse = thermal.coarse
     restrict, along, at = _hats(thermal, coarse)
     prolong = heat_balance(thermal, coarse.roughness, coarse.prolonged, points)

@@ -41,7 +41,7 @@ _kept: dict[Any, Tables | None] = {}
 
 
 class StiffnessMeans(NamedTuple):
-    """The stiffness at given wavevectors, and the means of it that are needed."""
+    """The stiffness at given wavevectors, with its means that are needed."""
 
     # None if nothing relaxes; then F is `varying`, or the factors contain all of it.
     stiffness: PronyStiffness | Tabulated | MeansTable | SoftenedInSeries | None
