@@ -71,7 +71,7 @@ class PriorContext(NamedTuple):
     """Key, scene and free parameters of a prior: the argument of its method `read`."""
 
     where: str  # for errors: "prior['gamma']"
-    key: str  # the key paths that it is given for
+    key: str  # key of the prior: one or several key paths
     scene: Scenes
     variables: Variables
     constants: Constants

@@ -59,10 +59,10 @@ class Group(NamedTuple):
     """Elements of one leaf of the scene to which one rule applies; hashable."""
 
     path: str
-    kind: str  # "Positive", "Bounded", "Free", "Tied", "RmsSlope", "Shared": as of another scene
-    leaf: int  # which leaf of the scene
-    elements: tuple[int, ...] | None  # which elements of it; None: a scalar leaf
-    slot: tuple[int, int]  # (first, last + 1) in x, for Tied and Shared of the leader; RmsSlope: none
+    kind: str  # "Positive", "Bounded", "Free", "Tied", "RmsSlope", "Shared": the value of another scene
+    leaf: int  # index of the leaf of the scene
+    elements: tuple[int, ...] | None  # elements of the leaf; None: a scalar leaf
+    slot: tuple[int, int]  # (first, last + 1) in x; Tied and Shared have the slot of the other group
 
 
 class Variables(NamedTuple):
@@ -71,7 +71,7 @@ class Variables(NamedTuple):
     tree: Hashable  # structure of the scene, as jax.tree flattens it
     groups: tuple[Group, ...]
     size: int  # number of free elements
-    order: tuple[OrderedPair, ...] = ()  # that the scene demands of these and their neighbours
+    order: tuple[OrderedPair, ...] = ()  # pairs of free numbers and neighbours that must be in order
 
     @property
     def own(self) -> list[Group]:
@@ -82,10 +82,10 @@ class Variables(NamedTuple):
 class Constants(NamedTuple):
     """Numbers that complete a `Variables` structure: leaves, ranges and ratios; a pytree."""
 
-    leaves: tuple[Array, ...]  # of the scene at the start
-    low: Array  # shape (size,): lower bound, 0 without
-    width: Array  # high - low; scale of a Free one; 1 for a Positive one
-    ratios: tuple[Array, ...]  # of every Tied group, shape (elements,); slopes of RmsSlope, shape (1,)
+    leaves: tuple[Array, ...]  # leaves of the scene at the start
+    low: Array  # lower bound, 0 if there is none, shape (size,)
+    width: Array  # high - low of Bounded, scale of Free, 1 for Positive elements
+    ratios: tuple[Array, ...]  # ratios of every Tied group, (elements,); slope of every RmsSlope, (1,)
 
 
 def free_parameters(scene: Scenes, free: Mapping[str, Constraint]) -> tuple[Variables, Constants, np.ndarray]:

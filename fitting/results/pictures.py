@@ -43,7 +43,7 @@ class PlottedPoints(NamedTuple):
     temperature: np.ndarray  # _ABSENT if missing
     pressure: np.ndarray
     source: np.ndarray  # label of the data set
-    scene: np.ndarray  # name of its scene, "" of a single one
+    scene: np.ndarray  # name of the scene, "" for a single scene
 
 
 class PlottedCurve(NamedTuple):
@@ -52,8 +52,8 @@ class PlottedCurve(NamedTuple):
     text: str
     conditions: tuple[str, str, float, float] | None  # (scene, body, temperature, pressure), None: no line
     part: int
-    look: int  # which colour and marker
-    where: np.ndarray  # its points, by increasing x
+    look: int  # number of the colour and marker
+    where: np.ndarray  # indices of its points, by increasing x
 
 
 def measured_points(result: FitRecord, quantity: str) -> PlottedPoints:

@@ -52,7 +52,7 @@ class QuadraticModel(NamedTuple):
     jacobian: np.ndarray  # (rows, size)
     hessians: np.ndarray  # H, (rows, size, size)
     radius: np.ndarray  # trust radius
-    costs: np.ndarray  # before each of the last evaluations, the latest last
+    costs: np.ndarray  # costs before each of the last evaluations, in order
 
 
 def begin_quadratic(x: np.ndarray, rows: np.ndarray, jacobian: np.ndarray) -> Iterate:

@@ -20,7 +20,9 @@ class FirstOrder(abc.ABC):
 
     tolerance: float
     patience: int
-    searches: ClassVar[bool]  # along a line, so that value and gradient are known when a step begins
+    searches: ClassVar[
+        bool
+    ]  # True for a line search, after which value and gradient are known when a step begins
 
     @abc.abstractmethod
     def optimiser(self) -> Any:

@@ -116,11 +116,11 @@ class Plan(NamedTuple):
     """Two trial steps by the linear model, one for each damping."""
 
     plain: jax.Array  # residuals, shape (rows,)
-    factor: jax.Array  # of the rows of the Jacobian, by the loss
-    jacobian: jax.Array  # times it
+    factor: jax.Array  # factors of the rows of the Jacobian, from the loss
+    jacobian: jax.Array  # Jacobian times `factor`
     U: jax.Array
     s: jax.Array
-    V: jax.Array  # transposed
+    V: jax.Array  # V^T of the singular value decomposition
     along: jax.Array  # U^T r
     dampings: jax.Array  # shape (2,)
     gains: jax.Array  # shape (2, size)

@@ -85,10 +85,10 @@ class Objective(NamedTuple):
     """Functions of x, shape (size,), that solvers need."""
 
     residuals: Residuals  # shape (rows,)
-    residuals_and_jacobian: ResidualsAndJacobian  # shapes (rows,) and (rows, size); 0 where x does not move
+    residuals_and_jacobian: ResidualsAndJacobian  # shapes (rows,) and (rows, size); 0 for fixed elements of x
     loss: Loss
     rounding: jax.Array  # cost due to rounding; smaller costs have no meaning
-    moving: Array  # shape (size,), 0 where x stays at its start, else 1
+    moving: Array  # shape (size,), 0 for fixed elements of x, else 1
 
     def cost(self, x: jax.Array) -> jax.Array:
         """Return the loss at x."""

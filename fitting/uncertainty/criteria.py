@@ -45,8 +45,10 @@ class Criteria(NamedTuple):
     values: int  # n
     parameters: float  # k
     deviance: float  # -2 ln L
-    left_out: np.ndarray  # ln p of every value by the fit to all others, in the order of the data, shape (n,)
-    leverage: np.ndarray  # h of them, shape (n,)
+    left_out: (
+        np.ndarray
+    )  # ln p of every value, predicted from all others, in the order of the data, shape (n,)
+    leverage: np.ndarray  # h of every value, shape (n,)
 
     @property
     def aic(self) -> float:

@@ -309,7 +309,9 @@ class Valley(NamedTuple):
     expected: float  # rise of twice the cost at the ends of its linear interval, if error bars hold
     rises: tuple[float, float]  # rise found at the lower and the upper end
     linear: tuple[float, float]  # its linear interval
-    interval: tuple[float, float]  # estimate of the profile's; an end is inf where the cost does not rise
+    interval: tuple[
+        float, float
+    ]  # estimate of the profile's interval; an end is inf if the cost does not rise
 
     @property
     def holds(self) -> bool:

@@ -66,7 +66,7 @@ class Tiling(NamedTuple):
 
 
 class MapBatch(NamedTuple):
-    """A batch of a map: the pairs from `first` to `stop` at the pressures from `low` to `high`, as indices."""
+    """A batch of a map: indices of its pairs, `first` to `stop`, and of its pressures, `low` to `high`."""
 
     first: int
     stop: int
