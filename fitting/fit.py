@@ -31,7 +31,7 @@ from fitting.uncertainty.discrepancy import (
 )
 from fitting.uncertainty.verdict import common_ratio, rescaled_errors
 
-# Fits, each weighted with the errors that the one before it estimated.
+# Number of fits, each weighted with the errors that the previous fit estimated.
 ROUNDS = 2
 
 
@@ -133,7 +133,7 @@ def fit(
     tell(f"compiling a fit of {problem.variables.size} numbers to {problem.targets.measured.size} values")
     x = random_starts(problem.variables, problem.start, key, starts, decades)
     runs = search(solver, problem, x, max_steps, callback)
-    # argmin would take a NaN for the least.
+    # argmin would return a NaN.
     best = int(np.argmin(np.where(np.isfinite(runs.cost), runs.cost, np.inf)))
     if not np.isfinite(runs.cost[best]):
         raise FloatingPointError(_not_finite(problem, data))

@@ -255,8 +255,8 @@ def kramers_kronig(
         model = A @ E
         apart = np.log(data.measured / model)
         contradiction = np.linalg.lstsq(hats / error[n:, None], apart[n:] / error[n:], rcond=None)[0]
-        # Terms at 0 may change as well, by the estimate from the loss at their peak: the error bars then
-        # cover all spectra that fit, not this one alone.
+        # Terms at 0 may change too, by the estimate from the loss at their peak, so that the error bars cover
+        # all spectra that fit.
         width = _ALIKE * np.maximum(E, typical)
         J = np.concatenate([A * width / model[:, None], free], axis=1) / error[:, None]
         precision = J.T @ J + np.diag(np.append(np.ones(E.size), np.zeros(count)))

@@ -23,10 +23,11 @@ from fitting.uncertainty.covariance import Uncertainty, from_jacobian
 from rubberfric.base import POSITIVE, as_leaf, check_values, shown
 from rubberfric.materials import Shift
 
-# Decades between neighbouring frequencies; in a wider gap the loss of a term in its middle is
-# down to a fifth wherever it is measured.
+# Decades between neighbouring frequencies; a term in the middle of a wider gap would not be determined: its
+# loss is less than a fifth of its peak at all frequencies.
 _GAP = 2.0
-# Decades a given relaxation time may lie outside 1/omega; beyond, its loss is 1 % of its modulus.
+# Largest distance of a given relaxation time from the range of 1/omega in decades, where its loss is 1 % of
+# its modulus.
 _REACH = 2.0
 # Largest numbers of Gauss-Newton steps of the bounded problem and of Levenberg-Marquardt steps.
 _STEPS, _ITERATIONS = 50, 200
@@ -282,7 +283,7 @@ class SeriesProblem:
         for sigma in _STRENGTHS[::-1]:
             scaled = bends / sigma
             if unit is None:
-                # The weakest prior hardly changes the fit: its residuals are noise.
+                # The weakest prior hardly changes the fit, so the residuals are noise.
                 x = self._minimum(x, ASSUMED * self.error if self.estimate else self.error, scaled)
                 r, _ = self.rows(x, self.error)
                 unit = max(float(np.sqrt(np.mean(r**2))), 1e-10) if self.estimate else 1.0

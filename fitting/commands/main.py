@@ -161,7 +161,7 @@ def _count(text: str) -> int:
     return int(text)
 
 
-# Fits whose data would fill the memory of many machines.
+# Largest number of fits; the data of more would exceed the memory of many machines.
 _MOST = 10**6
 # Parsers of the sub-commands, which `fitting.commands.planning` runs.
 _SUB_COMMANDS = {"design": _design_parser, "calibration": _calibration_parser}

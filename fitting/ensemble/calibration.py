@@ -49,7 +49,7 @@ from rubberfric.plot import style
 
 # Number of points at which the distributions are compared, and of uniform samples for the envelope.
 _POINTS, _SAMPLES = 100, 2000
-# Lines of a figure that can be told apart, and doubtful fits that a text names.
+# Number of lines in a figure with a colour each, and of unreliable fits that a message names.
 _NAMED = 8
 
 

@@ -13,9 +13,9 @@ from fitting.parameters.scenes import find, path_over
 from fitting.parameters.selection import PriorContext, Selection
 from fitting.parameters.variables import Array
 
-# Smallest probability of the distance of constant numbers from their prior that is accepted.
+# Constant numbers are refused if their distance from the prior is less probable than this.
 _CHANCE = 1e-3
-# Relative difference of places, as of relaxation times, that rounding makes.
+# Relative difference of abscissae, such as relaxation times, due to rounding.
 _SAME = 1e-6
 
 

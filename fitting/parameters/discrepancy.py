@@ -25,7 +25,7 @@ import numpy as np
 
 from fitting.parameters.constraints import is_number
 
-# Widths between which an estimated one lies [-], from a tenth of a decade to 1.6 decades.
+# Widths of the posterior if the width is estimated [-], from a tenth of a decade to 1.6 decades.
 WIDTHS = tuple(math.log(10) * 0.1 * 2**k for k in range(5))
 
 

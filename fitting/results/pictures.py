@@ -16,13 +16,13 @@ from fitting.uncertainty.intervals import Band
 from rubberfric.base import quick_jit
 from rubberfric.plot import style
 
-# Greatest number of conditions drawn with lines; beyond it data are drawn set by set, without lines.
+# Largest number of conditions that are drawn with lines; above it data sets are drawn without lines.
 _CURVES = 10
-# Points of a line.
+# Number of points of a line.
 _POINTS = 120
 # Marks a missing temperature or pressure.
 _ABSENT = -1.0
-# Parameters up to which every number is written, and up to which the sign of the large ones is.
+# Largest number of parameters with a number in every cell, and with signs in cells of large correlations.
 _NUMBERS, _SIGNS = 14, 40
 _LARGE = 0.5
 # Size of the cells in a new figure, and the margin around them [inch].

@@ -166,7 +166,7 @@ def _dress(quantity, points, upper, lower):
     ends = np.concatenate([points.measured - points.below, points.measured + points.above, points.fitted])
     if logarithmic:
         ends = ends[ends > 0]
-    # Bands may be wide beyond measure; measured and fitted values are not.
+    # The limits follow from measured and fitted values, because bands may be extremely wide.
     if ends.size:
         low, high = ends.min(), ends.max()
         if logarithmic:

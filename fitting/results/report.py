@@ -17,11 +17,11 @@ from fitting.solvers.options import SOLVERS
 from fitting.solvers.problem import ASSUMED
 from rubberfric.base import unit_of
 
-# Greatest number of elements listed for a key path; longer arrays show the first and the last.
+# Largest number of elements listed for a key path; longer arrays show the first and the last.
 LISTED = 24
-# Least correlation that is reported, and the greatest number of them.
+# Smallest correlation that is reported, and the largest number of them.
 _CORRELATED, _PAIRS = 0.5, 20
-# Greatest number of names without an error bar in the headlines.
+# Largest number of names without an error bar in the headlines.
 _BARE = 4
 
 

@@ -137,7 +137,7 @@ def after_move(
     promised = _linear_promise(new, longest)
     negligible = NEGLIGIBLE * max(lowest, 1.0)
     near = promised <= _PROMISED * negligible
-    # Data that are met exactly go on until their cost is at rounding.
+    # Fits of exact data continue until the cost is at rounding level.
     hidden = near and lowest > 20 * NEGLIGIBLE and new.costs[0] - lowest <= _GAINED * negligible
     if lowest <= rounding:
         status = PERFECT

@@ -147,10 +147,10 @@ def plan_step(
     V = V * jnp.any(jacobian != 0, 0)
     along = U.T @ rows
     dampings = jnp.clip(damping * np.asarray(TRIALS, dtype), SOFTEST, STIFFEST)
-    # s = 0 throughout: nothing to gain, and no step.
+    # If all s are 0, there is no gain and no step.
     gains = s / (s**2 + dampings[:, None] * jnp.where(s[0] > 0, s[0], 1.0) ** 2)
     velocities = -(gains * along) @ V
-    # exp and the tails of the logit leave the range where the linear model means anything.
+    # The linear model is not valid for large changes of exp or in the tails of the logit.
     velocities = velocities * _limited(velocities, longest)
     return Plan(plain, factor, jacobian, U, s, V, along, dampings, gains, velocities, finite)
 
@@ -205,8 +205,8 @@ def accept_better(
     # The second part is the rounding of the cost, which dominates in float32.
     little = tolerance * iterate.cost + 0.02 * jnp.sqrt(rounding * iterate.cost)
     done = (promised <= little) & (iterate.cost - lowest <= little)
-    # Rounding, and the tolerance of the temperatures, may hide the rest of the way, also from shorter steps.
-    # Data that are met exactly go on until their cost is at rounding.
+    # Rounding, and the tolerance of the temperatures, may hide further gains, also from shorter steps.
+    # Fits of exact data continue until the cost is at rounding level.
     near = promised <= NEGLIGIBLE * jnp.maximum(iterate.cost, 1.0)
     hidden = near & (iterate.cost > 2 * NEGLIGIBLE)
     stalled = ~accepted & (hidden | (damping >= STIFFEST))

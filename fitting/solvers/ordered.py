@@ -80,11 +80,11 @@ def _steps(variables: Variables) -> tuple[_Step, ...]:
 
     for pair in variables.order:
         one, other = (places.get(end, (None, None)) for end in pair)
-        # A number that follows the rms slope has no bounds: `in_order` refuses what leaves the order.
+        # A number that follows the rms slope has no bounds; `in_order` refuses values out of order.
         if one is None or other is None or one[0] == other[0]:
             continue
         (low, low_ratio), (high, high_ratio) = one, other
-        # Nor have tied numbers that bound each other in a circle.
+        # Tied numbers that bound each other in a cycle have no bounds either.
         if high is not None and (low is None or high not in chain(low)):
             below.setdefault(high, []).append(_Bound(low, pair.low, (low_ratio, high_ratio)))
         if low is not None and (high is None or high not in chain(low)):
@@ -142,7 +142,7 @@ class _Walk:
                 low = value if low is None else xp.maximum(low, value)
             a = -np.inf if low is None else self._inverse(i, low)
             b = self._inverse(i, self.top[i])
-            # Rounding must not take a value across.
+            # A margin for rounding, so that no value crosses its bound.
             a, b = a + self._clear(a), b - (1 + 2 * self.above[i]) * self._clear(b)
             yield _Bounds(i, source, a, b)
 
