@@ -6,9 +6,8 @@ relaxation spectrum H >= 0,
 .. math:: E' = E_\infty + \int H \frac{\omega^2\tau^2}{1 + \omega^2\tau^2} d\ln\tau,\qquad
           E'' = \int H \frac{\omega\tau}{1 + \omega^2\tau^2} d\ln\tau
 
-[J. D. Ferry, Viscoelastic Properties of Polymers, 1980, ch. 3]. Measured data may violate
-this: master curves of several sweeps, raw data with a wrong compliance of the instrument, or a strain that
-softens the rubber.
+[J. D. Ferry, Viscoelastic Properties of Polymers, 1980, ch. 3]. Measured data may violate this: master curves
+of several sweeps, raw data with a wrong compliance of the instrument, or a strain that softens the rubber.
 """
 
 import dataclasses

@@ -296,9 +296,9 @@ def fit_prony(
     Raises
     ------
     ValueError
-        one line: data of another kind, temperatures without a shift or outside its range,
-        fewer measured values than unknowns, frequencies that leave a gap of more than two
-        decades (curves that do not overlap), relaxation times more than two decades outside the data.
+        one line: data of another kind, temperatures without a shift or outside its range, fewer measured
+        values than unknowns, frequencies that leave a gap of more than two decades (curves that do not
+        overlap), relaxation times more than two decades outside the data.
 
     Notes
     -----

@@ -28,8 +28,7 @@ class Gaussian:
 
     Parameters
     ----------
-    mean, sigma : mean and standard deviation in the parameter's unit, one number for all elements of the
-        path, or one for each
+    mean, sigma : mean and standard deviation in the parameter's unit, one for all elements or one for each
         For a Positive parameter sigma / mean is the standard deviation of its logarithm.
     """
 

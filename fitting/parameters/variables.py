@@ -1,10 +1,9 @@
 """Free parameters: the numbers of a scene that a fit may change, and the variables x of the solvers.
 
-A parameter is named by its key path in the scene: "gamma", "lower.spectrum.hurst",
-"upper.material.E" (all elements), "upper.material.E[3]", "upper.material.E[4:]". Its rule
-determines its allowed values. With several scenes (`fitting.parameters.scenes`), "*.shear.tau_f0" is one
-number for all of them. Solvers use one vector x of unconstrained numbers, one for each free element. A step
-of 1 in x changes a value by about its own size:
+A parameter is named by its key path in the scene: "gamma", "lower.spectrum.hurst", "upper.material.E" (all
+elements), "upper.material.E[3]", "upper.material.E[4:]". Its rule determines its allowed values. With several
+scenes (`fitting.parameters.scenes`), "*.shear.tau_f0" is one number for all of them. Solvers use one vector x
+of unconstrained numbers, one for each free element. A step of 1 in x changes a value by about its own size:
 
 =============  ========================================  =======================
 rule           value                                     x

@@ -6,8 +6,7 @@ with geodesic acceleration [Transtrum & Sethna, arXiv:1201.5885], which halves t
 curved valleys of relaxation spectra. One singular value decomposition of the Jacobian serves two dampings.
 The larger one is tried if the smaller one brings less than `SUFFICIENT` of the gain that the linear model
 predicts, and the better of both is accepted. The second trial costs little, because evaluating the residuals
-takes a small part of the time of the Jacobian.
-Directions that do not change the data (s = 0) stay unchanged.
+takes a small part of the time of the Jacobian. Directions that do not change the data (s = 0) stay unchanged.
 """
 
 import dataclasses

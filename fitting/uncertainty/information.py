@@ -13,9 +13,9 @@ information M_0, the n measurements with
 
 are found by adding the best ones in turn, and then exchanging single measurements until no exchange improves
 [Fedorov, Theory of Optimal Experiments, Academic Press 1972; Atkinson, Donev & Tobias, Optimum Experimental
-Designs, Oxford 2007, chapter 12]. K sets of rows, from draws of the prior
-information, make the design robust. Logarithms are averaged [Chaloner & Larntz, J. Stat. Plan. Inference 21,
-191 (1989)], so that a large variance gives a draw no more weight. One more row changes both criteria by
+Designs, Oxford 2007, chapter 12]. K sets of rows, from draws of the prior information, make the design
+robust. Logarithms are averaged [Chaloner & Larntz, J. Stat. Plan. Inference 21, 191 (1989)], so that a large
+variance gives a draw no more weight. One more row changes both criteria by
 
 .. math:: \Delta\phi_D = \ln(1 + a^T M^{-1} a),\qquad
           \Delta\phi_L = -\ln\Big(1 - \frac{1}{\mathrm{tr}(L\, M^{-1})}

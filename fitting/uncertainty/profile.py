@@ -4,8 +4,7 @@ The interval is where twice the cost is less than q^2 above its minimum, q being
 quantile. A profile begins as a row of fits about the solution. Three things follow:
 
 - If the parameters of a neighbouring value give a lower cost, the fit is repeated from them. The interval
-refers
-  to the lowest minimum found, which may lie below the fit.
+  refers to the lowest minimum found, which may lie below the fit.
 - Each side is extended geometrically until the threshold is crossed, or the parameter is at the end of the
   range that its rule allows, or `FARTHEST` from the fit.
 - Near the threshold, values are added until interpolation finds the end.
