@@ -59,7 +59,7 @@ class PronyFit:
     weights : weights of E' and of E''
     names : key paths of the moduli that were fitted
     values, stderr, covariance : the moduli [Pa], their errors and covariance; NaN where withheld
-    correlation : of ln E; NaN where withheld
+    correlation : correlation of ln E; NaN where withheld
     withheld : reasons for missing error bars, by the names of the moduli
     unidentified : combinations of moduli that the data do not determine
     estimated : relative error estimated from the scatter; None if errors were given
@@ -281,7 +281,7 @@ def fit_prony(
         range is represented by the end terms and E_inf.
     tau : relaxation times [s] instead of that grid, all different
     E_inf : "fit", or the relaxed modulus [Pa], fixed (0: a liquid)
-    poisson, shift : of the material; a shift is not fitted here, see `fit_master_curve`
+    poisson, shift : fields of the material; `fit_master_curve` fits a shift
     smooth : sigma of a `Smooth` prior [-], or "auto", or None
         For noisy data. With a prior no term vanishes, and gaps in the frequencies are bridged. "auto" chooses
         the sigma with the smallest prediction error by generalised cross-validation [Golub, Heath &

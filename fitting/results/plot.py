@@ -68,7 +68,7 @@ def plot_profile(profile: LikelihoodProfile, ax: style.Panels | None = None) -> 
 
     Parameters
     ----------
-    profile : of `FitResult.profile` or `FitResult.profile_cutoff`
+    profile : LikelihoodProfile, from `FitResult.profile` or `FitResult.profile_cutoff`
     ax : two matplotlib axes, or None
         None: axes of a new figure, `ax[0].figure`.
 

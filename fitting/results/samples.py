@@ -38,7 +38,7 @@ class Samples:
     x : draws in the variables of the solver, shape (chains, draws, size)
     values : draws of the free numbers, in their units, shape (chains, draws, size)
     log_density : up to a constant, shape (chains, draws)
-    diverging, accepted, steps : whether the trajectory of a draw diverged, its mean acceptance probability,
+    diverging, accepted, steps : True if the trajectory of a draw diverged, its mean acceptance probability,
         and its evaluations of the density, shape (chains, draws)
     rhat : rank-normalised split R-hat of every parameter, 1 if the chains agree, shape (size,)
     ess : bulk effective sample size of every parameter, shape (size,)

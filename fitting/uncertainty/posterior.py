@@ -332,7 +332,7 @@ def joint_prior(
     Parameters
     ----------
     paths : key paths of the parameters, each of one or more elements
-    mean, covariance, limits, places : as of `Correlated`; limits (low, high)
+    mean, covariance, limits, places : as in `Correlated`, with limits = (low, high)
     body : body of the other scene, which replaces "lower" or "upper" in the paths; None: unchanged
     widen : factor of all standard deviations
     """

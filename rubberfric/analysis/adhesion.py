@@ -77,7 +77,7 @@ def pull_off_force(
     ----------
     scene : Scene with adhesion
     radius : R [m], > 0, a number
-    pressure, temperature : at which contact was made, array_like, broadcastable [Pa], [K]
+    pressure, temperature : conditions at which contact was made, array_like, broadcastable [Pa], [K]
     quadrature : Quadrature, static
 
     Returns

@@ -263,7 +263,7 @@ def first(function: Callable[[jax.Array], jax.Array], top: jax.Array, tried: int
 
     Parameters
     ----------
-    function : of a number, below 0 at 0
+    function : function of a number that is negative at 0
     top : end of the range, which is returned if the function is below 0 throughout
     tried : number of nodes, including both ends
     """
@@ -294,7 +294,8 @@ def zero(
 
     Parameters
     ----------
-    function : of a number, below 0 at 0. Where it is below 0 at top, top is returned as not found
+    function : function of a number that is negative at 0. If it is also negative at top, top is returned as
+        not found
     near : initial guess and bracket
     top : end of the range
 

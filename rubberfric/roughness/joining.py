@@ -82,7 +82,7 @@ def join_spectra(
     spectra : two or more, SelfAffine or TabulatedSpectrum, in order of their range: each begins and ends
         at larger q than the previous one
     method : "crossover" or "mean"
-    weights : of the lower and the upper spectrum for "mean", >= 0, such as their inverse variances
+    weights : weights of the lower and the upper spectrum for "mean", >= 0, such as their inverse variances
 
     Returns
     -------

@@ -116,7 +116,7 @@ class Roughness(NamedTuple):
         Parameters
         ----------
         velocity, pressure : shape (points,) [m/s], [Pa]
-        temperatures : for each contribution the temperatures of its two solids [K]: None, (points,), or
+        temperatures : for each contribution, the temperatures of its two solids [K]: None, (points,), or
             (angular panels, points, angular order)
         """
         terms = [

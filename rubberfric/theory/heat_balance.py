@@ -144,7 +144,7 @@ def inner_temperatures(
     Parameters
     ----------
     thermal, mesh : Thermal, Mesh
-    rises : of every deformable solid, one after the other [K], shape (points, solids * unknowns)
+    rises : temperature rises of every deformable solid in turn [K], shape (points, solids * unknowns)
     background : [K], shape (points,)
 
     Returns

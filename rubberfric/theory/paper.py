@@ -53,7 +53,7 @@ def gauss_nodes(order: int = 12, panels: int = 6, graded: int = 14, step: float 
     panels : equal panels of a piece of ln q, in s = sqrt(y)
     graded : further panels towards its left end, each a quarter of the next, because P falls from 1 within
         ln(q / q0) = 1e-4 at tyre pressures and 1e-18 at light loads
-    step : of the trapezoidal rule in t, cos(phi) = 1 / cosh(t), which converges as exp(-pi^2 / step)
+    step : step of the trapezoidal rule in t, cos(phi) = 1 / cosh(t), which converges as exp(-pi^2 / step)
     """
     edges = np.arange(1, panels + 1) / panels
     edges = np.concatenate([[0.0], edges[0] * 4.0 ** np.arange(-graded, 0), edges])

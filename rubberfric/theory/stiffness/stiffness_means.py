@@ -180,7 +180,7 @@ def known_tables(scene: Scene, quantities: tuple[str, ...], dtype: np.dtype) -> 
     ----------
     scene : Scene
     quantities : fields of `Solution`
-    dtype : of the tables
+    dtype : dtype of the tables
     """
     materials = scene.lower.material, scene.upper.material
     if scene.heating is not None or not any(one.deforms and one.needs_quadrature for one in materials):
