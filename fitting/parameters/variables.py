@@ -82,7 +82,7 @@ class Constants(NamedTuple):
     """Numbers that complete a `Variables` structure: leaves, ranges and ratios; a pytree."""
 
     leaves: tuple[Array, ...]  # leaves of the scene at the start
-    low: Array  # lower bound, 0 if there is none, shape (size,)
+    low: Array  # lower bound, 0 for unbounded elements, shape (size,)
     width: Array  # high - low of Bounded, scale of Free, 1 for Positive elements
     ratios: tuple[Array, ...]  # ratios of every Tied group, (elements,); slope of every RmsSlope, (1,)
 

@@ -203,7 +203,7 @@ def check_proper(solved: SolvedProblem, flat: str) -> None:
         if direction.deviation > OPEN and np.abs(direction.loadings[~bounded]).max(initial=0.0) > _PART:
             raise ValueError(
                 f"sample: direction {number} is not determined, {direction.text}; it must have a Gaussian"
-                " prior, a fixed parameter, or only Bounded parameters and flat='values'"
+                " prior or a fixed parameter (a Bounded one is safe with flat='values')"
             )
 
 

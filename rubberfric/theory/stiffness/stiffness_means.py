@@ -172,7 +172,7 @@ def _harmonic_shares(surface: RoughSurface, q: jax.Array) -> Harmonics | None:
 
 
 def known_tables(scene: Scene, quantities: tuple[str, ...], dtype: np.dtype) -> Tables | None:
-    """Return a list with the table, or None, of each rough surface; None if no surface has a table.
+    """Return the table (or None) of each rough surface; None if no surface has a table.
 
     A table is kept for the next call with the same numbers of the materials.
 
