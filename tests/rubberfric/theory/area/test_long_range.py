@@ -342,7 +342,7 @@ def test_the_weights_of_the_separations():
 def test_wrong_ranges_are_refused():
     with pytest.raises(ValueError, match=r"^Adhesion.range is None: must be given, in m"):
         rf.Adhesion(0.05, limit="long")
-    with pytest.raises(ValueError, match=r"^Adhesion.range: adhesion of short range has none"):
+    with pytest.raises(ValueError, match=r"^Adhesion.range: must be None for adhesion of short range"):
         rf.Adhesion(0.05, range=1e-8)
     with pytest.raises(ValueError, match=r"range"):
         rf.Adhesion(0.05, limit="long", range=-1.0)
