@@ -31,7 +31,7 @@ from fitting.uncertainty.discrepancy import (
 )
 from fitting.uncertainty.verdict import common_ratio, rescaled_errors
 
-# Fits, each weighted with the errors that the one before it estimated.
+# Number of fits, each weighted with the errors that the previous fit estimated.
 ROUNDS = 2
 
 
@@ -79,7 +79,7 @@ def fit(
         The result of another fit can be a prior: prior=fit_prony(data).as_prior("lower") | {...}.
     callback : called as callback(step, cost) after every step, or None
     loss, loss_width : "linear", "huber", "soft_l1" or "cauchy", and its width in standard errors
-        None: the width at which Gaussian data lose 5 % of their weight (`fitting.solvers.losses`).
+        None: the width at which the loss is 95 % efficient for Gaussian data (`fitting.solvers.losses`).
     decades : random starts of Positive parameters lie within a factor 10^decades
     max_steps, tolerance : limits of the method; None: its defaults
     quadrature : Quadrature of the forward model
@@ -133,7 +133,7 @@ def fit(
     tell(f"compiling a fit of {problem.variables.size} numbers to {problem.targets.measured.size} values")
     x = random_starts(problem.variables, problem.start, key, starts, decades)
     runs = search(solver, problem, x, max_steps, callback)
-    # argmin would take a NaN for the least.
+    # argmin would return a NaN.
     best = int(np.argmin(np.where(np.isfinite(runs.cost), runs.cost, np.inf)))
     if not np.isfinite(runs.cost[best]):
         raise FloatingPointError(_not_finite(problem, data))
@@ -207,14 +207,14 @@ def fit(
 
 
 def _from(solver, problem, x, max_steps, callback, starts):
-    """Return the end of a fit that begins at x, and its evaluations."""
+    """Return the result of a fit that begins at x, and its numbers of evaluations."""
     # Keep the batch size, because another one would need a compilation.
     end = run_fits(solver, problem, x[None], None, max_steps, callback, min(FIT_BATCH, starts)).row(0)
     return end, np.array([end.nfev, end.njev])
 
 
 def _resolved(solver, problem, end, data, max_steps, callback, starts, tell):
-    """Return Go on with a fit until its quadrature is fine enough for the scene at its end."""
+    """Continue a fit until its quadrature is fine enough for the scene at its end."""
     evaluations = np.zeros(2, int)
     while succeeded(end.status) and (with_more := finer(problem, end.x, data)) is not None:
         tell("fitting on, with the quadrature that the scene at the end of the fit needs")
@@ -239,7 +239,7 @@ def _minima(problem, runs):
 
 
 def _not_finite(problem, data):
-    """Return one line about the values that are not finite at the start."""
+    """Return a line about the predictions that are not finite at the start."""
     rows = residual_rows(problem, problem.start)
     for one, where in zip(data, problem.order, strict=True):
         bad = np.flatnonzero(~np.isfinite(rows[where]))

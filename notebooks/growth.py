@@ -262,8 +262,8 @@ def _table(*columns):
 
 def _velocities(rows):
     yield (
-        "Velocities of a map that is written to a file. Memory is in excess of a map of 1e5 velocities. For "
-        "1e7 it contains a copy of the velocities (80 MB):"
+        "Number of velocities of a map that is written to a file. The added memory is relative to a map of "
+        "1e5 velocities. For 1e7 velocities it contains a copy of the velocities (80 MB):"
     )
     yield ""
     yield from _table("velocities", "seconds", "µs a point", "memory added [MB]", "largest memory [MB]")

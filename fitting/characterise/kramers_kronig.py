@@ -6,8 +6,8 @@ relaxation spectrum H >= 0,
 .. math:: E' = E_\infty + \int H \frac{\omega^2\tau^2}{1 + \omega^2\tau^2} d\ln\tau,\qquad
           E'' = \int H \frac{\omega\tau}{1 + \omega^2\tau^2} d\ln\tau
 
-[J. D. Ferry, Viscoelastic Properties of Polymers, 1980, ch. 3]. Master curves of several sweeps, of raw data
-with a wrong compliance of the instrument, or at a strain that softens, may violate this.
+[J. D. Ferry, Viscoelastic Properties of Polymers, 1980, ch. 3]. Measured data may violate this: master curves
+of several sweeps, raw data with a wrong compliance of the instrument, or a strain that softens the rubber.
 """
 
 import dataclasses
@@ -22,14 +22,14 @@ from rubberfric.base import shown
 from rubberfric.materials import Shift
 from rubberfric.plot import style
 
-# The contradiction is counted where its standard error is below this.
+# Nodes of the contradiction are counted if its standard error is below this.
 _COUNTED = 0.25
-# Chance of as large a contradiction in data without any, below which it is one.
+# Data are inconsistent if the probability of their contradiction is below this.
 _CHANCE = 0.01
 _WORST = 3
-# Relaxation times per decade: a power law is met to 1e-4. How many decades they reach beyond the data.
+# Relaxation times per decade, which fit a power law to 1e-4; and decades that they reach beyond the data.
 _TIMES, _BEYOND = 3, 2.0
-# Fits, each weighted with the scatter of E' and E'' about the one before it; the least scatter.
+# Number of fits, each weighted with the scatter of E' and E'' about the previous fit; smallest scatter.
 _ROUNDS, _EXACT = 4, 1e-4
 # Prior standard deviation of a term, in units of the estimate from the loss at its peak.
 _ALIKE = 2.0
@@ -38,15 +38,18 @@ _FEWEST = 6  # frequencies
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class KramersKronig:
-    """How far E' and E'' contradict each other.
+    """Result of `kramers_kronig`: the contradiction between measured E' and E''.
+
+    The contradiction is the logarithm of measured E'' over the E'' that follows from E'.
 
     Attributes
     ----------
-    omega : angular frequencies, evenly in ln omega from end to end of the data [rad/s], shape (n,)
-    contradiction : ln(E'' measured / E'' that E' implies) there, linear between [-], shape (n,)
-    stderr, covariance : of it, by the scatter of the data (their errors, if they have some)
-    counted : where it is known to 0.25 at least; the ends of the data never are if they scatter, as what
-        relaxes beyond them is not seen
+    omega : angular frequencies of nodes, evenly spaced in ln omega over the data [rad/s], shape (n,)
+    contradiction : ln(E'' measured / E'' implied by E') at the nodes, linear between them [-], shape (n,)
+    stderr, covariance : standard errors and covariance of the contradiction, from the errors of the data
+        or, without them, from their scatter
+    counted : True for nodes whose standard error is below 0.25; False at the ends of data with scatter,
+        because relaxation beyond the ends is not measured
     scatter : relative errors of E' and of E'', estimated or given (median)
     data : the data that were checked
     """
@@ -67,9 +70,9 @@ class KramersKronig:
 
     @property
     def rms(self) -> float:
-        """Root mean square of the contradiction where it counts, less what scatter explains; NaN if nowhere.
+        """Root mean square of the contradiction at the counted nodes, minus the part due to scatter.
 
-        Frequencies weigh with 1/stderr^2.
+        Nodes have the weights 1/stderr^2. NaN if no node is counted.
         """
         if not self.counted.any():
             return np.nan
@@ -79,7 +82,7 @@ class KramersKronig:
 
     @property
     def chance(self) -> float:
-        """Probability of a contradiction as large in data of one material, by chi-square; NaN if unknown."""
+        """Probability that data without a contradiction scatter as much, by chi-square; NaN if unknown."""
         c = self.counted
         if not c.any():
             return np.nan
@@ -93,7 +96,7 @@ class KramersKronig:
 
     @property
     def worst(self) -> tuple[tuple[float, float, float], ...]:
-        """(omega, contradiction, stderr) of the most significant parts, at most three, worst first."""
+        """Tuples (omega, contradiction, stderr) of the most significant nodes, at most three, worst first."""
         pull = np.where(self.counted, np.abs(self.contradiction) / self.stderr, 0.0)
         found = []
         for i in np.argsort(-pull):
@@ -121,7 +124,7 @@ class KramersKronig:
         else:
             lines.append(
                 f"    CONTRADICT EACH OTHER: E'' is off by {self.rms:.1%} rms from what E' implies"
-                f" (chance of that by scatter {max(self.chance, 1e-99):.1g})"
+                f" (probability by scatter {max(self.chance, 1e-99):.1g})"
             )
         for omega, value, error in () if self.consistent else self.worst:
             side = "above" if value > 0 else "below"
@@ -186,21 +189,22 @@ class KramersKronig:
 def kramers_kronig(
     data: ModulusData, per_decade: float = 2.0, *, shift: Shift | None = None
 ) -> KramersKronig:
-    r"""Return how far measured E' and E'' contradict each other, and where.
+    r"""Test whether measured E' and E'' satisfy the Kramers-Kronig relations.
 
     .. math:: \min_{H \ge 0, k} \sum_j \left(\frac{\ln E'_j / E'(\omega_j)}{s'}\right)^2
               + \left(\frac{\ln E''_j / E''(\omega_j) - k(\omega_j)}{s''}\right)^2
 
-    k, linear in ln omega from node to node, is free: the logarithm of what E'' is too large by. Relaxation
-    times lie at three a decade up to two decades beyond the data, so that the ends are not forced.
+    The free function k, linear in ln omega between nodes, is the logarithm of the factor by which E'' is too
+    large. There are three relaxation times per decade, up to two decades beyond the data, so that relaxation
+    outside the data is allowed for.
 
     Parameters
     ----------
     data : ModulusData
         with temperatures: raw curves, superposed by `shift`; without: a master curve.
     per_decade : nodes of k per decade, if there are twice as many frequencies [-]
-        more of them find narrower contradictions, and each is known less well.
-    shift : of data with temperatures
+        more nodes resolve narrower contradictions, with larger standard errors.
+    shift : time-temperature shift, for data with temperatures
 
     Returns
     -------
@@ -219,7 +223,7 @@ def kramers_kronig(
     produced, a constant factor of E'' cannot.
 
     To see how a contradiction changes friction, compare the tabulated modulus, which uses both as measured,
-    with the series, which compromises:
+    with a Prony series, which compromises:
 
         table = rubberfric.TabulatedModulus(data.omega, data.storage, data.loss)
         series = fitting.fit_prony(data, 2.0).material
@@ -230,10 +234,10 @@ def kramers_kronig(
     data = reduced(data, shift)
     omega = data.omega
     if not (data.measured > 0).all():
-        raise ValueError(f"data {data.label!r}: have values <= 0: E' and E'' must be > 0")
+        raise ValueError(f"data {data.label!r} have values <= 0; E' and E'' must be > 0")
     t, n = np.log10(omega), omega.size
     if n < _FEWEST:
-        raise ValueError(f"data {data.label!r}: {n} frequencies: must be {_FEWEST} at least")
+        raise ValueError(f"data {data.label!r}: {n} frequencies: must have at least {_FEWEST}")
     count = min(max(round(per_decade * np.ptp(t)), 1) + 1, n // 2)
     nodes = np.linspace(t.min(), t.max(), count)
     hats = np.stack([np.interp(t, nodes, one) for one in np.eye(count)], axis=1)
@@ -250,8 +254,8 @@ def kramers_kronig(
         model = A @ E
         apart = np.log(data.measured / model)
         contradiction = np.linalg.lstsq(hats / error[n:, None], apart[n:] / error[n:], rcond=None)[0]
-        # Terms at 0 may change as well, by the estimate from the loss at their peak: the error bars then
-        # cover all spectra that fit, not this one alone.
+        # Terms at 0 may change too, by the estimate from the loss at their peak, so that the error bars cover
+        # all spectra that fit.
         width = _ALIKE * np.maximum(E, typical)
         J = np.concatenate([A * width / model[:, None], free], axis=1) / error[:, None]
         precision = J.T @ J + np.diag(np.append(np.ones(E.size), np.zeros(count)))
@@ -278,7 +282,7 @@ def kramers_kronig(
 
 
 def _relative(data):
-    """Return the relative errors of E' and E'', and whether they were given; of equal size if not."""
+    """Return the relative errors of E' and E'' (1 if unknown), and True if they were given."""
     if data.error is None:
         return np.ones(len(data)), False
     return data.error if data.logarithmic else data.error / data.measured, True

@@ -28,9 +28,9 @@ def plot_master_curve(
     Parameters
     ----------
     data : the master curve
-    of_sweep : number of the sweep of every point
+    of_sweep : index of the sweep of every point
     T : temperatures of the sweeps [K]
-    shifts : ln a_T, its standard errors, and which is the reference
+    shifts : ln a_T, its standard errors, and the index of the reference
     laws : name -> law, drawn as a line
     ax : two axes; None: a new figure
 
@@ -77,7 +77,7 @@ def plot_series(
     ----------
     material : the series
     data : points at other temperatures are shifted to the reference temperature.
-    residuals : of E' and of E'', shape (2, n)
+    residuals : residuals of E' and of E'', shape (2, n)
     ax : two axes; None: a new figure
 
     Returns

@@ -40,31 +40,32 @@ from rubberfric.base import html, shown
 from rubberfric.materials import Shift
 from rubberfric.plot import style
 
-# Cosine between the residuals and a change of ln E that is a minimum still, and rms that is rounding.
+# Largest cosine between the residuals and a change of ln E at a minimum, and rms below which data are exact.
 _FLAT, _EXACT = 1e-4, 1e-9
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class PronyFit:
-    """A Prony series and how well it meets the modulus it was fitted to.
+    """Result of `fit_prony`: a Prony series, its residuals, and the uncertainty of its moduli.
 
     Attributes
     ----------
     material : Prony, without the terms that vanish at the minimum
-    dropped : relaxation times of those [s]; inf stands for E_inf
+    dropped : relaxation times of the terms that vanish [s]; inf stands for E_inf
     residuals : ln(fit / measured) of E' and of E'', shape (2, n); NaN where measured <= 0
     rms_storage, rms_loss : their root mean squares
     data : the data that were fitted
-    smooth : sigma of the prior that was used, the one found for "auto", or None
-    weights : of E' and of E''
+    smooth : sigma of the `Smooth` prior (for "auto" the chosen one), or None
+    weights : weights of E' and of E''
     names : key paths of the moduli that were fitted
     values, stderr, covariance : the moduli [Pa], their errors and covariance; NaN where withheld
-    correlation : of ln E; NaN where withheld
-    withheld : why a modulus has no error bar, by its name
-    unidentified : directions that the data leave open
-    estimated : relative error estimated from the scatter, None where errors were given
-    freedom : measured values minus the moduli that they determine
-    success, message : whether and how the minimum was reached
+    correlation : correlation of ln E; NaN where withheld
+    withheld : reasons for missing error bars, by the names of the moduli
+    unidentified : combinations of moduli that the data do not determine
+    estimated : relative error estimated from the scatter; None if errors were given
+    freedom : degrees of freedom, number of measured values minus the effective number of moduli
+    success : True if the minimum was reached
+    message : description of the end of the fit
     """
 
     material: rf.Prony
@@ -109,22 +110,22 @@ class PronyFit:
 
     @property
     def withheld(self) -> dict[str, str]:
-        """Why a modulus has no error bar, by its name."""
+        """Reasons for missing error bars, by the names of the moduli."""
         return self.solution.uncertainty.withheld
 
     @property
     def unidentified(self) -> tuple[Direction, ...]:
-        """Directions that the data do not determine."""
+        """Combinations of moduli that the data do not determine."""
         return self.solution.uncertainty.unidentified
 
     @property
     def estimated(self) -> float | None:
-        """Relative error estimated from the scatter, None where errors were given."""
+        """Relative error estimated from the scatter; None if errors were given."""
         return self.solution.scale
 
     @property
     def freedom(self) -> float:
-        """Measured values minus the moduli that they determine."""
+        """Degrees of freedom: number of measured values minus the effective number of moduli."""
         return self.count - self.solution.uncertainty.parameters
 
     @property
@@ -140,7 +141,7 @@ class PronyFit:
 
     @property
     def message(self) -> str:
-        """How the fit ended."""
+        """Description of the end of the fit."""
         return MESSAGES[self._status]
 
     def as_prior(self, body: str | None = None, widen: float = 1.0) -> dict[str, Prior]:
@@ -150,7 +151,8 @@ class PronyFit:
 
         Parameters
         ----------
-        body : "lower" or "upper", whose material it is there; None: the body of the data, or "lower"
+        body : "lower" or "upper", body of the other scene with this material; None: the body of the data, or
+            "lower"
         widen : factor of all standard deviations, to allow for differences between oscillation and sliding
 
         Returns
@@ -158,7 +160,7 @@ class PronyFit:
         dict of one `Correlated`, to be joined with other priors by "|"
         """
         if not self.success:
-            raise ValueError(f"as_prior: the fit did not succeed, {self.message}: must have converged")
+            raise ValueError(f"as_prior: the fit did not converge ({self.message}); use a converged fit")
         known, tau = self.solution.uncertainty, np.asarray(self.material.tau)
         none = np.full(known.x.size, np.inf)
         return dict(
@@ -177,11 +179,11 @@ class PronyFit:
     def fit(self) -> FitResult:
         """A FitResult of the same moduli by `fitting.fit`, for intervals, profiles, bootstrap and files.
 
-        Computed on first access, which takes seconds to compile. It weighs E' and E'' equally:
-        ValueError if others were given.
+        Computed on first access, which takes seconds to compile. It needs equal weights of E' and E'':
+        ValueError otherwise.
         """
         if self.weights[0] != self.weights[1]:
-            raise ValueError(f"weights = {self.weights}: fitting.fit weighs E' and E'' alike; must be (1, 1)")
+            raise ValueError(f"weights = {self.weights}: must be equal, as in fitting.fit, for `fit`")
         body = self.names[0].split(".")[0]
         own, other = rf.Body(self.material), rf.Body(rf.Rigid())
         scene = rf.Scene(own, other) if body == "lower" else rf.Scene(other, own)
@@ -227,7 +229,7 @@ class PronyFit:
             lines.append(f"    weights: E' {self.weights[0]:g}, E'' {self.weights[1]:g}")
         if self.dropped.size:
             times = ", ".join(f"{t:.3g}" for t in self.dropped)
-            lines.append(f"    absent, since the data are met best without them: tau = {times} s")
+            lines.append(f"    absent, because the best fit does not have them: tau = {times} s")
         lines.append(f"    {'tau [s]':>10} {'E [Pa]':>11}")
         lines += [f"    {time:>10} {value:>11}  {more}" for time, value, more in self._rows()]
         if np.inf in self.dropped:
@@ -244,7 +246,7 @@ class PronyFit:
         return html.table(rows, ("tau [s]", "E [Pa]", "error [Pa]"), caption)
 
     def _rows(self):
-        """Return texts of every term, E_inf first: time, modulus, and its error or the reason for none."""
+        """Return the texts of every term, E_inf first: time, modulus, and its error or why it has none."""
         tau, E = np.asarray(self.material.tau), np.asarray(self.material.E)
         rows = [("inf", "E_inf", float(self.material.E_inf))]
         rows += [(f"{tau[i]:.4g}", f"E[{i}]", float(E[i])) for i in range(tau.size)]
@@ -273,19 +275,19 @@ def fit_prony(
     ----------
     data : ModulusData
         with temperatures: raw curves, superposed by `shift`; without: a master curve.
-    per_decade : relaxation times per decade, at least; > 0
-        evenly in ln tau from 1/omega_max to 1/omega_min of the (reduced) frequencies: the loss
-        of the first and the last term peaks at the ends of the data. The data see only a flank of
-        terms further out, which the end terms and E_inf represent.
+    per_decade : minimum number of relaxation times per decade, > 0
+        They are evenly spaced in ln tau from 1/omega_max to 1/omega_min of the (reduced) frequencies, so
+        the loss of the first and the last term peaks at the ends of the data. Relaxation outside this
+        range is represented by the end terms and E_inf.
     tau : relaxation times [s] instead of that grid, all different
     E_inf : "fit", or the relaxed modulus [Pa], fixed (0: a liquid)
-    poisson, shift : of the material; a shift is not fitted here, see `fit_master_curve`
+    poisson, shift : fields of the material; `fit_master_curve` fits a shift
     smooth : sigma of a `Smooth` prior [-], or "auto", or None
-        for noisy data: no term is absent then, and gaps in the frequencies are bridged. "auto" takes
-        the sigma with the least prediction error: generalised cross-validation [Golub, Heath & Wahba,
-        Technometrics 21 (1979) 215, doi:10.1080/00401706.1979.10489751]; no L-curve is drawn.
+        For noisy data. With a prior no term vanishes, and gaps in the frequencies are bridged. "auto" chooses
+        the sigma with the smallest prediction error by generalised cross-validation [Golub, Heath &
+        Wahba, Technometrics 21 (1979) 215, doi:10.1080/00401706.1979.10489751].
     weights : (w', w''), >= 0 [-]
-        how much E' and E'' count; 0 leaves one of them out.
+        weights of E' and E''; 0 leaves one of them out.
 
     Returns
     -------
@@ -294,16 +296,15 @@ def fit_prony(
     Raises
     ------
     ValueError
-        one line: data of another kind, temperatures without a shift or outside its range,
-        fewer measured values than unknowns, frequencies that leave a gap of more than two
-        decades (curves that do not overlap), relaxation times more than two decades outside.
+        one line: data of another kind, temperatures without a shift or outside its range, fewer measured
+        values than unknowns, frequencies that leave a gap of more than two decades (curves that do not
+        overlap), relaxation times more than two decades outside the data.
 
     Notes
     -----
-    The bounded minimum is found by active sets (`fitting.characterise.prony_series`), not by updates
-    that keep E > 0 and approach zeros for ever; terms at 0 there are dropped, as a modulus of
-    1e-30 Pa would help no scene. With `smooth` the start is E_i = (2/pi) E''(1/tau_i) d ln tau
-    instead, the loss at a term's peak, and Levenberg-Marquardt steps in ln E follow.
+    The minimum over E >= 0 is found by the active sets of `fitting.characterise.prony_series`, which give
+    exact zeros. Terms with E = 0 are dropped. With `smooth`, Levenberg-Marquardt steps in ln E begin at
+    E_i = (2/pi) E''(1/tau_i) d ln tau, the value from the loss at the peak of each term.
     """
     rf.Prony(1.0, [1.0], [1.0], poisson, shift)  # checks poisson and shift
     if smooth != "auto" if isinstance(smooth, str) else smooth is not None and not _strength(smooth):
@@ -318,7 +319,7 @@ def fit_prony(
     if count < series.tau.size:
         raise ValueError(
             f"data {data.label!r}: {series.measured.size} values for {series.tau.size} unknowns:"
-            " must be as many at least; lower per_decade, give tau, or smooth"
+            " must have at least as many; lower per_decade, or give tau or smooth"
         )
     if smooth is None:
         check_gaps(data, omega)
@@ -327,7 +328,7 @@ def fit_prony(
         E = _peaks(reference, omega, series.tau)
     kept = E > 0
     if not kept[: tau.size].any():
-        raise ValueError(f"data {data.label!r}: want no relaxing term at all: their loss must be > 0")
+        raise ValueError(f"data {data.label!r}: the fit has no relaxing term; E'' must be > 0")
     found = series.only(kept)
     strength = found.cross_validated(E[kept]) if isinstance(smooth, str) else smooth
     solution = found.solved(E[kept], strength)
@@ -358,14 +359,12 @@ def _weights(weights):
     """Return the weights of E' and E'' as an array, checked."""
     weight = np.array([w if is_number(w) else np.nan for w in np.ravel(np.array(weights, object))], float)
     if weight.shape != (2,) or not (np.isfinite(weight) & (weight >= 0)).all() or not weight.any():
-        raise ValueError(
-            f"weights = {shown(weights)}: must be two numbers >= 0, of E' and of E'', not both 0"
-        )
+        raise ValueError(f"weights = {shown(weights)}: must be two numbers >= 0, for E' and E'', not both 0")
     return weight
 
 
 def _series(data, omega, tau, relaxed, weight):
-    """Return the least-squares problem of the rows that have a weight."""
+    """Return the least-squares problem with the rows whose weight is > 0."""
     tau = np.append(tau, np.inf) if relaxed is None else tau
     known = np.repeat([relaxed or 0.0, 0.0], omega.size)
     error = np.ones(len(data)) if data.error is None else data.error

@@ -23,35 +23,38 @@ from fitting.uncertainty.covariance import Uncertainty, from_jacobian
 from rubberfric.base import POSITIVE, as_leaf, check_values, shown
 from rubberfric.materials import Shift
 
-# Decades between neighbouring frequencies; in a wider gap the loss of a term in its middle is
-# down to a fifth wherever it is measured.
+# Decades between neighbouring frequencies; a term in the middle of a wider gap would not be determined: its
+# loss is less than a fifth of its peak at all frequencies.
 _GAP = 2.0
-# Decades a given relaxation time may lie outside 1/omega; beyond, its loss is 1 % of its modulus.
+# Largest distance of a given relaxation time from the range of 1/omega in decades, where its loss is 1 % of
+# its modulus.
 _REACH = 2.0
-# Greatest numbers of Gauss-Newton steps of the bounded problem and of Levenberg-Marquardt steps.
+# Largest numbers of Gauss-Newton steps of the bounded problem and of Levenberg-Marquardt steps.
 _STEPS, _ITERATIONS = 50, 200
-# A term below this part of E' and E'' at all frequencies is absent.
+# A term is dropped if it is below this share of E' and E'' at all frequencies.
 _ROUNDING = 1e-9
-# Fits, each weighted with the errors that the one before it estimated.
+# Number of fits, each weighted with the errors estimated by the previous fit.
 _ROUNDS = 2
 # Strengths of a smooth prior that are tried, in changes of the slope from term to term.
 _STRENGTHS = np.geomspace(0.03, 30.0, 19)
 
 
 def reduced(data: ModulusData, shift: Shift | None) -> ModulusData:
-    """Return the data as they were at the reference temperature: E(a_T omega) = E(omega, T) / b_T."""
+    """Convert the data to the reference temperature: E(a_T omega) = E(omega, T) / b_T."""
     if not isinstance(data, ModulusData):
-        raise ValueError(f"data is a {type(data).__name__}: must be ModulusData, such as fitting.read gives")
+        raise ValueError(
+            f"data is a {type(data).__name__}: must be ModulusData, for example from fitting.read"
+        )
     if data.temperature is None:
         return data
     if shift is None:
         raise ValueError(
-            f"data {data.label!r}: have a temperature, but no shift is given: must be WLF, Arrhenius or"
-            " TabulatedShift, or the data a master curve: curve = fit_master_curve(data), then curve.data"
+            f"data {data.label!r} have temperatures, but no shift is given; give shift = WLF, Arrhenius or"
+            " TabulatedShift, or a master curve: curve = fit_master_curve(data), then curve.data"
         )
     shift.check_temperature(data.temperature)
     T = data.temperature
-    # A solid of 1 Pa is b_T stiff.
+    # A solid with a modulus of 1 Pa at the reference temperature has the modulus b_T.
     solid = rf.Prony(1.0, [1.0], [1.0], shift=shift)
     vertical = np.broadcast_to(np.asarray(rf.complex_modulus(solid, 0.0, T).real, float), T.shape)
     names = [name for name in (*data.values, *data.sigmas) if getattr(data, name) is not None]
@@ -63,7 +66,7 @@ def reduced(data: ModulusData, shift: Shift | None) -> ModulusData:
 
 
 def grid(omega: np.ndarray, per_decade: float) -> np.ndarray:
-    """Return the relaxation times, as many per decade at least, from 1/omega_max to 1/omega_min."""
+    """Return relaxation times from 1/omega_max to 1/omega_min, at least `per_decade` per decade."""
     if not (is_number(per_decade) and 0 < per_decade <= 100):
         raise ValueError(f"per_decade = {shown(per_decade)}: must be a number > 0, at most 100")
     decades = np.log10(omega.max() / omega.min())
@@ -72,25 +75,25 @@ def grid(omega: np.ndarray, per_decade: float) -> np.ndarray:
 
 
 def given(data: ModulusData, tau: ArrayLike, omega: np.ndarray) -> np.ndarray:
-    """Return the relaxation times that the caller chose, checked."""
+    """Check the relaxation times that the caller chose, and return them."""
     tau = np.asarray(as_leaf("tau", tau, 1), float)
     check_values("tau", tau, POSITIVE)
     if tau.size == 0:
         raise ValueError("tau is empty: must have at least one relaxation time")
     if np.unique(tau).size < tau.size:
-        raise ValueError("tau: has equal relaxation times; must all be different")
+        raise ValueError("tau has equal relaxation times; all must be different")
     beyond = np.maximum(np.log10(tau * omega.min()), -np.log10(tau * omega.max()))
     worst = int(np.argmax(beyond))
     if beyond[worst] > _REACH:
         raise ValueError(
-            f"tau[{worst}] = {tau[worst]:g} s: data {data.label!r} do not reach it; must be within"
+            f"tau[{worst}] = {tau[worst]:g} s: outside the data {data.label!r}; must be within"
             f" {_REACH:g} decades of 1/omega, {1 / omega.max():.3g} ... {1 / omega.min():.3g} s"
         )
     return tau
 
 
 def fixed_modulus(E_inf: float | str) -> float | None:
-    """Return a relaxed modulus that is not fitted, else None."""
+    """Return a fixed relaxed modulus; None if it is fitted."""
     if isinstance(E_inf, str) and E_inf == "fit":
         return None
     if isinstance(E_inf, str) or not (is_number(E_inf) and E_inf >= 0):
@@ -99,15 +102,15 @@ def fixed_modulus(E_inf: float | str) -> float | None:
 
 
 def check_gaps(data: ModulusData, omega: np.ndarray) -> None:
-    """Raise ValueError where frequencies leave a gap in which a term would hide."""
+    """Raise ValueError for gaps in the frequencies that leave a term undetermined."""
     sorted_omega = np.sort(omega)
     gaps = np.diff(np.log10(sorted_omega))
     if gaps.size and gaps.max() > _GAP:
         i = int(np.argmax(gaps))
         raise ValueError(
-            f"data {data.label!r}: nothing between the reduced frequencies {sorted_omega[i]:.3g} and"
-            f" {sorted_omega[i + 1]:.3g} rad/s: curves must overlap, or be less than {_GAP:g} decades apart;"
-            " or give smooth"
+            f"data {data.label!r}: no values between the reduced frequencies {sorted_omega[i]:.3g} and"
+            f" {sorted_omega[i + 1]:.3g} rad/s; curves must overlap or be less than {_GAP:g} decades"
+            " apart, or smooth must be given"
         )
 
 
@@ -118,7 +121,7 @@ def nonnegative(A: np.ndarray, b: np.ndarray) -> np.ndarray:
 
     by the active sets of Lawson and Hanson (Solving least squares problems, 1974, ch. 23).
     """
-    # Columns of one length: the tolerance of the search then means the same for all.
+    # The columns are scaled to length 1, so that the tolerance of the search suits all of them.
     length = np.linalg.norm(A, axis=0)
     length = np.where(length > 0, length, 1.0)
     return nnls(A / length, b)[0] / length
@@ -140,8 +143,8 @@ def nonnegative_logarithmic(
     A : shape (rows, unknowns), >= 0
     b, error : shape (rows,), > 0
     known : shape (rows,), >= 0
-    ignored : independent directions of the logarithms, columns, along which differences cost nothing,
-        shape (rows, directions), or None
+    ignored : directions in the space of the logarithms along which differences do not count, as linearly
+        independent columns, shape (rows, directions), or None
 
     Returns
     -------
@@ -163,7 +166,7 @@ def nonnegative_logarithmic(
         scale = 1 / (model * error)
         aim = (model - known) * scale - np.log(model / b) / error
         found = nonnegative(counted(A * scale[:, None]), counted(aim))
-        # From nothing only the full step makes sense; later ones are shortened as needed.
+        # The first step, from x = 0, is a full step; later steps are shortened as needed.
         parts = 0.5 ** np.arange(20 if np.isfinite(lowest) else 1)
         tried = [x + part * (found - x) for part in parts]
         costs = [cost(one) for one in tried]
@@ -189,16 +192,16 @@ class SeriesMinimum(NamedTuple):
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class SeriesProblem:
-    """Least-squares problem: measured values, and the column of every term.
+    """Least-squares problem of a Prony series: measured values, and a column for each term.
 
     Attributes
     ----------
     columns : E' and then E'' of every term with E = 1, shape (rows, terms)
     known : part of the model that is not fitted, shape (rows,)
-    measured, error : shape (rows,); `error` of the logarithm where `logarithmic`, else absolute
-    estimate : whether `error` has the right ratios only
-    tau : relaxation times [s]; inf, the last, is E_inf
-    body : whose material it is, for names
+    measured, error : shape (rows,); `error` belongs to the logarithm if `logarithmic`, else to the value
+    estimate : True if only the ratios of `error` are known, so that its size is estimated
+    tau : relaxation times [s]; inf, at the end, stands for E_inf
+    body : "lower" or "upper", part of the key paths of the moduli
     """
 
     columns: np.ndarray
@@ -229,12 +232,12 @@ class SeriesProblem:
         return dataclasses.replace(self, columns=self.columns[:, kept], tau=self.tau[kept])
 
     def bounded(self) -> np.ndarray:
-        """Return E at the minimum over E >= 0, zeros exact."""
+        """Return E at the minimum over E >= 0; zeros are exact."""
         if self.logarithmic:
             E = nonnegative_logarithmic(self.columns, self.measured, self.known, self.error)
         else:
             E = nonnegative(self.columns / self.error[:, None], (self.measured - self.known) / self.error)
-        # Terms at rounding level are absent, too: noise-free data leave such terms.
+        # Terms at rounding level, which occur with noise-free data, are set to 0.
         model = self.columns @ E + self.known
         return np.where((self.columns * E > _ROUNDING * model[:, None]).any(0), E, 0.0)
 
@@ -247,9 +250,9 @@ class SeriesProblem:
         return (model - self.measured) / error, parts / error[:, None]
 
     def solved(self, E: np.ndarray, smooth: float | None = None) -> SeriesMinimum:
-        """Return the minimum near E > 0 and its uncertainty; without `smooth`, E is the minimum.
+        """Return the minimum near E > 0, and its uncertainty; without `smooth`, E itself is the minimum.
 
-        Errors that are unknown follow from the scatter, as in `fitting.fit`.
+        Unknown errors are estimated from the scatter, as in `fitting.fit`.
         """
         bends = np.zeros((0, E.size)) if smooth is None else self._bends() / smooth
         x, error, scale = np.log(E), self.error, None
@@ -262,25 +265,25 @@ class SeriesProblem:
             if scale is None or i == _ROUNDS or self.measured.size - known.parameters < 0.5:
                 break
             scatter = np.sqrt(known.chisqr / (self.measured.size - known.parameters))
-            # Data without noise are met to rounding; they must not get an error of zero.
+            # Data without noise are fitted to rounding; their error must not become zero.
             scale = max(scale * float(scatter), 1e-10)
             error = scale * self.error
         return SeriesMinimum(np.exp(x), scale, known, slope)
 
     def cross_validated(self, E: np.ndarray) -> float:
-        r"""Return the strength of `Smooth` with the least prediction error of left-out data, sigma [-].
+        r"""Return the sigma of `Smooth` with the smallest prediction error of left-out data [-].
 
         .. math:: \min_\sigma \frac{n \sum_k r_k^2}{(n - \mathrm{tr} H)^2}
 
-        generalised cross-validation [Golub, Heath & Wahba, Technometrics 21 (1979) 215], H the matrix
-        that makes the fit of the data. It needs no size of the errors, their ratios only.
+        This is generalised cross-validation [Golub, Heath & Wahba, Technometrics 21 (1979) 215]. The
+        matrix H maps the data to the fit. Only the ratios of the errors matter, not their size.
         """
         bends, x, count = self._bends(), np.log(E), self.measured.size
         scores, unit = [], None
         for sigma in _STRENGTHS[::-1]:
             scaled = bends / sigma
             if unit is None:
-                # The weakest prior hardly changes the fit: its residuals are noise.
+                # The weakest prior hardly changes the fit, so the residuals are noise.
                 x = self._minimum(x, ASSUMED * self.error if self.estimate else self.error, scaled)
                 r, _ = self.rows(x, self.error)
                 unit = max(float(np.sqrt(np.mean(r**2))), 1e-10) if self.estimate else 1.0
@@ -295,12 +298,12 @@ class SeriesProblem:
         terms = np.flatnonzero(np.isfinite(self.tau))
         order = terms[np.argsort(self.tau[terms])]
         if order.size < 3:
-            raise ValueError("smooth: must have three or more different relaxation times")
+            raise ValueError("smooth needs at least three different relaxation times")
         slopes = np.diff(np.eye(self.tau.size)[order], axis=0) / np.diff(np.log10(self.tau[order]))[:, None]
         return np.diff(slopes, axis=0)
 
     def _minimum(self, x, error, bends):
-        """Return x of least squares of data and prior, by Levenberg and Marquardt."""
+        """Return x = ln E at the minimum of the squares of data and prior, by Levenberg-Marquardt steps."""
         damping, (r, J) = 1e-3, self._all(x, error, bends)
         for _ in range(_ITERATIONS):
             H, g = J.T @ J, J.T @ r
@@ -333,7 +336,7 @@ class SeriesProblem:
 
 
 def columns(omega: np.ndarray, tau: np.ndarray) -> np.ndarray:
-    """Return E' and E'' of every term with E = 1, shape (2 frequencies, terms); of tau = inf, E_inf, too."""
+    """Return E' and E'' of every term with E = 1, shape (2 frequencies, terms); tau = inf is E_inf."""
     finite = np.isfinite(tau)
     a = omega[:, None] * np.where(finite, tau, 1.0)
     terms = np.concatenate([a**2 / (1 + a**2), a / (1 + a**2)])

@@ -15,7 +15,7 @@ from rubberfric.base import shown
 
 # Temperatures that lie closer together belong to one sweep [K].
 _SAME = 1.0
-# Fall of E' between the first two strains that a linear modulus does not show [-].
+# A larger fall of E' between the first two strains gives a warning [-].
 _FALLS = 0.02
 
 
@@ -30,39 +30,40 @@ def softening_from_sweep(
 ) -> rf.Softening | dict[float, rf.Softening]:
     r"""Fit the softening of a scene to a strain sweep at one frequency.
 
-    A file of it is read by `rubberfric.io.read_table(path, ["strain", "E_stor", "E_loss"], ["T"],
-    increasing=False)`.
+    `rubberfric.io.read_table(path, ["strain", "E_stor", "E_loss"], ["T"], increasing=False)` reads such a
+    sweep from a file.
 
     Parameters
     ----------
     strain : amplitudes [-], > 0, shape (n,), in any order
-        single amplitudes, half of the peak-to-peak value. For a shear sweep give the amplitude of
-        shear, with G' and G'' for the moduli.
+        Amplitudes are half of the peak-to-peak value. For a sweep in shear give the shear amplitude, with
+        G' and G'' as moduli.
     storage, loss : E' and E'' [Pa], or any other unit, > 0, shape (n,)
-    temperature : of every row [K], shape (n,), or one for all, or None
-        rows within 1 K belong to one sweep.
-    linear : largest strain at which the rubber is linear still [-], or None
-        f = g = 1 on average up to there; None: at the smallest strain.
-    factor : strain of an asperity over its rms slope [-], of the `Softening`
+    temperature : temperature of each row [K], shape (n,), or a number, or None
+        Rows within 1 K belong to one sweep.
+    linear : largest strain of the linear range [-], or None
+        The mean of f and of g up to this strain is 1. None: f = g = 1 at the smallest strain.
+    factor : strain over rms slope of an asperity [-], passed to `Softening`
 
     Returns
     -------
-    Softening, or with temperatures a dict of one for every sweep by its mean temperature [K], rising
+    Softening; with temperatures a dict of mean temperature [K] -> Softening, one for each sweep, in rising
+    order
 
     Raises
     ------
     ValueError
-        one line: numbers of the wrong sign or shape, less than two strains in a sweep, equal strains (a
-        sweep up and down again: give one way, or their mean), no strain up to `linear`.
+        one line: numbers of the wrong sign or shape, fewer than two strains in a sweep, no strain up to
+        `linear`, or equal strains. If the strain rises and falls, give one direction or the mean of both.
 
     Warns
     -----
     UserWarning
-        E' falls by over 2 % between the first two strains, where nothing is said by `linear`: the
-        sweep began too late, and f and g are too large by what fell before.
+        `linear` is None, and E' falls by more than 2 % between the first two strains. The sweep then begins
+        above the linear range, and f and g are too large.
 
-    Limits: f and g are taken to hold at all frequencies and at the strain of each length scale
-    (`rubberfric.Softening`); beyond the sweep their end values hold.
+    Limits: f and g are assumed to be the same at all frequencies, and to apply to the strain of each length
+    scale (`rubberfric.Softening`). They are constant outside the sweep.
     """
     columns = {"strain": strain, "storage": storage, "loss": loss}
     if temperature is not None:
@@ -100,16 +101,17 @@ def _softening(where, sweep, linear, factor):
     equal = np.flatnonzero(np.diff(strain) == 0)
     if equal.size:
         raise ValueError(
-            f"the sweep{where} has two rows at the strain {strain[equal[0]]:g}: of a sweep up and down give"
-            " one way or their mean, of several temperatures give temperature"
+            f"the sweep{where} has two rows at the strain {strain[equal[0]]:g}; of a sweep up and down"
+            " give one direction or the mean of both; for several temperatures pass temperature"
         )
     if linear is None:
         fall = 1 - storage[1] / storage[0]
         if fall > _FALLS:
             warnings.warn(
                 f"the sweep{where}: E' falls by {100 * fall:.1f} % between its first strains, {strain[0]:g}"
-                f" and {strain[1]:g}: the first is not linear any more, and f and g are too large; begin at a"
-                " smaller strain",
+                f" and {strain[1]:g}, so the first strain is above the linear range, and f and g are too"
+                " large;"
+                " begin at a smaller strain",
                 stacklevel=3,
             )
         first = 1

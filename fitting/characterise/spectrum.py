@@ -2,9 +2,9 @@ r"""Fit a self-affine spectrum to a measured one: h_rms, H, q_r and their errors
 
 .. math:: \ln C = \ln C_0 \; (q < q_r), \qquad \ln C = \ln C_0 - 2(1 + H) \ln(q/q_r) \; (q > q_r)
 
-With the roll-off between two neighbouring points of the data this is linear in the other parameters. Every
-such gap is searched, so the start is the global minimum. `fitting.fit` starts there and gives errors,
-correlations and the directions that the data leave open.
+If the roll-off lies between two given neighbouring points of the data, the fit is linear in the other
+parameters. Each of these intervals is tried, which gives the global minimum. `fitting.fit` starts there and
+computes errors, correlations and the directions that the data do not determine.
 """
 
 import dataclasses
@@ -21,22 +21,23 @@ from fitting.results.report import error_text
 from fitting.results.result import FitResult
 from rubberfric.base import html, shown, unit_of
 
-# Slopes that H = 0 and 1 stand for, and how near to them H is fixed there instead of fitted.
+# Slopes for H = 0 and H = 1; H is fixed at 0 or 1 if it is nearer than `_AT_END`.
 _SLOPES = (2.0, 4.0)
 _AT_END = 1e-6
-# Variance of ln C that is rounding, not scatter.
+# Variance of ln C due to rounding.
 _EXACT = 1e-20
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class SpectrumFit:
-    """A self-affine spectrum and how well it meets the one it was fitted to.
+    """Result of `fit_spectrum`: a self-affine spectrum, its residuals, and the uncertainty of its parameters.
 
     Attributes
     ----------
     spectrum : SelfAffine
     residuals : ln(fit / measured) of the points within q0 ... q1; NaN where measured <= 0
-    remarks : tuple of text: parameters fixed because the data do not show them, and points left out
+    remarks : texts on points that were not used, and on parameters that were fixed because the data do not
+        determine them
     fit : FitResult of the free parameters, with `stderr`, `correlation`, `interval`, `profile` ...
     """
 
@@ -100,7 +101,7 @@ class Line(NamedTuple):
 
     cost: float  # weighted sum of squares
     level: float  # ln C of the plateau
-    slope: float  # of the fall, > 0
+    slope: float  # of the decrease, -d ln C / dt > 0
     kink: float  # t of the roll-off
 
 
@@ -124,13 +125,14 @@ def fit_spectrum(
     Parameters
     ----------
     data : SpectrumData, TabulatedSpectrum, or a pair (q, C) [1/m], [m^4]
-    q0, q1 : cut-offs of the surface [1/m]; None: the table's, if it has them, else the first and
-        the last wavevector of the data.
-        Data outside are not used; h_rms counts q0 < q < q1 whether or not the data reach as far.
-    qr : "fit", or the roll-off wavevector [1/m], fixed; q0 is a surface without plateau
+    q0, q1 : cut-offs of the surface [1/m]; None: q0 and q1 of the table, or the first and the last wavevector
+        of the data. Data outside are not used. h_rms is the height of q0 < q < q1, also where this exceeds
+        the data.
+    qr : "fit", or the roll-off wavevector [1/m], fixed; qr = q0 means no plateau
     hurst : "fit", or H [-], fixed
-    relative : standard error of ln C, a number or one for each [-], for data that have none
-    body : "lower" or "upper", where `fit`'s key paths say the spectrum is; None: the data's, or "lower"
+    relative : standard error of ln C [-], a number or one for each point, for data without errors
+    body : "lower" or "upper", body in the key paths of the result's `fit`; None: the body of the data, or
+        "lower"
 
     Returns
     -------
@@ -142,10 +144,10 @@ def fit_spectrum(
 
     Notes
     -----
-    Data without errors get one relative error each from their scatter (`fitting.fit`). If no plateau is
-    seen, that is if a straight line meets the data as well by Schwarz's criterion, or one point at most
-    lies below the roll-off, q_r is fixed at q0; if the fall is flatter than H = 0 or steeper than H = 1,
-    H is fixed there. `SpectrumFit.remarks` says so.
+    The relative error of data without errors is estimated from their scatter (`fitting.fit`). q_r is fixed at
+    q0 if the data show no plateau, that is, if a straight line fits as well by Schwarz's criterion, or if
+    at most one point lies below the roll-off. If the decrease is flatter than for H = 0 or steeper than for
+    H = 1, H is fixed at this limit. `SpectrumFit.remarks` reports both.
     """
     if isinstance(data, rf.TabulatedSpectrum):
         own = [None if end is None else float(end) for end in (data.q0, data.q1)]
@@ -183,7 +185,7 @@ def fit_spectrum(
             free[f"{body}.spectrum.hurst"] = Bounded(0.0, 1.0)
         else:
             steeper = "steeper than H = 1" if H > 0.5 else "flatter than H = 0"
-            remarks.append(f"the fall is {steeper}: H is held there")
+            remarks.append(f"the decrease is {steeper}: H is fixed there")
     if fixed_qr is None and not no_kink:
         free[f"{body}.spectrum.qr"] = Positive()
     # A scene needs a deformable solid; its modulus is not used.
@@ -192,7 +194,7 @@ def fit_spectrum(
     result = fit(scene, data, free)
     spectrum = getattr(result.scene, body).spectrum
     why = result.withheld.get(f"{body}.spectrum.qr", "")
-    if why.startswith("at its"):  # absolute errors may want what logarithms do not
+    if why.startswith("at its"):  # with absolute errors the minimum may differ from the logarithmic start
         at = q0 if "lower" in why else q1
         found = fit_spectrum(data, q0=q0, q1=q1, qr=at, hurst=hurst, body=None if data.body else body)
         remarks.append(f"the roll-off is not within q0 ... q1: qr is held at {at:.4g} 1/m")
@@ -214,7 +216,7 @@ def _data(data, relative, body):
         )
     for name, value, own in (("relative", relative, data.error), ("body", body, data.body)):
         if value is not None and own is not None:
-            raise ValueError(f"{name} = {shown(value)}: must not be given; the data have it")
+            raise ValueError(f"{name} = {shown(value)}: must not be given, because the data have it")
     if relative is None and body is None:
         return data
     relative = data.relative if relative is None else relative
@@ -222,7 +224,7 @@ def _data(data, relative, body):
 
 
 def _weights(data):
-    """Return 1 / variance of ln C, 1 where unknown."""
+    """Return 1 / variance of ln C, or 1 if the errors are unknown."""
     if data.error is None:
         return np.ones(len(data))
     error = data.error if data.logarithmic else data.error / np.maximum(data.C, data.error)
@@ -238,7 +240,7 @@ def _cutoff(name, value, default):
 
 
 def _fixed(name: str, value: float | str, low: float, high: float) -> float | None:
-    """Return a number that is not fitted, else None."""
+    """Return a fixed number; None if it is fitted."""
     if isinstance(value, str) and value == "fit":
         return None
     if isinstance(value, str) or not (is_number(value) and low <= value <= high):
@@ -276,10 +278,10 @@ def broken_line(
     low: float,
     high: float,
 ) -> Line:
-    """Return the line of least squares that is flat up to a kink and then falls by a slope within bounds.
+    """Fit a line that is flat up to a kink and then falls with a slope within bounds, by least squares.
 
-    Every interval between neighbouring t is tried: the best kink inside is where the best level
-    and the best straight line of the points beyond meet; else it is at one of the ends.
+    Every interval between neighbouring t is tried. The best kink inside it is the intersection of the best
+    level before it and the best straight line behind it; otherwise the kink is at an end of the interval.
     """
     order = np.argsort(t, kind="stable")
     t, y, weight = t[order], y[order], weight[order]

@@ -1,4 +1,4 @@
-"""Job files: a fit written by hand, in TOML.
+"""Job files in TOML: scene, data, free parameters and options of a fit.
 
 ::
 
@@ -13,7 +13,7 @@
                                         # see `fitting.read`
     ...
 
-    [scenes.R20]                        # several scenes instead, which share numbers
+    [scenes.R20]                        # instead of scene and data: several scenes, which share numbers
     file = "R20.toml"
     [[scenes.R20.data]]                 # as above
     ...                                 # key paths are "R20.gamma", or "*.gamma" for a shared parameter
@@ -75,7 +75,7 @@ REALS = ("loss_width", "decades", "tolerance")  # may be integers in TOML
 
 
 class Job(NamedTuple):
-    """Content of a job file: fitting.fit(job.scene, job.data, job.free, prior=job.prior, **job.options)."""
+    """Content of a job file, for fitting.fit(job.scene, job.data, job.free, prior=..., **job.options)."""
 
     scene: rf.Scene | dict[str, rf.Scene]
     data: list[Measured] | dict[str, list[Measured]]
@@ -87,12 +87,16 @@ class Job(NamedTuple):
 
 
 def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
-    """Return the `Job` of a TOML file, its scene and data read.
+    """Read a job file with its scene and data.
 
     Parameters
     ----------
-    path : of the file
-    outputs : paths to be written to, which must not be files of the job
+    path : path of the TOML file
+    outputs : paths of output files, which must not be files of the job
+
+    Returns
+    -------
+    Job
 
     Raises
     ------
@@ -104,7 +108,7 @@ def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
     content = toml.read_toml(path)
     if {"lower", "upper"} & set(content):
         raise ValueError(
-            f'{path}: is a scene, for `rubberfric run`; a job has scene = "{path.name}", data and free'
+            f'{path}: is a scene file, for `rubberfric run`; a job has scene = "{path.name}", data and free'
         )
     several = "scenes" in content
     needed = ("scenes", "free") if several else ("scene", "data", "free")
@@ -139,9 +143,9 @@ def read_job(path: StrPath, outputs: Sequence[StrPath] = ()) -> Job:
 
 
 def _scene(path, key, file, of_data, data, outputs):
-    """Return a scene and its data, from its file and the list of tables of these."""
+    """Return a scene and its data sets, from the scene's file and the tables of the data."""
     if not isinstance(data, list) or not data:
-        raise ValueError(f"{path}: {of_data} = {shown(data)}: must be tables, each headed [[{of_data}]]")
+        raise ValueError(f"{path}: {of_data} = {shown(data)}: must be tables with the header [[{of_data}]]")
     files = {key: file}
     for i, one in enumerate(data):
         files[f"{of_data}[{i}].file"] = one.get("file") if isinstance(one, dict) else None
@@ -151,7 +155,7 @@ def _scene(path, key, file, of_data, data, outputs):
 
 
 def _check_outputs(path, files, outputs):
-    """Raise ValueError if a file of the job would be overwritten; other faults of names are found later."""
+    """Raise ValueError if a file of the job would be overwritten; other errors in names are found later."""
     for key, name in files.items():
         for output in outputs:
             if isinstance(name, str) and (path.parent / name).resolve() == Path(output).resolve():
@@ -193,10 +197,10 @@ def _data(path, key, content):
 
 
 def _check_paths(path, table, content, keys):
-    """Raise ValueError for a key path without quotes, which TOML parses as tables within tables."""
+    """Raise ValueError for a key path without quotes, which TOML reads as nested tables."""
     toml.check_keys(path, table, content, content)
     if table == "free" and not content:
-        raise ValueError(f"{path}: free: is empty; must name the key paths that are free")
+        raise ValueError(f"{path}: free: is empty; must contain the key paths of free parameters")
     for key, value in content.items():
         steps = [key]
         while isinstance(value, dict) and value and not set(value) & set(keys):
@@ -225,7 +229,7 @@ def _rule(path, key, value):
 
 
 def _known(path, value):
-    """Return priors from the file of another fit."""
+    """Return priors from the results of another fit in a file."""
     toml.check_keys(path, "prior.fit", value, FIT_KEYS, ("file",))
     given: dict[str, Any] = {}
     if "body" in value:
@@ -278,7 +282,7 @@ def _options(path, content):
 
 @contextmanager
 def about(path: StrPath) -> Iterator[None]:
-    """Put the name of a job file before the ValueErrors of its input."""
+    """Prefix ValueErrors with the name of a job file, in a `with` block."""
     try:
         yield
     except np.linalg.LinAlgError:  # a ValueError, but not about the input

@@ -1,11 +1,11 @@
 """The command `rubberfric-fit`.
 
-Exit status: 0 fitted; 3 fitted, but the scene does not explain the data (`fitting.uncertainty.verdict`); 1
-not converged, or the work failed; 2 bad input, with one line on stderr and nothing written; 130, 143 or 129
-interrupted, by Ctrl-C (SIGINT), SIGTERM or SIGHUP. An interrupt after the first step of a fit gives a message
-at once. The best values so far are reported and written, as for a fit that did not converge. An interrupt
-before the first step, or a second one, ends the process within a second. A bootstrap that was interrupted, or
-killed, continues with --resume.
+The exit status is 0 for a good fit, 3 if the scene does not explain the data (`fitting.uncertainty.verdict`),
+1 if the fit did not converge or an error occurred, 2 for bad input, with one line on stderr and nothing
+written, and 130, 143 or 129 after an interrupt by Ctrl-C (SIGINT), SIGTERM or SIGHUP. An interrupt after the
+first step of a fit gives a message at once. The best values so far are reported and written, as for a fit
+that did not converge. An interrupt before the first step, or a second one, ends the process within a second.
+A bootstrap that was interrupted, or killed, continues with --resume.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ PROGRAM = "rubberfric-fit"
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command with arguments `argv`; returns the exit status.
+    """Run the command with arguments `argv`, and return the exit status.
 
-    None: the arguments of the process, which a signal may then end (`rubberfric.commands.interrupts`).
+    `argv` None: the arguments of the process, which signals can end (`rubberfric.commands.interrupts`).
     """
     if argv is None:
         leave_at_once(PROGRAM)
@@ -76,7 +76,7 @@ def check_fit_arguments(arguments: argparse.Namespace) -> None:
         return
     check_writable(checkpoint, (".h5",))
     if arguments.out is not None and Path(checkpoint).resolve() == Path(arguments.out).resolve():
-        raise ValueError(f"--checkpoint {checkpoint}: is the file of --out; must be another")
+        raise ValueError(f"--checkpoint {checkpoint}: is the file of --out; must be another file")
     if Path(checkpoint).exists() and not arguments.resume:
         raise ValueError(f"{checkpoint}: the file exists; continue it with --resume, or remove it")
 
@@ -161,7 +161,7 @@ def _count(text: str) -> int:
     return int(text)
 
 
-# Fits whose data would fill the memory of many machines.
+# Largest number of fits; the data of more would exceed the memory of many machines.
 _MOST = 10**6
 # Parsers of the sub-commands, which `fitting.commands.planning` runs.
 _SUB_COMMANDS = {"design": _design_parser, "calibration": _calibration_parser}

@@ -11,12 +11,12 @@
                                                         # temperature at which friction is to be predicted
     relative = 0.05                                     # optional: error of a measurement; draws, seed
 
-Exit status as of `rubberfric-fit`, for the fit on which the design is based.
+The exit status refers to the fit on which the design is based, as for `rubberfric-fit`.
 
-`calibration` tests the error bars that a job would give. Truths are drawn from the priors of the job, which
-must be Gaussian for every free number; data are drawn from their scenes, at the conditions and with the
-errors of the job's data. The measured values are not used. Exit status as of `rubberfric-fit`; 3: the error
-bars or the draws of an identified parameter are wrong.
+`calibration` tests the error bars that a job would give. True parameters are drawn from the priors of the
+job, which must be Gaussian for every free number. Data are drawn from the scenes with these parameters, at
+the conditions and with the errors of the job's data. The measured values are not used. The exit status is as
+for `rubberfric-fit`, and 3 if the error bars or the draws of an identified parameter are wrong.
 """
 
 import argparse
@@ -47,13 +47,13 @@ _MOST = {"candidates": 100_000, "n": 10_000, "draws": 100_000}
 
 
 def run_design(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
-    """Fit, choose measurements, write the requested files, print the report."""
+    """Run a fit, choose measurements, write the requested files, print the report; return the exit status."""
     show(f"reading {arguments.job}")
     job = read_job(arguments.job, [path for path in (arguments.out, arguments.plot) if path is not None])
     if job.design is None:
-        raise ValueError(f"{arguments.job}: design: is missing; must say what could be measured")
+        raise ValueError(f"{arguments.job}: design: is missing; must contain the candidates of measurements")
     if not isinstance(job.scene, rf.Scene):
-        raise ValueError(f"{arguments.job}: design: must be of one scene, not of several")
+        raise ValueError(f"{arguments.job}: design: must have one scene, not several")
     options = read_design(arguments.job, job.design, job.scene)
 
     def callback(step: int, cost: float) -> None:
@@ -111,7 +111,7 @@ def read_design(path: StrPath, content: Any, scene: rf.Scene) -> dict[str, Any]:
 
 
 def _grid(path, table, content, scene):
-    """Return every combination of velocity, pressure and temperature, flat."""
+    """Return every combination of velocity, pressure and temperature, as flat arrays."""
     given = {name: content[name] for name in _POINTS if name in content}
     conditions = read_conditions(path, table, given, scene)
     size = math.prod(values.size for values in conditions if values is not None)
@@ -123,7 +123,7 @@ def _grid(path, table, content, scene):
 
 
 def run_calibration(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
-    """Calibrate, draw the requested figure, print the report."""
+    """Run a calibration, draw the requested figure, print the report; return the exit status."""
     show(f"reading {arguments.job}")
     job = read_job(arguments.job, [] if arguments.plot is None else [arguments.plot])
     if not isinstance(job.scene, rf.Scene) or isinstance(job.data, dict):

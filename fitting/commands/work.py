@@ -33,7 +33,7 @@ def run_fit(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
         if arguments.profile is not None and result.success and not interrupts.stopped:
             try:
                 profile = _profile(arguments, result, interrupts, show)
-            except ValueError as error:  # a wrong name must not cost the report
+            except ValueError as error:  # a wrong name must not prevent the report
                 failure = failure or ValueError(f"--profile: {error}")
         if arguments.bootstrap is not None and result.success and not interrupts.stopped:
             spread = _bootstrap(arguments, result, interrupts, show)
@@ -56,7 +56,7 @@ def run_fit(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
 
 
 def _left(result: FitResult, spread: EnsembleResult | None, interrupts: Interrupts) -> str:
-    """Describe the results that an interrupt left."""
+    """Describe the results that exist after an interrupt."""
     if not result.success:
         return "these are the best values so far"
     if not interrupts.stopped:
@@ -65,7 +65,7 @@ def _left(result: FitResult, spread: EnsembleResult | None, interrupts: Interrup
 
 
 def _fit(path: StrPath, job: Job, interrupts: Interrupts, show: Progress) -> FitResult:
-    """Return the fit of a job, with its progress."""
+    """Fit a job and show the progress."""
 
     def callback(step: int, cost: float) -> None:
         show(f"step {step}, cost {cost:.6g}")
@@ -81,7 +81,7 @@ def _fit(path: StrPath, job: Job, interrupts: Interrupts, show: Progress) -> Fit
 def _profile(
     arguments: argparse.Namespace, result: FitResult, interrupts: Interrupts, show: Progress
 ) -> LikelihoodProfile:
-    """Return the cost over one number, with its progress."""
+    """Compute the profile of one parameter and show the progress."""
 
     def callback(step: int, cost: float) -> None:
         del cost
@@ -96,7 +96,7 @@ def _profile(
 def _bootstrap(
     arguments: argparse.Namespace, result: FitResult, interrupts: Interrupts, show: Progress
 ) -> EnsembleResult:
-    """Return fits of simulated data, with their progress."""
+    """Fit simulated data and show the progress."""
 
     def callback(done: int, members: int) -> None:
         show(f"bootstrap: {done} of {members} fits")

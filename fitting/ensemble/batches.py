@@ -1,12 +1,11 @@
-r"""Batches: one compiled step for many fits, shared out over the devices of a mesh.
+r"""Batches of an ensemble: one compiled step for many fits, distributed over the devices of a mesh.
 
-Each device has a batch of members, and takes one step of every fit in it per call. On a processor it
-takes them one after the other: the arithmetic of one fit keeps a core busy, its working set stays in
-the cache, a place without work costs nothing, and a member's numbers are the same bits whatever the
-size of the batch, as each is computed by the same program. On an accelerator, which is idle with one
-fit, the batch is one vectorised program.
+Each device has a batch of members and takes one step of every fit in it per call. A processor takes these
+steps one after the other: one fit keeps a core busy, its working set stays in the cache, empty places take no
+time, and the results are bit-identical for every size of the batch. An accelerator, which one fit would not
+keep busy, takes all steps of a batch in one vectorised function.
 
-Nothing is exchanged between devices in a step. Its results, a few numbers a member, go to all
+Devices do not exchange data in a step. The results of a step, a few numbers for each member, go to all
 processes. Each process keeps the state of the whole ensemble.
 """
 
@@ -27,25 +26,25 @@ from fitting.solvers.problem import Numbers, Targets
 from fitting.solvers.residuals import solver_objective
 
 AXIS = "members"
-# Members of a device's batch, if memory allows: in turn as many as hide the host's part of a step.
+# Members in the batch of a device, if memory allows. In turn: enough to hide the host's part of a step.
 IN_TURN, VECTORISED = 32, 1024
 
 Program = Callable[[Numbers, Targets, Iterate], Iterate]
 
 
 class Batch(NamedTuple):
-    """Compiled programs for a number of members."""
+    """Compiled functions that start and step a number of members."""
 
     mesh: jax.sharding.Mesh
     size: int  # members of each device
-    start: Program  # the iterate at its x
+    start: Program  # evaluates the iterates at their start x
     step: Program
     numbers: Numbers  # on all devices
-    peak: int  # bytes of a device that the step takes: arguments, results and all between
+    peak: int  # memory of a device for a step [B]: arguments, results and temporaries
 
     @property
     def count(self) -> int:
-        """Members of all devices."""
+        """Number of members on all devices."""
         return self.size * self.mesh.size
 
 
@@ -56,15 +55,15 @@ def make_batch(
     vectorised: bool | None = None,
     max_memory: float = 2**30,
 ) -> Batch:
-    """Compile the programs of an ensemble, with as large a batch as fits into memory.
+    """Compile the functions of an ensemble, with the largest batch that fits into memory.
 
     Parameters
     ----------
     members : Members
     devices : list of devices
-    size : members of each device; None: as many as there is work and memory for
-    vectorised : whether a device takes them at once; None: unless it is a processor
-    max_memory : bytes of a device that a step may take
+    size : number of members of each device; None: as many as there is work and memory for
+    vectorised : True if a device computes its members simultaneously; None: True unless it is a processor
+    max_memory : largest memory of a device for a step [B]
 
     Raises
     ------
@@ -111,15 +110,15 @@ def _begin(members, numbers, targets, x):
 def advance_members(
     batch: Batch, program: Program, members: Members, iterate: Iterate, which: np.ndarray
 ) -> Iterate:
-    """Return the rows `which` of the ensemble's iterate after one call of a program, as NumPy arrays.
+    """Return the rows `which` of the ensemble's iterate after one call of a function, as NumPy arrays.
 
     Parameters
     ----------
     program : batch.start or batch.step
-    iterate : of all members
-    which : indices, at most batch.count
+    iterate : iterate of all members
+    which : indices of members, at most batch.count
     """
-    # One to every device in turn, so that the last few members are shared out evenly.
+    # Members are dealt to the devices in turn, so that the last few are distributed evenly.
     place = np.arange(which.size)
     place = place % batch.mesh.size * batch.size + place // batch.mesh.size
     rows = np.full(batch.count, which[0])
@@ -137,7 +136,7 @@ def advance_members(
 
 @functools.lru_cache(maxsize=8)  # a second ensemble of the same kind compiles nothing
 def _compiled(solver, structure, mesh, vectorised, tree, shapes, stepping):
-    """Return the step of a batch, or its start, for arguments of certain shapes; results on every device."""
+    """Compile the step or the start of a batch for arguments of given shapes; results go to every device."""
 
     def one(numbers, targets, iterate):
         objective = solver_objective(structure, numbers, targets)
@@ -161,7 +160,7 @@ def _compiled(solver, structure, mesh, vectorised, tree, shapes, stepping):
 
 
 def _shapes(members, count, mesh):
-    """Return the shapes, dtypes and shardings of the arguments of a program."""
+    """Return the shapes, dtypes and shardings of the arguments of a compiled function."""
 
     def shape(a, spec, rows=()):
         a = jnp.asarray(a) if not hasattr(a, "dtype") else a

@@ -1,18 +1,19 @@
 r"""Simulation-based calibration: tests error bars by fits of data drawn from known scenes.
 
-Truths theta are drawn from the prior, data from the scenes that they make, and each data set is fitted with
-that prior. The place of the truth in the normal approximation of the posterior,
+True parameters theta (truths) are drawn from the prior. Data are drawn from the scenes with these parameters,
+and each data set is fitted with the same prior. The rank of the truth in the normal approximation of the
+posterior,
 
 .. math:: u = \Phi\left(\frac{x_\mathrm{true} - \hat x}{\sigma_x}\right)
 
-is then uniform between 0 and 1 for every parameter [Talts et al., arXiv:1804.06788]. Its empirical
-distribution is compared with an envelope that a uniform one leaves with a given small probability anywhere
-[Säilynoja, Bürkner & Vehtari, Stat. Comput. 32 (2022) 32, arXiv:2103.10522].
+is then uniform between 0 and 1 for every parameter [Talts et al., arXiv:1804.06788]. The empirical
+distribution of u is compared with an envelope. A uniform u leaves the envelope anywhere with a given small
+probability [Säilynoja, Bürkner & Vehtari, Stat. Comput. 32 (2022) 32, arXiv:2103.10522].
 
-The normal approximation can be off by a tenth or two of a standard deviation for wide priors and for numbers
-that trade with each other along a curve. A thousand fits show this. Weighted draws from the posterior
-(`fitting.uncertainty.importance`) have no such error: the place of the truth among them is uniform
-if the posterior is right, also along curved valleys.
+The normal approximation can have errors of 0.1 to 0.2 standard deviations, for wide priors and for parameters
+that compensate each other along a curve. A thousand fits show this. Weighted draws from the posterior
+(`fitting.uncertainty.importance`) have no such error: the rank of the truth among them is uniform if the
+posterior is right, also along curved valleys.
 """
 
 import dataclasses
@@ -47,24 +48,24 @@ from rubberfric.plot import style
 
 # Number of points at which the distributions are compared, and of uniform samples for the envelope.
 _POINTS, _SAMPLES = 100, 2000
-# Lines of a figure that can be told apart, and doubtful fits that a text names.
+# Number of lines in a figure with a colour each, and of unreliable fits that a message names.
 _NAMED = 8
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class Calibration:
-    """Where truths lie among the error bars of their fits.
+    """Result of `calibration`: ranks of true parameters in the posteriors of their fits.
 
     Attributes
     ----------
-    names : of the free elements
-    truth, values : true and fitted, shape (members, size), of the fits that converged
-    place : share of the posterior below the truth, shape (members, size)
-    deviation : standard deviation of x by the fit, shape (members, size)
-    failed : fits that did not converge
-    on : "normal" or "samples", how the posterior was represented; see `fitting.calibration`
-    normal : place of the same fits in the normal approximation, where on is "samples"
-    draws : of every posterior; 0 in the normal approximation
+    names : key paths of the free elements
+    truth, values : true and fitted values of the fits that converged, shape (members, size)
+    place : share u of the posterior below the truth, shape (members, size)
+    deviation : standard deviation of x according to the fit, shape (members, size)
+    failed : number of fits that did not converge
+    on : representation of the posterior, "normal" or "samples"; see `fitting.calibration`
+    normal : `place` in the normal approximation of the same fits, if `on` is "samples"
+    draws : number of draws from every posterior; 0 in the normal approximation
     effective, tail : effective sample size of the draws of every fit, and the tail index k of
         their weights, shape (members,); None in the normal approximation
     """
@@ -83,12 +84,12 @@ class Calibration:
 
     @property
     def identified(self) -> np.ndarray:
-        """Which elements the data, with the prior, determine to a factor e in most fits, shape (size,)."""
+        """True for elements that data and prior determine to a factor e in most fits, shape (size,)."""
         return np.median(self.deviation, 0) < KNOWN
 
     @property
     def doubtful(self) -> np.ndarray:
-        """Rows of fits whose draws say little of their posterior: few count, or k is well above 0.7."""
+        """Rows of fits with unreliable draws: small effective sample size, or tail index well above 0.7."""
         if self.effective is None or self.tail is None:
             return np.zeros(0, int)
         return np.flatnonzero(doubtful(self.effective, self.tail, self.draws))
@@ -115,7 +116,10 @@ class Calibration:
         return at, np.mean(self.place[:, None] < at[:, None], 0)
 
     def envelope(self, level: float = 0.99) -> tuple[np.ndarray, np.ndarray]:
-        """Return lower and upper shares at these points that contain a uniform u simultaneously."""
+        """Return lower and upper limits of `distribution`.
+
+        A uniform u is within the limits at all points with the probability `level`.
+        """
         check_options(level=level)
         count, at = len(self.place), np.arange(1, _POINTS) / _POINTS
         # Number of uniform samples below every point: cumulative sums of a multinomial distribution.
@@ -127,7 +131,7 @@ class Calibration:
         return scipy.stats.binom.ppf(tail, count, at) / count, scipy.stats.binom.isf(tail, count, at) / count
 
     def inside(self, level: float = 0.99) -> np.ndarray:
-        """Return which elements stay within the envelope, shape (size,)."""
+        """Return True for elements whose distribution is within the envelope, shape (size,)."""
         low, high = self.envelope(level)
         share = self.distribution()[1]
         return np.all((share >= low[:, None]) & (share <= high[:, None]), 0)
@@ -153,8 +157,8 @@ class Calibration:
             return ""
         named = ", ".join(map(str, rows[:_NAMED])) + ", ..." * (rows.size > _NAMED)
         return (
-            f"draws of {rows.size} of {len(self.place)} fits say little of their posteriors (few count, or"
-            f" weights have heavy tails), those of rows {named}: draw more, or take narrower priors"
+            f"draws of {rows.size} of {len(self.place)} fits are unreliable (small effective sample size, or"
+            f" heavy tails of the weights), in rows {named}: draw more, or use narrower priors"
         )
 
     def _posterior(self):
@@ -211,16 +215,17 @@ def calibration(
     Parameters
     ----------
     scene, free, quadrature : as for `fitting.fit`
-    data_plan : data sets that give conditions and errors; the values are drawn
-    prior : of every free number a Gaussian; truths are drawn from it
-    members : number of fits, each with another truth and other data; they start at the truth
+    data_plan : data sets that give conditions and errors; their measured values are replaced by drawn ones
+    prior : a Gaussian for every free number; truths are drawn from it
+    members : number of fits, each with its own truth and data; they start at the truth
     key : jax.random.key, or None for key(0)
     on : "normal" or "samples"
         representation of the posterior: the normal approximation of the error bars, or weighted draws, which
         take `draws` evaluations of the residuals for each fit
-    draws : of each posterior
-    discrepancy : as for `fitting.fit`, with amplitude and width; the data are drawn with it
-    callback : as for `fitting.run_ensemble`; with "samples" called again from 0 while these are drawn
+    draws : number of draws from each posterior
+    discrepancy : as for `fitting.fit`, with a given amplitude and width; the data are drawn with it
+    callback : as for `fitting.run_ensemble`; with "samples" it is called a second time, from 0, during the
+        draws
 
     Returns
     -------
@@ -233,7 +238,7 @@ def calibration(
     Warns
     -----
     RuntimeWarning
-        the draws of some fits say little of their posteriors; it names their rows, as does `doubtful`.
+        the draws of some fits are unreliable; the message names their rows, which are in `doubtful`.
     """
     check_options(count=members, n=draws, key=key, prior=prior)
     if draws < _LEAST:
@@ -243,13 +248,15 @@ def calibration(
     data = as_data_sets(data_plan)
     for one in data:
         if one.error is None:
-            raise ValueError(f"data {one.label!r}: have no errors: must have, as data are drawn with them")
+            raise ValueError(
+                f"data {one.label!r}: have no errors: must have errors, because data are drawn with them"
+            )
     problem = make_problem(scene, data, free, prior, quadrature=quadrature)
     if discrepancy is not None:
         check_discrepancy(discrepancy, data, "linear", "auto")
         for name in ("amplitude", "width"):
             if getattr(discrepancy, name) is None:
-                raise ValueError(f"discrepancy: {name} = None: must be given, as data are drawn with it")
+                raise ValueError(f"discrepancy: {name} = None: must be given, because data are drawn with it")
         problem = with_discrepancy(problem, [scene] * len(data), data, discrepancy)
     key = jax.random.key(0) if key is None else key
     x, targets = _twins(problem, members, key)
@@ -288,13 +295,13 @@ def calibration(
 
 
 def _twins(problem: Problem, members: int, key: jax.Array) -> tuple[np.ndarray, Targets]:
-    """Return the truths from the priors, shape (members, size), and the data that they make, with errors."""
+    """Draw truths from the priors, shape (members, size), and data with errors from their scenes."""
     pairs = zip(problem.structure.prior.terms, problem.numbers.prior, strict=True)
     drawn = [(term.elements, *numbers) for term, numbers in pairs if isinstance(term, GaussianRows)]
     known = [i for elements, *_ in drawn for i in elements]
     bare = [name for i, name in enumerate(problem.names) if i not in known]
     if bare:
-        raise ValueError(f"prior: {bare[0]} has none: must be a Gaussian, as truths are drawn from it")
+        raise ValueError(f"prior: {bare[0]} has none: must be a Gaussian, because truths are drawn from it")
     draw_truth, draw_noise = jax.random.split(key)
     x = np.empty((members, len(known)))
     mean, sigma = (np.concatenate([np.asarray(one[k]) for one in drawn]) for k in (1, 2))
@@ -313,7 +320,7 @@ def _models(structure, numbers, x):
 
 @functools.partial(jax.jit, static_argnums=0)
 def _precisions(structure, numbers, targets, x):
-    """Return J^T J at every x, priors included; it does not depend on the data but through their errors."""
+    """Return J^T J at every x, priors included; of the data it depends on the errors only."""
     one = jax.tree.map(lambda a: a[0], targets)
 
     def precision(x):

@@ -1,4 +1,4 @@
-"""Several fits of the same data side by side: which scene predicts best, and whether the data can tell."""
+"""Comparison of several fits of the same data: which scene predicts best, and whether this is significant."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -20,16 +20,16 @@ _OPTIONS = ("shear", "heating", "softening")
 
 
 class Variant(NamedTuple):
-    """One fit in a comparison; of aic, aicc, bic, loo the lower is the better."""
+    """One fit in a comparison; lower values of aic, aicc, bic and loo are better."""
 
     name: str
-    parameters: float  # that the data determine, with errors that were estimated
+    parameters: float  # number determined by the data, including estimated errors
     chisqr: float
     redchi: float
     aic: float
     aicc: float
     bic: float
-    loo: float  # -2 ln p of the values, each left out
+    loo: float  # -2 sum ln p of the values, each left out in turn
     worse: float  # loo minus the lowest loo
     worse_stderr: float  # standard error of the difference; 0 of the best
     explains: bool | None  # the fit's verdict
@@ -42,7 +42,7 @@ class Comparison:
     Attributes
     ----------
     variants : tuple of `Variant`, the lowest loo first
-    words : interpretation of the differences, in lines of text
+    words : interpretation of the differences, lines of text
     """
 
     variants: tuple[Variant, ...]
@@ -105,18 +105,18 @@ class Comparison:
 def compare(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> Comparison:
     r"""Compare fits of several scenes to the same data: with or without heat, shear, softening.
 
-    By chi-square, AIC, AICc, BIC and LOO, the leave-one-out deviance
+    The comparison uses chi-square, AIC, AICc, BIC and LOO, the leave-one-out deviance
 
     .. math:: \mathrm{LOO} = -2 \sum_i \ln p(y_i \,|\, y_{-i}),\qquad
               s^2 = n \, \mathrm{var}_i \, (-2 \ln p_i^A + 2 \ln p_i^B)
 
-    s the standard error of a difference of two scenes A and B [Vehtari, Gelman & Gabry, Stat. Comput. 27
-    (2017) 1413, arXiv:1507.04544]; how each is computed says `fitting.uncertainty.criteria`.
+    with the standard error s of the difference of two scenes A and B [Vehtari, Gelman & Gabry, Stat. Comput.
+    27 (2017) 1413, arXiv:1507.04544]. `fitting.uncertainty.criteria` has the formulas.
 
     Parameters
     ----------
     results : FitResults of the same data, or a dict of them by name
-        without names they are called by what their scenes have.
+        In a list, each fit is named after the optional parts of its scene.
 
     Returns
     -------
@@ -124,13 +124,14 @@ def compare(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> Compariso
 
     Raises
     ------
-    ValueError : fewer than two, other things than fits, or fits of other data, loss, or treatment of errors.
+    ValueError : fewer than two fits, an object that is not a fit, or fits with different data, losses or
+        treatment of errors.
 
     Notes
     -----
-    A value is left out alone, so that LOO asks for a prediction between its neighbours; how a scene
-    continues beyond the data no criterion tells. Errors that were estimated, each fit's own, are taken as
-    they are. Criteria do not count what priors say against a fit.
+    One value at a time is left out, so LOO measures predictions between neighbouring values. No criterion
+    measures how well a scene extrapolates beyond the data. If errors were estimated, each fit uses its own.
+    The criteria do not include the deviations from the priors.
     """
     named = _named(results)
     fits = list(named.values())
@@ -162,7 +163,7 @@ def compare(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> Compariso
 
 
 def is_distinguishable(one: Variant) -> bool:
-    """Return True if the data distinguish a variant from the best one."""
+    """Return True if the data distinguish a variant from the one with the lowest loo."""
     return one.worse > max(2 * SMALL, ERRORS * one.worse_stderr)
 
 
@@ -174,7 +175,7 @@ def _words(variants: list[Variant], fits: dict[str, FitRecord], found: dict[str,
     )
     first = alike[0].name
     if len(alike) == 1:
-        lines = [f"{first!r} predicts values that are left out best, by more than chance"]
+        lines = [f"{first!r} predicts left-out values best, by more than chance"]
     else:
         simplest = min(alike, key=lambda one: one.parameters)
         names = ", ".join(repr(one.name) for one in alike)
@@ -193,14 +194,14 @@ def _words(variants: list[Variant], fits: dict[str, FitRecord], found: dict[str,
         )
     explains = [one.explains for one in variants]
     if all(one is False for one in explains):
-        lines.append(
-            "NONE OF THEM EXPLAINS THE DATA: the best is the least wrong, something is missing in all"
-        )
+        lines.append("NONE OF THEM EXPLAINS THE DATA: all scenes lack something")
     elif alike[0].explains is False:
         lines.append(f"{first!r} predicts best, but does not explain the data: see its verdict")
     for name, fit in fits.items():
         if not fit.success:
-            lines.append(f"the fit of {name!r} did not succeed, its criteria are too large: {fit.message}")
+            lines.append(
+                f"the fit of {name!r} did not converge, so its criteria are too large: {fit.message}"
+            )
         alone = np.flatnonzero(found[name].leverage > ALONE)
         if alone.size:
             lines.append(
@@ -208,7 +209,7 @@ def _words(variants: list[Variant], fits: dict[str, FitRecord], found: dict[str,
                 f"{'s' * (alone.size == 1)} a number of the scene, first {_place(fit, alone[0])}"
             )
     if len({_prior_text(fit) for fit in fits.values()}) > 1:
-        lines.append("their priors differ: what a prior says against a fit is not counted")
+        lines.append("their priors differ: deviations from priors are not included in the criteria")
     return lines
 
 
@@ -241,12 +242,12 @@ def _named(results: Sequence[FitRecord] | Mapping[str, FitRecord]) -> dict[str, 
             same = sum(known == name or known.startswith(f"{name} #") for known in named)
             named[f"{name} #{same + 1}" if same else name] = one
     else:
-        raise ValueError(f"results is a {type(results).__name__}: must be FitResults in a list or a dict")
+        raise ValueError(f"results is a {type(results).__name__}: must be a list or a dict of FitResults")
     for name, one in named.items():
         if not isinstance(one, FitRecord):
             raise ValueError(f"{name}: is a {type(one).__name__}: must be a FitResult")
     if len(named) < 2:
-        raise ValueError(f"results: has {len(named)} fits: must have two at least")
+        raise ValueError(f"results: has {len(named)} fits: must have at least two")
     return named
 
 
@@ -261,25 +262,26 @@ def _what(fit: FitRecord) -> str:
 
 
 def _check_same(name: str, fit: FitRecord, other_name: str, other: FitRecord) -> None:
-    """Raise ValueError unless two fits are of the same data, seen in the same way."""
+    """Raise ValueError unless two fits have the same data, loss and treatment of errors."""
     where = f"{other_name!r} and {name!r}"
     if len(fit.data) != len(other.data):
         raise ValueError(
-            f"{where} are fits of {len(other.data)} and {len(fit.data)} data sets: must be of the same data"
+            f"{where} are fits of {len(other.data)} and {len(fit.data)} data sets; both must be of the same"
+            " data"
         )
     for i, (one, another) in enumerate(zip(fit.data, other.data, strict=True)):
         if not _same(one, another):
-            raise ValueError(
-                f"{where}: data[{i}], {another.label!r}, is another: must be fits of the same data"
-            )
+            raise ValueError(f"{where}: data[{i}], {another.label!r}, differs: must be the same data")
     structures = fit.problem.structure, other.problem.structure
     losses = [
         (one.loss, float(x.problem.numbers.width)) for one, x in zip(structures, (fit, other), strict=True)
     ]
     if losses[0] != losses[1]:
-        raise ValueError(f"{where}: losses are {losses[1]} and {losses[0]}: must be the same")
+        raise ValueError(f"{where}: losses are {losses[1]} and {losses[0]}; they must be the same")
     if (fit.error_scale != 1) != (other.error_scale != 1):
-        raise ValueError(f"{where}: errors of one are scaled by the scatter: must be of both, or of none")
+        raise ValueError(
+            f"{where}: errors of only one are scaled by the scatter; both or none must be scaled"
+        )
 
 
 def _same(one: Measured, other: Measured) -> bool:

@@ -1,15 +1,15 @@
-"""Members of an ensemble: many fits of one structure, as starts and targets, and the result of their run.
+"""Members of an ensemble, which are many fits of one structure, and the results of their runs.
 
-A member differs from its neighbours in its start, its data, or what may move. All share one
-compiled step, and one set of conditions and constants. `fitting.run_ensemble` runs them.
+Members differ in their start, their data, or their fixed parameters. All share one compiled step, the
+conditions and the constants. `fitting.run_ensemble` runs them.
 
 Files of an `EnsembleResult`::
 
     /           attributes format = "rubberfric ensemble", format_version = 1, kind, seconds,
                 devices, batch, peak
-    /report     as text
-    /names      of the free elements
-    /x, values  a row a member; likewise cost, status, nfev, njev
+    /report     the report as text
+    /names      key paths of the free elements
+    /x, values  a row for each member; likewise cost, status, nfev, njev
 """
 
 import dataclasses
@@ -46,18 +46,20 @@ _COUNTS = ("status", "nfev", "njev")
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class EnsembleResult:
-    """Ends of all members of an ensemble, one row each.
+    """Results of all members of an ensemble, one row for each.
 
     Attributes
     ----------
-    kind : of the members
-    names : of the free elements
-    x, values : shape (members, size): variables of the solver, and values of the elements
-    cost, status, nfev, njev : shape (members,); status as of `fitting.solvers.iterate`
-    seconds : wall time without compilation, of all runs that a checkpoint joins
-    devices : that the (last) run used
-    batch : members of each device that took a step at a time; 0 if nothing was left to do
-    peak : bytes of each device that a step took, by the compiler's account
+    kind : kind of the members, see `Members`
+    names : key paths of the free elements
+    x, values : variables of the solver, and values of the elements, shape (members, size)
+    cost : cost at x, shape (members,)
+    status : how each member ended, a constant of `fitting.solvers.iterate`, shape (members,)
+    nfev, njev : evaluations of the residuals and of their Jacobian, shape (members,)
+    seconds : wall time without compilation, summed over all runs that a checkpoint joins
+    devices : number of devices in the (last) run
+    batch : number of members of each device that took a step together; 0 if nothing was left to do
+    peak : memory of each device for a step, as stated by the compiler [B]
     """
 
     kind: str
@@ -81,7 +83,7 @@ class EnsembleResult:
 
     @property
     def good(self) -> np.ndarray:
-        """Which members converged, shape (members,)."""
+        """True for members that converged, shape (members,)."""
         return succeeded(self.status)
 
     @property
@@ -91,22 +93,22 @@ class EnsembleResult:
 
     @property
     def best(self) -> int:
-        """Index of the lowest finite cost."""
+        """Index of the member with the lowest finite cost."""
         if not np.isfinite(self.cost).any():
-            raise ValueError("no member has a finite cost: check the start values")
+            raise ValueError("no member has a finite cost; check the start values")
         return int(np.argmin(np.where(np.isfinite(self.cost), self.cost, np.inf)))
 
     def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-        """Return the quantiles of the values of the members that converged."""
+        """Return the lower and upper quantile of the values of the converged members, shape (size,) each."""
         check_options(level=level)
         if not self.good.any():
-            raise ValueError("no member converged: there are no quantiles")
+            raise ValueError("no member converged, so there are no quantiles")
         tail = 50 * (1 - level)
         low, high = np.percentile(self.values[self.good], [tail, 100 - tail], axis=0)
         return low, high
 
     def report(self) -> str:
-        """Return how the members ended, and where, as text of several lines."""
+        """Return the results of the members as text of several lines."""
         lines = ["[[Ensemble]]", f"    kind     = {self.kind}", f"    members  = {len(self)}"]
         lines += [
             f"    {np.sum(self.status == s):8d} {text}" for s, text in MESSAGES.items() if s in self.status
@@ -162,14 +164,14 @@ class Members:
     Attributes
     ----------
     kind : "starts", "bootstrap" or "profile"
-    problem : structure and numbers, shared
+    problem : Problem, whose structure and numbers all members share
     starts : shape (members, size)
-    targets : arrays with a leading axis of one entry a member, or of one for all
-    solver : as of `fitting.solvers.runs`
-    max_steps : of a member
-    parameter : shape (members,), which parameter stays at its start; -1: none
-    source : FitResult that the members were drawn around, or None
-    level : of the intervals of a profile
+    targets : `Targets` with a leading axis, of one entry for each member or one entry for all
+    solver : solver as for `fitting.solvers.runs.run_fits`
+    max_steps : largest number of steps of a member
+    parameter : index of the parameter that is fixed at its start, -1 for none, shape (members,)
+    source : FitResult from which the members were derived, or None
+    level : confidence level of the intervals of a profile
     """
 
     kind: str
@@ -200,10 +202,10 @@ class Members:
         return self.source.bootstrap_of(ensemble.x, ensemble.status)
 
     def profiles(self, ensemble: EnsembleResult) -> dict[str, LikelihoodProfile]:
-        """Return the profiles that begin with a run of these members, by the names of the parameters.
+        """Return the profiles from a run of these members, by the names of the parameters.
 
-        A few more fits reach the threshold, as in `FitResult.profile`. A warning reports a minimum below
-        the fit.
+        Further fits are made until the threshold is reached, as in `FitResult.profile`. A warning reports a
+        minimum below the fit.
         """
         if self.kind != "profile" or self.source is None:
             raise ValueError(f"members are of kind {self.kind!r}: must be 'profile'")
@@ -218,7 +220,7 @@ class Members:
         return found
 
     def fingerprint(self) -> str:
-        """Return the sha256 of structure, constants, data, starts and solver of a run."""
+        """Return the SHA-256 hash of structure, constants, data, starts and solver of a run."""
         digest = hashlib.sha256()
         # The text of the scene's tree and the variables is complete: classes, static fields, key paths.
         for part in (self.kind, self.problem.structure, self.solver, self.max_steps):
@@ -245,7 +247,7 @@ def multi_start(
     tolerance: float | None = None,
     quadrature: rf.Quadrature | None = None,
 ) -> Members:
-    """Return the fits of one problem from several starts.
+    """Return `Members` for the fit of one problem from several starts.
 
     Parameters
     ----------
@@ -259,9 +261,9 @@ def multi_start(
 
     Notes
     -----
-    Every member is one plain run of the solver. `fitting.fit` does more for each of its few
-    starts: robust losses begin with least squares, and a fit that drove a parameter to nothing
-    is tried again. Give it the best member's scene to finish.
+    Every member is a single run of the solver. `fitting.fit` does more for each of its few starts: robust
+    losses begin with least squares, and a fit that drove a parameter towards zero is repeated. To finish,
+    call it with the scene of the best member.
     """
     count = starts if isinstance(starts, int) else 1
     check_options(method=method, starts=count, key=key, prior=prior)
@@ -286,15 +288,17 @@ def bootstrap_members(
     key: jax.Array | None = None,
     tolerance: float | None = None,
 ) -> Members:
-    """Return the fits of data drawn from a fitted model with the errors of the data, from its minimum.
+    """Return `Members` for a parametric bootstrap: data are drawn from a fitted model with their errors.
+
+    Each fit starts at the minimum of `result`.
 
     Parameters
     ----------
     result : FitResult
     count : number of data sets
     key : jax.random.key, or None for key(0): the data sets of `FitResult.bootstrap`
-    tolerance : of the solver, None: its own; 1e-6 leaves a member within a fiftieth of a standard
-        error of its minimum, in two thirds of the steps
+    tolerance : tolerance of the solver; None: its default. With 1e-6 a member ends within 1/50 of a
+        standard error of its minimum, after two thirds of the steps
     """
     check_options(count=count)
     starts, targets = result.bootstrap_fits(count, key)
@@ -308,12 +312,12 @@ def profile_members(
     level: float = 0.95,
     points: int = 8,
 ) -> Members:
-    """Return the fits with one parameter fixed at each of 2 points + 1 values, for several parameters.
+    """Return `Members` for profiles: one parameter at a time is fixed at each of 2 points + 1 values.
 
     Parameters
     ----------
     result : FitResult
-    names : of its parameters; None: all
+    names : names of the parameters; None: all
     level, points : as for `FitResult.profile`
     """
     check_options(level=level, points=points)

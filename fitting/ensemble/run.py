@@ -1,6 +1,6 @@
 """Ensembles: thousands of fits in one compiled function over devices and processes, with checkpoints.
 
-A checkpoint contains the state from which a run continues to the same numbers::
+A checkpoint contains the state of a run, from which it continues with identical results::
 
     /               attributes format = "rubberfric ensemble checkpoint", format_version = 1,
                     rubberfric_version, fingerprint (of the job, `Members.fingerprint`), seconds
@@ -8,8 +8,8 @@ A checkpoint contains the state from which a run continues to the same numbers::
     /iterate/0, 1 ... arrays of the solver's iterate, a row a member, in the order of its fields
 
 A file has its full size from the first write on. It is written under another name, synchronised with the disk
-and renamed, so that one whole checkpoint exists at any moment. It is put together in memory, so that a full
-disk raises an OSError and not an error of the HDF5 library.
+and renamed, so that one complete checkpoint exists at any moment. It is assembled in memory, so that a full
+disk raises an OSError instead of an error of the HDF5 library.
 """
 
 import io
@@ -36,16 +36,16 @@ _FORMAT = "rubberfric ensemble checkpoint"
 
 
 class Checkpoint(NamedTuple):
-    """How far an ensemble is: arrays over its members, changed in place."""
+    """State of an ensemble between two steps: arrays over its members, changed in place."""
 
-    begun: np.ndarray  # bool: whether `iterate` is one
-    steps: np.ndarray  # taken since
+    begun: np.ndarray  # bool: True if the start of the member was evaluated
+    steps: np.ndarray  # number of steps taken since
     iterate: Iterate
-    seconds: np.ndarray  # spent, shape ()
+    seconds: np.ndarray  # wall time so far, shape ()
 
 
 def write_checkpoint(path: StrPath, fingerprint: str, checkpoint: Checkpoint) -> None:
-    """Write a checkpoint, whole or not at all; OSError says why it could not be."""
+    """Write a checkpoint completely or not at all; OSError says why it could not be written."""
     image = io.BytesIO()
     with hdf5.creating(image, _FORMAT) as file:
         file.attrs.update(fingerprint=fingerprint, seconds=float(checkpoint.seconds))
@@ -61,19 +61,20 @@ def read_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint) -> Check
 
     Parameters
     ----------
-    fingerprint : of the job that is to go on
-    blank : the checkpoint of that job before its first step, which gives the shapes
+    fingerprint : fingerprint of the job to be continued
+    blank : checkpoint of that job before its first step, which gives the shapes
 
     Raises
     ------
     ValueError
-        one line naming the file: it is truncated or no checkpoint, or one of another job or version.
+        one line naming the file, which is truncated, not a checkpoint, or from another job or version.
     """
     with hdf5.reading(path, _FORMAT) as file:
         found = hdf5.plain(file.attrs.get("rubberfric_version"))
         if found != VERSION:
             raise ValueError(
-                f"written by version {found}: this is {VERSION}, whose steps may differ; must be the same"
+                f"written by version {found}, but this is {VERSION}, whose steps may differ; both must be"
+                " equal"
             )
         if file.attrs.get("fingerprint") != fingerprint:
             held = file.get("steps")
@@ -82,7 +83,7 @@ def read_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint) -> Check
                     f"has {held.size} members: must have {blank.steps.size}; resume with the same number"
                 )
             raise ValueError(
-                "belongs to another job: scene, data, free parameters, starts and solver must be the same"
+                "belongs to another job; scene, data, free parameters, starts and solver must be the same"
             )
         hdf5.check_names(
             file,
@@ -97,7 +98,7 @@ def read_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint) -> Check
 
 
 def _same(file: h5py.File, name: str, like: np.ndarray) -> np.ndarray:
-    """Return an array of the file, of the shape and dtype of another."""
+    """Return an array of the file; ValueError unless it has the shape and dtype of `like`."""
     data = file[name]
     array = np.asarray(data[()] if isinstance(data, h5py.Dataset) else None)
     if array.shape != like.shape or array.dtype != like.dtype:
@@ -108,12 +109,12 @@ def _same(file: h5py.File, name: str, like: np.ndarray) -> np.ndarray:
 
 
 def check_checkpoint(path: StrPath, fingerprint: str, blank: Checkpoint, resume: bool) -> Checkpoint:
-    """Return the checkpoint to begin with, once it is certain that checkpoints can be written.
+    """Return the first checkpoint of a run, after a test that checkpoints can be written.
 
     Raises
     ------
     ValueError
-        one line: the path cannot be written to, or what lies there is not to be gone on with.
+        one line: the path cannot be written to, or the file there cannot be continued.
     """
     check_writable(path, (".h5",))
     if Path(path).exists() and not resume:
@@ -146,15 +147,15 @@ def run_ensemble(
     ----------
     members : Members, from `multi_start`, `bootstrap_members` or `profile_members`
     devices : list of jax devices; None: all, of all processes
-    checkpoint : path of an HDF5 file (.h5) that says how far the ensemble is, or None
+    checkpoint : path of an HDF5 file (.h5) for the state of the ensemble, or None
     every : seconds between checkpoints; 0: after every step of the batch
-    resume : go on with the checkpoint, to the same numbers as without the break; without a
-        file, begin. False: refuse to overwrite one.
+    resume : True continues from the checkpoint, with the results of an uninterrupted run, or begins if the
+        file does not exist. False refuses to overwrite a file.
     max_memory : bytes of each device that a step may take [B]
-    batch : members of each device that take a step before results are looked at; None: as many
-        as there is work and memory for
-    vectorised : whether they take it at once, or one after the other; None: at once unless the
-        device is a processor
+    batch : number of members of each device that take a step together, before results are examined;
+        None: as many as there is work and memory for
+    vectorised : True: the members of a batch are computed simultaneously; False: one after the other;
+        None: simultaneously unless the device is a processor
     callback : called as callback(members done, members) after every step of the batch, or None
         KeyboardInterrupt, from it or the keyboard, ends the run with the values reached, and
         a checkpoint.
@@ -168,32 +169,31 @@ def run_ensemble(
     Raises
     ------
     ValueError
-        one line: a bad option, a path that cannot be written to, a checkpoint that is truncated
-        or of another job or version, too little memory for one member. All before the first step.
+        one line, before the first step: an invalid option, a path that cannot be written to, a checkpoint
+        that is truncated or of another job or version, too little memory for one member.
 
     Warns
     -----
     RuntimeWarning
-        a checkpoint could not be written (a disk that filled up meanwhile); the run goes on,
-        tries again at the next, and the last one is kept.
+        a checkpoint could not be written (for example, the disk is full). The run continues, keeps the
+        previous checkpoint, and writes the next one at its time.
 
     Notes
     -----
-    Make the cores of a processor devices of JAX at the start of the program, by
-    ``jax.config.update("jax_num_cpu_devices", n)``. For several processes the program, the same
-    in each, begins with ``jax.distributed.initialize(address, processes, id)`` (this library
-    never does that), gives all of them the same members, and runs them in each; all get the
-    result, the first one reads and writes the checkpoint. If a process dies all end, and a new
-    start resumes.
+    To use the cores of a processor as devices of JAX, begin the program with
+    ``jax.config.update("jax_num_cpu_devices", n)``. To use several processes, run the same program in
+    each. It begins with ``jax.distributed.initialize(address, processes, id)``, which this library never
+    calls, and calls this function with the same members. Every process gets the result; the first one
+    reads and writes the checkpoint. If a process dies, all end, and a new start with `resume` continues.
 
-    A member's numbers do not depend on the other members, and where these are not `vectorised` not on
-    the size of the batch, to the last bit. So a resumed run ends with the bits of an uninterrupted one.
-    Nor do they depend on the number of devices or processes, with one exception: XLA simplifies
-    a program for one device by another sequence of passes than one for several, and may round
-    the model differently. The cost of a member that converges is the same to 1e-12 then.
+    To the last bit, the results of a member do not depend on the other members and, unless `vectorised`, on
+    the size of the batch. A resumed run therefore gives the results of an uninterrupted one. The number
+    of devices or processes has no influence either, with one exception: XLA optimises a program for one
+    device in other steps than a program for several, and may round the model differently. The cost of a
+    converged member then agrees to 1e-12.
     """
     if not isinstance(members, Members):
-        raise ValueError(f"members is a {type(members).__name__}: must be Members, such as of multi_start")
+        raise ValueError(f"members is a {type(members).__name__}: must be Members, as from multi_start")
     check_options(every=every, max_memory=max_memory, batch=batch)
     if callback is not None and not callable(callback):
         raise ValueError(f"callback = {shown(callback)}: must be a function of (done, members), or None")
@@ -247,7 +247,7 @@ def run_ensemble(
 
 
 class _Record:
-    """How far an ensemble is, and the file that says so."""
+    """Checkpoint of a run in memory, and its file."""
 
     def __init__(self, members, path, every, together):
         self.path, self.every, self.together = path, every, together
@@ -270,21 +270,21 @@ class _Record:
         if self.together and self.path is not None:
             failed = multihost_utils.broadcast_one_to_all(np.array(error is not None, np.int32))
             if failed and error is None:
-                raise ValueError(f"{self.path}: the first process could not use it; see its error")
+                raise ValueError(f"{self.path}: cannot be used by the first process; see its error message")
             if not failed:
                 self.checkpoint = _from_first(self.checkpoint)
         if error is not None:
             raise error
 
     def keep(self, which, new, stepped, seconds):
-        """Take in rows after a step or a start; write them down if it is time to."""
+        """Add the iterates of some members after a step or a start; write the file every `every` seconds."""
         self.pending = which, new, self.checkpoint.steps[which] + stepped, seconds
         self._take_in()
         if time.monotonic() - self.written >= self.every:
             self.write()
 
     def _take_in(self):
-        """Return the rows that came; done again if an interrupt stopped it half-way."""
+        """Copy the pending rows into the checkpoint; repeated if an interrupt stopped it half-way."""
         if self.pending is None:
             return
         which, iterate, steps, seconds = self.pending
@@ -296,7 +296,7 @@ class _Record:
         self.pending, self.changed = None, True
 
     def write(self):
-        """Write the checkpoint; a failure is a warning, so that the run goes on."""
+        """Write the checkpoint; a failure gives a warning, and the run continues."""
         self._take_in()
         if self.path is None or not (self.writes and self.changed):
             return
@@ -310,18 +310,21 @@ class _Record:
 
 
 def _several_processes(devices):
-    """Return True if the devices are of all of several processes; ValueError if only of some or others."""
+    """Return True if the devices belong to all of several processes.
+
+    False if they belong to this process only; ValueError for any other set.
+    """
     owners = {device.process_index for device in devices}
     if owners != {jax.process_index()} and owners != set(range(jax.process_count())):
         raise ValueError(
             f"devices belong to processes {sorted(owners)} of {jax.process_count()}:"
-            " must be of this process, or of all"
+            " must belong to this process only, or to all processes"
         )
     return len(owners) > 1
 
 
 def _from_first(checkpoint):
-    """Return the checkpoint of the first process, in all."""
+    """Return the checkpoint of the first process in every process."""
     leaves, tree = jax.tree.flatten(checkpoint)
     # Sent as bytes, because a sum over processes would change the bits of a NaN.
     sent = [multihost_utils.broadcast_one_to_all(_bytes(leaf)) for leaf in leaves]

@@ -1,6 +1,6 @@
-"""Rules of free parameters: which values they may take, where they start, and the range that they allow.
+"""Rules of free parameters: allowed values, start values, and relations to other parameters.
 
-`fitting.parameters.variables` says how a fit sees the values.
+`fitting.parameters.variables` describes the variables x of a fit that correspond to the values.
 """
 
 import dataclasses
@@ -40,7 +40,7 @@ class Positive:
 
 @dataclasses.dataclass(frozen=True)
 class Bounded:
-    """A value between two bounds, fitted in the logit of its place between them.
+    """A value between two bounds, fitted in the logit of its relative position between them.
 
     Parameters
     ----------
@@ -59,12 +59,12 @@ class Bounded:
 
 @dataclasses.dataclass(frozen=True)
 class Free:
-    """Any value.
+    """A value without limits, fitted in units of its scale.
 
     Parameters
     ----------
     start : as for `Positive`
-    scale : a change that matters; None: the size of the start value, 1 for 0
+    scale : size of a considerable change, > 0; None: absolute start value, or 1 if it is 0
     """
 
     start: Start = None
@@ -77,12 +77,13 @@ class Free:
 
 @dataclasses.dataclass(frozen=True)
 class Tied:
-    """A value that follows another free parameter: ratio times it.
+    """A value that is a constant ratio times another free parameter.
 
     Parameters
     ----------
-    to : key path of a parameter that is free itself, of as many elements or of one
-    ratio : number, or None to keep the ratio of the start values
+    to : key path of the other parameter, which must not be tied itself; it has one element, or as many as
+        this one
+    ratio : this value over the other one [-]; None: the ratio of the start values
     """
 
     to: str
@@ -95,10 +96,10 @@ class Tied:
 
 @dataclasses.dataclass(frozen=True)
 class RmsSlope:
-    """A cut-off wavevector q1 that follows the rms slope of the roughness up to it.
+    """A cut-off wavevector q1 that is determined by the rms slope of the roughness below it.
 
-    For key paths that end in .q1. All else in the spectrum keeps its value, free or not: of a
-    self-affine one the height, of a table C(q).
+    For key paths that end in .q1. The other numbers of the spectrum may be free or fixed. A self-affine
+    spectrum keeps its rms height when q1 changes, a table keeps C(q).
 
     Parameters
     ----------
@@ -119,7 +120,7 @@ CONSTRAINTS: dict[str, type[Constraint]] = {kind.__name__: kind for kind in _KIN
 FOLLOWING = ("Tied", "RmsSlope", "Shared")
 
 
-# Which leaf of the scene, and which elements of it; None: a scalar.
+# Index of a leaf of the scene, and its elements; None: a scalar.
 LeafElements = tuple[int, tuple[int, ...] | None]
 
 
@@ -136,29 +137,30 @@ def common_values(
 
     Parameters
     ----------
-    path, rule : of `free`
-    paths : that it stands for, one a scene
-    places : leaf and elements of each
-    leaves : of the scenes
+    path, rule : key and value of an item of `free`
+    paths : key paths that `path` stands for, one in each scene
+    places : leaf and elements of each of these
+    leaves : leaves of the scenes
     """
     values = [leaves[leaf][list(elements)] if elements else leaves[leaf][None] for leaf, elements in places]
     for one, (_, elements), here in zip(paths, places, values, strict=True):
         if elements != places[0][1]:
             raise ValueError(
-                f"free[{path!r}]: {paths[0]} has {values[0].size} elements, {one} has {here.size}: what"
-                " scenes share must be alike in all; free it by the name of each, or tie"
+                f"free[{path!r}]: {paths[0]} has {values[0].size} elements, {one} has {here.size};"
+                " shared parameters must have equal elements in all scenes, so free them separately or tie"
+                " them"
             )
         if rule.start is None and not np.array_equal(here, values[0]):
             k = int(np.flatnonzero(here != values[0])[0])
             raise ValueError(
                 f"free[{path!r}]: starts at {values[0][k]:g} in {paths[0].split('.')[0]}, at {here[k]:g} in"
-                f" {one.split('.')[0]}: one number must start at one value; give start="
+                f" {one.split('.')[0]}; a shared parameter needs one start value: give start="
             )
     return values[0]
 
 
 def start_values(path: str, rule: Positive | Bounded | Free, values: np.ndarray) -> np.ndarray:
-    """Start values of a group: `values` of the scene, unless the rule gives others."""
+    """Return the start values of a group, from its rule or else `values` of the scene."""
     if rule.start is None:
         return values
     try:
@@ -179,12 +181,13 @@ def start_values(path: str, rule: Positive | Bounded | Free, values: np.ndarray)
 def value_range(
     path: str, rule: Positive | Bounded | Free, values: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return (low, width) of a group, its start values checked."""
+    """Check the start values of a group, and return (low, width) of its rule."""
     zero, one = np.zeros(values.shape), np.ones(values.shape)
     if isinstance(rule, Positive):
         if not (values > 0).all():
             raise ValueError(
-                f"free[{path!r}]: starts at {values.min():g}: a Positive one must start > 0; give start="
+                f"free[{path!r}]: starts at {values.min():g}: must start > 0, because it is Positive; give"
+                " start="
             )
         return zero, one
     if isinstance(rule, Bounded):
@@ -200,7 +203,7 @@ def value_range(
 
 
 def with_starts(scene: Scenes, free: Mapping[str, Constraint]) -> Scenes:
-    """Return the scene with optional numbers, such as the q1 of a table, from the rules."""
+    """Return the scene with missing optional numbers, such as the q1 of a table, set by the rules."""
     given = {}
     for path, rule in ((path, rule) for key, rule in free.items() for path in paths_of(scene, key)):
         owner, name = owner_of(scene, path)
@@ -235,7 +238,7 @@ def cutoff_of(scene: Scenes, path: str, slope: float | jax.Array) -> jax.Array:
 
 
 def cutoff_path(scene: Scenes, path: str | None) -> str:
-    """Return Key path of the q1 of a spectrum; ValueError unless it is one, or there is one only."""
+    """Return the key path of the q1 of a spectrum; None stands for the only one, else ValueError."""
     known = [
         f"{name}.{side}.spectrum.q1".lstrip(".")
         for name, one in by_name(scene).items()
@@ -252,6 +255,6 @@ def cutoff_path(scene: Scenes, path: str | None) -> str:
 
 
 def last_wavevector(scene: Scenes, path: str) -> float:
-    """Return the largest q1 at a key path [1/m], the end of a table."""
+    """Return the largest possible q1 at a key path [1/m]: the end of a table, else inf."""
     ends = [getattr(owner_of(scene, one)[0], "q", None) for one in paths_of(scene, path)]
     return min((float(q[-1]) for q in ends if q is not None), default=float("inf"))

@@ -1,4 +1,4 @@
-"""Joint normal prior of several numbers, with correlations, as another fit determines it."""
+"""Joint normal prior of several numbers with their correlations, for example the result of another fit."""
 
 import dataclasses
 from typing import NamedTuple
@@ -13,30 +13,30 @@ from fitting.parameters.scenes import find, path_over
 from fitting.parameters.selection import PriorContext, Selection
 from fitting.parameters.variables import Array
 
-# Smallest probability of the distance of constant numbers from their prior that is accepted.
+# Constant numbers are refused if their distance from the prior is less probable than this.
 _CHANCE = 1e-3
-# Relative difference of places, as of relaxation times, that rounding makes.
+# Relative difference of abscissae, such as relaxation times, due to rounding.
 _SAME = 1e-6
 
 
 @dataclasses.dataclass(frozen=True)
 class Correlated:
-    r"""Joint normal prior of several numbers of the scene, each in its own coordinate.
+    r"""Joint normal prior of several numbers of the scene, each transformed according to its limits.
 
     .. math:: r = C^{-1/2} (t(v) - t(mean)),\qquad t(v) = \ln\frac{v - low}{high - v},\;
               \ln(v - low),\; v
 
-    for numbers with two limits, one, and none, like the variables of Bounded, Positive and Free parameters.
-    `as_prior` of a result makes it. Its key contains the paths of the numbers, separated by commas. If a fit
-    keeps some of them constant, the prior of the others is the conditional one.
+    for numbers with two limits, one limit and no limit, like the variables of Bounded, Positive and Free
+    parameters. `as_prior` of a result creates it. Its key contains the paths of the numbers, separated by
+    commas. If a fit keeps some of them constant, the others have the conditional distribution.
 
     Parameters
     ----------
-    mean : in the units of the numbers, shape (n,)
-    covariance : of t, shape (n, n)
-    low, high : limits of every number, -inf and inf without, shape (n,)
-    places : what every number stands at, such as its relaxation time, NaN if nothing, shape (n,); or None
-        refused where the scene has others: the same element would be something else.
+    mean : means in the units of the numbers, shape (n,)
+    covariance : covariance of t, shape (n, n)
+    low, high : limits of every number, -inf and inf if there are none, shape (n,)
+    places : abscissa of every number, such as its relaxation time, NaN if it has none, shape (n,);
+        or None. A scene with other abscissae is refused, because its elements have another meaning.
     """
 
     mean: ArrayLike
@@ -58,7 +58,7 @@ class Correlated:
                 found = np.empty(())
             if found.shape != shape or size == 0:
                 raise ValueError(f"Correlated: {name} must be numbers of the shape {shape}")
-            # Tuples, so that two that say the same are equal.
+            # Tuples, so that equal priors compare equal.
             object.__setattr__(self, name, tuple(tuple(one) if np.ndim(one) else float(one) for one in found))
         C = np.array(self.covariance)
         if not (np.isfinite(C).all() and np.allclose(C, C.T, rtol=1e-6) and (np.diag(C) > 0).all()):
@@ -69,13 +69,13 @@ class Correlated:
             raise ValueError("Correlated: mean must be finite and between low and high")
 
     def read(self, place: PriorContext) -> list[tuple["CorrelatedRows", tuple[np.ndarray, ...]]]:
-        """Return the structure and numbers; ValueError where it does not speak of this scene."""
+        """Return the structure and numbers; ValueError if the prior does not apply to this scene."""
         where, chosen = place.where, place.selection(",", ", or several separated by commas")
         mean, low, high = (np.array(value) for value in (self.mean, self.low, self.high))
         if chosen.size != mean.size:
             raise ValueError(
-                f"{where}: names {chosen.size} numbers, is of {mean.size}: must be as many; the scene must"
-                " have the material, or the table, of the fit that it comes from"
+                f"{where}: the key names {chosen.size} numbers, but the prior has {mean.size}; the scene must"
+                " have the material, or the table, of the fit that the prior comes from"
             )
         self._check_places(place, chosen)
         start = np.asarray(chosen.of(place.start))
@@ -95,13 +95,14 @@ class Correlated:
             if scipy.special.gammaincc(held.size / 2, far / 2) < _CHANCE:
                 i = held[int(np.argmax(np.abs(away) / np.sqrt(np.diag(part))))]
                 raise ValueError(
-                    f"{where}: {chosen.names[i]} is held at {start[i]:.6g}, but known to be {mean[i]:.6g}:"
-                    " must be free, or start the scene from the result that the prior comes from"
+                    f"{where}: {chosen.names[i]} is fixed at {start[i]:.6g}, but its prior mean is"
+                    f" {mean[i]:.6g};"
+                    " free it, or start from the scene of the fit that the prior comes from"
                 )
         return [(CorrelatedRows(chosen), (centre, whitener(covariance), low, high))]
 
     def _check_places(self, place: PriorContext, chosen: Selection) -> None:
-        """Raise ValueError unless every element stands where it stood."""
+        """Raise ValueError unless every element has its former abscissa."""
         if self.places is None:
             return
         before, i = np.array(self.places), 0
@@ -113,8 +114,8 @@ class Correlated:
                 if not np.allclose(here, known, rtol=_SAME, atol=0.0):
                     k = int(np.argmax(np.abs(here / known - 1)))
                     raise ValueError(
-                        f"{place.where}: {path} stood at {over} = {known[k]:.6g}, here at {here[k]:.6g}: must"
-                        " be the same; take the material, or the table, of the fit that the prior comes from"
+                        f"{place.where}: {path} was at {over} = {known[k]:.6g}, but is at {here[k]:.6g};"
+                        " use the material, or the table, of the fit that the prior comes from"
                     )
             i += count
 
@@ -141,7 +142,7 @@ class CorrelatedRows(NamedTuple):
 
 
 def coordinates(v: Array, low: Array, high: Array) -> jax.Array:
-    """Return t of numbers, not finite outside their limits."""
+    """Return t of numbers; it is not finite outside their limits."""
     floor, roof = jnp.isfinite(low), jnp.isfinite(high)
     # The branch that is not selected must have a finite derivative.
     above = jnp.log(jnp.where(floor, v - jnp.where(floor, low, 0.0), 1.0))
@@ -150,9 +151,9 @@ def coordinates(v: Array, low: Array, high: Array) -> jax.Array:
 
 
 def whitener(covariance: np.ndarray) -> np.ndarray:
-    """Return W with W C W^T = 1, of deviations that may differ by many orders of magnitude."""
+    """Return W with W C W^T = 1, also if the standard deviations differ by many orders of magnitude."""
     size = np.sqrt(np.diag(covariance))
     values, vectors = np.linalg.eigh(covariance / np.outer(size, size))
-    # Less is the rounding of the matrix: of a number that is known to follow others exactly.
+    # Smaller eigenvalues are rounding, if a number is an exact function of others.
     values = np.maximum(values, 1e-14 * values[-1])
     return (vectors / np.sqrt(values)).T / size

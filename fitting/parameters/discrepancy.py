@@ -1,12 +1,13 @@
-r"""How far the theory itself may be off: a smooth error of the model over the velocity.
+r"""Model error of the theory: a Gaussian process over the logarithm of the velocity.
 
-Measured values are assumed to be the theory times e^delta, with delta a Gaussian process over ln(v a_T) of
-mean 0 [Kennedy & O'Hagan, J. R. Stat. Soc. B 63 (2001) 425]. With a given width w its covariance is
+Measured values are assumed to be the theory times e^delta. delta is a Gaussian process over ln(v a_T) with
+the mean 0 [Kennedy & O'Hagan, J. R. Stat. Soc. B 63 (2001) 425]. With a given width w its covariance is
 
 .. math:: \mathrm{cov}(\delta_i, \delta_j) = \frac{a^2}{1 + (x_i - x_j)^2 / 2 w^2},\qquad x = \ln(v\, a_T)
 
-a rational quadratic: squared exponentials of many widths, the typical one w [Rasmussen & Williams, Gaussian
-Processes for Machine Learning (2006), eq. 4.19]. With an estimated width it is a sum of squared exponentials,
+a rational quadratic, which is a sum of squared exponentials of many widths around w [Rasmussen & Williams,
+Gaussian Processes for Machine Learning (2006), eq. 4.19]. With an estimated width it is a sum of squared
+exponentials,
 
 .. math:: \mathrm{cov}(\delta_i, \delta_j) = \sum_k a_k^2 \exp(-(x_i - x_j)^2 / 2 w_k^2)
 
@@ -24,7 +25,7 @@ import numpy as np
 
 from fitting.parameters.constraints import is_number
 
-# Widths between which an estimated one lies [-], from a tenth of a decade to 1.6 decades.
+# Widths of the posterior if the width is estimated [-], from a tenth of a decade to 1.6 decades.
 WIDTHS = tuple(math.log(10) * 0.1 * 2**k for k in range(5))
 
 
@@ -112,7 +113,7 @@ def covariances(x: np.ndarray, curve: np.ndarray, discrepancy: Discrepancy) -> n
     """Return the covariance of the theory's errors at x of curves, both of shape (n,); (n, n)."""
     amplitude, width = discrepancy.amplitude, discrepancy.width
     if amplitude is None or width is None:
-        raise ValueError("Discrepancy: amplitude and width must be numbers, or estimated before")
+        raise ValueError("Discrepancy: amplitude and width must be numbers, or be estimated first")
     parts = discrepancy.parts
     if parts:
         near = np.sum([a**2 * squared_exponential(x, w) for a, w in parts], axis=0)

@@ -1,4 +1,4 @@
-"""Priors of a fit: the kinds of them, and the rows that they add to the residuals.
+"""Priors of a fit, and the rows that they add to the residuals.
 
 `Gaussian` is for a free parameter, `Smooth` for a curve such as a relaxation spectrum, `Sum` for a sum such
 as the glassy modulus, and `Correlated` (`fitting.parameters.correlated`) for the result of another fit.
@@ -22,15 +22,14 @@ from rubberfric.base import unit_of
 
 @dataclasses.dataclass(frozen=True)
 class Gaussian:
-    r"""A free parameter is about `mean`, give or take `sigma`: Gaussian in the fit's variable x.
+    r"""Gaussian prior of a free parameter, with a mean and a standard deviation, in the fit's variable x.
 
     .. math:: r = (x - x(mean)) \, / \, (sigma \; dx/d value)
 
     Parameters
     ----------
-    mean, sigma : in the parameter's unit, numbers for all elements of the path, or one for each element
-        For a Positive parameter sigma / mean is the standard deviation of its logarithm. Arrays are kept
-        as tuples.
+    mean, sigma : mean and standard deviation in the parameter's unit, one for all elements or one for each
+        For a Positive parameter sigma / mean is the standard deviation of its logarithm.
     """
 
     mean: float | tuple[float, ...] | np.ndarray
@@ -48,16 +47,16 @@ class Gaussian:
 
     def read(self, place: PriorContext) -> list[tuple["GaussianRows", tuple[np.ndarray, np.ndarray]]]:
         """Return the structure and numbers; ValueError unless the key is a free parameter."""
-        find(place.scene, place.key)  # or its error, with the close ones
+        find(place.scene, place.key)  # raises an error with similar paths
         group, variables, constants = place.group(), place.variables, place.constants
         if group is None or group.kind in FOLLOWING:
             known = ", ".join(g.path for g in variables.own)
-            raise ValueError(f"{place.where}: must be a free parameter: {known}")
+            raise ValueError(f"{place.where}: the key must be one of the free parameters {known}")
         part = np.arange(*group.slot)
         for name in ("mean", "sigma"):
             size = np.size(getattr(self, name))
             if size not in (1, part.size):
-                raise ValueError(f"{place.where}: {name} has {size} numbers: must have {part.size}, or one")
+                raise ValueError(f"{place.where}: {name} has {size} numbers: must have {part.size} or one")
         mean = np.broadcast_to(np.asarray(self.mean, float), part.shape)
         at = _x_of_mean(place.where, group, mean, constants.low[part], constants.width[part])
         sigma = np.asarray(self.sigma, float) / slopes_of(group.kind, np.asarray(constants.width)[part], at)
@@ -97,24 +96,24 @@ def _x_of_mean(where, group, mean, low, width):
     return to_x(group.kind, low, width, mean)
 
 
-# A table of temperatures spans a small part of a decade: of these the slope is per so much [K].
+# Temperatures of a table span a small part of a decade, so their u is T over this [K].
 _STEP = 10.0
 
 
 @dataclasses.dataclass(frozen=True)
 class Smooth:
-    r"""Smoothness prior: the slope of a vector y of the scene changes little along its abscissa x.
+    r"""Smoothness prior: the log-log slope of a vector y of the scene changes little along its abscissa x.
 
     .. math:: r_i = \frac{1}{sigma} \left( \frac{\ln y_{i+1} - \ln y_i}{u_{i+1} - u_i}
               - \frac{\ln y_i - \ln y_{i-1}}{u_i - u_{i-1}} \right),\qquad u = \log_{10} x
 
-    E of a Prony series over tau, E' and E'' of a table over omega, C over q, the factors of a softening
-    over the strain; a_T and b_T over the temperature, u = T / 10 K. Its key is the path of a whole vector,
-    or of several vectors separated by commas, each with its own prior.
+    Examples are E of a Prony series over tau, E' and E'' of a table over omega, C over q, and the factors of
+    a softening over the strain. For a_T and b_T over the temperature, u = T / 10 K. The key is the path
+    of a whole vector, or of several vectors separated by commas; each then has its own prior.
 
     Parameters
     ----------
-    sigma : change of d ln y / du from one element to the next that is usual [-]
+    sigma : standard deviation of the change of d ln y / du from one interval to the next [-]
     """
 
     sigma: float = 1.0
@@ -131,18 +130,19 @@ class Smooth:
             over = None if "[" in path or elements is None else path_over(place.scene, path)
             if over is None:
                 raise ValueError(
-                    f"{place.where}: Smooth is for a whole vector over something; must be the path of one,"
+                    f"{place.where}: Smooth must have the path of a whole vector with an abscissa,"
                     " such as E of a Prony series or storage of a table"
                 )
             if not any(group.leaf == leaf for group in place.variables.groups):
-                raise ValueError(f"{place.where}: must be a key of free, wholly or in elements")
+                raise ValueError(f"{place.where}: the vector, or some of its elements, must be free")
             at, _ = find(place.scene, over)
             values, where = np.asarray(place.start[leaf]), np.asarray(place.start[at])
             if where.size < 3 or np.unique(where).size < where.size:
-                raise ValueError(f"{place.where}: {over} must hold three or more different numbers")
+                raise ValueError(f"{place.where}: {over} must have at least three different numbers")
             if not (values > 0).all():
                 raise ValueError(
-                    f"{place.where}: {path} starts at {values.min():g}: Smooth is of logarithms, must be > 0"
+                    f"{place.where}: {path} starts at {values.min():g}: must be > 0, because Smooth uses"
+                    " logarithms"
                 )
             owner, name = owner_of(place.scene, over)
             warm = unit_of(type(owner), name) == "K"
@@ -156,7 +156,7 @@ class SmoothRows(NamedTuple):
     leaf: int
     over: int
     count: int  # elements of the vector
-    warm: bool  # it stands over temperatures
+    warm: bool  # True if the abscissa is a temperature
 
     @property
     def size(self) -> int:
@@ -178,18 +178,19 @@ class SmoothRows(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Sum:
-    r"""A sum s of numbers of the scene lies within limits, give or take `sigma`.
+    r"""Prior that keeps a sum s of numbers of the scene within limits of a relative width `sigma`.
 
     .. math:: r = \frac{\max(\ln s - \ln high,\, 0) - \max(\ln low - \ln s,\, 0)}{sigma}
 
-    It is zero within the limits, and half a Gaussian in ln s beyond each. Its key contains the paths of the
-    summands, separated by "+". All elements of a vector are added: {"upper.material.E_inf +
-    upper.material.E": Sum(high=2e9)} keeps the glassy modulus of a Prony series below 2 GPa.
+    The residual r is zero within the limits; beyond a limit the prior is Gaussian in ln s. The key contains
+    the paths of the summands, separated by "+". All elements of a vector are added:
+    {"upper.material.E_inf + upper.material.E": Sum(high=2e9)} keeps the glassy modulus of a Prony series
+    below 2 GPa.
 
     Parameters
     ----------
     low, high : limits in the unit of the numbers, > 0, low < high; None: no limit on this side
-    sigma : relative error of the limits [-]
+    sigma : relative uncertainty of the limits [-]
     """
 
     low: float | None = None
@@ -200,7 +201,8 @@ class Sum:
         given = [limit for limit in (self.low, self.high) if limit is not None]
         if not given or not all(is_number(limit) and limit > 0 for limit in given):
             raise ValueError(
-                f"Sum: low = {self.low!r}, high = {self.high!r}: must be numbers > 0, one of them at least"
+                f"Sum: low = {self.low!r}, high = {self.high!r}: must be numbers > 0, at least one of them"
+                " given"
             )
         if self.low is not None and self.high is not None and not self.low < self.high:
             raise ValueError(f"Sum: low = {self.low!r}, high = {self.high!r}: must be low < high")

@@ -1,4 +1,4 @@
-"""Scenes of a fit: one, or several by their names, the key paths in them, and the order of their numbers.
+"""Scenes of a fit (one, or several by name), key paths in them, and the required order of their numbers.
 
 A key path names a number, "upper.material.E[3]". In several scenes it begins with the name of one,
 "R20.shear.tau_f0", or with "*" for a number that all of them share: "*.shear.tau_f0". Scenes are a dict,
@@ -37,7 +37,7 @@ _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 
 
 def as_scenes(scene: rf.Scene | Mapping[str, rf.Scene]) -> Scenes:
-    """Return one scene, or several by their names; ValueError if it is neither."""
+    """Return a scene, or a dict of several scenes; ValueError for anything else."""
     if isinstance(scene, rf.Scene):
         return scene
     if not isinstance(scene, Mapping):
@@ -47,7 +47,7 @@ def as_scenes(scene: rf.Scene | Mapping[str, rf.Scene]) -> Scenes:
     for name, one in scene.items():
         if not (isinstance(name, str) and _NAME.fullmatch(name)):
             raise ValueError(
-                f"scene: name {shown(name)}: must be a letter, then letters, digits or _, since key paths"
+                f"scene: name {shown(name)}: must be a letter, then letters, digits or _, because key paths"
                 " begin with it"
             )
         if not isinstance(one, rf.Scene):
@@ -56,12 +56,12 @@ def as_scenes(scene: rf.Scene | Mapping[str, rf.Scene]) -> Scenes:
 
 
 def by_name(scenes: _S | dict[str, _S]) -> dict[str, _S]:
-    """Return the scenes, or their belongings, by name; a single scene has the name ""."""
+    """Return a dict of scenes, or of objects of scenes, by name; a single scene has the name ""."""
     return scenes if isinstance(scenes, dict) else {"": scenes}
 
 
 def each_scene(scenes: Scenes, names: Sequence[str]) -> list[rf.Scene]:
-    """Return the scene of every name: of every data set."""
+    """Return the scene of each name in `names`, for example one for each data set."""
     return [by_name(scenes)[name] for name in names]
 
 
@@ -70,14 +70,14 @@ def chosen_scene(scenes: Scenes, name: str | None) -> rf.Scene:
     if name is None and isinstance(scenes, rf.Scene):
         return scenes
     if isinstance(scenes, rf.Scene):
-        raise ValueError(f"scene = {shown(name)}: must be left out in a fit of one scene")
+        raise ValueError(f"scene = {shown(name)}: must be None, because the fit has one scene")
     if name not in scenes:
         raise ValueError(f"scene = {shown(name)}: {closest(name, tuple(scenes))}")
     return scenes[name]
 
 
 def paths_of(scenes: Scenes, path: Any) -> list[str]:
-    """Return the key paths that one stands for: with "*" one in every scene."""
+    """Return the key paths that a path stands for: with "*" one for each scene."""
     if isinstance(scenes, dict) and isinstance(path, str) and path.startswith(ALL):
         return [f"{name}.{path.removeprefix(ALL)}" for name in scenes]
     return [path]
@@ -89,21 +89,21 @@ def next_step(owner: Any, step: str) -> Any:
 
 
 def scene_paths(scene: Scenes) -> list[str]:
-    """Return Key path of every leaf of a scene, or of several, in the order of flattening."""
+    """Return the key paths of all leaves of a scene, or of several, in the order of flattening."""
     flat = jax.tree_util.tree_flatten_with_path(scene)[0]
     return [jax.tree_util.keystr(path, simple=True, separator=".") for path, _ in flat]
 
 
 def find(scene: Scenes, path: str) -> tuple[int, tuple[int, ...] | None]:
-    """Return which leaf of the scene a key path names, and which elements of it (None for a scalar).
+    """Return the index of the leaf that a key path names, and the elements of it (None for a scalar).
 
-    For shared parameters, the leaf of the first scene.
+    For shared parameters it is the leaf of the first scene.
 
     Raises
     ------
     ValueError
-        the path names nothing (the message has the close ones), a static field or an
-        object, or elements that are not there.
+        the path is unknown (the message suggests similar ones), names a static field or an object, or has
+        elements that do not exist.
     """
     parsed = parse_key_path(paths_of(scene, path)[0])
     names = scene_paths(scene)
@@ -114,7 +114,7 @@ def find(scene: Scenes, path: str) -> tuple[int, tuple[int, ...] | None]:
 
 
 def owner_of(scene: Scenes, path: str) -> tuple[Any, str]:
-    """Return the object whose number a key path names, or None, and the name of the number."""
+    """Return the object that holds the number of a key path, or None, and the name of the number."""
     *steps, name = parse_key_path(paths_of(scene, path)[0]).names
     owner: Any = scene
     for step in steps:
@@ -123,9 +123,9 @@ def owner_of(scene: Scenes, path: str) -> tuple[Any, str]:
 
 
 def path_over(scene: Scenes, path: str) -> str | None:
-    """Return Key path of the abscissa of a vector; None if it has none.
+    """Return the key path of the abscissa of a vector; None if it has none.
 
-    Of E of a Prony series tau, of the columns of a table their first.
+    E of a Prony series has the abscissa tau, a column of a table has the first column.
     """
     owner, name = owner_of(scene, path)
     field = fields_of(type(owner)).get(name) if isinstance(owner, PhysicalObject) else None
@@ -141,7 +141,7 @@ def leaf_names(path: str, elements: tuple[int, ...] | None) -> list[str]:
 
 
 def _why_not(scene, name, names):
-    """Return why a path names no leaf."""
+    """Return the reason why a path names no leaf, for an error message."""
     below = [other for other in names if other.startswith(name + ".")]
     if below:
         return f"is an object; must be one of its numbers: {', '.join(below)}"
@@ -164,26 +164,26 @@ def _why_not(scene, name, names):
     return f"unknown key path; {closest(name, tuple(names))}"
 
 
-# Relative difference that the way through x, or float32, makes between equal start values.
+# Relative rounding of start values by the conversion to x and back, or by float32.
 _ROUNDING = 1e-6
 
 
 class End(NamedTuple):
-    """A number of a scene."""
+    """Position of a number in a scene."""
 
     leaf: int
     element: int | None  # None: a scalar leaf
 
 
 class OrderedPair(NamedTuple):
-    """Two numbers of a scene: low <= high."""
+    """Positions of two numbers of a scene that must satisfy low <= high."""
 
     low: End
     high: End
 
 
 def ordered_pairs(scene: Scenes) -> tuple[OrderedPair, ...]:
-    """Return the pairs of neighbours low <= high in the chains of a scene, or of several."""
+    """Return the pairs of neighbouring numbers that must be in order, in a scene or in several."""
     names, pairs = {name: i for i, name in enumerate(scene_paths(scene))}, []
     for prefix, one in by_name(scene).items():
         for path, part in parts_of(one, prefix):
@@ -198,7 +198,7 @@ def ordered_pairs(scene: Scenes) -> tuple[OrderedPair, ...]:
 
 
 def in_order(pairs: tuple[OrderedPair, ...], leaves: Any) -> Any:
-    """Return a scalar, True if low <= high in all pairs of the leaves of a scene."""
+    """Return True, as a scalar, if low <= high in all pairs, given the leaves of a scene."""
     found = True
     for low, high in dict.fromkeys((pair.low.leaf, pair.high.leaf) for pair in pairs):
         own = [pair for pair in pairs if (pair.low.leaf, pair.high.leaf) == (low, high)]
@@ -211,7 +211,7 @@ def in_order(pairs: tuple[OrderedPair, ...], leaves: Any) -> Any:
 
 
 def check_start(scene: Scenes, pairs: tuple[OrderedPair, ...], leaves: list[np.ndarray]) -> None:
-    """Raise ValueError where the start values of a fit are out of order."""
+    """Raise ValueError if start values of a fit are out of order."""
     names = scene_paths(scene)
     for low, high in pairs:
         below, above = (
@@ -224,6 +224,7 @@ def check_start(scene: Scenes, pairs: tuple[OrderedPair, ...], leaves: list[np.n
                 for end in (high, low)
             )
             raise ValueError(
-                f"free: {one} starts at {above:g}, {other} at {below:g}: the first must be >= the second;"
+                f"free: {one} starts at {above:g}, below {other} at {below:g}: the first must be >= the"
+                " second;"
                 " give start="
             )

@@ -26,12 +26,12 @@ class Rows(Protocol):
         ...
 
     def moved(self, to: dict[int, int]) -> Self:
-        """Return the same for a scene with the leaves at other indices."""
+        """Return the rows for a scene with the same leaves at other indices."""
         ...
 
 
 class Selection(NamedTuple):
-    """Elements of leaves of a scene, in the order of the key that names them; hashable."""
+    """Numbers of a scene that a prior's key names, as elements of leaves in their order; hashable."""
 
     paths: tuple[str, ...]
     leaves: tuple[int, ...]
@@ -57,32 +57,32 @@ class Selection(NamedTuple):
         return jnp.concatenate(parts)
 
     def moved(self, to: dict[int, int]) -> "Selection":
-        """Return the same for a scene with the leaves at other indices."""
+        """Return the selection for a scene with the same leaves at other indices."""
         return self._replace(leaves=tuple(to[leaf] for leaf in self.leaves))
 
     def changing(self, variables: Variables) -> np.ndarray:
-        """Return which elements a fit changes, freed or following others, shape (size,)."""
+        """Return True for elements that a fit changes, because they are free or tied, shape (size,)."""
         free = {(group.leaf, chosen) for group in variables.groups for chosen in group.elements or (None,)}
         pairs = zip(self.leaves, self.elements, strict=True)
         return np.array([(leaf, one) in free for leaf, chosen in pairs for one in chosen or (None,)])
 
 
 class PriorContext(NamedTuple):
-    """Key and scene of a prior, from which it is read."""
+    """Key, scene and free parameters of a prior: the argument of its method `read`."""
 
     where: str  # for errors: "prior['gamma']"
-    key: str  # the key paths that it is given for
+    key: str  # key of the prior: one or several key paths
     scene: Scenes
     variables: Variables
     constants: Constants
 
     @property
     def start(self) -> list[Array]:
-        """Leaves of the scene that the fit starts from."""
+        """Leaves of the scene at the start of the fit."""
         return list(self.constants.leaves)
 
     def group(self) -> Group | None:
-        """Return the free parameter that the key is."""
+        """Return the free parameter with the prior's key, or None."""
         return next((group for group in self.variables.groups if group.path == self.key), None)
 
     def selection(self, separator: str, separated: str) -> Selection:
@@ -93,6 +93,6 @@ class PriorContext(NamedTuple):
         if not chosen.changing(self.variables).any():
             free = ", ".join(group.path for group in self.variables.groups)
             raise ValueError(
-                f"{self.where}: must name a free parameter{separated}, wholly or in elements: {free}"
+                f"{self.where}: the key must name a free parameter{separated}, or elements of one: {free}"
             )
         return chosen

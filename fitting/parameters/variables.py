@@ -1,10 +1,9 @@
-"""Free parameters: which numbers of a scene a fit may change, and how far.
+"""Free parameters: the numbers of a scene that a fit may change, and the variables x of the solvers.
 
-A parameter is named by its key path in the scene: "gamma", "lower.spectrum.hurst",
-"upper.material.E" (all elements), "upper.material.E[3]", "upper.material.E[4:]". Its rule
-says which values it may take. In several scenes (`fitting.parameters.scenes`) "*.shear.tau_f0" is one number
-for all of them. Solvers see one vector x of unconstrained numbers, one for
-each free element, in which a step of one changes a value by about its own size:
+A parameter is named by its key path in the scene: "gamma", "lower.spectrum.hurst", "upper.material.E" (all
+elements), "upper.material.E[3]", "upper.material.E[4:]". Its rule determines its allowed values. With several
+scenes (`fitting.parameters.scenes`), "*.shear.tau_f0" is one number for all of them. Solvers use one vector x
+of unconstrained numbers, one for each free element. A step of 1 in x changes a value by about its own size:
 
 =============  ========================================  =======================
 rule           value                                     x
@@ -56,13 +55,13 @@ Array = jax.Array | np.ndarray
 
 
 class Group(NamedTuple):
-    """Elements of one leaf of the scene that one rule frees; hashable."""
+    """Elements of one leaf of the scene to which one rule applies; hashable."""
 
     path: str
-    kind: str  # "Positive", "Bounded", "Free", "Tied", "RmsSlope", "Shared": as of another scene
-    leaf: int  # which leaf of the scene
-    elements: tuple[int, ...] | None  # which elements of it; None: a scalar leaf
-    slot: tuple[int, int]  # (first, last + 1) in x, for Tied and Shared of the leader; RmsSlope: none
+    kind: str  # "Positive", "Bounded", "Free", "Tied", "RmsSlope", "Shared": the value of another scene
+    leaf: int  # index of the leaf of the scene
+    elements: tuple[int, ...] | None  # elements of the leaf; None: a scalar leaf
+    slot: tuple[int, int]  # (first, last + 1) in x; Tied and Shared have the slot of the other group
 
 
 class Variables(NamedTuple):
@@ -71,21 +70,21 @@ class Variables(NamedTuple):
     tree: Hashable  # structure of the scene, as jax.tree flattens it
     groups: tuple[Group, ...]
     size: int  # number of free elements
-    order: tuple[OrderedPair, ...] = ()  # that the scene demands of these and their neighbours
+    order: tuple[OrderedPair, ...] = ()  # pairs of free numbers and neighbours that must be in order
 
     @property
     def own(self) -> list[Group]:
-        """Return the groups with elements in x, without groups that follow others."""
+        """Return the groups with elements in x; groups that are tied to others have none."""
         return [group for group in self.groups if group.kind not in FOLLOWING]
 
 
 class Constants(NamedTuple):
-    """Numbers that belong to a `Variables`; a pytree."""
+    """Numbers that complete a `Variables` structure: leaves, ranges and ratios; a pytree."""
 
-    leaves: tuple[Array, ...]  # of the scene at the start
-    low: Array  # shape (size,): lower bound, 0 without
-    width: Array  # high - low; scale of a Free one; 1 for a Positive one
-    ratios: tuple[Array, ...]  # of every Tied group, shape (elements,); slopes of RmsSlope, shape (1,)
+    leaves: tuple[Array, ...]  # leaves of the scene at the start
+    low: Array  # lower bound, 0 for unbounded elements, shape (size,)
+    width: Array  # high - low of Bounded, scale of Free, 1 for Positive elements
+    ratios: tuple[Array, ...]  # ratios of every Tied group, (elements,); slope of every RmsSlope, (1,)
 
 
 def free_parameters(scene: Scenes, free: Mapping[str, Constraint]) -> tuple[Variables, Constants, np.ndarray]:
@@ -103,8 +102,8 @@ def free_parameters(scene: Scenes, free: Mapping[str, Constraint]) -> tuple[Vari
     Raises
     ------
     ValueError
-        naming the key path: unknown (with the close ones), a static field, an object instead
-        of a number, freed twice, or a start value that its rule does not allow.
+        the message names the key path: it is unknown (similar ones are suggested), a static field, an object
+        instead of a number, or free twice, or its start value violates its rule.
     """
     if not isinstance(free, dict) or not free:
         raise ValueError('free: must be a dict of key paths, like {"upper.spectrum.hurst": Bounded(0.3, 1)}')
@@ -113,7 +112,7 @@ def free_parameters(scene: Scenes, free: Mapping[str, Constraint]) -> tuple[Vari
     groups, rules, low, width, x, taken, size = [], {}, [], [], [], {}, 0
     for path, rule in free.items():
         if not isinstance(rule, tuple(CONSTRAINTS.values())):
-            made = f"; a class, must be made with {rule.__name__}(...)" if isinstance(rule, type) else ""
+            made = f"; this is a class, create it with {rule.__name__}(...)" if isinstance(rule, type) else ""
             raise ValueError(
                 f"free[{path!r}] = {rule!r}: must be Positive, Bounded, Free, Tied or RmsSlope{made}"
             )
@@ -140,7 +139,7 @@ def free_parameters(scene: Scenes, free: Mapping[str, Constraint]) -> tuple[Vari
         for leaf, elements in places:
             leaves[leaf][list(elements) if elements else ()] = values if elements else values[0]
     if size == 0:
-        raise ValueError("free: all parameters are Tied or RmsSlope; one at least must be free itself")
+        raise ValueError("free: all parameters are Tied or RmsSlope; at least one must be free itself")
     groups, ratios = _follow(rules, groups, leaves, tree)
     constants = Constants(tuple(leaves), np.concatenate(low), np.concatenate(width), tuple(ratios))
     changing = {(group.leaf, one) for group in groups for one in group.elements or (None,)}
@@ -151,18 +150,18 @@ def free_parameters(scene: Scenes, free: Mapping[str, Constraint]) -> tuple[Vari
 
 
 def _take(path, places, taken):
-    """Note which elements a path frees; ValueError if another does."""
+    """Record the elements that a path frees; ValueError if another path frees one of them."""
     for leaf, elements in places:
         for element in elements or (None,):
             if (leaf, element) in taken:
                 raise ValueError(
-                    f"free[{path!r}]: already free as {taken[leaf, element]!r}; must be free once"
+                    f"free[{path!r}]: already free as {taken[leaf, element]!r}; must be given once"
                 )
             taken[leaf, element] = path
 
 
 def to_x(kind: str, low: Array, width: Array, values: Any) -> Any:
-    """Return x of elements of one kind at their values: `from_x` undone."""
+    """Return x of elements of one kind from their values; the inverse of `from_x`."""
     xp = jnp if isinstance(values, jax.Array) else np
     if kind == "Positive":
         return xp.log(values)
@@ -171,7 +170,7 @@ def to_x(kind: str, low: Array, width: Array, values: Any) -> Any:
 
 
 def from_x(kind: str, low: Array, width: Array, x: Any) -> Any:
-    """Return the values of elements of one kind at their x."""
+    """Return the values of elements of one kind from their x."""
     xp, sigmoid = (jnp, jax.nn.sigmoid) if isinstance(x, jax.Array) else (np, scipy.special.expit)
     if kind == "Positive":
         with np.errstate(over="ignore"):  # inf, as XLA has it: the model is not finite there
@@ -188,7 +187,7 @@ def slopes_of(kind: str, width: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 
 def _follow(rules, groups, leaves, tree):
-    """Fill in the slots of Tied groups; return the groups, and ratios or slopes of dependent ones."""
+    """Set the slots of Tied groups; return all groups, and the ratios or slopes of dependent groups."""
     by_path = {group.path: group for group in groups}
     done, ratios = [], []
     for group in groups:
@@ -202,19 +201,20 @@ def _follow(rules, groups, leaves, tree):
         source = by_path.get(rule.to)
         if source is None or source.kind in FOLLOWING:
             raise ValueError(
-                f"free[{group.path!r}]: tied to {rule.to!r}: must be a key of free that is not tied itself"
+                f"free[{group.path!r}]: tied to {rule.to!r}: must be another key of free, one that is not"
+                " tied itself"
             )
         count, sources = (len(g.elements or (0,)) for g in (group, source))
         if sources not in (1, count):
             raise ValueError(
-                f"free[{group.path!r}]: has {count} elements, {rule.to!r} has {sources}:"
-                " must have as many, or one"
+                f"free[{group.path!r}]: has {count} elements, but {rule.to!r} has {sources};"
+                " it must have as many, or one"
             )
         own, other = (
             leaves[g.leaf][list(g.elements)] if g.elements else leaves[g.leaf] for g in (group, source)
         )
         if rule.ratio is None and np.any(other == 0):
-            raise ValueError(f"free[{group.path!r}]: {rule.to!r} starts at 0: give the ratio")
+            raise ValueError(f"free[{group.path!r}]: {rule.to!r} starts at 0, so the ratio must be given")
         ratio = own / other if rule.ratio is None else rule.ratio
         ratios.append(np.broadcast_to(ratio, (count,)).astype(float))
         done.append(group._replace(slot=source.slot))
@@ -222,13 +222,13 @@ def _follow(rules, groups, leaves, tree):
 
 
 def to_values(variables: Variables, constants: Constants, x: Array) -> Array:
-    """Return the values of the free elements at x, shape (..., size); on the host if x is."""
+    """Return the values of the free elements at x, shape (..., size); NumPy if x is a NumPy array."""
     xp = np if isinstance(x, np.ndarray) else jnp
     return xp.concatenate(list(_by_slot(variables, constants, x).values()), -1)
 
 
 def _by_slot(variables, constants, x) -> dict[tuple[int, int], Array]:
-    """Return the values by slot: each piece depends on its slot of x only, which derivatives use."""
+    """Return a dict of slot -> values, each from its own part of x only, which keeps derivatives sparse."""
     xp = np if isinstance(x, np.ndarray) else jnp
     low, width, parts = xp.asarray(constants.low), xp.asarray(constants.width), {}
     for group in variables.own:
@@ -259,7 +259,7 @@ def to_scene(variables: Variables, constants: Constants, x: Array) -> Any:
             else:
                 here = jnp.asarray(before, here.dtype).at[elements].set(here)
         leaves[group.leaf] = as_array(here)
-    for group, slope in cut:  # from all the others
+    for group, slope in cut:  # after all other leaves, on which it depends
         leaves[group.leaf] = cutoff_of(jax.tree.unflatten(variables.tree, leaves), group.path, slope)
     return jax.tree.unflatten(variables.tree, leaves)
 
@@ -307,5 +307,5 @@ def slopes(variables: Variables, constants: Constants, x: np.ndarray) -> np.ndar
 
 
 def element_names(variables: Variables) -> list[str]:
-    """Return Key path of every free element, in the order of x."""
+    """Return the key paths of all free elements, in the order of x."""
     return [name for group in variables.own for name in leaf_names(group.path, group.elements)]

@@ -14,7 +14,7 @@
     /free/0, 1, ...     attributes path and rule, and the fields of the rule: low, high, start, to, ...
     /prior/0, 1, ...    likewise for the priors
     /quadrature         attributes: the accuracy settings
-    /parameters         of every free element: names, values, start, stderr, units, withheld, and x,
+    /parameters         for every free element: names, values, start, stderr, units, withheld, and x,
                         the variables of the solver
     /uncertainty        covariance and correlation of the values, and the other fields of
                         `fitting.uncertainty.covariance.Uncertainty`
@@ -138,7 +138,7 @@ def read_rules(group: h5py.Group, classes: Mapping[str, type[RuleOrPrior]]) -> d
 
 
 def write_parameters(group: h5py.Group, result: FitRecord) -> None:
-    """Return the names, values, units and x of the free elements."""
+    """Write names, values, units and x of the free elements."""
     hdf5.write_values(group, "x", result.x, "-")
     units = []
     for free in result.variables.own:
@@ -151,7 +151,7 @@ def write_parameters(group: h5py.Group, result: FitRecord) -> None:
 
 
 def write_uncertainty(group: h5py.Group, known: Uncertainty) -> None:
-    """Return the other fields; reasons for withheld error bars are stored with the parameters."""
+    """Write the other fields of the uncertainty; reasons for withheld error bars are in /parameters."""
     for name, units in _ARRAYS.items():
         hdf5.write_values(group, name, getattr(known, name), units)
     for name, kind in _NUMBERS.items():
@@ -185,7 +185,7 @@ def read_uncertainty(group: h5py.Group, parameters: h5py.Group, size: int) -> Un
 
 
 def write_minima(group: h5py.Group, minima: Iterable[Minimum], size: int) -> None:
-    """Return the cost, values and number of starts of every minimum, one row each."""
+    """Write the cost, values and number of starts of every minimum, one row each."""
     hdf5.write_values(group, "cost", np.array([minimum.cost for minimum in minima], float), "-")
     hdf5.write_values(
         group, "values", np.array([m.values for m in minima], float).reshape(-1, size), "as in units"

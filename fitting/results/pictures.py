@@ -16,13 +16,13 @@ from fitting.uncertainty.intervals import Band
 from rubberfric.base import quick_jit
 from rubberfric.plot import style
 
-# Greatest number of conditions drawn with lines; beyond it data are drawn set by set, without lines.
+# Largest number of conditions that are drawn with lines; above it data sets are drawn without lines.
 _CURVES = 10
-# Points of a line.
+# Number of points of a line.
 _POINTS = 120
 # Marks a missing temperature or pressure.
 _ABSENT = -1.0
-# Parameters up to which every number is written, and up to which the sign of the large ones is.
+# Largest number of parameters with a number in every cell, and with signs in cells of large correlations.
 _NUMBERS, _SIGNS = 14, 40
 _LARGE = 0.5
 # Size of the cells in a new figure, and the margin around them [inch].
@@ -30,7 +30,7 @@ _CELL, _AROUND = 0.38, 2.6
 
 
 class PlottedPoints(NamedTuple):
-    """All points of one quantity, arrays of one length."""
+    """All measured and fitted points of one quantity, as arrays of equal length."""
 
     x: np.ndarray  # velocity, omega or q
     measured: np.ndarray
@@ -43,21 +43,21 @@ class PlottedPoints(NamedTuple):
     temperature: np.ndarray  # _ABSENT if missing
     pressure: np.ndarray
     source: np.ndarray  # label of the data set
-    scene: np.ndarray  # name of its scene, "" of a single one
+    scene: np.ndarray  # name of the scene, "" for a single scene
 
 
 class PlottedCurve(NamedTuple):
-    """Points on one line, or the points of a data set without lines."""
+    """Points that share one line of a plot; if a plot has no lines, the points of one data set."""
 
     text: str
     conditions: tuple[str, str, float, float] | None  # (scene, body, temperature, pressure), None: no line
     part: int
-    look: int  # which colour and marker
-    where: np.ndarray  # its points, by increasing x
+    look: int  # number of the colour and marker
+    where: np.ndarray  # indices of its points, by increasing x
 
 
 def measured_points(result: FitRecord, quantity: str) -> PlottedPoints:
-    """Return the points of all data sets of a quantity, without those at velocities <= 0."""
+    """Return the points of all data sets of a quantity, except points at velocities <= 0."""
     problem = result.problem
     model, residual = model_rows(problem, result.x), residual_rows(problem, result.x)
     parts = []
@@ -88,7 +88,7 @@ def measured_points(result: FitRecord, quantity: str) -> PlottedPoints:
 
 
 def fitted_curves(points: PlottedPoints) -> list[PlottedCurve]:
-    """Return the curves in the order of body, temperature and pressure; of a modulus, E' and E'' of each."""
+    """Return the curves, ordered by body, temperature and pressure; a modulus has curves of E' and E''."""
     columns = (points.scene, points.body, points.temperature, points.pressure)
     keys = sorted(set(zip(*(column.tolist() for column in columns), strict=True)))
     if len(keys) <= _CURVES:
@@ -154,7 +154,7 @@ def lines(
 
 
 def _band(result, blocks, conditions, level):
-    """Return the prediction and band at conditions other than the data's."""
+    """Return the prediction and band at conditions other than the measured ones."""
     x, found = result.uncertainty.x, []
     for block, columns in zip(blocks, conditions, strict=True):
         key = block.quantity, block.body, block.scene
@@ -210,7 +210,7 @@ def plot_correlation(result: Any, ax: style.Axes | None = None) -> style.Axes:
 
 
 def _write(axes, correlation):
-    """Return the numbers or signs in the cells, for what colours do not tell in grey."""
+    """Write numbers or signs into the cells, so that signs are visible in grey."""
     count = len(correlation)
     if count > _SIGNS:
         return

@@ -33,9 +33,8 @@ def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
         Velocities <= 0 have no logarithm and are left out. Data at more than ten conditions have no
         lines: small crosses are fitted values.
     ax : sequence of matplotlib axes, or None
-        for every quantity among the data, in the order friction, area, modulus, spectrum, a
-        panel and one for its residuals. None: axes of a new figure,
-        `ax[0].figure`, which pyplot does not know.
+        A panel and one for its residuals for each quantity among the data, in the order friction, area,
+        modulus, spectrum. None: axes of a new figure, `ax[0].figure`, which pyplot does not know.
 
     Returns
     -------
@@ -69,13 +68,13 @@ def plot_profile(profile: LikelihoodProfile, ax: style.Panels | None = None) -> 
 
     Parameters
     ----------
-    profile : of `FitResult.profile` or `FitResult.profile_cutoff`
+    profile : LikelihoodProfile, from `FitResult.profile` or `FitResult.profile_cutoff`
     ax : two matplotlib axes, or None
         None: axes of a new figure, `ax[0].figure`.
 
     Returns
     -------
-    the two axes; others are by the value that they have at the lowest cost
+    the two axes; the other parameters are drawn relative to their values at the lowest cost
     """
     panels: style.Panels = style.new_figure((7.0, 6.0), "").subplots(2, 1, sharex=True) if ax is None else ax
     upper, lower = panels
@@ -158,7 +157,7 @@ def _draw(quantity, points, curves, fitted, upper, lower):
 
 
 def _dress(quantity, points, upper, lower):
-    """Return the scales, limits, labels."""
+    """Set the scales, limits and labels of a pair of axes."""
     logarithmic = quantity in ("modulus", "spectrum")
     if logarithmic:
         for axes in (upper, lower):
@@ -167,7 +166,7 @@ def _dress(quantity, points, upper, lower):
     ends = np.concatenate([points.measured - points.below, points.measured + points.above, points.fitted])
     if logarithmic:
         ends = ends[ends > 0]
-    # Bands may be wide beyond measure; measured and fitted values are not.
+    # The limits follow from measured and fitted values, because bands may be extremely wide.
     if ends.size:
         low, high = ends.min(), ends.max()
         if logarithmic:

@@ -1,4 +1,4 @@
-"""Record of a fit: everything that reports, files and plots read."""
+"""Record of a fit, which reports, files and plots use."""
 
 import dataclasses
 import functools
@@ -22,7 +22,7 @@ from rubberfric.base import closest
 
 
 class Minimum(NamedTuple):
-    """A minimum that some of the starts reached."""
+    """A minimum that one or several starts reached."""
 
     cost: float
     count: int  # starts that reached it
@@ -30,7 +30,7 @@ class Minimum(NamedTuple):
 
 
 class Fitted(NamedTuple):
-    """A free number of a fit, or all elements of an array, as arrays."""
+    """Value, error and start of a free number, or arrays of these for the elements of an array."""
 
     value: Any
     stderr: Any  # NaN where withheld
@@ -44,12 +44,13 @@ class FitRecord(SolvedProblem):
     Attributes
     ----------
     scene_at_start, free, prior, method, data : as given to `fitting.fit`
-    discrepancy : the same, with the amplitude that was estimated
-    data_scenes : name of the scene that each data set is of, "" of a single one
-    status : how it ended, one of `fitting.solvers.iterate`
-    nfev, njev, seconds : evaluations of residuals and of their Jacobian, wall time
-    minima : the distinct ones that the starts found
-    assumed : whether the relative errors in `estimated` are the ones assumed at first, not estimated
+    discrepancy : as given, with the estimated amplitude and width
+    data_scenes : name of the scene of each data set, "" for a single scene
+    status : how the fit ended, a constant of `fitting.solvers.iterate`
+    nfev, njev : number of evaluations of the residuals and of their Jacobian
+    seconds : wall time [s]
+    minima : distinct minima that the starts found
+    assumed : True if the relative errors in `estimated` were assumed and could not be estimated
     """
 
     scene_at_start: Scenes
@@ -67,7 +68,7 @@ class FitRecord(SolvedProblem):
     assumed: bool = False
 
     def __getitem__(self, path: str) -> Fitted:
-        """Return a free parameter, or all free elements of an array, after the fit: result["gamma"].stderr.
+        """Return a free parameter, or all free elements of an array, as in result["gamma"].stderr.
 
         Raises
         ------
@@ -85,12 +86,14 @@ class FitRecord(SolvedProblem):
         return Fitted(*(column[which] for column in columns))
 
     def freed(self, path: str, rule: Constraint | None = None) -> Self:
-        """Return the same fit with one more free parameter at its present value, not at a minimum in it.
+        """Return this record with one more free parameter, at its present value.
+
+        Nothing is fitted again, so the result is not a minimum with respect to the new parameter.
 
         Parameters
         ----------
         path : key path of a number of the scene
-        rule : None: Positive
+        rule : rule of the parameter; None: Positive
 
         Raises
         ------
@@ -105,7 +108,7 @@ class FitRecord(SolvedProblem):
         return dataclasses.replace(self, free=free, problem=problem, x=problem.start, uncertainty=known)
 
     def _shared(self, path):
-        """Name of the parameter at a key path of one scene; it may be shared by all."""
+        """Return the name of the parameter at a key path of one scene, or its name shared by all scenes."""
         scene, _, below = path.partition(".")
         shared = f"{ALL}{below}"
         known = {name.split("[")[0] for name in self.names}
@@ -126,7 +129,7 @@ class FitRecord(SolvedProblem):
 
     @property
     def scene(self) -> Any:
-        """The scene with the fitted values; of several a dict of them by their names."""
+        """The scene with the fitted values, or a dict of the scenes by name."""
         return self.problem.scene(self.x)
 
     @property
@@ -136,7 +139,7 @@ class FitRecord(SolvedProblem):
 
     @property
     def start_values(self) -> np.ndarray:
-        """Their values at the first start."""
+        """Values of the free elements at the first start."""
         return self.problem.values(self.problem.start)
 
     @property
@@ -156,12 +159,12 @@ class FitRecord(SolvedProblem):
 
     @property
     def withheld(self) -> dict[str, str]:
-        """Why an element has no error bar, by its name."""
+        """Reasons for missing error bars, by the names of the elements."""
         return self.uncertainty.withheld
 
     @property
     def unidentified(self) -> tuple[Direction, ...]:
-        """Directions that the data do not determine."""
+        """Combinations of parameters that the data do not determine."""
         return self.uncertainty.unidentified
 
     @property
@@ -171,19 +174,19 @@ class FitRecord(SolvedProblem):
 
     @property
     def message(self) -> str:
-        """How it ended."""
+        """Description of the end of the fit."""
         return MESSAGES[self.status]
 
     @functools.cached_property
     def residuals(self) -> tuple[np.ndarray, ...]:
-        """(model - measured) / error of every data set, by errors as they were given, or estimated."""
+        """Residuals (model - measured) / error of every data set, with the given errors or estimated ones."""
         rows = residual_rows(self.problem, self.x)
         sets = zip(self.problem.order, self.estimated, strict=True)
         return tuple(rows[where] * (self.error_scale if scale is None else 1.0) for where, scale in sets)
 
     @functools.cached_property
     def verdict(self) -> Verdict:
-        """Does the scene explain the data? See `fitting.uncertainty.verdict`."""
+        """Result of the tests whether the scene explains the data, see `fitting.uncertainty.verdict`."""
         loss, known = self.problem.structure.loss, self.uncertainty.parameters
         return verdict(self.data, self.residuals, known, self.estimated, loss)
 
@@ -207,14 +210,14 @@ class FitRecord(SolvedProblem):
 
     @property
     def chisqr(self) -> float:
-        """Sum of squares of the data's residuals, by errors as they were given, or estimated."""
+        """Sum of squares of `residuals`."""
         if self.error_scale == 1:
             return self.uncertainty.chisqr
         return float(sum(np.sum(rows**2) for rows in self.residuals))
 
     @property
     def redchi(self) -> float:
-        """Reduced chi-square: `chisqr` by the degrees of freedom, NaN without any."""
+        """Reduced chi-square: `chisqr` over the degrees of freedom, NaN without degrees of freedom."""
         return self.chisqr / self.freedom if self.freedom > 0.5 else np.nan
 
     def __repr__(self) -> str:

@@ -17,11 +17,11 @@ from fitting.solvers.options import SOLVERS
 from fitting.solvers.problem import ASSUMED
 from rubberfric.base import unit_of
 
-# Greatest number of elements listed for a key path; longer arrays show the first and the last.
+# Largest number of elements listed for a key path; longer arrays show the first and the last.
 LISTED = 24
-# Least correlation that is reported, and the greatest number of them.
+# Smallest correlation that is reported, and the largest number of them.
 _CORRELATED, _PAIRS = 0.5, 20
-# Greatest number of names without an error bar in the headlines.
+# Largest number of names without an error bar in the headlines.
 _BARE = 4
 
 
@@ -60,7 +60,7 @@ def variable_rows(result: FitRecord) -> list[tuple[str, ...] | str]:
 
 
 def _by_scatter(result, error):
-    """Return the error bar that the scatter would give, where the errors given cannot be all there is."""
+    """Return the error bar from the scatter if the scene does not explain data with given errors, else ""."""
     if result.verdict.explains is not False or result.error_scale != 1 or not result.redchi > 1:
         return ""
     return f"[{error * np.sqrt(result.redchi):#.2g}]"
@@ -74,7 +74,7 @@ def _left_out(result, elements):
 
 
 def _digits(value, error):
-    """Return a value with as many digits as its error deserves: two of the error's."""
+    """Format a value with as many digits as its error has at two significant digits."""
     if not (error > 0 and value and np.isfinite(value)):
         return f"{value:.6g}"
     digits = int(np.floor(np.log10(abs(value))) - np.floor(np.log10(error))) + 2
@@ -104,9 +104,9 @@ def tied_lines(result: FitRecord) -> list[str]:
 
 
 def error_text(result: Any, name: str, value: float) -> str:
-    """Return the error of a fitted value, why it has none, or that it was fixed.
+    """Return text on the error of a value: the error, the reason why it has none, or "(fixed)".
 
-    `result` is a FitResult or PronyFit; `name` ends a key path.
+    `result` is a FitResult or PronyFit; `name` is the last step of a key path.
     """
     errors = dict(zip((full.rsplit(".", 1)[1] for full in result.names), result.stderr, strict=True))
     withheld = {full.rsplit(".", 1)[1]: why for full, why in result.withheld.items()}
@@ -118,12 +118,11 @@ def error_text(result: Any, name: str, value: float) -> str:
 def report(result: FitRecord) -> str:
     """Return the report of a `fitting.FitResult` as text of several lines.
 
-    Sections: [[Verdict]], [[Fit]], [[Data]], [[Statistics]], [[Variables]] with value, standard error and
-    start; where there are any, [[Tied]], [[Priors]], [[Not identified]] (directions, numbered for the
-    reasons of withheld error bars), [[Minima]] (of several starts), [[Correlations]].
-    A fit that did not succeed, or a scene that does not explain the data, says so in the first line.
-    For an array with more free elements than `LISTED` only the first and the last
-    are listed.
+    Sections are [[Verdict]], [[Fit]], [[Data]], [[Statistics]], [[Variables]] with value, standard error and
+    start, and, if not empty, [[Tied]], [[Priors]], [[Not identified]] (directions; reasons of withheld error
+    bars have their numbers), [[Minima]] (of several starts), [[Correlations]]. The first line states if the
+    fit did not converge, or if the scene does not explain the data. If an array has more free elements
+    than `LISTED`, only the first and the last are listed.
     """
     lines = [line for line in headlines(result) for line in (line, "")]
     sections = {
@@ -203,7 +202,7 @@ def _data(result):
 
 
 def _errors(data, scale, result):
-    """Return where the errors of a data set come from."""
+    """Describe the origin of the errors of a data set."""
     if scale is not None:
         if result.assumed:
             why = "too few values to estimate" if result.freedom < 0.5 else "not estimated, as was asked for"
@@ -277,7 +276,7 @@ def _priors(result):
 
 
 def _of_several(result, key, prior):
-    """Return one line on a prior of several parameters: its statement, and the fitted value."""
+    """Return a line on a prior of several parameters, with the fitted value."""
     place = PriorContext("", key, result.scene, result.variables, result.problem.numbers.constants)
     [(rows, numbers)] = prior.read(place)
     leaves = jax.tree.leaves(result.scene)

@@ -31,7 +31,7 @@ _LEVEL = 0.95
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class FitResult(FitRecord):
-    """A fit: its values and uncertainty as attributes, and methods to use or repeat it."""
+    """Result of `fitting.fit`: values and uncertainty as attributes, and methods for their use."""
 
     def predict(
         self,
@@ -59,9 +59,9 @@ class FitResult(FitRecord):
 
         Parameters
         ----------
-        path : key path that ends in .q1, free in this fit or not; None: of the one rough solid
-        level : of the interval
-        values : of q1 [1/m]; None: from a tenth to ten times the fitted one, no farther than a table reaches
+        path : key path that ends in .q1, free in this fit or not; None: q1 of the only rough solid
+        level : confidence level of the interval
+        values : values of q1 [1/m]; None: 0.1 to 10 times the fitted one, within the range of a table
 
         Returns
         -------
@@ -76,7 +76,7 @@ class FitResult(FitRecord):
         return fit.profile(path, level, callback=callback, values=values)
 
     def log_density(self, x: Array) -> jax.Array:
-        """Log density at x up to a constant, -cost; see `fitting.log_density`."""
+        """Return the log density at x up to a constant, -cost; see `fitting.log_density`."""
         return log_density(self)(x)
 
     def sample(
@@ -97,26 +97,26 @@ class FitResult(FitRecord):
 
         Parameters
         ----------
-        n : draws of all chains together
-        warmup : draws of each chain that adapt the sampler, and are thrown away
-        chains : independent ones, one after the other
+        n : number of draws of all chains together
+        warmup : number of draws of each chain that adapt the sampler and are discarded
+        chains : number of independent chains, which run one after the other
         key : jax.random.key, or None for key(0); the same key gives the same draws
-        flat : "x" or "values", what numbers without a prior are evenly distributed in, see `log_density`
+        flat : "x" or "values", the variable in which numbers without a prior are uniform, see `log_density`
         callback : called as callback(chain, draw) after every draw, warm-up included, or None
 
         Returns
         -------
-        Samples : with R-hat and effective numbers; `reliable` says whether they are enough.
+        Samples : draws with R-hat and effective sample sizes; `reliable` is True if these are sufficient.
 
         Raises
         ------
-        ValueError : an option is wrong, or data and priors leave a direction open, along which the density
-            has no finite integral.
+        ValueError : an option is wrong, or data and priors do not determine a direction, along which the
+            density has no finite integral.
         ModuleNotFoundError : numpyro or arviz-stats is not installed.
 
         Notes
         -----
-        Errors that were estimated from the scatter are taken as known. The first draw compiles the density
+        Errors that were estimated from the scatter are treated as known. The first draw compiles the density
         and its gradient; other data or numbers of the same kind compile nothing.
         """
         return drawn(self, n, warmup, chains, key, flat, callback)
@@ -128,7 +128,7 @@ class FitResult(FitRecord):
         ----------
         body : "lower" or "upper", the body in the other scene; None: the same as here
         widen : factor of all standard deviations
-            for model error, or a scene that does not explain its data.
+            To allow for model error, or for a scene that does not explain its data.
 
         Returns
         -------
@@ -136,10 +136,10 @@ class FitResult(FitRecord):
 
         Raises
         ------
-        ValueError : the fit did not succeed, or the parameters are of both bodies and `body` is given.
+        ValueError : the fit did not converge, or the parameters belong to both bodies and `body` is given.
         """
         if not self.success:
-            raise ValueError(f"as_prior: the fit did not succeed, {self.message}: must have converged")
+            raise ValueError(f"as_prior: the fit did not converge ({self.message}); use a converged fit")
         return dict(prior_of(self, body, widen))
 
     def report(self) -> str:
@@ -165,7 +165,7 @@ class FitResult(FitRecord):
 
 
 def _html(result: FitRecord) -> str:
-    """Return the values of a fit as a table for notebooks, and its report and scene folded below."""
+    """Return a table of the fitted values for notebooks, followed by the folded report and scene."""
     rows = []
     for row in variable_rows(result):
         if isinstance(row, tuple):

@@ -38,7 +38,7 @@ class Samples:
     x : draws in the variables of the solver, shape (chains, draws, size)
     values : draws of the free numbers, in their units, shape (chains, draws, size)
     log_density : up to a constant, shape (chains, draws)
-    diverging, accepted, steps : whether the trajectory of a draw diverged, its mean acceptance probability,
+    diverging, accepted, steps : True if the trajectory of a draw diverged, its mean acceptance probability,
         and its evaluations of the density, shape (chains, draws)
     rhat : rank-normalised split R-hat of every parameter, 1 if the chains agree, shape (size,)
     ess : bulk effective sample size of every parameter, shape (size,)
@@ -128,8 +128,8 @@ class Samples:
         ----------
         velocity, pressure, temperature : broadcastable [m/s], [Pa], [K]
             as for `rubberfric.solve`.
-        quantity : any that `rubberfric.solve` knows
-        level : of the band
+        quantity : name of a quantity of `rubberfric.solve`
+        level : share of the draws within the band
         draws : number of draws to use, evenly spaced
         scene : name of the scene if there are several
         """
@@ -187,7 +187,7 @@ class Samples:
         return f"<Samples: {chains} chains of {draws} draws, {size} numbers{said}>"
 
     def _table(self):
-        """Return the texts of every number: name, quantiles, value of the fit, R-hat, effective number."""
+        """Return the texts of every number: name, quantiles, fitted value, R-hat, effective sample size."""
         columns = (*self.quantiles(), self.fit.values)
         return [
             (name, *(f"{column[i]:.5g}" for column in columns), f"{self.rhat[i]:.4f}", f"{self.ess[i]:.0f}")
@@ -218,7 +218,7 @@ class Samples:
     def save(self, path: StrPath) -> None:
         """Write the fit and its draws as an HDF5 file (.h5), whole or not at all.
 
-        `load` reads them back; to `FitResult.load` it is a file of a fit.
+        `Samples.load` reads it back. `FitResult.load` reads the fit alone.
         """
         fit_files.save(path, self.fit, samples=self._write)
 

@@ -5,9 +5,9 @@ r"""Least squares with few evaluations: quadratic models of the residuals with s
 The Hessian H of each residual changes by the smallest symmetric matrix that agrees with the new Jacobian
 [Brown & Dennis, New computational algorithms for minimizing a sum of squares of nonlinear functions, Yale
 University report 71-6 (1971); Powell's symmetric Broyden update]. The next move minimises the sum of squares
-of these functions within a trust radius. This pays where an evaluation of the model takes longer than the
-linear algebra. Where residuals stay large at the minimum, Gauss-Newton steps shrink only by a constant
-factor, while these steps converge superlinearly. A rejected step still updates H.
+of these functions within a trust radius. This saves time if an evaluation of the model takes longer than the
+linear algebra. If residuals stay large at the minimum, Gauss-Newton steps converge linearly, while these
+steps converge superlinearly. A rejected step still updates H.
 
 The functions use NumPy and treat one fit at a time. They store H, shape (rows, size, size).
 """
@@ -39,9 +39,9 @@ _SOFTEST, _SOFTER, _HALVINGS = 1e-16, 4.0, 2
 _INNER_STEPS, _INNER_TRIALS = 30, 12
 # Ratio of eigenvalues below which one counts as 0, for example of the fixed parameter of a profile.
 _FLAT = 1e-13
-# A kink at the minimum, as in tabulated shift factors, or noise may hide the rest of the way. So a fit ends
-# where this number of evaluations gained less than this part of a negligible gain, and the linear functions
-# predict at most this multiple of one.
+# A kink at the minimum, as in tabulated shift factors, or noise may prevent further progress. A fit therefore
+# ends if `_EVALUATIONS` evaluations gained less than `_GAINED` times a negligible gain, and the linear model
+# predicts at most `_PROMISED` times a negligible gain.
 _EVALUATIONS, _GAINED, _PROMISED = 3, 0.1, 10.0
 
 
@@ -52,7 +52,7 @@ class QuadraticModel(NamedTuple):
     jacobian: np.ndarray  # (rows, size)
     hessians: np.ndarray  # H, (rows, size, size)
     radius: np.ndarray  # trust radius
-    costs: np.ndarray  # before each of the last evaluations, the latest last
+    costs: np.ndarray  # costs before each of the last evaluations, in order
 
 
 def begin_quadratic(x: np.ndarray, rows: np.ndarray, jacobian: np.ndarray) -> Iterate:
@@ -79,7 +79,7 @@ def propose_move(iterate: Iterate, longest: float = LONGEST_STEP) -> np.ndarray:
     free = _least(model, _SOFTEST * largest, nothing)
     if within(free):
         return free
-    # So stiff that the linear functions' move is half as long as it may be.
+    # Damping with which the move of the linear model has half the allowed length.
     stiff = 2 * np.linalg.norm(model.jacobian.T @ model.rows) / min(float(model.radius), longest)
     further = _least(model, stiff, nothing)
     while not within(further):
@@ -111,11 +111,11 @@ def after_move(
 
     Parameters
     ----------
-    iterate, move : before it
-    rows, jacobian : where it leads
-    tolerance : the fit is done when the linear model predicts a smaller relative gain in cost
-    rounding : cost below which the data are met to rounding
-    longest : as of `propose_move`
+    iterate, move : iterate before the move, and the move
+    rows, jacobian : residuals and Jacobian after the move
+    tolerance : the fit ends when the linear model predicts a smaller relative gain in cost
+    rounding : cost due to rounding, below which the data are fitted exactly
+    longest : as in `propose_move`
     """
     model, before = iterate.own, float(iterate.cost)
     finite = bool(np.isfinite(rows).all() and np.isfinite(jacobian).all())
@@ -137,7 +137,7 @@ def after_move(
     promised = _linear_promise(new, longest)
     negligible = NEGLIGIBLE * max(lowest, 1.0)
     near = promised <= _PROMISED * negligible
-    # Data that are met exactly go on until their cost is at rounding.
+    # Fits of exact data continue until the cost is at rounding level.
     hidden = near and lowest > 20 * NEGLIGIBLE and new.costs[0] - lowest <= _GAINED * negligible
     if lowest <= rounding:
         status = PERFECT
@@ -152,7 +152,7 @@ def after_move(
 
 
 def _predicted(model, move):
-    """Return the residuals and Jacobian of the quadratic functions."""
+    """Return the residuals and Jacobian of the quadratic models after a move."""
     bend = model.hessians @ move
     return model.rows + model.jacobian @ move + 0.5 * bend @ move, model.jacobian + bend
 
@@ -198,7 +198,7 @@ def _least(model, damping, move):
 
 
 def _updated_hessians(model, move, jacobian):
-    """Return H after a move that led to a Jacobian."""
+    """Return H updated with the Jacobian after a move."""
     unit, length = move / np.linalg.norm(move), np.linalg.norm(move)
     left = (jacobian - model.jacobian) / length - model.hessians @ unit
     both = left[:, :, None] * unit

@@ -1,10 +1,10 @@
 """Predictions of a problem and their derivatives, compiled once for a whole fit.
 
-A fit needs predictions at several x, of trial steps and of several starts. It needs derivatives at some of
-them: at every step, for error bars, bands and figures. One compiled function does all of this, or two where
-derivatives use reverse mode. It has places for a few x and computes only those given, one after the other,
-with derivatives along the requested directions. The steps, which are quick to compile, are separate
-(`fitting.solvers.levenberg_marquardt`).
+A fit needs predictions at several x, for trial steps and for several starts. At some of them it also needs
+derivatives: at every step, and for error bars, bands and figures. One compiled function serves all of this,
+or two if derivatives use reverse mode. It takes up to `PLACES` points x and computes only the given ones, one
+after the other, with derivatives along the requested directions. The steps compile quickly and are separate
+functions (`fitting.solvers.levenberg_marquardt`).
 """
 
 import functools
@@ -23,7 +23,7 @@ from rubberfric.base import quick_jit
 
 # Number of x in one call of a compiled function.
 PLACES = 8
-# Calls of a compiled function that take less time than another compilation.
+# So many calls of a compiled function take less time than another compilation.
 CALLS = 100
 
 
@@ -34,9 +34,9 @@ def evaluate_rows(
 
     Parameters
     ----------
-    structure, numbers : of a problem, `padded` so that other problems share the compiled function
-    x : shape (k, size)
-    slopes : whether derivatives are wanted
+    structure, numbers : parts of a problem, `padded` so that other problems share the compiled function
+    x : points, shape (k, size)
+    slopes : True to compute derivatives
 
     Returns
     -------
@@ -70,7 +70,7 @@ def _by_forward_mode(structure, numbers):
 
 
 def takes_long(structure: FitStructure, numbers: Numbers) -> bool:
-    """Return True if a scene is solved by iteration, which takes hundreds of times as long."""
+    """Return True if any scene is solved by iteration, which takes hundreds of times as long."""
     scenes = _scenes(structure, numbers)
     return any(
         block.quantity in CURVE_QUANTITIES and "converged" in rf.quantities_of(scenes[block.scene])
@@ -91,7 +91,7 @@ def rows(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: ja
 
 
 def both(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: jax.Array) -> Any:
-    """Return the rows and their derivatives by the mode that suits them."""
+    """Return the rows and their derivatives, in forward or reverse mode as suits each block."""
     del directions
     return rows_and_slopes(structure, numbers, x)
 
@@ -108,7 +108,7 @@ def along(structure: FitStructure, numbers: Numbers, x: jax.Array, directions: j
 
 def _at_places(kind):
     """Evaluate a function at the first `count` of several x, in a loop, or vectorised on an accelerator."""
-    # Jitted, so that it is traced once.
+    # jit traces it once only.
     traced = jax.jit(kind, static_argnums=0)
 
     def evaluated(structure, numbers, x, count, directions):
@@ -156,19 +156,19 @@ def _rows_at(of, x):
 def at_conditions(
     problem: Problem, key: tuple[str, str | None, str], conditions: tuple[Array | None, ...], x: Array
 ) -> tuple[np.ndarray, np.ndarray] | None:
-    """Return predictions and derivatives by x at other conditions, by the fit's compiled function.
+    """Return predictions and their derivatives by x at other conditions, using the fit's compiled function.
 
     Parameters
     ----------
     problem : Problem
     key : quantity, body and scene of a `Block`
-    conditions : arrays of one length, or None, of its kind of data
+    conditions : conditions of this kind of data, arrays of one length or None
     x : shape (size,)
 
     Returns
     -------
-    (values, slopes), shapes (parts n,) and (parts n, size), not logarithms; of a modulus E' and then E"; or
-    None where the fit has no such data, or so few that other conditions would take many calls
+    (values, slopes), shapes (parts n,) and (parts n, size), not of logarithms; a modulus has E' and then E".
+    None if the fit has no such data, or so few that the conditions would take many calls
     """
     of = padded(problem)
     given = [c is not None for c in conditions]

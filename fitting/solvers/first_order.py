@@ -1,7 +1,7 @@
 """First-order solvers from optax, behind the same init and step as `LevenbergMarquardt`.
 
-They use only the gradient of the cost, by reverse mode. They are meant for comparison and for
-problems with more parameters than residuals. Levenberg-Marquardt is much faster for curves.
+They use only the gradient of the cost, computed by reverse mode. They serve for comparison, and for problems
+with more parameters than residuals. Levenberg-Marquardt is much faster for curves.
 """
 
 import abc
@@ -20,7 +20,9 @@ class FirstOrder(abc.ABC):
 
     tolerance: float
     patience: int
-    searches: ClassVar[bool]  # along a line, so that value and gradient are known when a step begins
+    searches: ClassVar[
+        bool
+    ]  # True for a line search, after which value and gradient are known when a step begins
 
     @abc.abstractmethod
     def optimiser(self) -> Any:
@@ -70,7 +72,8 @@ class LBFGS(FirstOrder):
     Parameters
     ----------
     memory : number of past steps that shape the Hessian
-    tolerance, patience : done when `patience` steps in turn lower the cost by less than this part of it
+    tolerance, patience : the fit ends after `patience` consecutive steps with relative gains below
+        `tolerance`
     """
 
     title: ClassVar[str] = "limited-memory BFGS"
@@ -88,13 +91,13 @@ class LBFGS(FirstOrder):
 
 @dataclasses.dataclass(frozen=True)
 class Adam(FirstOrder):
-    """Adam with a rate that falls along a cosine.
+    """Adam with a learning rate that decreases like a cosine.
 
     Parameters
     ----------
-    rate : length of the first steps in x, where 1 is a factor e
-    max_steps : steps until the rate is zero
-    tolerance, patience : as of `LBFGS`
+    rate : length of the first steps in x; 1 changes a Positive parameter by a factor e
+    max_steps : number of steps until the rate is zero
+    tolerance, patience : as in `LBFGS`
     """
 
     title: ClassVar[str] = "Adam"
@@ -106,7 +109,7 @@ class Adam(FirstOrder):
     patience: int = 200
 
     def optimiser(self) -> Any:
-        """Return the Adam with its rate schedule."""
+        """Return Adam with its rate schedule."""
         return _optax().adam(_optax().cosine_decay_schedule(self.rate, self.max_steps))
 
 

@@ -31,11 +31,11 @@ MESSAGES = {
 class Iterate(NamedTuple):
     """State of a fit; a pytree."""
 
-    x: Array  # the best so far
+    x: Array  # best so far
     cost: Array
     status: Array  # one of the above
-    nfev: Array  # evaluations of the residuals, or of the cost
-    njev: Array  # and of their Jacobian, or its gradient
+    nfev: Array  # number of evaluations of the residuals, or of the cost
+    njev: Array  # number of evaluations of their Jacobian, or of the gradient
     own: Any  # arrays of the solver
 
 
@@ -47,7 +47,7 @@ def first_iterate(cost: jax.Array, x: jax.Array, own: Any) -> Iterate:
 
 
 def unless_done(before: Iterate, after: Iterate) -> Iterate:
-    """Return the iterate after a step, unchanged if the fit was done before."""
+    """Return the iterate after a step, or the one before it if the fit had already ended."""
     running = before.status == RUNNING
     return jax.tree.map(lambda new, old: jnp.where(running, new, old), after, before)
 
@@ -61,7 +61,7 @@ def status_after(
 ) -> jax.Array:
     """Return the status after a step.
 
-    `near`: whether the gain that a step may still bring is negligible, if the fit has stalled.
+    `near` : True if the gain that a step may still bring to a stalled fit is negligible
     """
     stalled, near = jnp.asarray(stalled), jnp.asarray(near)
     ends = [NOT_FINITE, PERFECT, CONVERGED, PRECISE, STALLED]

@@ -5,8 +5,8 @@ r"""Levenberg-Marquardt: nonlinear least squares by damped Gauss-Newton steps.
 with geodesic acceleration [Transtrum & Sethna, arXiv:1201.5885], which halves the number of steps in the
 curved valleys of relaxation spectra. One singular value decomposition of the Jacobian serves two dampings.
 The larger one is tried if the smaller one brings less than `SUFFICIENT` of the gain that the linear model
-predicts, and the better of both is accepted, because residuals take a small part of the time of the Jacobian.
-Directions that do not change the data (s = 0) stay unchanged.
+predicts, and the better of both is accepted. The second trial costs little, because evaluating the residuals
+takes a small part of the time of the Jacobian. Directions that do not change the data (s = 0) stay unchanged.
 """
 
 import dataclasses
@@ -34,10 +34,9 @@ class LevenbergMarquardt:
     Parameters
     ----------
     tolerance : float
-        the fit is done when both the predicted and the actual relative decrease of the cost
-        are smaller.
+        the fit ends when the predicted and the actual relative decrease of the cost are both smaller.
     damping : float
-        of the first step; smaller where fits start near their minimum.
+        damping of the first step; smaller for fits that start near their minimum.
     """
 
     title: ClassVar[str] = "Levenberg-Marquardt"
@@ -71,18 +70,18 @@ def step(
     rounding: ArrayLike = 0.0,
     longest: float = LONGEST_STEP,
 ) -> Iterate:
-    """Return one step of least squares, or of robust losses; a pure function, that jit and vmap go through.
+    """Return the iterate after one step for least squares or a robust loss; works with jit and vmap.
 
     Parameters
     ----------
     residuals : function of x, shape (size,), to residuals, shape (rows,)
-    residuals_and_jacobian : function of x to the same and their derivatives, shape (rows, size)
+    residuals_and_jacobian : function of x to residuals and their derivatives, shape (rows, size)
     iterate : from `fitting.solvers.iterate.first_iterate` with `own` = lambda / (largest singular
-        value)^2, or from the last step; unchanged if it is done
-    loss : of the residuals
-    tolerance : as of `LevenbergMarquardt`
-    rounding : cost below which the data are met to rounding
-    longest : largest change of any x, beyond which the linear model is useless
+        value)^2, or from the last step; returned unchanged if the fit has ended
+    loss : Loss of the residuals
+    tolerance : as in `LevenbergMarquardt`
+    rounding : cost due to rounding, below which the data are fitted exactly
+    longest : largest allowed change of any x, because the linear model fails beyond
 
     Returns
     -------
@@ -92,7 +91,7 @@ def step(
     plan = plan_step(*residuals_and_jacobian(x), iterate, loss, longest)
 
     def evaluated(state):
-        """Evaluate ahead along a velocity, or at the accelerated move."""
+        """Evaluate the residuals at PROBE times a velocity, or after the accelerated move."""
         count, moves, rows, _ = state
         i, ahead = count // 2, count % 2 == 0
         move = jnp.where(ahead, PROBE * plan.velocities[i], accelerated_move(plan, i, rows[i]))
@@ -113,14 +112,14 @@ def step(
 
 
 class Plan(NamedTuple):
-    """Two steps by the linear model, one for each damping."""
+    """Two trial steps by the linear model, one for each damping."""
 
     plain: jax.Array  # residuals, shape (rows,)
-    factor: jax.Array  # of the rows of the Jacobian, by the loss
-    jacobian: jax.Array  # times it
+    factor: jax.Array  # factors of the rows of the Jacobian, from the loss
+    jacobian: jax.Array  # Jacobian times `factor`
     U: jax.Array
     s: jax.Array
-    V: jax.Array  # transposed
+    V: jax.Array  # V^T of the singular value decomposition
     along: jax.Array  # U^T r
     dampings: jax.Array  # shape (2,)
     gains: jax.Array  # shape (2, size)
@@ -135,7 +134,7 @@ def plan_step(
     loss: Loss = SQUARES,
     longest: float = LONGEST_STEP,
 ) -> Plan:
-    """Return the first part of a step, from the residuals and their Jacobian."""
+    """Plan a step from the residuals and their Jacobian."""
     damping, dtype = iterate.own, jnp.asarray(iterate.x).dtype
     of_rows, factor = loss.factors(plain)
     rows, jacobian = plain * of_rows, jacobian * factor[:, None]
@@ -147,10 +146,10 @@ def plan_step(
     V = V * jnp.any(jacobian != 0, 0)
     along = U.T @ rows
     dampings = jnp.clip(damping * np.asarray(TRIALS, dtype), SOFTEST, STIFFEST)
-    # s = 0 throughout: nothing to gain, and no step.
+    # If all s are 0, there is no gain and no step.
     gains = s / (s**2 + dampings[:, None] * jnp.where(s[0] > 0, s[0], 1.0) ** 2)
     velocities = -(gains * along) @ V
-    # exp and the tails of the logit leave the range where the linear model means anything.
+    # The linear model is not valid for large changes of exp or in the tails of the logit.
     velocities = velocities * _limited(velocities, longest)
     return Plan(plain, factor, jacobian, U, s, V, along, dampings, gains, velocities, finite)
 
@@ -205,8 +204,8 @@ def accept_better(
     # The second part is the rounding of the cost, which dominates in float32.
     little = tolerance * iterate.cost + 0.02 * jnp.sqrt(rounding * iterate.cost)
     done = (promised <= little) & (iterate.cost - lowest <= little)
-    # Rounding, and the tolerance of the temperatures, may hide the rest of the way, also from shorter steps.
-    # Data that are met exactly go on until their cost is at rounding.
+    # Rounding, and the tolerance of the temperatures, may hide further gains, also from shorter steps.
+    # Fits of exact data continue until the cost is at rounding level.
     near = promised <= NEGLIGIBLE * jnp.maximum(iterate.cost, 1.0)
     hidden = near & (iterate.cost > 2 * NEGLIGIBLE)
     stalled = ~accepted & (hidden | (damping >= STIFFEST))

@@ -9,8 +9,8 @@ loss          rho(z), z = (r / width)^2      influence of an outlier
 "cauchy"      ln(1 + z)                      falls off like 1 / r
 ============  =============================  =====================================
 
-Residuals are in units of their standard errors, so that `width` is a number of those.
-rho is scaled by width^2: small residuals count as in least squares.
+Residuals are in units of their standard errors, and so is `width`. rho is scaled by width^2, so that small
+residuals count as in least squares.
 """
 
 from collections.abc import Callable
@@ -45,7 +45,7 @@ def rho(loss: str, width: Scalar, residual: jax.Array) -> tuple[jax.Array, jax.A
 
 
 def factors(loss: str, width: Scalar, residual: jax.Array) -> tuple[jax.Array, jax.Array]:
-    """Return the factors of the residuals and of the rows of their Jacobian in a step of the robust cost.
+    """Return factors for the residuals and for the rows of their Jacobian in a step with a robust loss.
 
     The gradient is exact; the curvature rho' + 2 r^2 rho'' is kept positive, as Triggs et
     al. (Bundle adjustment, 2000, sec. 4.3) do, so that the step goes downhill.
@@ -57,7 +57,7 @@ def factors(loss: str, width: Scalar, residual: jax.Array) -> tuple[jax.Array, j
 
 
 class Loss(NamedTuple):
-    """A loss of the first rows. The other rows, of the priors, enter by their squares."""
+    """Loss of the first rows, which are data. The other rows, of the priors, enter by their squares."""
 
     kind: str = "linear"
     width: Scalar = 1.0
@@ -82,13 +82,13 @@ ResidualsAndJacobian = Callable[[jax.Array], tuple[jax.Array, jax.Array]]
 
 
 class Objective(NamedTuple):
-    """A problem as functions of x, shape (size,), for solvers."""
+    """Functions of x, shape (size,), that solvers need."""
 
     residuals: Residuals  # shape (rows,)
-    residuals_and_jacobian: ResidualsAndJacobian  # shapes (rows,) and (rows, size); 0 where x does not move
+    residuals_and_jacobian: ResidualsAndJacobian  # shapes (rows,) and (rows, size); 0 for fixed elements of x
     loss: Loss
     rounding: jax.Array  # cost due to rounding; smaller costs have no meaning
-    moving: Array  # shape (size,), 0 where x stays at its start, else 1
+    moving: Array  # shape (size,), 0 for fixed elements of x, else 1
 
     def cost(self, x: jax.Array) -> jax.Array:
         """Return the loss at x."""

@@ -1,4 +1,4 @@
-"""Options of fits and ensembles: their names in Python and in job files, and the rule of each."""
+"""Options of fits and ensembles: names in Python and in job files, and the rule of each option."""
 
 import numbers
 from collections.abc import Callable, Collection
@@ -15,7 +15,7 @@ from rubberfric.base import closest, shown
 Solver = LevenbergMarquardt | LBFGS | Adam
 SOLVERS = {"lm": LevenbergMarquardt, "lbfgs": LBFGS, "adam": Adam}
 
-OptionRule = Callable[[Any], str]  # of a value to an error text, "" if the value is right
+OptionRule = Callable[[Any], str]  # function of a value that returns an error text, "" if the value is right
 
 
 def _choice(names: Collection[str]) -> OptionRule:
@@ -88,7 +88,7 @@ def check_options(**options: object) -> None:
 
 
 def make_solver(method: str, tolerance: float | None = None, max_steps: int | None = None) -> Solver:
-    """Return the solver of a method; Adam's rate falls until its last step."""
+    """Return the solver of a method; the rate of Adam decreases until the last step."""
     options: dict[str, Any] = {} if tolerance is None else {"tolerance": tolerance}
     if method == "adam" and max_steps is not None:
         options["max_steps"] = max_steps

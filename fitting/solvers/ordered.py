@@ -1,13 +1,14 @@
-r"""Variables of solvers, in which the numbers of a scene keep the order that it demands.
+r"""Unconstrained variables z of the solvers, which keep the order of numbers such as q0 <= qr <= q1.
 
-Solvers see z in place of x (`fitting.parameters.variables`). With a and b the x of the nearest neighbours
-below and above (`fitting.parameters.scenes`),
+Solvers use z instead of x (`fitting.parameters.variables`). Let a and b be the x of the nearest neighbours
+below and above (`fitting.parameters.scenes`). Then
 
 .. math:: x = a + s(z - a) - s(z - b),\qquad s(t) = \frac1k \ln(1 + e^{kt})
 
-lies between a and b and is z far from both: with k = 12, to rounding at a distance of 3. Neighbours that
-are free are bounds from below only, found first; from above the next number that stays is the bound. A number
-that stays in one fit, as in a profile, is a bound there and has z = x. Everything but the solvers is in x.
+lies between a and b. Far from both, x equals z: with k = 12 to rounding at a distance of 3. A free neighbour
+is a bound from below only, and its x is computed first. The bound from above is the next fixed number. A
+number that is fixed in one fit, as in a profile, is a bound in that fit and has z = x. Only the solvers use
+z.
 """
 
 import functools
@@ -21,29 +22,29 @@ import numpy as np
 from fitting.parameters.scenes import End
 from fitting.parameters.variables import Array, Constants, Variables, from_x, slopes_of, to_scene, to_x
 
-# k: so much farther from a bound than 1/k in x, z is x.
+# k: farther from a bound than a few times 1/k in x, z equals x.
 _SHARP = 12.0
-# How far inside, in x, a start begins that is at its bound, where no step would move it.
+# A start value at its bound, where no step would move it, is moved inside by this distance in x.
 INSIDE = 0.05
-# So near to its bound, in x, an element is tried on it, and so far beyond in z it is as good as on it: by
-# steps alone it would take ever longer, as the residuals depend on it ever less.
+# An element nearer to its bound than `_NEAR` in x is tried on the bound, which is `_FAR` beyond it in z.
+# Steps alone would converge slowly, because the residuals depend less and less on z there.
 _NEAR, _FAR = 0.2, 30.0
-# A number nearer to its neighbour than this, relative to itself, stands at it.
+# A number counts as equal to its neighbour if their relative difference is below this.
 AT_EDGE = 1e-4
 # Rounding of a value and its x, over the spacing of floating-point numbers: bounds are kept clear of it.
 _ROUNDING = 100.0
 
 
 class _Bound(NamedTuple):
-    """A limit of an element: the value of another one, or of a leaf that stays, times a ratio."""
+    """Bound of an element of x: the value of another element, or of a fixed leaf, times a ratio."""
 
-    element: int | None  # of x
+    element: int | None  # index of the other element of x; None for a fixed leaf
     end: End
-    ratios: tuple[tuple[int, int] | None, tuple[int, int] | None]  # of what follows: (the bound's, its own)
+    ratios: tuple[tuple[int, int] | None, tuple[int, int] | None]  # of tied numbers: (the bound's, its own)
 
 
 class _Step(NamedTuple):
-    """An element of x, and what bounds it."""
+    """An element of x with its bounds from below and from above."""
 
     element: int
     below: tuple[_Bound, ...]
@@ -51,7 +52,7 @@ class _Step(NamedTuple):
 
 
 def _places(variables):
-    """Return which element of x a number is, and its ratio to that; None for `RmsSlope`."""
+    """Return, for each number, its element of x and its ratio to that element; None for `RmsSlope`."""
     places: dict[End, tuple[int, tuple[int, int] | None] | None] = {}
     ratio = -1  # counts the groups that have one
     for group in variables.groups:
@@ -79,11 +80,11 @@ def _steps(variables: Variables) -> tuple[_Step, ...]:
 
     for pair in variables.order:
         one, other = (places.get(end, (None, None)) for end in pair)
-        # A number that follows the rms slope has no bounds: `in_order` refuses what leaves the order.
+        # A number that follows the rms slope has no bounds; `in_order` refuses values out of order.
         if one is None or other is None or one[0] == other[0]:
             continue
         (low, low_ratio), (high, high_ratio) = one, other
-        # Nor have tied numbers that bound each other in a circle.
+        # Tied numbers that bound each other in a cycle have no bounds either.
         if high is not None and (low is None or high not in chain(low)):
             below.setdefault(high, []).append(_Bound(low, pair.low, (low_ratio, high_ratio)))
         if low is not None and (high is None or high not in chain(low)):
@@ -93,7 +94,7 @@ def _steps(variables: Variables) -> tuple[_Step, ...]:
 
 
 class _Bounds(NamedTuple):
-    """An element on the way through all in their order, a and b the x of its bounds."""
+    """Bounds a and b of one element of x, as x of that element; yielded by `_Walk`."""
 
     element: int
     source: _Bound | None  # the bound below
@@ -111,7 +112,7 @@ class _Walk:
         self.steps, self.x = _steps(variables), {}
         self.kinds = {i: g.kind for g in variables.own for i in range(*g.slot)}
         margin = _ROUNDING * float(jnp.finfo(given.dtype).eps)
-        # From above only what stays is a bound, and what bounds those above.
+        # Bounds from above are fixed numbers, and the upper bounds of free neighbours above.
         top: dict[int, Any] = {}
         self.above: dict[
             int, int
@@ -141,7 +142,7 @@ class _Walk:
                 low = value if low is None else xp.maximum(low, value)
             a = -np.inf if low is None else self._inverse(i, low)
             b = self._inverse(i, self.top[i])
-            # Rounding must not take a value across.
+            # A margin for rounding, so that no value crosses its bound.
             a, b = a + self._clear(a), b - (1 + 2 * self.above[i]) * self._clear(b)
             yield _Bounds(i, source, a, b)
 
@@ -150,7 +151,7 @@ class _Walk:
         return self.margin * self.xp.where(finite, 1 + abs(self.xp.where(finite, end, 0.0)), 0.0)
 
     def _range(self, i):
-        """Return the values that its own rule allows."""
+        """Return the lower and upper limit of element i by its own rule."""
         if self.kinds[i] == "Bounded":
             return self.constants.low[i], self.constants.low[i] + self.constants.width[i]
         return (0.0 if self.kinds[i] == "Positive" else -np.inf), np.inf
@@ -162,7 +163,7 @@ class _Walk:
         return value * theirs / own
 
     def _value(self, bound, x):
-        """Return the value that bounds an element."""
+        """Return the value of a bound, from the x of the other elements."""
         if bound.element is None:
             leaf = self.xp.asarray(self.constants.leaves[bound.end.leaf])
             return self._times(bound, leaf if bound.end.element is None else leaf[bound.end.element])
@@ -170,22 +171,22 @@ class _Walk:
         return self._times(bound, from_x(self.kinds[j], self.constants.low[j], self.constants.width[j], x[j]))
 
     def _inverse(self, i, value):
-        """Return x of a value, of one beyond the element's own range at its end."""
+        """Return x of element i at a value; -inf or inf if the value is outside the range of its rule."""
         xp, (low, high) = self.xp, self._range(i)
         within = (value > low) & (value < high)
-        # A value inside, so that the branch not taken has a finite derivative.
+        # A value inside the range, so that the branch that is not used has a finite derivative.
         safe = low + 0.5 * self.constants.width[i] if self.kinds[i] == "Bounded" else 1.0
         x = to_x(self.kinds[i], self.constants.low[i], self.constants.width[i], xp.where(within, value, safe))
         return xp.where(within, x, xp.where(value <= low, -np.inf, np.inf))
 
 
 def _between(xp, a, b, z):
-    """Return x between a and b."""
+    """Return x between a and b for z; see the module's docstring."""
     return (xp.logaddexp(_SHARP * a, _SHARP * z) - xp.logaddexp(0.0, _SHARP * (z - b))) / _SHARP
 
 
 def x_of(variables: Variables, constants: Constants, z: Array, moving: Array) -> Array:
-    """Return x of a solver's z, both of shape (size,); moving: 0 where an element stays, else 1."""
+    """Return x for a solver's z, both of shape (size,); moving: 0 where an element is fixed, else 1."""
     if not variables.order:
         return z
     walk = _Walk(variables, constants, z, moving)
@@ -196,7 +197,10 @@ def x_of(variables: Variables, constants: Constants, z: Array, moving: Array) ->
 
 
 def z_of(variables: Variables, constants: Constants, x: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """Return z of a start x, on the host; one outside its bounds is reflected, one on them moved inside."""
+    """Return z for start values x, on the host.
+
+    An element outside its bounds is reflected into them, an element on a bound is moved inside.
+    """
     if not variables.order:
         return x
     walk, z = _Walk(variables, constants, x, moving), {}
@@ -221,14 +225,14 @@ def z_of(variables: Variables, constants: Constants, x: np.ndarray, moving: np.n
 
 
 def start_z(variables: Variables, constants: Constants, x: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """Return z of several starts, shape (fits, size), as `z_of` has it."""
+    """Return z for several starts, shape (fits, size), by `z_of`."""
     if not variables.order:
         return x
     return np.stack([z_of(variables, constants, *pair) for pair in zip(x, np.asarray(moving), strict=True)])
 
 
 def end_x(variables: Variables, constants: Constants, z: np.ndarray, moving: np.ndarray) -> np.ndarray:
-    """Return x of several ends, shape (fits, size)."""
+    """Return x for the final z of several fits, shape (fits, size)."""
     if not variables.order:
         return z
     return np.stack([x_of(variables, constants, *pair) for pair in zip(z, np.asarray(moving), strict=True)])
@@ -280,10 +284,10 @@ def put_on_bounds(
 
 
 class Edge(NamedTuple):
-    """An element that stands at a neighbour."""
+    """An element of x whose value equals a neighbour's within `AT_EDGE`."""
 
     element: int
-    side: str  # "lower" or "upper", where the neighbour is
+    side: str  # "lower" or "upper", side of the neighbour
     neighbour: End
 
 

@@ -30,7 +30,7 @@ from rubberfric.scene import cast, check_background, dissipates, result_dtype, s
 
 CURVE_QUANTITIES = ("friction", "area")  # measured over velocity, pressure and temperature
 
-# Relative error that data without errors begin with, and keep if they are too few to say.
+# Relative error of data without errors at first, and finally if they are too few for an estimate.
 ASSUMED = 0.1
 
 
@@ -38,15 +38,15 @@ class Block(NamedTuple):
     """Rows that one call of the model predicts; hashable."""
 
     quantity: str  # "friction", "area", "modulus", "spectrum"
-    body: str | None  # whose modulus or spectrum
+    body: str | None  # body of a modulus or spectrum
     logarithmic: bool
     rows: tuple[int, int]  # (first, last + 1)
-    scene: str = ""  # of several, which
+    scene: str = ""  # name of the scene if there are several
 
 
-# How much further than at the start the wavevectors of a fit may move apart and its moduli grow, in e-folds,
-# for which it chooses its quadrature; and how much beyond that one's limits it may end. Errors grow by two to
-# three in an e-fold there.
+# The quadrature of a fit suits ranges of wavevectors and moduli that are larger than at the start by
+# `_MARGIN` e-folds. The fit may end `_BEYOND` e-folds outside its limits, where errors grow two- to threefold
+# per e-fold.
 _MARGIN, _BEYOND = 0.5, 1.0
 
 
@@ -74,15 +74,15 @@ class Numbers(NamedTuple):
 
 
 class Targets(NamedTuple):
-    """Measured values with errors, and what may move; a pytree, one for every resampled data set."""
+    """Measured values, their errors, and flags of fixed elements; a pytree for each resampled data set."""
 
     measured: Array  # shape (rows,); the logarithm where the block is logarithmic
     error: Array  # shape (rows,)
-    moving: Array  # shape (size,), 0 where x stays at its start (profiles), else 1
+    moving: Array  # shape (size,), 0 for elements of x that are fixed at their start (profiles), else 1
 
 
 class Problem(NamedTuple):
-    """A fit to be solved."""
+    """A least-squares problem: structure, numbers, targets and start."""
 
     structure: FitStructure
     numbers: Numbers
@@ -92,7 +92,7 @@ class Problem(NamedTuple):
 
     @property
     def variables(self) -> Variables:
-        """Which numbers of the scene are free."""
+        """Structure of the free parameters of the scene."""
         return self.structure.variables
 
     @property
@@ -121,8 +121,8 @@ def make_problem(
 ) -> Problem:
     """Return the problem of fitting `free` of `scene` to `data`; see `fitting.fit` for the arguments.
 
-    `of` are the names of the scenes that the data sets belong to, if there are several. Data sets without
-    errors get the relative error `ASSUMED`.
+    `of` has the name of the scene of each data set, if there are several scenes. Data sets without errors get
+    the relative error `ASSUMED`.
     """
     scene = as_scenes(scene)
     if quadrature is not None and not isinstance(quadrature, rf.Quadrature):
@@ -143,7 +143,7 @@ def make_problem(
     known = prior_size(prior_structure)
     if size + known < variables.size:
         raise ValueError(
-            f"{variables.size} free parameters, but only {size} measured values and {known} rows of priors:"
+            f"{variables.size} free parameters, but only {size} measured values and {known} rows of priors;"
             " free fewer, tie some, or add a prior"
         )
     structure = FitStructure(variables, blocks, prior_structure, loss, quadrature or _fitting(scene, data))
@@ -175,7 +175,7 @@ def _blocks(scenes, data, of):
 
 
 def _block_key(scene, data):
-    """Return Key that data sets of one block share; ValueError if the scene cannot predict the data."""
+    """Return the key of the block of a data set; ValueError if the scene cannot predict the data."""
     temperature = getattr(data, "temperature", None)
     if data.quantity in CURVE_QUANTITIES:
         _check_curve(scene, data)
@@ -190,10 +190,10 @@ def _block_key(scene, data):
 
 
 def _check_curve(scene, data):
-    """Raise ValueError unless the scene has such a curve at the temperatures of the data."""
+    """Raise ValueError unless the scene can predict a curve at the temperatures of the data."""
     if data.quantity == "friction" and scene.shear is None and not dissipates(scene):
-        raise ValueError(  # nothing could be learned from it
-            f"data {data.label!r}: the scene has no friction: a rough solid must face a viscoelastic one,"
+        raise ValueError(  # friction would not depend on any parameter
+            f"data {data.label!r}: the scene has no friction; a rough solid must face a viscoelastic one,"
             " or the scene must have contact shear"
         )
     if data.temperature is None:
@@ -208,7 +208,7 @@ def _check_curve(scene, data):
 
 
 def _body(scene, data):
-    """Name of the body that a modulus or a spectrum is of."""
+    """Return the name of the body that has the measured modulus or spectrum."""
     bodies = {"lower": scene.lower, "upper": scene.upper}
     if data.quantity == "modulus":
         kind, able = "viscoelastic solid", [name for name, body in bodies.items() if body.material.relaxes]
@@ -233,7 +233,7 @@ def _check_temperature(data, shifts):
 
 
 def finer(problem: Problem, x: Array, data: Sequence[Measured]) -> Problem | None:
-    """Return the problem with the quadrature that its scene at x needs; None if it has that or more nodes."""
+    """Return the problem with the quadrature for its scene at x; None if it already has as many nodes."""
     needed = _fitting(problem.scene(x), data, -_BEYOND)
     structure = problem.structure
     if _work(needed) <= _work(structure.quadrature):

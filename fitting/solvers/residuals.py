@@ -3,9 +3,9 @@ r"""Residuals of a problem, and their derivatives.
 .. math:: r_i = \frac{\ln(model_i / measured_i)}{relative_i} \quad\text{or}\quad
           r_i = \frac{model_i - measured_i}{sigma_i}
 
-The first form is for data with relative errors. Compiled functions have additional rows of infinite error, so
-that 6 and 7 points share one (`padded`). Below follow the rows of the priors (`fitting.parameters.priors`)
-and the rows that keep arrays smooth in a search (`fitting.solvers.search`).
+The first form is for data with relative errors. Rows with infinite errors are added (`padded`), so that, for
+example, 6 and 7 points share a compiled function. The rows of the priors follow
+(`fitting.parameters.priors`), and rows that keep arrays smooth during a search (`fitting.solvers.search`).
 """
 
 from collections.abc import Callable, Collection
@@ -71,13 +71,13 @@ def predictions(structure: FitStructure, numbers: Numbers, x: jax.Array) -> tupl
 
 
 def _if_in_order(structure, scene, rows):
-    """Return the rows, or NaN if free numbers violate the order that the scene demands."""
+    """Return the rows, or NaN if numbers violate the order that the scene requires."""
     order = structure.variables.order
     return jnp.where(in_order(order, jax.tree.leaves(scene)), rows, jnp.nan) if order else rows
 
 
 def _predicted(structure, block, conditions, scene):
-    """Return the rows of one block; their logarithm where it is logarithmic."""
+    """Return the predictions of one block, or their logarithms if the block is logarithmic."""
     if block.quantity in CURVE_QUANTITIES:
         heated = () if "converged" not in rf.quantities_of(scene) else ("converged",)
         solution = rf.solve(
@@ -92,7 +92,7 @@ def _predicted(structure, block, conditions, scene):
         modulus = rf.complex_modulus(getattr(scene, block.body).material, *conditions)
         values = jnp.concatenate([modulus.real, modulus.imag])
     else:
-        # Continued beyond the ends, which a fit may move past a measured wavevector.
+        # The spectrum is extrapolated, because a fit may move its ends past a measured wavevector.
         log_C = log_power_spectrum(getattr(scene, block.body).spectrum.power_law(), *conditions)
         return log_C if block.logarithmic else jnp.exp(log_C)
     return jnp.log(values) if block.logarithmic else values
@@ -138,14 +138,14 @@ def rows_and_slopes(structure: FitStructure, numbers: Numbers, x: jax.Array) -> 
 
 
 def in_errors(structure: FitStructure, numbers: Numbers, targets: Targets, rows: Array) -> jax.Array:
-    """Return the residuals from `rows_of`, in units of the errors."""
+    """Convert the result of `rows_of` to residuals in units of the errors."""
     count = data_rows(structure)
     of_data = (rows[:count] - targets.measured) / targets.error
     return jnp.concatenate([_whitened(numbers, of_data), rows[count:]])
 
 
 def slopes_in_errors(structure: FitStructure, numbers: Numbers, targets: Targets, slopes: Array) -> jax.Array:
-    """Return the Jacobian of the residuals from the derivatives of `rows_of`; 0 where x does not move."""
+    """Convert derivatives of `rows_of` to the Jacobian of the residuals; 0 for fixed elements of x."""
     count = data_rows(structure)
     of_data = _whitened(numbers, slopes[:count] / targets.error[:, None])
     return jnp.concatenate([of_data, slopes[count:]]) * targets.moving
@@ -159,13 +159,13 @@ def residuals(structure: FitStructure, numbers: Numbers, targets: Targets, x: ja
 def residuals_and_jacobian(
     structure: FitStructure, numbers: Numbers, targets: Targets, x: jax.Array
 ) -> tuple[jax.Array, jax.Array]:
-    """Return `residuals` and their Jacobian, shape (rows, size), 0 where x does not move."""
+    """Return `residuals` and their Jacobian, shape (rows, size), 0 for fixed elements of x."""
     rows, slopes = rows_and_slopes(structure, numbers, x)
     return in_errors(structure, numbers, targets, rows), slopes_in_errors(structure, numbers, targets, slopes)
 
 
 def _whitened(numbers, rows):
-    """Return the rows of the data in units of their errors, first axis, made independent of each other."""
+    """Multiply rows of the data, the first axis, by the whitening matrix that makes them independent."""
     return rows if numbers.whitening is None else numbers.whitening @ rows
 
 
@@ -196,7 +196,7 @@ def data_rows(structure: FitStructure) -> int:
 
 
 def rounding(structure: FitStructure, targets: Targets) -> jax.Array:
-    """Return the cost due to rounding if the data are met exactly."""
+    """Return the cost due to rounding for data that are fitted exactly."""
     error = 100 * float(jnp.finfo(targets.measured.dtype).eps)  # of a prediction, relative
     offset = np.zeros(data_rows(structure))
     for block in structure.blocks:
@@ -206,7 +206,7 @@ def rounding(structure: FitStructure, targets: Targets) -> jax.Array:
 
 
 class Padded(NamedTuple):
-    """A problem whose blocks have one of a few lengths, for compiled functions."""
+    """A problem whose blocks are padded to standard lengths, so that problems share compiled functions."""
 
     structure: FitStructure
     numbers: Numbers
@@ -219,16 +219,16 @@ class Padded(NamedTuple):
 
 
 def padded(problem: Problem, targets: Targets | None = None) -> Padded:
-    """Pad a problem with points without weight, so that another number of data needs no compilation.
+    """Pad a problem with points without weight, so that other numbers of data need no compilation.
 
-    Every block repeats its last conditions up to a length that recurs. The error of these rows is infinite:
-    residual and derivatives are exactly 0 for every loss. Tables without free numbers are padded to
-    lengths that recur as well.
+    Every block repeats its last conditions up to a standard length. The error of these rows is infinite, so
+    their residuals and derivatives are exactly 0 for every loss. Tables without free numbers are padded to
+    standard lengths as well.
 
     Parameters
     ----------
-    problem : as `make_problem` makes it
-    targets : of other data, with any axes before the rows; None: the targets of the problem
+    problem : Problem, as from `make_problem`
+    targets : targets of other data, with any axes before the rows; None: the targets of the problem
     """
     targets = problem.targets if targets is None else targets
     blocks, conditions, data, first = [], [], [], 0
@@ -268,7 +268,7 @@ def padded(problem: Problem, targets: Targets | None = None) -> Padded:
 def _with_longer_tables(
     variables: Variables, constants: Constants
 ) -> tuple[Variables, Constants, dict[int, int]]:
-    """Return the variables and constants of the same scene with padded tables, and where each leaf is in it.
+    """Return variables and constants of the scene with padded tables, and a dict of old to new leaf indices.
 
     Objects with free numbers are not padded.
     """

@@ -1,12 +1,12 @@
 """Run solvers: many fits of one structure side by side, each stopped at its minimum.
 
 A solver is a hashable object with pure functions `init` and `step`. Fits that differ in their start, their
-data or what may move run in a batch of a few; the next fit takes the place of one that is done. So a
-thousand fits share one compiled function, none waits for the slowest, and only the batch takes memory.
+data or their fixed elements run in small batches. When a fit ends, the next one takes its place. A thousand
+fits therefore share one compiled function, none waits for the slowest, and memory holds one batch.
 
-For least squares one compiled function computes the model, and others the step, because the model takes most
-of the time to compile. A step of Levenberg-Marquardt evaluates the residuals up to four times. A model that
-takes long to evaluate, such as a heated scene, has one evaluation with derivatives in each step
+For least squares, the model and the step are separate compiled functions, because the model takes most of the
+compilation time. A step of Levenberg-Marquardt evaluates the residuals up to four times. For models that take
+long to evaluate, such as heated scenes, a step has one evaluation with derivatives
 (`fitting.solvers.brown_dennis`).
 """
 
@@ -49,7 +49,7 @@ Callback = Callable[[int, float], object]
 
 
 class Runs(NamedTuple):
-    """Ends of several fits, NumPy arrays; rows that were never begun have status RUNNING."""
+    """Results of several fits, NumPy arrays; fits that were never begun have the status RUNNING."""
 
     x: np.ndarray  # shape (fits, size)
     cost: np.ndarray
@@ -58,13 +58,13 @@ class Runs(NamedTuple):
     njev: np.ndarray
 
     def row(self, i: int) -> "Runs":
-        """Return the end of one fit, in the same fields."""
+        """Return the result of one fit, in the same fields."""
         return Runs(*(array[i] for array in self))
 
 
 @jax.jit
 def _choose(new, mask, old):
-    """Return the rows of `new` where the mask says so."""
+    """Return rows of `new` where the mask is True, else of `old`."""
     return jax.tree.map(lambda n, o: jnp.where(mask.reshape(-1, *[1] * (n.ndim - 1)), n, o), new, old)
 
 
@@ -82,15 +82,15 @@ def run_fits(
     Parameters
     ----------
     solver : hashable, with init(objective, x), step(objective, iterate), max_steps
-    problem : whose structure and numbers the fits share
-    starts : shape (fits, size)
-    targets : Targets, every array with a leading axis of one entry a fit, or of one for all;
+    problem : Problem, whose structure and numbers the fits share
+    starts : start vectors, shape (fits, size)
+    targets : Targets with a leading axis, of one entry for each fit or one entry for all;
         None: the targets of the problem
-    max_steps : of a fit; None: the solver's own
+    max_steps : largest number of steps of a fit; None: max_steps of the solver
     callback : called as callback(step, lowest cost) after every step of the batch, or None
         KeyboardInterrupt, from it or the keyboard, ends the run with the values reached.
-    batch : how many fits run side by side; None: `BATCH`, or as many as there are
-        Another number is another program to compile.
+    batch : number of fits that run side by side; None: `FIT_BATCH`, or the number of fits if smaller
+        Another number needs another compilation.
 
     Returns
     -------
@@ -137,7 +137,7 @@ def run_fits(
                 here, x = loaded(following)
                 fresh = start(solver, structure, numbers, here, x)
                 iterate = _choose(fresh, np.isin(np.arange(batch), free), iterate)
-                # Last, so that an interrupt before it finds the batch as it was.
+                # Assigned last, so that an interrupt before this leaves the batch unchanged.
                 at, waiting = following, waiting + free.size
                 done[free], steps[free] = False, 0
                 continue
@@ -154,12 +154,12 @@ def run_fits(
         return ends._replace(x=end_x(variables, constants, ends.x, moving))
 
 
-# Largest number of elements of all Hessians, beyond which storing them takes longer than the model.
+# With more elements in all Hessians, their storage takes longer than the model.
 _MOST_HESSIAN_ELEMENTS = 1_000_000
 
 
 def start(solver: Solver, structure: FitStructure, numbers: Numbers, targets: Targets, x: Array) -> Iterate:
-    """Return iterates of several fits at their starts; targets and x have a leading axis of fits."""
+    """Return the iterates of several fits at their starts; targets and x have a leading axis of fits."""
     if not isinstance(solver, LevenbergMarquardt):
         return _by_solver("init", solver, structure, numbers, targets, x)
     problem, x = (structure, numbers, targets), np.asarray(x)
@@ -250,7 +250,7 @@ def _levenberg_marquardt_step(solver, structure, numbers, targets, iterate):
     ahead = np.asarray(ahead)  # NumPy, because slicing a JAX array compiles
 
     def trial(i, which):
-        """Return the moves of damping i, and the rows after them, of the fits `which`."""
+        """Return the moves with damping i of the fits `which`, and the rows after them."""
         rows, _ = _evaluated(*problem, ahead[:, i], which)
         move, there = _accelerated_move(*problem, iterate, plan, np.full(len(x), i), rows)
         return np.asarray(move), _evaluated(*problem, there, which)[0]
@@ -267,7 +267,7 @@ def _levenberg_marquardt_step(solver, structure, numbers, targets, iterate):
 
 
 def _use_brown_dennis(structure, numbers, targets, x):
-    """Return True if the model takes so long that steps of Brown and Dennis, with fewer evaluations, pay."""
+    """Return True if the model takes long, so that the fewer evaluations of Brown and Dennis save time."""
     size = np.shape(x)[-1]
     few = np.shape(targets.measured)[-1] * size**2 <= _MOST_HESSIAN_ELEMENTS
     return few and structure.loss == "linear" and takes_long(structure, numbers)
@@ -295,7 +295,7 @@ def _side_by_side(iterates: list[Iterate]) -> Any:
 
 
 def _at_bounds(solver, structure, numbers, targets, before, after):
-    """Return iterates after a step, or after a step from nearby bounds of the order if that is lower."""
+    """Return iterates after a step, or after a second step from nearby bounds if its cost is lower."""
     problem, x = (structure, numbers, targets), np.array(after.x)
     for i in np.flatnonzero(np.asarray(after.status) == RUNNING):
         known = structure.variables, numbers.constants, np.asarray(before.x)[i], x[i]
@@ -313,7 +313,7 @@ def _at_bounds(solver, structure, numbers, targets, before, after):
 
 
 def _evaluated(structure, numbers, targets, z, which=None, slopes=False):
-    """Return rows of the model and derivatives by z at rows of z; zero except for the fits `which`."""
+    """Return rows of the model and their derivatives by z; zero except for the fits `which`."""
     variables, constants, z = structure.variables, numbers.constants, np.asarray(z)
     which = np.arange(len(z)) if which is None else which
     pairs = list(zip(z[which], np.asarray(targets.moving)[which], strict=True))

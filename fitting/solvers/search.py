@@ -1,18 +1,18 @@
-"""Search for a minimum: random starts, smoothing, and checks of fits that claim one.
+"""Search for a minimum: random starts, smoothing, and checks of fits that have converged.
 
-Least squares in logarithms has two traps. A robust loss treats all data as outliers while the fit is far off,
-and has minima everywhere: its fits begin where least squares - the same loss, much wider - ends. And a
-Positive parameter that one bad step drives to nothing, or a Bounded one that it drives to a bound, tends to
-stay there, because its neighbours have taken its place. Fits that end so are tried again with rows that keep
-the elements of an array smooth, like relaxation spectra, and whose weight falls to zero; the lower of both
-minima is kept.
+Two problems occur with least squares in logarithms:
 
-A solver stops where its linear model promises nothing more. This happens also where no parameter moves the
-data, as in full contact, and where a parameter went so near to a bound that nothing depends on it. So places
-inside a bound are tried, and, where the data lie farther from the model than chance allows, places all
-around. The fit goes on from a lower one. Where none is lower, but a fit takes little time, more fits begin at
-the places inside the order of a scene, and, very far from the data, at some of the others; the lowest end
-counts.
+- Far from the minimum a robust loss treats all data as outliers and has many local minima. Its fits therefore
+  begin at the minimum of least squares, computed with the same loss of a much larger width.
+- One bad step may drive a Positive parameter towards zero, or a Bounded one to a bound. It then tends to stay
+  there, because its neighbours compensate for it. Such fits are repeated with additional rows, which keep the
+  elements of an array smooth, and whose weight is reduced to zero in steps. The lower of both minima is kept.
+
+A solver also stops if no parameter changes the data, as in full contact, or if a parameter is so near to a
+bound that nothing depends on it. Therefore points inside a bound are tried, and, if the residuals are larger
+than chance allows, points in all directions. The fit continues from a point with a lower cost. If there is
+none and a fit takes little time, further fits begin at the points inside the order of a scene and, if the
+residuals are very large, at some of the other points. The fit with the lowest cost is returned.
 """
 
 import math
@@ -32,8 +32,15 @@ from fitting.solvers.problem import Problem
 from fitting.solvers.residuals import data_rows, has_arrays, loss_of, padded
 from fitting.solvers.runs import FIT_BATCH, Callback, Runs, run_fits
 
-WIDE = 1e4  # times the width of a robust loss: least squares
-SMOOTHING = (30.0, 10.0, 3.0, 1.0, 0.3, 0.0)  # standard errors for a factor e between slopes
+WIDE = 1e4  # factor of the width of a robust loss that gives least squares
+SMOOTHING = (
+    30.0,
+    10.0,
+    3.0,
+    1.0,
+    0.3,
+    0.0,
+)  # weights of the smoothing rows, in standard errors per factor e between neighbouring slopes
 
 
 def random_starts(
@@ -41,9 +48,9 @@ def random_starts(
 ) -> Array:
     """Return `count` start vectors: x itself, then random ones, shape (count, size).
 
-    Positive elements are drawn from within `decades` of x, evenly in the logarithm;
-    Bounded ones from the middle 98 % between their bounds; Free ones from x +- their scale. The key is
-    jax.random.key(0) if None.
+    Positive elements are uniform in the logarithm within `decades` of x, Bounded ones are uniform in the
+    middle 98 % between their bounds, and Free ones are uniform within x +- their scale. key None:
+    jax.random.key(0).
     """
     if count == 1:
         return x[None]
@@ -70,7 +77,7 @@ def search(
     max_steps: int | None = None,
     callback: Callback | None = None,
 ) -> Runs:
-    """Return the fits from every row of `starts`; `Runs` as of `fitting.solvers.runs.run_fits`."""
+    """Return the results of fits from every row of `starts`, as `fitting.solvers.runs.run_fits` does."""
     spent = np.zeros((2, len(starts)), int)
     x = starts = np.asarray(starts)
     for times in (1.0,) if problem.structure.loss == "linear" else (WIDE, 1.0):
@@ -80,7 +87,7 @@ def search(
         spent += np.stack([runs.nfev, runs.njev])
         escaped = _escaped(problem, runs.x, starts).any(1)
         again = np.flatnonzero(escaped & (succeeded(runs.status) | (runs.status == STALLED)))
-        # Skipped without an array to smooth, because all six fits would be equal.
+        # If there is no array to smooth, all six fits would be equal.
         if again.size and has_arrays(problem.variables):
             second = _smoothed(solver, stage, starts[again], max_steps, callback, min(FIT_BATCH, len(starts)))
             spent[:, again] += np.stack([second.nfev, second.njev])
@@ -98,7 +105,7 @@ def search(
 
 
 def _smoothed(solver, problem, starts, max_steps, callback, batch):
-    """Return the fits whose arrays are kept smooth, ever less; in a batch of the size that is compiled."""
+    """Return fits with smoothing rows of decreasing weight, in batches of the size that is compiled."""
     x, spent = starts, np.zeros((2, len(starts)), int)
     for weight in SMOOTHING:
         numbers = problem.numbers._replace(smoothing=jnp.asarray(weight, problem.numbers.smoothing.dtype))
@@ -110,7 +117,7 @@ def _smoothed(solver, problem, starts, max_steps, callback, batch):
 
 
 def _escaped(problem, x, start):
-    """Return True for elements so far out that their value hardly depends on x, shape of x."""
+    """Return True for elements near zero or at a bound, whose value hardly depends on x; shape of x."""
     kinds = np.empty(x.shape[1], object)
     for group in problem.variables.own:
         kinds[slice(*group.slot)] = group.kind
@@ -118,34 +125,34 @@ def _escaped(problem, x, start):
     return ((kinds == "Positive") & (x < start - far)) | ((kinds == "Bounded") & (np.abs(x - start) > far))
 
 
-# Significance level of the chi-square test above which a claim is checked.
+# Significance level of the chi-square test; points around fits with a larger chi-square are tried.
 _CHANCE = 1e-3
-# Places that are drawn, steps along each x, and the most of both, which take as long as a few steps of a fit.
+# Number of random points, steps along each x, and largest number of both, which take as long as a few steps.
 _DRAWN, _STEPS, _MOST = 8, (1.0, -1.0), 32
-# Steps from a neighbour.
+# Steps away from a neighbour to which a number is equal.
 _INWARD = (0.01, 0.1, 0.3, 1.0)
-# Mean square of residuals beyond which fits begin at the lowest of the drawn places, and how many.
+# Mean square of residuals above which fits begin at the best random points, and the number of these.
 _FAR, _FITS = 3.0, 3
-# How often a fit goes on from a lower place.
+# Largest number of times that a fit continues from a lower point.
 _TIMES = 3
-# A parameter that changes the residuals by less than this part of them, in a step of one, does not move data.
+# A parameter has no effect if a step of 1 changes the residuals by less than this part of them.
 _UNMOVED = 1e-6
 
 
 def confirm_minimum(
     problem: Problem, end: Runs, onward: Callable[[np.ndarray], Runs]
 ) -> tuple[Runs, np.ndarray]:
-    """Check a fit that claims a minimum, and go on from a lower place if there is one.
+    """Check a converged fit, and continue from a point with a lower cost if there is one.
 
     Parameters
     ----------
-    problem, end : solved, and its solution, one row
-    onward : x, shape (size,), to the end of a fit from there
+    problem, end : Problem, and the result of its fit, one row of `Runs`
+    onward : function of x, shape (size,), that returns the result of a fit from x
 
     Returns
     -------
-    (end, evaluations of residuals and of their derivatives); its status is UNMOVED where no free parameter
-    changes the data
+    (end, numbers of evaluations of residuals and of their derivatives); the status of `end` is UNMOVED if no
+    free parameter changes the data
     """
     spent = np.zeros(2, int)
     for _ in range(_TIMES):
@@ -181,7 +188,7 @@ def confirm_minimum(
 
 
 def _to_fit(problem, cost, costs, drawn, inner):
-    """Return the indices of places to fit from although they are not lower, if a fit takes little time."""
+    """Return the indices of points to fit from although their cost is not lower; none if fits are slow."""
     if takes_long(problem.structure, problem.numbers):
         return []
     far = 2 * cost > _FAR * problem.targets.measured.size
@@ -190,7 +197,7 @@ def _to_fit(problem, cost, costs, drawn, inner):
 
 
 def costs_at(problem: Problem, x: np.ndarray) -> np.ndarray:
-    """Return the costs at rows of x, inf where the model is not finite."""
+    """Return the costs at rows of x; inf if the model is not finite."""
     of, loss = padded(problem), loss_of(problem.structure, problem.numbers)
     rows, _ = evaluate_rows(of.structure, of.numbers, x.astype(problem.start.dtype))
     costs = [
@@ -201,7 +208,7 @@ def costs_at(problem: Problem, x: np.ndarray) -> np.ndarray:
 
 
 def _is_high(problem, cost):
-    """Return True if chance does not make residuals of this cost."""
+    """Return True if the cost is too high to be due to chance."""
     count = problem.targets.measured.size
     return 2 * cost > 2 * float(scipy.special.gammainccinv(count / 2, _CHANCE))
 
@@ -220,7 +227,10 @@ def _moves(problem, x):
 
 
 def _places_to_try(problem, end):
-    """Return random rows of x inside the bounds about a fit of high cost, and flags of their kind."""
+    """Return points to try, rows of x in the order of the scene, and two lists of their indices.
+
+    The lists are the random points, and the points farthest inside a bound of the order.
+    """
     x, variables, constants = np.asarray(end.x), problem.variables, problem.numbers.constants
     places, drawn, inner = [], np.arange(0), []
 
@@ -248,7 +258,7 @@ def _places_to_try(problem, end):
         places += list(np.asarray(random_starts(variables, x, None, 1 + _DRAWN)))[1:]
     if not places:
         return np.empty((0, x.size)), drawn, inner
-    # In the order that the scene demands.
+    # Points are moved into the order that the scene requires.
     moving = np.broadcast_to(problem.targets.moving, (len(places), x.size))
     z = start_z(variables, constants, np.stack(places), moving)
     return end_x(variables, constants, z, moving), drawn, inner

@@ -73,9 +73,9 @@ KNOWN = 1.0
 # Standard deviation assigned to unidentified directions: a parameter with a loading of 0.001 in one is still
 # identified.
 OPEN = 100.0
-# A Bounded parameter closer to a bound than this part of its range counts as at the bound.
+# A Bounded parameter counts as at a bound if it is closer to it than this part of its range.
 AT_BOUND = 1e-3
-# Least distance from a bound at which rows are linearised, where the slope still has digits.
+# Smallest distance from a bound for the linearisation, where the slope still has digits.
 EDGE = 1e-6
 
 
@@ -90,7 +90,7 @@ class Part(NamedTuple):
 
 
 def describe_direction(variables: Variables, loadings: np.ndarray, deviation: float) -> str:
-    """Return one line on a direction: its changes, their size within the errors, and advice."""
+    """Return a line on a direction: the changes of parameters, their size within the errors, and advice."""
     parts = _parts(variables, loadings)
     leaves = {part.leaf for part in parts}
     # Advice on trade-offs needs several parameters.
@@ -147,7 +147,7 @@ def _parts(variables, loadings):
 
 
 def _change(part, power):
-    """Return how one parameter moves, as a power of the factor λ that the leading one moves by."""
+    """Return the change of a parameter as text: a power of λ, the factor of the leading parameter."""
     if part.kind == "Positive":
         return f"{part.name} * λ" if abs(power - 1) < 0.05 else f"{part.name} * λ^{power:.2g}"
     return f"{part.name} {'up' if power > 0 else 'down'}"
@@ -162,34 +162,34 @@ class Direction(NamedTuple):
 
 
 class Uncertainty(NamedTuple):
-    """See the module's docstring; arrays over the free elements."""
+    """Uncertainty of a solution, as in the module's docstring; arrays over the free elements."""
 
     deviation: np.ndarray  # of x; NaN where withheld
     covariance: np.ndarray  # of the values; NaN rows and columns where withheld
     correlation: np.ndarray  # of x; NaN rows and columns where withheld
-    withheld: dict[str, str]  # name -> why it has no error bar
+    withheld: dict[str, str]  # name -> reason for a missing error bar
     unidentified: tuple[Direction, ...]
-    rank: int  # directions that the data see at all
+    rank: int  # number of directions that change the data at all
     condition: float  # largest over smallest singular value
     directions: np.ndarray  # V, columns, shape (size, size)
-    deviations: np.ndarray  # along them, shape (size,); inf where the data see nothing
-    spread: np.ndarray  # covariance of y = x / stretch, all directions, OPEN for those beyond, (size, size)
-    x: np.ndarray  # where the rows are linearised: the solution, a little inside its bounds
-    stretch: np.ndarray  # 1; more for parameters at a bound or zero, see the module's docstring
+    deviations: np.ndarray  # along them, shape (size,); inf if the data do not change
+    spread: np.ndarray  # covariance of y = x / stretch; deviations above OPEN are set to OPEN, (size, size)
+    x: np.ndarray  # point of linearisation: the solution, moved a little inside its bounds
+    stretch: np.ndarray  # 1, larger for parameters at a bound or at zero, see the module's docstring
     parameters: float  # effective number that the data determine
     chisqr: float  # sum of squares of the data's residuals
 
 
 class Linearised(NamedTuple):
-    """Predictions of the model at a solution, independent of the data's errors; all rows, as `padded`."""
+    """Predictions and derivatives at a solution, independent of the data's errors; all rows of `padded`."""
 
     at: np.ndarray  # at the solution, (rows,)
-    inside: np.ndarray  # where it is linearised, a little inside the bounds
-    slopes: np.ndarray  # its derivatives with respect to x there, (rows, size)
+    inside: np.ndarray  # at the point of linearisation, a little inside the bounds
+    slopes: np.ndarray  # derivatives with respect to x at that point, (rows, size)
 
 
 def linearised(problem: Problem, x: np.ndarray) -> Linearised:
-    """Return the model of a problem at its solution x, shape (size,)."""
+    """Linearise the model of a problem at its solution x, shape (size,)."""
     of, x = padded(problem), np.asarray(x)
     _, inside, _ = _at_bounds(problem, x)
     rows, slopes = (part[0] for part in evaluate_rows(of.structure, of.numbers, inside[None], slopes=True))
@@ -259,13 +259,14 @@ def from_jacobian(
 
     Parameters
     ----------
-    variables : which numbers are free
-    jacobian : of the rows in units of their errors, priors last, by x / stretch, shape (rows, size)
-    count : how many of the rows are data
+    variables : structure of the free parameters
+    jacobian : derivatives of the rows, in units of their errors and with the priors last, with respect to
+        x / stretch, shape (rows, size)
+    count : number of rows that are data
     slope : d value / d (x / stretch), shape (size,)
     chisqr, x, stretch : as in `Uncertainty`; stretch None: 1
-    withheld : name -> why a parameter at a bound has no error bar
-    influence : residuals times the slope of a robust loss, shape (rows,); None: squares
+    withheld : name -> reason for a missing error bar of a parameter at a bound
+    influence : residuals times the slope of a robust loss, shape (rows,); None: least squares
     """
     names, withheld = element_names(variables), dict(withheld or {})
     # V is needed in full even with fewer rows than columns; U is not.
@@ -316,14 +317,14 @@ def from_jacobian(
 
 
 def _spread(jacobian, count, rows, V, deviations, parameters):
-    """Return the covariance of x, no direction longer than OPEN, and the deviations along the directions."""
+    """Return the covariance of x, deviations limited to OPEN, and the deviations along the directions."""
     length = np.minimum(deviations, OPEN)
     if rows is None:
         return (V * length**2) @ V.T, deviations
-    # The product of both factors is the slope of the loss; the Jacobian has the second in it.
+    # The product of both factors is the slope of the loss; the Jacobian already contains the second factor.
     influence = jacobian.copy()
     influence[:count] *= rows[:count, None]
-    # Residuals of a fit are smaller than errors, by as many as it has parameters.
+    # The residuals of a fit are smaller than the errors, because it has parameters.
     influence[:count] *= np.sqrt(count / max(count - parameters, 1.0))
     middle = V.T @ (influence.T @ influence) @ V
     inner = middle * np.outer(length**2, length**2)
@@ -334,7 +335,7 @@ def _spread(jacobian, count, rows, V, deviations, parameters):
 
 
 def _at_bounds(problem, x):
-    """Return (name -> reason, x a little inside, stretch) for parameters at a bound or driven to zero."""
+    """Return (name -> reason, x moved inside, stretch) for parameters at a bound or driven to zero."""
     constants, names, reasons = problem.numbers.constants, problem.names, {}
     inside, stretch = np.array(x), np.ones(len(names), np.asarray(x).dtype)
     edge = np.log(1 / EDGE - 1)

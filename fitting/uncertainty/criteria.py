@@ -3,10 +3,10 @@ r"""Predictive accuracy of a fit: likelihood, information criteria, and leave-on
 .. math:: \ln p_i = -\tfrac12 \ln 2\pi e_i^2 - \tfrac12 r_i^2,\qquad
           \ln p_{i|-i} = -\tfrac12 \ln 2\pi e_i^2 + \tfrac12 \ln(1 - h_i) - \tfrac12 \frac{r_i^2}{1 - h_i}
 
-r_i being residuals in units of their errors e_i, h_i their leverages, the diagonal of J (J^T J)^-1 J^T with
-the rows of the priors in J^T J. The second is exact for a model that is linear in its numbers [Allen,
-Technometrics 16 (1974) 125; Vehtari, Mononen, Tolvanen, Sivula & Winther, J. Mach. Learn. Res. 17 (2016) 103,
-sec. 3.2, arXiv:1412.7461], and for others it is the Laplace approximation. With a robust loss the
+r_i are residuals in units of their errors e_i. Their leverages h_i are the diagonal of J (J^T J)^-1 J^T, with
+the rows of the priors in J^T J. The second equation is exact for a model that is linear in its parameters
+[Allen, Technometrics 16 (1974) 125; Vehtari, Mononen, Tolvanen, Sivula & Winther, J. Mach. Learn. Res. 17
+(2016) 103, sec. 3.2, arXiv:1412.7461], and for others it is the Laplace approximation. With a robust loss the
 approximation is the same, Newton's step away from the value that is left out, and the density of that value
 under the loss is averaged over it.
 
@@ -18,8 +18,8 @@ arXiv:1810.10559].
 AIC = -2 ln L + 2 k [Akaike, IEEE Trans. Autom. Control 19 (1974) 716],
 AICc = AIC + 2 k (k + 1) / (n - k - 1) [Hurvich & Tsai, Biometrika 76 (1989) 297],
 BIC = -2 ln L + k ln n [Schwarz, Ann. Stat. 6 (1978) 461];
-k is the number of parameters that the data determine (of all, where nothing is left open and no prior
-helps), and of errors that were estimated.
+k is the effective number of parameters that the data determine, plus the number of estimated errors. It
+counts all parameters if all are identified and there are no priors.
 """
 
 from typing import NamedTuple
@@ -45,8 +45,10 @@ class Criteria(NamedTuple):
     values: int  # n
     parameters: float  # k
     deviance: float  # -2 ln L
-    left_out: np.ndarray  # ln p of every value by the fit to all others, in the order of the data, shape (n,)
-    leverage: np.ndarray  # h of them, shape (n,)
+    left_out: (
+        np.ndarray
+    )  # ln p of every value, predicted from all others, in the order of the data, shape (n,)
+    leverage: np.ndarray  # h of every value, shape (n,)
 
     @property
     def aic(self) -> float:
@@ -66,12 +68,12 @@ class Criteria(NamedTuple):
 
     @property
     def loo(self) -> float:
-        """-2 times the sum of ln p of the values that were left out, one at a time."""
+        """-2 times the sum of ln p of all values, each left out of the fit in turn."""
         return -2 * float(np.sum(self.left_out))
 
 
 def criteria(solved: SolvedProblem, estimated: int = 0) -> Criteria:
-    """Return the criteria of a fit; it compiles nothing that the fit has not compiled.
+    """Return the criteria of a fit, using only functions that the fit has compiled.
 
     `estimated` counts further estimated parameters, such as the amplitude of a `Discrepancy`.
     """
@@ -104,7 +106,7 @@ def criteria(solved: SolvedProblem, estimated: int = 0) -> Criteria:
 
 
 def _left_out(solved):
-    """Return the residuals, leverages, and ln p of every value without itself in units of its error."""
+    """Return residuals in units of errors, leverages, and ln p of every value when it is left out."""
     problem, known = solved.problem, solved.uncertainty
     count = problem.targets.measured.size
     model = linearised(problem, solved.x)

@@ -31,12 +31,12 @@ _PANELS = 4
 
 @dataclasses.dataclass(frozen=True)
 class prediction:
-    """Criterion of a design: the variance of ln of a quantity predicted at conditions, mean over them.
+    """Criterion of a design: variance of the logarithm of a predicted quantity, averaged over conditions.
 
     Parameters
     ----------
     velocity, pressure, temperature : broadcastable [m/s], [Pa], [K]
-    quantity : any that `rubberfric.solve` knows and that is > 0 there
+    quantity : name of a quantity of `rubberfric.solve` that is > 0 at the conditions
     """
 
     velocity: ArrayLike
@@ -47,20 +47,22 @@ class prediction:
 
 @dataclasses.dataclass(frozen=True, eq=False, kw_only=True)
 class Design:
-    """Measurements to make, most useful first, and the expected errors.
+    """Result of `design`: measurements to make, most useful first, and the expected errors.
 
     Attributes
     ----------
-    velocity, pressure, temperature : of every measurement [m/s], [Pa], [K]; temperature None without shifts
-    index : which candidates they are, shape (n,)
+    velocity, pressure, temperature : conditions of every measurement, shape (n,) [m/s], [Pa], [K];
+        temperature is None without shifts
+    index : indices of the measurements among the candidates, shape (n,)
     names : key path of every free element
-    before, after : standard deviations of x without and with them; of Positive ones relative; (size,)
+    before, after : standard deviations of x without and with the measurements, shape (size,); for Positive
+        parameters these are relative errors
     predicted : (before, after) root mean square relative error of the prediction of the criterion, or None
-    candidates : conditions of all, each of shape (candidates,)
-    gain : of one measurement at each of them, shape (candidates,); of D in nats, of A and predictions the
-        part of the variance that goes
-    criterion : as a text
-    rows : of every candidate at the first draw, in units of its error
+    candidates : conditions of all candidates, each of shape (candidates,)
+    gain : gain of one measurement at each candidate, shape (candidates,): for D in nats, for A and
+        predictions the share by which the variance decreases
+    criterion : name of the criterion
+    rows : row of the Jacobian of every candidate at the first draw, in units of the candidate's error
     """
 
     velocity: np.ndarray
@@ -127,25 +129,27 @@ def design(
     Parameters
     ----------
     source : FitResult, whose data and priors are the prior information; or a Scene, for a first experiment
-    free : of a Scene: dict of key path -> rule, as for `fitting.fit`
+    free : for a Scene: dict of key path -> rule, as for `fitting.fit`
     candidates : (velocity, pressure) or (velocity, pressure, temperature), broadcastable [m/s], [Pa], [K]
-        where one could measure, such as (v[:, None], p) for every combination
-    n : number of measurements, or their greatest total cost; a candidate may be repeated
+        Conditions of possible measurements, such as (v[:, None], p) for every combination.
+    n : number of measurements, or their largest total cost; a candidate may be repeated
     criterion : "D", "A" or `prediction(...)`
-        the volume of the ellipsoid of errors; the mean variance of x, which is relative for Positive
-        parameters; the mean variance of the prediction.
-    cost : of every candidate, or a function of (velocity, pressure, temperature) that says it; None: 1 each
-    relative : error of a measurement, one or for every candidate
-        None: the mean of the relative errors of the fit's friction data; 5 % of a scene.
+        "D" minimises the volume of the ellipsoid of errors, "A" the mean variance of x (relative for
+        Positive parameters), `prediction` the mean variance of a prediction.
+    cost : cost of every candidate, or a function of (velocity, pressure, temperature) that returns it;
+        None: 1 each
+    relative : relative error of a measurement, one for all candidates or one for each
+        None: the mean relative error of the fit's data of this quantity, or 5 %.
     quantity : measured quantity, "friction" or "area"
-    prior : of a Scene: dict of key path -> Gaussian or Smooth
-    draws : number of draws from the prior information to average over; 1: the values themselves alone
-        None: 16 about a scene, 1 of a fit. Of D, A and predictions logarithms are averaged.
-    reach : a draw is moved by no more than this along a direction, 0.3 being 30 %
-        this limits draws of parameters that are not known at all.
+    prior : for a Scene: dict of key path -> Gaussian or Smooth
+    draws : number of draws from the prior information over which the criterion is averaged
+        1: only the present values. None: 16 for a scene, 1 for a fit. Logarithms of D, A and predictions are
+        averaged.
+    reach : largest change of a draw along a direction, 0.3 is 30 %
+        This limits draws of parameters without prior information.
     key : jax.random.key of the draws, or None for key(0)
-    already : a Design whose measurements will be made as well, an earlier batch of the same candidates
-    quadrature : of a Scene
+    already : a Design from the same candidates, whose measurements will be made as well
+    quadrature : Quadrature of a Scene
 
     Returns
     -------
@@ -153,15 +157,16 @@ def design(
 
     Raises
     ------
-    ValueError : one line: no such criterion, candidates or cost that do not broadcast or are <= 0, a budget
-        that no candidate fits in; and as `fitting.fit` for `free` and `prior`.
+    ValueError : one line: an unknown criterion, candidates or costs that do not broadcast or are <= 0, a
+        budget below the cost of every candidate; and as in `fitting.fit` for `free` and `prior`.
 
     Notes
     -----
-    Errors come from the model linearised at the scene, with exact derivatives; they are as good as the scene.
-    If the scene is uncertain, say by how much with a `prior`: the loss is small. A design pays for
-    predictions outside the range of the candidates. Inside it, errors fall with the number of measurements,
-    wherever these are (`tests/fitting/uncertainty/test_design_twins.py` has both in numbers).
+    Errors follow from the model linearised at the scene, with exact derivatives, and are as good as the
+    scene. If the scene is uncertain, give a `prior` with this uncertainty; the design is then only slightly
+    worse. A design is useful for predictions outside the range of the candidates. Inside it, errors decrease
+    with the number of measurements, wherever these are (`tests/fitting/uncertainty/test_design_twins.py` has
+    numbers for both).
     """
     known = known_of(source, free, prior, quadrature)
     at = _points(candidates)
@@ -169,7 +174,7 @@ def design(
     check_values("relative", error, POSITIVE)
     price = _cost(cost, at)
     if isinstance(n, bool) or not isinstance(n, int | float) or not n >= price.min():
-        raise ValueError(f"n = {shown(n)}: must be >= {price.min():g}, for one measurement at least")
+        raise ValueError(f"n = {shown(n)}: must be >= {price.min():g}, enough for one measurement")
     draws = draws if draws is not None else 1 if isinstance(source, SolvedProblem) else _DRAWS
     if not isinstance(draws, int) or draws < 1:
         raise ValueError(f"draws = {shown(draws)}: must be an integer >= 1")
@@ -234,7 +239,7 @@ def _cost(cost, at):
 
 
 def _error(source, quantity):
-    """Return the mean relative error of the fit's data of a quantity."""
+    """Return the mean relative error of a fit's data of a quantity, or a default of 5 %."""
     if not isinstance(source, SolvedProblem):
         return _ERROR
     blocks = [b for b in source.problem.structure.blocks if b.quantity == quantity and b.logarithmic]
@@ -243,7 +248,7 @@ def _error(source, quantity):
 
 
 def _target(known, xs, criterion):
-    """Return L of every draw, or None for D."""
+    """Return the matrix L of the criterion for every draw, or None for "D"."""
     if isinstance(criterion, prediction):
         conditions = (criterion.velocity, criterion.pressure)
         conditions += () if criterion.temperature is None else (criterion.temperature,)
@@ -263,8 +268,8 @@ def _percent(error: float) -> str:
 def plot_design(design: Any, ax: style.Panels | None = None) -> style.Panels:
     """Draw the gain of one measurement over log10 v and temperature or pressure, and the chosen ones.
 
-    A panel for each pressure where there are several temperatures; the number in a circle is how often one
-    measures there. Over the velocity alone, a line.
+    With several temperatures there is a panel for each pressure. The number in a circle is the number of
+    measurements at this candidate. If only the velocity varies, the gain is a line.
 
     Parameters
     ----------
@@ -317,7 +322,7 @@ def plot_design(design: Any, ax: style.Panels | None = None) -> style.Panels:
 
 
 def _group(design, value, over_temperature):
-    """Return which candidates belong to a panel."""
+    """Return True for candidates that belong to a panel."""
     _, p, T = design.candidates
     if over_temperature:
         return p == value

@@ -1,8 +1,8 @@
-r"""The theory's own error in a fit: whitening of its residuals, and estimates of amplitude and width.
+r"""Model error of the theory in a fit: whitening of the residuals, and estimates of amplitude and width.
 
-Amplitude a and width w are averaged over their posterior on a grid. Its logarithm is the restricted
-likelihood of the model linearised about x with its parameters integrated out [Patterson & Thompson,
-Biometrika 58 (1971) 545], priors among the rows,
+Amplitude a and width w are averaged over their posterior on a grid. The logarithm of the posterior is the
+restricted log likelihood of the model linearised about x, with its parameters integrated out and the priors
+among the rows [Patterson & Thompson, Biometrika 58 (1971) 545],
 
 .. math:: -2 \ln L = \ln|C| + \ln|J^T C^{-1} J| + \min_\theta (r + J\theta)^T C^{-1} (r + J\theta)
 
@@ -37,16 +37,16 @@ from fitting.solvers.residuals import data_rows
 from fitting.uncertainty.covariance import OPEN, Linearised, weighted_rows
 from rubberfric.scene import shifts
 
-# Amplitudes of the grid: beyond the last the theory says nothing, below the first nothing sees it.
+# Amplitudes of the grid. Above the last the theory is useless, below the first its error has no effect.
 _AMPLITUDES = np.geomspace(1e-3, 2.0, 39)
-# Median of the prior of an amplitude, and the standard deviation of its logarithm. Friction is off by 0.3 to
-# 0.4 against boundary elements, and systematically: intervals hold the truth there with an amplitude of 0.5.
+# Median of the prior of an amplitude, and the standard deviation of its logarithm. Friction differs
+# systematically from boundary elements, by 0.3 to 0.4. With an amplitude of 0.5 intervals contain the truth.
 _MEDIAN, _DEVIATION = 0.5, 0.5
 # Amplitude and width of the first fit where they are to be estimated.
 _GUESS = 0.3, math.log(10)
-# An amplitude beyond which the theory is off by more than a factor of two.
+# Larger amplitudes, errors of more than a factor of two, are implausible.
 _LARGE = math.log(2)
-# Difference of log likelihoods that speaks against the amplitude and the width that were given.
+# Difference of log likelihoods above which the given amplitude and width are doubted.
 _AGAINST = 5.0
 
 
@@ -59,20 +59,21 @@ def check_discrepancy(
         raise ValueError(f"discrepancy is a {kind}: must be a fitting.Discrepancy, or None")
     curves = [one for one in data if isinstance(one, FrictionData)]
     if not curves:
-        raise ValueError("discrepancy: there are no friction data; must be None")
+        raise ValueError("discrepancy: must be None, because there are no friction data")
     for one in curves:
         if one.error is None:
             raise ValueError(
-                f"discrepancy: data {one.label!r} have no errors: must have, given as sigma or relative"
+                f"discrepancy: data {one.label!r} have no errors: must have errors, given as sigma or"
+                " relative"
             )
         if not np.all(one.velocity):
             raise ValueError(
-                f"discrepancy: data {one.label!r} have a velocity 0: must have none, as ln v is needed"
+                f"discrepancy: data {one.label!r} have a velocity 0: must be != 0, because ln v is needed"
             )
     if loss != "linear":
-        raise ValueError(f"discrepancy: not with loss = {loss!r}; must be 'linear'")
+        raise ValueError(f"discrepancy: not possible with loss = {loss!r}; loss must be 'linear'")
     if scale_errors is True:
-        raise ValueError("discrepancy: not with scale_errors = True; one of them must go")
+        raise ValueError("discrepancy: not possible with scale_errors = True; one of them must be left out")
 
 
 def with_discrepancy(
@@ -81,9 +82,9 @@ def with_discrepancy(
     data: Sequence[Measured],
     discrepancy: Discrepancy | None,
 ) -> Problem:
-    """Return the problem with residuals that are whitened, or without; the errors of its targets are final.
+    """Return the problem with the whitening of a discrepancy; None removes it.
 
-    scenes, data : data sets, and the scene of each
+    The errors in the targets must be final. `data` are the data sets, `scenes` has the scene of each.
     """
     whitening = None
     if discrepancy is not None and discrepancy.amplitude:
@@ -96,7 +97,7 @@ def with_discrepancy(
 
 
 def first_guess(discrepancy: Discrepancy) -> Discrepancy:
-    """Return the discrepancy of the fit before anything is estimated."""
+    """Return the discrepancy of the first fit, before amplitude and width are estimated."""
     amplitude, width = discrepancy.amplitude, discrepancy.width
     return dataclasses.replace(
         discrepancy,
@@ -111,9 +112,9 @@ def is_open(discrepancy: Discrepancy) -> bool:
 
 
 def with_remark(discrepancy: Discrepancy, asked: Discrepancy, judged: tuple | None) -> Discrepancy:
-    """Add the remark on given numbers, or on numbers that were not estimated, after a fit.
+    """Add a remark, after a fit, on given numbers or on numbers that could not be estimated.
 
-    judged : arguments of `averaged`; None: the fit did not succeed
+    judged : arguments of `averaged`; None if the fit did not converge
     """
     if judged is None and is_open(asked):
         remark = "amplitude and width are assumed, not estimated, because the fit did not succeed"
@@ -130,14 +131,14 @@ def averaged(
     data: Sequence[Measured],
     discrepancy: Discrepancy,
 ) -> Discrepancy:
-    """Return the discrepancy with its amplitude and width averaged over their posterior where they are None.
+    """Return the discrepancy with unknown amplitude and width averaged over their posterior.
 
     Parameters
     ----------
-    problem : of the fit, whatever its whitening
-    model : of it, linearised at its solution
+    problem : problem of the fit, with any whitening
+    model : its model, linearised at the solution
     scenes, data : data sets, and the scene of each
-    discrepancy : as given to the fit; `remark` of the result says why it may not suit.
+    discrepancy : as given to the fit; `remark` of the result has the reason why it may not suit the data
     """
     likelihood = _Likelihood(problem, model, scenes, data, discrepancy.shared)
     amplitude, width = discrepancy.amplitude, discrepancy.width
@@ -169,7 +170,7 @@ def averaged(
     if amplitude is None and total > _LARGE:
         remarks.append(
             f"an amplitude of {100 * total:.3g} % is implausibly large: check the scene and the units of the"
-            " data, or free what the data tell about"
+            " data, or free more parameters"
         )
     parts = tuple(zip(np.sqrt(variances).tolist(), widths, strict=True)) if width is None else ()
     return dataclasses.replace(
@@ -189,7 +190,7 @@ def _prior(amplitudes):
 
 
 def _at_the_ends(of_width):
-    """Return the remarks on widths that lie at the ends of the range, from the probability of each."""
+    """Return remarks if the most probable width is at an end of the range; of_width: probability of each."""
     first, last = (w / math.log(10) for w in (WIDTHS[0], WIDTHS[-1]))
     if of_width[0] > 0.5:
         return [

@@ -20,11 +20,11 @@ The effective sample size of weights is
 A rare large weight can invalidate it. The index k of a generalised Pareto distribution of the largest weights
 measures this risk, which is too high above 0.7 [Vehtari, Simpson, Gelman, Yao & Gabry, J. Mach. Learn. Res.
 25 (2024) 72, arXiv:1507.02646; Zhang & Stephens, Technometrics 51 (2009) 316]. A hundred draws give k to 0.4
-only, so two standard errors of k are allowed for. Weights are given as logarithms up to a constant of each
+only, so two standard errors of k are allowed for. Weights are stored as logarithms, up to a constant for each
 fit, shape (fits, draws).
 
-If one row of x is the truth behind the data, drawn from the prior, it is a draw from the posterior itself.
-Each of the exchangeable rows is that one with a probability proportional to its weight, so that
+If one row of x is the true x of the data, drawn from the prior, it is a draw from the posterior. Because the
+rows are exchangeable, each row is the true one with a probability proportional to its weight, so that
 
 .. math:: u = \frac{\sum_s w_s \, [x_s < x_\mathrm{true}] + U w_\mathrm{true}}
                    {\sum_s w_s + w_\mathrm{true}}
@@ -53,18 +53,18 @@ from rubberfric.base import cores
 _EVEN = 1e-6
 # Least effective sample size, and greatest tail index, of weights that describe a posterior.
 _ENOUGH, _HEAVY = 10, 0.7
-# Least degrees of freedom; in few dimensions they cost little.
+# Smallest number of degrees of freedom; in few dimensions it costs little.
 _FEWEST = 4
-# Pilot draws as part of all, the part of them that must be effective, and the number of rounds if it is not.
+# Pilot draws over all draws, the share of them that must be effective, and the number of rounds if it is not.
 _PILOT, _GUIDE, _ROUNDS = 0.2, 0.25, 4
 # Points in one call of the compiled function; calls are distributed over cores.
 _POINTS = 256
 
 
 def relative(log_weight: np.ndarray) -> np.ndarray:
-    """Return the weights, the largest of each fit 1."""
+    """Return the weights, scaled so that the largest of each fit is 1."""
     largest = np.max(log_weight, 1, keepdims=True)
-    # All are 0 if the model is finite nowhere.
+    # All weights are 0 if the model is finite at no point.
     return np.exp(log_weight - np.where(np.isfinite(largest), largest, 0.0))
 
 
@@ -76,7 +76,7 @@ def effective(log_weight: np.ndarray) -> np.ndarray:
 
 
 def tail_index(log_weight: np.ndarray) -> np.ndarray:
-    """Return k of the largest weights of every fit, shape (fits,); -inf where weights are all the same."""
+    """Return k of the largest weights of every fit, shape (fits,); -inf if all weights are equal."""
     rows = log_weight.shape[1]
     count = _tail(rows)
     ordered = np.sort(relative(log_weight), 1)
@@ -84,16 +84,16 @@ def tail_index(log_weight: np.ndarray) -> np.ndarray:
 
 
 def doubtful(size: np.ndarray, index: np.ndarray, draws: int) -> np.ndarray:
-    """Return the fits whose weighted draws are unreliable, shape (fits,).
+    """Return True for fits whose weighted draws are unreliable, shape (fits,).
 
-    True for an effective sample size below 10, or a tail index above 0.7 by two of its standard errors.
+    The criterion is an effective sample size below 10, or a tail index two standard errors above 0.7.
     """
     tail = np.maximum(index, -1.0)
     return (size < _ENOUGH) | (tail - 2 * (1 + tail) / np.sqrt(_tail(draws)) > _HEAVY)
 
 
 def _tail(draws):
-    """Return the number of the largest weights."""
+    """Return the number of weights that form the tail."""
     return int(min(0.2 * draws, 3 * np.sqrt(draws)))
 
 
@@ -125,7 +125,7 @@ class Proposal(NamedTuple):
 
     @classmethod
     def of(cls, centre: np.ndarray, covariance: np.ndarray) -> "Proposal":
-        """Return the from m and C of the module's docstring."""
+        """Return the proposal with m and C of the module's docstring."""
         variance, directions = np.linalg.eigh(covariance)
         wider = 1 + 1 / centre.shape[1]
         return cls(np.array(centre), directions * np.sqrt(wider * variance)[:, None])
@@ -137,13 +137,13 @@ class Proposal(NamedTuple):
         return self.centre[:, None] + np.einsum("fij,fsj->fsi", self.axes, z)
 
     def log_density(self, x: np.ndarray) -> np.ndarray:
-        """Log density at points (fits, rows, size) up to a constant of every fit, shape (fits, rows)."""
+        """Return the log density at points (fits, rows, size), up to a constant for each fit."""
         z = np.linalg.solve(self.axes, np.swapaxes(np.asarray(x - self.centre[:, None], float), 1, 2))
         freedom = max(_FEWEST, x.shape[2])
         return -0.5 * (freedom + 1) * np.sum(np.log1p(z**2 / freedom), 1)
 
     def some(self, rows: np.ndarray) -> "Proposal":
-        """Return the proposals of some fits."""
+        """Return the proposal for some of the fits."""
         return Proposal(self.centre[rows], self.axes[rows])
 
 
@@ -159,10 +159,10 @@ def guided(
 
     Parameters
     ----------
-    problem : what all fits share
-    targets : arrays with a leading axis of one entry a fit, or of one for all
-    centre, covariance : of the fits, shapes (fits, size) and (fits, size, size)
-    count : of draws to come
+    problem : Problem, whose structure and numbers all fits share
+    targets : Targets with a leading axis, of one entry for each fit or one entry for all
+    centre, covariance : minimum and covariance of each fit, shapes (fits, size) and (fits, size, size)
+    count : number of draws in the final run
     """
     found = Proposal.of(centre, covariance)
     rows, pilot = np.arange(len(centre)), max(int(_PILOT * count), 10)
@@ -204,8 +204,8 @@ def log_weights(
     Parameters
     ----------
     problem, targets : as for `guided`
-    proposal : that x was drawn from
-    x : where, shape (fits, rows, size)
+    proposal : proposal from which x was drawn
+    x : points, shape (fits, rows, size)
     callback : called as callback(fits done, fits), or None
     """
     of, (fits, rows, size) = padded(problem, targets), x.shape
@@ -216,8 +216,8 @@ def log_weights(
         given = jax.tree.map(lambda a: a[which // rows if len(a) == fits else 0 * which], of.targets)
         return np.asarray(_densities(of.structure, of.numbers, given, points[which]))[: count - first]
 
-    # The first call compiles. A program keeps one core busy, and lets go of Python's lock; an accelerator
-    # takes one call at a time.
+    # The first call compiles. A call keeps one core busy and releases Python's lock; an accelerator takes
+    # one call at a time.
     found = [density(0)]
     with ThreadPoolExecutor(cores() if jax.default_backend() == "cpu" else 1) as pool:
         try:
@@ -233,7 +233,7 @@ def log_weights(
 
 
 def places(x: np.ndarray, log_weight: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Return U of the module's docstring of the last row among all, number by number, shape (fits, size)."""
+    """Return u of the module's docstring, shape (fits, size); the last row of x is the truth."""
     weight = relative(log_weight)
     below = np.einsum("fs,fsi->fi", weight, x < x[:, -1:])
     own = weight[:, -1:] * random.random(below.shape)
@@ -241,13 +241,13 @@ def places(x: np.ndarray, log_weight: np.ndarray, random: np.random.Generator) -
 
 
 def _some(targets, rows):
-    """Return the targets of some fits."""
+    """Return the targets for some of the fits."""
     return jax.tree.map(lambda a: a[rows] if len(a) > 1 else a, targets)
 
 
 @functools.partial(jax.jit, static_argnums=0)
 def _densities(structure, numbers, targets, x):
-    """Log densities of points, each with its own targets; at once on an accelerator, idle with one."""
+    """Return log densities of points, each with its own targets; vectorised on an accelerator only."""
 
     def one(pair):
         return density_at(structure, "x", numbers, *pair)

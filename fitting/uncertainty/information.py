@@ -6,23 +6,23 @@ in the variables x of a fit (`fitting.parameters.variables`):
 .. math:: a_i = \frac{1}{\epsilon_i} \frac{\partial \ln Q(v_i, p_i, T_i)}{\partial x}
 
 It adds a_i a_i^T to the information M, and M^-1 is the covariance of the fitted parameters. With the prior
-information M_0, n measurements of
+information M_0, the n measurements with
 
 .. math:: \max_i \; \frac1K \sum_k \phi\Big(M_0 + \sum_i a_{ik} a_{ik}^T\Big),\qquad
           \phi_D = \ln\det M,\quad \phi_L = -\ln\mathrm{tr}(L\, M^{-1})
 
-are found by adding the best one by one, then exchanging each for a better one until no exchange improves
+are found by adding the best ones in turn, and then exchanging single measurements until no exchange improves
 [Fedorov, Theory of Optimal Experiments, Academic Press 1972; Atkinson, Donev & Tobias, Optimum Experimental
-Designs, Oxford 2007, chapter 12]. K sets of rows, from draws of the prior
-information, make the design robust. Logarithms are averaged [Chaloner & Larntz, J. Stat. Plan. Inference 21,
-191 (1989)], so that a large variance gives a draw no more weight. One more row changes both criteria by
+Designs, Oxford 2007, chapter 12]. K sets of rows, from draws of the prior information, make the design
+robust. Logarithms are averaged [Chaloner & Larntz, J. Stat. Plan. Inference 21, 191 (1989)], so that a large
+variance gives a draw no more weight. One more row changes both criteria by
 
 .. math:: \Delta\phi_D = \ln(1 + a^T M^{-1} a),\qquad
           \Delta\phi_L = -\ln\Big(1 - \frac{1}{\mathrm{tr}(L\, M^{-1})}
           \frac{a^T M^{-1} L M^{-1} a}{1 + a^T M^{-1} a}\Big)
 
-Limits: a local optimum, which a single exchange does not improve; on the examples with a closed form it is
-the global one.
+Limits: the result is a local optimum, which no single exchange improves. In the examples with a closed form
+it is the global one.
 """
 
 from collections.abc import Mapping
@@ -44,11 +44,11 @@ from rubberfric.base import quick_jit, recurring_length
 from rubberfric.scene import cast, result_dtype
 
 Conditions = tuple[np.ndarray, np.ndarray, np.ndarray | None]  # velocity, pressure, temperature
-# Passes through all chosen points; a few are enough.
+# Largest number of passes through all chosen points; a few suffice.
 _PASSES = 50
 # An exchange must gain more than this; rounding alone would cycle.
 _LEAST = 1e-10
-# One row removes less than the whole variance, also after rounding.
+# Largest share of the variance that one row removes, also after rounding.
 _MOST = 1 - 1e-15
 
 
@@ -73,7 +73,10 @@ class PriorInformation(NamedTuple):
         return to_scene(self.variables, self.constants, self.x)
 
     def draws(self, count: int, reach: float, key: jax.Array) -> np.ndarray:
-        """Draw x itself, and draws about it, along no direction farther than `reach`; shape (count, size)."""
+        """Return x itself and random draws about it, changed by at most `reach` along a direction.
+
+        Shape (count, size).
+        """
         values, V = np.linalg.eigh(self.information)
         noise = np.array(jax.random.normal(key, (count, self.x.size)))
         noise[0] = 0.0
@@ -82,7 +85,7 @@ class PriorInformation(NamedTuple):
     def rows(self, x: np.ndarray, at: Conditions, quantity: str, logarithmic: bool = True) -> np.ndarray:
         """Return d ln Q / dy, or dQ / dy, at points and a draw x, shape (points, size).
 
-        The points are padded to a length that recurs: other candidates compile nothing.
+        The points are padded to a standard length, so that other candidates need no compilation.
         """
         count = at[0].size
         padding = (0, recurring_length(count) - count)
@@ -96,7 +99,7 @@ class PriorInformation(NamedTuple):
             bad = int(np.argmin(np.isfinite(slope).all(1)))
             raise ValueError(
                 f"candidates: {quantity} = {value[bad]:g} at v = {at[0][bad]:g} m/s, p = {at[1][bad]:g} Pa:"
-                " must be > 0, and the temperatures of a heated scene converge there"
+                " must be > 0, and the temperatures of a heated scene must converge"
             )
         return slope * self.stretch
 
@@ -118,11 +121,11 @@ def known_of(
     prior: Mapping[str, Prior] | None,
     quadrature: rf.Quadrature | None,
 ) -> PriorInformation:
-    """Return the information of a fit, or of the priors on the `free` parameters of a scene."""
+    """Return the prior information from a fit, or from priors on `free` parameters of a scene."""
     if isinstance(source, SolvedProblem):
         for name, value in (("free", free), ("prior", prior), ("quadrature", quadrature)):
             if value is not None:
-                raise ValueError(f"{name}: must not be given; a fit has its own")
+                raise ValueError(f"{name}: must not be given with a fit, which has its own")
         of, known = source.problem, source.uncertainty
         quadrature = of.structure.quadrature
         information = np.linalg.inv(known.spread)
@@ -155,15 +158,16 @@ def exchange(
 
     Parameters
     ----------
-    rows : of every candidate, in units of its error, shape (draws, candidates, size)
-    base : information already there, positive definite, shape (size, size)
-    budget : number of measurements, or their greatest total cost
-    cost : of every candidate, > 0, shape (candidates,); None: 1 each
+    rows : row a_i of the Jacobian of every candidate, in units of the candidate's error, shape (draws,
+        candidates, size)
+    base : prior information M_0, positive definite, shape (size, size)
+    budget : number of measurements, or their largest total cost
+    cost : cost of every candidate, > 0, shape (candidates,); None: 1 each
     target : L, shape (draws, size, size); None: D-optimal
 
     Returns
     -------
-    integers, shape (number of measurements,); none where the budget allows none
+    indices, shape (number of measurements,); empty if the budget allows no measurement
     """
     cost = np.ones(rows.shape[1]) if cost is None else cost
     chosen = _filled(rows, base, budget, cost, target, [])
@@ -213,7 +217,7 @@ def gain(rows: np.ndarray, information: np.ndarray, target: np.ndarray | None) -
 
 
 def _filled(rows, base, budget, cost, target, chosen):
-    """Return the chosen candidates, filled up to the budget with the largest gain per cost."""
+    """Add candidates to the chosen ones, by largest gain per cost, up to the budget."""
     chosen = list(chosen)
     while True:
         allowed = cost <= budget - cost[chosen].sum() + 1e-9 * budget
@@ -224,7 +228,7 @@ def _filled(rows, base, budget, cost, target, chosen):
 
 
 def _ordered(rows, base, cost, target, chosen):
-    """Return the chosen candidates, ordered by gain per cost."""
+    """Return the chosen candidates in the order of gain per cost."""
     left, order = list(chosen), []
     while left:
         gains = gain(rows[:, left], information(rows, base, order), target) / cost[left]

@@ -1,7 +1,7 @@
-r"""Confidence intervals: from the covariance, from the profile of the cost, and from simulated data.
+r"""Confidence intervals from the covariance, from profile likelihoods, and from simulated data.
 
-Intervals from the covariance are linear in x and cost nothing. A profile likelihood
-(`fitting.uncertainty.profile`) holds one parameter at a row of values and fits all others again. A parametric
+Intervals from the covariance are linear in x and need no further fits. A profile likelihood
+(`fitting.uncertainty.profile`) fixes one parameter at several values and fits all others again. A parametric
 bootstrap fits data drawn from the fitted model.
 
 `valleys` checks the linear intervals of closely correlated parameters. At their ends, :math:`\hat x_i \pm q
@@ -43,27 +43,27 @@ from rubberfric.base import quick_jit
 
 # Correlation above which a pair's error bars are checked, their confidence level, and the number of pairs.
 _CORRELATED, _LEVEL, _PAIRS = 0.98, 0.95, 2
-# Rise over the expected rise at which error bars hold: within a tenth of their length.
+# Rise over the expected rise for error bars that are right within a tenth of their length.
 _HOLD = (0.8, 1.25)
 # Gauss-Newton steps at the ends of an interval, and a gain in cost that ends them.
 _STEPS, _LITTLE = 4, 0.05
 
 
 class Bootstrap(NamedTuple):
-    """Fits of simulated data."""
+    """Result of a parametric bootstrap: fits of simulated data."""
 
     names: tuple[str, ...]
     values: np.ndarray  # shape (fits that converged, free elements)
     failed: int  # fits that did not converge
 
     def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-        """Return the quantiles of the fits."""
+        """Return the lower and upper quantile of the fitted values, shape (size,) each."""
         tail = 50 * (1 - level)
         return np.percentile(self.values, tail, axis=0), np.percentile(self.values, 100 - tail, axis=0)
 
 
 class Band(NamedTuple):
-    """A prediction with its band."""
+    """A prediction with the lower and upper limit of its confidence band."""
 
     value: np.ndarray
     low: np.ndarray
@@ -80,16 +80,16 @@ def quantile(level: float, freedom: float = np.inf) -> float:
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False, kw_only=True)
 class SolvedProblem:
-    """A problem and its solution, and how certain that is; `fitting.FitResult` is one.
+    """A least-squares problem with its solution and uncertainty; base class of `fitting.FitResult`.
 
     Attributes
     ----------
-    problem : the errors of its targets are those estimated, where they were
+    problem : Problem, with estimated errors of data without given ones
     x : the solution, shape (size,)
     cost : half the sum of squares of data and priors (rho of them, with a robust loss)
-    estimated : for every data set its estimated relative error, None where it was given
-    error_scale : factor of the errors that were given, 1 unless they were to be scaled
-    uncertainty : of the solution
+    estimated : estimated relative error of every data set, None if errors were given
+    error_scale : factor by which given errors were multiplied, 1 unless they were scaled
+    uncertainty : uncertainty of the solution
     """
 
     problem: Problem
@@ -106,16 +106,16 @@ class SolvedProblem:
 
     @property
     def freedom(self) -> float:
-        """Measured values minus the parameters that they determine."""
+        """Degrees of freedom: number of measured values minus the effective number of parameters."""
         return self.problem.targets.measured.size - self.uncertainty.parameters
 
     def quantile(self, level: float) -> float:
-        """Return the Student's where errors come from the scatter of the same data, else the normal one."""
+        """Return the two-sided quantile: Student's if errors were estimated from the scatter, else normal."""
         estimated = self.error_scale != 1 or any(scale is not None for scale in self.estimated)
         return quantile(level, max(self.freedom, 0.5) if estimated else np.inf)
 
     def interval(self, level: float = 0.95) -> tuple[np.ndarray, np.ndarray]:
-        """Return the lower and upper ends of the intervals of all values, linear in x; NaN where withheld."""
+        """Return lower and upper ends of the intervals of all values, linear in x; NaN if withheld."""
         reach = self.quantile(level) * self.uncertainty.deviation
         return self.problem.values(self.x - reach), self.problem.values(self.x + reach)
 
@@ -137,13 +137,13 @@ class SolvedProblem:
         ----------
         velocity, pressure, temperature : broadcastable [m/s], [Pa], [K]
             as for `rubberfric.solve`.
-        quantity : any that `rubberfric.solve` knows
-        level : of the band
+        quantity : name of a quantity of `rubberfric.solve`
+        level : confidence level
         scene : name of the scene if there are several
 
         Returns
         -------
-        Band of arrays of the broadcast shape
+        Band, arrays of the broadcast shape
         """
         conditions = velocity, pressure, temperature
         given = np.broadcast_arrays(*(np.asarray(c, float) for c in conditions if c is not None))
@@ -195,11 +195,11 @@ class SolvedProblem:
         Parameters
         ----------
         name : one of `names`
-        level : of the interval
-        points : on each side at first, reaching to 1.6 times the linear interval
+        level : confidence level of the interval
+        points : number of initial values on each side, up to 1.6 times the linear interval
         callback : as for `fitting.fit`
-        values : of the parameter, on both sides of the fitted one, to which the profile is confined
-            None: as `points` says
+        values : values of the parameter at which to compute the profile, on both sides of the fitted one
+            None: `points` on each side, and further ones as needed
 
         Raises
         ------
@@ -208,7 +208,7 @@ class SolvedProblem:
         Warns
         -----
         RuntimeWarning
-            the profile found a lower minimum than the fit, `better` of the result, or an interval of several
+            the profile found a minimum below the fit (`better` of the result), or an interval of several
             parts.
         """
         starts, targets = self.profile_fits(name, level, points, values)
@@ -223,7 +223,7 @@ class SolvedProblem:
     def profile_fits(
         self, name: str, level: float, points: int, values: ArrayLike | None = None
     ) -> tuple[np.ndarray, Targets]:
-        """Start vectors of the fits that a profile is made of, and their targets."""
+        """Return the start vectors and targets of the first fits of a profile."""
         names, known = list(self.names), self.uncertainty
         if name not in names:
             raise ValueError(f"name = {name!r}: must be one of {', '.join(names)}")
@@ -233,7 +233,7 @@ class SolvedProblem:
         offsets = reach * np.linspace(-1, 1, 2 * points + 1)
         if values is not None:
             offsets = np.sort(np.append(self._x_of(i, values) - self.x[i], 0.0))
-        # The others start where the covariance expects them, except at bounds.
+        # The other parameters start at the values predicted by the covariance, except at bounds.
         toward = np.where(known.stretch == 1, known.spread[i] / known.spread[i, i], 0.0)
         toward[i] = 1.0
         # Far away the covariance predicts nothing.
@@ -244,19 +244,19 @@ class SolvedProblem:
         return self.x + others, jax.tree.map(lambda a: a[None], targets)
 
     def _x_of(self, i: int, values: ArrayLike) -> np.ndarray:
-        """Return x of values of the i-th element."""
+        """Return x of the i-th element for given values."""
         constants, wanted = self.problem.numbers.constants, np.atleast_1d(np.asarray(values, float))
         kind = next(group.kind for group in self.problem.variables.own if group.slot[0] <= i < group.slot[1])
         low, width = float(constants.low[i]), float(constants.width[i])
         inside = (wanted > low) & (wanted < low + width if kind == "Bounded" else wanted < np.inf)
         if not np.all(inside | (kind == "Free")):
-            raise ValueError(f"values = {wanted}: must be what the rule of {self.names[i]} allows")
+            raise ValueError(f"values = {wanted}: must be allowed by the rule of {self.names[i]}")
         return to_x(kind, np.asarray(low), np.asarray(width), wanted)
 
     def profile_of(
         self, name: str, level: float, runs: Runs, extend: bool = True, callback: Callback | None = None
     ) -> LikelihoodProfile:
-        """Return the profile that begins with the fits from `profile_fits`, in their order."""
+        """Return the profile, given the results of the fits of `profile_fits` in their order."""
         anchor, q = Anchor(self.problem, self.x, self.cost), self.quantile(level)
         return profile_from(anchor, self.names.index(name), q, runs, extend, callback)
 
@@ -276,7 +276,7 @@ class SolvedProblem:
         return self.bootstrap_of(runs.x, runs.status)
 
     def bootstrap_fits(self, count: int, key: jax.Array | None) -> tuple[np.ndarray, Targets]:
-        """Start vectors of the fits of a bootstrap, and the data drawn for them."""
+        """Return the start vectors of the fits of a bootstrap, and the data drawn for them."""
         key = jax.random.key(0) if key is None else key
         targets = self.problem.targets
         drawn = model_rows(self.problem, self.x) + drawn_errors(self.problem, count, key)
@@ -284,13 +284,16 @@ class SolvedProblem:
         return np.tile(self.x, (count, 1)), targets
 
     def bootstrap_of(self, x: np.ndarray, status: np.ndarray) -> Bootstrap:
-        """Return the bootstrap from the fits of `bootstrap_fits`."""
+        """Return the bootstrap, given the results of the fits of `bootstrap_fits`."""
         good = succeeded(status)
         return Bootstrap(self.names, self.problem.values(x[good]), int((~good).sum()))
 
 
 def drawn_errors(problem: Problem, count: int, key: jax.Array) -> np.ndarray:
-    """Draw errors of `count` data sets, with model errors, (count, rows); relative ones as logarithms."""
+    """Draw errors of `count` data sets, shape (count, rows), including model errors.
+
+    Relative errors are errors of the logarithms.
+    """
     noise = np.asarray(jax.random.normal(key, (count, problem.targets.measured.size)))
     if problem.numbers.whitening is not None:
         noise = np.linalg.solve(np.asarray(problem.numbers.whitening), noise.T).T
@@ -298,7 +301,7 @@ def drawn_errors(problem: Problem, count: int, key: jax.Array) -> np.ndarray:
 
 
 class Valley(NamedTuple):
-    """A parameter that is closely correlated with another, and its rise of the cost."""
+    """A parameter that is closely correlated with another, with the cost at the ends of its interval."""
 
     name: str
     other: str
@@ -306,7 +309,9 @@ class Valley(NamedTuple):
     expected: float  # rise of twice the cost at the ends of its linear interval, if error bars hold
     rises: tuple[float, float]  # rise found at the lower and the upper end
     linear: tuple[float, float]  # its linear interval
-    interval: tuple[float, float]  # estimate of the profile's; an end is inf where the cost does not rise
+    interval: tuple[
+        float, float
+    ]  # estimate of the profile's interval; an end is inf if the cost does not rise
 
     @property
     def holds(self) -> bool:
@@ -316,7 +321,7 @@ class Valley(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The intervals in words, and how to get the exact one."""
+        """Text with both intervals, and the call that gives the exact one."""
         (a, b), (low, high) = self.linear, self.interval
         return (
             f"{self.name} trades with {self.other} (correlation {self.correlation:+.3f}):"
@@ -326,10 +331,11 @@ class Valley(NamedTuple):
 
 
 def valleys(solved: SolvedProblem) -> tuple[Valley, ...]:
-    """Return parameters of at most two pairs with the largest correlations above 0.98.
+    """Check the linear intervals of the (at most two) pairs of parameters with correlations above 0.98.
 
     Uses the compiled function of the fit, with six to ten evaluations of rows and derivatives per parameter.
-    Empty for robust losses, whose cost is not a likelihood; without parameters whose ends are not finite.
+    The result is empty for robust losses, whose cost is not a likelihood. Parameters are left out if the
+    model is not finite at the ends of their intervals.
     """
     known, names = solved.uncertainty, solved.names
     size = np.triu(np.abs(known.correlation), 1)
@@ -369,7 +375,7 @@ def _values(solved, which, offsets):
 
 
 def _refitted(solved, x, held):
-    """Return costs at rows of x with the other parameters fitted again; inf if not finite."""
+    """Return the costs at rows of x after fitting the other parameters again; inf if not finite."""
     of = padded(solved.problem)
     best, cost = x, np.full(len(x), np.inf)
     step = np.zeros_like(x)
@@ -385,14 +391,14 @@ def _refitted(solved, x, held):
         if done:
             break
         for k in range(len(x)):
-            # Half the way back to the best, or a whole step on.
+            # Halve a step that raised the cost, else take the next full step.
             step[k] = _step(rows[k], np.asarray(slopes[k]), held[k]) if better[k] else 0.5 * step[k]
         x = best + step
     return cost
 
 
 def _step(rows, slopes, held):
-    """Return the Gauss-Newton step with one parameter held."""
+    """Return the Gauss-Newton step with one parameter fixed."""
     others = np.delete(np.arange(slopes.shape[1]), held)
     step = np.zeros(slopes.shape[1])
     step[others] = -np.linalg.lstsq(slopes[:, others], rows, rcond=None)[0]

@@ -48,9 +48,10 @@ _BODIES = ("lower", "upper")
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
 class LogDensity:
-    """A log density over x, with the values and scene at x; made by `log_density`.
+    """Log density over x, with the values and the scene at x; made by `log_density`.
 
-    Called with x, shape (n,), it returns the log density up to a constant, a scalar. jit, vmap and grad work.
+    A call with x, shape (n,), returns the log density up to a constant, a scalar. It supports jit, vmap and
+    grad.
     """
 
     problem: Problem
@@ -73,13 +74,13 @@ class LogDensity:
     def scene(self, x: Array) -> Any:
         """Return the scene with the free elements at x, shape (n,), or the scenes by their names.
 
-        Predictions of a draw are computed from it.
+        Use it for predictions of a draw.
         """
         return self.problem.scene(x)
 
 
 def log_density(result: SolvedProblem, flat: str = "x") -> LogDensity:
-    r"""Log density of the free parameters of a fit, given its data and priors.
+    r"""Return the log density of the free parameters of a fit, given its data and priors.
 
     .. math:: \ln p(x) = -cost(x) \qquad\text{or}\qquad
               \ln p(x) = -cost(x) + \sum_k \ln\left|\frac{d\,value_k}{dx_k}\right|
@@ -100,14 +101,14 @@ def log_density(result: SolvedProblem, flat: str = "x") -> LogDensity:
 
     Raises
     ------
-    ValueError : flat is neither.
+    ValueError : `flat` is neither "x" nor "values".
 
     Notes
     -----
-    A density need not have a finite integral: along unidentified directions (`result.unidentified`) it does
-    not fall off, and a sampler diverges. Give such a parameter a Gaussian prior, or hold it; a Bounded one is
-    safe with "values". For a robust loss the width of exp(-cost) differs from the fit's standard errors,
-    which allow for outliers in another way.
+    The integral of the density may be infinite: along unidentified directions (`result.unidentified`) it does
+    not decrease, and a sampler diverges. Give such parameters a Gaussian prior, or fix them. Bounded ones
+    have a finite integral with "values". For a robust loss the width of exp(-cost) differs from the fit's
+    standard errors, which treat outliers differently.
     """
     if flat not in FLAT:
         raise ValueError(f"flat = {flat!r}: must be one of {', '.join(FLAT)}")
@@ -115,7 +116,7 @@ def log_density(result: SolvedProblem, flat: str = "x") -> LogDensity:
 
 
 def _log_slopes(variables, width, x):
-    """Sum of ln |d value / d x|, in logarithms: far out a slope itself is zero."""
+    """Return the sum of ln |d value / d x|, computed in logarithms because slopes may underflow."""
     total = 0.0
     for group in variables.own:
         here, scale = x[slice(*group.slot)], jnp.log(jnp.abs(width[slice(*group.slot)]))
@@ -131,7 +132,7 @@ def _log_slopes(variables, width, x):
 def density_at(
     structure: FitStructure, flat: str, numbers: Numbers, targets: Targets, x: jax.Array
 ) -> jax.Array:
-    """Log density of the parts of a problem, for use inside other compiled functions."""
+    """Return the log density from the parts of a problem, for use inside other compiled functions."""
     density = -objective(structure, numbers, targets).cost(x)
     if flat == "x":
         return density
@@ -143,7 +144,7 @@ _density = jax.jit(density_at, static_argnums=(0, 1))
 
 
 class Chains(NamedTuple):
-    """Draws by chain, without the warm-up."""
+    """Draws of each chain, without the warm-up."""
 
     x: np.ndarray  # shape (chains, draws, size)
     log_density: np.ndarray  # up to a constant, shape (chains, draws)
@@ -153,7 +154,7 @@ class Chains(NamedTuple):
 
 
 class _Laplace(NamedTuple):
-    """x = centre + root z; a pytree."""
+    """Laplace approximation of a posterior, x = centre + root z; a pytree."""
 
     centre: Any
     root: Any
@@ -173,7 +174,7 @@ def run_chains(
     Raises
     ------
     ModuleNotFoundError : numpyro or arviz-stats is not installed; the message says how to install it.
-    ValueError : the data and priors leave a direction open, along which the density has no finite integral.
+    ValueError : data and priors do not determine a direction, along which the density has no finite integral.
     """
     numpyro = _installed("numpyro", "numpyro.infer")
     _installed("arviz-stats", "arviz_stats.base")
@@ -193,7 +194,7 @@ def run_chains(
 
 
 def check_proper(solved: SolvedProblem, flat: str) -> None:
-    """Raise ValueError if the density does not fall off along an unidentified direction."""
+    """Raise ValueError if the density does not decrease along an unidentified direction."""
     known, variables = solved.uncertainty, solved.problem.variables
     bounded = np.zeros(variables.size, bool)
     for group in variables.own:
@@ -201,8 +202,8 @@ def check_proper(solved: SolvedProblem, flat: str) -> None:
     for number, direction in enumerate(known.unidentified, 1):
         if direction.deviation > OPEN and np.abs(direction.loadings[~bounded]).max(initial=0.0) > _PART:
             raise ValueError(
-                f"sample: direction {number} is left open, {direction.text}: must be closed by a prior"
-                " (Gaussian), or a number held; a Bounded one is safe with flat='values'"
+                f"sample: direction {number} is not determined, {direction.text}; it must have a Gaussian"
+                " prior or a fixed parameter (a Bounded one is safe with flat='values')"
             )
 
 
@@ -285,7 +286,7 @@ def _draw(infer, structure, flat, warmup, numbers, targets, laplace, state):
 def prior_of(solved: SolvedProblem, body: str | None = None, widen: float = 1.0) -> dict[str, Correlated]:
     """Return the Laplace approximation of a solved problem as a prior; see `joint_prior`.
 
-    Unidentified directions have a standard deviation of 100 in x, practically none.
+    Unidentified directions get a standard deviation of 100 in x, which is practically no prior.
     """
     variables, constants = solved.problem.variables, solved.problem.numbers.constants
     scene = solved.problem.scene(jnp.asarray(solved.x))
@@ -331,8 +332,8 @@ def joint_prior(
     Parameters
     ----------
     paths : key paths of the parameters, each of one or more elements
-    mean, covariance, limits, places : as of `Correlated`; limits (low, high)
-    body : body of the other scene that replaces "lower" or "upper" in the paths; None: the same
+    mean, covariance, limits, places : as in `Correlated`, with limits = (low, high)
+    body : body of the other scene, which replaces "lower" or "upper" in the paths; None: unchanged
     widen : factor of all standard deviations
     """
     if not (is_number(widen) and widen > 0):
@@ -343,7 +344,7 @@ def joint_prior(
 
 
 def _moved(paths, body):
-    """Return Key paths in a scene whose solid is another body."""
+    """Return the key paths in a scene in which the solid is the body `body`."""
     if body is None:
         return paths
     if not isinstance(body, str) or body.split(".")[-1] not in _BODIES:

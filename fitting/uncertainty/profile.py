@@ -3,8 +3,8 @@ r"""Profile likelihood of one parameter: the cost over its values, all other par
 The interval is where twice the cost is less than q^2 above its minimum, q being the normal (or Student's)
 quantile. A profile begins as a row of fits about the solution. Three things follow:
 
-- A value that a neighbour's parameters fit better is fitted again from there, and the interval refers to the
-  lowest minimum found, which may lie below the fit.
+- If the parameters of a neighbouring value give a lower cost, the fit is repeated from them. The interval
+  refers to the lowest minimum found, which may lie below the fit.
 - Each side is extended geometrically until the threshold is crossed, or the parameter is at the end of the
   range that its rule allows, or `FARTHEST` from the fit.
 - Near the threshold, values are added until interpolation finds the end.
@@ -30,26 +30,26 @@ _FREE = 64.0
 _GROWTH = 1.6
 # Rounds of shorter steps after a failed fit, and of values near the threshold.
 _ROUNDS, _NEARER = 4, 10
-# Change of slope between neighbours, as a difference of roots, beyond which a curve may have two branches.
+# Change of slope between neighbours, as a difference of roots; with larger ones there may be two branches.
 _JUMP = 0.1
-# Part of the distance from the minimum within which an end of the interval is found.
+# Accuracy of an end of the interval, relative to its distance from the minimum.
 _CLOSE = 0.005
 
 
 class LikelihoodProfile(NamedTuple):
-    """Cost of a fit over one of its parameters."""
+    """Profile likelihood: cost over the values of one parameter, with all others fitted again."""
 
     name: str
     values: np.ndarray  # of the parameter, increasing
     rise: np.ndarray  # twice the cost above the lowest found; NaN where a fit did not converge
-    low: float  # ends of the interval; of an open end the limit of the parameter's rule: -inf or inf, 0 if
-    high: float  # Positive, a bound if Bounded; NaN where the profile ends before the threshold
-    threshold: float  # rise at the ends of the interval
+    low: float  # ends of the interval; an open end is the limit of the parameter's rule: -inf or inf, 0 if
+    high: float  # Positive, a bound if Bounded; NaN if the profile ends below the threshold
+    threshold: float  # `rise` at the ends of the interval
     names: tuple[str, ...] = ()  # of all free elements
     parameters: np.ndarray | None = None  # their values, fitted again, shape (values, elements)
-    ends: tuple[str, str] = ("reached", "reached")  # of each end "reached", or why it was not
+    ends: tuple[str, str] = ("reached", "reached")  # for each end "reached", or the reason if not
     better: dict[str, float] | None = None  # values of a minimum below the fit, by name
-    warning: str = ""  # about that minimum, or an interval of several parts
+    warning: str = ""  # on such a minimum, or on an interval of several parts
 
     def report(self) -> str:
         """Return the interval, and a line for every value, as text."""
@@ -74,7 +74,7 @@ _OPEN = {np.inf: "inf", -np.inf: "-inf"}
 
 
 class Anchor(NamedTuple):
-    """The solution that a profile is of."""
+    """The solution about which a profile is computed."""
 
     problem: Problem
     x: np.ndarray
@@ -89,29 +89,29 @@ def profile_from(
     extend: bool = True,
     callback: Callable[[int, float], object] | None = None,
 ) -> LikelihoodProfile:
-    """Return the profile of element i that begins with these fits.
+    """Return the profile of element i, given the results of its first fits.
 
     Parameters
     ----------
     anchor : the solution
-    i : which element
-    q : root of the rise at the ends of the interval
-    runs : of the first fits, `x[:, i]` increasing; x, cost and status are used
-    extend : whether to go on to the threshold; False: only the given values are used
+    i : index of the element
+    q : square root of the rise of chi-square at the ends of the interval
+    runs : results of the first fits, `x[:, i]` increasing; x, cost and status are used
+    extend : True adds values until the threshold is reached; False uses the given values only
     callback : as for `fitting.solvers.runs.run_fits`
     """
     trace = _Trace(anchor, i, runs, callback)
     trace.mend()
     trace.descend()
     ends = tuple(_end(trace, side, q, extend) for side in (-1, 1))
-    # Values beyond may have found a lower minimum, which moves both ends.
+    # The added values may have found a lower minimum, which moves both ends.
     if trace.descend():
         ends = tuple(_end(trace, side, q, extend) for side in (-1, 1))
     return _told(trace, q, ends)
 
 
 class _Trace:
-    """Fits of a profile in the order of the element's value, better ones in place of worse."""
+    """Fits of a profile, sorted by the value of the element; better fits replace worse ones."""
 
     def __init__(self, anchor, i, runs, callback):
         self.anchor, self.i, self.callback = anchor, i, callback
@@ -127,7 +127,7 @@ class _Trace:
         self._sort()
 
     def _with_anchor(self):
-        """Make the solution itself one of the values, also if a fit from there did not converge."""
+        """Insert the solution itself as a value, also if a fit from there did not converge."""
         k = int(np.argmin(np.abs(self.at - self.anchor.x[self.i])))
         if self.at[k] != self.anchor.x[self.i]:
             self.x = np.concatenate([self.x, self.anchor.x[None]])
@@ -147,21 +147,21 @@ class _Trace:
 
     @property
     def best(self):
-        """Index of the lowest cost among values that were fitted."""
+        """Index of the lowest cost among fits that converged."""
         return int(np.argmin(np.where(self.good, self.cost, np.inf)))
 
     def root(self):
-        """Return the root of the rise, nearly linear in x; NaN where a fit did not converge."""
+        """Return the square root of the rise, nearly linear in x; NaN where a fit did not converge."""
         with np.errstate(invalid="ignore"):
             rise = np.maximum(2 * (self.cost - self.lowest), 0.0)
         return np.sqrt(np.where(self.good, rise, np.nan))
 
     def little(self, cost):
-        """Return the difference of costs that is of no account."""
+        """Return the difference of costs that is negligible."""
         return NEGLIGIBLE * max(1.0, cost)
 
     def add(self, starts, free=False):
-        """Fit from starts, all with the element held or, if `free`, none; the runs."""
+        """Run fits from starts with the element fixed, or free if `free`; return the runs."""
         problem, size = self.anchor.problem, self.x.shape[1]
         moving = np.ones((1, size)) if free else (np.arange(size) != self.i).astype(float)[None]
         targets = problem.targets._replace(
@@ -175,7 +175,7 @@ class _Trace:
         return runs
 
     def include(self, runs):
-        """Put fits at new values among the others."""
+        """Insert fits at new values."""
         self.x = np.concatenate([self.x, runs.x])
         self.cost, self.good = np.append(self.cost, runs.cost), np.append(self.good, succeeded(runs.status))
         self._sort()
@@ -185,10 +185,10 @@ class _Trace:
         self.x, self.cost, self.good = self.x[order], self.cost[order], self.good[order]
 
     def mend(self):
-        """Fit values again that their neighbours' parameters fit better."""
+        """Repeat fits for which the parameters of a neighbour give a lower cost."""
         if self.is_smooth():
             return
-        # A lower branch passes from neighbour to neighbour.
+        # A lower branch is passed on from neighbour to neighbour.
         for _ in range(len(self.x)):
             pairs = [(k, n) for k in range(len(self.x)) for n in (k - 1, k + 1) if 0 <= n < len(self.x)]
             pairs = [(k, n) for k, n in pairs if self.good[n]]
@@ -213,7 +213,7 @@ class _Trace:
                 return
 
     def is_smooth(self):
-        """Return True if the root of the rise, with its sign, has no jumps, as for a single branch."""
+        """Return True if the signed root of the rise has no jumps, as for a single branch of minima."""
         root = self.root()
         signed = np.where(np.arange(root.size) < self.best, -root, root)
         steps = np.diff(signed) / np.diff(self.at)
@@ -228,7 +228,7 @@ class _Trace:
         return np.array([loss.cost(errors_of_rows(of.structure, of.numbers, of.targets, r)) for r in rows])
 
     def descend(self):
-        """Fit all parameters from the best value if it beats the minimum known; whether it does."""
+        """Fit all parameters from the best value if it is below the known minimum; return True if it is."""
         known = self.anchor.cost if self.better is None else self.better[1]
         k = self.best
         if self.stopped or not self.good.any() or self.cost[k] >= known - self.little(known):
@@ -242,7 +242,7 @@ class _Trace:
         return True
 
     def range(self):
-        """Return x of the element between which a profile may go."""
+        """Return the range of x of the element for a profile."""
         problem, here = self.anchor.problem, float(self.anchor.x[self.i])
         group = next(g for g in problem.variables.own if g.slot[0] <= self.i < g.slot[1])
         if group.kind == "Bounded":
@@ -254,7 +254,7 @@ class _Trace:
 
 
 def _outermost(trace, side, q):
-    """Return indices of the last value below the threshold on a side, and of the next one, or None."""
+    """Return the indices of the last value below the threshold on a side, and of the next value or None."""
     order = np.arange(trace.best, len(trace.x)) if side > 0 else np.arange(trace.best, -1, -1)
     order = order[trace.good[order]]
     below = np.flatnonzero(trace.root()[order] < q)
@@ -263,7 +263,7 @@ def _outermost(trace, side, q):
 
 
 def _end(trace, side, q, extend):
-    """Return x of an end of the interval, and "reached" or why it was not."""
+    """Return x of an end of the interval, and "reached" or the reason if it was not reached."""
     if not trace.good.any():
         return np.nan, "not found: no fit converged"
     limit = trace.range()[side > 0]
@@ -286,12 +286,15 @@ def _end(trace, side, q, extend):
             shorter += 1
     if outer is None:
         return _left_open(trace, side, q, inner, extend, shorter)
-    # Given values get no neighbours.
+    # No values are added if the caller gave values.
     return _approach(trace, side, q) if extend else _crossing(trace, side, q)[0], "reached"
 
 
 def _ahead(trace, inner, side, target):
-    """Start of a fit beyond the last value: along the line through the last two, others by one at most."""
+    """Return the start of a fit beyond the last value, on the line through the last two values.
+
+    The other elements change by at most 1 in x.
+    """
     start, before = trace.x[inner].copy(), inner - side
     if 0 <= before < len(trace.x) and trace.good[before]:
         change = trace.x[inner] - trace.x[before]
@@ -303,7 +306,10 @@ def _ahead(trace, inner, side, target):
 
 
 def _crossing(trace, side, q):
-    """Return x where the root reaches q, by three values, and by two or inf where there are not three."""
+    """Return x where the root reaches q, from a parabola through three values and from a line through two.
+
+    With two values only, the result is the line's x, and inf.
+    """
     inner, outer = _outermost(trace, side, q)
     root, x = trace.root(), trace.at
     line = x[inner] + (q - root[inner]) / (root[outer] - root[inner]) * (x[outer] - x[inner])
@@ -319,7 +325,7 @@ def _crossing(trace, side, q):
 
 
 def _approach(trace, side, q):
-    """Add values near the threshold until interpolation finds it; x there."""
+    """Add values near the threshold until interpolation finds its x, and return it."""
     last = np.inf
     for turn in range(_NEARER):
         curve, line = _crossing(trace, side, q)
@@ -338,7 +344,7 @@ def _approach(trace, side, q):
 
 
 def _left_open(trace, side, q, inner, extend, shorter):
-    """Return the end of a profile that stays below its threshold, and why."""
+    """Return the end of a profile that stays below its threshold, and the reason as text."""
     value = trace.anchor.problem.values(trace.x[inner])[trace.i]
     rise = trace.root()[inner] ** 2
     tried = f"chi-square rises by {rise:.4g}, less than {q**2:.4g}, at {value:.6g}"
@@ -359,7 +365,7 @@ def _left_open(trace, side, q, inner, extend, shorter):
 
 
 def _told(trace, q, ends):
-    """Return the profile as a user sees it."""
+    """Convert a trace and its ends to the `LikelihoodProfile`."""
     anchor, i, names = trace.anchor, trace.i, trace.anchor.problem.names
     at = np.where(np.arange(anchor.x.size) == i, np.array([[x] for x, _ in ends]), anchor.x)
     low, high = anchor.problem.values(at)[:, i].tolist()

@@ -1,10 +1,10 @@
-r"""How much a quantity depends on every number of a scene, over the sliding velocity.
+r"""Relative sensitivities of a quantity to the numbers of a scene, over the sliding velocity.
 
 .. math:: s_{ki} = \frac{\partial \ln Q(v_i)}{\partial \ln \theta_k}
 
-s = 0.1 says that one per cent more of theta_k gives a tenth of a per cent more of Q. Where
-|s| is small at all velocities, no fit to Q will find theta_k; rows that are proportional to
-each other cannot be told apart.
+s = 0.1 means that an increase of theta_k by 1 % increases Q by 0.1 %. If |s| is small at all velocities, a
+fit to Q cannot determine theta_k. If two rows are proportional, it determines only a combination of their
+parameters.
 """
 
 import functools
@@ -62,8 +62,8 @@ def sensitivity(
     -----
     The result is 0 for theta_k = 0, and by definition for Q = 0, such as friction at rest. The function
     supports jit, vmap and grad. Points are evaluated in blocks, so only the result grows with points times
-    parameters. The derivatives by all parameters take a few evaluations together (with a TabulatedModulus,
-    one each).
+    parameters. The derivatives by all parameters together take as long as a few evaluations; with a
+    TabulatedModulus each derivative takes one.
     """
     known = [name for name in rf.Solution._fields if name != "converged"]  # a flag
     if quantity not in known:
@@ -86,7 +86,7 @@ def sensitivity(
 
 
 def sensitivity_names(scene: rf.Scene, parameters: str | Iterable[str]) -> tuple[str, ...]:
-    """Return Key path of every row that `sensitivity` returns for the same `parameters`.
+    """Return the key path of every row that `sensitivity` returns for the same `parameters`.
 
     Returns
     -------
@@ -103,7 +103,7 @@ def _paths(parameters):
     if isinstance(parameters, str):
         return (parameters,)
     if not isinstance(parameters, Iterable) or not (paths := tuple(parameters)):
-        raise ValueError(f"parameters = {shown(parameters)}: must be one key path or more")
+        raise ValueError(f"parameters = {shown(parameters)}: must be one or several key paths")
     return paths
 
 
@@ -119,7 +119,7 @@ def _sensitivity(scene, velocity, pressure, temperature, *, rows, quantity, quad
     leaves, tree = jax.tree_util.tree_flatten(scene)
 
     def moved(x):
-        """Return the scene with every named number times e^x of its row; a number named twice, with both."""
+        """Multiply every named number by e^x of its row; a number that is named twice, by both."""
         exponents = {}
         for leaf in dict.fromkeys(leaf for leaf, _ in rows):
             own = [k for k, row in enumerate(rows) if row[0] == leaf]

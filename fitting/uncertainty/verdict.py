@@ -30,7 +30,7 @@ from fitting.uncertainty.covariance import Linearised, Uncertainty, data_residua
 
 # Significance level of each test.
 _SIGNIFICANCE = 1e-3
-# Greatest number of outliers that are named.
+# Largest number of outliers that are named.
 _WORST = 3
 # Variance of the squared median of normal deviates over the variance of their mean square.
 _MEDIAN = 2.72
@@ -50,9 +50,9 @@ class _Set(NamedTuple):
     """The residuals of one data set."""
 
     data: Measured
-    rows: np.ndarray  # (model - measured) / error, the errors as they were given
-    freedom: float  # its share
-    given: bool  # whether errors were
+    rows: np.ndarray  # (model - measured) / error, with the given errors
+    freedom: float  # share of the set in the degrees of freedom
+    given: bool  # True if errors were given
 
 
 def verdict(
@@ -67,10 +67,10 @@ def verdict(
     Parameters
     ----------
     data : data sets
-    rows : residuals of each, in units of the errors given, or estimated
-    parameters : effective number that they determine
-    estimated : of each the estimated relative error, None where errors were given
-    loss : of the fit
+    rows : residuals of each set, in units of its errors, given or estimated
+    parameters : effective number of parameters that the data determine
+    estimated : estimated relative error of each set, None if errors were given
+    loss : name of the loss
     """
     count = sum(one.size for one in rows)
     if not all(np.isfinite(one).all() for one in rows):
@@ -108,7 +108,7 @@ def verdict(
 
 
 def _size(sets, robust):
-    """Return the sums of squares that are too large for chance."""
+    """Return a line for each sum of squares that is too large to be due to chance."""
     if not sets:
         return []
     everything = ("", np.concatenate([one.rows for one in sets]), sum(one.freedom for one in sets))
@@ -138,7 +138,7 @@ def _bound(freedom):
 
 
 def _order(one):
-    """Return the curves along which the residuals change sign too rarely."""
+    """Return a line for each curve along which the residuals change sign too rarely."""
     data, parts = one.data, len(one.data.values)
     conditions = [getattr(data, name) for name in data.conditions]
     # lexsort takes its last key first: along the first condition, the others fixed.
@@ -159,7 +159,7 @@ def _order(one):
 
 
 def _far(sets):
-    """Return (size, set, index) of single values that are too far off, worst first."""
+    """Return (size, set, index) of the outliers, worst first."""
     found, count = [], sum(one.rows.size for one in sets)
     for one in sets:
         size = np.abs(one.rows)
@@ -167,7 +167,7 @@ def _far(sets):
             chance = 2 * count * scipy.special.ndtr(-size)
         else:
             freedom = max(one.freedom, 1.5)
-            # Studentised: the scatter without the value's own part; inf if the value is all of it.
+            # Studentised: scatter without the value's own contribution, inf if all scatter is its own.
             rest = np.maximum(freedom - size**2, 1e-12 * freedom)
             chance = 2 * count * scipy.special.stdtr(freedom - 1, -size * np.sqrt((freedom - 1) / rest))
         found += [(float(size[k]), one, int(k)) for k in np.flatnonzero(chance < _SIGNIFICANCE)]
@@ -175,13 +175,13 @@ def _far(sets):
 
 
 def _lines(far):
-    """Return a line for each of the worst values."""
+    """Return a line for each of the worst outliers."""
     lines = [_named(*one) for one in far[:_WORST]]
     return lines + [f"and {len(far) - _WORST} values more that are too far off"] * (len(far) > _WORST)
 
 
 def _without(sets, far):
-    """Return the sets without the values that are too far off."""
+    """Return the sets without the outliers."""
     found = []
     for one in sets:
         kept = np.delete(one.rows, [k for _, other, k in far if other is one])
@@ -206,18 +206,18 @@ def rescaled_errors(
     rescaled: bool,
     error_scale: float,
 ) -> tuple[Problem, list[float | None], float]:
-    """Return the problem with errors from the scatter about its fit.
+    """Return the problem with errors estimated from the scatter about its fit.
 
     Parameters
     ----------
-    problem, known, model : the solved problem, and its uncertainty and linearisation at the solution
-    scales : for every data set its relative error as estimated so far, None where errors were given
-    rescaled : whether errors that were given are to be scaled as well
-    error_scale : their factor so far
+    problem, known, model : the solved problem, with its uncertainty and linearisation at the solution
+    scales : current estimate of the relative error of every data set, None if errors were given
+    rescaled : True if given errors are to be scaled as well
+    error_scale : current factor of given errors
 
     Returns
     -------
-    (problem, scales, factor); the factor applies to all errors that were given, 1 unless `rescaled`
+    (problem, scales, factor); the factor of given errors is 1 unless `rescaled`
     """
     rows = data_residuals(problem, model)
     error, found, factor = np.array(problem.targets.error), list(scales), 1.0
@@ -235,9 +235,10 @@ def rescaled_errors(
 
 
 def common_ratio(before: Problem, after: Problem) -> float | None:
-    """Return the common factor of all errors if the minimum does not move; None if it may.
+    """Return the common factor of all errors if it does not move the minimum; None if it may.
 
-    A sum of squared residuals alone scales as a whole, so a second estimate would equal the first.
+    A common factor of all errors scales a sum of squares as a whole. A second estimate of the errors would
+    then equal the first.
     """
     if before.structure.loss != "linear" or before.structure.prior.terms:
         return None

@@ -77,7 +77,7 @@ def pull_off_force(
     ----------
     scene : Scene with adhesion
     radius : R [m], > 0, a number
-    pressure, temperature : at which contact was made, array_like, broadcastable [Pa], [K]
+    pressure, temperature : conditions at which contact was made, array_like, broadcastable [Pa], [K]
     quadrature : Quadrature, static
 
     Returns
@@ -89,7 +89,7 @@ def pull_off_force(
     ValueError : as `contact_area`; radius <= 0; a scene without adhesion.
 
     Limits: in the long-range limit W is up to 14 % below boundary elements at Tabor number 0.1, and 6 to 60 %
-    at 0.3; the error grows as less of the work is left
+    below at 0.3. The error is largest if W is a small part of the work of adhesion
     (tests/rubberfric/theory/area/test_adhesive_elements.py).
     """
     adhesion = adhesion_of(scene)
@@ -142,7 +142,7 @@ def _work_of_separation(scene, velocity, pressure, temperature, *, quadrature):
 
 
 def _under(prepared: Any, work, velocity, temperature, log_load):
-    """Return `_State` at ln p, (n,), and x of all roughness."""
+    """Return `_State` at ln p, (n,), and the argument x of P for all roughness."""
     load = jnp.exp(log_load)
     at_rest = jnp.broadcast_to(velocity, load.shape)
     warm = None if temperature is None else jnp.broadcast_to(temperature, load.shape)
@@ -192,7 +192,10 @@ def _largest(under, top):
 
 
 def _of_light_loads(state, slopes, light):
-    """Return W if the best load is below the light one: there m <e^-u/r> times the work equals u0 p."""
+    """Return W if its maximum is at a load below `light`.
+
+    At the maximum, m <e^-u/r> times the work of adhesion equals u0 p.
+    """
     u0, gain = -slopes.separation[0], slopes.gained[0]
     m = gain / state.gained[0]
     # No load satisfies this if the attraction is proportional to the load, m = 1, or if all gaps are within

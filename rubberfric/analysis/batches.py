@@ -66,7 +66,7 @@ class Tiling(NamedTuple):
 
 
 class MapBatch(NamedTuple):
-    """The pairs first ... stop at the pressures low ... high."""
+    """A batch of a map: indices of its pairs, `first` to `stop`, and of its pressures, `low` to `high`."""
 
     first: int
     stop: int
@@ -75,11 +75,11 @@ class MapBatch(NamedTuple):
 
     @property
     def size(self) -> int:
-        """Points."""
+        """Number of points."""
         return (self.stop - self.first) * (self.high - self.low)
 
     def pieces(self, velocities: int) -> Iterator[tuple[slice, slice, slice]]:
-        """Yield the rectangles that it fills in a map: temperatures, velocities, pairs of the batch."""
+        """Yield the rectangles of a map that the batch fills: temperatures, velocities, pairs."""
         first = self.first
         while first < self.stop:
             T, v = divmod(first, velocities)
@@ -102,9 +102,9 @@ def plan(
 
     Parameters
     ----------
-    pairs, pressures : numbers of them in the map
+    pairs, pressures : number of pairs and of pressures in the map
     shared : True if the pressures share work
-    block : largest number of points of a batch, with at least one per device; None: chosen for the devices
+    block : largest number of points of a batch, at least one per device; None: chosen for the devices
     devices : sequence of JAX devices; None: all devices of all processes
     """
     devices = jax.devices() if devices is None else list(devices)
@@ -160,7 +160,7 @@ def program_bytes(tiling: Tiling, task: Task) -> int:
 
 
 def launch(tiling: Tiling, task: Task, batch: MapBatch) -> dict[str, jax.Array]:
-    """Start a batch; returns a dict of quantities, padded arrays (pressures, pairs)."""
+    """Start a batch; return a dict of quantities, as padded arrays (pressures, pairs)."""
     arguments, static = _arguments(tiling, task, batch)
     return _evaluate(*arguments, **static)
 

@@ -149,7 +149,7 @@ def sliding_contact(
     Parameters
     ----------
     heights : [m], shape (n, n), n even; the half-space slides along the first axis, above the surface
-    length : of the period along either axis [m]
+    length : length of the period along either axis [m]
     material : Elastic, Prony, PronyShear, TabulatedModulus or a user-defined one
     velocity, pressure, temperature, tolerance, most_steps, errors : as `boundary_element`
     """
@@ -281,7 +281,7 @@ def solve_contact(
     heights : shape (n, n)
     stiffness : K of the modes of `rfft2`, shape (n, n/2 + 1), complex; the mean mode is ignored
         Choose units in which the dominant stiffness is 1: the number of steps depends on them.
-    tolerance : of the residual, rms step over rms pressure
+    tolerance : largest residual, rms step over rms pressure
     most_steps : static
 
     Returns
@@ -332,7 +332,7 @@ def random_surface(spectrum: Spectrum, key: jax.Array, grid: int = 512, periods:
     Parameters
     ----------
     spectrum : Spectrum, isotropic
-    key : of jax.random; a key gives the same surface on every grid
+    key : jax.random key; a key gives the same surface on every grid
     grid : points along each side, even; at least 4 per shortest wavelength
     periods : number of longest wavelengths along each side, >= 1; with few periods there are few
         long-wavelength modes and more scatter between surfaces
@@ -356,7 +356,8 @@ def random_surface(spectrum: Spectrum, key: jax.Array, grid: int = 512, periods:
     if not isinstance(grid, int) or grid % 2 or grid < needed:
         raise ValueError(
             f"grid = {shown(grid)}: must be even and >= {needed}, {_COARSEST} points per shortest wavelength"
-            f" with {periods:g} longest ones (q1 / q0 = {q1 / q0:g}); {2 * needed} leaves friction 1 % off"
+            f" with {periods:g} longest ones (q1 / q0 = {q1 / q0:g}); {2 * needed} reduces the error of"
+            " friction to 1 %"
         )
     # Modes are drawn independently of the grid.
     reach = math.floor(most * (1 + 1e-9))

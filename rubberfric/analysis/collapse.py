@@ -58,7 +58,7 @@ MapModel = Callable[[tuple[str, ...], Conditions], Quantities]
 
 
 class PressureSeries(NamedTuple):
-    """Values over ln p: powers of p times Chebyshev series, or values at the pressures of the map."""
+    """Values over ln p: a power of p times a Chebyshev series, or values at the pressures of the map."""
 
     nodes: np.ndarray  # ln p, (m,)
     values: np.ndarray  # at the nodes, divided by the powers of p, (m, n)
@@ -66,7 +66,10 @@ class PressureSeries(NamedTuple):
 
     @classmethod
     def of(cls, nodes: np.ndarray, values: np.ndarray) -> "PressureSeries":
-        """Return the series through values (m, n). The powers connect the first and the last node."""
+        """Return the series through values (m, n) at the nodes.
+
+        Each value is divided by the power of p through its first and its last node, if these have one sign.
+        """
         same_sign = np.sign(values[0]) * np.sign(values[-1]) > 0
         first, last = (np.log(np.abs(np.where(same_sign, x, 1.0))) for x in (values[0], values[-1]))
         exponents = (last - first) / (nodes[-1] - nodes[0])
@@ -221,7 +224,10 @@ def pieces(found: CollapsedMap, conditions: Conditions) -> Iterator[tuple[slice,
 
 
 def _on_curve(scene, quantities):
-    """Return the interpolated parts: no contact shear, and the area if the shear needs it."""
+    """Return the quantities to interpolate.
+
+    These are the parts of the requested ones except contact shear, and the area if contact shear needs it.
+    """
     parts = quantity_parts(quantities)
     needed = parts - {"shear_friction"}
     if scene.shear is not None and "shear_friction" in parts:

@@ -76,7 +76,7 @@ def linearise_tree(function: Callable[[Any], Any], x: Any) -> LinearisedTree:
 
 
 def _watched(moves, *arrays):
-    """Return the arrays; appends to `moves` for each whether its tangent is anything but a symbolic zero."""
+    """Return the arrays, and append to `moves` True for each whose tangent is not a symbolic zero."""
 
     @jax.custom_jvp
     def identity(*arrays):
@@ -194,7 +194,7 @@ def _part_name(path):
 
 
 def _flat(arrays, like):
-    """Return the arrays with the first axis of `like`, side by side, (rows, numbers)."""
+    """Concatenate arrays to a matrix (rows, numbers), with the first axis and the dtype of `like`."""
     rows = len(like)
     # In reverse mode a complex leaf would need its conjugate.
     assert not any(jnp.iscomplexobj(a) for a in arrays)

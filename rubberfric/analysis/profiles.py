@@ -315,7 +315,9 @@ def separation_profile(
     check_without(scene, ("adhesion", "correlation"), "the separation")
     q = checked_wavevectors(q, 1, conditions, scene)
     if scene.heating is not None:
-        raise ValueError("scene.heating: roughness beyond q alone has no temperature; set it to None")
+        raise ValueError(
+            "scene.heating must be None, because the separation at a scale q is not defined with it"
+        )
     return _separation_profile(scene, *conditions, q, quadrature=quadrature)
 
 

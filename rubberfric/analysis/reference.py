@@ -115,7 +115,7 @@ def case_of(
     tabulated = any(body.material.needs_quadrature for body in (scene.lower, scene.upper))
     count = min(conditions[0].size, _GRADIENTS_TABULATED if tabulated else _GRADIENTS)
     if conditions[0].size == 0:
-        raise ValueError("velocity, pressure and temperature have no point in common; give at least one")
+        raise ValueError("velocity, pressure and temperature have no points; give at least one")
     differentiated = np.unique(np.linspace(0, conditions[0].size - 1, count).round().astype(int))
     height2 = sum(float(moment(spectrum, 0)) for spectrum, _ in rough_surfaces(scene))
     return Case(cast(scene, jnp.float64), conditions, differentiated, height2**0.5)

@@ -334,7 +334,8 @@ def accuracy(
 def in_float32(settings: Sequence[Quadrature], errors: Sequence[float]) -> list[Quadrature]:
     """Select settings for single precision by their errors in double precision.
 
-    Every second one, because most of a sweep is compilation, up to the first whose error is below rounding.
+    These are every second one, because most of a sweep is compilation, up to the first one with an error
+    below rounding.
     """
     tried = []
     for setting, error in zip(settings[::2], errors[::2], strict=True):

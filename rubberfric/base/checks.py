@@ -27,7 +27,7 @@ PLAUSIBLE_HEIGHT = (0.0, 1.0)  # [m]
 
 
 class UnitWarning(UserWarning):
-    """A number of a scene or a condition is probably not in SI units.
+    """Warning that a number of a scene or a condition is probably not in SI units.
 
     `warnings.simplefilter("ignore", rubberfric.UnitWarning)` switches it off.
     """

@@ -1,8 +1,8 @@
 """The persistent compilation cache, and XLA options for functions that are compiled to run once.
 
 The cache is JAX's [https://docs.jax.dev/en/latest/persistent_compilation_cache.html]. Each version of jaxlib
-and each processor has a separate folder, because another one could crash on its entries; their total size
-is limited. JAX is imported by the first call.
+and each processor has a separate folder, because entries of another version or processor may crash. The total
+size of the folders is limited. JAX is imported by the first call.
 """
 
 import contextlib

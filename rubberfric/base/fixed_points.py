@@ -83,7 +83,7 @@ def implicit(
     function, inverse : as in `fixed_point`; `inverse` carries no derivatives
     solution : shape (points, n), without derivatives; it must be a fixed point
     tolerance : tolerance of the linear system, as in `fixed_point`; None: 1e-9. For n = 1 the solution is
-    exact
+        exact.
     """
     goal = _LINEAR_TOLERANCE if tolerance is None else tolerance
     solve = functools.partial(_tangent_solve, inverse, goal)
@@ -96,16 +96,19 @@ def linear_fixed_point(
     also: jax.Array,
     inverse: Inverse | None = None,
 ) -> jax.Array:
-    """Return the second result of a linear function where its first, f' dy + df - dy, is zero.
+    """Return the derivative of a quantity that depends on a fixed point.
 
-    It carries no derivatives. The linear system is the same as in `implicit`, but f and a quantity that
-    depends on it are one function, which is differentiated once.
+    A linear function of dy returns the residual f' dy + df - dy and the derivative of the quantity. The
+    result is this derivative at the dy where the residual is zero. It cannot be differentiated again. The
+    linear system is the same as in `implicit`, but f and the quantity are one function, which is
+    differentiated once.
 
     Parameters
     ----------
-    residual : linear function of dy, shape (points, n), to (residual, second result of shape (points,))
+    residual : linear function of dy, shape (points, n), that returns (residual, derivative of the quantity),
+        shapes (points, n) and (points,)
     start : initial dy, shape (points, n)
-    also : zeros of the second result, shape (points,)
+    also : zeros with the shape and dtype of the derivative of the quantity, (points,)
     inverse : as in `fixed_point`
     """
     found = _iterate(residual, start, _LINEAR_TOLERANCE, inverse, also)[2]
@@ -129,7 +132,7 @@ def _tangent_solve(inverse, tolerance, linear, right):
 
 
 def _iterate(residual, start, tolerance, inverse=None, also=None):
-    """Return the zero of a residual, whether it was reached, and the other result of the residual there."""
+    """Return the zero of a residual, True where it was reached, and the other result at the zero."""
     single = start.dtype != jnp.float64
     tolerance = 1e-5 if single else tolerance
 
@@ -157,9 +160,11 @@ def anderson(
 
     Parameters
     ----------
-    residual : function of y, shape (points, n), to f(y) - y; with `also`, to a pair with another result
+    residual : function of y, shape (points, n), that returns f(y) - y; with `also`, a pair of this and
+        another result
     start : shape (points, n)
-    reached : function of y, its residual and the other result to booleans (points,); such a step is the last
+    reached : function of y, its residual and the other result that returns True for rows that have
+        converged, shape (points,); these take one more step
     inverse : Inverse of 1 - f' near the start, or None
     also : zeros of the other result, shape (points,), or None
     history : number of previous steps combined
@@ -168,7 +173,7 @@ def anderson(
 
     Returns
     -------
-    (y, whether it was reached, other result at the last evaluation, number of evaluations)
+    (y, True for rows that converged, other result at the last evaluation, number of evaluations)
     """
     smallest = 1e-5 if start.dtype != jnp.float64 else 1e-12
     points, n = start.shape
@@ -181,7 +186,7 @@ def anderson(
             z, found = residual(y)
             also = jnp.where(ended, also, found)
         z = z if inverse is None else inverse(z)
-        # Far from a solution the residual may be NaN; then half the way back is tried.
+        # Far from a solution the residual may be NaN; then half of the step is tried.
         fine = jnp.all(jnp.isfinite(z), -1, keepdims=True)
         z = jnp.where(fine, z, last)
         # The first iterate has no predecessor, so its column is empty.
@@ -258,7 +263,7 @@ def first(function: Callable[[jax.Array], jax.Array], top: jax.Array, tried: int
 
     Parameters
     ----------
-    function : of a number, below 0 at 0
+    function : function of a number that is negative at 0
     top : end of the range, which is returned if the function is below 0 throughout
     tried : number of nodes, including both ends
     """
@@ -289,7 +294,8 @@ def zero(
 
     Parameters
     ----------
-    function : of a number, below 0 at 0. Where it is below 0 at top, top is returned as not found
+    function : function of a number that is negative at 0. If it is also negative at top, top is returned as
+        not found
     near : initial guess and bracket
     top : end of the range
 

@@ -104,8 +104,8 @@ def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
 
     Parameters
     ----------
-    path : table of text or .xlsx with positions in the first column and heights of a trace in each other one
-        Titles are free. The unit of length stands in brackets behind a title, or in the row below.
+    path : text table or .xlsx with positions in the first column, and the heights of a trace in each other
+        one Titles are arbitrary. The unit of length is in brackets behind a title, or in the row below.
 
     Returns
     -------
@@ -181,7 +181,7 @@ def pick(table: TextTable, quantities: tuple[str, ...]) -> TextTable:
         if len(places) > 1 and not _agree(table, places):
             both = " and ".join(repr(table.titles[place]) for place, _ in places)
             raise ValueError(
-                f"{table.where}: columns {both}: both are {quantity}; must be one: remove the other"
+                f"{table.where}: columns {both}: both hold {quantity}; must be one column: remove the other"
             )
     places, names = zip(*(columns[0] for columns in found.values()), strict=True) if found else ((), ())
     titles, units = ([values[i] for i in places] for values in (table.titles, table.units))
@@ -225,7 +225,7 @@ def _export(path, lines, separator, titles, names, units):
             raise ValueError(f"{path}: line {place}: {text.strip()[:60]!r}: must be numbers")
         elif fields != titles and sum(known_name(field)[0] is not None for field in fields) > 1:
             raise ValueError(
-                f"{path}: line {place}: has other columns than line {number}: must be one table a file"
+                f"{path}: line {place}: has other columns than line {number}: a file must have one table"
             )
     if not rows:
         raise ValueError(f"{path}: must have numbers below line {number}")

@@ -147,7 +147,7 @@ def write_prony(
     if density is not None:
         if unit_stress not in _DENSITY:
             raise ValueError(
-                f"density = {shown(density)}: must be absent; unit_stress must be Pa or MPa for it"
+                f"density = {shown(density)}: must not be given; it requires unit_stress = Pa or MPa"
             )
         check_values("density", as_leaf("density", density, 0), POSITIVE)
         mass = float(density) / _DENSITY[unit_stress]
@@ -180,7 +180,7 @@ def _material(cards: Cards, options: CardOptions) -> Prony | PronyShear:
         for i in np.flatnonzero(~np.isclose(cards.k, g, rtol=1e-6, atol=0))[:1]:
             raise ValueError(
                 f"term {i + 1}: weight {cards.k[i]:g} of the bulk and {g[i]:g} of the shear modulus: must be"
-                " equal, or all of the bulk 0; poisson=... reads the shear series only"
+                " equal, or all bulk weights 0; poisson=... reads the shear series only"
             )
         poisson = cards.poisson
     law = None

@@ -79,7 +79,7 @@ def parse_number(field: str) -> float:
 
 
 def format_number(value: float, width: int = 20) -> str:
-    """Return the largest accurate text of a number within `width` characters."""
+    """Return the most accurate text of a number with at most `width` characters."""
     value = float(value)
     texts = [repr(value), f"{value:.{width}f}"[:width]]
     for digits in range(width):
@@ -308,7 +308,9 @@ def _read_lsdyna(text: str, options: CardOptions) -> Cards:
         )
     (_, _, bulk, _, _, T_ref, A, B, *_), curve, *terms = cards
     if curve[0]:
-        raise ValueError(f"*MAT_GENERAL_VISCOELASTIC has the curve {curve[0]:g}: must have terms")
+        raise ValueError(
+            f"*MAT_GENERAL_VISCOELASTIC has the curve {curve[0]:g} instead of terms: must have terms"
+        )
     if options.shift and any((T_ref, A, B)) and not all((T_ref, A, B)):
         raise ValueError(
             f"TREF = {T_ref:g}, A = {A:g}, B = {B:g}: must be != 0 for a WLF shift; shift=False leaves it out"

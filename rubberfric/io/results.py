@@ -178,7 +178,7 @@ def curves_of(
             found = Solution(**{quantity: np.asarray(found, float)})
         except (TypeError, ValueError):
             kind = type(found).__name__
-            raise ValueError(f"result must be of friction_map, solve or friction, got {kind}") from None
+            raise ValueError(f"result must come from friction_map, solve or friction, got {kind}") from None
     for name in ("velocity", "pressure"):
         if given[name] is None:
             raise ValueError(f"{name} is missing: must be given as to solve and friction")

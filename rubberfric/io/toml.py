@@ -90,7 +90,7 @@ def check_keys(
 
 
 def join(key: str, name: str) -> str:
-    """Return Key path of `name` in the table at `key`; "" is the file."""
+    """Return the key path of `name` in the table at `key`; "" is the top level of the file."""
     return f"{key}.{name}" if key else name
 
 

@@ -13,7 +13,7 @@ from rubberfric.materials.material import POISSON, Coatable, Material, Series, p
 
 @physical
 class Rigid(Material):
-    """Rigid solid with compliance M = 0; nothing of it is traced."""
+    """Rigid solid: the compliance M is 0."""
 
     deforms: ClassVar[bool] = False
     relaxes: ClassVar[bool] = False

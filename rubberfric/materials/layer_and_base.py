@@ -44,14 +44,14 @@ class _Rational(NamedTuple):
 
 
 class _Parts(NamedTuple):
-    """e^(-2x) times 1, cosh 2x - 1, sinh 2x, cosh 2x and sinh 2x + 2x; and 2x."""
+    """Hyperbolic functions of 2x, each times e^(-2x)."""
 
-    one: jax.Array
-    cosh1: jax.Array
-    sinh: jax.Array
-    cosh: jax.Array
-    sum: jax.Array
-    X: jax.Array
+    one: jax.Array  # 1
+    cosh1: jax.Array  # cosh 2x - 1
+    sinh: jax.Array  # sinh 2x
+    cosh: jax.Array  # cosh 2x
+    sum: jax.Array  # sinh 2x + 2x
+    X: jax.Array  # 2x, without the factor
 
 
 def _parts(bonded, q):

@@ -98,11 +98,12 @@ def _one_spring(rest, weight, spring, log_rate, tau):
 
 
 def floors(weight: jax.Array, log_rate: jax.Array) -> jax.Array:
-    """Return small weights that are added to the terms of a series, so that none is 0.
+    """Return small weights that are added to the terms of a series, so that no weight is 0.
 
-    The loss of the added terms is below 1e-30 of the series' loss (float32: 1e-16) at every frequency. A
-    term of E_j and tau_j has at least a share min(tau_i/tau_j, tau_j/tau_i) of the loss of a term of E_j and
-    tau_i. For times many e-folds apart, a constant floor would exceed the series.
+    At every frequency the loss of an added weight is below 1e-30 (float32: 1e-16) of the loss of the series.
+    For this, the weight added at tau_i is 1e-30 times the sum over j of w_j min(tau_i/tau_j, tau_j/tau_i):
+    the loss of a term at tau_j is at least this fraction of the loss of an equal term at tau_i. A constant
+    added weight would exceed the series far from its times.
 
     Parameters
     ----------
@@ -117,11 +118,11 @@ def floors(weight: jax.Array, log_rate: jax.Array) -> jax.Array:
 
 
 def _as_one(weight, log_rate, tau):
-    """Return logarithms of the rates, and the times; equal ones move as the mean of their terms.
+    """Return logarithms of the rates, and the times; equal ones move together, as their weighted mean.
 
-    Each then has its share of the derivative of the merged term, to all orders of the moduli and to first
-    order of the times. Second derivatives lack the splitting of equal times. Distances between equal times
-    would give it as a difference of numbers k/f times larger, 1e19 for a film on rubber.
+    Each time then has its share of the derivative of the merged term, exact in the moduli to all orders and
+    in the times to first order. Second derivatives omit the splitting of equal times, which would be a
+    difference of numbers k/f times larger, 1e19 for a film on rubber.
     """
     same = log_rate == log_rate[:, None]
     # Squares of weights of 1e-30 underflow float32.

@@ -218,7 +218,7 @@ class TabulatedShift(Shift):
 
 @physical
 class TabulatedVertical(VerticalShift):
-    r"""Vertical shift factors from a table: ln b_T over T is like ln a_T of `TabulatedShift`.
+    r"""Vertical shift factors from a table; ln b_T is a monotone cubic in T, like ln a_T of `TabulatedShift`.
 
     The table is divided by its value at the T_ref of its shift.
 

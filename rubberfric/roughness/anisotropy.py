@@ -226,7 +226,7 @@ def from_grid(
     flip = np.where((x < qx[0]) | (y < qy[0]), -1.0, 1.0)
     x, y = flip * x, flip * y
     if (x < qx[0]).any() or (x > qx[-1]).any() or (y < qy[0]).any() or (y > qy[-1]).any():
-        raise ValueError(f"q up to {q.max():g} 1/m: the grid must reach as far in every direction")
+        raise ValueError(f"q up to {q.max():g} 1/m: the grid must reach this wavevector in every direction")
     i = np.clip(np.searchsorted(qx, x) - 1, 0, qx.size - 2)
     j = np.clip(np.searchsorted(qy, y) - 1, 0, qy.size - 2)
     s, t = (x - qx[i]) / (qx[i + 1] - qx[i]), (y - qy[j]) / (qy[j + 1] - qy[j])

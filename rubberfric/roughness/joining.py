@@ -50,7 +50,7 @@ class Joint(NamedTuple):
 
 
 class JoinedSpectra(NamedTuple):
-    """spectrum : TabulatedSpectrum; joints : tuple of `Joint`, one fewer than the spectra."""
+    """Result of `join_spectra`: the joined spectrum, and a `Joint` between any two neighbouring spectra."""
 
     spectrum: TabulatedSpectrum
     joints: tuple[Joint, ...]
@@ -82,7 +82,7 @@ def join_spectra(
     spectra : two or more, SelfAffine or TabulatedSpectrum, in order of their range: each begins and ends
         at larger q than the previous one
     method : "crossover" or "mean"
-    weights : of the lower and the upper spectrum for "mean", >= 0, such as their inverse variances
+    weights : weights of the lower and the upper spectrum for "mean", >= 0, such as their inverse variances
 
     Returns
     -------
@@ -122,7 +122,7 @@ def _join(lower, upper, share, number):
         if is_concrete(law.height2) and not law.height2 > 0:
             raise ValueError(f"join_spectra: spectrum {number + i} is zero: must be rough")
         if not q[0] < q[-1]:
-            raise ValueError(f"join_spectra: spectrum {number + i} has no range: must have one")
+            raise ValueError(f"join_spectra: spectrum {number + i} has an empty range: must have q0 < q1")
     if not (qa[0] < qb[0] and qa[-1] < qb[-1]):
         raise ValueError(
             f"join_spectra: spectrum {number + 1} has {qb[0]:g} ... {qb[-1]:g} 1/m after {qa[0]:g} ..."

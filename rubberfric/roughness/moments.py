@@ -158,9 +158,8 @@ def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C",
 
     Raises
     ------
-    ValueError : concrete rms_slope <= 0, or a slope that the spectrum never has; with "h_rms", a slope that
-    the
-        plateau alone exceeds.
+    ValueError : concrete rms_slope <= 0, or a slope that the spectrum never has; with "h_rms", a slope below
+        the slope of the plateau.
 
     Limits: closed form, differentiable; `rms_slope` at the result has an error of 1e-13. A slope that grows
     like ln q (H = 1) may give a wavevector beyond the floating-point range: infinite.
@@ -175,7 +174,7 @@ def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C",
         wrong = float(np.asarray(rms_slope)[~np.asarray(reachable)].flat[0])
         if at_height:
             raise ValueError(
-                f"rms_slope = {wrong!r}: no cutoff on the power law has this slope at the height of the "
+                f"rms_slope = {wrong!r}: no cutoff on the power law gives this slope with the height of the "
                 f"spectrum; must be larger than the slope of the plateau, and the surface rough"
             )
         whole = cumulative_moment(unscaled(spectrum.uncut_law()), 2, jnp.inf)

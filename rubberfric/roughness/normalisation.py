@@ -114,7 +114,7 @@ def check_normalisation(
 
 
 def _factor(normalisation, q, hurst):
-    """Return the factor of C(q)."""
+    """Return the factor by which C(q) is multiplied in a normalisation."""
     check_normalisation(normalisation, hurst)
     scale = NORMALISATIONS[normalisation]
     if normalisation not in LINES:

@@ -264,10 +264,10 @@ def _passed(ranks, panels):
 
 
 def _among_graded(border, kinks, grades):
-    """Return fixed borders, except that borders among the graded ones of a beginning move with it.
+    """Let fixed borders near a beginning of roughness, among its graded borders, move with the beginning.
 
-    A fixed border may lie one ulp from the beginning of a second roughness. A panel between them would grow
-    from zero width, with contact changing between its neighbouring nodes.
+    A fixed border may be one ulp from the beginning of a second roughness. Otherwise the panel between them
+    would grow from zero width when the beginning moves, and contact would change between its nodes.
     """
     for kink, grade in zip(kinks, grades, strict=True):
         distance = jax.lax.stop_gradient(border - kink[0])
@@ -281,10 +281,10 @@ def _rolloff(law, kink):
 
 
 def _from_first(q, first, leads):
-    """Return ln(q / first) of the wavevectors of a law; `leads`: its first wavevector is `first`.
+    """Return ln(q / first) of the wavevectors of a law; `leads`: True if its first wavevector is `first`.
 
-    Then the first entry is a constant 0. As a difference of two equal numbers it would leave their rounding
-    error in reverse mode, divided by the width 1e-14 of the innermost panel.
+    In this case the first entry is a constant 0. In reverse mode, a difference of two equal numbers would
+    leave their rounding error, divided by the width 1e-14 of the innermost panel.
     """
     t = log_ratio(q, first)
     return jnp.concatenate([jnp.where(leads, 0.0, t[:1]), t[1:]])

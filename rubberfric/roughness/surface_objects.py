@@ -68,7 +68,7 @@ def spectrum_of_surface(topography: Any, *, unit: str | None = None, **options: 
     if sizes.shape != counts.shape or np.shape(heights) != tuple(counts):
         raise ValueError(
             f"topography: heights of shape {np.shape(heights)}, nb_grid_pts {tuple(counts.tolist())},"
-            f" physical_sizes {tuple(sizes.tolist())}: must have as many entries, 1 or 2"
+            f" physical_sizes {tuple(sizes.tolist())}: must have equal numbers of entries, 1 or 2"
         )
     spacings = scale * sizes / counts
     if getattr(topography, "is_periodic", False):

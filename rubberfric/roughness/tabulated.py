@@ -56,7 +56,7 @@ class TabulatedSpectrum(Spectrum):
         check_ends("TabulatedSpectrum", self.q, self.q0, self.q1)
 
     def doubts(self) -> list[str]:
-        """Return See `doubts_of_roughness`."""
+        """Return the lines of `doubts_of_roughness`."""
         log_q, log_C = np.log(np.asarray(self.q, float)), np.log(np.asarray(self.C, float))
         low = log_q[0] if self.q0 is None else np.log(float(self.q0))
         high = log_q[-1] if self.q1 is None else np.log(float(self.q1))
@@ -68,7 +68,7 @@ class TabulatedSpectrum(Spectrum):
         return cut_law(tabulated_law(self.q, self.C), self.q0, self.q1)
 
     def uncut_law(self) -> BrokenPowerLaw:
-        """Return the from q0 to the end of the table."""
+        """Return the power law from q0 to the end of the table."""
         return cut_law(tabulated_law(self.q, self.C), self.q0, None)
 
     def cut(self, q1: jax.Array) -> "TabulatedSpectrum":
@@ -80,7 +80,7 @@ class TabulatedSpectrum(Spectrum):
         return self.C
 
     def padded(self) -> "TabulatedSpectrum":
-        """Return with entries beyond q1."""
+        """Return the table with further entries beyond q1."""
         return self.replace(padded_table(self.q, self.C, self.q0, self.q1))
 
 
@@ -120,7 +120,7 @@ def cut_law(law: BrokenPowerLaw, q0: ArrayLike | None, q1: ArrayLike | None) -> 
 def padded_table(
     q: jax.Array, C: jax.Array, q0: jax.Array | None, q1: jax.Array | None
 ) -> dict[str, np.ndarray | jax.Array]:
-    """Pad a table to a standard length, and return the ends of the original."""
+    """Return the fields of a table padded to a standard length, with q0 and q1 of the original table."""
     at, values = np.asarray(q), np.asarray(C)
     added = recurring_length(at.size) - at.size
     beyond = at[-1] * 2.0 ** np.arange(1, added + 1, dtype=at.dtype)

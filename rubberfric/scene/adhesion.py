@@ -73,5 +73,5 @@ class Adhesion(PhysicalObject):
             raise ValueError("Adhesion.range is None: must be given, in m, for adhesion of long range")
         if self.limit == "short" and self.range is not None:
             raise ValueError(
-                'Adhesion.range: adhesion of short range has none; must be None, or limit "long"'
+                'Adhesion.range: must be None for adhesion of short range, or limit must be "long"'
             )

@@ -120,7 +120,7 @@ def shear_shares(lower: Heating, upper: Heating, both_deform: bool) -> tuple[jax
 
 
 class Diffusion(NamedTuple):
-    """The sum over k: factors of the sources and of the target wavevectors."""
+    """Factors of the terms of the sum over k, for the source and for the target wavevectors."""
 
     k: jax.Array  # [1/m], (m,)
     step: jax.Array  # of ln k
@@ -195,7 +195,7 @@ def rise_below_surface(kernel: HeatKernel, power: jax.Array) -> jax.Array:
     power : heat over velocity per area of macroasperity contact [Pa], shape (points,)
     """
     if kernel.surface is None:
-        raise ValueError("kernel.surface is None: must have been made for heat at the surface")
+        raise ValueError("kernel.surface is None: must be a kernel for heat at the surface")
     return 2 / jnp.pi * power[:, None] * kernel.surface / kernel.heat
 
 

@@ -158,24 +158,23 @@ class Scene(PhysicalObject):
     def _check_boundary_elements(self, parts):
         for name in sorted(parts - {"shear", "boundary_elements"}):
             raise ValueError(
-                f'Scene.contact_model: "boundary_elements" is not known together with {name}; '
+                f'Scene.contact_model: "boundary_elements" is not possible together with {name}; '
                 'leave one of them out or use "paper"'
             )
         bodies = self.lower, self.upper
         if all(body.spectrum is not None for body in bodies):
             raise ValueError(
-                'Scene.contact_model: "boundary_elements" is known for one rough surface, got two; '
-                'use "paper"'
+                'Scene.contact_model: "boundary_elements" requires one rough surface, got two; use "paper"'
             )
         for name, body in (("lower", self.lower), ("upper", self.upper)):
             if body.layer is not None:
                 raise ValueError(
-                    'Scene.contact_model: "boundary_elements" is known for half-spaces, but '
+                    'Scene.contact_model: "boundary_elements" requires half-spaces, but '
                     f'{name}.layer is a {type(body.layer).__name__}; use "paper"'
                 )
             if body.spectrum is not None and body.spectrum.harmonic_count():
                 raise ValueError(
-                    f'Scene.contact_model: "boundary_elements" is known for isotropic roughness, but '
+                    f'Scene.contact_model: "boundary_elements" requires isotropic roughness, but '
                     f'{name}.spectrum is anisotropic; use "paper"'
                 )
 
@@ -243,7 +242,9 @@ def check_without(scene: Scene, parts: Sequence[str], what: str) -> None:
     """Raise ValueError if a quantity is not defined with these parts of a scene, or only for "paper"."""
     there = optional_parts(scene)
     if scene.contact_model != "paper":
-        raise ValueError(f'scene.contact_model: {what} is not known for {scene.contact_model!r}; use "paper"')
+        raise ValueError(
+            f'scene.contact_model: {what} is not defined for {scene.contact_model!r}; use "paper"'
+        )
     for name in parts:
         if name in there:
             raise ValueError(f"scene.{name}: {what} is not defined with it; must be None")

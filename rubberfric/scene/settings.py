@@ -96,7 +96,7 @@ STEP = 1.5
 
 
 class _TracedError(Exception):
-    """A number is traced."""
+    """Internal error: a number is traced, so its value is unknown."""
 
 
 def default_quadrature(

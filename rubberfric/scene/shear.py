@@ -30,8 +30,9 @@ class ContactShear(PhysicalObject):
     ----------
     tau_f0 : largest shear stress, >= 0 [Pa]; 6.5e6 for a tread compound
     c : decay on either side of v0, >= 0 [-]; about 0.1
-    v0 : velocity of the largest stress at the reference temperature, > 0 [m/s]; 6e-3, published values reach
-    10 shift : WLF, Arrhenius, TabulatedShift or None
+    v0 : velocity of the largest stress at the reference temperature, > 0 [m/s]; about 6e-3, up to 10
+        in the literature
+    shift : WLF, Arrhenius, TabulatedShift or None
         shift of v0 with temperature, independent of the material's shift; a_T' = 1 if None or without a
         temperature. Arrhenius(energy, T_ref), energy about 0.97 eV, gives
         ln a_T' = (energy / k_B) (1/T - 1/T_ref). A vertical shift multiplies the stress by b_T'.

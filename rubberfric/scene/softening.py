@@ -54,7 +54,7 @@ class Softening(PhysicalObject):
 
 
 class Softened(NamedTuple):
-    """Softening of a scene with this roughness."""
+    """Softening together with the roughness of a scene, which determines the strain."""
 
     softening: Softening
     laws: tuple[BrokenPowerLaw, ...]  # spectra of the rough solids

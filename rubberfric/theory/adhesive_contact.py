@@ -26,7 +26,7 @@ def adhesive_contact(
     pressure: jax.Array,
     temperatures: Sequence[SurfaceTemperatures],
 ) -> Contact:
-    """Return the `Contact` at points; arguments as of `Roughness.contact`."""
+    """Return the `Contact` at points; arguments are as for `Roughness.contact`."""
     contact = roughness.contact(velocity, pressure, temperatures)
     if contact.G is None:
         return contact
@@ -46,7 +46,7 @@ def relative_attraction(
 ) -> tuple[Contact, jax.Array]:
     """Return the contact without adhesion, and the long-range attraction in it.
 
-    The attraction is over work / range, shape (points,); arguments as of `adhesive_contact`.
+    The attraction is relative to work / range, shape (points,). Arguments are as for `adhesive_contact`.
     """
     contact = roughness.contact(velocity, pressure, temperatures)
     gaps = _gaps(adhesion, roughness, contact, pressure)
@@ -60,7 +60,10 @@ def work_of_separation(
     pressure: jax.Array,
     temperatures: Sequence[SurfaceTemperatures],
 ) -> jax.Array:
-    """Return the work that separates solids with adhesion of short range [J/m^2]; as `adhesive_contact`."""
+    """Return the work that separates solids with short-range adhesion [J/m^2], at points.
+
+    Arguments are as for `adhesive_contact`.
+    """
     contact = roughness.contact(velocity, pressure, temperatures)
     return pressure * work_at_constant_area(_unloading(adhesion, contact, pressure))
 
@@ -107,7 +110,7 @@ def _unloading(adhesion, contact, pressure):
 
 
 def _in_a_row(values, pressure, shape=None):
-    """Return values at the nodes, one row per point; `shape` is that of nodes shared by all points."""
+    """Flatten values at the nodes to one row per point; `shape` is the full shape if they are broadcast."""
     panels, _, order = values.shape if shape is None else shape
     values = jnp.broadcast_to(values, (panels, pressure.shape[0], order))
     return jnp.moveaxis(values, 1, 0).reshape(pressure.shape[0], -1)

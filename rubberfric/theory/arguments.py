@@ -31,7 +31,7 @@ from rubberfric.scene.single_precision import check_single
 from rubberfric.theory.quantities import Values, iterated, iterates
 
 AT_REST: Rule = (
-    "must be 0: correlated roughness is of solids at rest, sliding it excites them at different frequencies",
+    "must be 0, because correlated roughness is possible between solids at rest only",
     lambda v: v == 0,
 )
 
@@ -44,7 +44,7 @@ def validate(
     quadrature: Quadrature | None,
     separation: bool = True,
 ) -> tuple[Scene, tuple[jax.Array, jax.Array, jax.Array | None], Quadrature]:
-    """Return what `checked_arguments` returns, and the quadrature; None: chosen for the scene."""
+    """Return the scene and conditions from `checked_arguments`, and the quadrature, chosen if None."""
     setting = ROBUST if quadrature is None else quadrature
     ready, conditions = checked_arguments(scene, velocity, pressure, temperature, setting)
     if quadrature is None:
@@ -97,7 +97,7 @@ def check_kinds(scene: object, quadrature: object) -> None:
 
 
 def check_heated(scene: Scene, quantities: Iterable[str]) -> None:
-    """Raise ValueError for quantities of heating without heating, or not defined with adhesion."""
+    """Raise ValueError for "flash_temperature" without heating, or "converged" without any iteration."""
     absent = {"flash_temperature"} if iterates(scene) else {"flash_temperature", "converged"}
     if scene.heating is None and absent & set(quantities):
         raise ValueError("quantities has 'flash_temperature' or 'converged': the scene must have heating")
@@ -112,7 +112,8 @@ def warn_of_last_iterates(
 ) -> None:
     """Warn about points where the temperatures, or with adhesion the areas, did not converge.
 
-    converged : of the broadcast shape of the conditions; None or traced: no warning
+    converged : True where the iteration converged, broadcast shape of the conditions; None or traced: no
+        warning
     """
     if converged is None or not is_concrete(converged) or np.all(converged):
         return

@@ -35,7 +35,7 @@ _MOST_EVALUATIONS = 500
 
 
 class BranchPoint(NamedTuple):
-    """Positions of rows on the branch."""
+    """Positions on branches, one in each row."""
 
     log_v: jax.Array  # (rows,)
     rises: jax.Array  # (rows, n)
@@ -45,7 +45,7 @@ class BranchPoint(NamedTuple):
 
 
 class _Trial(NamedTuple):
-    """An iterate at the next velocity."""
+    """Iterate of the solution at the next velocity."""
 
     log_v: jax.Array
     rises: jax.Array

@@ -48,7 +48,7 @@ class Contact(NamedTuple):
     def x(self) -> jax.Array:
         """Return 1 / (2 sqrt(G)) at the contact nodes, for the plain G."""
         if self.G is None:
-            raise ValueError("G is known at the largest wavevector only; prepare friction or separation")
+            raise ValueError("G was computed at the largest wavevector only; prepare friction or separation")
         return contact_argument(self.G)
 
     def area(self, panels: jax.Array | None = None) -> jax.Array:
@@ -84,7 +84,7 @@ class Contact(NamedTuple):
         return x if self.correction is None else correct_argument(self.correction, x)
 
     def under(self, load: jax.Array, converged: jax.Array, lift: jax.Array | None = None) -> "Contact":
-        """Return the contact that bears `load` times sigma_0, as adhesion makes it."""
+        """Return the contact under `load` times sigma_0, with adhesion acting like this load."""
         square = load * load
         return self._replace(
             modulus_over_pressure=self.modulus_over_pressure / load,
@@ -116,7 +116,7 @@ class Roughness(NamedTuple):
         Parameters
         ----------
         velocity, pressure : shape (points,) [m/s], [Pa]
-        temperatures : for each contribution the temperatures of its two solids [K]: None, (points,), or
+        temperatures : for each contribution, the temperatures of its two solids [K]: None, (points,), or
             (angular panels, points, angular order)
         """
         terms = [

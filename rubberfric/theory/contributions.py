@@ -123,7 +123,7 @@ def contribution(
     ----------
     surface : RoughSurface
     mesh : Mesh
-    j : which of the spectra of the mesh it is
+    j : index of the surface's spectrum in the mesh
     scale : modulus scale [Pa]
     needs : RequiredMeans
     table : see `stiffness_means`

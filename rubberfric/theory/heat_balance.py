@@ -49,7 +49,7 @@ class Coarse(NamedTuple):
 
 
 class Thermal(NamedTuple):
-    """Data of a scene that the temperatures need."""
+    """Data of a scene for the computation of its temperatures."""
 
     heating: Heating
     bodies: tuple[Heating, ...]  # of every deformable solid, with its own properties
@@ -144,7 +144,7 @@ def inner_temperatures(
     Parameters
     ----------
     thermal, mesh : Thermal, Mesh
-    rises : of every deformable solid, one after the other [K], shape (points, solids * unknowns)
+    rises : temperature rises of every deformable solid in turn [K], shape (points, solids * unknowns)
     background : [K], shape (points,)
 
     Returns

@@ -43,9 +43,9 @@ class Nodes(NamedTuple):
 
 @functools.cache
 def gauss_nodes(order: int = 12, panels: int = 6, graded: int = 14, step: float = 0.25) -> Nodes:
-    """Return nodes with which area and friction are good to 1e-14 and the separation to 1e-10.
+    """Return nodes with errors of 1e-14 for area and friction, and of 1e-10 for the separation.
 
-    For a tabulated modulus step = 0.05 and panels = 12 give 1e-9.
+    For a tabulated modulus, step = 0.05 and panels = 12 give errors of 1e-9.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def gauss_nodes(order: int = 12, panels: int = 6, graded: int = 14, step: float 
     panels : equal panels of a piece of ln q, in s = sqrt(y)
     graded : further panels towards its left end, each a quarter of the next, because P falls from 1 within
         ln(q / q0) = 1e-4 at tyre pressures and 1e-18 at light loads
-    step : of the trapezoidal rule in t, cos(phi) = 1 / cosh(t), which converges as exp(-pi^2 / step)
+    step : step of the trapezoidal rule in t, cos(phi) = 1 / cosh(t), which converges as exp(-pi^2 / step)
     """
     edges = np.arange(1, panels + 1) / panels
     edges = np.concatenate([[0.0], edges[0] * 4.0 ** np.arange(-graded, 0), edges])

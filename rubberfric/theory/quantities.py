@@ -54,7 +54,7 @@ def iterates(scene: Scene) -> bool:
 
 
 def iterated(scene: Scene) -> str:
-    """Return the name of what is iterated."""
+    """Return the name of the iterated quantity: temperatures or contact areas."""
     return "areas" if scene.heating is None else "temperatures"
 
 

@@ -57,7 +57,11 @@ _NEEDS = {
 
 
 class SurfaceTemperatures(NamedTuple):
-    """Temperatures of the solids of a rough surface [K]: None (at reference), (points,), or by wavevector."""
+    """Temperatures of a rough solid and of the solid that it strains [K].
+
+    None stands for the reference temperature. Arrays have the shape (points,), or (panels, points, order) if
+    the temperature depends on the wavevector.
+    """
 
     strained: jax.Array | None = None
     rough: jax.Array | None = None
@@ -69,9 +73,9 @@ AT_REFERENCE = SurfaceTemperatures()
 class MeansInterpolation(enum.Enum):
     """Interpolation of angular means to the contact nodes."""
 
-    NONE = "taken there: they have kinks over q"
-    LINEAR = "from the angular nodes: they are smooth in ln q"
-    LOGARITHMIC = "from the angular nodes, <|F|^2> in its logarithm: it may rise by 1e9 within an e-fold of q"
+    NONE = "evaluated at the contact nodes, because they have kinks over q"
+    LINEAR = "interpolated between the angular nodes, because they are smooth in ln q"
+    LOGARITHMIC = "as LINEAR, but in ln <|F|^2>, because <|F|^2> may rise by 1e9 within an e-fold of q"
 
 
 class RoughSurface(NamedTuple):
@@ -115,7 +119,7 @@ class RoughSurface(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class Structure:
-    """Parts of a scene and needs of its quantities, without numbers."""
+    """Parts of a scene, and the means that its quantities need; it contains no numbers."""
 
     needs: RequiredMeans  # empty for quantities that are constant in the scene
     rough: bool  # True if a surface is rough

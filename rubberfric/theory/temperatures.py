@@ -160,7 +160,7 @@ def _begin(thermal, points):
 
 
 def _before(thermal, log_v, targets):
-    """Return the begin, or a target before it."""
+    """Return `log_v` where a branch begins, or a target that lies before it on the branch."""
     return jnp.minimum(log_v, targets) if _direction(thermal) > 0 else jnp.maximum(log_v, targets)
 
 
@@ -192,7 +192,7 @@ def _places(thermal, points, targets):
 
 
 def _refined(thermal, roughness, points, guess, arrived):
-    """Return the `Rises` from rises on the coarse mesh."""
+    """Return the `Rises` on the fine mesh, given rises on the coarse mesh."""
     coarse = thermal.coarse
     restrict, along, at = _hats(thermal, coarse)
     prolong = heat_balance(thermal, coarse.roughness, coarse.prolonged, points)

@@ -31,11 +31,11 @@ erf), with the body of a loop counted once. *products* are the multiply-adds of 
 given once for a scene and for each velocity. The closed form takes one square root and one division for each
 angular node (168) and Prony term.
 
-*First call* is the time of a curve of 50 velocities in a new process, and *gradient* of its gradient with
-respect to every number of the scene: tracing, compilation and evaluation, without the import
-({imported}). Later calls with equal structure compile nothing. *Again* is the time in a second process that
-loads the functions compiled by the first, with `JAX_COMPILATION_CACHE_DIR=<folder>` and
-`JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS=0` in the environment of both.
+*First call* is the time of a curve of 50 velocities in a new process, for tracing, compilation and
+evaluation, without the import ({imported}). *Gradient* is the same for the gradient of the curve with
+respect to every number of the scene. Later calls with equal structure compile nothing. *Again* is the time
+in a second process that loads the functions compiled by the first, with `JAX_COMPILATION_CACHE_DIR=<folder>`
+and `JAX_PERSISTENT_CACHE_MIN_COMPILE_TIME_SECS=0` in the environment of both.
 
 | {columns} |
 |{rule}

@@ -46,7 +46,7 @@ scenes.
   computed by `tests/reference/precise/make_extremes.py` in 120-digit arithmetic: the theory's integrals in
   their original form, on two meshes that must agree. Derivatives are differences with a relative step of
   1e-32. Tests bound these errors by 1e-9 (values) and 1e-7 (gradients; 1e-4 and 1e-5 for Poisson's ratio of
-  two incompressible films, on which Sbar depends 1e16-fold).
+  two incompressible films, to which Sbar is 1e16 times as sensitive).
 - **float32** is compared with float64 at the same rounded numbers. The effect of rounding the numbers, up to
   1e-5 for a spectrum from 200 to 200.2 1/m, is not counted. Tests bound the error of
   values by 1e-5. If a weight E_i is 0, errors of frictions below 1e-12 are relative to 1e-12. Scenes marked

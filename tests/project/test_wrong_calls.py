@@ -109,11 +109,11 @@ CALLS = {
     ),
     "a rule without brackets": (
         lambda: fitting.fit(SCENE, DATA, {"upper.material.E": Positive}),
-        ("free['upper.material.E']", "a class, must be made with Positive(...)"),
+        ("free['upper.material.E']", "this is a class, create it with Positive(...)"),
     ),
     "a file in place of data": (
         lambda: fitting.fit_prony("master_curve.csv"),
-        ("data is a str", "must be ModulusData, such as fitting.read gives"),
+        ("data is a str", "must be ModulusData, for example from fitting.read"),
     ),
     "a start value as text": (
         lambda: fitting.fit(SCENE, DATA, {"upper.material.E": Positive("1e6")}),

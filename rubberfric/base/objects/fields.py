@@ -79,7 +79,7 @@ class Leaf:
 
 @dataclasses.dataclass(frozen=True)
 class Static:
-    """A field of the structure; changing it traces again."""
+    """A field that is part of the structure; if it changes, jitted functions are traced again."""
 
     choices: tuple = ()  # none: any number
 

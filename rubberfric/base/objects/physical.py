@@ -280,7 +280,7 @@ def _replaced(owner, where, changes):
     for name, group in by_field.items():
         whole = [path for path, steps, _ in group if not steps and path.index is None]
         if whole and len(group) > 1:
-            raise ValueError(f"{whole[0].text!r}: is given besides what lies in it; must be one of them")
+            raise ValueError(f"{whole[0].text!r}: must not be given together with a path inside it")
         deeper = []
         for path, steps, new in group:
             if not steps:

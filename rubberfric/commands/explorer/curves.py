@@ -62,7 +62,7 @@ class Explorer:
         self.axis, self.at = _axis(conditions, ADHESIVE_POINTS if adheres else POINTS)
         if self.axis == "pressure" and measured is not None:
             raise ValueError(
-                f"{measured.path}: points over velocity: [run] of the scene must have two velocities > 0"
+                f"{measured.path}: has points over velocity: [run] of the scene must have two velocities > 0"
             )
         self.sliders = sliders_of(self.scene, conditions, self.axis)
         self.quadrature = default_quadrature(

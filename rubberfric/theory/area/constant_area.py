@@ -159,7 +159,7 @@ def _ends(point, z):
 
 
 def work_at_constant_area(unloading: Unloading) -> jax.Array:
-    """Return W over the pressure of `Unloading`, on which W itself does not depend [m], (points,)."""
+    """Return W divided by the pressure of `Unloading` [m], (points,); W does not depend on this pressure."""
     return jax.vmap(_work, (_POINTS,))(unloading)
 
 

@@ -123,7 +123,10 @@ def solve_dmt_load(gaps: Gaps, order: int) -> AdhesiveLoad:
 
 
 def evaluate_attraction(gaps: Gaps, order: int) -> jax.Array:
-    """Evaluate <e^-u/r>, p_ad over its value in full contact, of contact that bears sigma_0, (points,)."""
+    """Evaluate <e^-u/r> for contact that bears sigma_0, (points,).
+
+    This is the attraction p_ad over its value in full contact, work / r.
+    """
 
     def share(gaps):
         return _share(gaps, _interpolate_beyond(gaps), jnp.zeros_like(gaps.stiffness), _counts(order))
@@ -136,14 +139,14 @@ def _counts(order):
 
 
 def _log_load(gaps, beyond, z, count):
-    """Return ln(1 + p_ad / sigma_0) of contact that bears the load sigma_0 e^z."""
+    """Return ln(1 + p_ad / sigma_0) for contact that bears the load sigma_0 e^z."""
     return jnp.log1p(gaps.strength * _share(gaps, beyond, z, count))
 
 
 def _share(gaps, beyond, z, count):
-    """Return <e^-u/r> of contact that bears the load sigma_0 e^z.
+    """Return <e^-u/r> for contact that bears the load sigma_0 e^z.
 
-    count : number of outer nodes, and of inner nodes for each of them
+    count : number of outer nodes, and of inner nodes for each outer node
     """
     stiffness, g_end = gaps.stiffness * jnp.exp(-z), gaps.knots[-1]
     ahead, weight = _outer_nodes(stiffness, g_end, count[0])

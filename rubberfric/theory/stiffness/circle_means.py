@@ -112,18 +112,17 @@ def _lagrange(share):
 def circle_means(
     values: jax.Array, weights: Weights, step: float, begin: np.ndarray, block: int
 ) -> jax.Array:
-    """Return means of functions on a grid, (functions, entries), with weights (functions, rows, ...).
+    """Return means over the circle of functions that are known on a grid.
 
-    Before the grid a function is a e^(rx) + b e^((r+2)x), with r from `begin`; it must still hold in the
-    first block.
+    Before the grid and in its first block, a function is a e^(rx) + b e^((r+2)x) with r from `begin`.
 
     Parameters
     ----------
-    values : the functions
-    weights : for each function
-    step : of the grid
+    values : values on the grid, (functions, entries)
+    weights : Weights of arrays (functions, rows, ...)
+    step : step of the grid
     begin : r of each function, (functions,)
-    block : `lead_in` of the weights
+    block : number of entries of a block, `lead_in` of the weights
 
     Returns
     -------

@@ -41,7 +41,7 @@ _kept: dict[Any, Tables | None] = {}
 
 
 class StiffnessMeans(NamedTuple):
-    """The stiffness at given wavevectors, and the means of it that are needed."""
+    """The stiffness at given wavevectors, with its means that are needed."""
 
     # None if nothing relaxes; then F is `varying`, or the factors contain all of it.
     stiffness: PronyStiffness | Tabulated | MeansTable | SoftenedInSeries | None
@@ -172,7 +172,7 @@ def _harmonic_shares(surface: RoughSurface, q: jax.Array) -> Harmonics | None:
 
 
 def known_tables(scene: Scene, quantities: tuple[str, ...], dtype: np.dtype) -> Tables | None:
-    """Return the table of each rough surface, None for one without; None if no surface has a table.
+    """Return the table (or None) of each rough surface; None if no surface has a table.
 
     A table is kept for the next call with the same numbers of the materials.
 
@@ -180,7 +180,7 @@ def known_tables(scene: Scene, quantities: tuple[str, ...], dtype: np.dtype) -> 
     ----------
     scene : Scene
     quantities : fields of `Solution`
-    dtype : of the tables
+    dtype : dtype of the tables
     """
     materials = scene.lower.material, scene.upper.material
     if scene.heating is not None or not any(one.deforms and one.needs_quadrature for one in materials):

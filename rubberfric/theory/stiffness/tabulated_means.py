@@ -165,7 +165,7 @@ class MeanKind(NamedTuple):
         return self.name in ("mean_cos_loss", "mean_sin_loss")
 
     def of(self, parts: Parts) -> jax.Array:
-        """Return the function."""
+        """Return the values of the function from the parts of F."""
         values = getattr(parts, self.part)
         return values**2 if self.squared else values
 

@@ -129,7 +129,7 @@ def test_report_and_picture():
         (FrictionData(1.0, 0.5, pressure=1e5), {}, "data is a FrictionData: must be ModulusData"),
         (data_of("zener", temperature=300.0), {}, "no shift is given"),
         (data_of("zener"), {"per_decade": 0.0}, "per_decade = 0.0: must be a number > 0"),
-        (data_of("zener", OMEGA[:5]), {}, "5 frequencies: must be 6 at least"),
+        (data_of("zener", OMEGA[:5]), {}, "5 frequencies: must have at least 6"),
         (
             ModulusData([1.0, 2.0], [2e6, 2e6], [-1.0, 1.0], [1.0, 1.0], [1.0, 1.0], check_units=False),
             {},

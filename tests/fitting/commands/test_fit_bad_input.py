@@ -177,7 +177,7 @@ def test_friction_of_a_scene_that_has_none(scene, errors):
     """ln 0 with relative errors; with absolute ones, a fit of nothing."""
     data = FrictionData([1e-3, 1.0], [0.3, 0.4], pressure=1e5, name="dry run", **errors)
     refused(
-        "data 'dry run': the scene has no friction: a rough solid must face a viscoelastic one,"
+        "data 'dry run': the scene has no friction; a rough solid must face a viscoelastic one,"
         " or the scene must have contact shear",
         scene,
         [AreaData([1.0, 2.0], [0.1, 0.1], pressure=1e5), data],
@@ -210,7 +210,7 @@ def test_logarithm_of_a_friction_that_is_not_positive(velocity):
 def test_a_smooth_prior_of_a_series_with_a_zero_in_it():
     scene = rf.Scene(ROAD, rf.Body(rf.Prony(3e6, [5e7, 0.0, 8e6], [1e-5, 1e-4, 1e-3])))
     refused(
-        f"prior['{E}']: {E} starts at 0: Smooth is of logarithms, must be > 0",
+        f"prior['{E}']: {E} starts at 0: must be > 0, because Smooth uses logarithms",
         scene,
         MODULUS,
         {E + "[0]": Positive()},
@@ -225,7 +225,7 @@ def test_more_parameters_than_data():
     data = ModulusData([1e3], [8e6], [4e6], relative=0.05)
     free = FREE | {"upper.material.E_inf": Positive()}
     text = (
-        "3 free parameters, but only 2 measured values and 0 rows of priors:"
+        "3 free parameters, but only 2 measured values and 0 rows of priors;"
         " free fewer, tie some, or add a prior"
     )
     refused(text, SCENE, data, free)

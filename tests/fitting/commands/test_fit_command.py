@@ -153,7 +153,11 @@ PRIOR = '"upper.material.E_inf" = { mean = 1e6, sigma = 1e5 }'
             "pressure = 100000.0: must not be given; modulus data have none",
         ),
         ("relative = 0.03", "name = 3", "data[0].name = 3: must be one line of text"),
-        (JOB[JOB.index("[free]") :], "[free]", "free: is empty; must name the key paths that are free"),
+        (
+            JOB[JOB.index("[free]") :],
+            "[free]",
+            "free: is empty; must contain the key paths of free parameters",
+        ),
         (
             E_LINE,
             'upper.material.E = "positive"',
@@ -214,7 +218,7 @@ PRIOR = '"upper.material.E_inf" = { mean = 1e6, sigma = 1e5 }'
         (
             "[5e7, 2e7]",
             "-1",
-            "free['upper.material.E']: starts at -1: a Positive one must start > 0; give start=",
+            "free['upper.material.E']: starts at -1: must start > 0, because it is Positive; give start=",
         ),
         (
             "low = 1e5",
@@ -231,12 +235,12 @@ PRIOR = '"upper.material.E_inf" = { mean = 1e6, sigma = 1e5 }'
         (
             INF_LINE,
             '"upper.material.E_inf" = { rule = "tied", to = "gamma" }',
-            "tied to 'gamma': must be a key of fr",
+            "tied to 'gamma': must be another key of free",
         ),
         (
             PRIOR,
             '"gamma" = { mean = 1, sigma = 1 }',
-            "prior['gamma']: must be a free parameter: upper.material.E,",
+            "prior['gamma']: the key must be one of the free parameters upper.material.E,",
         ),
         (
             "sigma = 1e5",

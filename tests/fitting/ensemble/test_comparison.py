@@ -77,7 +77,7 @@ def test_the_least_wrong_is_called_so(fits):
     assert any(line.startswith("NONE OF THEM EXPLAINS THE DATA") for line in table.words)
     failed = dataclasses.replace(bare, status=3)
     table = fitting.compare({"one": fits["one"], "two": failed})
-    assert any("the fit of 'two' did not succeed" in line for line in table.words)
+    assert any("the fit of 'two' did not converge" in line for line in table.words)
 
 
 def test_a_value_that_decides_alone_is_named():
@@ -95,13 +95,19 @@ def test_what_is_no_comparison(fits):
     one = fits["one"]
     two_sets = dataclasses.replace(one, data=one.data * 2)
     for results, text in (
-        ([one], "results: has 1 fits: must have two at least"),
-        (one, "results is a FitResult: must be FitResults in a list or a dict"),
+        ([one], "results: has 1 fits: must have at least two"),
+        (one, "results is a FitResult: must be a list or a dict of FitResults"),
         ([one, 3], "results[1]: is a int: must be a FitResult"),
         ({"a": one, "b": other}, "'b' and 'a': data[0], "),
-        ({"a": one, "b": two_sets}, "'b' and 'a' are fits of 2 and 1 data sets: must be of the same data"),
-        ({"a": one, "b": robust}, "losses are ('huber', 1.345) and ('linear', 1.0): must be the same"),
-        ({"a": one, "b": scaled}, "errors of one are scaled by the scatter: must be of both, or of none"),
+        (
+            {"a": one, "b": two_sets},
+            "'b' and 'a' are fits of 2 and 1 data sets; both must be of the same data",
+        ),
+        ({"a": one, "b": robust}, "losses are ('huber', 1.345) and ('linear', 1.0); they must be the same"),
+        (
+            {"a": one, "b": scaled},
+            "errors of only one are scaled by the scatter; both or none must be scaled",
+        ),
     ):
         with pytest.raises(ValueError, match="must") as caught:
             fitting.compare(results)

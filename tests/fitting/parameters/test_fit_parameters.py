@@ -267,8 +267,8 @@ def test_start_gives_the_start_instead_of_the_scene():
 @pytest.mark.parametrize(
     ("rule", "text"),
     [
-        (Positive(0.0), "starts at 0: a Positive one must start > 0; give start="),
-        (Positive(-1.0), "starts at -1: a Positive one must start > 0"),
+        (Positive(0.0), "starts at 0: must start > 0, because it is Positive; give start="),
+        (Positive(-1.0), "starts at -1: must start > 0, because it is Positive"),
         (Positive([1.0, 2.0, -3.0, 4.0]), "starts at -3"),
         (Positive([1.0, 2.0]), "start = [1.0, 2.0]: must be one number or 4 of them"),
         (Positive("soft"), "start = 'soft': must be one number or 4 of them"),
@@ -371,13 +371,19 @@ def test_what_is_tied_moves_with_its_source_in_gradients():
 @pytest.mark.parametrize(
     ("free", "text"),
     [
-        ({E: Tied("gamma")}, "tied to 'gamma': must be a key of free that is not tied itself"),
-        ({E: Tied(E + "[0]"), "gamma": Positive()}, "must be a key of free that is not tied itself"),
-        ({E: Tied(E), "gamma": Positive()}, "must be a key of free that is not tied itself"),
-        ({E: Tied(3), "gamma": Positive()}, "tied to 3: must be a key of free"),
-        ({E: Positive(), "gamma": Tied(E + "[:]")}, "must be a key of free"),
-        ({E: Positive(), "gamma": Tied(E)}, f"has 1 elements, '{E}' has 4: must have as many, or one"),
-        ({E + "[:3]": Tied(E + "[3:]"), E + "[3:]": Free(start=0.0)}, "starts at 0: give the ratio"),
+        ({E: Tied("gamma")}, "tied to 'gamma': must be another key of free, one that is not tied itself"),
+        (
+            {E: Tied(E + "[0]"), "gamma": Positive()},
+            "must be another key of free, one that is not tied itself",
+        ),
+        ({E: Tied(E), "gamma": Positive()}, "must be another key of free, one that is not tied itself"),
+        ({E: Tied(3), "gamma": Positive()}, "tied to 3: must be another key of free"),
+        ({E: Positive(), "gamma": Tied(E + "[:]")}, "must be another key of free"),
+        ({E: Positive(), "gamma": Tied(E)}, f"has 1 elements, but '{E}' has 4; it must have as many, or one"),
+        (
+            {E + "[:3]": Tied(E + "[3:]"), E + "[3:]": Free(start=0.0)},
+            "starts at 0, so the ratio must be given",
+        ),
     ],
 )
 def test_wrong_ties(free, text):

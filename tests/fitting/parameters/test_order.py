@@ -169,8 +169,8 @@ def test_a_start_at_an_edge_moves(edge):
 
 
 def test_a_start_out_of_order_is_refused():
-    with pytest.raises(ValueError, match=rf"{Q1} starts at 500, {QR} at 1000: .* must be >="):
+    with pytest.raises(ValueError, match=rf"{Q1} starts at 500, below {QR} at 1000: .* must be >="):
         free_parameters(SCENE, {Q1: Positive(500.0)})
-    with pytest.raises(ValueError, match=rf"{Q1} starts at 500, {QR} at 1000"):
+    with pytest.raises(ValueError, match=rf"{Q1} starts at 500, below {QR} at 1000"):
         free_parameters(SCENE, {QR: Positive(), Q1: Tied(QR, 0.5)})
     assert free_parameters(SCENE, {Q1: Positive(1e3)})[0].order

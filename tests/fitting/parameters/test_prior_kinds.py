@@ -90,7 +90,7 @@ def test_every_vector_says_what_it_stands_over():
 
 def test_smooth_of_numbers_that_have_no_logarithm():
     free = {"softening.loss": Free(start=[1.0, 0.5, -0.1, 0.2])}
-    with pytest.raises(ValueError, match=r"starts at -0\.1: Smooth is of logarithms, must be > 0"):
+    with pytest.raises(ValueError, match=r"starts at -0\.1: must be > 0, because Smooth uses logarithms"):
         rows(SCENE, free, {"softening.loss": Smooth()})
 
 
@@ -187,14 +187,14 @@ def test_numbers_that_are_held_shift_the_others():
 def test_wrong_keys():
     with pytest.raises(ValueError, match="must name a free parameter, or several separated by commas"):
         rows(PRONY, {"gamma": Positive()}, {KEY: KNOWN})
-    with pytest.raises(ValueError, match=r"names 4 numbers, is of 3: must be as many"):
+    with pytest.raises(ValueError, match=r"names 4 numbers, but the prior has 3"):
         rows(PRONY, {E: Positive()}, {f"{KEY}, gamma": KNOWN})
 
 
 @pytest.mark.parametrize(
     ("make", "text"),
     [
-        (lambda: Sum(), "must be numbers > 0, one of them at least"),
+        (lambda: Sum(), "must be numbers > 0, at least one of them given"),
         (lambda: Sum(high=-1.0), "must be numbers > 0"),
         (lambda: Sum(2.0, 1.0), "must be low < high"),
         (lambda: Sum(high=1.0, sigma=0.0), "sigma = 0.0: must be a finite number > 0"),

@@ -167,7 +167,9 @@ def test_diagnostics_see_chains_that_disagree(samples):
 def test_what_data_leave_open_is_refused(linear):
     result = fitting.fit(SCENE, linear.data, {E: Free(), "gamma": Positive()}, quadrature=FAST)
     assert result.unidentified
-    with pytest.raises(ValueError, match=r"^sample: direction 1 is left open, .*: must be closed by a prior"):
+    with pytest.raises(
+        ValueError, match=r"^sample: direction 1 is not determined, .*; it must have a Gaussian"
+    ):
         result.sample(10)
     for options, text in (
         ({"n": 0}, "n = 0: must be an integer, 1 to 1000000"),

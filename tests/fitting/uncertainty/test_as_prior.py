@@ -109,7 +109,7 @@ def test_widening_and_bodies(first):
     with pytest.raises(ValueError, match=r"^body = 'rubber': must be 'lower', 'upper' or None$"):
         first.as_prior("rubber")
     failed = dataclasses.replace(first, status=3)
-    with pytest.raises(ValueError, match="as_prior: the fit did not succeed, stalled"):
+    with pytest.raises(ValueError, match="as_prior: the fit did not converge \\(stalled"):
         failed.as_prior()
 
 
@@ -145,15 +145,15 @@ def test_whose_numbers_they_are_there(paths, body, expected):
 
 def test_a_prior_of_another_material_is_refused(first):
     other = SCENE.replace(upper=rf.Body(rf.Prony(3e6, [5e7, 8e6, 2e6], [1e-5, 2e-3, 1e-1])))
-    with pytest.raises(
-        ValueError, match=r"stood at upper\.material\.tau = 0\.001, here at 0\.002: must be the same"
-    ):
+    with pytest.raises(ValueError, match=r"was at upper\.material\.tau = 0\.001, but is at 0\.002"):
         fitting.fit(other, TWO, FREE, prior=first.as_prior())
     shorter = SCENE.replace(upper=rf.Body(rf.Prony(3e6, [5e7, 8e6], [1e-5, 1e-3])))
-    with pytest.raises(ValueError, match=r"names 3 numbers, is of 4: must be as many"):
+    with pytest.raises(ValueError, match=r"names 3 numbers, but the prior has 4"):
         fitting.fit(shorter, TWO, FREE, prior=first.as_prior())
     held = first.scene.replace(upper=rf.Body(rf.Prony(6e6, first.scene.upper.material.E, TAU)))
-    with pytest.raises(ValueError, match=r"upper\.material\.E_inf is held at 6e\+06, but known to be "):
+    with pytest.raises(
+        ValueError, match=r"upper\.material\.E_inf is fixed at 6e\+06, but its prior mean is "
+    ):
         fitting.fit(held, TWO, {E: Positive()}, prior=first.as_prior())
 
 

@@ -239,8 +239,8 @@ def test_refusals():
         (bare, "have no errors: must have", {}),
         (modulus, "there are no friction data", {}),
         (still, "have a velocity 0", {}),
-        (data, "not with loss = 'huber'", {"loss": "huber"}),
-        (data, "not with scale_errors = True", {"scale_errors": True}),
+        (data, "not possible with loss = 'huber'", {"loss": "huber"}),
+        (data, "not possible with scale_errors = True", {"scale_errors": True}),
         (data, "discrepancy is a float: must be", {"discrepancy": 0.2}),
     ):
         with pytest.raises(ValueError, match=words):

@@ -139,7 +139,7 @@ WRONG = {
     "which no scene has: did you mean 'R40'": (OFF, lambda d: d | {"R4": d["R40"]}, {"*.gamma": Positive()}),
     "'gamma': must begin with the name of a scene, R20, R40": (OFF, dict, {"gamma": Positive()}),
     "did you mean 'R20.gamma'": (OFF, dict, {"*.gama": Positive()}),
-    "at 0.1 in R20, at 0.2 in R40: one number must start at one value; give start=": (
+    "at 0.1 in R20, at 0.2 in R40; a shared parameter needs one start value: give start=": (
         OFF | {"R20": R20},
         dict,
         {"*.shear.c": Positive()},
@@ -150,7 +150,7 @@ WRONG = {
         dict,
         {"*.shear.c": Positive()},
     ),
-    "has 2 elements, R40.upper.material.E has 1: what scenes share must be alike": (
+    "has 2 elements, R40.upper.material.E has 1; shared parameters must have equal elements": (
         OFF | {"R40": replace(R40, upper=rf.Body(rf.Prony(2e6, [5e7], [1e-5])))},
         dict,
         {"*.upper.material.E": Positive(1e7)},

@@ -148,7 +148,7 @@ def test_every_mistake_is_answered_in_one_line():
 def test_a_scene_is_no_job_and_a_job_no_scene(call_main):
     status, printed, complaint = call_main(fit_main, DATA / "tread_on_asphalt.toml")
     assert (status, printed, complaint.count("\n")) == (2, "", 1)
-    assert "is a scene, for `rubberfric run`" in complaint
+    assert "is a scene file, for `rubberfric run`" in complaint
     status, printed, complaint = call_main(scene_main, "run", DATA / "tread_on_asphalt_fit.toml")
     assert (status, printed, complaint.count("\n")) == (2, "", 1)
     assert "not a job of `rubberfric-fit`" in complaint

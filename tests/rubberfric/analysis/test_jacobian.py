@@ -210,7 +210,8 @@ def test_float32_stays():
     assert np.all(np.isfinite(jacobian))
 
 
-@pytest.mark.parametrize("lanes", [3, pytest.param(4, marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("lanes", [3, 4])
 def test_vmap_is_a_loop(lanes):
     """A sum of products would read uninitialised memory in jax 0.12.0."""
     scene_of, x, conditions = arguments(SCENES["smooth rubber"], 24)

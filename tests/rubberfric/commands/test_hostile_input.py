@@ -142,7 +142,7 @@ def test_what_is_no_scene(call_main, tmp_path, monkeypatch, content, place):
         (
             fit_main,
             ("job.toml", "--bootstrap", "3", "--out", "folder.h5/../c.h5", "--checkpoint", "link.h5"),
-            "is the file of --out; must be another",
+            "is the file of --out; must be another file",
         ),
         (fit_main, ("job.toml", "--bootstrap", "3", "--checkpoint", "old.h5"), "the file exists"),
         (

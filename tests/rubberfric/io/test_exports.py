@@ -53,7 +53,7 @@ def test_master_curve_with_all_its_columns(tmp_path):
     holds(read(path), [0.6283185, 6.283185], [8097.2e6, 8200.5e6], [93.07e6, 95.1e6])
     assert set(rf.io.read_columns(path)) == {"omega", "E_stor", "E_loss"}
     path = put(tmp_path, MASTER.replace("6.283185,1,", "6.283185,2,"))
-    assert "columns 'omega' and 'f': both are omega; must be one" in refused(path, lambda: read(path))
+    assert "columns 'omega' and 'f': both hold omega; must be one column" in refused(path, lambda: read(path))
 
 
 def test_shear_moduli_need_a_poisson_ratio(tmp_path):
@@ -244,7 +244,11 @@ GOOD = "f [Hz];E' [MPa];E'' [MPa]\n1;5;1\n2;6;2\n"
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("E'' [MPa]", "E' [MPa]", 'columns "E\' [MPa]" and "E\' [MPa]": both are E_stor; must be one'),
+        (
+            "E'' [MPa]",
+            "E' [MPa]",
+            'columns "E\' [MPa]" and "E\' [MPa]": both hold E_stor; must be one column',
+        ),
         ("E'' [MPa]", "foo [MPa]", "line 1: no column E_loss: the table must have one"),
         ("' [MPa]", "' [mPa]", "unit 'mPa': must be one of Pa, kPa, MPa, GPa"),
         (" [Hz]", "", "column f: unit '-': must be one of Hz"),
@@ -254,7 +258,11 @@ GOOD = "f [Hz];E' [MPa];E'' [MPa]\n1;5;1\n2;6;2\n"
         ("2;6;2", "2;6;2;7", "line 3: has 4 fields: must have 3"),
         ("2;6;2", "2;6,5;2.5", "line 3: '2.5': has a decimal point, others a comma: must be one"),
         ("2;6;2", "2;-6;2", "line 3: E' [MPa] = '-6': must be > 0"),
-        ("2;6;2", "E' [MPa];f [Hz]\n5;1", "line 3: has other columns than line 1: must be one table a file"),
+        (
+            "2;6;2",
+            "E' [MPa];f [Hz]\n5;1",
+            "line 3: has other columns than line 1: a file must have one table",
+        ),
     ],
 )
 def test_faulty_exports(tmp_path, old, new, message):

@@ -382,7 +382,7 @@ SQUARE = np.ones((3, 5))
         (plot.plot_map, (RESULT, "area", [Figure().subplots()]), r"ax has 1 axes: must have 2 \(0.1 MPa"),
         (plot.plot_result, (V,), "velocity is missing: must be given as to solve and friction"),
         (plot.plot_map, (V,), "velocity is missing: must be given as to solve and friction"),
-        (plot.plot_result, ("V",), "result must be of friction_map, solve or friction, got str"),
+        (plot.plot_result, ("V",), "result must come from friction_map, solve or friction, got str"),
         (plot.auto, (object(),), "found must be a scene, a result of solve, friction_map or a fit"),
         (plot.plot_profile, (RESULT,), "profile must be of class Profile, got Result"),
         (plot.plot_accuracy, (RESULT,), "accuracy must be of class Accuracy, got Result"),

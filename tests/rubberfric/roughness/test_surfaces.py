@@ -74,7 +74,10 @@ HOLES = np.ma.masked_array(MAP, mask=MAP > 1)
             lambda: rf.roughness.spectrum_of_surface(surface(LINE, (1.0,), is_uniform=False)),
             "has unevenly spaced points",
         ),
-        (lambda: rf.roughness.spectrum_of_surface(surface(MAP, (1.0,))), "must have as many entries, 1 or 2"),
+        (
+            lambda: rf.roughness.spectrum_of_surface(surface(MAP, (1.0,))),
+            "must have equal numbers of entries, 1 or 2",
+        ),
         (
             lambda: rf.roughness.spectrum_of_surface(surface(MAP, (1.0, 1.0)), window="kaiser"),
             "must be one of hann",

@@ -50,7 +50,7 @@ def test_derivatives_by_the_coherence_are_those_of_the_values():
 
 
 def test_what_correlation_does_not_allow_is_refused():
-    with pytest.raises(ValueError, match=r"^velocity\[1\] = 1.0: must be 0: correlated roughness"):
+    with pytest.raises(ValueError, match=r"^velocity\[1\] = 1.0: must be 0, because correlated roughness"):
         rf.contact_area(_scene(0.5), [0.0, 1.0], 1e5)
     assert np.isnan(jax.jit(lambda v: rf.contact_area(_scene(0.5), v, 1e5))(1.0))
     with pytest.raises(ValueError, match=r"^Scene.correlation: upper.spectrum is None; both"):

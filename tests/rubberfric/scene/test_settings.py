@@ -281,7 +281,8 @@ def area_and_friction(scenes, velocity, pressure, setting, exact):
     return np.max(np.abs(found - exact) / np.where(exact == 0, 1.0, np.abs(exact)))
 
 
-@pytest.mark.parametrize("kind", ["road", pytest.param("pair", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["road", "pair"])
 def test_area_and_friction_alone_have_fewer_panels(kind):
     """Each setting of theirs on random scenes within its limits, full contact among them."""
     scenes, velocity, pressure = sane.draw(kind, 480, seed=40)

@@ -224,7 +224,7 @@ def test_refusals():
         )
     with pytest.raises(ValueError, match="isotropic roughness"):
         _scene(road=rf.Anisotropic(ROAD, 2.0, 0.0))
-    with pytest.raises(ValueError, match="not known together with area_correction"):
+    with pytest.raises(ValueError, match="not possible together with area_correction"):
         _scene(area_correction=True)
     with pytest.raises(ValueError, match="contact_model"):
         rf.analysis.profile(_scene(), 0.1, 1e5)

@@ -112,6 +112,7 @@ def test_forward_and_reverse_mode_are_alike():
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-12 * np.abs(one).max())
 
 
+@pytest.mark.slow
 def test_at_rest_a_loss_is_nothing_however_large():
     """E'' is 3e13 of E' where the table begins: 1e-9 of that is not nothing beside E'."""
     table = np.log(
