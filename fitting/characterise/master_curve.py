@@ -234,8 +234,8 @@ class MasterCurve:
         if self.shifts.scaled:
             low, high = np.exp(self.shifts.hidden[[0, -1]])
             lines.append(
-                f"    moduli rise with temperature by factors from {low:.3f} to {high:.3f}, which the shifts allow"
-                ' for but `data` show; vertical="entropic" removes them from `data`'
+                f"    moduli change with temperature by factors of {low:.3f} to {high:.3f}. The shifts allow"
+                ' for it, `data` show it; vertical="entropic" removes it from `data`'
             )
         expected = np.hypot(self.offset_errors, np.array(self.shifts.offset)[:, None])
         off = np.flatnonzero((np.abs(self.offsets) > 2.5 * expected).any(axis=0))
@@ -243,8 +243,8 @@ class MasterCurve:
             storage, loss = np.expm1(self.offsets[:, i])
             tan = np.expm1(self.offsets[1, i] - self.offsets[0, i])
             lines.append(
-                f"    the sweep at {self.T[i]:.6g} K does not superpose: E' {storage:+.1%}, E'' {loss:+.1%} off"
-                f" the curve; tan(delta), to which mu is roughly proportional, {tan:+.1%}"
+                f"    the sweep at {self.T[i]:.6g} K does not superpose: E' {storage:+.1%}, E'' {loss:+.1%}"
+                f" off the curve; tan(delta), and with it roughly mu, {tan:+.1%}"
             )
         if self.bad_points:
             shown_points = [
@@ -255,7 +255,7 @@ class MasterCurve:
         return lines
 
     def plot(self, ax: style.Panels | None = None) -> style.Panels:
-        """Shifted E' and E'', a colour for every temperature, and ln a_T with 95 % bars and the laws.
+        """Draw shifted E' and E'' coloured by temperature, and ln a_T with 95 % error bars and laws.
 
         Needs matplotlib: pip install 'rubberfric[plot]'.
 
@@ -292,11 +292,12 @@ def fit_master_curve(
     Parameters
     ----------
     isotherms : ModulusData with a temperature for every row, or a list of them
-        in any order and several files; a sweep may be spread over them. E' or E'' <= 0 is ignored and named
-        in the report (such data need check_units=False).
+        in any order and several files; a sweep may be spread over them. E' or E'' <= 0, which data with
+        absolute errors may have, is ignored and named in the report.
     reference : temperature of the master curve [K]; the nearest sweep is used
         None: the sweep nearest to 20 °C.
-    vertical : True: b_T of every sweep is fitted; "entropic": b_T = T/T_ref; False: b_T = 1
+    vertical : True: b_T of every sweep is fitted; False: b_T = 1
+        "entropic": b_T = T rho / (T_ref rho_ref), `rubberfric.Entropic` with an expansion of 6e-4 1/K.
         Compare `kramers_kronig(curve.data).rms` of each: the right vertical shift contradicts least.
     same : rows belong to one sweep whose temperatures lie closer together than this [K]
         a drift within a sweep is corrected with the shifts of the others.
@@ -310,8 +311,8 @@ def fit_master_curve(
     Raises
     ------
     ValueError
-        one line: a reference far from all sweeps; fewer than two temperatures or three points > 0 in a sweep;
-        no temperature.
+        one line: a reference far from all sweeps; fewer than two temperatures; a sweep with fewer than two
+        points > 0; no temperature.
 
     Notes
     -----
@@ -344,7 +345,7 @@ def fit_master_curve(
     which = np.repeat(np.arange(T.size), [one.t.size for one in sweeps])
     y = np.concatenate([one.y for one in sweeps], axis=1) - shifts.log_b[which]
     order = np.argsort(shifts.t, kind="stable")
-    order = order[np.isfinite(y).all(axis=0)[order]]
+    order = order[np.all(np.isfinite(y), axis=0)[order]]
     errors = {}
     if sweeps[0].error is not None:
         relative = np.concatenate([one.error for one in sweeps if one.error is not None], axis=1)

@@ -47,7 +47,7 @@ class ShiftLaw(NamedTuple):
 
 
 def wlf_through(T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref: float) -> ShiftLaw | None:
-    r"""log10 a_T = -C1 (T - T_ref) / (C2 + T - T_ref) through ln a_T with their covariance.
+    r"""Return log10 a_T = -C1 (T - T_ref) / (C2 + T - T_ref) through ln a_T with their covariance.
 
     T, log_a and covariance exclude T_ref, shape (n,). None for n < 2, which leaves a parameter undetermined,
     and if the shifts do not fall with temperature.
@@ -94,7 +94,7 @@ def wlf_through(T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref:
 def arrhenius_through(
     T: np.ndarray, log_a: np.ndarray, covariance: np.ndarray, T_ref: float
 ) -> ShiftLaw | None:
-    """ln a_T = (energy / k_B) (1/T - 1/T_ref) in the same way; None where the energy would not be > 0."""
+    """Return the Arrhenius law through ln a_T with their covariance; None if its energy is not > 0."""
     whiten = _whitener(covariance)
     of_one_eV = np.asarray(rf.Arrhenius(1.0, T_ref).log_factor(T), float)
     column, aim = whiten @ of_one_eV, whiten @ log_a
@@ -110,7 +110,7 @@ def arrhenius_through(
 
 
 def _whitener(covariance):
-    """W with W C W^T = 1."""
+    """Return W with W C W^T = 1."""
     values, vectors = np.linalg.eigh(covariance)
     values = np.maximum(values, 1e-14 * values.max())
     return (vectors / np.sqrt(values)).T

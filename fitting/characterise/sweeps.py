@@ -1,6 +1,7 @@
 r"""Split data into isothermal sweeps, and guess the shifts that superpose them.
 
-The guess models ln E of two neighbours as one smooth random function of ln omega, an integrated Wiener process.
+The guess models ln E of two neighbours as one smooth random function of ln omega, an integrated Wiener
+process.
 """
 
 import itertools

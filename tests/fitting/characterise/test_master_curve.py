@@ -1,7 +1,6 @@
 """Master curves of synthetic isotherms: known shifts and laws within their bars, raw data as they come."""
 
 import dataclasses
-import re
 
 import numpy as np
 import pytest
@@ -75,23 +74,27 @@ def test_shifts_and_law_within_their_bars(found):
     assert found.arrhenius is not None and found.arrhenius.aic > found.wlf.aic + 100
 
 
-@pytest.mark.slow
-def test_bars_are_neither_too_wide_nor_too_narrow():
-    both = [pulls(fit_master_curve(isotherms(seed=seed))) for seed in range(8)]
-    for k in (0, 1):
-        assert 0.6 < np.sqrt(np.mean(np.concatenate([one[k] for one in both]) ** 2)) < 1.5
+def with_errors_of_sweeps(curve, seed):
+    """Every sweep has its own error of temperature, and its own offsets of E' and E''."""
+    rng = np.random.default_rng(seed)
+    wrong, offset = 0.5 * rng.standard_normal(T.size), 0.01 * rng.standard_normal((2, T.size))
+    data = isotherms(curve, noise=0.0)
+    sweep = np.searchsorted(T, data.temperature)
+    modulus = CURVES[curve](data.omega * np.exp(np.asarray(LAW.log_factor(data.temperature + wrong[sweep]))))
+    noise = 0.02 * rng.standard_normal((2, data.omega.size))
+    storage, loss = np.exp(noise + offset[:, sweep]) * [modulus.real, modulus.imag]
+    return ModulusData(data.omega, storage, loss, temperature=data.temperature)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("curve", "least"), [("zener", (0.92, 0.90)), ("prony", (0.86, 0.80))])
-def test_coverage_over_40_seeds(curve, least):
-    """A continuous spectrum; with ripples of single terms in E'' error bars are a quarter too small."""
-    both = [pulls(fit_master_curve(isotherms(curve, seed=seed))) for seed in range(40)]
+@pytest.mark.parametrize("curve", CURVES)
+def test_coverage_over_40_seeds(curve):
+    """With the errors between sweeps that the default error bars are for."""
+    both = [pulls(fit_master_curve(with_errors_of_sweeps(curve, seed))) for seed in range(40)]
     shifts, parameters = (np.concatenate([one[k] for one in both]) for k in (0, 1))
     within = [np.mean(np.abs(x) < 1.96) for x in (shifts, parameters)]
-    print(f"{curve}: shifts {within[0]:.1%}, C1 and C2 {within[1]:.1%} within 95 % bars")
-    # 80 numbers, in pairs: the second share is known to some 3.5 %.
-    assert least[0] <= within[0] <= 0.98 and least[1] <= within[1] <= 0.99
+    print(f"{curve}: shifts {within[0]:.1%}, C1 and C2 {within[1]:.1%} within 95 % error bars")
+    assert 0.90 <= within[0] <= 0.985 and 0.90 <= within[1] <= 1.0
 
 
 def test_arrhenius_is_told_from_wlf():
@@ -147,10 +150,20 @@ def test_reference_temperature():
 def test_given_errors_make_the_bars(found):
     given = fit_master_curve(isotherms(relative=0.03))
     np.testing.assert_allclose(given.stderr, found.stderr, rtol=0.25)
-    wide = fit_master_curve(isotherms(relative=0.3))
-    np.testing.assert_allclose(wide.stderr, 10 * given.stderr, rtol=0.3)
-    assert given.redchi == pytest.approx(1.0, abs=0.3) and wide.redchi < 0.05
+    assert given.redchi == pytest.approx(1.0, abs=0.3)
     np.testing.assert_allclose(given.data.sigma_storage, 0.03 * given.data.storage)
+    narrow, wide = (fit_master_curve(isotherms(relative=one), temperature_error=0.0) for one in (0.03, 0.3))
+    moved = np.arange(T.size) != wide.reference
+    assert np.all(wide.stderr[moved] > 3 * narrow.stderr[moved]) and wide.redchi < 0.05
+
+
+def test_errors_of_the_temperatures_add_to_the_bars():
+    """By the slope of ln a_T, and that of the reference."""
+    exact, wrong = (fit_master_curve(isotherms(), temperature_error=one) for one in (0.0, 2.0))
+    slope = np.gradient(exact.log_aT, T)
+    added = 2.0 * np.hypot(slope, slope[exact.reference])
+    moved = np.arange(T.size) != exact.reference
+    np.testing.assert_allclose(wrong.stderr[moved], np.hypot(exact.stderr, added)[moved], rtol=1e-6)
 
 
 def test_curve_goes_on_to_a_series(found):
@@ -181,41 +194,79 @@ APART = isotherms(temperatures=np.array([253.15, 263.15, 318.15, 328.15]), noise
 
 
 def one_sweep_off(**options):
-    """Glassy sweeps that scatter little, one of them 6 % too stiff."""
-    data = isotherms(temperatures=T[:4], noise=0.0005)
-    factor = np.where(data.temperature == T[2], 1.06, 1.0)
-    columns = {name: factor * getattr(data, name) for name in ("storage", "loss")}
-    return ModulusData(data.omega, **columns, temperature=data.temperature, **options)
+    """Glassy sweeps that scatter little, one of them 15 % too stiff."""
+    data = isotherms(noise=0.002)
+    factor = np.where(data.temperature == T[3], 1.15, 1.0)
+    return ModulusData(data.omega, factor * data.storage, data.loss, temperature=data.temperature, **options)
 
 
-def test_sweeps_that_do_not_meet_say_by_how_much():
-    """The E' ranges overlap, and the message does not state the contrary."""
-    with pytest.raises(
-        ValueError, match=r"^the sweeps at 253.15 and 263.15 K do not meet: at the best"
-    ) as caught:
-        fit_master_curve(one_sweep_off())
-    said = str(caught.value)
-    distance = float(re.search(r"is ([0-9.e+]+) in units of the scatter", said)[1])
-    assert distance > 12 and "must be < 12; give errors (relative=...)" in said and "overlap" not in said
+def test_a_sweep_that_does_not_superpose_is_named():
+    curve = fit_master_curve(one_sweep_off())
+    named = [line for line in curve.report().splitlines() if "does not superpose" in line]
+    assert len(named) == 1 and f"the sweep at {T[3]:g} K" in named[0] and "E' +1" in named[0]
+    others = np.arange(T.size) != 3
+    pull = (curve.log_aT - np.asarray(LAW.log_factor(T)))[others] / np.maximum(curve.stderr[others], 1e-9)
+    assert np.abs(pull).max() < 4
+    assert "does not superpose" not in fit_master_curve(isotherms(noise=0.002)).report()
 
 
-def test_given_errors_count_in_the_distance():
-    found = fit_master_curve(one_sweep_off(relative=0.05))
-    assert np.abs(found.log_aT - np.asarray(LAW.log_factor(T[:4]) - LAW.log_factor(T[3]))).max() < 5
-    with pytest.raises(ValueError, match=r"in units of the larger of scatter and given errors"):
-        fit_master_curve(one_sweep_off(relative=1e-3))
+def test_neighbours_that_share_nothing_are_joined_with_large_errors():
+    curve = fit_master_curve(APART)
+    error = curve.log_aT - (LAW.log_factor(curve.T) - LAW.log_factor(curve.T_ref))
+    moved = np.arange(4) != curve.reference
+    assert np.abs(error / np.maximum(curve.stderr, 1e-9))[moved].max() < 4
+    # Two and two of the four overlap.
+    near, far = sorted(np.sqrt(np.diag(np.diff(np.diff(curve.covariance, axis=0), axis=1))))[::2]
+    assert far > 3 * near
+
+
+def test_bad_points_are_named_and_lose_weight(found):
+    data = isotherms()
+    storage = np.array(data.storage)
+    storage[40] *= 3
+    curve = fit_master_curve(ModulusData(data.omega, storage, data.loss, temperature=data.temperature))
+    kind, temperature, omega = curve.bad_points[0]
+    assert (kind, temperature) == ("E'", data.temperature[40]) and omega == pytest.approx(data.omega[40])
+    assert len(curve.bad_points) == 1 and "points with little or no weight: E' at" in curve.report()
+    np.testing.assert_allclose(curve.log_aT, found.log_aT, atol=0.1)
+
+
+def test_moduli_of_a_sweep_that_was_left_out():
+    data = isotherms(noise=0.02, seed=3)
+    out = data.temperature == T[4]
+    curve = fit_master_curve(part(data, ~out))
+    y, error = curve.moduli(data.omega[out], T[4])
+    z = (np.log([data.storage[out], data.loss[out]]) - y) / error
+    assert np.mean(np.abs(z) < 1.96) > 0.85 and 0.02 < error.max() < 0.5
+    with pytest.raises(ValueError, match=r"temperature = 400 K: must be 243.15 ... 333.15 K"):
+        curve.moduli(data.omega[out], 400.0)
+
+
+def test_moduli_that_rise_with_temperature_are_noticed():
+    """As in rubber elasticity; entropic shifts take the rise away."""
+    data = isotherms(noise=0.005)
+    factor = data.temperature / 293.15
+    rising = ModulusData(data.omega, factor * data.storage, factor * data.loss, temperature=data.temperature)
+    plain, entropic = fit_master_curve(rising), fit_master_curve(rising, vertical="entropic")
+    assert (
+        plain.shifts.scaled and not plain.log_bT.any() and "moduli change with temperature" in plain.report()
+    )
+    np.testing.assert_allclose(entropic.log_bT, rf.Entropic(6e-4).log_factor(T, 293.15))
+    for curve in (plain, entropic):
+        assert np.abs(pulls(curve)[0]).max() < 3.5
+    assert entropic.data.storage[0] != plain.data.storage[0]
 
 
 @pytest.mark.parametrize(
     ("data", "options", "said"),
     [
-        (APART, {}, "the sweeps at 263.15 and 318.15 K do not overlap: E' of one is"),
         (isotherms(temperatures=T[:1]), {}, "all are at 243.15 K within 1 K"),
-        (isotherms(points=2), {}, "the sweep at 243.15 K has 2 points: must have 3"),
+        (isotherms(points=1), {}, "the sweep at 243.15 K has 1 points > 0: must have 2"),
         (isotherms(), {"reference": 298.0}, "reference = 298 K: must be the temperature of a sweep: 243.15"),
         (isotherms(), {"reference": "room"}, "reference = 'room': must be None or a temperature"),
-        (isotherms(), {"vertical": 1}, "vertical = 1: must be True or False"),
+        (isotherms(), {"vertical": 1}, 'vertical = 1: must be True, False or "entropic"'),
         (isotherms(), {"same": 0}, "same = 0: must be a number > 0"),
+        (isotherms(), {"temperature_error": -1}, "temperature_error = -1: must be a number >= 0"),
         ([], {}, "isotherms is a list: must be ModulusData"),
         ([isotherms(), isotherms(relative=0.1)], {}, r"isotherms\[0\] have no errors, others have"),
         ([FrictionData(1.0, 0.5, pressure=1e5)], {}, r"isotherms\[0\] is a FrictionData"),
