@@ -94,11 +94,10 @@ class Scene(PhysicalObject):
     contact_model : "paper" or "boundary_elements" (static)
         "boundary_elements": area and friction follow a law that was fitted to boundary elements
         (`rubberfric.theory.area.boundary_elements_law`), for one rough isotropic surface and half-spaces. In
-        cases with q1/q0 = 8 ... 128 that were not used for the fit, 84 % of its friction and 96 % of its
-        areas are within 10 % of boundary elements (paper: 25 % and 46 %). It is less accurate below
-        A/A0 = 1 % (0.11 to 0.16 rms in ln mu), for narrow spectra (q1/qr below 4: friction 14 % too
-        large) and for moduli that rise by 1000. It is extrapolated beyond q1/q0 = 128. The separation is the
-        paper's.
+        556 cases with q1/q0 = 8 ... 64, 86 % of its friction and 96 % of its areas are within 10 % of
+        boundary elements (paper: 17 % and 20 %). It is less accurate for narrow spectra (q1/qr = 4: 58 % of
+        the friction within 10 %) and for moduli that rise by 100 or more (70 %). It is extrapolated beyond
+        q1/q0 = 64. The separation is the paper's.
     quadrature : Quadrature or None (static)
         accuracy setting of calls without `quadrature`; `rubberfric.tuned` sets it for `jit` and `vmap` with
         the scene as an argument. None: chosen in every call. Files do not hold it.
