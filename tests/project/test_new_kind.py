@@ -223,6 +223,7 @@ def test_friction_and_its_derivatives(scene):
     np.testing.assert_allclose(jax.grad(total)(x), slopes, rtol=1e-5)
 
 
+@pytest.mark.slow
 def test_fit(scene):
     """A time and a parameter of the shift, from frictions that the scene itself gives."""
     v, T = np.repeat(np.logspace(-4, 1, 4), 2), np.tile([293.15, 313.15], 4)

@@ -101,6 +101,7 @@ def test_wide_panels_leave_g_positive():
         assert np.isfinite(three(rf.solve(scene, v, 1.0))).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("T", slow_if(lambda T: T != 1e3, [191.551, 200.0, 293.15, 1e3]))
 def test_near_the_pole_of_the_shift(T):
     """Down to 0.001 K above the pole at 191.55 K, where a_T is 1e900000: rubber is glass there."""

@@ -101,6 +101,7 @@ def test_the_paper_has_the_values_of_brute_force(name):
         assert value == pytest.approx(exact, rel=1e-9, abs=1e-20 if exact == 0 else 0), quantity
 
 
+@pytest.mark.slow
 def test_nodes_of_the_paper_are_enough():
     for at, rtol in (
         (SCENES["two rubbers"], [1e-13, 1e-13, 1e-9]),

@@ -361,6 +361,7 @@ def test_failed_work(call, job, monkeypatch, error):
     assert sorted(os.listdir()) == JOB_FILES
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("job")
 def test_reader_that_goes_away():
     """`rubberfric-fit ... | head` ends without a traceback and writes its files."""

@@ -98,6 +98,7 @@ def test_a_cutoff_that_follows_a_slope(scene, free):
     np.testing.assert_allclose(found, start, rtol=1e-14)  # the height stays
 
 
+@pytest.mark.slow
 def test_a_fit_with_a_slope(tmp_path):
     """Moduli found with the cut-off where the slope is, and said so in the report."""
     truth = rf.Scene(rf.Body(rf.Rigid(), rf.with_cutoff(TABLE, 0.5)), rf.Body(SHIFTED))

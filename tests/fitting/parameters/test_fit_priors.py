@@ -310,6 +310,7 @@ def test_no_residual_breaks_a_loss(loss, width):
     assert np.isfinite(gradient).all() and gradient[0] == 0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loss", [loss for loss in LOSSES if loss != "linear"])
 def test_widths_make_gaussian_data_95_percent_efficient(loss):
     """(E psi')^2 / E psi^2 of a location estimate, by quadrature over the normal distribution."""
@@ -321,6 +322,7 @@ def test_widths_make_gaussian_data_95_percent_efficient(loss):
     assert np.sum(weight * bend) ** 2 / np.sum(weight * psi**2) == pytest.approx(0.95, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_values_at_x_are_those_of_a_prior_fit_without_data_to_speak_of():
     """With errors of e^3 the data say nothing, and the priors alone decide."""
     data = ModulusData(np.logspace(-2, 2, 4), [1e7] * 4, [1e6] * 4, relative=3.0, check_units=False)

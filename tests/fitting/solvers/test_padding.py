@@ -45,6 +45,7 @@ def test_lengths_recur():
     assert recurring_length(6) == recurring_length(7) == 8
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("loss", slow_if(lambda loss: loss != "linear", list(LOSS_WIDTHS)))
 def test_added_rows_count_for_nothing(loss):
     """For every loss: cost, residuals, their derivatives and weights."""

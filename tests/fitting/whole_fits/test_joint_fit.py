@@ -120,6 +120,7 @@ def test_members_of_ensembles_have_the_problem(result):
     assert members.names == result.names and len(members) == 3
 
 
+@pytest.mark.slow
 def test_a_cutoff_by_rms_slope_in_every_scene():
     smoother = replace(ROAD, spectrum=ROAD.spectrum.replace(h_rms=4e-4))
     scenes = as_scenes({"R20": R20, "R40": replace(R40, lower=smoother)})

@@ -400,6 +400,7 @@ def test_scenes_of_the_data_folder(call, path, tmp_path):
     assert type(result.scene.upper.material) is type(scene.upper.material)
 
 
+@pytest.mark.slow
 def test_roughness_of_the_rubber_costs_area_but_hardly_any_friction_at_high_speed():
     """The red and blue curves of the paper's last figure approach each other as v increases."""
     flat, rough = (rf.load_scene(DATA / f"{n}.toml") for n in ("tread_on_asphalt", "rough_tread_on_asphalt"))

@@ -111,6 +111,7 @@ def test_relaxation_without_overflow(dtype):
     np.testing.assert_allclose(loss, [0, 0.5, -0.5, 0, 0], atol=1e-17)
 
 
+@pytest.mark.slow
 def test_layers_at_rest_and_glassy():
     slab = rf.Slab(1e-3)
     factor = slab.stiffening(PRONY.poisson, Q)

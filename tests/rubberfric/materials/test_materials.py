@@ -154,6 +154,7 @@ def test_a_table_on_a_liquid_at_rest():
     assert all(np.isfinite(x).all() for x in jax.tree.leaves(slopes))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("outside", slow_if(lambda outside: outside != "none", ["fall", "hold", "none"]))
 def test_means_follow_their_powers_beyond_the_table_of_means(outside):
     """At q v of e^-30 ... e^40 beyond the ends, compared with the angular integral at q v."""

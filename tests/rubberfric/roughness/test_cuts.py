@@ -124,6 +124,7 @@ def test_derivatives_of_the_friction(name):
         np.testing.assert_allclose(forward[:, i], slope, atol=1e-7, rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_one_program_for_every_cut():
     scene = on_road(rf.TabulatedSpectrum(Q, C, *CUTS["both"]))
     with compilations() as compiled:

@@ -118,6 +118,7 @@ def test_sensitivities_are_differences(twin):
     assert_sensitivities(twin, [*names, "upper.material.frequencies", "shear.v0"], values)
 
 
+@pytest.mark.slow
 def test_tables():
     """Factors of the moduli, the frequencies and the heights of tables, and where a spectrum ends."""
     explorer = explorer_of("tabulated_tread")

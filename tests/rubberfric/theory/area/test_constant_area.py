@@ -123,6 +123,7 @@ def test_light_loads_have_an_area_that_is_larger_by_one_share():
     assert sticky[0] > 0.1
 
 
+@pytest.mark.slow
 @with_and_without_S
 def test_a_vanishing_work_is_contact_without_adhesion(corrected):
     pressure, fine = np.array([1e-3, 1e3, 1e5, 1e6, 1e8]), rf.Quadrature()
@@ -189,6 +190,7 @@ def test_derivatives_are_those_of_the_values(material):
         )
 
 
+@pytest.mark.slow
 def test_values_and_derivatives_are_finite_at_extremes():
     def values(work, young, pressure):
         scene = _scene(work, WIDE, rf.Elastic(young, 0.5))

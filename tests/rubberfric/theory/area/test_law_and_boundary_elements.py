@@ -1,8 +1,9 @@
 """The paper's theory and the fitted law against stored boundary-element cases.
 
 `python -m pytest -m slow -s tests/rubberfric/theory/area/test_law_and_boundary_elements.py` prints the table
-whose totals are in notebooks/how_true.md. The cases are means over surfaces in units of 1/q1 and E(0). Their
-rms slope is 1; m0, mr and m1 are q0, q_r and q1 in modes of the period.
+whose totals are in notebooks/how_true.md, and repeats the fit of the constants. The cases are means over
+surfaces in units of 1/q1 and E(0). Their rms slope is 1; m0, mr and m1 are q0, q_r and q1 in modes of the
+period.
 """
 
 import csv
@@ -11,11 +12,15 @@ import itertools
 import json
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.optimize import least_squares
 from support.folders import ROOT
 
 import rubberfric as rf
+from rubberfric.theory.area.boundary_elements_law import CONSTANTS, prepare_law, solve_law
+from rubberfric.theory.structure import rough_surfaces_of
 
 FOLDER = ROOT.parent / "shared" / "reference"
 CASES = FOLDER / "sliding_boundary_elements.csv"
@@ -79,6 +84,17 @@ def ratios(rows, models=tuple(MODELS)):
     return logs
 
 
+@functools.cache
+def training():
+    """Return True for the cases that the constants are fitted to: every other surface and material."""
+    table = cases()
+    good = ~table["period"]
+    rows = list(zip(*(table[name].tolist() for name in ("material", "m0", "mr", "m1", "hurst")), strict=True))
+    kinds = sorted({row for row, one in zip(rows, good, strict=True) if one})
+    chosen = set(kinds[::2])
+    return good & np.array([row in chosen for row in rows])
+
+
 def share(logs):
     """Return the share within 10 %."""
     return np.mean(np.abs(np.expm1(logs)) < 0.1)
@@ -104,13 +120,14 @@ def test_all_cases():
     table = cases()
     found = ratios(np.arange(table["area"].size))
     sliding = table["material"] != "elastic"
-    good = ~table["period"]
+    good = ~table["period"] & ~training()
     bandwidth, plateau = table["m1"] / table["m0"], table["m1"] / table["mr"]
     # The reciprocal of the time in which the longest wave passes.
     speed = table["velocity"] * table["m0"] / table["m1"]
     parts = {
         "all": np.ones(good.size, bool),
-        "not affected by the period": good,
+        "fitted": training(),
+        "not fitted, nor affected by the period": good,
         "A/A0 > 1 %": good & (table["area"] > 0.01),
         "A/A0 < 1 %": good & (table["area"] <= 0.01),
         **{f"q1/q0 = {x:g}": good & (bandwidth == x) for x in np.unique(bandwidth)},
@@ -132,4 +149,39 @@ def test_all_cases():
         areas = [text(one[0][part]) for one in found.values()]
         frictions = [text(one[1][part & sliding]) if (part & sliding).any() else "" for one in found.values()]
         print(f"| {name} | {part.sum()} |", " | ".join([*areas, *frictions]), "|")
-    assert share(found["law"][0][good]) > 0.9 and share(found["law"][1][good & sliding]) > 0.8
+    for light, least in ((table["area"] <= 0.01, (0.85, 0.80)), (table["area"] > 0.01, (0.95, 0.88))):
+        assert share(found["law"][0][good & light]) > least[0]
+        assert share(found["law"][1][good & light & sliding]) > least[1]
+
+
+# Constants of an earlier fit, with another tail and a bound that is not smooth; about them a prior of 30 %.
+EARLIER = (-0.626, 0.927, 0.461, 5.86, 0.551, 2.222, 1.831, 0.657, 0.934, 1.582, 0.219)
+EARLIER = np.array([*EARLIER, 1.0549, 0.666, 1.0347, 1.2116, 8.3405])
+SCATTER = 0.07, 0.045  # of ln(law / boundary elements), friction and area
+
+
+@pytest.mark.slow
+def test_constants_are_those_of_the_fit():
+    table, rows = cases(), np.flatnonzero(training())
+    given = ("material", "m0", "mr", "m1", "hurst")
+    scenes = [scene_of(*(table[name][row] for name in given), MODELS["law"]) for row in rows]
+    names, sliding = CONSTANTS._fields[:-1], table["material"][rows] != "elastic"
+
+    @jax.jit
+    def state(scene, velocity, pressure, values):
+        constants = CONSTANTS._replace(**dict(zip(names, values, strict=True)))
+        law = prepare_law(rough_surfaces_of(scene)[0], SETTING, constants)
+        found = solve_law(law, velocity[None], pressure[None], None)
+        return jnp.array([found.mu[0], found.area[0]])
+
+    def residuals(x):
+        values = jnp.asarray(EARLIER * np.exp(x))
+        at = zip(scenes, table["velocity"][rows], table["pressure"][rows], strict=True)
+        friction, area = np.array([state(scene, jnp.array(v), jnp.array(p), values) for scene, v, p in at]).T
+        friction = np.log(friction[sliding] / table["friction"][rows][sliding]) / SCATTER[0]
+        area = np.log(area / table["area"][rows]) / SCATTER[1]
+        return np.concatenate([friction, area, x / 0.3])
+
+    start = np.log(np.array(CONSTANTS[:-1]) / EARLIER)
+    best = least_squares(residuals, start, diff_step=1e-4, xtol=1e-5, ftol=1e-8)
+    np.testing.assert_allclose(best.x, start, atol=0.01)

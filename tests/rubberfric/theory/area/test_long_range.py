@@ -131,6 +131,7 @@ def test_a_range_beyond_all_gaps_is_a_load():
     np.testing.assert_allclose(found.separation, pressed.separation, rtol=1e-7)
 
 
+@pytest.mark.slow
 def test_a_vanishing_work_is_contact_without_adhesion():
     pressure = np.array([1e3, 1e5, 1e6])
     for spectrum in (FINE, ROLLING):
