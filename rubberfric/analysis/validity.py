@@ -42,8 +42,9 @@ AREAS = (0.003, 0.01, 0.03, 0.1, 0.3, 0.8)
 _RATIOS, _HURST, _GAMMA = (8.0, 64.0), (0.6, 1.0), (0.4, 0.55)
 _BROAD = 1e3  # relaxation times over this ratio are broad, below nearly a single time
 
-# 5 % and 95 % quantiles of theory over boundary elements, for (S in G, width of the relaxation), in each
-# interval of the area by the theory: (area low, area high, friction low, friction high).
+# 5 % and 95 % quantiles of theory over boundary elements, by (version of the theory, width of relaxation)
+# in each interval of the area by the theory: (area low, area high, friction low, friction high). The version
+# is True for S in G, and "boundary_elements" for the fitted law.
 RATIOS = {
     (False, "narrow"): (
         (0.64, 0.95, 0.33, 1.64),
@@ -73,6 +74,20 @@ RATIOS = {
         (1.04, 1.16, 0.55, 1.05),
         (0.98, 1.05, 0.85, 0.97),
     ),
+    ("boundary_elements", "narrow"): (
+        (0.88, 1.12, 0.88, 1.13),
+        (0.88, 1.06, 0.93, 1.14),
+        (0.90, 1.06, 0.83, 1.05),
+        (0.94, 1.07, 0.92, 1.07),
+        (0.97, 1.05, 0.94, 1.06),
+    ),
+    ("boundary_elements", "broad"): (
+        (0.96, 1.06, 0.91, 1.07),
+        (0.94, 1.05, 0.94, 1.11),
+        (0.95, 1.04, 0.94, 1.04),
+        (0.98, 1.04, 0.93, 1.04),
+        (0.98, 1.02, 0.96, 1.05),
+    ),
 }
 
 
@@ -99,7 +114,9 @@ def theory_error(scene: Scene, area: ArrayLike) -> TheoryError | None:
     the scene. It covers a rigid self-affine surface, H = 0.6 ... 1, q1/qr = 8 ... 64, under a smooth
     viscoelastic half-space without heating or softening, with gamma about 1/2.
 
-    Source: notebooks/boundary_elements.csv, made by notebooks/boundary_elements.py.
+    Sources: notebooks/boundary_elements.csv, made by notebooks/boundary_elements.py; for
+    `contact_model="boundary_elements"` the cases of
+    tests/rubberfric/theory/area/test_law_and_boundary_elements.py.
     """
     if not _covered(scene):
         return None
@@ -111,9 +128,8 @@ def theory_error(scene: Scene, area: ArrayLike) -> TheoryError | None:
     smooth = scene.upper if relaxes(scene.upper) else scene.lower
     low, high = map(float, smooth.material.frequency_range() or (1.0, 1.0))
     relaxation = "broad" if high / low >= _BROAD else "narrow"
-    rows = np.array(
-        [RATIOS[scene.area_correction, relaxation][k] for k in sorted(set(bins[inside].tolist()))]
-    )
+    version = scene.area_correction if scene.contact_model == "paper" else scene.contact_model
+    rows = np.array([RATIOS[version, relaxation][k] for k in sorted(set(bins[inside].tolist()))])
     return TheoryError(
         (float(rows[:, 0].min()), float(rows[:, 1].max())),
         (float(rows[:, 2].min()), float(rows[:, 3].max())),
@@ -132,7 +148,7 @@ def _covered(scene):
             and smooth.spectrum is None
             and smooth.layer is None
             and smooth.material.relaxes
-            and optional_parts(scene) <= {"shear", "area_correction"}
+            and optional_parts(scene) <= {"shear", "area_correction", "boundary_elements"}
             and is_concrete(spectrum.q1)
         ):
             values = (spectrum.q1 / spectrum.qr, _RATIOS), (spectrum.hurst, _HURST), (scene.gamma, _GAMMA)

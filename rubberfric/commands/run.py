@@ -118,9 +118,11 @@ def model_error_line(result: Result) -> str:
     area, friction = (f"{100 * low - 100:+.0f} ... {100 * high - 100:+.0f} %" for low, high in found[:2])
     mu = "mu" if result.scene.shear is None else "viscoelastic mu"
     low, high = found.contact
+    paper = result.scene.contact_model == "paper"
+    what, page = ("theory", "boundary_elements") if paper else ("law", "how_true")
     return (
-        "the theory itself, against boundary elements of such scenes\n"
-        f"(A/A0 {low:.2g} ... {high:.2g}, nine cases of ten; notebooks/boundary_elements.md):\n"
+        f"the {what} itself, against boundary elements of such scenes\n"
+        f"(A/A0 {low:.2g} ... {high:.2g}, nine cases of ten; notebooks/{page}.md):\n"
         f"A/A0 is off by {area}, {mu} by {friction}"
     )
 

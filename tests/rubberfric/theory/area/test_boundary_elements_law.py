@@ -188,6 +188,7 @@ def test_other_solids():
     np.testing.assert_allclose(rf.friction(soft, 0.1, 1e5), series, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_derivatives():
     """Forward mode, differences, and the Jacobian of fits, which uses reverse mode, agree."""
     scene, velocity, pressure = _scene(), jnp.array([1e-3, 0.3]), jnp.array([2e5, 2e4])
@@ -210,6 +211,15 @@ def test_derivatives():
         scene_of, x, (velocity, pressure, None), "friction", rf.Quadrature()
     )
     np.testing.assert_allclose(jacobian, forward * values[:, None], rtol=1e-8, atol=1e-11)
+
+
+def test_derivative_by_the_modulus():
+    def friction(factor):
+        scene = _scene()
+        return rf.friction(scene.replace("lower.material.E", factor * scene.lower.material.E), 0.3, 2e4)
+
+    slope = jax.grad(jax.jit(friction))(1.0)
+    assert float(slope) == pytest.approx(float(friction(1 + 1e-4) - friction(1 - 1e-4)) / 2e-4, rel=1e-6)
 
 
 @pytest.mark.parametrize("pressure", [1e-25, 1e3, 1e25])

@@ -19,6 +19,7 @@ from scipy.optimize import least_squares
 from support.folders import ROOT
 
 import rubberfric as rf
+from rubberfric.analysis.validity import AREAS, RATIOS
 from rubberfric.theory.area.boundary_elements_law import CONSTANTS, prepare_law, solve_law
 from rubberfric.theory.structure import rough_surfaces_of
 
@@ -152,6 +153,22 @@ def test_all_cases():
     for light, least in ((table["area"] <= 0.01, (0.85, 0.80)), (table["area"] > 0.01, (0.95, 0.88))):
         assert share(found["law"][0][good & light]) > least[0]
         assert share(found["law"][1][good & light & sliding]) > least[1]
+
+
+@pytest.mark.slow
+def test_the_stated_errors_of_a_scene_are_these():
+    """5 % and 95 % quantiles over intervals of the area by the law."""
+    table = cases()
+    rows = np.flatnonzero(~table["period"] & (table["material"] != "elastic"))
+    area, friction = ratios(rows, ("law",))["law"]
+    narrow = np.isin(table["material"][rows], ("weak", "narrow", "strong", "giant"))
+    by_law = table["area"][rows] * np.exp(area)
+    for relaxation, kind in (("narrow", narrow), ("broad", ~narrow)):
+        stated = RATIOS["boundary_elements", relaxation]
+        for (low, high), row in zip(itertools.pairwise(AREAS), stated, strict=True):
+            here = kind & (by_law >= low) & (by_law < high)
+            found = [np.exp(np.quantile(logs[here], (0.05, 0.95))) for logs in (area, friction)]
+            np.testing.assert_allclose(np.concatenate(found), row, atol=0.01)
 
 
 # Constants of an earlier fit, with another tail and a bound that is not smooth; about them a prior of 30 %.
