@@ -52,6 +52,26 @@ def _known(flags):
     return subprocess.run(begin, env=environment, capture_output=True, check=False).returncode == 0
 
 
+# Files that take longest. They begin first, so that the workers of a parallel run end together.
+LONG = (
+    *("test_readme", "test_long_range", "test_notebooks", "test_paper", "test_extremes", "test_fit_twin"),
+    *(
+        "test_fit_solvers",
+        "test_command",
+        "test_random_scenes",
+        "test_boundary_elements_law",
+        "test_accuracy",
+    ),
+    *("test_constant_area", "test_jacobian", "test_transformations", "test_padding", "test_settings"),
+)
+
+
+def pytest_collection_modifyitems(items):
+    """Move the longest files to the front."""
+    order = {name: i for i, name in enumerate(LONG)}
+    items.sort(key=lambda item: order.get(item.path.stem, len(LONG)))
+
+
 @pytest.fixture(autouse=True)
 def few_memory_maps():
     """Drop compiled functions before they crash the run.

@@ -302,7 +302,7 @@ def fit_master_curve(
     same : rows belong to one sweep whose temperatures lie closer together than this [K]
         a drift within a sweep is corrected with the shifts of the others.
     temperature_error : standard deviation of the temperature of a sweep [K]
-        Superposition cannot detect it. It adds temperature_error |d ln a_T / dT| to the errors.
+        Superposition cannot detect it. It adds temperature_error times the slope of ln a_T to the errors.
 
     Returns
     -------

@@ -150,13 +150,14 @@ def begin_jax(*, process: bool, cache: bool) -> None:
 
     # Only commands do this; the library leaves the precision to its caller.
     jax.config.update("jax_enable_x64", True)
-    try:
-        jax.devices()
-    except (RuntimeError, AssertionError):  # an unknown platform, or one without a device
-        name = os.environ.get("JAX_PLATFORMS", "")
-        raise ValueError(
-            f"JAX_PLATFORMS = {name!r}: JAX cannot start this platform; use cpu, or unset it"
-        ) from None
+    platforms = os.environ.get("JAX_PLATFORMS", "")
+    if platforms and "cpu" not in platforms.split(","):  # cpu starts later; `map --devices` sets its devices
+        try:
+            jax.devices()
+        except (RuntimeError, AssertionError):  # an unknown platform, or one without a device
+            raise ValueError(
+                f"JAX_PLATFORMS = {platforms!r}: JAX cannot start this platform; use cpu, or unset it"
+            ) from None
 
 
 def _check_space() -> None:

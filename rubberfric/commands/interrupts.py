@@ -104,9 +104,9 @@ class Interrupts:
             return
         if not _compiles(frame):
             raise KeyboardInterrupt
-        from threading import Timer
+        import threading
 
-        self._again = Timer(_AGAIN, signal.raise_signal, (which,))
+        self._again = threading.Timer(_AGAIN, _raise_in_main, (threading.get_ident(), which))
         self._again.start()
 
     def _wait(self, hear: Any) -> None:
@@ -155,6 +155,14 @@ class Interrupts:
         if self.asked:
             self.stopped = True
             raise KeyboardInterrupt
+
+
+def _raise_in_main(thread: int, which: int) -> None:
+    """Send a signal to the main thread, where it also ends waiting."""
+    if hasattr(signal, "pthread_kill"):
+        signal.pthread_kill(thread, which)
+    else:  # Windows
+        signal.raise_signal(which)
 
 
 def _compiles(frame: FrameType | None) -> bool:

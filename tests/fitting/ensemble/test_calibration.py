@@ -73,7 +73,7 @@ def test_doubtful_draws_are_named():
     found = fitting.Calibration(
         ("a", "b"), random, random, random, random, 0, "samples", random, 2000, few, tail
     )
-    assert found.doubtful.tolist() == [1, 3] and "those of rows 1, 3: draw more" in found.doubts()
+    assert found.doubtful.tolist() == [1, 3] and "in rows 1, 3: draw more" in found.doubts()
     text = "2000 draws, 55 effective in most and 3 in the worst, tail index 0.25, 2 doubtful"
     assert text in found.report()
     assert not found.on_normal().doubtful.size

@@ -242,7 +242,7 @@ REFUSED = {
     "the deformable body is a Slab": scene((RIGID, slope_one()), (TREAD, None, rf.Slab(1e-3))),
     "the scene has heating": scene((RIGID, slope_one()), (TREAD,), heating=rf.Heating(1e3, 1e3, 0.2, 1e-3)),
     "must be isotropic": scene((RIGID, rf.Anisotropic(slope_one(), 2.0)), (TREAD,)),
-    r"grid = 64: must be even and >= 128, .* 256 leaves": ROUGH,
+    r"grid = 64: must be even and >= 128, .* 256 reduces": ROUGH,
 }
 
 
