@@ -119,13 +119,15 @@ class FrictionData(Measured):
 
 @measurement
 class AreaData(Measured):
-    """Relative contact areas A/A0 measured in steady sliding; all else as in `FrictionData`.
+    """Relative contact areas A/A0 measured in steady sliding.
+
+    The other fields are those of `FrictionData`.
 
     Parameters
     ----------
     velocity : sliding velocity, any sign and order [m/s]
     area : real over nominal contact area, 0 < A/A0 <= 1 [-]
-        with check_units=False also outside, as noise may have it.
+        With check_units=False noise may also lead outside.
     sigma : standard deviation of `area`, > 0 [-], or None
     pressure, temperature, relative, name, check_units : as in `FrictionData`
     """
@@ -230,16 +232,17 @@ DataSets = Measured | Sequence[Measured]
 def data_by_scene(
     data: DataSets | Mapping[str, DataSets], names: Collection[str] | None
 ) -> tuple[list[Measured], list[str]]:
-    """Return data sets, and the name of the scene that each is of.
+    """Return the data sets, and for each the name of its scene.
 
     Parameters
     ----------
-    data : one set or several; for several scenes a dict of them by scene
-    names : of the scenes, None of a single one
+    data : one set or several; for several scenes a dict from the name of a scene to its sets
+    names : names of the scenes; None for a single scene
 
     Returns
     -------
-    (data sets, names of their scenes), "" for a single scene. With several scenes, labels begin with it.
+    (data sets, names of their scenes). The name of a single scene is "". With several scenes the labels of
+    the sets begin with the name.
 
     Raises
     ------

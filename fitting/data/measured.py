@@ -213,16 +213,15 @@ class Measured:
         return pandas.DataFrame(self.columns())
 
     def write(self, path: StrPath) -> None:
-        """Write a .csv or an .h5 file, whole or not at all; `fitting.read` reads it back.
+        """Write a .csv or an .h5 file completely or not at all; `fitting.read` reads it back.
 
-        A CSV file has no place for `name` and `body`: they go to comment lines, and the body
-        must be given to `read` again.
+        A CSV file holds `name` and `body` as comments only, so that the body must be given to `read` again.
 
         Raises
         ------
         ValueError
-            one line: the suffix is neither, the folder is missing, or there are values <= 0 of noise
-            that a CSV table must not hold.
+            one line: another suffix, a missing folder, or values <= 0 caused by noise, which a CSV table must
+            not hold.
         """
         check_writable(path, (".csv", ".h5"))
         if Path(path).suffix.lower() == ".h5":
