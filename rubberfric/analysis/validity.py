@@ -116,7 +116,7 @@ def theory_error(scene: Scene, area: ArrayLike) -> TheoryError | None:
 
     Sources: notebooks/boundary_elements.csv, made by notebooks/boundary_elements.py; for
     `contact_model="boundary_elements"` the cases of
-    tests/rubberfric/theory/area/test_law_and_boundary_elements.py.
+    tests/rubberfric/theory/area/test_law_and_boundary_elements.py, half of which the law was fitted to.
     """
     if not _covered(scene):
         return None
