@@ -51,7 +51,9 @@ def run_design(arguments: argparse.Namespace, interrupts: Interrupts, show: Prog
     show(f"reading {arguments.job}")
     job = read_job(arguments.job, [path for path in (arguments.out, arguments.plot) if path is not None])
     if job.design is None:
-        raise ValueError(f"{arguments.job}: design: is missing; must contain the candidates of measurements")
+        raise ValueError(
+            f"{arguments.job}: design: is missing. Add a table [design] with the candidate measurements"
+        )
     if not isinstance(job.scene, rf.Scene):
         raise ValueError(f"{arguments.job}: design: must have one scene, not several")
     options = read_design(arguments.job, job.design, job.scene)

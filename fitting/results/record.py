@@ -115,7 +115,7 @@ class FitRecord(SolvedProblem):
         return shared if scene in self.scene_at_start and shared.split("[")[0] in known else path
 
     def to_dataframe(self) -> Any:
-        """Return the free numbers by their key paths as a pandas.DataFrame (which must be installed)."""
+        """Return the free parameters as a pandas.DataFrame indexed by key path. Pandas must be installed."""
         import pandas
 
         withheld = [self.withheld.get(name, "") for name in self.names]

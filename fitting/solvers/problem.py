@@ -218,9 +218,12 @@ def _body(scene, data):
     if data.body is None and len(able) == 1:
         return able[0]
     if data.body not in able:
+        if not able:
+            raise ValueError(f"data {data.label!r}: the scene has no {kind}; {data.quantity} data need one")
         given = f"body = {data.body!r}" if data.body is not None else "no body is given"
-        choice = " or ".join(map(repr, able)) or f"but the scene has no {kind}"
-        raise ValueError(f"data {data.label!r}: {given}: must be a {kind}, {choice}")
+        raise ValueError(
+            f"data {data.label!r}: {given}; body must be {' or '.join(map(repr, able))}, a {kind}"
+        )
     return data.body
 
 

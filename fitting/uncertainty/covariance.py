@@ -48,23 +48,24 @@ HINTS = (
         lambda leaves: leaves <= set(HEIGHTS) and len(leaves) > 1,
         False,
         "at light load friction depends on gamma sqrt(C0) and the cut-off together: add a measured"
-        " spectrum or an area curve, or hold gamma or the cut-off",
+        " spectrum or an area curve, or fix gamma or the cut-off",
     ),
     (
         lambda leaves: leaves <= {*HEIGHTS, *SHEAR} and leaves & set(HEIGHTS) and leaves & set(SHEAR),
         False,
-        "contact shear stands in for the roughness: hold the cut-off or give it by RmsSlope, or add an area"
-        " curve, other temperatures or a lubricated run",
+        "contact shear and roughness compensate each other: fix the cut-off or give it by RmsSlope, or add an"
+        " area curve, other temperatures or a lubricated run",
     ),
     (
         lambda leaves: leaves <= {"tau", "v0"},
         True,
-        "velocity only enters times a relaxation time: hold one of them",
+        "only the product of velocity and relaxation time matters: fix one of them",
     ),
     (
         lambda leaves: "tau_f0" in leaves and leaves & set(MODULI),
         False,
-        "contact shear only sees tau_f0 times the contact area: add an area curve or a measured modulus",
+        "contact shear depends only on tau_f0 times the contact area: add an area curve or a measured"
+        " modulus",
     ),
 )
 # Standard deviation in x beyond which a parameter is not identified: a factor e, or the whole middle range of
@@ -109,7 +110,7 @@ def describe_direction(variables: Variables, loadings: np.ndarray, deviation: fl
     said = ", ".join(_change(part, part.loading / leading) for part in parts)
     hint = next((text for test, alike, text in HINTS if several and test(leaves) and same >= alike), None)
     if hint is None and len(parts) == 1:
-        hint = "the data do not reach it: hold it, or give it a prior"
+        hint = "the data do not determine it: fix it, or give it a prior"
     traded = _traded(parts)
     return f"{said}: {reach}" + (f"; {traded}" if traded else "") + (f"; {hint}" if hint else "")
 

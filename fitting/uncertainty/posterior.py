@@ -202,8 +202,8 @@ def check_proper(solved: SolvedProblem, flat: str) -> None:
     for number, direction in enumerate(known.unidentified, 1):
         if direction.deviation > OPEN and np.abs(direction.loadings[~bounded]).max(initial=0.0) > _PART:
             raise ValueError(
-                f"sample: direction {number} is not determined, {direction.text}; it must have a Gaussian"
-                " prior or a fixed parameter (a Bounded one is safe with flat='values')"
+                f"sample: direction {number} is not determined: {direction.text}. Give its parameters a"
+                " Gaussian prior, or bounds and flat='values'"
             )
 
 

@@ -61,7 +61,7 @@ class Tiling(NamedTuple):
 
     @property
     def batch(self) -> int:
-        """Pairs of a batch."""
+        """Number of pairs in a batch, over all devices."""
         return self.group * self.groups * self.mesh.size
 
 

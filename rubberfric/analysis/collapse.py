@@ -381,9 +381,10 @@ def _to_cells(count):
 
 
 def _last_coefficients(values):
-    """Return the largest of the last three coefficients along the last axis, relative to the smallest value.
+    """Return the largest of the last three Chebyshev coefficients of `values` along the last axis.
 
-    Relative to the largest value where the sign changes; infinite where some but not all values are 0.
+    It is divided by the smallest absolute value, or by the largest one if the values change sign. The result
+    is infinite if some but not all values are 0.
     """
     size = np.abs(values)
     changes = (values.min(-1) < 0) & (values.max(-1) > 0)

@@ -173,7 +173,7 @@ def default_wavevectors(laws: Sequence[BrokenPowerLaw], count: int = _COUNT) -> 
 
 
 def fluctuation_at_borders(prepared: Prepared, contact: Contact, count: int) -> jax.Array:
-    """Return plain G at the last `count` borders, (points, borders)."""
+    """Return G without S (A11) at the last `count` borders, (points, borders)."""
     return jnp.maximum(sum_below_borders(prepared, contact.G_panels, count), 0.0)
 
 

@@ -100,7 +100,10 @@ def gauss(order: int) -> tuple[np.ndarray, np.ndarray]:
 
 @functools.cache
 def legendre_transform(order: int) -> np.ndarray:
-    """Return the matrix from values at Gauss nodes to Legendre coefficients, exact to degree order - 1."""
+    """Return the matrix that converts values at Gauss nodes to Legendre coefficients.
+
+    It is exact for polynomials of degree order - 1.
+    """
     x, w = legendre.leggauss(order)
     basis = legendre.legvander(x, order - 1)
     return _frozen((2 * np.arange(order)[:, None] + 1) / 2 * basis.T * w)

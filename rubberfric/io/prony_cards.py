@@ -90,7 +90,7 @@ def read_prony(
         _check("unit_temperature", unit_temperature, TEMPERATURE)
         if unit_stress is None and program != "pyvisco":
             raise ValueError(
-                "unit_stress is missing: must be given because cards do not name it; Pa, MPa, ..."
+                "unit_stress is missing: must be the stress unit of the cards, for example 'MPa'"
             )
         options = CardOptions(unit_stress, TEMPERATURE[unit_temperature], poisson, shift)
         return _material(FORMATS[program].read(text, options), options)
@@ -146,9 +146,7 @@ def write_prony(
     mass, form = None, FORMATS[program]
     if density is not None:
         if unit_stress not in _DENSITY:
-            raise ValueError(
-                f"density = {shown(density)}: must not be given; it requires unit_stress = Pa or MPa"
-            )
+            raise ValueError(f"unit_stress = {unit_stress!r}: must be Pa or MPa if a density is given")
         check_values("density", as_leaf("density", density, 0), POSITIVE)
         mass = float(density) / _DENSITY[unit_stress]
     material = getattr(material, "material", material)
@@ -194,7 +192,7 @@ def _material(cards: Cards, options: CardOptions) -> Prony | PronyShear:
 
 
 def _series(material: object, bulk: float | None, program: str, options: CardOptions) -> CardSeries:
-    """Return a material as the cards of a program hold it."""
+    """Convert a material to the `CardSeries` that is written for `program`."""
     if isinstance(material, PronyShear):
         if bulk is not None:
             raise ValueError(f"bulk = {shown(bulk)}: must not be given; the PronyShear has a bulk modulus")

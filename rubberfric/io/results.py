@@ -197,7 +197,9 @@ def _on_a_grid(solution: Solution, given: dict[str, ArrayLike | None]) -> Curves
     except ValueError:
         shapes = ", ".join(f"{name} has {x.shape}" for name, x in known.items())
         result = " and ".join({str(x.shape) for x in arrays.values()})
-        raise ValueError(f"shapes differ ({shapes}, the result {result}): must broadcast to it") from None
+        raise ValueError(
+            f"{shapes}, but the result has {result}: the conditions must broadcast to its shape"
+        ) from None
     axes, places = zip(*(np.unique(x, return_inverse=True) for x in reversed(flat)), strict=True)
     size, points = tuple(axis.size for axis in axes), flat[0].size
     if np.unique(np.ravel_multi_index(places, size)).size != points or points != np.prod(size):

@@ -85,7 +85,10 @@ def _rational(bonded, alpha, beta, q):
 
 
 def _discriminant(bonded, alpha, beta, q):
-    """Return (D1^2 - 4 D0 D2) e^(-4x) as a square, small for incompressible solids, and a rest."""
+    """Return (D1^2 - 4 D0 D2) e^(-4x), computed as a square plus a remainder to avoid cancellation.
+
+    The remainder is small for incompressible solids, where both terms of the definition are nearly equal.
+    """
     (one, _, sinh, cosh, _, X), _ = _parts(bonded, q)
     # D1 without its share of X sinh: alpha beta e^2x + 2 alpha cosh 2x + 2 beta (cosh 2x - 2x)
     split = alpha * beta + 2 * alpha * cosh + 2 * beta * (cosh - X * one)

@@ -148,7 +148,7 @@ def arrive(
 
 
 def _first(place, log_v):
-    """Return the first trial at velocities, along the slope from a position."""
+    """Return the first trial at `log_v`: temperature rises extrapolated linearly from `place`."""
     rises = place.rises + place.slope * (log_v - place.log_v)[:, None]
     zero = jnp.zeros_like(rises)
     none = jnp.zeros(log_v.shape, int)

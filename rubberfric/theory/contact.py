@@ -80,7 +80,7 @@ class Contact(NamedTuple):
         return {j: factor * SP * density for j, density in densities.items()}  # (A17)
 
     def corrected(self, x: jax.Array) -> jax.Array:
-        """Return x with S in G if the scene has `area_correction`."""
+        """Return x, corrected for S in G if the scene has `area_correction`."""
         return x if self.correction is None else correct_argument(self.correction, x)
 
     def under(self, load: jax.Array, converged: jax.Array, lift: jax.Array | None = None) -> "Contact":

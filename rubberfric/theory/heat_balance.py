@@ -139,7 +139,7 @@ def without_derivatives(tree: _Tree) -> _Tree:
 def inner_temperatures(
     thermal: Thermal, mesh: Mesh, rises: jax.Array, background: jax.Array
 ) -> tuple[list[SurfaceTemperatures], jax.Array]:
-    """Return temperatures from the rises at the unknowns.
+    """Return the temperatures inside the solids and at the largest wavevector, from the temperature rises.
 
     Parameters
     ----------
@@ -149,8 +149,9 @@ def inner_temperatures(
 
     Returns
     -------
-    (inside, flash) [K]: for each contribution the temperatures of its solids, (angular panels, points,
-    angular order); at the largest wavevector the mean of the deformable solids, (points,)
+    inside : temperatures of the solids of each rough surface [K]; each has shape (angular panels, points,
+        angular order)
+    flash : mean temperature of the deformable solids at the largest wavevector [K], shape (points,)
     """
     solids = len(thermal.exciting)
     # Iterates may overshoot to below T_0, where a shift has its pole. `where` is used instead of a maximum,

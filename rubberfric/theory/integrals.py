@@ -253,7 +253,7 @@ def evaluate(
 
 
 def _integrated(contact, parts):
-    """Return the parts that are integrals over the roughness."""
+    """Return those `parts` of the solution that are integrals over the wavevectors, by name."""
     found = {"area": contact.area()} if "area" in parts else {}
     for name, kind in (("viscoelastic_friction", "mean_cos_loss"), ("transverse_friction", "mean_sin_loss")):
         if name in parts and (terms := contact.friction_terms(kind)):

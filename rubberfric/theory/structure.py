@@ -129,7 +129,7 @@ class Structure:
 
     @classmethod
     def of(cls, scene: Scene, quantities: Iterable[str]) -> "Structure":
-        """Return the structure of a scene for fields of `Solution`."""
+        """Return the structure of a scene that is needed to compute `quantities`, fields of `Solution`."""
         facing = ((scene.lower.spectrum, scene.upper), (scene.upper.spectrum, scene.lower))
         strained = [(spectrum, other) for spectrum, other in facing if spectrum is not None]
         relaxing = [spectrum for spectrum, other in strained if relaxes(other)]

@@ -204,7 +204,7 @@ class Handler(BaseHTTPRequestHandler):
         return route[0]
 
     def _only(self, name: str) -> str | None:
-        """Return a header that occurs exactly once."""
+        """Return the value of a header; None if it is missing or repeated."""
         found = self.headers.get_all(name) or []
         return found[0] if len(found) == 1 else None
 

@@ -260,7 +260,7 @@ def test_weights_of_storage_and_loss():
     np.testing.assert_allclose(twice.stderr, both.stderr, rtol=1e-9)
     nearly = fit_prony(spoiled, weights=(1, 1e-9))
     np.testing.assert_allclose(nearly.values, alone.values, rtol=0.05)
-    with pytest.raises(ValueError, match=r"must be equal, as in fitting\.fit"):
+    with pytest.raises(ValueError, match=r"must be equal for `\.fit`"):
         _ = alone.fit
 
 

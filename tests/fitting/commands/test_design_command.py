@@ -34,7 +34,7 @@ def test_report_file_and_picture(call, job, tmp_path):
 @pytest.mark.parametrize(
     ("table", "message"),
     [
-        ("", "design: is missing; must contain the candidates of measurements"),
+        ("", "design: is missing. Add a table [design] with the candidate measurements"),
         (TABLE.replace("n = 2", ""), "design.n: is missing"),
         (TABLE + "crit = 1\n", "design.crit: unknown key; did you mean 'criterion'?"),
         (TABLE.replace("2e5", "-2e5"), "design.pressure[0] = -200000.0: must be > 0 and finite"),

@@ -135,27 +135,27 @@ def test_integers_of_any_kind_are_integers():
         (
             SCENE,
             ModulusData([1.0], [1e7], [1e6], body="lower"),
-            "body = 'lower': must be a viscoelastic solid, 'upper'",
+            "body = 'lower'; body must be 'upper', a viscoelastic solid",
         ),
         (
             rf.Scene(rf.Body(PLAIN, AFFINE), rf.Body(PLAIN)),
             ModulusData([1.0], [1e7], [1e6]),
-            "no body is given: must be a viscoelastic solid, 'lower' or 'upper'",
+            "no body is given; body must be 'lower' or 'upper', a viscoelastic solid",
         ),
         (
             rf.Scene(ROAD, rf.Body(rf.Elastic(1e7, 0.5))),
             ModulusData([1.0], [1e7], [1e6]),
-            "no body is given: must be a viscoelastic solid, but the scene has no viscoelastic solid",
+            "the scene has no viscoelastic solid; modulus data need one",
         ),
         (
             rf.Scene(ROAD, rf.Body(PLAIN, AFFINE)),
             SpectrumData([1e3], [1e-14]),
-            "no body is given: must be a solid with a spectrum, 'lower' or 'upper'",
+            "no body is given; body must be 'lower' or 'upper', a solid with a spectrum",
         ),
         (
             SCENE,
             SpectrumData([1e3], [1e-14], body="upper"),
-            "body = 'upper': must be a solid with a spectrum, 'lower'",
+            "body = 'upper'; body must be 'lower', a solid with a spectrum",
         ),
     ],
 )

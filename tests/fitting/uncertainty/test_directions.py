@@ -29,7 +29,7 @@ def said(**loadings):
 def test_more_roughness_and_less_gamma(sign):
     text = said(lower__spectrum__h_rms=sign, lower__spectrum__q1=0.5 * sign, gamma=-0.8 * sign)
     assert f"more roughness ({H}, {Q1}) with less gamma gives the same curve" in text
-    assert "add a measured spectrum or an area curve, or hold gamma or the cut-off" in text
+    assert "add a measured spectrum or an area curve, or fix gamma or the cut-off" in text
 
 
 def test_a_higher_hurst_exponent_is_less_roughness():
@@ -40,7 +40,7 @@ def test_a_higher_hurst_exponent_is_less_roughness():
 def test_roughness_against_contact_shear():
     text = said(lower__spectrum__q1=-0.4, shear__v0=1.0)
     assert f"more roughness ({Q1}) with less {V0} gives the same curve" in text
-    assert "contact shear stands in for the roughness: hold the cut-off or give it by RmsSlope" in text
+    assert "contact shear and roughness compensate each other: fix the cut-off or give it by RmsSlope" in text
 
 
 def test_nothing_is_said_of_roughness_alone():

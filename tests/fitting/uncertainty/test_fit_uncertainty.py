@@ -301,7 +301,7 @@ def test_friction_at_light_load_cannot_tell_gamma_from_the_height_of_the_roughne
     up, height = direction.loadings
     assert up * height < 0 and abs(up) > 0.1 and abs(height) > 0.1
     assert "gamma" in direction.text and "lower.spectrum.h_rms * λ" in direction.text
-    assert "add a measured spectrum or an area curve, or hold gamma or the cut-off" in direction.text
+    assert "add a measured spectrum or an area curve, or fix gamma or the cut-off" in direction.text
     assert set(result.withheld) == set(free)
     every_gap_is_explained(result)
 
@@ -311,7 +311,7 @@ def test_a_term_outside_the_measured_frequencies_is_named_alone():
     result = fit(scene, modulus_data(noise=0.0), BOTH)
     (direction,) = result.unidentified
     assert direction.text.startswith(f"{E}[0] * λ: ")
-    assert direction.text.endswith("; the data do not reach it: hold it, or give it a prior")
+    assert direction.text.endswith("; the data do not determine it: fix it, or give it a prior")
     assert set(result.withheld) == {f"{E}[0]"}
     every_gap_is_explained(result)
     # A prior is as good as data that reach it.
@@ -326,7 +326,7 @@ def test_two_parameters_that_enter_as_a_product():
     result = fit(DRY, data, free, quadrature=QUADRATURE)
     (direction,) = result.unidentified
     assert direction.text.startswith("shear.tau_f0 * λ, upper.material.young * λ: ")
-    assert "contact shear only sees tau_f0 times the contact area" in direction.text
+    assert "contact shear depends only on tau_f0 times the contact area" in direction.text
     assert set(result.withheld) == {"shear.tau_f0", "upper.material.young"}
     assert 0 < result.stderr[2] < 0.01
     every_gap_is_explained(result)

@@ -337,7 +337,7 @@ LONG = rf.Prony(1e6, np.ones(18), 10.0 ** np.arange(18), 0.5)
         ((SHEAR, "abaqus", {"bulk": 1e9}), "bulk = 1000000000.0: must not be given; the PronyShear has"),
         ((SOFT, "abaqus", {"bulk": 1e6}), "bulk = 1e+06 Pa: must be > 2/3 of the glassy shear modulus"),
         ((rf.Prony(0.0, [1.0], [1.0]),), "material has relaxed modulus 0: must be > 0 for abaqus"),
-        ((SOFT, "abaqus", {"density": 1e3, "unit_stress": "GPa"}), "it requires unit_stress = Pa or MPa"),
+        ((SOFT, "abaqus", {"density": 1e3, "unit_stress": "GPa"}), "must be Pa or MPa if a density is given"),
         ((SHEAR, "pyvisco", {"shift": False}), "pyvisco must have one series of Young's modulus"),
         ((rf.Prony(1e6, [1e6], [1.0], 0.5, rf.Arrhenius(1.0, 300.0)),), "abaqus cards must have WLF;"),
     ],
@@ -380,4 +380,4 @@ def test_refused_to_read(text, message, tmp_path):
     stress = None if "tau_i" in text else "MPa"
     assert message in refused(path, lambda: rf.io.read_prony(path, unit_stress=stress))
     if "tau_i" not in text and text != "nothing":
-        assert "unit_stress is missing: must be given" in refused(path, lambda: rf.io.read_prony(path))
+        assert "unit_stress is missing: must be the stress unit" in refused(path, lambda: rf.io.read_prony(path))

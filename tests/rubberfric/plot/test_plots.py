@@ -86,7 +86,7 @@ def test_solutions_are_drawn():
     axes = drawn(plot.plot_friction(np.array([1.0, 2.0, 3.0]), velocity=v, pressure=1e5))
     assert axes.get_legend() is None and axes.get_title(loc="left") == "0.1 MPa"
     for wrong, message in (
-        ({"velocity": V, "pressure": p}, r"shapes differ \(velocity has \(5,\), pressure has \(2, 1\)"),
+        ({"velocity": V, "pressure": p}, r"velocity has \(5,\), pressure has \(2, 1\), but the result has"),
         ({"velocity": v, "pressure": [[1e5], [1e5]]}, r"6 points for 1 x 3 values of"),
         ({"velocity": v}, "pressure is missing"),
     ):
