@@ -158,7 +158,11 @@ class _Superposition:
         return max(change, self.reweigh(found, C, J)) if update else np.inf
 
     def reweigh(self, found, C, J):
-        """Update variances, penalties and weights of outliers. Return the largest relative change / 50."""
+        """Update variances, penalties and weights of outliers.
+
+        Return a fiftieth of the largest relative change. The tolerance of `run` for shifts, 0.2 %, then is
+        10 % for variances.
+        """
         old = np.concatenate([self.sigma2, self.tau2, self.penalty])
         variance, phase, leverage = self.variance(), np.zeros(2), _leverage(found, C, J)
         for k, at in enumerate(found.places):

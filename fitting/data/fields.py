@@ -15,7 +15,7 @@ _T = TypeVar("_T")
 
 
 def unit_rule(text: str, test: Callable[[np.ndarray], np.ndarray]) -> ValueRule:
-    """Return the rule that only values in a wrong unit, or noise, break."""
+    """Return a rule for plausible values; values that break it are noise or in a wrong unit."""
     return (f"{text} (check_units=False accepts it)", test)
 
 
@@ -83,7 +83,7 @@ def measurement(cls: type[_T]) -> type[_T]:
 def fields_in(
     frame: Any, fields: Mapping[str, Field], needed: Collection[str], units: Mapping[str, str] | None = None
 ) -> dict[str, np.ndarray]:
-    """Return the columns of a frame in SI, by the fields that they are; columns of other names are left out.
+    """Return the columns of a frame in SI, by field name; columns that are no field are left out.
 
     Parameters
     ----------

@@ -219,7 +219,7 @@ class Padded(NamedTuple):
 
 
 def padded(problem: Problem, targets: Targets | None = None) -> Padded:
-    """Pad a problem with points without weight, so that other numbers of data need no compilation.
+    """Pad a problem with points of zero weight, so that fits of other numbers of data reuse its functions.
 
     Every block repeats its last conditions up to a standard length. The error of these rows is infinite, so
     their residuals and derivatives are exactly 0 for every loss. Tables without free numbers are padded to

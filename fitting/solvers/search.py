@@ -188,7 +188,7 @@ def confirm_minimum(
 
 
 def _to_fit(problem, cost, costs, drawn, inner):
-    """Return the indices of points to fit from although their cost is not lower; none if fits are slow."""
+    """Return the indices of points to fit from although their cost is not lower: none if fits are slow."""
     if takes_long(problem.structure, problem.numbers):
         return []
     far = 2 * cost > _FAR * problem.targets.measured.size

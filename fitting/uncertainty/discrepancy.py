@@ -190,7 +190,10 @@ def _prior(amplitudes):
 
 
 def _at_the_ends(of_width):
-    """Return remarks if the most probable width is at an end of the range; of_width: probability of each."""
+    """Return remarks if the most probable width is the first or last of `WIDTHS`.
+
+    `of_width` is the probability of each width.
+    """
     first, last = (w / math.log(10) for w in (WIDTHS[0], WIDTHS[-1]))
     if of_width[0] > 0.5:
         return [

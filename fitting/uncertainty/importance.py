@@ -125,7 +125,7 @@ class Proposal(NamedTuple):
 
     @classmethod
     def of(cls, centre: np.ndarray, covariance: np.ndarray) -> "Proposal":
-        """Return the proposal with m and C of the module's docstring."""
+        """Return the proposal with mean m and covariance C, widened as described above."""
         variance, directions = np.linalg.eigh(covariance)
         wider = 1 + 1 / centre.shape[1]
         return cls(np.array(centre), directions * np.sqrt(wider * variance)[:, None])

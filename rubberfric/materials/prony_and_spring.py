@@ -118,7 +118,9 @@ def floors(weight: jax.Array, log_rate: jax.Array) -> jax.Array:
 
 
 def _as_one(weight, log_rate, tau):
-    """Return logarithms of the rates, and the times; equal ones move together, as their weighted mean.
+    """Return logarithms of the rates, and the times, with derivatives that keep equal ones equal.
+
+    Equal rates move with their weighted mean.
 
     Each time then has its share of the derivative of the merged term, exact in the moduli to all orders and
     in the times to first order. Second derivatives omit the splitting of equal times, which would be a

@@ -137,7 +137,10 @@ def build_mesh(
 
 
 def _origin(kinks, pieces):
-    """Return where the roughness in each panel begins (of the later spectrum once it has begun)."""
+    """Return t at the first wavevector of the roughness in each panel.
+
+    Where both spectra have roughness, this is the later of their first wavevectors.
+    """
     if len(kinks) == 1:
         return kinks[0][0]
     later = jnp.maximum(kinks[0][0], kinks[1][0])
@@ -264,7 +267,7 @@ def _passed(ranks, panels):
 
 
 def _among_graded(border, kinks, grades):
-    """Let fixed borders near a beginning of roughness, among its graded borders, move with the beginning.
+    """Let fixed borders that lie among the graded borders of a roughness move with its first wavevector.
 
     A fixed border may be one ulp from the beginning of a second roughness. Otherwise the panel between them
     would grow from zero width when the beginning moves, and contact would change between its nodes.

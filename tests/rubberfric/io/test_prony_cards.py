@@ -380,4 +380,6 @@ def test_refused_to_read(text, message, tmp_path):
     stress = None if "tau_i" in text else "MPa"
     assert message in refused(path, lambda: rf.io.read_prony(path, unit_stress=stress))
     if "tau_i" not in text and text != "nothing":
-        assert "unit_stress is missing: must be the stress unit" in refused(path, lambda: rf.io.read_prony(path))
+        assert "unit_stress is missing: must be the stress unit" in refused(
+            path, lambda: rf.io.read_prony(path)
+        )
