@@ -67,12 +67,12 @@ def linearise_tree(function: Callable[[Any], Any], x: Any) -> LinearisedTree:
     reals, push, integers = jax.linearize(reals_and_integers, x, has_aux=True)
     leaves = {**others, **integers, **reals}
     moving = [i for i, moved in zip(reals, moves, strict=True) if moved]
-    return LinearisedTree(
-        [leaves[i] for i in range(len(leaves))],
-        structure,
-        moving,
-        lambda tangent: [push(tangent)[i] for i in moving],
-    )
+
+    def push_moving(tangent):
+        pushed = push(tangent)  # once, because every call is traced again
+        return [pushed[i] for i in moving]
+
+    return LinearisedTree([leaves[i] for i in range(len(leaves))], structure, moving, push_moving)
 
 
 def _watched(moves, *arrays):
