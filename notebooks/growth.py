@@ -262,8 +262,8 @@ def _table(*columns):
 
 def _velocities(rows):
     yield (
-        "Number of velocities of a map that is written to a file. The added memory is relative to a map of "
-        "1e5 velocities. For 1e7 velocities it contains a copy of the velocities (80 MB):"
+        "Maps with different numbers of velocities, written to a file. The added memory is relative to the "
+        "map of 1e5 velocities. For 1e7 velocities it includes a copy of the velocities (80 MB):"
     )
     yield ""
     yield from _table("velocities", "seconds", "µs a point", "memory added [MB]", "largest memory [MB]")

@@ -101,8 +101,8 @@ def _softening(where, sweep, linear, factor):
     equal = np.flatnonzero(np.diff(strain) == 0)
     if equal.size:
         raise ValueError(
-            f"the sweep{where} has two rows at the strain {strain[equal[0]]:g}; of a sweep up and down"
-            " give one direction or the mean of both; for several temperatures pass temperature"
+            f"the sweep{where} has two rows at the strain {strain[equal[0]]:g}. If the strain goes up"
+            " and down, give one direction or the mean of both; for several temperatures give temperature="
         )
     if linear is None:
         fall = 1 - storage[1] / storage[0]

@@ -31,7 +31,7 @@ class Field(NamedTuple):
 def numbers(value: ArrayLike) -> np.ndarray:
     """Return a float64 array of real numbers.
 
-    ValueError if it is anything else, or empty; a text that follows the name of the value.
+    ValueError if it is anything else, or empty. The caller puts the name of the value before the message.
     """
     try:
         array = np.asarray(value)

@@ -151,7 +151,7 @@ def write_parameters(group: h5py.Group, result: FitRecord) -> None:
 
 
 def write_uncertainty(group: h5py.Group, known: Uncertainty) -> None:
-    """Write the other fields of the uncertainty; reasons for withheld error bars are in /parameters."""
+    """Write the uncertainty, except the reasons for withheld error bars, which are in /parameters."""
     for name, units in _ARRAYS.items():
         hdf5.write_values(group, name, getattr(known, name), units)
     for name, kind in _NUMBERS.items():
@@ -301,7 +301,7 @@ def _read(file: h5py.File, groups: dict[str, h5py.Group]) -> dict[str, Any]:
     for scale, rows in zip(estimated, problem.order, strict=True):
         error[rows] = error[rows] * found["error_scale"] if scale is None else scale
     if hdf5.read_texts(groups["parameters"], "names") != list(problem.names):
-        raise ValueError("/parameters/names: must be the elements that /free names")
+        raise ValueError("/parameters/names: must list the elements that are free according to /free")
     size, discrepancy = problem.variables.size, None
     problem = problem._replace(targets=problem.targets._replace(error=error))
     if "discrepancy" in file:

@@ -201,7 +201,7 @@ def _check_curve(scene, data):
     elif not takes_temperature(scene):
         raise ValueError(
             f"data {data.label!r}: have a temperature, but no part of the scene has a shift:"
-            " give the scene one, or the data no temperature"
+            " add a shift to the scene, or remove the temperature"
         )
     else:
         _check_temperature(data, shifts(scene))

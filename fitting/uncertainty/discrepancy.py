@@ -184,7 +184,7 @@ def averaged(
 
 
 def _prior(amplitudes):
-    """Return the prior density of ln a, half lognormal and half flat, which includes an exact theory."""
+    """Return the prior density of ln a: half normal, half flat. The flat half allows for an exact theory."""
     lognormal = scipy.stats.norm.pdf(np.log(amplitudes), np.log(_MEDIAN), _DEVIATION)
     return 0.5 * lognormal + 0.5 / np.log(_AMPLITUDES[-1] / _AMPLITUDES[0])
 

@@ -73,9 +73,9 @@ class PriorInformation(NamedTuple):
         return to_scene(self.variables, self.constants, self.x)
 
     def draws(self, count: int, reach: float, key: jax.Array) -> np.ndarray:
-        """Return x itself and random draws about it, changed by at most `reach` along a direction.
+        """Return x itself and random draws about it, shape (count, size).
 
-        Shape (count, size).
+        The standard deviation along each principal direction is at most `reach`.
         """
         values, V = np.linalg.eigh(self.information)
         noise = np.array(jax.random.normal(key, (count, self.x.size)))

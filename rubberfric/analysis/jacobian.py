@@ -52,7 +52,10 @@ class LinearisedTree(NamedTuple):
 
 
 def linearise_tree(function: Callable[[Any], Any], x: Any) -> LinearisedTree:
-    """Return value and derivatives of a function that returns a pytree; other leaves are kept."""
+    """Return value and derivatives of a function that returns a pytree.
+
+    Leaves that are not arrays of real numbers are returned unchanged, without derivatives.
+    """
     structure, others, moves = None, {}, []
 
     def reals_and_integers(x):

@@ -101,7 +101,7 @@ class TheoryError(NamedTuple):
 
 
 def theory_error(scene: Scene, area: ArrayLike) -> TheoryError | None:
-    """Look up the model error in similar scenes, theory over boundary elements.
+    """Look up the error of the theory in similar scenes, as its ratio to boundary elements.
 
     Parameters
     ----------
@@ -114,9 +114,9 @@ def theory_error(scene: Scene, area: ArrayLike) -> TheoryError | None:
     the scene. It covers a rigid self-affine surface, H = 0.6 ... 1, q1/qr = 8 ... 64, under a smooth
     viscoelastic half-space without heating or softening, with gamma about 1/2.
 
-    Sources: notebooks/boundary_elements.csv, made by notebooks/boundary_elements.py; for
-    `contact_model="boundary_elements"` the cases of
-    tests/rubberfric/theory/area/test_law_and_boundary_elements.py, half of which the law was fitted to.
+    Sources: notebooks/boundary_elements.csv, which notebooks/boundary_elements.py makes. The errors for
+    `contact_model="boundary_elements"` are from the cases of
+    tests/rubberfric/theory/area/test_law_and_boundary_elements.py. The law was fitted to half of them.
     """
     if not _covered(scene):
         return None

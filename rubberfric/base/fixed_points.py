@@ -57,14 +57,14 @@ def fixed_point(
     function : from an array of shape (points, n) to one of that shape; rows do not mix
     start : shape (points, n)
     inverse : Inverse of 1 - f' near the start, or None
-    tolerance : residual over the largest element of a row at which a step is the last; None: 1e-7
-        (float32: 1e-5)
+    tolerance : a row takes its last step when its residual over its largest element is below this; None:
+        1e-7 (float32: 1e-5)
 
     Returns
     -------
     (y, reached), shapes (points, n) and (points,). A row does not depend on the others.
 
-    Limits: residuals are a hundredth of the tolerance (float32: 1e-5).
+    Limits: after the last step residuals are about a hundredth of the tolerance (float32: 1e-5).
     """
     goal = _TOLERANCE if tolerance is None else tolerance
     return _iterate(lambda y: function(y) - y, start, goal, inverse)[:2]
@@ -163,10 +163,10 @@ def anderson(
     residual : function of y, shape (points, n), that returns f(y) - y; with `also`, a pair of this and
         another result
     start : shape (points, n)
-    reached : function of y, its residual and the other result that returns True for rows that have
+    reached : function of (y, residual, other result). It returns True for rows that have
         converged, shape (points,); these take one more step
     inverse : Inverse of 1 - f' near the start, or None
-    also : zeros of the other result, shape (points,), or None
+    also : array of zeros like the other result, shape (points,), or None
     history : number of previous steps combined
     most_steps : largest number of evaluations of the residual
     rise : the history is dropped where the residual exceeds its minimum by this factor; None: never

@@ -26,9 +26,9 @@ class Quadrature:
     """Accuracy setting of the forward model; static, so each new setting compiles again.
 
     The defaults have errors below 1e-9 for area, friction and separation over ten decades of roughness, also
-    with plateaus of nine decades. Calls without a setting choose one for the scene, with half the nodes over
-    two or three decades (`rf.analysis.default_quadrature`). `rf.analysis.quadrature_for` finds one for other
-    errors.
+    with plateaus of nine decades. Calls without a setting choose one for the scene
+    (`rf.analysis.default_quadrature`); it has half as many nodes for roughness of two or three decades.
+    `rf.analysis.quadrature_for` finds a setting for another error.
 
     Parameters
     ----------

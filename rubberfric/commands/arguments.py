@@ -167,10 +167,10 @@ def check_input(path: StrPath, suffixes: tuple[str, ...]) -> None:
     check_readable(path)
 
 
-def check_outputs(arguments: argparse.Namespace, suffix: str) -> None:
-    """Raise ValueError unless the files of --out and --plot can be written."""
+def check_outputs(arguments: argparse.Namespace, *suffixes: str) -> None:
+    """Raise ValueError unless the files of --out, with one of the suffixes, and --plot can be written."""
     if arguments.out is not None:
-        check_writable(arguments.out, (suffix,))
+        check_writable(arguments.out, suffixes)
     if arguments.plot is None:
         return
     check_writable(arguments.plot, (".png", ".pdf", ".svg"))

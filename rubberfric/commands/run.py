@@ -23,7 +23,7 @@ from rubberfric.theory.quantities import Solution, iterated, quantities_of
 def run_scene(arguments: argparse.Namespace, show: Progress) -> tuple[str, OSError | None]:
     """Run `rubberfric run`; returns the printed text and the error, or None."""
     show(f"reading {arguments.scene}")
-    scene, conditions, title = read_computable(arguments.scene, most=MOST_POINTS)
+    scene, conditions, title = read_computable(arguments.scene, most=MOST_POINTS, default=True)
     quadrature = default_quadrature(scene, conditions.pressure)
     quantities = quantities_of(scene)
     points = math.prod(result_shape(conditions))

@@ -14,6 +14,7 @@ from rubberfric.io.files import (
 from rubberfric.io.friction_files import read_friction, write_friction
 from rubberfric.io.friction_tables import FrictionTable
 from rubberfric.io.hdf5 import read_object, write_object
+from rubberfric.io.height_maps import HeightMap, read_heights
 from rubberfric.io.prony_cards import read_prony, write_prony
 from rubberfric.io.results import Curves, Result, curves_of
 from rubberfric.io.tables import column_hint, read_columns, read_names, read_table, write_table
@@ -23,6 +24,7 @@ __all__ = [
     "COLUMNS",
     "Curves",
     "FrictionTable",
+    "HeightMap",
     "Result",
     "column_hint",
     "curves_of",
@@ -34,6 +36,7 @@ __all__ = [
     "read_columns",
     "read_conditions",
     "read_friction",
+    "read_heights",
     "read_names",
     "read_object",
     "read_prony",

@@ -26,7 +26,7 @@ from rubberfric.base.checks import closest
 from rubberfric.io.columns import COLUMNS, SET_VALUES, is_foreign, known_name, known_unit, plain_unit
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
-_LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
+LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
 _LENGTH_IN_BRACKETS = re.compile(r".*[\[(]([^\[\]()]+)[\])]\s*")
 
 TextRows = list[tuple[int, list[str]]]  # (line, fields)
@@ -128,10 +128,10 @@ def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
         bracket = _LENGTH_IN_BRACKETS.fullmatch(title)
         given = below[0] if below else bracket[1] if bracket else title
         unit = plain_unit(given)
-        if unit not in _LENGTHS:
-            known = closest(unit, tuple(_LENGTHS))
+        if unit not in LENGTHS:
+            known = closest(unit, tuple(LENGTHS))
             raise ValueError(f"{path}: column {number} {title!r}: unit {given!r}: {known}")
-        scales.append(_LENGTHS[unit])
+        scales.append(LENGTHS[unit])
     lines, rows = text.splitlines(), headless(path, text, ["-"] * len(scales)).rows
     values = np.empty((len(rows), len(scales)))
     for row, (line, fields) in zip(values, rows, strict=True):

@@ -49,6 +49,8 @@ from rubberfric.io.results import (
     Result,
     SceneFile,
     check_conditions,
+    conditions_text,
+    default_conditions,
     result_shape,
 )
 from rubberfric.io.toml import read_scene_toml, scene_texts
@@ -94,7 +96,7 @@ def save_scene(path: StrPath, scene: Scene) -> None:
     """Save a scene as an HDF5 file (.h5) or a TOML file (.toml), completely or not at all.
 
     A TOML file has all digits. Its tables are CSV files in the same folder, named after it. It has no
-    conditions; add a section [run] for `rubberfric run`.
+    conditions; `rubberfric run` then uses default ones.
 
     Raises
     ------
@@ -131,12 +133,21 @@ def read_scene_file(path: StrPath, table: str = "run") -> SceneFile:
 
 
 def read_computable(
-    path: StrPath, table: str = "run", most: float = math.inf
+    path: StrPath, table: str = "run", most: float = math.inf, default: bool = False
 ) -> tuple[Scene, Conditions, str]:
-    """Read scene, conditions and title; ValueError without conditions, or with more than `most` points."""
+    """Read scene, conditions and title; ValueError with more than `most` points.
+
+    Without conditions in the file: ValueError, or with `default` the `default_conditions`, which the
+    title then states.
+    """
     found = read_scene_file(path, table)
     if found.conditions is None:
-        raise ValueError(f"{path}: {table}: is missing; must hold velocity and pressure to compute at")
+        if not default:
+            raise ValueError(f"{path}: {table}: is missing; must hold velocity and pressure to compute at")
+        conditions = default_conditions(found.scene)
+        check_conditions(f"{path}: {table}", conditions, found.scene)
+        stated = f"default conditions: {conditions_text(conditions)}"
+        return found.scene, conditions, "; ".join([found.title] * bool(found.title) + [stated])
     for name, values in found.conditions._asdict().items():
         if values is not None and values.size > MOST_CONDITIONS:
             raise ValueError(f"{path}: {name} has {values.size} values: must have at most {MOST_CONDITIONS}")
@@ -190,7 +201,7 @@ def save_result(path: StrPath, result: Result) -> None:
 
 
 def load_result(path: StrPath) -> Result:
-    """Load a result file with NumPy arrays; ValueError for any other file."""
+    """Load a result file; its quantities become NumPy arrays. ValueError for any other file."""
     with reading(path, _FORMAT) as file:
         scene, conditions, title = _read_scene(file)
         if conditions is None:
@@ -260,7 +271,7 @@ def write_interpolation(data: Mapping[str, h5py.Dataset], interpolation: Interpo
 
 
 def _allocate(path: Path, size: int) -> None:
-    """Allocate disk space, where a file could be sparse; OSError if it is not available."""
+    """Allocate the disk space of a file that could be sparse; OSError if there is not enough space."""
     if hasattr(os, "posix_fallocate"):
         with open(path, "ab") as file:
             os.posix_fallocate(file.fileno(), 0, size)

@@ -63,6 +63,26 @@ class SceneFile(NamedTuple):
     title: str
 
 
+def default_conditions(scene: Scene) -> Conditions:
+    """Return conditions for a scene without any: 1e-6 ... 10 m/s, 0.2 MPa, and a temperature if it needs one.
+
+    The temperature is the reference temperature of the first shift, or 20 °C for heating without a shift.
+    """
+    first = [float(shift.reference_temperature) for shift in shifts(scene)[:1]]
+    temperature = np.array(first or [293.15]) if takes_temperature(scene) else None
+    return Conditions(np.geomspace(1e-6, 10.0, 29), np.array([2e5]), temperature)
+
+
+def conditions_text(conditions: Conditions) -> str:
+    """Return the ranges of conditions in one line."""
+    units = {"velocity": "m/s", "pressure": "Pa", "temperature": "K"}
+    given = {name: x for name, x in conditions._asdict().items() if x is not None}
+    return ", ".join(
+        f"{name} {x.min():.6g}" + (f" ... {x.max():.6g}" if x.size > 1 else "") + f" {units[name]}"
+        for name, x in given.items()
+    )
+
+
 class Interpolation(NamedTuple):
     """Interpolation of the quantities of a map."""
 

@@ -36,8 +36,9 @@ class TabulatedSpectrum(Spectrum):
         of the table. Both can be fitted, and changing them does not compile again.
 
     Limits: traced q0 and q1 are not checked; beyond the table they continue its first or last piece. If q^4 C
-    increases by more than 1e6 between two entries, the separation has an error of 1e-4, or 2 % if they are
-    within 2 % of each other. In full contact, below 1e-20 / q0, it has no correct digit. More panels help.
+    increases by a factor of more than 1e6 between two entries, the separation has a relative error of 1e-4,
+    or of 2 % if their q differ by less than 2 %. A separation below 1e-20 / q0, in full contact, then has no
+    correct digit. More panels reduce these errors.
     """
 
     file_kind: ClassVar[str] = "tabulated"

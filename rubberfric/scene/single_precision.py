@@ -99,8 +99,8 @@ def _check_times(name, tau):
     gaps = np.diff(np.sort(np.log10(np.asarray(tau, float))))
     if gaps.size and gaps.max() > DECADES:
         raise ValueError(
-            f"{name} has neighbours {gaps.max():.3g} decades apart: must be at most {DECADES} in float32 "
-            "where it is in series with another stiffness; use float64"
+            f"{name} has neighbouring values {gaps.max():.3g} decades apart: must be at most {DECADES} in "
+            "float32 for a solid in series with another stiffness; use float64"
         )
 
 

@@ -160,7 +160,7 @@ def _begin(thermal, points):
 
 
 def _before(thermal, log_v, targets):
-    """Return `log_v` where a branch begins, or a target that lies before it on the branch."""
+    """Return where to begin a branch: at `log_v`, or at a target that the branch reaches earlier."""
     return jnp.minimum(log_v, targets) if _direction(thermal) > 0 else jnp.maximum(log_v, targets)
 
 

@@ -47,7 +47,7 @@ class Download(NamedTuple):
 def run_explorer(arguments: argparse.Namespace, show: Phases) -> tuple[str, None]:
     """Run `rubberfric explore`, which only a signal ends."""
     show(f"reading {arguments.scene}")
-    scene, conditions, title = read_computable(arguments.scene)
+    scene, conditions, title = read_computable(arguments.scene, default=True)
     measured = None if arguments.data is None else read_points(arguments.data, scene, conditions)
     explorer = Explorer(scene, conditions, title, measured)
     try:

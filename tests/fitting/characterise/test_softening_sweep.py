@@ -103,7 +103,7 @@ def test_a_sweep_that_begins_too_late_is_named():
         ({"loss": [1e5, 1e5]}, r"^loss has shape \(2,\): must be \(n,\), as long as strain$"),
         (
             {"strain": [1e-3, 1e-2, 1e-3]},
-            r"^the sweep has two rows at the strain 0\.001; of a sweep up and down",
+            r"^the sweep has two rows at the strain 0\.001. If the strain goes up and down",
         ),
         ({"linear": 1e-5}, r"^linear = 1e-05: must be at least the smallest strain, 0\.001$"),
         ({"linear": -1}, r"^linear = -1: must be a strain > 0, or None$"),

@@ -115,7 +115,7 @@ def test_integers_of_any_kind_are_integers():
             rf.Scene(ROAD, rf.Body(PLAIN)),
             FrictionData([1.0], [0.3], pressure=1e5, temperature=300.0),
             "have a temperature, but no part of the scene has a shift:"
-            " give the scene one, or the data no temperature",
+            " add a shift to the scene, or remove the temperature",
         ),
         (
             rf.Scene(ROAD, rf.Body(PLAIN)),

@@ -510,7 +510,7 @@ BAD = {
     "x": (replace("parameters/x", [1.0]), "/parameters/x has shape (1,): must be (4,)"),
     "names": (
         replace("parameters/names", ["a", "b", "c", "d"]),
-        "/parameters/names: must be the elements that /free",
+        "/parameters/names: must list the elements that are free",
     ),
     "no names": (
         replace("parameters/names", [1.0]),

@@ -178,7 +178,6 @@ def test_no_viscoelastic_solid_no_friction(call, scene_file):
         ("303.15]", "100]", "scene.toml: run.temperature[2] = 100.0: must be > 193.15 K"),
         ("points = 5", "points = 0", "scene.toml: run.velocity.points = 0: must be an integer"),
         ("[run]", "[walk]", "scene.toml: walk: unknown key"),
-        (SCENE[SCENE.index("[run]") :], "", "scene.toml: run: is missing; must hold velocity and pressure"),
         ("[upper]", "[upper", "scene.toml: is not TOML"),
     ],
 )
@@ -194,6 +193,19 @@ def test_bad_scene(call, scene_file, tmp_path, old, new, message):
     assert os.listdir(tmp_path) == ["scene.toml"]
 
 
+def test_a_scene_without_conditions_has_default_ones(call, scene_file, tmp_path):
+    rf.save_scene(tmp_path / "bare.toml", rf.load_scene(scene_file))
+    status, printed, _ = call("run", tmp_path / "bare.toml", "--out", tmp_path / "bare.h5")
+    assert status == 0
+    stated = "default conditions: velocity 1e-06 ... 10 m/s, pressure 200000 Pa, temperature 293.15 K"
+    assert printed.startswith(stated)
+    result = rf.io.load_result(tmp_path / "bare.h5")
+    v, p, T = result.conditions
+    assert (v.size, float(p[0]), float(T[0])) == (29, 2e5, 293.15)
+    expected = rf.friction(result.scene, v, p[0], T[0])
+    np.testing.assert_allclose(result.solution.friction[0, 0], expected, rtol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -204,7 +216,6 @@ def test_bad_scene(call, scene_file, tmp_path, old, new, message):
         (("run", "no.h5"), "no.h5: cannot be read: No such file"),
         (("run", "scene.csv"), "scene.csv: suffix '.csv': must be .toml or .h5"),
         (("run", "cut.h5"), "cut.h5: must be a whole HDF5 file"),
-        (("run", "bare.h5"), "bare.h5: run: is missing; must hold velocity and pressure"),
         (("run", "scene.toml", "--out", "r.csv"), "r.csv: suffix '.csv': must be .h5"),
         (("run", "scene.toml", "--out", "no/r.h5"), "folder 'no' does not exist; create it first"),
         (("run", "scene.toml", "--out", "folder.h5"), "folder.h5: is a folder; must be a file"),

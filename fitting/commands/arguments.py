@@ -1,0 +1,334 @@
+"""Arguments of `rubberfric-fit` and its sub-commands, and checks before JAX is imported."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+TYPE_CHECKING = False  # for type checkers it is true
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Callable
+
+    from rubberfric.commands import Parser
+
+PROGRAM = "rubberfric-fit"
+_SCENES = (".toml", ".h5")
+
+
+def check_fit_arguments(arguments: argparse.Namespace) -> None:
+    """Raise a ValueError if the arguments are wrong, before any work begins."""
+    from pathlib import Path
+
+    from rubberfric.base import check_writable
+    from rubberfric.commands import check_input, check_outputs
+
+    checkpoint = arguments.checkpoint
+    if arguments.bootstrap is None and (checkpoint is not None or arguments.resume):
+        raise ValueError("--checkpoint and --resume must come with --bootstrap N")
+    if arguments.resume and checkpoint is None:
+        raise ValueError("--resume: must come with --checkpoint FILE.h5")
+    check_input(arguments.job, (".toml",))
+    check_outputs(arguments, ".h5")
+    if checkpoint is None:
+        return
+    check_writable(checkpoint, (".h5",))
+    if arguments.out is not None and Path(checkpoint).resolve() == Path(arguments.out).resolve():
+        raise ValueError(f"--checkpoint {checkpoint}: is the file of --out; must be another file")
+    if Path(checkpoint).exists() and not arguments.resume:
+        raise ValueError(f"{checkpoint}: the file exists; continue it with --resume, or remove it")
+
+
+def _design_parser() -> Parser:
+    from rubberfric.commands import Parser, add_common, add_outputs
+
+    parser = Parser(
+        prog=f"{PROGRAM} design", description="Fit a job and choose the measurements to make next."
+    )
+    parser.add_argument("job", metavar="JOB", help="job file (.toml) with a table [design]")
+    add_outputs(parser, "FILE.csv", "write the conditions to measure at", "draw the gain of each measurement")
+    add_common(parser)
+    return parser
+
+
+def _calibration_parser() -> Parser:
+    from rubberfric.commands import Parser, add_common
+
+    parser = Parser(
+        prog=f"{PROGRAM} calibration",
+        description="Fit data drawn from the priors of a job; report the coverage of its error bars.",
+    )
+    parser.add_argument(
+        "job", metavar="JOB", help="job file (.toml) with a Gaussian prior of each free parameter"
+    )
+    parser.add_argument(
+        "--members", metavar="N", type=_count, default=1000, help="number of fits (default: 1000)"
+    )
+    parser.add_argument(
+        "--on",
+        choices=("normal", "samples"),
+        default="normal",
+        help="compare the truths with error bars, or with draws from the posterior, which takes longer",
+    )
+    parser.add_argument(
+        "--plot", metavar="FILE.png", help="draw the ranks of the truths (.png, .pdf or .svg)"
+    )
+    parser.set_defaults(out=None)
+    add_common(parser)
+    return parser
+
+
+def _laboratory_parser(kind: str, description: str, out: str, plot: str | None, suffixes: str) -> Parser:
+    """Return the parser of a command of `fitting.commands.laboratory`, without its own arguments."""
+    from rubberfric.commands import Parser, add_common
+
+    parser = Parser(prog=f"{PROGRAM} {kind}", description=description)
+    parser.add_argument("--out", metavar="FILE", required=plot is None, help=f"{out} ({suffixes})")
+    if plot is None:
+        parser.set_defaults(plot=None)
+    else:
+        parser.add_argument("--plot", metavar="FILE.png", help=f"{plot} (.png, .pdf or .svg)")
+    add_common(parser)
+    return parser
+
+
+def _add_scene_and_columns(parser: Parser, body: str) -> None:
+    parser.add_argument("--scene", metavar="SCENE", help="scene that gets the result (default: a new one)")
+    parser.add_argument(
+        "--body", choices=("lower", "upper"), default=body, help=f"body of the scene (default: {body})"
+    )
+    parser.add_argument(
+        "--columns",
+        nargs="+",
+        metavar="NAME",
+        help='"name [unit]" of each column of a table, "-" to skip one',
+    )
+
+
+def _mastercurve_parser() -> Parser:
+    parser = _laboratory_parser(
+        "mastercurve",
+        "Shift sweeps of a dynamic mechanical analysis onto one curve and fit a Prony series; print both.",
+        "write a scene with this material, or the master curve",
+        "draw the master curve and the shifts",
+        ".toml or .h5, or .csv",
+    )
+    parser.add_argument("data", nargs="+", metavar="DATA", help="tables of E', E'' over frequency")
+    parser.add_argument(
+        "--temperature",
+        nargs="+",
+        type=float,
+        metavar="K",
+        help="of each file, if the files do not have it [K]",
+    )
+    parser.add_argument(
+        "--reference",
+        type=float,
+        metavar="K",
+        help="temperature of the curve [K] (default: nearest to 293.15)",
+    )
+    parser.add_argument(
+        "--vertical",
+        choices=("none", "free", "entropic"),
+        default="none",
+        help="vertical shift (default: none)",
+    )
+    parser.add_argument(
+        "--per-decade", type=float, default=2.0, metavar="N", help="relaxation times per decade (default: 2)"
+    )
+    parser.add_argument(
+        "--poisson", type=float, metavar="NU", help="Poisson's ratio, needed for shear moduli (default: 0.5)"
+    )
+    parser.add_argument(
+        "--strain", metavar="DATA", help="strain sweep of a filled rubber, for its softening in the scene"
+    )
+    _add_scene_and_columns(parser, "upper")
+    return parser
+
+
+def _spectrum_parser() -> Parser:
+    parser = _laboratory_parser(
+        "spectrum",
+        "Compute the spectrum of a measured surface and fit a self-affine one; print it. The file holds"
+        " traces of a profilometer, with --map a height map, with --normalisation a spectrum.",
+        "write a scene with this roughness, or the measured spectrum",
+        "draw the measured and the fitted spectrum",
+        ".toml or .h5, or .csv",
+    )
+    parser.add_argument("data", metavar="DATA", help="table of heights or of a spectrum")
+    parser.add_argument("--map", action="store_true", help="the file is a height map: x, y, z or a grid")
+    parser.add_argument(
+        "--spacing", nargs="+", type=float, metavar="M", help="dx, or dx and dy, of a grid of heights [m]"
+    )
+    parser.add_argument("--unit", metavar="UNIT", help="m, mm, um or nm, of a height map without units")
+    parser.add_argument("--normalisation", metavar="NAME", help="of C(q), see `rubberfric.roughness`")
+    parser.add_argument("--hurst", type=float, metavar="H", help="for a spectrum along a line")
+    parser.add_argument(
+        "--q1", type=float, metavar="Q", help="largest wavevector to fit [1/m] (default: last)"
+    )
+    parser.add_argument(
+        "--slope", type=float, metavar="S", help="continue or cut the roughness to this rms slope, often 1.3"
+    )
+    parser.add_argument(
+        "--table", action="store_true", help="put the measured spectrum itself into the scene"
+    )
+    _add_scene_and_columns(parser, "lower")
+    return parser
+
+
+def _job_parser() -> Parser:
+    parser = _laboratory_parser(
+        "job", "Write a job file for rubberfric-fit, and print it.", "job file to write", None, ".toml"
+    )
+    parser.add_argument("scene", metavar="SCENE", help="scene file (.toml or .h5)")
+    parser.add_argument("data", nargs="+", metavar="DATA", help="tables of measured friction")
+    for name, unit in (("pressure", "Pa"), ("temperature", "K")):
+        parser.add_argument(f"--{name}", type=float, metavar=unit, help=f"if the data lack it [{unit}]")
+    parser.add_argument("--relative", type=float, metavar="R", help="error of the data, 0.05 for 5 %%")
+    parser.add_argument(
+        "--shear",
+        action="store_true",
+        help="add contact shear to the scene, written as OUT_scene.toml, and free it",
+    )
+    parser.add_argument(
+        "--free",
+        nargs="+",
+        metavar="KEYPATH",
+        help="free parameters, all > 0 (default: q1 of each spectrum, and contact shear with --shear)",
+    )
+    return parser
+
+
+def _table_parser() -> Parser:
+    parser = _laboratory_parser(
+        "table",
+        "Tabulate the friction of a fit or a scene for a simulation, to a stated interpolation error.",
+        "table to write",
+        None,
+        ".inp Abaqus, .k LS-DYNA, .csv, .json, .txt",
+    )
+    parser.add_argument("fit", metavar="FIT", help="fit (.h5) or scene (.toml or .h5)")
+    for name, unit in (("velocity", "m/s"), ("pressure", "Pa"), ("temperature", "K")):
+        parser.add_argument(
+            f"--{name}",
+            nargs="+",
+            type=float,
+            metavar=unit,
+            required=name != "temperature",
+            help=f"lowest and highest, or one [{unit}]",
+        )
+    parser.add_argument("--error", type=float, default=0.01, help="interpolation error (default: 0.01)")
+    parser.add_argument(
+        "--units",
+        nargs=3,
+        default=("m/s", "Pa", "K"),
+        metavar=("V", "P", "T"),
+        help="of the table: m/s, mm/s or um/s; Pa, kPa, MPa or GPa; K or C (default: m/s Pa K)",
+    )
+    return parser
+
+
+def _check_planning(arguments: argparse.Namespace) -> None:
+    from rubberfric.commands import check_input, check_outputs
+
+    check_input(arguments.job, (".toml",))
+    check_outputs(arguments, ".csv")
+
+
+def _check_characterisation(arguments: argparse.Namespace) -> None:
+    from rubberfric.base import check_readable
+    from rubberfric.commands import check_input, check_outputs
+
+    check_outputs(arguments, *_SCENES, ".csv")
+    if arguments.scene is not None:
+        check_input(arguments.scene, _SCENES)
+    for path in arguments.data if isinstance(arguments.data, list) else [arguments.data]:
+        check_readable(path)
+    if len(getattr(arguments, "spacing", None) or [0]) > 2:
+        raise ValueError("--spacing: must be dx, or dx and dy")
+
+
+def _check_job(arguments: argparse.Namespace) -> None:
+    from rubberfric.base import check_readable
+    from rubberfric.commands import check_input, check_outputs
+
+    check_outputs(arguments, ".toml")
+    check_input(arguments.scene, _SCENES)
+    for path in arguments.data:
+        check_readable(path)
+
+
+def _check_table(arguments: argparse.Namespace) -> None:
+    from rubberfric.commands import check_input, check_outputs
+
+    check_outputs(arguments, ".inp", ".k", ".csv", ".json", ".txt")
+    check_input(arguments.fit, _SCENES)
+    for name in ("velocity", "pressure", "temperature"):
+        if len(getattr(arguments, name) or [0]) > 2:
+            raise ValueError(f"--{name}: must be the lowest and the highest value, or one")
+
+
+def fit_parser() -> Parser:
+    """Return the parser of `rubberfric-fit JOB`."""
+    from rubberfric.base import VERSION
+    from rubberfric.commands import Parser, add_common, add_outputs
+
+    parser = Parser(
+        prog=PROGRAM,
+        description="Fit parameters of a rubber friction scene to measurements; print values and errors.",
+        epilog="Other commands, each with --help: rubberfric-fit design, choose the next measurements;"
+        " calibration, measure the coverage of error bars; mastercurve, fit moduli of a DMA; spectrum, fit a"
+        " measured surface; job, write a job file; table, write friction for a simulation.",
+    )
+    parser.add_argument("--version", action="version", version=f"{PROGRAM} {VERSION}")
+    parser.add_argument("job", metavar="JOB", help="job file (.toml): scene, data, free parameters")
+    add_outputs(
+        parser, "FILE.h5", "write the fit; fitting.FitResult.load reads it", "draw data, fit and residuals"
+    )
+    parser.add_argument(
+        "--bootstrap", metavar="N", type=_count, help="fit N simulated data sets, report their spread"
+    )
+    parser.add_argument(
+        "--profile",
+        metavar="KEYPATH",
+        help="fix this parameter, or the q1 of a spectrum, at several values; print the cost",
+    )
+    parser.add_argument(
+        "--checkpoint",
+        metavar="FILE.h5",
+        help="save the bootstrap's state every minute; refused if it exists",
+    )
+    parser.add_argument("--resume", action="store_true", help="continue the checkpoint, if it exists")
+    add_common(parser)
+    return parser
+
+
+def _count(text: str) -> int:
+    from argparse import ArgumentTypeError
+
+    if not text.isascii() or not text.isdigit() or len(text) > 9 or not 0 < int(text) <= _MOST:
+        raise ArgumentTypeError(f"{text[:20]!r}: must be an integer >= 1, and <= {_MOST}")
+    return int(text)
+
+
+# Largest number of fits; the data of more would exceed the memory of many machines.
+_MOST = 10**6
+
+
+class Command(NamedTuple):
+    """A sub-command: parser, check of the arguments, and the module of `fitting.commands` that runs it."""
+
+    parser: Callable[[], Parser]
+    check: Callable[[argparse.Namespace], None]
+    module: str
+
+
+# "fit" is the command without a name, too.
+COMMANDS = {
+    "fit": Command(fit_parser, check_fit_arguments, "work"),
+    "design": Command(_design_parser, _check_planning, "planning"),
+    "calibration": Command(_calibration_parser, _check_planning, "planning"),
+    "mastercurve": Command(_mastercurve_parser, _check_characterisation, "laboratory"),
+    "spectrum": Command(_spectrum_parser, _check_characterisation, "laboratory"),
+    "job": Command(_job_parser, _check_job, "laboratory"),
+    "table": Command(_table_parser, _check_table, "laboratory"),
+}

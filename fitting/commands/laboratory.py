@@ -1,0 +1,280 @@
+"""Commands from the exports of a laboratory to a table for a simulation, without a file to edit.
+
+::
+
+    rubberfric-fit mastercurve dma.csv --out scene.toml
+    rubberfric-fit spectrum stylus.csv --scene scene.toml --slope 1.3 --out scene.toml
+    rubberfric-fit job scene.toml friction.csv --relative 0.05 --shear --out job.toml
+    rubberfric-fit job.toml --out fit.h5
+    rubberfric-fit table fit.h5 --velocity 1e-4 0.1 --pressure 1e5 4e5 --out friction.inp
+
+Each command calls public functions: `fitting.fit_master_curve` and `fit_prony`, `rubberfric.roughness` and
+`fitting.fit_spectrum`, `fitting.friction_table` and `rubberfric.io.write_friction`. All numbers are in SI.
+"""
+
+import argparse
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import rubberfric as rf
+from fitting.characterise.master_curve import fit_master_curve
+from fitting.characterise.prony import fit_prony
+from fitting.characterise.softening import softening_from_sweep
+from fitting.characterise.spectrum import fit_spectrum
+from fitting.commands.job import read_job
+from fitting.data.files import read
+from fitting.data.kinds import ModulusData, SpectrumData
+from fitting.results.result import FitResult, friction_table
+from fitting.solvers.problem import make_problem
+from rubberfric.base import Progress, as_path, check_writable
+from rubberfric.commands import Interrupts, write_outputs
+from rubberfric.plot import plot_spectrum, save_figure
+
+# Bins per decade of the spectrum of measured heights.
+_BINS = 10
+# Facing body of a new scene with roughness.
+_BLOCK = rf.Elastic(1e7, 0.5)
+# Contact shear with which a fit begins, of the size that tread rubber has on asphalt.
+_SHEAR = rf.ContactShear(5e6, 0.2, 1e-2, rf.Arrhenius(1.0, 293.15))
+# Parameters that a job frees by itself.
+_FREE_SHEAR = ("shear.tau_f0", "shear.c", "shear.v0", "shear.shift.energy")
+
+
+def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
+    """Fit shifts and a Prony series to measured moduli, write a scene or cards; return the exit status."""
+    del interrupts
+    data = [_moduli(arguments, path, T) for path, T in _with_temperatures(arguments)]
+    temperatures = [T for one in data if one.temperature is not None for T in np.ravel(one.temperature)]
+    options: dict[str, Any] = {"poisson": arguments.poisson or 0.5}
+    texts, curve, moduli = [], None, data[0]
+    if temperatures and np.ptp(temperatures) > 1.0:
+        show("shifting the sweeps")
+        vertical: Any = {"none": False, "free": True}.get(arguments.vertical, arguments.vertical)
+        curve = fit_master_curve(data, arguments.reference, vertical=vertical)
+        moduli, options["shift"] = curve.data, curve.shift
+        texts.append(curve.report())
+    elif len(data) > 1:
+        raise ValueError("sweeps without temperatures: must be one file, or have --temperature for each")
+    elif temperatures:
+        moduli = ModulusData(moduli.omega, moduli.storage, moduli.loss, relative=moduli.relative)
+    show("fitting a Prony series")
+    series = fit_prony(moduli, arguments.per_decade, **options)
+    texts.append(series.report())
+    changes: dict[str, Any] = {"material": series.material}
+    if arguments.strain is not None:
+        sweep = rf.io.read_table(arguments.strain, ["strain", "E_stor", "E_loss"], poisson=arguments.poisson)
+        changes["softening"] = softening_from_sweep(sweep["strain"], sweep["E_stor"], sweep["E_loss"])
+        texts.append(_of_softening(changes["softening"]))
+
+    def write(path: str) -> None:
+        if as_path(path).suffix.lower() == ".csv":
+            return moduli.write(path)
+        scene = _with_body(arguments, rf.Body(rf.Rigid()), **changes)
+        return rf.save_scene(path, scene)
+
+    return _ended(arguments, show, texts, write, lambda: (series if curve is None else curve).plot())
+
+
+def _of_softening(softening):
+    """Return a line on the softening of the scene."""
+    storage, loss = float(softening.storage[-1]), float(softening.loss[-1])
+    strain = float(softening.strain[-1])
+    return f"At a strain of {strain:.3g}, E' is {storage:.3g} and E'' {loss:.3g} of their values at rest.\n"
+
+
+def _with_temperatures(arguments):
+    """Return (file, temperature or None) of every file of moduli."""
+    given = arguments.temperature or [None] * len(arguments.data)
+    if len(given) != len(arguments.data):
+        raise ValueError(
+            f"--temperature has {len(given)} values for {len(arguments.data)} files: must have one for each"
+        )
+    return list(zip(arguments.data, given, strict=True))
+
+
+def _moduli(arguments, path, temperature):
+    options = {"columns": arguments.columns, "poisson": arguments.poisson, "kind": "modulus"}
+    data = read(path, temperature=temperature, **options)
+    assert isinstance(data, ModulusData)
+    return data
+
+
+def _with_body(arguments, other, **changes):
+    """Return the scene of --scene with changes of a body, or a new scene with this body and another one."""
+    if arguments.scene is not None:
+        scene = rf.load_scene(arguments.scene)
+        return scene.replace(**{arguments.body: getattr(scene, arguments.body).replace(**changes)})
+    own = rf.Body(**{"material": rf.Rigid(), **changes})
+    return rf.Scene(own, other) if arguments.body == "lower" else rf.Scene(other, own)
+
+
+def run_spectrum(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
+    """Compute and fit the spectrum of a measured surface, write it to a scene; return the exit status."""
+    del interrupts
+    show(f"reading {arguments.data}")
+    data, q0, text = _measured_spectrum(arguments)
+    found = fit_spectrum(data, q0=q0, q1=arguments.q1)
+    spectrum: Any = rf.TabulatedSpectrum(data.q, data.C) if arguments.table else found.spectrum
+    if arguments.slope is not None:
+        spectrum = rf.with_cutoff(spectrum, arguments.slope)
+    texts = [text, found.report(), _of_slope(spectrum)]
+
+    def write(path: str) -> None:
+        if as_path(path).suffix.lower() == ".csv":
+            return data.write(path)
+        return rf.save_scene(path, _with_body(arguments, rf.Body(_BLOCK), spectrum=spectrum))
+
+    drawn = {"measured": data, "table" if arguments.table else "fit": spectrum}
+    return _ended(arguments, show, texts, write, lambda: plot_spectrum(drawn))
+
+
+def _measured_spectrum(arguments):
+    """Return SpectrumData, the lowest wavevector or None, and a line about the heights."""
+    if arguments.normalisation is not None:
+        data = read(
+            arguments.data,
+            normalisation=arguments.normalisation,
+            hurst=arguments.hurst,
+            columns=arguments.columns,
+            kind="spectrum",
+        )
+        assert isinstance(data, SpectrumData)
+        return data, None, f"{data.q.size} wavevectors"
+    if arguments.map:
+        surface = rf.io.read_heights(arguments.data, _spacing(arguments.spacing), arguments.unit)
+        found = rf.roughness.spectrum_of_topography(surface.heights, surface.dx, surface.dy, per_decade=_BINS)
+        size = " x ".join(map(str, surface.heights.shape))
+        text = f"{size} heights, rms {found.h_rms:.3g} m, {surface.holes:.1%} of them filled"
+        return SpectrumData(found.q, found.C, relative=found.relative), None, text
+    x, traces = rf.io.read_traces(arguments.data)
+    lines = [rf.roughness.spectrum_of_profile(x, trace, per_decade=_BINS) for trace in traces]
+    C = rf.roughness.areal_spectrum(lines[0].q, np.mean([line.C for line in lines], axis=0))
+    rms = np.sqrt(np.mean([line.h_rms**2 for line in lines]))
+    text = f"{len(traces)} traces of {x.size} heights, rms {rms:.3g} m; the surface is taken as isotropic"
+    # The tilt of the traces affects the lowest wavevector.
+    return SpectrumData(lines[0].q[1:], np.asarray(C)[1:]), float(lines[0].q[0]), text
+
+
+def _spacing(given):
+    return given if given is None or len(given) > 1 else given[0]
+
+
+def _of_slope(spectrum):
+    """Return a line on the roughness that the scene has."""
+    q1 = float(spectrum.q[-1] if spectrum.q1 is None else spectrum.q1)
+    slope, height = float(rf.rms_slope(spectrum)), float(rf.roughness.rms_height(spectrum))
+    return f"In the scene: q1 = {q1:.4g} 1/m, rms height {height:.3g} m, rms slope {slope:.3g}.\n"
+
+
+def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
+    """Write a job file for `rubberfric-fit`, and print it; return the exit status."""
+    del interrupts
+    show("writing the job")
+    out = as_path(arguments.out)
+    place, scene = as_path(arguments.scene), rf.load_scene(arguments.scene)
+    if arguments.shear:
+        if scene.shear is not None:
+            raise ValueError(f"{place}: has contact shear already: leave out --shear")
+        place = out.with_name(f"{out.stem}_scene.toml")
+        check_writable(place, (".toml",))
+        rf.save_scene(place, scene.replace(shear=_SHEAR))
+    free = arguments.free or [*(_FREE_SHEAR if arguments.shear else ()), *_cutoffs(scene)]
+    lines = [f"scene = {_quoted(_from(out, place))}"]
+    for path in arguments.data:
+        lines += ["", "[[data]]", f"file = {_quoted(_from(out, path))}"]
+        lines += [
+            f"{name} = {getattr(arguments, name)!r}"
+            for name in ("pressure", "temperature", "relative")
+            if getattr(arguments, name) is not None
+        ]
+    lines += ["", "[free]", *(f'{_quoted(path)} = "positive"' for path in free)]
+    text = "\n".join(lines) + "\n"
+    before = out.read_bytes() if out.exists() else None
+    failure = write_outputs(show, ("writing", str(out), lambda path: _write(path, text)))
+    if failure is not None:
+        raise failure
+    try:
+        job = read_job(out)
+        assert not isinstance(job.data, dict)  # one scene
+        make_problem(job.scene, job.data, job.free)
+    except ValueError:
+        # A job that cannot be read must not replace one that can.
+        out.unlink() if before is None else out.write_bytes(before)
+        raise
+    show.end()
+    print(text, end="", flush=True)
+    return 0
+
+
+def _write(path, text):
+    Path(path).write_text(text, encoding="utf-8")
+
+
+def _from(out, path):
+    """Return a path relative to the folder of the job."""
+    return os.path.relpath(path, out.parent).replace(os.sep, "/")
+
+
+def _quoted(text):
+    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
+    return f'"{escaped}"'
+
+
+def _cutoffs(scene):
+    bodies = (("lower", scene.lower), ("upper", scene.upper))
+    return [f"{name}.spectrum.q1" for name, body in bodies if body.spectrum is not None]
+
+
+def run_table(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
+    """Tabulate the friction of a fit or of a scene, write it for a program; return the exit status."""
+    del interrupts
+    show(f"reading {arguments.fit}")
+    axes: Any = [_ends(getattr(arguments, name)) for name in ("velocity", "pressure", "temperature")]
+    table: Any
+    try:
+        result = FitResult.load(arguments.fit) if as_path(arguments.fit).suffix.lower() == ".h5" else None
+    except ValueError:
+        result = None  # a scene or a result of `rubberfric run`
+    show("computing the table")
+    if result is None:
+        table = rf.analysis.friction_table(rf.load_scene(arguments.fit), *axes, error=arguments.error)
+    else:
+        table = friction_table(result, *axes, error=arguments.error)
+    units = {
+        f"unit_{name}": unit
+        for name, unit in zip(("velocity", "pressure", "temperature"), arguments.units, strict=True)
+    }
+    text = (
+        f"mu at {table.velocity.size} velocities, {table.pressure.size} pressures"
+        + (f", {table.temperature.size} temperatures" if table.temperature is not None else "")
+        + f": {table.friction.min():.3g} ... {table.friction.max():.3g};"
+        f" interpolation error {table.error:.2g}\n"
+    )
+    return _ended(arguments, show, [text], lambda path: rf.io.write_friction(path, table, **units), None)
+
+
+def _ends(values):
+    return values if values is None or len(values) > 1 else values[0]
+
+
+def _ended(
+    arguments: argparse.Namespace,
+    show: Progress,
+    texts: list[str],
+    write: Callable[[str], object],
+    draw: Callable[[], Any] | None,
+) -> int:
+    """Write --out and --plot, print the texts; return the exit status."""
+    outputs = [("writing", arguments.out, write)]
+    if draw is not None:
+        outputs.append(("drawing", arguments.plot, lambda path: save_figure(path, draw())))
+    failure = write_outputs(show, *outputs)
+    show.end()
+    print("\n".join(text.rstrip("\n") + "\n" for text in texts), end="", flush=True)
+    if failure is not None:
+        raise failure
+    return 0

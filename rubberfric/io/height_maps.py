@@ -1,0 +1,198 @@
+"""Height maps of profilometers and microscopes, as text.
+
+::
+
+    x [mm];y [mm];z [µm]            -1.20  0.35  0.81 ...
+    0,00;0,00;-1,20                 -0.95   NaN  0.77 ...
+    0,00;0,01;                      ...
+
+A file has a row x, y, z for each point, or a grid of heights whose spacing the caller gives. A point that is
+empty, `NaN` or `n/a`, or a row that is missing, is a hole.
+"""
+
+import re
+from typing import NamedTuple
+
+import numpy as np
+import scipy
+
+from rubberfric.base.atomic import StrPath, read_text
+from rubberfric.base.checks import closest, shown
+from rubberfric.io.columns import plain_unit
+from rubberfric.io.exports import LENGTHS
+
+_HOLES = frozenset(("", "nan", "n/a", "na", "bad", "no data", "null", "none", "-", "--", "---", "***"))
+_IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]")
+# A spectrum of interpolated heights is too low. Above this share of holes it says little about the surface.
+_MOST_HOLES = 0.25
+# Positions of one row of points may differ by this share of the spacing.
+_SAME = 0.05
+
+
+class HeightMap(NamedTuple):
+    """Heights on a grid; holes are filled.
+
+    Attributes
+    ----------
+    heights : [m], shape (nx, ny)
+    dx, dy : spacing along the first and the second axis [m]
+    holes : share of the points that were holes [-]
+    """
+
+    heights: np.ndarray
+    dx: float
+    dy: float
+    holes: float
+
+
+def read_heights(
+    path: StrPath, spacing: float | tuple[float, float] | None = None, unit: str | None = None
+) -> HeightMap:
+    """Read a height map, for `rubberfric.roughness.spectrum_of_topography`.
+
+    Every height in a hole becomes the mean of its four neighbours, which is the smoothest surface through the
+    measured heights around the hole.
+
+    Parameters
+    ----------
+    path : text file (.csv, .txt, .dat, .xyz, .tsv)
+    spacing : dx = dy, or (dx, dy), of a grid of heights, > 0 [m]; rows are along y
+        None: the file has the columns x, y, z.
+    unit : "m", "mm", "um" or "nm", of the numbers in the file; None: in brackets behind the titles
+
+    Returns
+    -------
+    HeightMap
+
+    Raises
+    ------
+    ValueError : names the file and what is wrong: no numbers, no unit, positions that form no grid, rows of
+        different lengths, or more than a quarter of holes
+    """
+    titles, rows = _rows(path, read_text(path, exports=True))
+    count = len(rows[0][1])
+    if spacing is None and count != 3:
+        raise ValueError(f"{path}: has {count} columns: must have x, y and z, or be a grid with `spacing`")
+    units = _units(path, titles, unit, count, spacing is None)
+    values = _numbers(path, rows)
+    if spacing is None:
+        heights, dx, dy = _on_a_grid(path, *(values * units).T)
+    else:
+        dx, dy = spacing if isinstance(spacing, tuple | list) else (spacing, spacing)
+        if not all(isinstance(d, int | float) and 0 < d < np.inf for d in (dx, dy)):
+            raise ValueError(f"spacing = {shown(spacing)}: must be numbers > 0 [m]")
+        heights = values * units[0]
+    hole = ~np.isfinite(heights)
+    if hole.mean() > _MOST_HOLES:
+        raise ValueError(
+            f"{path}: {hole.mean():.0%} of the points are holes: must be at most {_MOST_HOLES:.0%}"
+        )
+    return HeightMap(filled(heights), float(dx), float(dy), float(hole.mean()))
+
+
+def filled(heights: np.ndarray) -> np.ndarray:
+    """Return heights in which every hole (NaN) is the mean of its neighbours along both axes."""
+    hole = ~np.isfinite(heights)
+    if not hole.any():
+        return heights
+    number = np.full(heights.shape, -1)
+    number[hole] = np.arange(hole.sum())
+    own, other, known, count = [], [], np.zeros(hole.sum()), np.zeros(hole.sum())
+    for axis in (0, 1):
+        for step in (-1, 1):
+            inside = np.moveaxis(np.ones_like(hole), axis, 0).copy()
+            inside[0 if step == -1 else -1] = False  # its neighbour lies outside the map
+            at = hole & np.moveaxis(inside, 0, axis)
+            beside = np.roll(number, -step, axis)[at]
+            here, height = number[at], np.roll(heights, -step, axis)[at]
+            count[here] += 1
+            known[here[beside < 0]] += height[beside < 0]
+            own.append(here[beside >= 0])
+            other.append(beside[beside >= 0])
+    rows, columns = np.concatenate(own), np.concatenate(other)
+    linked = scipy.sparse.coo_matrix((np.ones(rows.size), (rows, columns)), (count.size, count.size))
+    found = heights.copy()
+    found[hole] = scipy.sparse.linalg.spsolve((scipy.sparse.diags(count) - linked).tocsc(), known)
+    return found
+
+
+def _rows(path, text):
+    """Return the row of titles, or [], and (line, fields) of all rows of numbers and holes."""
+    lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip()]
+    lines = [(k, line) for k, line in lines if not line.lstrip().startswith("#")]
+    best: list = []
+    titles: list[str] = []
+    for separator in ("\t", ";", ",", None):
+        split = [(k, [field.strip() for field in line.split(separator)]) for k, line in lines]
+        rows = [(k, fields) for k, fields in split if len(fields) > 1 and all(map(_is_value, fields))]
+        rows = [(k, fields) for k, fields in rows if any(field.lower() not in _HOLES for field in fields)]
+        if len(rows) > len(best):
+            best = rows
+            above = [f for k, f in split if k < rows[0][0] and len(f) == len(rows[0][1])]
+            titles = above[-1] if above else []
+    if not best:
+        raise ValueError(f"{path}: must have rows of numbers")
+    return titles, best
+
+
+def _is_value(field):
+    if field.lower() in _HOLES:
+        return True
+    try:
+        float(field.replace(",", ".", 1))
+    except ValueError:
+        return False
+    return True
+
+
+def _numbers(path, rows):
+    """Return the values of all rows, NaN for holes."""
+    width = len(rows[0][1])
+    for line, fields in rows:
+        if len(fields) != width:
+            raise ValueError(f"{path}: line {line}: has {len(fields)} fields: must have {width}")
+    return np.array(
+        [
+            [np.nan if f.lower() in _HOLES else float(f.replace(",", ".", 1)) for f in fields]
+            for _, fields in rows
+        ]
+    )
+
+
+def _units(path, titles, unit, count, named):
+    """Return metres per unit of every column."""
+    given = [unit] * count
+    if unit is None:
+        found = [_IN_BRACKETS.search(title) for title in titles] if named else []
+        given = [match[1] for match in found if match is not None]
+        if len(given) != count:
+            raise ValueError(f"{path}: unit is missing: must be one of {', '.join(LENGTHS)}")
+    plain = [plain_unit(text) for text in given]
+    for text in plain:
+        if text not in LENGTHS:
+            raise ValueError(f"{path}: unit {text!r}: {closest(text, tuple(LENGTHS))}")
+    return np.array([LENGTHS[text] for text in plain])
+
+
+def _on_a_grid(path, x, y, z):
+    """Return heights on a grid (nx, ny), NaN without a row, and both spacings."""
+    places, spacings = [], []
+    for name, values in (("x", x), ("y", y)):
+        if not np.isfinite(values).all():
+            raise ValueError(f"{path}: {name} must be a number in every row")
+        steps = np.diff(np.unique(values))
+        large = steps[steps > _SAME * steps.max(initial=0.0)]
+        if large.size < 1:
+            raise ValueError(f"{path}: {name} must have different values")
+        spacing = float(np.median(np.asarray(large, float)))
+        place = (values - values.min()) / spacing
+        if np.abs(place - np.round(place)).max() > 4 * _SAME:
+            raise ValueError(f"{path}: {name} must be evenly spaced")
+        places.append(np.round(place).astype(int))
+        spacings.append(spacing)
+    size = [int(place.max()) + 1 for place in places]
+    if size[0] * size[1] > 4 * x.size + 64:
+        raise ValueError(f"{path}: {x.size} points do not fill a grid of {size[0]} x {size[1]}")
+    heights = np.full(size, np.nan)
+    heights[places[0], places[1]] = z
+    return heights, *spacings
