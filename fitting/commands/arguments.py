@@ -97,6 +97,12 @@ def _add_scene_and_columns(parser: Parser, body: str) -> None:
         "--body", choices=("lower", "upper"), default=body, help=f"body of the scene (default: {body})"
     )
     parser.add_argument(
+        "--bad-rows",
+        choices=("error", "drop"),
+        default="error",
+        help="rows with empty or invalid values: an error (default), or left out",
+    )
+    parser.add_argument(
         "--columns",
         nargs="+",
         metavar="NAME",

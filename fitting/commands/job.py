@@ -9,7 +9,7 @@
     file = "friction.csv"               # or .h5, see `fitting.data.files`
     pressure = 1e5                      # and temperature, relative, body, name, if the file lacks them;
                                         # normalisation, hurst of a spectrum; poisson, columns, kind of a
-                                        # table as other programs write it, check_units = false,
+                                        # table as other programs write it, check_units = false, bad_rows,
                                         # see `fitting.read`
     ...
 
@@ -69,7 +69,7 @@ RULE_KEYS = ("rule", *dict.fromkeys(f.name for cls in FILE_RULES.values() for f 
 PRIOR_KEYS = ("mean", "sigma", "smooth", "low", "high")
 FIT_KEYS = ("file", "body", "widen")
 CONDITIONS = ("pressure", "temperature", "relative", "hurst", "poisson")
-TEXTS = ("body", "normalisation", "kind")
+TEXTS = ("body", "normalisation", "kind", "bad_rows")
 EXTRA = ("columns", "check_units", "name")
 REALS = ("loss_width", "decades", "tolerance")  # may be integers in TOML
 

@@ -98,7 +98,7 @@ def _with_temperatures(arguments):
 
 def _moduli(arguments, path, temperature):
     options = {"columns": arguments.columns, "poisson": arguments.poisson, "kind": "modulus"}
-    data = read(path, temperature=temperature, **options)
+    data = read(path, temperature=temperature, bad_rows=arguments.bad_rows, **options)
     assert isinstance(data, ModulusData)
     return data
 
@@ -140,6 +140,7 @@ def _measured_spectrum(arguments):
             normalisation=arguments.normalisation,
             hurst=arguments.hurst,
             columns=arguments.columns,
+            bad_rows=arguments.bad_rows,
             kind="spectrum",
         )
         assert isinstance(data, SpectrumData)

@@ -44,6 +44,7 @@ def read(
     columns: list[str] | None = None,
     kind: str | None = None,
     check_units: bool = True,
+    bad_rows: str = "error",
 ) -> Measured:
     """Read measured data from a table (.csv, .txt, .tsv, .dat, and .xlsx with openpyxl) or an .h5 file.
 
@@ -63,6 +64,8 @@ def read(
     kind : "friction", "area", "modulus" or "spectrum"; needed for a table that holds several
     check_units : bool
         whether values of a table that look like ones in another unit are errors.
+    bad_rows : "error", or "drop" to leave out rows of an export with an empty, missing or invalid value
+        A warning names their lines.
 
     Returns
     -------
@@ -100,7 +103,9 @@ def read(
         _refuse(path, scaling, "it is for CSV spectra")
     needed = tuple(names[name] for name in cls.needed() if name != "pressure")
     optional = tuple(column for column in names.values() if column not in needed)
-    table = read_table(path, needed, optional, increasing=False, columns=columns, poisson=poisson)
+    table = read_table(
+        path, needed, optional, increasing=False, columns=columns, poisson=poisson, bad_rows=bad_rows
+    )
     values = {name: table[column] for name, column in names.items() if column in table}
     if normalisation is not None:
         for name in values.keys() & {"C", "sigma"}:

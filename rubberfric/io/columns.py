@@ -112,11 +112,11 @@ MODULUS_COLUMNS = ("E_comp", "G_stor", "G_loss", "G_comp", "tan_del")
 SPELLINGS = {
     name: tuple(text.split("; "))
     for name, text in {
-        "E_stor": "E'",
-        "E_loss": "E''",
+        "E_stor": "E'; e storage",
+        "E_loss": "E''; e loss",
         "E_comp": "|E*|; E*",
-        "G_stor": "G'",
-        "G_loss": "G''",
+        "G_stor": "G'; g storage",
+        "G_loss": "G''; g loss",
         "G_comp": "|G*|; G*",
         "M_stor": "storage modulus; speichermodul; module de conservation; module de stockage",
         "M_loss": "loss modulus; verlustmodul; module de perte; module de dissipation",
@@ -126,13 +126,13 @@ SPELLINGS = {
             "facteur de perte"
         ),
         "omega": "angular frequency; \u03c9; kreisfrequenz; winkelfrequenz; pulsation; fréquence angulaire",
-        "f": "frequency; frequenz; prüffrequenz; fréquence",
+        "f": "frequency; freq; frequenz; prüffrequenz; fréquence",
         "T": "temperature; temp; temperatur; probentemperatur; température",
         "aT": "shift factor; verschiebungsfaktor; facteur de translation",
         "bT": "vertical shift factor; vertikaler verschiebungsfaktor; facteur de translation verticale",
         "strain": (
-            "strain; strain amplitude; dynamic strain; oscillation strain; shear strain; dehnung; "
-            "dehnungsamplitude; deformation; deformationsamplitude; scherdeformation; déformation; "
+            "strain; strain amplitude; strain dyn; dynamic strain; oscillation strain; shear strain; "
+            "dehnung; dehnungsamplitude; deformation; deformationsamplitude; scherdeformation; déformation; "
             "amplitude de déformation"
         ),
         "v": (
@@ -180,6 +180,12 @@ _UNITS = {spelling: unit for unit, spellings in UNIT_SPELLINGS.items() for spell
 _PRIMES, _DOUBLE = "\u00b4\u0060\u2018\u2019\u2032\u02b9", '"\u2033\u201d'
 _ONE_SIGN = str.maketrans({p: "'" for p in _PRIMES} | {d: "''" for d in _DOUBLE} | {"\u00b5": "\u03bc"})
 _LOGARITHM = re.compile(r"(?:log_?10|log|lg)[ _(]\s*(.+?)\s*\)?")
+# Units behind an underscore, as in "freq_hz".
+_SUFFIXES = {
+    **{text.lower(): text for text in ("Hz", "kHz", "Pa", "kPa", "MPa", "GPa", "C", "K")},
+    **{"rad_s": "rad/s", "pct": "%", "percent": "%", "m_s": "m/s", "mm_s": "mm/s", "um_s": "um/s"},
+}
+_SUFFIX = re.compile(rf"(.+?)_({'|'.join(_SUFFIXES)})", re.IGNORECASE)
 _BRACKETS = re.compile(r"(.+?)\s*[\[(]([^\[\]()]*(?:\([^()]*\))?)[\])]")
 
 
@@ -191,6 +197,8 @@ def is_foreign(title: str, name: str | None) -> bool:
 
 def known_name(title: str, generic: str = "E") -> tuple[str | None, str | None]:
     """Return name and unit from the title of a column: ("T", "°C") for "Temperature (°C)".
+
+    A unit may stand behind an underscore: ("f", "Hz") for "freq_hz".
 
     Parameters
     ----------
@@ -206,6 +214,9 @@ def known_name(title: str, generic: str = "E") -> tuple[str | None, str | None]:
         known = _known(text)
         if known is not None:
             return (generic + known[1:] if known.startswith("M_") else known), unit
+    behind = _SUFFIX.fullmatch(title)
+    if behind is not None and (known := _known(behind[1])) is not None:
+        return (generic + known[1:] if known.startswith("M_") else known), _SUFFIXES[behind[2].lower()]
     return None, None
 
 

@@ -16,16 +16,19 @@ follow. Names are spelled as in `rubberfric.io.columns`.
 
 import csv
 import json
+import os
 import re
 from typing import NamedTuple
 
 import numpy as np
 
 from rubberfric.base.atomic import StrPath, read_text
-from rubberfric.base.checks import closest
+from rubberfric.base.checks import closest, warn_caller
 from rubberfric.io.columns import COLUMNS, SET_VALUES, is_foreign, known_name, known_unit, plain_unit
 
 _DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eE][+-]?\d+)?")
+# A spectrum of interpolated heights is too low. Above this share of holes it says little about the surface.
+MOST_HOLES = 0.25
 LENGTHS = {"m": 1.0, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}
 _LENGTH_IN_BRACKETS = re.compile(r".*[\[(]([^\[\]()]+)[\])]\s*")
 
@@ -42,13 +45,14 @@ class TextTable(NamedTuple):
     rows: TextRows  # numbers with decimal points
 
 
-def find_table(path: StrPath, text: str, generic: str = "E") -> TextTable | None:
+def find_table(path: StrPath, text: str, generic: str = "E", incomplete: bool = False) -> TextTable | None:
     """Return the first table of another program in a text; None if all tables are the project's.
 
     Parameters
     ----------
     path : name of the file in messages
     generic : "E" or "G", the meaning of "storage modulus"
+    incomplete : True to return rows in which some cells are no numbers, too
     """
     lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if _has_fields(line)]
     for place, (_, line) in enumerate(lines):
@@ -62,7 +66,7 @@ def find_table(path: StrPath, text: str, generic: str = "E") -> TextTable | None
             if own and not any(is_foreign(t, name) for t, (name, _) in zip(titles, known, strict=True)):
                 return None
             names, units = ([pair[i] for pair in known] for i in (0, 1))
-            return _export(path, lines[place:], separator, titles, names, units)
+            return _export(path, lines[place:], separator, titles, names, units, incomplete)
     return None
 
 
@@ -105,7 +109,9 @@ def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
     Parameters
     ----------
     path : text table or .xlsx with positions in the first column, and the heights of a trace in each other
-        one Titles are arbitrary. The unit of length is in brackets behind a title, or in the row below.
+        one Titles are arbitrary. The unit of length is in brackets behind a title, or in the row below. A
+        column before the positions that counts the points is skipped. NaN is a dropout: up to a quarter of
+        the heights of a trace are interpolated, with a warning that states their share.
 
     Returns
     -------
@@ -121,8 +127,12 @@ def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
         raise ValueError(f"{path}: must have rows with a position and at least one height")
     if not (titles := found[0]):
         raise ValueError(f"{path}: begins with numbers: must have titles with units of length, as x [mm]")
-    if all(map(_LENGTH_IN_BRACKETS.fullmatch, titles[-1])):
+    if all(map(_LENGTH_IN_BRACKETS.fullmatch, titles[-1][1:])):
         titles = titles[-1:]  # the line above belongs to a preamble
+    lines, rows = text.splitlines(), headless(path, text, ["-"] * len(titles[0])).rows
+    if len(titles[0]) > 2 and [fields[0].rstrip("0").rstrip(".") for _, fields in rows[:2]] == ["1", "2"]:
+        # The first column counts the points.
+        titles, rows = [row[1:] for row in titles], [(line, fields[1:]) for line, fields in rows]
     scales = []
     for number, (title, *below) in enumerate(zip(*titles, strict=True), start=1):
         bracket = _LENGTH_IN_BRACKETS.fullmatch(title)
@@ -132,17 +142,29 @@ def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
             known = closest(unit, tuple(LENGTHS))
             raise ValueError(f"{path}: column {number} {title!r}: unit {given!r}: {known}")
         scales.append(LENGTHS[unit])
-    lines, rows = text.splitlines(), headless(path, text, ["-"] * len(scales)).rows
     values = np.empty((len(rows), len(scales)))
     for row, (line, fields) in zip(values, rows, strict=True):
         try:
             row[:] = [float(field) for field in fields]
         except ValueError:
             raise ValueError(f"{path}: line {line}: {lines[line - 1][:60]!r}: must be numbers") from None
-        if not np.isfinite(row).all():
+        if not np.isfinite(row[0]) or np.isinf(row).any():
             raise ValueError(f"{path}: line {line}: must be finite")
     x, *heights = (values * scales).T
-    return x, np.array(heights)
+    return x, _bridged(path, x, np.array(heights))
+
+
+def _bridged(path, x, heights):
+    """Return heights with dropouts (NaN) interpolated along each trace."""
+    hole = np.isnan(heights)
+    if not hole.any():
+        return heights
+    if (share := hole.mean(1).max()) > MOST_HOLES:
+        raise ValueError(f"{path}: {share:.0%} of a trace are dropouts: must be at most {MOST_HOLES:.0%}")
+    warn_caller(f"{path}: {hole.mean():.1%} of the heights are dropouts and are interpolated", UserWarning)
+    for height, missing in zip(heights, hole, strict=True):
+        height[missing] = np.interp(x[missing], x[~missing], height[~missing])
+    return heights
 
 
 def suggested_columns(text: str) -> str:
@@ -203,7 +225,7 @@ def _agree(table: TextTable, places: list[tuple[int, str]]) -> bool:
     return True
 
 
-def _export(path, lines, separator, titles, names, units):
+def _export(path, lines, separator, titles, names, units, incomplete):
     """Return the table whose titles are in the first of the lines."""
     (number, _), *below = lines
     where = f"{path}: line {number}"
@@ -213,13 +235,17 @@ def _export(path, lines, separator, titles, names, units):
         first += [""] * (len(titles) - len(first))
         units = [own if own is not None else given for own, given in zip(units, first, strict=False)]
     elif all(unit is None for unit in units):
-        raise ValueError(f"{where}: has names but no units: must have them in the row below or in brackets")
+        raise ValueError(
+            f"{where}: has names but no units: must have them in the row below or in brackets, or pass them:"
+            f" {suggested_columns(os.linesep.join(text for _, text in lines))}"
+        )
     rows, count = [], sum(name is not None for name in names)
     for place, text in below:
         fields = _split(text, separator)
         cells = [field for field, name in zip(fields, names, strict=False) if name is not None]
         numbers = [_is_number(cell) for cell in cells]
-        if _is_number(fields[0]) or (len(cells) == count and all(numbers)):
+        enough = any(numbers) if incomplete else all(numbers)
+        if _is_number(fields[0]) or (len(cells) == count and enough):
             rows.append((place, fields))
         elif len(cells) == count and any(numbers):
             raise ValueError(f"{path}: line {place}: {text.strip()[:60]!r}: must be numbers")

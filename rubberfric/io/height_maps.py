@@ -19,12 +19,10 @@ import scipy
 from rubberfric.base.atomic import StrPath, read_text
 from rubberfric.base.checks import closest, shown
 from rubberfric.io.columns import plain_unit
-from rubberfric.io.exports import LENGTHS
+from rubberfric.io.exports import LENGTHS, MOST_HOLES
 
 _HOLES = frozenset(("", "nan", "n/a", "na", "bad", "no data", "null", "none", "-", "--", "---", "***"))
 _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]")
-# A spectrum of interpolated heights is too low. Above this share of holes it says little about the surface.
-_MOST_HOLES = 0.25
 # Positions of one row of points may differ by this share of the spacing.
 _SAME = 0.05
 
@@ -83,9 +81,9 @@ def read_heights(
             raise ValueError(f"spacing = {shown(spacing)}: must be numbers > 0 [m]")
         heights = values * units[0]
     hole = ~np.isfinite(heights)
-    if hole.mean() > _MOST_HOLES:
+    if hole.mean() > MOST_HOLES:
         raise ValueError(
-            f"{path}: {hole.mean():.0%} of the points are holes: must be at most {_MOST_HOLES:.0%}"
+            f"{path}: {hole.mean():.0%} of the points are holes: must be at most {MOST_HOLES:.0%}"
         )
     return HeightMap(filled(heights), float(dx), float(dy), float(hole.mean()))
 

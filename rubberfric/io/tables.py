@@ -21,7 +21,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from rubberfric.base.atomic import StrPath, read_text, write_text
-from rubberfric.base.checks import closest
+from rubberfric.base.checks import closest, shown, warn_caller
 from rubberfric.base.units import young_from_shear
 from rubberfric.io.columns import COLUMNS, MODULUS_COLUMNS, SET_VALUES
 from rubberfric.io.exports import (
@@ -34,6 +34,8 @@ from rubberfric.io.exports import (
     suggested_columns,
 )
 
+BAD_ROWS = ("error", "drop")
+
 
 def read_table(
     path: StrPath,
@@ -43,6 +45,7 @@ def read_table(
     columns: list[str] | None = None,
     poisson: float | None = None,
     generic: str | None = None,
+    bad_rows: str = "error",
 ) -> dict[str, np.ndarray]:
     """Read columns of a table of the project or of another program (`rubberfric.io.exports`).
 
@@ -56,6 +59,8 @@ def read_table(
     columns : "name [unit]" of each column if the file does not name them, or None
     poisson : Poisson's ratio [-] for E = 2 (1 + poisson) G, or None
     generic : "E" or "G", the meaning of "storage modulus"; None: "G" if poisson is given, else "E"
+    bad_rows : "error", or "drop" to leave out rows of an export with an empty, missing or invalid value
+        A warning names their lines.
 
     Returns
     -------
@@ -67,13 +72,18 @@ def read_table(
         column; an unknown unit; a wrong number of fields; a value that is not a number, not finite, of the
         wrong sign or out of order; shear moduli without Poisson's ratio, or the reverse
     """
-    text = read_text(path, exports=True)
-    export = _export(path, text, columns, generic or ("E" if poisson is None else "G"))
+    if bad_rows not in BAD_ROWS:
+        raise ValueError(f"bad_rows = {shown(bad_rows)}: must be one of {', '.join(BAD_ROWS)}")
+    text, drop = read_text(path, exports=True), bad_rows == "drop"
+    export = _export(path, text, columns, generic or ("E" if poisson is None else "G"), drop)
     if export is None:
         found = _project_table(path, text, needed, optional)
     else:
         found = pick(export, (*needed, *optional, *(MODULUS_COLUMNS if "E_stor" in needed else ())))
+        found = _without_redundant(found)
         _check_units(export.where, found)
+        if drop:
+            found = _without_bad_rows(path, found)
     table = {}
     kinds = [COLUMNS[name] for name in found.names if name is not None]
     for i, (title, column, unit) in enumerate(zip(found.titles, kinds, found.units, strict=True)):
@@ -85,17 +95,21 @@ def read_table(
         for quantity in needed:
             if quantity not in table:
                 raise ValueError(_missing(found.where, quantity) + ("" if columns else column_hint(path)))
-    if increasing:
-        first = table[needed[0]]
-        if export is not None and np.all(np.diff(first) < 0):
-            return {name: values[::-1] for name, values in table.items()}
-        bad = np.flatnonzero(~(np.diff(first) > 0))
-        if bad.size:
-            i = [column.name for column in kinds].index(needed[0])
-            (_, before), (line, row) = found.rows[bad[0] : bad[0] + 2]
-            raise ValueError(
-                f"{path}: line {line}: {found.titles[i]} = {row[i]} after {before[i]}: must increase strictly"
-            )
+    return _ordered(path, found, table, needed[0], export is not None) if increasing else table
+
+
+def _ordered(path, found, table, quantity, either):
+    """Return the table if a quantity increases strictly; reversed if it may decrease (`either`) and does."""
+    first = table[quantity]
+    if either and np.all(np.diff(first) < 0):
+        return {name: values[::-1] for name, values in table.items()}
+    bad = np.flatnonzero(~(np.diff(first) > 0))
+    if bad.size:
+        i = [COLUMNS[name or ""].name for name in found.names].index(quantity)
+        (_, before), (line, row) = found.rows[bad[0] : bad[0] + 2]
+        raise ValueError(
+            f"{path}: line {line}: {found.titles[i]} = {row[i]} after {before[i]}: must increase strictly"
+        )
     return table
 
 
@@ -220,9 +234,49 @@ def table_text(table: Mapping[str, ArrayLike]) -> str:
     return "".join(f"{','.join(row)}\n" for row in (columns, units, *rows))
 
 
-def _export(path: StrPath, text: str, titles: list[str] | None, generic: str) -> TextTable | None:
+def _export(
+    path: StrPath, text: str, titles: list[str] | None, generic: str, incomplete: bool = False
+) -> TextTable | None:
     """Return the table of another program, or of given titles; None for a table of the project."""
-    return find_table(path, text, generic) if titles is None else headless(path, text, titles)
+    return find_table(path, text, generic, incomplete) if titles is None else headless(path, text, titles)
+
+
+def _without_redundant(table: TextTable) -> TextTable:
+    """Return the table without tan(delta) and absolute moduli if it has both parts of the modulus.
+
+    Instruments write a useless tan(delta) where the loss is within the noise.
+    """
+    if not any({f"{m}_stor", f"{m}_loss"} <= set(table.names) for m in "EG"):
+        return table
+    kept = [i for i, name in enumerate(table.names) if name not in ("tan_del", "E_comp", "G_comp")]
+    return table._replace(
+        titles=[table.titles[i] for i in kept],
+        names=[table.names[i] for i in kept],
+        units=[table.units[i] for i in kept],
+        rows=[(line, [row[i] for i in kept]) for line, row in table.rows],
+    )
+
+
+def _without_bad_rows(path: StrPath, table: TextTable) -> TextTable:
+    """Return the table without rows that have an invalid value, and warn of them."""
+    good, bad = [], []
+    for line, row in table.rows:
+        try:
+            for name, unit, text in zip(table.names, table.units, row, strict=True):
+                COLUMNS[name or ""].read("", text, unit)
+        except ValueError:
+            bad.append(line)
+        else:
+            good.append((line, row))
+    if not good:
+        raise ValueError(f"{path}: must have a row of valid numbers; all {len(bad)} rows have bad values")
+    if bad:
+        lines = ", ".join(map(str, bad[:5])) + ", ..." * (len(bad) > 5)
+        of = len(bad) + len(good)
+        warn_caller(
+            f"{path}: {len(bad)} of {of} rows have bad values and are left out: lines {lines}", UserWarning
+        )
+    return table._replace(rows=good)
 
 
 def _project_table(path: StrPath, text: str, needed: Sequence[str], optional: Sequence[str]) -> TextTable:

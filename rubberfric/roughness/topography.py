@@ -30,6 +30,8 @@ from rubberfric.roughness.tabulated import TabulatedSpectrum
 WINDOWS = ("hann", "none")
 # Highest degree of detrending polynomials in x (and y); more would remove roughness.
 _DEGREES = (None, 0, 1, 2)
+# Largest distance of a position from an even grid, over the spacing.
+_EVEN = 0.05
 
 
 class MeasuredSpectrum(NamedTuple):
@@ -126,7 +128,7 @@ def spectrum_of_profile(
 
     Parameters
     ----------
-    x : spacing of the heights, > 0 [m], or their positions, evenly spaced to 1e-6 [m], shape (n,)
+    x : spacing of the heights, > 0 [m], or their positions, evenly spaced to 5 % of it [m], shape (n,)
     height : heights [m], shape (n,), n >= 8; finite
     window : "hann", or "none" for a profile with the period n times the spacing
     detrend : degree of the polynomial that is subtracted first, 0, 1 or 2, or None
@@ -292,10 +294,11 @@ def _spacing(x, n, name="x"):
             raise ValueError(f"{name} = {float(x)!r}: must be > 0 [m]")
         return float(x)
     spacing = (x[-1] - x[0]) / (n - 1)
-    uneven = np.abs(np.diff(x) - spacing)
-    if not spacing > 0 or uneven.max() > 1e-6 * spacing:
-        i = int(np.argmax(uneven)) + 1
+    # Instruments round positions, so neighbours may differ by more than the grid does.
+    uneven = np.abs(x - x[0] - spacing * np.arange(n))
+    if not spacing > 0 or uneven.max() > _EVEN * spacing:
+        i = int(np.argmax(uneven))
         raise ValueError(
-            f"{name}[{i}] = {float(x[i])!r}: positions must increase evenly, to 1e-6 of {spacing:g}"
+            f"{name}[{i}] = {float(x[i])!r}: positions must increase evenly, to {_EVEN:.0%} of {spacing:g}"
         )
     return float(spacing)

@@ -1,0 +1,60 @@
+"""Files that other groups published, read as they are."""
+
+import numpy as np
+import pytest
+from support.folders import PUBLIC
+
+import fitting
+import rubberfric as rf
+
+
+def test_columns_with_units_behind_underscores():
+    data = fitting.read(PUBLIC / "epdm" / "tf_015p.csv", poisson=0.5)
+    rows = np.genfromtxt(PUBLIC / "epdm" / "tf_015p.csv", delimiter=",", skip_header=1)[:, 1:5]
+    np.testing.assert_allclose(data.omega, 2 * np.pi * rows[:, 0], rtol=1e-14)
+    np.testing.assert_allclose(data.temperature, rows[:, 1] + 273.15, rtol=1e-14)
+    np.testing.assert_allclose([data.storage, data.loss], 3 * rows[:, 2:].T, rtol=1e-14)
+
+
+def test_a_negative_loss_is_an_error_or_left_out():
+    """A TRIOS export as the instrument wrote it: one point at -40 °C has G'' < 0, and tan(delta) < 0."""
+    path = PUBLIC / "trios" / "frequency_sweep_tts.txt"
+    with pytest.raises(ValueError, match=r"line 538: Loss modulus = '-29\.868376': must be > 0"):
+        fitting.read(path, poisson=0.5)
+    with pytest.warns(UserWarning, match=r"1 of 340 rows have bad values and are left out: lines 538$"):
+        data = fitting.read(path, poisson=0.5, bad_rows="drop")
+    assert data.omega.size == 339
+    curve = fitting.fit_master_curve(data)
+    assert curve.T.size == 20
+
+
+def test_a_table_without_units_gets_them_from_the_message():
+    path = PUBLIC / "foam" / "foam_dma_-10C.csv"
+    with pytest.raises(ValueError, match="names but no units") as error:
+        fitting.read(path)
+    columns = eval(str(error.value).rpartition("columns=")[2])
+    assert columns == ["omega [?]", "E_stor [?]", "E_loss [?]"]
+    units = ("rad/s", "kPa", "kPa")
+    given = [name.replace("?", unit) for name, unit in zip(columns, units, strict=True)]
+    data = fitting.read(path, columns=given, temperature=263.15)
+    assert data.omega[0] == 0.3 and data.storage[0] == pytest.approx(55622.4)
+
+
+@pytest.mark.parametrize(("station", "share", "depth"), [(0, "8.6%", 3.42), (1, "9.4%", 3.033)])
+def test_a_road_profile_with_dropouts(station, share, depth):
+    """Depths and mean profile depth of a chip-seal road [ISO 13473-1] against the published value."""
+    path = PUBLIC / "road_profiles" / f"aylesbury_station_{station}.dat"
+    with pytest.warns(UserWarning, match=f"{share} of the heights are dropouts and are interpolated"):
+        x, (height,) = rf.io.read_traces(path)
+    inside = (x > 0.15) & (x < 1.75)
+    x, height = x[inside], height[inside]
+    depths = []
+    for left in np.arange(0.15, 1.7, 0.1):
+        at = (x >= left) & (x < left + 0.1)
+        level = height[at] - np.polyval(np.polyfit(x[at], height[at], 1), x[at])
+        half = level.size // 2
+        depths.append((level[:half].max() + level[half:].max()) / 2)
+    # The published analysis filters spikes and waves first.
+    assert 1e3 * np.mean(depths) == pytest.approx(depth, rel=0.07)
+    found = rf.roughness.spectrum_of_profile(x, height, per_decade=10)
+    assert found.h_rms == pytest.approx(2.3e-3, rel=0.03)
