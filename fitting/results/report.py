@@ -168,7 +168,7 @@ def _verdict(result):
     reasons = [f"  {reason}" for reason in found.reasons]
     if found.explains is False and result.error_scale == 1 and np.isfinite(result.redchi):
         reasons.append(
-            "  the bars below hold for a scene that explains the data; in brackets those by the scatter"
+            "  the error bars below hold for a scene that explains the data; in brackets those by the scatter"
             " (scale_errors)"
         )
     if found.explains is False and result.success and sum(one.count for one in result.minima) == 1:

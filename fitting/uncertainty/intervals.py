@@ -325,7 +325,7 @@ class Valley(NamedTuple):
         (a, b), (low, high) = self.linear, self.interval
         return (
             f"{self.name} trades with {self.other} (correlation {self.correlation:+.3f}):"
-            f" {100 * _LEVEL:.0f} % by its bar {a:.3g} ... {b:.3g},"
+            f" {100 * _LEVEL:.0f} % by its error bar {a:.3g} ... {b:.3g},"
             f" by profile about {low:.3g} ... {high:.3g}: see profile({self.name!r})"
         )
 

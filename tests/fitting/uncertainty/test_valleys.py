@@ -40,7 +40,8 @@ def test_intervals_are_those_of_the_profile(bent):
 
 def test_the_verdict_says_so(bent):
     text, *_ = bent.report().split("[[Fit]]")
-    assert f"{E} trades with {E_INF} (correlation -0.996): 95 % by its bar 6.52e+06 ... 9.81e+06, by" in text
+    interval = "95 % by its error bar 6.52e+06 ... 9.81e+06, by"
+    assert f"{E} trades with {E_INF} (correlation -0.996): {interval}" in text
     assert f"profile({E!r})" in text and f"{E_INF} trades" not in text and "left open = nothing" in text
 
 
