@@ -25,9 +25,9 @@ from fitting.characterise.master_curve import fit_master_curve
 from fitting.characterise.prony import fit_prony
 from fitting.characterise.softening import softening_from_sweep
 from fitting.characterise.spectrum import fit_spectrum
-from fitting.commands.job import read_job
 from fitting.data.files import read
 from fitting.data.kinds import ModulusData, SpectrumData
+from fitting.parameters.constraints import Positive
 from fitting.results.result import FitResult, friction_table
 from fitting.solvers.problem import make_problem
 from rubberfric.base import Progress, as_path, check_writable
@@ -177,35 +177,28 @@ def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
     show("writing the job")
     out = as_path(arguments.out)
     place, scene = as_path(arguments.scene), rf.load_scene(arguments.scene)
-    if arguments.shear:
+    added = arguments.shear
+    if added:
         if scene.shear is not None:
             raise ValueError(f"{place}: has contact shear already: leave out --shear")
-        place = out.with_name(f"{out.stem}_scene.toml")
+        scene, place = scene.replace(shear=_SHEAR), out.with_name(f"{out.stem}_scene.toml")
         check_writable(place, (".toml",))
-        rf.save_scene(place, scene.replace(shear=_SHEAR))
-    free = arguments.free or [*(_FREE_SHEAR if arguments.shear else ()), *_cutoffs(scene)]
+    free = arguments.free or [*(_FREE_SHEAR if added else ()), *_cutoffs(scene)]
+    given = {name: getattr(arguments, name) for name in ("pressure", "temperature", "relative")}
+    given = {name: value for name, value in given.items() if value is not None}
+    # Errors in the job show before anything is written.
+    make_problem(scene, [read(path, **given) for path in arguments.data], dict.fromkeys(free, Positive()))
     lines = [f"scene = {_quoted(_from(out, place))}"]
     for path in arguments.data:
         lines += ["", "[[data]]", f"file = {_quoted(_from(out, path))}"]
-        lines += [
-            f"{name} = {getattr(arguments, name)!r}"
-            for name in ("pressure", "temperature", "relative")
-            if getattr(arguments, name) is not None
-        ]
+        lines += [f"{name} = {value!r}" for name, value in given.items()]
     lines += ["", "[free]", *(f'{_quoted(path)} = "positive"' for path in free)]
     text = "\n".join(lines) + "\n"
-    before = out.read_bytes() if out.exists() else None
+    if added:
+        rf.save_scene(place, scene)
     failure = write_outputs(show, ("writing", str(out), lambda path: _write(path, text)))
     if failure is not None:
         raise failure
-    try:
-        job = read_job(out)
-        assert not isinstance(job.data, dict)  # one scene
-        make_problem(job.scene, job.data, job.free)
-    except ValueError:
-        # A job that cannot be read must not replace one that can.
-        out.unlink() if before is None else out.write_bytes(before)
-        raise
     show.end()
     print(text, end="", flush=True)
     return 0

@@ -121,11 +121,19 @@ def test_wrong_arguments_write_nothing(run, arguments, message):
     assert message in complaint and sorted(Path().iterdir()) == before
 
 
-def test_a_job_that_cannot_be_read_is_not_left_behind(run):
+def test_a_wrong_job_is_not_written(run):
     assert run("spectrum", "stylus.csv", "--out", "road.toml")[0] == 0
     Path("job.toml").write_text("kept")
+    before = sorted(Path().iterdir())
     status, _, complaint = run(
-        "job", "road.toml", "linear_tester.csv", "--free", "lower.spectrum.nonsense", "--out", "job.toml"
+        "job",
+        "road.toml",
+        "linear_tester.csv",
+        "--shear",
+        "--free",
+        "lower.spectrum.nonsense",
+        "--out",
+        "job.toml",
     )
     assert status == 2 and "nonsense" in complaint
-    assert Path("job.toml").read_text() == "kept"
+    assert Path("job.toml").read_text() == "kept" and sorted(Path().iterdir()) == before
