@@ -79,14 +79,14 @@ def _calibration_parser() -> Parser:
 
 def _laboratory_parser(kind: str, description: str, out: str, plot: str | None, suffixes: str) -> Parser:
     """Return the parser of a command of `fitting.commands.laboratory`, without its own arguments."""
-    from rubberfric.commands import Parser, add_common
+    from rubberfric.commands import Parser, add_common, add_outputs
 
     parser = Parser(prog=f"{PROGRAM} {kind}", description=description)
-    parser.add_argument("--out", metavar="FILE", required=plot is None, help=f"{out} ({suffixes})")
     if plot is None:
+        parser.add_argument("--out", metavar="FILE", required=True, help=f"{out} ({suffixes})")
         parser.set_defaults(plot=None)
     else:
-        parser.add_argument("--plot", metavar="FILE.png", help=f"{plot} (.png, .pdf or .svg)")
+        add_outputs(parser, "FILE", f"{out} ({suffixes})", plot)
     add_common(parser)
     return parser
 

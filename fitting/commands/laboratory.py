@@ -15,7 +15,6 @@ Each command calls public functions: `fitting.fit_master_curve` and `fit_prony`,
 import argparse
 import os
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -30,8 +29,9 @@ from fitting.data.kinds import ModulusData, SpectrumData
 from fitting.parameters.constraints import Positive
 from fitting.results.result import FitResult, friction_table
 from fitting.solvers.problem import make_problem
-from rubberfric.base import Progress, as_path, check_writable
+from rubberfric.base import Progress, as_path, check_writable, write_durably
 from rubberfric.commands import Interrupts, write_outputs
+from rubberfric.io import toml
 from rubberfric.plot import plot_spectrum, save_figure
 
 # Bins per decade of the spectrum of measured heights.
@@ -45,7 +45,7 @@ _FREE_SHEAR = ("shear.tau_f0", "shear.c", "shear.v0", "shear.shift.energy")
 
 
 def run_mastercurve(arguments: argparse.Namespace, interrupts: Interrupts, show: Progress) -> int:
-    """Fit shifts and a Prony series to measured moduli, write a scene or cards; return the exit status."""
+    """Fit shifts and a Prony series to moduli, write a scene or the curve; return the exit status."""
     del interrupts
     data = [_moduli(arguments, path, T) for path, T in _with_temperatures(arguments)]
     temperatures = [T for one in data if one.temperature is not None for T in np.ravel(one.temperature)]
@@ -146,7 +146,7 @@ def _measured_spectrum(arguments):
         assert isinstance(data, SpectrumData)
         return data, None, f"{data.q.size} wavevectors"
     if arguments.map:
-        surface = rf.io.read_heights(arguments.data, _spacing(arguments.spacing), arguments.unit)
+        surface = rf.io.read_heights(arguments.data, _one_or_two(arguments.spacing), arguments.unit)
         found = rf.roughness.spectrum_of_topography(surface.heights, surface.dx, surface.dy, per_decade=_BINS)
         size = " x ".join(map(str, surface.heights.shape))
         text = f"{size} heights, rms {found.h_rms:.3g} m, {surface.holes:.1%} of them filled"
@@ -158,10 +158,6 @@ def _measured_spectrum(arguments):
     text = f"{len(traces)} traces of {x.size} heights, rms {rms:.3g} m; the surface is taken as isotropic"
     # The tilt of the traces affects the lowest wavevector.
     return SpectrumData(lines[0].q[1:], np.asarray(C)[1:]), float(lines[0].q[0]), text
-
-
-def _spacing(given):
-    return given if given is None or len(given) > 1 else given[0]
 
 
 def _of_slope(spectrum):
@@ -188,15 +184,15 @@ def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
     given = {name: value for name, value in given.items() if value is not None}
     # Errors in the job show before anything is written.
     make_problem(scene, [read(path, **given) for path in arguments.data], dict.fromkeys(free, Positive()))
-    lines = [f"scene = {_quoted(_from(out, place))}"]
+    lines = [f"scene = {toml.string(_from(out, place))}"]
     for path in arguments.data:
-        lines += ["", "[[data]]", f"file = {_quoted(_from(out, path))}"]
+        lines += ["", "[[data]]", f"file = {toml.string(_from(out, path))}"]
         lines += [f"{name} = {value!r}" for name, value in given.items()]
-    lines += ["", "[free]", *(f'{_quoted(path)} = "positive"' for path in free)]
+    lines += ["", "[free]", *(f'{toml.string(path)} = "positive"' for path in free)]
     text = "\n".join(lines) + "\n"
     if added:
         rf.save_scene(place, scene)
-    failure = write_outputs(show, ("writing", str(out), lambda path: _write(path, text)))
+    failure = write_outputs(show, ("writing", str(out), lambda path: write_durably(path, text.encode())))
     if failure is not None:
         raise failure
     show.end()
@@ -204,18 +200,9 @@ def run_job(arguments: argparse.Namespace, interrupts: Interrupts, show: Progres
     return 0
 
 
-def _write(path, text):
-    Path(path).write_text(text, encoding="utf-8")
-
-
 def _from(out, path):
     """Return a path relative to the folder of the job."""
     return os.path.relpath(path, out.parent).replace(os.sep, "/")
-
-
-def _quoted(text):
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return f'"{escaped}"'
 
 
 def _cutoffs(scene):
@@ -227,7 +214,7 @@ def run_table(arguments: argparse.Namespace, interrupts: Interrupts, show: Progr
     """Tabulate the friction of a fit or of a scene, write it for a program; return the exit status."""
     del interrupts
     show(f"reading {arguments.fit}")
-    axes: Any = [_ends(getattr(arguments, name)) for name in ("velocity", "pressure", "temperature")]
+    axes: Any = [_one_or_two(getattr(arguments, name)) for name in ("velocity", "pressure", "temperature")]
     table: Any
     try:
         result = FitResult.load(arguments.fit) if as_path(arguments.fit).suffix.lower() == ".h5" else None
@@ -251,7 +238,7 @@ def run_table(arguments: argparse.Namespace, interrupts: Interrupts, show: Progr
     return _ended(arguments, show, [text], lambda path: rf.io.write_friction(path, table, **units), None)
 
 
-def _ends(values):
+def _one_or_two(values):
     return values if values is None or len(values) > 1 else values[0]
 
 

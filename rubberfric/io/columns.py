@@ -210,13 +210,14 @@ def known_name(title: str, generic: str = "E") -> tuple[str | None, str | None]:
     name in `rubberfric.io.COLUMNS`, unit as written or None; (None, None) for an unknown title
     """
     title = title.strip()
-    for text, unit in ((title, None), *((m[1], m[2]) for m in [_BRACKETS.fullmatch(title)] if m)):
+    bracket, suffix = _BRACKETS.fullmatch(title), _SUFFIX.fullmatch(title)
+    candidates = [(title, None)]
+    candidates += [(bracket[1], bracket[2])] if bracket else []
+    candidates += [(suffix[1], _SUFFIXES[suffix[2].lower()])] if suffix else []
+    for text, unit in candidates:
         known = _known(text)
         if known is not None:
             return (generic + known[1:] if known.startswith("M_") else known), unit
-    behind = _SUFFIX.fullmatch(title)
-    if behind is not None and (known := _known(behind[1])) is not None:
-        return (generic + known[1:] if known.startswith("M_") else known), _SUFFIXES[behind[2].lower()]
     return None, None
 
 

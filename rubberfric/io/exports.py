@@ -16,7 +16,6 @@ follow. Names are spelled as in `rubberfric.io.columns`.
 
 import csv
 import json
-import os
 import re
 from typing import NamedTuple
 
@@ -54,7 +53,7 @@ def find_table(path: StrPath, text: str, generic: str = "E", incomplete: bool = 
     generic : "E" or "G", the meaning of "storage modulus"
     incomplete : True to return rows in which some cells are no numbers, too
     """
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if _has_fields(line)]
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), start=1) if has_fields(line)]
     for place, (_, line) in enumerate(lines):
         for separator in "\t;,":
             titles = _split(line, separator)
@@ -90,7 +89,7 @@ def headless(path: StrPath, text: str, titles: list[str]) -> TextTable:
     for number, line in enumerate(text.splitlines(), start=1):
         several = [fields for fields in (_split(line, s) for s in ("\t", ";", ",", None)) if len(fields) > 1]
         fields = several[0] if several else [line.strip()]
-        if _is_number(fields[0]):
+        if is_number(fields[0]):
             rows.append((number, fields))
     if not rows:
         raise ValueError(f"{path}: must have rows that begin with a number")
@@ -235,17 +234,18 @@ def _export(path, lines, separator, titles, names, units, incomplete):
         first += [""] * (len(titles) - len(first))
         units = [own if own is not None else given for own, given in zip(units, first, strict=False)]
     elif all(unit is None for unit in units):
+        columns = suggested_columns("\n".join(text for _, text in lines))
         raise ValueError(
             f"{where}: has names but no units: must have them in the row below or in brackets, or pass them:"
-            f" {suggested_columns(os.linesep.join(text for _, text in lines))}"
+            f" {columns}"
         )
     rows, count = [], sum(name is not None for name in names)
     for place, text in below:
         fields = _split(text, separator)
         cells = [field for field, name in zip(fields, names, strict=False) if name is not None]
-        numbers = [_is_number(cell) for cell in cells]
+        numbers = [is_number(cell) for cell in cells]
         enough = any(numbers) if incomplete else all(numbers)
-        if _is_number(fields[0]) or (len(cells) == count and enough):
+        if is_number(fields[0]) or (len(cells) == count and enough):
             rows.append((place, fields))
         elif len(cells) == count and any(numbers):
             raise ValueError(f"{path}: line {place}: {text.strip()[:60]!r}: must be numbers")
@@ -269,7 +269,7 @@ def _checked(path: StrPath, count: int, rows: TextRows) -> TextRows:
         if len(fields) != count:
             raise ValueError(f"{path}: line {line}: has {len(fields)} fields: must have {count}")
         if commas:
-            points = [field for field in fields if "." in field and _is_number(field.replace(",", ""))]
+            points = [field for field in fields if "." in field and is_number(field.replace(",", ""))]
             if points:
                 raise ValueError(
                     f"{path}: line {line}: {points[0]!r}: has a decimal point, others a comma: must be one"
@@ -281,16 +281,17 @@ def _checked(path: StrPath, count: int, rows: TextRows) -> TextRows:
 
 def _above_numbers(text: str) -> tuple[list[list[str]], list[str]] | None:
     """Return up to two rows above the first row of numbers, with as many fields, and that row."""
-    lines = list(filter(_has_fields, text.splitlines()))
+    lines = list(filter(has_fields, text.splitlines()))
     for separator in ("\t", ";", ",", None):
         rows = [_split(line, separator) for line in lines]
-        first = next((i for i, row in enumerate(rows) if len(row) > 1 and all(map(_is_number, row))), None)
+        first = next((i for i, row in enumerate(rows) if len(row) > 1 and all(map(is_number, row))), None)
         if first is not None:
             return [row for row in rows[:first] if len(row) == len(rows[first])][-2:], rows[first]
     return None
 
 
-def _has_fields(line: str) -> bool:
+def has_fields(line: str) -> bool:
+    """Return False for blank lines and comments."""
     return bool(line.strip()) and not line.lstrip().startswith("#")
 
 
@@ -308,10 +309,11 @@ def _split(line: str, separator: str | None) -> list[str]:
 
 
 def _any_number(fields: list[str]) -> bool:
-    return any(map(_is_number, fields))
+    return any(map(is_number, fields))
 
 
-def _is_number(field: str) -> bool:
+def is_number(field: str) -> bool:
+    """Return True for a number with a decimal point or comma."""
     try:
         float(field.replace(",", ".", 1))
     except ValueError:

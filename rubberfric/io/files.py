@@ -137,8 +137,8 @@ def read_computable(
 ) -> tuple[Scene, Conditions, str]:
     """Read scene, conditions and title; ValueError with more than `most` points.
 
-    Without conditions in the file: ValueError, or with `default` the `default_conditions`, which the
-    title then states.
+    If the file has no conditions, a ValueError is raised. With `default`, the `default_conditions` are
+    returned instead, and the title states them.
     """
     found = read_scene_file(path, table)
     if found.conditions is None:

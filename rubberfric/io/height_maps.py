@@ -19,7 +19,7 @@ import scipy
 from rubberfric.base.atomic import StrPath, read_text
 from rubberfric.base.checks import closest, shown
 from rubberfric.io.columns import plain_unit
-from rubberfric.io.exports import LENGTHS, MOST_HOLES
+from rubberfric.io.exports import LENGTHS, MOST_HOLES, has_fields, is_number
 
 _HOLES = frozenset(("", "nan", "n/a", "na", "bad", "no data", "null", "none", "-", "--", "---", "***"))
 _IN_BRACKETS = re.compile(r"[\[(]([^\[\]()]+)[\])]")
@@ -116,8 +116,7 @@ def filled(heights: np.ndarray) -> np.ndarray:
 
 def _rows(path, text):
     """Return the row of titles, or [], and (line, fields) of all rows of numbers and holes."""
-    lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if line.strip()]
-    lines = [(k, line) for k, line in lines if not line.lstrip().startswith("#")]
+    lines = [(k, line) for k, line in enumerate(text.splitlines(), 1) if has_fields(line)]
     best: list = []
     titles: list[str] = []
     for separator in ("\t", ";", ",", None):
@@ -134,13 +133,7 @@ def _rows(path, text):
 
 
 def _is_value(field):
-    if field.lower() in _HOLES:
-        return True
-    try:
-        float(field.replace(",", ".", 1))
-    except ValueError:
-        return False
-    return True
+    return field.lower() in _HOLES or is_number(field)
 
 
 def _numbers(path, rows):

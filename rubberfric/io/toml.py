@@ -319,7 +319,7 @@ def scene_texts(
     dict of file name -> text, the TOML file first
     """
     tables: dict[str, str] = {}
-    lines = [f"title = {_string(title)}"] if title else []
+    lines = [f"title = {string(title)}"] if title else []
     given = {} if conditions is None else conditions._asdict()
     if [*doubts_of_scene(scene), *doubts_of_conditions(**given)]:
         lines.append("plausible = false")
@@ -336,7 +336,7 @@ def _object(key: str, value: PhysicalObject, tables: dict[str, str], prefix: str
     """Return the lines of an object at a key path: numbers and options, then nested objects."""
     fields = fields_of(type(value))
     if isinstance(value, Kind):
-        yield f"kind = {_string(value.file_kind)}"
+        yield f"kind = {string(value.file_kind)}"
     columns = {}
     for name, field in fields.items():
         content = getattr(value, name)
@@ -350,7 +350,7 @@ def _object(key: str, value: PhysicalObject, tables: dict[str, str], prefix: str
     if columns:
         file = f"{prefix}{key.replace('.', '_')}.csv"
         tables[file] = _table(columns)
-        yield f"file = {_string(file)}"
+        yield f"file = {string(file)}"
         if "C" in columns:
             yield 'normalisation = "C"'
     for name, field in fields.items():
@@ -376,13 +376,13 @@ def _literal(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, str):
-        return _string(value)
+        return string(value)
     if isinstance(value, int):
         return repr(value)  # an option
     return repr(np.asarray(value, float).tolist())
 
 
-def _string(text: str) -> str:
+def string(text: str) -> str:
     """Return a basic string of TOML."""
     escaped = text.replace("\\", "\\\\").replace('"', '\\"')
     return f'"{escaped}"'
