@@ -180,6 +180,8 @@ _UNITS = {spelling: unit for unit, spellings in UNIT_SPELLINGS.items() for spell
 _PRIMES, _DOUBLE = "\u00b4\u0060\u2018\u2019\u2032\u02b9", '"\u2033\u201d'
 _ONE_SIGN = str.maketrans({p: "'" for p in _PRIMES} | {d: "''" for d in _DOUBLE} | {"\u00b5": "\u03bc"})
 _LOGARITHM = re.compile(r"(?:log_?10|log|lg)[ _(]\s*(.+?)\s*\)?")
+# Longer texts are no titles; the patterns take seconds on a file without line ends.
+_LONGEST_TITLE = 1000
 # Units behind an underscore, as in "freq_hz".
 _SUFFIXES = {
     **{text.lower(): text for text in ("Hz", "kHz", "Pa", "kPa", "MPa", "GPa", "C", "K")},
@@ -210,6 +212,8 @@ def known_name(title: str, generic: str = "E") -> tuple[str | None, str | None]:
     name in `rubberfric.io.COLUMNS`, unit as written or None; (None, None) for an unknown title
     """
     title = title.strip()
+    if len(title) > _LONGEST_TITLE:
+        return None, None
     bracket, suffix = _BRACKETS.fullmatch(title), _SUFFIX.fullmatch(title)
     candidates = [(title, None)]
     candidates += [(bracket[1], bracket[2])] if bracket else []
