@@ -121,8 +121,8 @@ class MasterCurve:
     def as_prior(self, body: str = "lower", widen: float = 1.0) -> dict[str, Prior]:
         """Return the fitted `shift` and its covariance as the `prior` of another fit.
 
-        The other scene must have this `shift`; of a law its parameters are known, of a table a_T at all
-        temperatures but T_ref.
+        The other scene must have this `shift`. The prior contains the parameters of a law, or a_T of a table
+        at all temperatures except T_ref.
 
         Parameters
         ----------
@@ -292,15 +292,15 @@ def fit_master_curve(
     Parameters
     ----------
     isotherms : ModulusData with a temperature for every row, or a list of them
-        in any order and several files; a sweep may be spread over them. E' or E'' <= 0, which data with
-        absolute errors may have, is ignored and named in the report.
+        Rows may be in any order, and a sweep may be spread over several data sets. Data with absolute errors
+        may contain E' or E'' <= 0; these values are ignored and named in the report.
     reference : temperature of the master curve [K]; the nearest sweep is used
         None: the sweep nearest to 20 °C.
     vertical : True: b_T of every sweep is fitted; False: b_T = 1
         "entropic": b_T = T rho / (T_ref rho_ref), `rubberfric.Entropic` with an expansion of 6e-4 1/K.
         Compare `kramers_kronig(curve.data).rms` of each: the right vertical shift contradicts least.
-    same : rows belong to one sweep whose temperatures lie closer together than this [K]
-        a drift within a sweep is corrected with the shifts of the others.
+    same : largest difference of temperatures within a sweep [K]
+        A drift within a sweep is corrected with the shifts of the other sweeps.
     temperature_error : standard deviation of the temperature of a sweep [K]
         Superposition cannot detect it. It adds temperature_error times the slope of ln a_T to the errors.
 
@@ -319,8 +319,8 @@ def fit_master_curve(
     Neighbours that share few points or none are joined by the smoothness of the curve and get large errors.
     If errors of the data are not given, they follow from the scatter. The standard errors also include an
     offset of each sweep (1 % or more), correlated scatter, a phase error of the instrument, and an unknown
-    vertical shift (T/T_ref)^m, m = 0 +/- 0.25. If unshifted moduli fit much better with about T/T_ref, the
-    shifts allow for it, and the report says so.
+    vertical shift (T/T_ref)^m, m = 0 +/- 0.25. If moduli without vertical shifts fit much better with a
+    factor of about T/T_ref, ln a_T allows for this factor, and the report says so.
     """
     if not (isinstance(vertical, bool) or vertical == "entropic"):
         raise ValueError(f'vertical = {shown(vertical)}: must be True, False or "entropic"')

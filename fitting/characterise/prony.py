@@ -3,9 +3,9 @@ r"""Fit a Prony series to a measured modulus.
 .. math:: E'(\omega) = E_\infty + \sum_i E_i \frac{\omega^2\tau_i^2}{1 + \omega^2\tau_i^2},\qquad
           E''(\omega) = \sum_i E_i \frac{\omega\tau_i}{1 + \omega^2\tau_i^2}
 
-On a fixed grid of times the model is linear in E >= 0, so bounded least squares finds the global minimum
-and the terms that vanish there. Errors, correlations and unidentified directions follow from the
-derivatives by ln E, which are the terms themselves.
+On a fixed grid of times the model is linear in E >= 0, so bounded least squares finds the global minimum and
+the terms that are zero there. Errors, correlations and unidentified directions follow from the derivatives
+with respect to ln E, which equal the terms.
 """
 
 import dataclasses

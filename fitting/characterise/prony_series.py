@@ -3,7 +3,8 @@ r"""A Prony series on given relaxation times as a least-squares problem in NumPy
 .. math:: E' = E_\infty + \sum_i E_i \frac{a_i^2}{1 + a_i^2},\qquad
           E'' = \sum_i E_i \frac{a_i}{1 + a_i^2},\qquad a_i = \omega\tau_i
 
-The model is linear in E, so its derivatives by ln E are E times the columns; nothing is compiled. Bounded
+The model is linear in E, so its derivatives with respect to ln E are E times the columns of the model's
+matrix; nothing is compiled. Bounded
 least squares finds exact zeros.
 """
 

@@ -18,9 +18,9 @@ class ShiftLaw(NamedTuple):
     Attributes
     ----------
     shift : WLF or Arrhenius
-    names : of its parameters, ("C1", "C2") or ("energy",)
-    values, stderr, covariance : of them; C1 [-], C2 [K], energy [eV]
-    chisqr, freedom : sum of squares of the misfit in standard errors, and shifts less parameters
+    names : names of its parameters, ("C1", "C2") or ("energy",)
+    values, stderr, covariance : of the parameters; C1 [-], C2 [K], energy [eV]
+    chisqr, freedom : sum of squares of the misfit in standard errors, and degrees of freedom
     """
 
     shift: rf.WLF | rf.Arrhenius

@@ -126,8 +126,8 @@ def fit_spectrum(
     ----------
     data : SpectrumData, TabulatedSpectrum, or a pair (q, C) [1/m], [m^4]
     q0, q1 : cut-offs of the surface [1/m]; None: q0 and q1 of the table, or the first and the last wavevector
-        of the data. Data outside are not used. h_rms is the height of q0 < q < q1, also where this exceeds
-        the data.
+        of the data. Data outside are not used. h_rms is the height of q0 < q < q1, also if this range is
+        larger than that of the data.
     qr : "fit", or the roll-off wavevector [1/m], fixed; qr = q0 means no plateau
     hurst : "fit", or H [-], fixed
     relative : standard error of ln C [-], a number or one for each point, for data without errors

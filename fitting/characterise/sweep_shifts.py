@@ -240,7 +240,7 @@ def shifts_of(
     ----------
     sweeps : by rising temperature
     vertical : True: free b_T; "entropic": T rho / (T_ref rho_ref); False: none
-        If moduli that are not shifted fit much better with about this b_T, the shifts allow for it.
+        With False, if the moduli fit much better with about the entropic b_T, ln a_T allows for it.
     temperature_error : standard deviation of the temperature of a sweep [K]
     """
     T, n = np.array([one.T for one in sweeps]), len(sweeps)
@@ -274,8 +274,8 @@ def shifts_of(
 def _result(fit, log_b, temperature_error, *, free=False, unseen=None):
     """Return the shifts and their covariance, in which the errors of the temperatures are included.
 
-    free : the coefficients are ln b_T of the sweeps
-    unseen : ln b_T that was taken from the moduli although they are to stay unshifted
+    free : True if the coefficients include ln b_T of the sweeps
+    unseen : ln b_T that the moduli show although no vertical shift was requested
     """
     n, moving = fit.T.size, fit.moving
     linear = fit.curve(fit.x)

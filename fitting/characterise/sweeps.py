@@ -81,7 +81,8 @@ def first_shifts(sweeps: Sequence[Sweep], phase: float, offsets: tuple[float, fl
     """Return an initial guess of ln a_T of every sweep, 0 of the first.
 
     The likelihood of a common smooth curve through two neighbours is tabulated over their relative shift. The
-    WLF law with the largest sum over all neighbours then decides where one pair alone is ambiguous.
+    shifts follow the WLF law with the largest sum of log likelihoods over all pairs, because one pair alone
+    may be ambiguous.
 
     Parameters
     ----------

@@ -83,7 +83,7 @@ def measurement(cls: type[_T]) -> type[_T]:
 def fields_in(
     frame: Any, fields: Mapping[str, Field], needed: Collection[str], units: Mapping[str, str] | None = None
 ) -> dict[str, np.ndarray]:
-    """Return the columns of a frame in SI, by field name; columns that are no field are left out.
+    """Return the columns of a frame in SI, by field name; other columns are left out.
 
     Parameters
     ----------
@@ -93,13 +93,13 @@ def fields_in(
         "name [unit]".
     fields : of the kind of data
     needed : fields that must be present
-    units : of titles that do not say them, such as {"v": "mm/s"}; SI else
+    units : units of titles without one, such as {"v": "mm/s"}; others are in SI
 
     Raises
     ------
     ValueError
-        one line: a column is missing, there twice, or holds no numbers; a unit is unknown; `units` names no
-        column.
+        one line: a column is missing, occurs twice, or holds no numbers; a unit is unknown; a key of `units`
+        is not a column.
     """
     units = dict(units or {})
     wanted = {about.column: name for name, about in fields.items()}

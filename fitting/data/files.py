@@ -1,7 +1,7 @@
 """Files of measured data: CSV tables and HDF5.
 
-A CSV table has two header rows, names and units (`rubberfric.io.tables`); the column of the
-measured values says what kind of data it is:
+A CSV table has two header rows, names and units (`rubberfric.io.tables`). Its columns determine the kind of
+data:
 
     friction   v | log10_v, mu, and if known  sigma | relative_sigma, p, T
     area       v | log10_v, A_over_A0,        sigma | relative_sigma, p, T
@@ -52,7 +52,7 @@ def read(
     ----------
     path : path of the file
     pressure, temperature, body, relative : as in the constructors
-        values that the file lacks. Friction and area need a pressure [Pa], in the file or here. A CSV file
+        Values that the file lacks. Friction and area need a pressure [Pa], in the file or here. A CSV file
         never contains the body.
     normalisation, hurst : of the spectrum in a CSV file, see `rubberfric.roughness.normalisation`
         Required for a spectrum; "C" for a file of `write`. A spectrum along a line also requires H and is
@@ -60,24 +60,23 @@ def read(
     poisson : Poisson's ratio [-], needed for a table of shear moduli, E = 2 (1 + poisson) G; a "storage
         modulus" is one of E without it.
     columns : list of "name [unit]", or None
-        the columns of a table without names, "-" for a column that is not read
+        Columns of a table without names, "-" for a column that is not read.
     kind : "friction", "area", "modulus" or "spectrum"; needed for a table that holds several
     check_units : bool
-        whether values of a table that look like ones in another unit are errors.
+        True: values of a table that look like values in another unit are errors.
     bad_rows : "error", or "drop" to leave out rows of an export with an empty, missing or invalid value
         A warning names their lines.
 
     Returns
     -------
-    FrictionData, AreaData, ModulusData or SpectrumData, as the columns of a CSV file or the
-    kind in an HDF5 file say. From a file that `write` made the numbers are equal to the
-    last bit; `name` is kept by .h5 only.
+    FrictionData, AreaData, ModulusData or SpectrumData, according to the columns of a CSV file or the kind in
+    an HDF5 file. Numbers written by `write` are read back to the last bit. Only .h5 files keep `name`.
 
     Raises
     ------
     ValueError
-        one line naming the file, what in it is wrong, and the rule; also if something is
-        given that the file has, or that data of its kind do not have.
+        one line naming the file, the fault and the rule. An argument that the file already contains, or that
+        its kind of data does not have, is an error as well.
     """
     path = as_path(path)
     given = _present(pressure=pressure, temperature=temperature, body=body, relative=relative)
@@ -124,7 +123,7 @@ def write(path: StrPath, data: Measured) -> None:
     Raises
     ------
     ValueError
-        one line: `data` are none, or as `Measured.write`.
+        one line: `data` is not measured data, or as `Measured.write`.
     """
     if type(data) not in KINDS.values():
         kinds = ", ".join(cls.__name__ for cls in KINDS.values())

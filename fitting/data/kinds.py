@@ -1,8 +1,8 @@
 """Kinds of measured data that a fit compares a model with, and their assignment to scenes.
 
 Four kinds, FrictionData, AreaData, ModulusData and SpectrumData, hold float64 NumPy arrays
-in SI units, one element for each measured point. A fit sees all of them in the same way:
-`measured`, `error` and `logarithmic` say that the residual of a point is
+in SI units, one element for each measured point. A fit treats all kinds alike. `measured`, `error` and
+`logarithmic` give the residual of a point:
 
     (model - measured) / error              with absolute errors (sigma),
     ln(model / measured) / error            with relative errors (relative),
@@ -97,7 +97,7 @@ class FrictionData(Measured):
         0.03 stands for 3 %. Given instead of sigma; with neither the errors are unknown.
     name : text on one line, for reports and legends
     check_units : bool
-        False accepts values that look like ones in another unit.
+        False accepts values that look like values in another unit.
 
     Raises
     ------
@@ -127,7 +127,7 @@ class AreaData(Measured):
     ----------
     velocity : sliding velocity, any sign and order [m/s]
     area : real over nominal contact area, 0 < A/A0 <= 1 [-]
-        With check_units=False noise may also lead outside.
+        With check_units=False values outside this range are accepted, as noise may cause them.
     sigma : standard deviation of `area`, > 0 [-], or None
     pressure, temperature, relative, name, check_units : as in `FrictionData`
     """
@@ -146,7 +146,7 @@ class AreaData(Measured):
 
 @measurement
 class ModulusData(Measured):
-    """Complex modulus of a material, measured in oscillation; all else as in `FrictionData`.
+    """Complex modulus of a material, measured in oscillation.
 
     Parameters
     ----------
@@ -156,7 +156,7 @@ class ModulusData(Measured):
     temperature : > 0 [K], or None: the reference temperature of the material
     relative : standard deviation of ln E' and of ln E'', > 0 [-], or None
     body : "lower", "upper" or None
-        the solid of the scene whose material it is.
+        Solid of the scene with this material.
     name, check_units : as in `FrictionData`
 
     Notes
@@ -181,7 +181,7 @@ class ModulusData(Measured):
 
 @measurement
 class SpectrumData(Measured):
-    r"""Power spectrum of a surface; all else as in `FrictionData`.
+    r"""Power spectrum of a measured surface.
 
     .. math:: h_\mathrm{rms}^2 = 2\pi \int q\, C(q)\, dq
 
@@ -192,7 +192,7 @@ class SpectrumData(Measured):
     sigma : standard deviation of `C`, > 0 [m^4], or None
     relative : standard deviation of ln C, > 0 [-], or None
     body : "lower", "upper" or None
-        the solid of the scene whose surface it is.
+        Solid of the scene with this surface.
     name, check_units : as in `FrictionData`
     """
 

@@ -36,7 +36,7 @@ _RELATIVE = Field(
 class Measured:
     """Base of the kinds of measured data, checked when constructed; see `fitting.data.kinds`.
 
-    A subclass has a field for every array, and says which of them were measured.
+    A subclass has a field for every array, and names the measured ones.
     """
 
     quantity: ClassVar[str]
@@ -166,12 +166,12 @@ class Measured:
         Parameters
         ----------
         measured : array_like, shape (n,), in the order and units of `measured`
-            any finite values if errors are absolute, since noise may leave the range of a
-            quantity; > 0 otherwise.
+            Any finite values if errors are absolute, because noise may leave the range of a quantity; > 0
+            otherwise.
 
         Raises
         ------
-        ValueError : they are not.
+        ValueError : another shape, or a value outside this range.
         """
         kind = type(self).__name__
         values = _numbers(f"{kind}.measured", measured)
@@ -188,13 +188,13 @@ class Measured:
         ----------
         frame : titles are names of columns as in files (v, mu, T, ...; `fitting.data.files`), or
             "name [unit]"; others are left out.
-        units : of titles that do not say them, such as {"v": "mm/s", "p": "MPa"}; SI else
+        units : units of titles without one, such as {"v": "mm/s", "p": "MPa"}; others are in SI
         given : arguments of the constructor that the frame lacks or that replace its columns: pressure=3e5
 
         Raises
         ------
         ValueError
-            one line: a column is missing, there twice, or holds no numbers; a unit is unknown; or as the
+            one line: a column is missing, occurs twice, or holds no numbers; a unit is unknown; or as in the
             constructor.
         """
         needed = [name for name in cls.needed() if name not in given]

@@ -7,8 +7,8 @@ posterior,
 .. math:: u = \Phi\left(\frac{x_\mathrm{true} - \hat x}{\sigma_x}\right)
 
 is then uniform between 0 and 1 for every parameter [Talts et al., arXiv:1804.06788]. The empirical
-distribution of u is compared with an envelope. A uniform u leaves the envelope anywhere with a given small
-probability [Säilynoja, Bürkner & Vehtari, Stat. Comput. 32 (2022) 32, arXiv:2103.10522].
+distribution of u is compared with an envelope, which a uniform u leaves with a given small probability
+[Säilynoja, Bürkner & Vehtari, Stat. Comput. 32 (2022) 32, arXiv:2103.10522].
 
 The normal approximation can have errors of 0.1 to 0.2 standard deviations, for wide priors and for parameters
 that compensate each other along a curve. A thousand fits show this. Weighted draws from the posterior

@@ -180,17 +180,16 @@ def run_ensemble(
 
     Notes
     -----
-    To use the cores of a processor as devices of JAX, begin the program with
-    ``jax.config.update("jax_num_cpu_devices", n)``. To use several processes, run the same program in
-    each. It begins with ``jax.distributed.initialize(address, processes, id)``, which this library never
+    To use the cores of a processor as devices of JAX, begin the script with
+    ``jax.config.update("jax_num_cpu_devices", n)``. To use several processes, run the same script in each. It
+    begins with ``jax.distributed.initialize(address, processes, id)``, which this library never
     calls, and calls this function with the same members. Every process gets the result; the first one
     reads and writes the checkpoint. If a process dies, all end, and a new start with `resume` continues.
 
     To the last bit, the results of a member do not depend on the other members and, unless `vectorised`, on
-    the size of the batch. A resumed run therefore gives the results of an uninterrupted one. The number
-    of devices or processes has no influence either, with one exception: XLA optimises a program for one
-    device in other steps than a program for several, and may round the model differently. The cost of a
-    converged member then agrees to 1e-12.
+    the size of the batch. A resumed run therefore gives the results of an uninterrupted one. The number of
+    devices or processes has no influence either, with one exception: XLA compiles differently for one device
+    and for several, so rounding may differ. The cost of a converged member then agrees to 1e-12.
     """
     if not isinstance(members, Members):
         raise ValueError(f"members is a {type(members).__name__}: must be Members, as from multi_start")

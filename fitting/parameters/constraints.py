@@ -98,8 +98,8 @@ class Tied:
 class RmsSlope:
     """A cut-off wavevector q1 that is determined by the rms slope of the roughness below it.
 
-    For key paths that end in .q1. The other numbers of the spectrum may be free or fixed. A self-affine
-    spectrum keeps its rms height when q1 changes, a table keeps C(q).
+    Use it for key paths that end in .q1. The other numbers of the spectrum may be free or fixed. When q1
+    changes, a self-affine spectrum keeps its rms height, and a table keeps C(q).
 
     Parameters
     ----------

@@ -7,10 +7,10 @@
     /report             the report as text
     /scene              the fitted scene, as in scene files (`rubberfric.io.hdf5`); missing if
                         the scene's constructors refuse the fitted values
-    /scene_at_start     the scene that the fit was given; like /scene of several a group of one for each,
-                        by their names
+    /scene_at_start     the scene that the fit was given; with several scenes, /scene and /scene_at_start
+                        hold a group for each, by its name
     /data/0, 1, ...     the data sets, as in data files (`fitting.data.files`)
-    /data_scenes        name of the scene that each is of, "" of a single one
+    /data_scenes        name of the scene of each data set, "" for a single scene
     /free/0, 1, ...     attributes path and rule, and the fields of the rule: low, high, start, to, ...
     /prior/0, 1, ...    likewise for the priors
     /quadrature         attributes: the accuracy settings
@@ -271,7 +271,7 @@ def load(path: StrPath, cls: type[ResultType]) -> ResultType:
     Raises
     ------
     ValueError
-        one line naming the file, what in it is wrong, and the rule.
+        one line naming the file, the fault and the rule.
     """
     with hdf5.reading(path, FIT_FORMAT) as file:
         hdf5.check_names(

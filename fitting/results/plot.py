@@ -23,9 +23,9 @@ _LEVEL = 0.95
 def plot_fit(result: FitRecord, ax: style.Panels | None = None) -> style.Panels:
     """Draw measured and fitted values, and below each panel the residuals in standard errors.
 
-    Friction and area over log10 v, one curve for each temperature and pressure; E' and E''
-    (open symbols, dashed) over omega and C over q, in log-log. The 95 % band of the
-    curve is shaded; measured points have the error bars that the fit used.
+    Friction and area are drawn over log10 v, with one curve for each temperature and pressure. E' and E''
+    (open symbols, dashed) over omega and C over q are drawn in log-log. The 95 % band of the curve is shaded;
+    measured points have the error bars that the fit used.
 
     Parameters
     ----------

@@ -5,7 +5,8 @@ below and above (`fitting.parameters.scenes`). Then
 
 .. math:: x = a + s(z - a) - s(z - b),\qquad s(t) = \frac1k \ln(1 + e^{kt})
 
-lies between a and b. Far from both, x equals z: with k = 12 to rounding at a distance of 3. A free neighbour
+lies between a and b. Far from both, x equals z: at a distance of 3 their difference is of the order of
+rounding (k = 12). A free neighbour
 is a bound from below only, and its x is computed first. The bound from above is the next fixed number. A
 number that is fixed in one fit, as in a profile, is a bound in that fit and has z = x. Only the solvers use
 z.

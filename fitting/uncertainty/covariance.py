@@ -3,7 +3,7 @@ r"""Covariance of the free parameters, and the directions that the data do not i
 With the Jacobian at the minimum, J = U diag(s) V^T (rows in units of their errors, priors
 included), the covariance of x is V diag(1/s^2) V^T. A direction V_k whose standard deviation 1/s_k
 exceeds one - a factor e in Positive parameters - is not identified, and linear error bars along it are
-meaningless. Parameters that such a direction leaves open by more than that get no error bar.
+meaningless. A parameter whose standard deviation in x exceeds one gets no error bar.
 
 The value of a parameter at a bound, or driven to zero, hardly changes with its x. The Jacobian would be zero
 there, and correlated parameters would look well determined. The column is therefore scaled to a change of

@@ -164,8 +164,9 @@ def design(
     -----
     Errors follow from the model linearised at the scene, with exact derivatives, and are as good as the
     scene. If the scene is uncertain, give a `prior` with this uncertainty; the design is then only slightly
-    worse. A design is useful for predictions outside the range of the candidates. Inside it, errors decrease
-    with the number of measurements, wherever these are (`tests/fitting/uncertainty/test_design_twins.py` has
+    worse. A design is most useful for predictions outside the range of the candidates. Inside the range,
+    errors depend on the number of measurements more than on their conditions
+    (`tests/fitting/uncertainty/test_design_twins.py` has
     numbers for both).
     """
     known = known_of(source, free, prior, quadrature)

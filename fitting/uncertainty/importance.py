@@ -23,8 +23,8 @@ measures this risk, which is too high above 0.7 [Vehtari, Simpson, Gelman, Yao &
 only, so two standard errors of k are allowed for. Weights are stored as logarithms, up to a constant for each
 fit, shape (fits, draws).
 
-If one row of x is the true x of the data, drawn from the prior, it is a draw from the posterior. Because the
-rows are exchangeable, each row is the true one with a probability proportional to its weight, so that
+In a calibration the true x is drawn from the prior, so it is itself a draw from the posterior. Among the true
+x and the draws, each is the true one with a probability proportional to its weight. Therefore
 
 .. math:: u = \frac{\sum_s w_s \, [x_s < x_\mathrm{true}] + U w_\mathrm{true}}
                    {\sum_s w_s + w_\mathrm{true}}

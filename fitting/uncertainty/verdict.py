@@ -1,4 +1,4 @@
-r"""Test of the residuals: does the scene explain its data? Errors estimated from the scatter.
+r"""Tests whether a scene explains its data, and estimates of errors from the scatter.
 
 Three tests reject the scene, each at a level of 0.001:
 

@@ -164,9 +164,9 @@ def value_and_jacobian(
 def _parts(scene_of, x, prepared):
     """Return the derivatives of the prepared scene by parts of the scene.
 
-    Returns a list of (LinearisedTree, tangents of its moving leaves along m directions (m, numbers),
-    components of x along these directions (m, size)). The directions are the elements of the part's moving
-    leaves, or the elements of x if these are fewer.
+    Returns a list of (LinearisedTree, tangents of the leaves that depend on x, shape (m, numbers), components
+    of x along the m directions, shape (m, size)). The directions are the elements of those leaves, or the
+    elements of x if these are fewer.
     """
     scene = linearise_tree(scene_of, x)
     every = jnp.eye(x.size, dtype=x.dtype)

@@ -249,8 +249,9 @@ def accuracy(
     """Measure errors and run times of accuracy settings on a scene, in double and single precision.
 
     Errors of area, friction and separation and of their gradients are relative to a reference that validates
-    itself (`rubberfric.analysis.reference`). Single precision is compared at inputs rounded to it, and left
-    out if it cannot represent the scene. Times are medians over alternating rounds of compiled calls for all
+    itself (`rubberfric.analysis.reference`). Inputs are rounded to single precision before it is compared. It
+    is left out if it cannot represent the scene. Times are medians over alternating rounds of compiled calls
+    for all
     three quantities at all points. The gradient is taken of their sum, with respect to every number of the
     scene and the conditions, computed together with the values.
 
@@ -271,8 +272,8 @@ def accuracy(
     progress : function of a line of text, or None
         called before every step. A sweep takes half a minute or more.
     told : function of (row, its number, number of rows), or None
-        called with every new row. Run times are still missing: they are measured at the end. The number of
-        rows is an upper bound until it is known.
+        called with every new row. Run times are measured at the end and are still missing. The number of rows
+        is an upper bound at first.
 
     Returns
     -------
@@ -334,8 +335,8 @@ def accuracy(
 def in_float32(settings: Sequence[Quadrature], errors: Sequence[float]) -> list[Quadrature]:
     """Select settings for single precision by their errors in double precision.
 
-    These are every second one, because most of a sweep is compilation, up to the first one with an error
-    below rounding.
+    Only every second setting is selected, because a sweep spends most of its time on compilation. The last
+    one is the first with an error below rounding.
     """
     tried = []
     for setting, error in zip(settings[::2], errors[::2], strict=True):

@@ -177,7 +177,7 @@ def friction_outside_table(
 
     with :math:`\mu` the viscoelastic friction, without contact shear, and
     :math:`\mu_\mathrm{none}` its value with E'' = 0 outside the tables (`TabulatedModulus.outside` = "none").
-    Near 1 the friction depends on the extrapolation more than on the material.
+    A share near 1 means that friction depends mostly on the extrapolation.
 
     Parameters
     ----------

@@ -98,10 +98,9 @@ def linear_fixed_point(
 ) -> jax.Array:
     """Return the derivative of a quantity that depends on a fixed point.
 
-    A linear function of dy returns the residual f' dy + df - dy and the derivative of the quantity. The
-    result is this derivative at the dy where the residual is zero. It cannot be differentiated again. The
-    linear system is the same as in `implicit`, but f and the quantity are one function, which is
-    differentiated once.
+    The result is the derivative of the quantity at the dy for which the residual f' dy + df - dy is zero. It
+    cannot be differentiated again. The linear system is the same as in `implicit`, but one function gives the
+    residual and the quantity, so it is differentiated once.
 
     Parameters
     ----------

@@ -51,7 +51,7 @@ def say(program: str, text: str) -> None:
 
 
 class Interrupts:
-    """Handle both signals while a command runs; the first one can be held back until `check`.
+    """Handle signals while a command runs; the first one can be held back until `check`.
 
     A fit then ends between two steps, and an open file is completed. A second signal is never held back.
 

@@ -205,7 +205,7 @@ def known_name(title: str, generic: str = "E") -> tuple[str | None, str | None]:
     Parameters
     ----------
     title : "name", "name [unit]" or "name (unit)", in the spelling of an instrument or another program
-    generic : "E" or "G", the meaning of "storage modulus"
+    generic : "E" or "G", the modulus that "storage modulus" means
 
     Returns
     -------

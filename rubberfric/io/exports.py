@@ -107,8 +107,8 @@ def read_traces(path: StrPath) -> tuple[np.ndarray, np.ndarray]:
 
     Parameters
     ----------
-    path : text table or .xlsx with positions in the first column, and the heights of a trace in each other
-        one Titles are arbitrary. The unit of length is in brackets behind a title, or in the row below. A
+    path : text table or .xlsx with positions in the first column, and one trace of heights in each further
+        column Titles are arbitrary. The unit of length is in brackets behind a title, or in the row below. A
         column before the positions that counts the points is skipped. NaN is a dropout: up to a quarter of
         the heights of a trace are interpolated, with a warning that states their share.
 

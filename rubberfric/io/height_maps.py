@@ -48,8 +48,7 @@ def read_heights(
 ) -> HeightMap:
     """Read a height map, for `rubberfric.roughness.spectrum_of_topography`.
 
-    Every height in a hole becomes the mean of its four neighbours, which is the smoothest surface through the
-    measured heights around the hole.
+    Holes are filled smoothly: every height in a hole becomes the mean of its four neighbours.
 
     Parameters
     ----------

@@ -58,7 +58,7 @@ def read_table(
     increasing : require that the first needed column increases strictly; in an export it may also decrease
     columns : "name [unit]" of each column if the file does not name them, or None
     poisson : Poisson's ratio [-] for E = 2 (1 + poisson) G, or None
-    generic : "E" or "G", the meaning of "storage modulus"; None: "G" if poisson is given, else "E"
+    generic : "E" or "G", the modulus that "storage modulus" means; None: "G" if poisson is given, else "E"
     bad_rows : "error", or "drop" to leave out rows of an export with an empty, missing or invalid value
         A warning names their lines.
 

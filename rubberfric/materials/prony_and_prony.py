@@ -9,8 +9,8 @@ slowest rate. The l' are the zeros of f + g. There f = -g, and with the weights 
 
 .. math:: h_i = \frac{f(-l_i')^2}{l_i' F_i},\qquad F_i = \sum_j w_j l_j / (l_j - l_i')^2
 
-A rate is stored as its shares of the interval, l' = left + theta width = right - phi width, the smaller of
-the two by its logarithm. The equation is multiplied by theta phi width / l':
+A rate is stored by its shares theta and phi of the interval, l' = left + theta width = right - phi width. The
+smaller share is stored as its logarithm. The equation f + g = 0 is multiplied by theta phi width / l':
 
 .. math:: H = \varphi \sum_{left} w_j A_j - \theta \sum_{right} w_j A_j = 0,\qquad
           A_j = \frac{\theta\,width}{l' - l_j}\ \text{or}\ \frac{\varphi\,width}{l_j - l'}

@@ -118,13 +118,12 @@ def floors(weight: jax.Array, log_rate: jax.Array) -> jax.Array:
 
 
 def _as_one(weight, log_rate, tau):
-    """Return logarithms of the rates, and the times, with derivatives that keep equal ones equal.
+    """Return logarithms of the rates, and the times; equal times stay equal under differentiation.
 
-    Equal rates move with their weighted mean.
-
-    Each time then has its share of the derivative of the merged term, exact in the moduli to all orders and
-    in the times to first order. Second derivatives omit the splitting of equal times, which would be a
-    difference of numbers k/f times larger, 1e19 for a film on rubber.
+    Equal rates move with their weighted mean, so each time has its share of the derivative of the merged
+    term. This is exact in the moduli to all orders and in the times to first order. Second derivatives omit
+    the splitting of equal times. It would be a difference of numbers that are larger by k/f, 1e19 for a film
+    on rubber.
     """
     same = log_rate == log_rate[:, None]
     # Squares of weights of 1e-30 underflow float32.

@@ -37,8 +37,8 @@ class Joint(NamedTuple):
     ----------
     low, high : ends of the overlap, or of the gap [1/m]
     overlap : bool
-    jump : ln(C of the upper / C of the lower), the mean over ln q of the overlap. Over a gap, both are
-        continued to its middle with their end slopes (over half a decade)
+    jump : ln(C of the upper / C of the lower), the mean over ln q of the overlap. Over a gap, both spectra
+        are continued to its middle with their slopes over half a decade
     scatter : root-mean-square deviation from that mean; 0 over a gap
     """
 
@@ -74,8 +74,8 @@ def join_spectra(
     .. math:: \ln C = (1 - s) \ln C_a + s \ln C_b, \qquad s = t^2 (3 - 2t),\quad
               t = \frac{\ln q/q_\mathrm{low}}{\ln q_\mathrm{high}/q_\mathrm{low}}
 
-    in the overlap of a and b ("crossover"), or s is the share of b in `weights` ("mean"). Elsewhere a or b
-    alone is used, and a straight line in log-log over a gap.
+    in the overlap of a and b. This is s for the method "crossover"; for "mean", s is the share of b in
+    `weights`. Outside the overlap the table is a or b alone. Over a gap it is a straight line in log-log.
 
     Parameters
     ----------

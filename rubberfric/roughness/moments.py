@@ -144,10 +144,10 @@ def cutoff(spectrum: Spectrum, rms_slope: ArrayLike = 1.3, *, keep: Literal["C",
     Parameters
     ----------
     spectrum : SelfAffine, TabulatedSpectrum, Anisotropic or TabulatedAnisotropic
-        The present q1 is not a limit. The result lies inside a table. For a SelfAffine, q0, qr and the Hurst
-        exponent are constant. Its h_rms belongs to its q1: another q1 with the same h_rms changes C0 and the
-        slope. `with_cutoff` returns the spectrum with this slope and the same C0. Anisotropic roughness has
-        the slope of all directions together.
+        The result may exceed the spectrum's q1, but not the end of a table. For a SelfAffine, q0, qr and the
+        Hurst exponent stay constant. Replacing q1 with the same h_rms changes C0 and the slope; use
+        `with_cutoff` for a spectrum with this slope and the same C0. The slope of anisotropic roughness
+        includes all directions.
     rms_slope : [-], > 0, any shape
     keep : "C" keeps C(q); "h_rms" keeps the height of a SelfAffine and changes C0, so that
         `spectrum.replace(q1=...)` has this slope. For a table both are equal.

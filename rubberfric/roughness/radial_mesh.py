@@ -85,15 +85,15 @@ def build_mesh(
     ----------
     laws : spectra of one or two rough surfaces
     quadrature : Quadrature
-    graded : use panels graded towards the beginnings, and nodes between the contact nodes. Otherwise the mesh
+    graded : use panels graded towards the beginnings, and nodes between the contact nodes. False: the mesh
         suffices only for G(q1), which gives the contact area.
     logarithmic : interpolate to the nodes between the contact nodes.
     borders : wavevectors that must be borders of contact panels [1/m], shape (n,), or None
         Integrals up to such a wavevector are sums over whole panels. Outside the roughness it counts as the
         nearer end.
     moving : all borders carry derivatives
-        If integrands are smooth between kinks of the roughness, the positions of other borders do not
-        matter. Flash temperatures have kinks from tabulated shift factors.
+        This is necessary if integrands have kinks elsewhere: flash temperatures have them from tabulated
+        shift factors. Otherwise only the borders at kinks of the roughness need derivatives.
     """
     panels = place_borders(laws, quadrature, graded, borders, moving)
     t, edges, start = panels.t, panels.edges, panels.start
@@ -269,8 +269,8 @@ def _passed(ranks, panels):
 def _among_graded(border, kinks, grades):
     """Let fixed borders that lie among the graded borders of a roughness move with its first wavevector.
 
-    A fixed border may be one ulp from the beginning of a second roughness. Otherwise the panel between them
-    would grow from zero width when the beginning moves, and contact would change between its nodes.
+    A fixed border may be one ulp from the beginning of a second roughness. If it did not move, the panel
+    between them would grow from zero width, and contact would change between its nodes.
     """
     for kink, grade in zip(kinks, grades, strict=True):
         distance = jax.lax.stop_gradient(border - kink[0])
@@ -303,8 +303,8 @@ def _ranks(values):
 def _uniform_borders(kinks, exponents, panels):
     """Return borders that divide the range, closer where the roughness rises steeply.
 
-    On the plateau G ~ q^4, so that P may change within a quarter of an e-fold. A piece there counts 1 plus
-    half its exponent of q^2 C (2 on the plateau), elsewhere 1.
+    On the plateau G ~ q^4, so that P may change within a quarter of an e-fold. Where q^2 C rises with an
+    exponent e (2 on the plateau), the density of borders is 1 + e/2 times that elsewhere.
 
     Returns
     -------

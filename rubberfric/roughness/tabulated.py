@@ -37,7 +37,7 @@ class TabulatedSpectrum(Spectrum):
 
     Limits: traced q0 and q1 are not checked; beyond the table they continue its first or last piece. If q^4 C
     increases by a factor of more than 1e6 between two entries, the separation has a relative error of 1e-4,
-    or of 2 % if their q differ by less than 2 %. A separation below 1e-20 / q0, in full contact, then has no
+    or of 2 % if their q differ by less than 2 %. In full contact, separations below 1e-20 / q0 then have no
     correct digit. More panels reduce these errors.
     """
 
@@ -95,8 +95,8 @@ def tabulated_law(q: jax.Array, C: jax.Array) -> BrokenPowerLaw:
 def cut_law(law: BrokenPowerLaw, q0: ArrayLike | None, q1: ArrayLike | None) -> BrokenPowerLaw:
     """Return a law from q0 to q1 [1/m] with the same number of pieces; None: its own end.
 
-    The remaining pieces come first, with their exponents. The others have zero width at q1 and the exponent
-    of the last piece. The beginning is therefore one kink, as without a cut.
+    The pieces between q0 and q1 come first, with their exponents. Pieces that were cut off follow with zero
+    width at q1 and the exponent of the last piece.
     """
     if q0 is None and q1 is None:
         return law

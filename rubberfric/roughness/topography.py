@@ -67,10 +67,10 @@ class MeasuredSpectrum(NamedTuple):
 
         The table covers the cells of all modes. Below the first bin C is constant, down to the border of the
         cell of q = 0. Beyond the last bin it has the slope of the last octave, up to the outer border of the
-        bin. The sum over a few long waves differs from an integral, so ln C is changed by an amount
-        proportional to C. This is the smallest change in units of `relative`. Bins near the maximum of C
-        change by less than their standard error (by more in a map much longer than wide). Bins with a small
-        C hardly change.
+        bin. The integral of the log-log line differs from the sum over a few long waves. Therefore ln C is
+        changed by an amount proportional to C, which is the smallest possible change in units of `relative`.
+        Bins near the maximum of C change by less than their standard error (by more in a map much longer than
+        wide). Bins with a small C hardly change.
 
         Returns
         -------

@@ -1,7 +1,8 @@
 r"""Adhesion of short and of long range, the two limits of the attraction between solids.
 
-If the range of the attraction is smaller than the deformation, adhesion keeps the area of a larger load p_1
-that minimises the energy [Ciavarella, J. Mech. Phys. Solids 114, 209 (2018), doi:10.1016/j.jmps.2018.02.011],
+If the range of the attraction is smaller than the deformation, the area is that of a larger load p_1 without
+adhesion, at which the energy is lowest [Ciavarella, J. Mech. Phys. Solids 114, 209 (2018),
+doi:10.1016/j.jmps.2018.02.011],
 
 .. math:: p_1 = \sigma_0 + \sqrt{2\,\Delta\gamma\, A'(p_1) / u''(p_1)}
 
@@ -34,25 +35,24 @@ class Adhesion(PhysicalObject):
         electrostatic forces micrometres.
 
     `rubberfric.analysis.adhesion_matters` estimates if adhesion changes the result. Contact shear acts on the
-    adhering area. The viscoelastic friction has S P of that area, or of p_1. Both are divided by sigma_0.
+    area with adhesion. S and P of the viscoelastic friction are those at the load p_1 (short range) or p_rep
+    (long range). Both parts of the friction are divided by sigma_0.
 
-    Short range: compared with boundary elements (q1/q0 = 8, Tabor 3, S in G), areas up to a third of the
-    nominal area have errors up to 15 % for works up to an eighth of the energy of full contact, and 20 % for
-    a quarter. Areas above one half are 11 to 31 % too small, because boundary elements jump into contact at
-    smaller loads. Without S in G areas are smaller by the same factor as without adhesion. The smallest of
-    several solutions is returned, which approaching solids reach first. Separating solids may have up to
-    three times this area. If no load satisfies the equation, contact is full. Derivatives are those of the
-    solution. They diverge next to a jump and are 0 in full contact, so begin a fit of the work with a small
-    value.
+    Short range: if the equation has several solutions, the smallest is returned, which approaching solids
+    reach first. Separating solids may have up to three times this area. If no load satisfies the equation,
+    contact is full. Derivatives diverge next to a jump and are 0 in full contact, so begin a fit of the work
+    with a small value. Areas were compared with boundary elements (q1/q0 = 8, Tabor 3, S in G). If A/A0 is
+    below 1/3, their error is up to 15 % for a work of 1/8 of the energy of full contact, and 20 % for 1/4. If
+    A/A0 is above 1/2, they are 11 to 31 % too small, because boundary elements jump into contact at smaller
+    loads. Without S in G areas are smaller by the same factor as without adhesion.
 
     Long range: area, separation, and S P of the viscoelastic friction equal those without adhesion under the
-    pressure p_rep = sigma_0 + p_ad. The attraction decays exponentially, integrates to the work, and its mean
-    over Gaussian separations has a closed form. Boundary elements use the same law. The attraction also acts
-    on the area of contact, which bears it. This is exact where r far exceeds all gaps: p_rep = sigma_0 +
-    work / r. If several p_rep satisfy the equation, the smallest is returned. Approaching solids, which start
-    without adhesion, come to rest there. They jump into closer contact where this solution ends, and
-    derivatives grow without bounds there. Two solutions closer than an eleventh of ln(1 + work / (r sigma_0))
-    may be missed: then the next one is returned.
+    pressure p_rep = sigma_0 + p_ad. The attraction decays exponentially with the separation, and its integral
+    is the work. It also acts on the area of contact. If r far exceeds all gaps, p_rep = sigma_0 + work / r is
+    exact. If several p_rep satisfy the equation, the smallest is returned, at which approaching solids come
+    to rest. Where this solution ends they jump into closer contact, and derivatives grow without bounds. Two
+    solutions that differ by less than an eleventh of ln(1 + work / (r sigma_0)) in ln p_rep may be missed;
+    the next one is then returned.
     Areas solve the equation to about 1e-6 where more than 1 % touches, and to 1e-3 at the lightest loads if r
     is less than a tenth of the rms height. Where more than 1 % touches, derivatives agree with differences to
     1e-9.

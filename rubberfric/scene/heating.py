@@ -9,10 +9,9 @@ Condens. Matter 18 (2006) 7789, arXiv:cond-mat/0605273, with S in f]:
 .. math:: g = \frac{1}{\pi}\int_0^\infty dk\, \frac{1 - e^{-D k^2 t_0}}{D k^2}\,
           \frac{4q'}{k^2 + 4q'^2}\, \frac{4q^2}{k^2 + 4q^2},\qquad D = \frac{\lambda}{\rho c_p}
 
-Energy is conserved: rho c_p int f/(2q) dq = mu sigma_0 v / P_m. The kernel is a sum over k instead of its
-closed form. The integrand is a product of a factor of q, a factor of q' and a factor of v, so all
-temperatures are two matrix products with matrices of the scene, and nothing cancels at q = q'. The slowly
-decaying part at small k has a closed form.
+Energy is conserved: rho c_p int f/(2q) dq = mu sigma_0 v / P_m. The integral over k is evaluated as a sum.
+Its integrand is a product of functions of q, of q' and of v, so all temperatures follow from two matrix
+products, and nothing cancels at q = q'. The slowly decaying part at small k has a closed form.
 """
 
 import functools
@@ -74,11 +73,11 @@ class Heating(PhysicalObject):
         If friction decreases with temperature, several steady states may exist at one velocity. "rising"
         selects the state reached by slowly increasing the velocity from rest, "falling" the state reached
         by slowly decreasing it from high velocity, both at the given pressure and background temperature.
-        Where a branch ends, the state that the temperatures jump to is returned. The two differ within
-        hysteresis loops.
+        Where a branch ends, the state that the temperatures jump to is returned. The two branches differ
+        within hysteresis loops.
 
-    Both solids have these values, unless a Body has a `thermal`. Smooth solids keep the temperature far from
-    the contact. Computing a heated scene requires a temperature, which is that far from the contact.
+    Both solids have these values, unless a Body has a `thermal`. Calls with a heated scene require
+    `temperature`, the temperature far from the contact. A scene without roughness keeps this temperature.
 
     Limits: for heat conduction every body is a half-space of one material. This holds if the diffusion length
     sqrt(D R / v) is small compared with the thickness of a layer, or if both parts of a Coating conduct

@@ -76,11 +76,10 @@ class Scene(PhysicalObject):
         Quadrature(graded=16) removes it)
     area_correction : bool (static)
         False: G(q) as in the paper. True: S also inside G, dG = S dG_plain, as in the commercial program.
-        At rest its area agrees with boundary elements within 4 to 7 %; the paper's area is 30 % too small
-        at light load. In sliding the area is 8 % too large with it and 20 % too small without, and its
-        friction is closer (notebooks/boundary_elements.md; both errors depend on velocity). The separation
-        always uses the plain G. With S in G the ratio of separations at two loads is 9 % too small instead
-        of 1 %.
+        Area at rest, against boundary elements: within 4 to 7 % if True, up to 30 % too small if False. Area
+        in sliding: 8 % too large if True, 20 % too small if False. Friction is closer if True; its error
+        depends on velocity (notebooks/boundary_elements.md). The separation always uses the plain G, because
+        with S in G the ratio of separations at two loads would be 9 % too small instead of 1 %.
     shear : ContactShear or None
         shear stress in the contact area; changes only the friction.
     heating : Heating or None

@@ -113,12 +113,12 @@ def default_quadrature(
 
     Returns
     -------
-    Quadrature. If `jit` or `vmap` traces a number of the scene or the pressure, a setting for ten decades at
-    any load (two rough solids with plateaus of nine decades each have an error of 1e-7 with it; pass
-    `quadrature` there). A derivative outside `jit` has the setting of its value. The rules were measured for
-    half-spaces of `Rigid`, `Elastic` and `Prony` with `SelfAffine` roughness, also heated ones of three
-    decades, and for `TabulatedModulus` on a rough rigid solid, also heated or with the area correction.
-    Other scenes have some more nodes.
+    Quadrature. If `jit` or `vmap` traces a number of the scene or the pressure, it is a setting for ten
+    decades at any load. (It has an error of 1e-7 for two rough solids with plateaus of nine decades each;
+    pass `quadrature` there.) A derivative outside `jit` has the setting of its value. The rules were measured
+    for half-spaces of `Rigid`, `Elastic` and `Prony` with `SelfAffine` roughness, and for `TabulatedModulus`
+    on a rough rigid solid, all also with heating and up to three decades, the latter also with the area
+    correction. Other scenes have some more nodes.
 
     Raises
     ------

@@ -37,10 +37,10 @@ class ContactShear(PhysicalObject):
         temperature. Arrhenius(energy, T_ref), energy about 0.97 eV, gives
         ln a_T' = (energy / k_B) (1/T - 1/T_ref). A vertical shift multiplies the stress by b_T'.
 
-    Limits: odd in the velocity. For c > 0 tau_f decreases faster than any power of v, so value and slope are
-    0 at v = 0. The stress decreases by a factor e over the factor 10^(1/sqrt(c)) in v, so a very small c is
-    like c = 0. For c = 0 it is dry friction, tau_f0 sign(v), which is discontinuous at v = 0; value and
-    derivatives are 0 there. ln a_T' saturates at a quarter of the exponent range (see
+    Limits: the stress is odd in the velocity. For c > 0 it decreases faster than any power of v, so value and
+    slope are 0 at v = 0. It falls to 1/e of its maximum at v = v0 10^(1/sqrt(c)), so a very small c is like c
+    = 0. For c = 0 it is dry friction, tau_f0 sign(v), which is discontinuous at v = 0; value and derivatives
+    are 0 there. ln a_T' saturates at a quarter of the exponent range (see
     `rubberfric.materials.shifts`).
     """
 

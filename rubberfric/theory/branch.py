@@ -1,7 +1,8 @@
 r"""Branches of a fixed point y = F(y; v) followed in ln v, past their folds.
 
 If several solutions exist at a velocity, the result is the one that sliding reaches when the velocity changes
-slowly from a range with a single solution. This is the branch from there, and past a fold the state to which
+slowly from a range with a single solution. The branch is followed from that range. Past a fold, the result is
+the state to which
 
 .. math:: \frac{dy}{dt} \propto F(y; v) - y
 
@@ -68,9 +69,9 @@ def path(
     targets: jax.Array,
     direction: int,
 ) -> BranchPoint:
-    """Return positions on one branch, for each target the last one before it.
+    """Return positions on one branch: for each target, the last position before it.
 
-    The positions do not depend on the targets, so results at one target do not depend on the others.
+    The steps along the branch do not depend on the targets, so a result does not depend on the other targets.
 
     Parameters
     ----------

@@ -1,8 +1,8 @@
 r"""Contribution of each rough surface to the integrals over ln q: G, friction and separation.
 
 The density of G is the product of q^4 C_j, known at every contact node, and <|F_j|^2>, known at the angular
-nodes. Friction and separation are similar. The rules that combine the two depend only on the scene, so each
-velocity takes one small matrix product per panel.
+nodes. Friction and separation are similar. The matrices that combine both sets of nodes depend only on the
+scene, so each velocity takes one small matrix product per panel.
 """
 
 import dataclasses

@@ -1,8 +1,9 @@
 r"""Temperatures of a heated scene: friction heats the solids, which changes their moduli and the friction.
 
 The branch of solutions is followed on a coarse mesh of the scene (`branch`). A fixed-point iteration on the
-fine mesh (`rubberfric.base.fixed_points`) then uses a coarse derivative as preconditioner. P is the map from
-coarse to fine rises, J = P' along a few functions of ln q, and R the restriction back to these,
+fine mesh (`rubberfric.base.fixed_points`) then uses a coarse derivative as preconditioner. P maps temperature
+rises on the coarse mesh to the fine one. J is P' along a few functions of ln q, and R projects on these
+functions,
 
 .. math:: (1 - F')^{-1} \approx 1 + J (1 - R J)^{-1} R
 

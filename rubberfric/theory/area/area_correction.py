@@ -8,8 +8,8 @@ ln G over ln g, with an error of about 1e-11:
 .. math:: g(G) = \int_0^G \frac{dG'}{S(P(G'))}
 
 The integral uses Gauss panels in ln G. Newton's method inverts it at uniform ln g. Between the entries the
-table is quintic, with exact first and second derivatives (dG/dg = S). The table contains ln(G/g), because ln
-g, which is 60 at light loads, would cost digits in float32.
+table is quintic, with exact first and second derivatives (dG/dg = S). The table contains ln(G/g) instead of
+ln G: ln G reaches 60 at light loads, which would cost digits in float32.
 """
 
 import functools

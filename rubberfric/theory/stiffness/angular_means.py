@@ -6,8 +6,9 @@ For F(omega), omega = q v cos(phi), three means over phi:
     mean_cos_loss  <cos(phi) Im F>    enters mu
     mean_storage   <Re F>             enters u_bar
 
-Anisotropic roughness also needs their harmonics, the means times cos(2 m phi), and <sin(phi) Im F sin(2 m
-phi)>, the transverse friction. For Prony series the residues at s = i omega = 1/tau_i give closed forms, with
+Anisotropic roughness also needs their harmonics, means with the additional factor cos(2 m phi), and <sin(phi)
+Im F sin(2 m phi)> for the transverse friction. For Prony series the residues at s = i omega = 1/tau_i give
+closed forms, with
 a_i = q v tau_i and r_i = sqrt(1 + a_i^2),
 
 .. math:: \langle|F|^2\rangle = F_\infty^2 + 2\sum_i F_i F(s = 1/\tau_i)\,(1 - 1/r_i)
@@ -17,7 +18,8 @@ a_i = q v tau_i and r_i = sqrt(1 + a_i^2),
 .. math:: \left\langle\frac{a^2\cos^2\varphi}{1 + a^2\cos^2\varphi}\cos 2m\varphi\right\rangle
           = \frac{(-1)^{m-1}}{r}\rho^m,\qquad \rho = \left(\frac{a}{1+r}\right)^2
 
-They take one square root and one division for each node, term and velocity, without an angular grid.
+These formulas take one square root and one division for each node, term and velocity, without an angular
+grid.
 """
 
 import functools
@@ -59,9 +61,9 @@ class PronyStiffness(NamedTuple):
             reversed sliding
         needs : RequiredMeans
         split : True if <F'^2> and <F''^2> are needed separately
-        harmonics : shares (c_m, s_m) of the harmonics, or None. They are added to the means. Shape
-            (harmonics,) each, or (harmonics, ...) broadcastable with qv if they depend on q. Not
-            with split.
+        harmonics : coefficients (c_m, s_m) of anisotropic roughness, or None. Each has the shape
+            (harmonics,), or (harmonics, ...) broadcastable with qv if it depends on q. The means then include
+            the harmonics. Not with split.
 
         Returns
         -------

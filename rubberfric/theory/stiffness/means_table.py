@@ -4,8 +4,8 @@ With a constant spring k the series stiffness F = f k / (f + k) depends only on 
 convolutions over ln(q v), computed once (`rubberfric.theory.stiffness.circle_means`). Splines evaluate them
 at every node and velocity.
 
-The grid begins at a multiple of its step and has a fixed length. Its position carries no derivative, so a
-value depends only on its own q v.
+The grid begins at a multiple of its step and has a fixed length. The position of the grid carries no
+derivative.
 """
 
 import math

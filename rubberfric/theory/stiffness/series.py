@@ -31,8 +31,8 @@ class Factors(NamedTuple):
     """Factors of q^4 C times the means of each kind, as tuples in the order of `Means`; None is 1.
 
     The angular means are smooth in ln q and are interpolated between the angular nodes. The factors of layers
-    and softening are not smooth and are exact at every contact node. A quantity is the sum of factor times
-    mean. There is one of each unless softening separates <F'^2> and <F''^2>.
+    and softening are not smooth and are exact at every contact node. A quantity is the sum of the products of
+    factor and mean. A kind has two products only if softening separates <F'^2> and <F''^2>.
     """
 
     mean_abs2: tuple[jax.Array | None, ...]
